@@ -71,6 +71,7 @@ impl BitSet {
 
 /// Positions of the set bits of a word, counted from `base`.
 fn ones(word: u64, base: usize) -> impl Iterator<Item = usize> + Clone {
+    // The follower of zero is asked for before zero ends them: there a subtraction would overflow.
     std::iter::successors(Some(word), |word| Some(word & word.wrapping_sub(1)))
         .take_while(|&word| word != 0)
         .map(move |word| base + word.trailing_zeros() as usize)

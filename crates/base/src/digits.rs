@@ -43,6 +43,7 @@ impl Digits {
 pub fn take_digits(text: &[u8], end: &mut usize, value: &mut u64) -> usize {
     let start = *end;
     while let Some(byte) = text.get(*end) {
+        // Bytes below `0` wrap to above 9: one comparison for both ends.
         let digit = byte.wrapping_sub(b'0');
         if digit > 9 {
             break;

@@ -175,6 +175,7 @@ impl<Name> FormulaStep<Name> {
             Self::Negate => -last(),
             Self::Add => last() + last(),
             Self::Multiply => last() * last(),
+            // The operand on the right comes off the stack first.
             Self::Subtract => -last() + last(),
             Self::Divide => match (last(), last()) {
                 (0.0, _) => return Err("division by zero"),

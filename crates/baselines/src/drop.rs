@@ -100,6 +100,7 @@ impl<'a> DroppingMesh<'a> {
         if is_free(&self.task.grid, vertex) {
             let star = self.full.star(&self.task.grid, vertex);
             let error = removal_error(self.task, &star);
+            // No error is negative: their bits are ordered as they are, and equals go by vertex.
             self.heap.extend(error.map(|e| Reverse((e.to_bits(), vertex, self.stamps[index]))));
         }
     }

@@ -17,11 +17,13 @@ impl ShewchukExpansion {
 
     fn add_product(&mut self, a: f64, b: f64) {
         let product = a * b;
+        // Fused: what rounding took of the product, exactly.
         self.add(a.mul_add(b, -product));
         self.add(product);
     }
 
     fn sign(&self) -> f64 {
+        // The last part that is not 0 outweighs all before it, as the parts do not overlap.
         self.0.iter().rev().find(|part| **part != 0.0).map_or(0.0, |part| part.signum())
     }
 }

@@ -45,6 +45,7 @@ fn run(task: &BaselineTask<'_>) -> Result<BaselineTin> {
     }];
     let mut leaves = Vec::new();
     loop {
+        // A cut puts vertices onto sides of neighbours, which may be unsound then: all leaves are looked at again.
         divide(task, &cells, &mut waiting, &mut leaves)?;
         let triangles = conform(task, &mut leaves, &mut waiting)?;
         if waiting.is_empty() {

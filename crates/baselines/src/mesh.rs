@@ -208,6 +208,7 @@ impl BaselineMesh {
         }
         for half_edge in open {
             let from = self.origin(half_edge);
+            // Each vertex of a ring begins one edge of it.
             let link = ring.iter().find(|link| link.from == from);
             self.link(half_edge, link.map_or(NONE, |link| link.beyond));
         }

@@ -115,6 +115,7 @@ impl PlaneOffset {
         if self.is_within(0.0) {
             return 0.0;
         }
+        // Not from 0, which does not grow by doubling: the error may have been rounded to it.
         let mut above = self.error().max(f64::MIN_POSITIVE);
         while !self.is_within(above) {
             above *= 2.0;
@@ -162,6 +163,7 @@ fn columns([a, b, c]: [Lattice; 3], row: i32) -> [i64; 2] {
         match dy {
             0 => {}
             1.. => high = high.min(start + reach.div_euclid(dy)),
+            // Rounded up: a number less a floor.
             _ => low = low.max(start - reach.div_euclid(-dy)),
         }
     }

@@ -42,6 +42,7 @@ fn run(task: &BaselineTask<'_>) -> Result<BaselineTin> {
     check_surface(&task.grid)?;
     let mut tree = RtinHierarchy::new(task);
     let roots = tree.roots();
+    // From the finest level up: a cut forces those of the triangles that it lies in.
     for level in (0..tree.levels).rev() {
         roots.iter().try_for_each(|&root| tree.mark(root, level))?;
     }

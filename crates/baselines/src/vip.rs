@@ -88,6 +88,7 @@ fn significance(grid: &HeightGrid<'_>, at: PackedSample) -> Significance {
     };
     let lines = [[1, 0], [0, 1], [1, 1], [1, -1]];
     let distances: Vec<f64> = lines.into_iter().filter_map(distance).collect();
+    // Beside holes there may be no line: 0, not NaN, whose bits are above those of all numbers.
     (distances.iter().sum::<f64>() / distances.len().max(1) as f64).to_bits()
 }
 

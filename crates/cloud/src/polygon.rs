@@ -79,6 +79,7 @@ impl PolygonRings {
     /// 2^31 edges or more.
     pub fn push(&mut self, ring: &[[f64; 2]]) -> Result<()> {
         let next = ring.iter().cycle().skip(1);
+        // Level edges hold no height, as the upper end of an edge is left out: they never count.
         let pairs = ring.iter().zip(next).filter(|(a, b)| a[1] != b[1]);
         self.edges.extend(pairs.map(|(a, b)| if a[1] < b[1] { [*a, *b] } else { [*b, *a] }));
         if self.edges.len() > MOST_EDGES {

@@ -114,6 +114,7 @@ impl Geoid {
         let (row, up) = self.cell((latitude - self.corner[1]) / self.step[1], self.rows, false);
         let (Some(column), Some(row)) = (column, row) else { return Err(missing()) };
         let at = |c: usize, r: usize| {
+            // Where columns go all the way round, the first follows the last.
             let value = self.heights[r * self.columns + c % self.columns];
             let is_known = value.abs() <= HIGHEST && (value - NO_VALUE).abs() > 1e-3;
             is_known.then_some(f64::from(value))
@@ -123,6 +124,7 @@ impl Geoid {
             (c, r, weight(c, across) * weight(r, up))
         });
         let mut sum = 0.0;
+        // A neighbour without weight may be unknown, and 0 times NaN is NaN.
         for (c, r, weight) in weights.into_iter().filter(|(_, _, weight)| *weight > 0.0) {
             sum += weight * at(column + c, row + r).ok_or_else(missing)?;
         }

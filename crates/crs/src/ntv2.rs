@@ -91,6 +91,7 @@ impl ShiftGrid {
             Error::bad_input(format!("is not a valid NTv2 file: {what}"))
                 .remedy("download the file again")
         };
+        // The format has no mark for its order of bytes. The first number, that of header records, is 11.
         let is_big = match bytes.get(8..12) {
             Some([11, 0, 0, 0]) => false,
             Some([0, 0, 0, 11]) => true,
@@ -199,6 +200,7 @@ impl ShiftGrid {
         let mut found = place;
         for _ in 0..STEPS {
             let there = self.shifted(found)?;
+            // A shift hardly changes over its own length, so each round leaves a small share of what was left.
             let left = [place[0] - there[0], place[1] - there[1]];
             found = [found[0] + left[0], found[1] + left[1]];
             if left[0].abs().max(left[1].abs()) < LEFT {
@@ -212,8 +214,10 @@ impl ShiftGrid {
     fn shift(&self, [latitude, west]: [f64; 2]) -> Option<[f64; 2]> {
         let finer = |a: &&Ntv2Grid, b: &&Ntv2Grid| a.step[0].total_cmp(&b.step[0]);
         let once = 360.0 * 3600.0;
+        // Grids may count longitudes past 180 degrees on either side.
         [west, west - once, west + once].into_iter().find_map(|west| {
             let holding = self.grids.iter().filter(|grid| grid.holds([latitude, west]));
+            // A grid within another has the smaller step, so names of parents need not be followed.
             holding.min_by(finer)?.shift([latitude, west])
         })
     }
@@ -240,6 +244,7 @@ impl Ntv2Grid {
     }
 
     fn holds(&self, [latitude, west]: [f64; 2]) -> bool {
+        // Seconds of arc, 0.03 mm: conversions of degrees put a place on the side beyond it by less.
         let hair = 1e-6;
         let [south, north, east, far] = self.sides;
         (south - hair..=north + hair).contains(&latitude)

@@ -111,6 +111,7 @@ impl Projection {
 
 /// True for the same place on the globe, in radians.
 fn is_one_place(a: [f64; 2], b: [f64; 2]) -> bool {
+    // Longitudes a whole turn apart are one place, and at a pole all are: hence the cosine below.
     let east = (a[0] - b[0] + PI).rem_euclid(TAU) - PI;
     (east * a[1].cos()).hypot(a[1] - b[1]) <= SLACK
 }

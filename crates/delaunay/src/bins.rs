@@ -47,6 +47,7 @@ impl PointBins {
 
     fn sized(window: SiteWindow, size: i32) -> Self {
         let [columns, rows] = [0, 1].map(|i| bins_along(&window, i, size) as usize);
+        // Too large by less than 1: over steps below 2^32 less than 2^-31, which no size below 2^31 carries into the next bin.
         let inverse = (1_u64 << 63).div_ceil(size as u64);
         Self { window, size, inverse, columns, starts: vec![0; columns * rows + 1], points: vec![] }
     }
@@ -73,6 +74,7 @@ impl PointBins {
             self.points[*end as usize] = *point;
             *end += 1;
         }
+        // After placing, `ends[bin + 1]` is the end of a bin, which is the start of the next.
         ends.pop();
         self.starts = ends;
     }
@@ -81,6 +83,7 @@ impl PointBins {
     fn settle(&mut self) {
         let (mut kept, mut from) = (0, 0);
         for bin in 0..self.starts.len() - 1 {
+            // Read here, as settling the next bin writes it.
             let to = self.starts[bin + 1] as usize;
             self.points[from..to].sort_unstable();
             self.starts[bin] = kept as u32;

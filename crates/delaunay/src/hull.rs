@@ -137,6 +137,7 @@ fn chain(points: &[Point], turn: i64) -> Vec<Point> {
     let mut chain: Vec<Point> = Vec::new();
     for &p in points {
         while let [.., a, b] = chain[..] {
+            // Collinear points stay: a position on the boundary is found between any two neighbours of it.
             if orient([a.x, a.y], [b.x, b.y], [p.x, p.y]) * turn >= 0 {
                 break;
             }

@@ -42,6 +42,7 @@ impl Triangulation {
         }
         let (mut entered, mut dice) = (GHOST, 0_u32);
         loop {
+            // The side just crossed needs no test: the goal is beyond it from one triangle only, on it, too.
             let beyond = |s: &u32| *s != entered && is_beyond(self.ends(*s));
             let sides = ORDERS[(dice >> 30) as usize].map(|i| 3 * triangle + i);
             let Some(side) = sides.into_iter().find(beyond) else {

@@ -15,6 +15,7 @@ pub fn interpolate(corners: &[Point; 3], q: FixedPosition) -> f64 {
     }
     let weights = [b.cross(c), c.cross(a), a.cross(b)];
     let total = float(weights.iter().sum());
+    // Differences to one corner: a level triangle has its height without any rounding.
     let rise = |i: usize| float(weights[i]) * (height(i) - height(0));
     height(0) + (rise(1) + rise(2)) / total
 }

@@ -58,6 +58,7 @@ pub(super) fn triangulate(part: &mut MortonRun<'_>, fork: &impl ForkJoin) -> u32
         return part.leaf();
     }
     let (axis, middle) = part.cut();
+    // Each cut uses up one bit of x or y, so recursion is no deeper than both have bits.
     let [mut low, mut high] = part.halves(middle);
     let (left, right) = match count < 2 * FORK_LEAST {
         true => (triangulate(&mut low, fork), triangulate(&mut high, fork)),
@@ -101,6 +102,7 @@ impl MortonRun<'_> {
         let (low, high) = self.sites.split_at_mut(middle);
         let (low_ids, high_ids) = self.ids.split_at_mut(middle);
         let (low_sides, high_sides) = self.sides.split_at_mut(6 * middle);
+        // The six sides left out between the halves are the two triangles that knitting adds.
         let low_sides = &mut low_sides[..6 * middle - 6];
         let first = self.first + middle as u32;
         [
@@ -252,6 +254,8 @@ impl MortonRun<'_> {
                 self.clear_right(from_r, at_l, at_r);
             }
             let (u, w) = (self.from(to_l), self.from(next(from_r)));
+            // `in_circle` breaks ties of four sites on one circle by coordinates alone, so the mesh does not
+            // depend on where the halves were cut.
             let take_right = match (go_left, go_right) {
                 (false, false) => break,
                 (true, true) => in_circle(at_l, at_r, self.site(u), self.site(w)),

@@ -162,6 +162,8 @@ impl<'a, S: PointIndex> TriangleFinder<'a, S> {
             let near = SiteWindow { low: at, high: at }.grown(reach);
             let window = if narrow { whole } else { near };
             match deepest(self.space, &disc, &window) {
+                // Each pivot lowers the sum that the programme minimises, ties broken as in `in_circle`: no triangle
+                // comes twice, and the loop ends.
                 Some(point) => basis.pivot(point),
                 None if window.covers(&whole) => return disc,
                 None => reach = reach.saturating_mul(2),

@@ -36,6 +36,8 @@ impl DiskCheck {
             return Ok(());
         }
         let beside = folder_for(output, None);
+        // One file system has to hold both at once: two checks would each count its free bytes.
+        // Where the system does not tell devices, the checks are apart and refuse less.
         let checked = match are_one(folder, beside) {
             true => check(folder, objects + written),
             false => check(folder, objects).and_then(|()| check(beside, written)),
@@ -65,6 +67,8 @@ fn device(_folder: &Path) -> Option<u64> {
 #[cfg(unix)]
 fn free(folder: &Path) -> Option<u64> {
     let stat = rustix::fs::statvfs(folder).ok()?;
+    // f_bavail leaves out the blocks reserved for root, which f_bfree counts; both are in units of
+    // f_frsize, not of f_bsize (statvfs(3)).
     Some(stat.f_bavail.saturating_mul(stat.f_frsize))
 }
 

@@ -171,6 +171,8 @@ impl ConstraintVertices {
     fn on(self, grid: &GridInfo) -> Result<GridConstraints> {
         grid.crs.check_same(&self.crs, "points").map_err(|e| e.in_file(&self.path))?;
         let nearest = |at: f64, side: u32| {
+            // Halves go up on both sides of 0. `round` takes them away from 0, and would put a point half a
+            // cell before the first sample outside.
             let at = (at + 0.5).floor();
             (0.0..f64::from(side)).contains(&at).then_some(at as u32)
         };

@@ -40,6 +40,7 @@ const SLACK: u64 = 8;
 
 /// So many bytes with what the allocator takes beside them.
 pub fn with_slack(bytes: u64) -> u64 {
+    // The inverse of m - m / 8, as `divide` leaves it.
     bytes + bytes / (SLACK - 1)
 }
 
@@ -72,6 +73,7 @@ fn divide_beside(memory: u64, held: u64, threads: usize, worker: u64) -> Result<
         return Err(too_little(memory, least));
     }
     let memory = memory - held;
+    // No underflow: `least` is the sum of these and one worker, and was compared with the memory.
     let fitting = (memory - PROGRAM - LEAST_SHARED) / worker.max(1);
     let threads = threads.clamp(1, usize::try_from(fitting).unwrap_or(usize::MAX).max(1));
     let rest = memory - PROGRAM - worker * threads as u64;
@@ -177,6 +179,7 @@ pub fn open_beside(
             Ok((raster::open_all(input.names(), &options)?, shares))
         });
         match opened {
+            // A cache grows as workers go. Halving ends after a few tries, each of which opens the input anew.
             Err(error) if is_short(&error) && fitting > 1 => threads = fitting / 2,
             Err(error) if is_short(&error) => {
                 return Err(enough(held, input, options, resources, worker).unwrap_or(error));

@@ -79,6 +79,7 @@ impl StorageScale {
         let unit = 10_f64.powi(ORIGIN_DIGITS);
         let short = |axis: usize| {
             let rounded = (origin[axis] * unit).round() / unit;
+            // Beside a small mesh a rounded origin would lie so far off that floats lose digits.
             let is_near = (rounded - origin[axis]).abs() * 64.0 <= high[axis] - low[axis];
             if self.unit.is_some() && is_near { rounded } else { origin[axis] }
         };

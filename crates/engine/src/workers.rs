@@ -41,9 +41,11 @@ pub fn run<S>(
         let run = || {
             if let Err(e) = worker() {
                 failed.store(true, Ordering::Relaxed);
+                // The first error stays: later ones may only follow from it.
                 lock(&error).get_or_insert(e);
             }
         };
+        // A system short of threads gives fewer. That costs time, and this thread can do all of it.
         let started = (0..threads).map_while(|_| spawn(scope, run)).count();
         if started == 0 {
             run();
@@ -73,6 +75,8 @@ pub fn in_order<S, T: Send>(
     let taking = Mutex::new((0, BTreeMap::new(), take));
     let work = |state: &mut S, unit: u64| {
         let made = work(state, unit)?;
+        // No worker waits for its turn. A unit that comes early stays in the map, and whoever fills the gap
+        // takes all that follow, under the lock that orders them.
         let (next, waiting, take) = &mut *lock(&taking);
         waiting.insert(unit, made);
         while let Some(made) = waiting.remove(next) {

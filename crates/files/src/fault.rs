@@ -35,6 +35,7 @@ pub fn point(point: FaultPoint) -> io::Result<()> {
     };
     let Some((name, left)) = ORDER.get_or_init(read) else { return Ok(()) };
     let is_it = format!("{point:?}").eq_ignore_ascii_case(name);
+    // The count wraps after the fault, so that what cleans up after it goes through.
     if !is_it || left.fetch_sub(1, Ordering::Relaxed) != 1 {
         return Ok(());
     }

@@ -84,6 +84,7 @@ impl RawFile {
 
     /// Reads `bytes` bytes at `offset`; the caller has capped `bytes`.
     pub fn read_vec(&self, offset: u64, bytes: u64) -> Result<Vec<u8>> {
+        // Before the buffer is made: a damaged length would otherwise ask for memory the file cannot fill.
         self.check_range(offset, bytes)?;
         let mut out = vec![0; to_usize("read length", bytes)?];
         self.read_at(offset, &mut out)?;
@@ -108,8 +109,11 @@ impl RawFile {
             let rows = step.min(run.rows - first);
             // With one row at a time the pitch is unused, so it may exceed usize.
             let pitch = if rows == 1 { 0 } else { run.pitch as usize };
+            // No gap follows the last row: the file may end with it.
             let bytes = pitch * (rows - 1) + run.bytes;
+            // Never shorter: what is grown again is zeroed again.
             scratch.resize(scratch.len().max(bytes), 0);
+            // Saturated, so that offsets of damaged files fail below and do not wrap into the file.
             let offset = run.offset.saturating_add(run.pitch.saturating_mul(first as u64));
             self.read_at(offset, &mut scratch[..bytes])?;
             for row in 0..rows {

@@ -144,6 +144,7 @@ impl PlyHeaderParser {
         }
         limits::check("PLY header length", lines.end(), limits::MAX_HEADER_BYTES)
             .map_err(|e| e.in_file(input.path()))?;
+        // Comments may be in any encoding.
         let text = String::from_utf8_lossy(lines.text()).into_owned();
         let words: Vec<&str> = text.split_ascii_whitespace().collect();
         match words.as_slice() {
@@ -238,6 +239,7 @@ impl PlyHeader {
         let mut offset = start;
         for (i, element) in elements.iter().enumerate() {
             let is_needed = |e: &PlyElement| matches!(e.name.as_str(), "vertex" | "face");
+            // Lists behind all that is needed: where they end is known only by reading them.
             if element.scalars().is_none() && !elements[i..].iter().any(is_needed) {
                 return Ok(());
             }

@@ -201,6 +201,8 @@ impl<E: MeshEncoder + 'static> MeshSink for FileSink<E> {
 
     fn push(&mut self, batch: MeshBatch<'_>) -> Result<()> {
         self.check_whole()?;
+        // Set before the work and taken back after it: an error on the way leaves it set, and a body that is
+        // half written never becomes a file.
         self.broken = true;
         let in_file = |e: Error| e.in_file(self.target.path());
         let counts = self.admit(&batch).map_err(in_file)?;

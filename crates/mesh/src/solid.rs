@@ -72,6 +72,7 @@ impl SolidBase {
     /// A base at `height`; fails if it is known not to be below the surface.
     pub(super) fn new(height: f64, header: &MeshHeader) -> Result<Self> {
         let (origin, scale) = (header.origin[2], header.scale[2]);
+        // Compared as it is stored: the rounding of the base and that of heights must not meet.
         let stored = ((height - origin) * scale) as f32;
         if !stored.is_finite() {
             return Err(Error::usage(format!(
@@ -136,6 +137,7 @@ impl SolidOutline {
 
     /// Cancels the edge with its counterpart, or stores it in place of an older one.
     fn add(&mut self, edge: DirectedEdge) {
+        // The triangle beside mostly comes soon: only edges that are pushed out of their slot are sorted.
         let slot = &mut self.recent[edge.slot()];
         if slot.is_some_and(|other| other.is_opposite(&edge)) {
             *slot = None;
@@ -162,6 +164,7 @@ impl SolidOutline {
     /// Empties the buffer.
     fn relieve(&mut self) -> Result<()> {
         cancel_in_place(&mut self.edges);
+        // Only where half stays: then each sort is paid for by as many pushes.
         if self.edges.len() > self.capacity / 2 {
             let run = self.spill()?;
             self.runs.push(run);

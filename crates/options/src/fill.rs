@@ -207,6 +207,7 @@ fn distance(from: &str, to: &str) -> usize {
         let mut diagonal = std::mem::replace(&mut row[0], i + 1);
         for (j, other) in to.iter().enumerate() {
             let changed = diagonal + usize::from(letter != *other);
+            // One row of the table is held: the diagonal neighbour is saved before it is written over.
             diagonal = row[j + 1];
             row[j + 1] = changed.min(row[j] + 1).min(diagonal + 1);
         }

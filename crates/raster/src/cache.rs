@@ -93,6 +93,8 @@ impl BlockCacheState {
 
     fn insert(&mut self, key: u64, block: Block, most: usize) {
         let bytes = block.len();
+        // A block larger than the cache is handed on and not kept. Threads that wait for it find no slot
+        // and decode it for themselves.
         if bytes > most {
             return;
         }
@@ -124,6 +126,8 @@ struct BlockDecodeClaim<'a> {
 
 impl BlockDecodeClaim<'_> {
     fn fulfil(self, block: &Block) {
+        // The guard is dropped before `self`, as locals are before arguments. The drop of `self` locks
+        // again and wakes the threads that wait.
         let mut state = lock(&self.cache.state);
         state.slots.remove(&self.key);
         state.insert(self.key, block.clone(), self.cache.most);

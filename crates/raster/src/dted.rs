@@ -127,6 +127,7 @@ fn label_start(file: &RawFile) -> Result<u64> {
         if label.starts_with(b"UHL") {
             return Ok(i * LABEL_BYTES);
         }
+        // Copies of tapes begin with the labels of the volume and the file.
         if !label.starts_with(b"HDR") && !label.starts_with(b"VOL") {
             break;
         }
@@ -141,6 +142,7 @@ impl DtedText<'_> {
     /// The field of `bytes` bytes at `offset`; empty if it is missing or not ASCII.
     fn at(&self, offset: usize, bytes: usize) -> &str {
         let field = self.0.get(offset..offset + bytes).unwrap_or_default();
+        // ASCII alone, so that columns of the text are those of its bytes.
         std::str::from_utf8(field).ok().filter(|text| text.is_ascii()).unwrap_or_default()
     }
 

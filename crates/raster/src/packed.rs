@@ -132,6 +132,8 @@ fn unpack_gzip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
     };
     let target = folder.join(stem);
     let most = limits::MAX_UNPACKED_BYTES;
+    // One byte beyond the limit tells a file of just that size from a longer one, without unpacking all
+    // of it.
     let bytes = copy(&mut decoder, most.saturating_add(1), &target, "gzip file")?;
     limits::check("unpacked size in bytes", bytes, most)?;
     copy_sidecars(file.path(), &target)?;
@@ -182,6 +184,7 @@ fn unpack_zip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
     for name in sidecars.chain([grid]) {
         let most =
             if is_large(name) { limits::MAX_UNPACKED_BYTES } else { limits::MAX_HEADER_BYTES };
+        // The folders in a name are ignored: "../" in an archive would write outside the folder.
         extract(&mut archive, name, most, &folder.join(base(name)))?;
     }
     Ok(target)
@@ -194,6 +197,7 @@ fn extract(archive: &mut Archive<'_>, name: &str, most: u64, target: &Path) -> R
     let mut entry = archive.by_name(name).map_err(damaged_zip)?;
     let declared = entry.size();
     limits::check(&format!("unpacked size of {name} in bytes"), declared, most)?;
+    // An entry that goes on behind its declared size is as damaged as a shorter one.
     let copied = copy(&mut entry, declared + 1, target, "zip archive")?;
     if copied != declared {
         return Err(Error::bad_input(format!(

@@ -157,6 +157,7 @@ impl StridedGrid {
                 + u64::from(part.col) * layout.col_pitch
                 + u64::from(part.row) * layout.row_pitch,
             pitch: outer.pitch,
+            // Not a whole number of pitches: behind the last sample of the file there may be nothing.
             bytes: (inner.count - 1) * inner.pitch as usize + size,
             rows: outer.count,
         };

@@ -96,6 +96,7 @@ fn of_ring<V: Copy, M: DistanceMetric<V>>(metric: &M, ring: &[V]) -> Vec<f64> {
 /// The three vertices of a ring that go last stay.
 fn keep_three(thresholds: &mut [f64]) {
     let mut order: Vec<usize> = (0..thresholds.len()).collect();
+    // A stable order: of equal ones the first vertices stay.
     order.sort_by(|a, b| thresholds[*b].total_cmp(&thresholds[*a]));
     order.iter().take(3).for_each(|i| thresholds[*i] = f64::INFINITY);
 }

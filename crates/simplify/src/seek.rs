@@ -79,6 +79,7 @@ impl ThresholdsByCount {
             _ if inner >= self.above[0] as f64 => 0.0,
             _ if inner < 1.0 => self.largest,
             _ => {
+                // At least 1: the lowest bin keeps more than `inner`, as the second arm leaves it.
                 let bin = self.above.partition_point(|above| *above as f64 > inner);
                 let [low, high] = [bin - 1, bin].map(|bin| f64::from_bits((bin as u64) << SHIFT));
                 let [more, less] = [bin - 1, bin].map(|bin| self.above[bin] as f64);

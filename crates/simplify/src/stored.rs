@@ -160,6 +160,7 @@ impl HierarchyReader {
         }
         self.features -= 1;
         let bytes = self.take(LENGTH as u64)?.try_into().map_or(0, u64::from_le_bytes);
+        // The bound is of the input's feature, not of the file: a damaged length asks for no memory.
         if !(Digest::BYTES as u64..=FeatureHierarchies::most_bytes(geometry)).contains(&bytes) {
             return Err(others("has a feature of another size than the input").in_file(&path));
         }
@@ -171,6 +172,7 @@ impl HierarchyReader {
         let held = (self.buffer.len() - self.taken) as u64;
         if held < bytes {
             let rest = self.file.size().saturating_sub(self.at);
+            // What is left of the buffer is read again, which is less than a feature.
             self.buffer = self.file.read_vec(self.at, RUN.min(rest).max(bytes))?;
             self.taken = 0;
         }

@@ -133,6 +133,7 @@ impl OctaveRun {
             Some(old) if old + 1 == row => REACH - 1,
             _ => 0,
         };
+        // Of consecutive rows all lines of nodes but the last are there already.
         self.nodes.rotate_left(1);
         for (nodes, row) in self.nodes.iter_mut().zip(row..).skip(kept) {
             let hash = RowHash::new(self.octave.key, row);

@@ -158,6 +158,7 @@ impl TilesetFolder {
             TilesFormat::QuantizedMesh => format!("{level}/{x}/{y}.{ENDING}"),
             TilesFormat::ThreeTiles => three::name_of(made.id, three::ENDING),
         };
+        // Before the lock: threads write at the same time.
         self.write(set, &name, &made.bytes)?;
         let mut held = lock(&self.held);
         held.known.insert(made.id);
@@ -173,6 +174,7 @@ impl TilesetFolder {
     /// Writes a file of a set.
     fn write(&self, set: usize, name: &str, bytes: &[u8]) -> Result<()> {
         let path = self.inside(set).join(name);
+        // A folder is made when a write misses it: nearly all tiles find theirs, and looking first costs a call for each.
         let mut written = std::fs::write(&path, bytes);
         if written.as_ref().is_err_and(|e| e.kind() == std::io::ErrorKind::NotFound) {
             let folder = path.parent().unwrap_or(&path);
@@ -209,6 +211,7 @@ impl TilesetFolder {
             levels.extend(told);
         }
         cancel.check()?;
+        // On the disk before the folder has its name, so that a crash leaves all of it or nothing.
         sync(self.folder.inside());
         self.folder.commit()?;
         let OpenedTilesGrid { job, division, grid, .. } = ground.opened;

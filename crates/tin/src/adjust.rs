@@ -306,6 +306,7 @@ impl AdjustScratch {
         for _ in 0..steps {
             let is_high = at.most[0] > at.most[1];
             between[usize::from(is_high)] = at.step;
+            // The lines furthest out now may meet outside of what is left of the interval, as others take over.
             let step = self.meeting(at).filter(|step| between[0] < *step && *step < between[1]);
             let step = step.unwrap_or(f32::midpoint(between[0], between[1]));
             if !step.is_finite() {

@@ -120,6 +120,7 @@ impl<'a> CrossingJudge<'a> {
         [a, b]: [f64; 2],
         [low, high]: [f64; 2],
     ) -> bool {
+        // Times n, all weights are whole, so the exact test has no division to round.
         let weights = [n - k, k, rest - n, -rest].map(f64::from);
         let terms = [(weights[0], a), (weights[1], b), (weights[2], low), (weights[3], high)];
         error <= self.tolerance + self.hair && is_at_most(terms, self.tolerance, f64::from(n))

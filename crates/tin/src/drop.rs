@@ -114,6 +114,7 @@ impl DropScratch {
             let [dx, dy] = [f64::from(to_x - x), f64::from(to_y - y)];
             dx * dx + dy * dy
         };
+        // With sides a, b, c and double area D the radius is abc / 2D. Squared, no root is needed.
         let double_area = orient(a, b, c) as f64;
         square(a, b) * square(b, c) * square(c, a)
             <= 4.0 * double_area * double_area * self.square_radius
@@ -163,6 +164,7 @@ impl DropScratch {
     fn refill_by_ears(&mut self, judge: &InsertionCriteria<'_>, vertex: TilePosition) -> bool {
         self.refill()
             && self.fill.iter().all(|tri| self.is_compact(tri) && self.is_wide(tri))
+            // The vertex itself is the sample most likely to fail, and costs one test instead of a scan.
             && self.fill.iter().find_map(|tri| judge.stays_within(tri.corners, vertex))
                 == Some(true)
             && self.diagonals_keep(judge)
@@ -234,6 +236,7 @@ impl DropScratch {
     }
 
     fn replace(&mut self, mesh: &mut LatticeMesh) -> &[u32] {
+        // All triangles are put into their slots before any edge is linked: ears name each other's slots.
         for (&id, &tri) in self.star.iter().zip(&self.fill) {
             mesh.tris[id as usize] = LatticeTriangle { state: TriangleScanState::Passed(0), ..tri };
         }

@@ -29,10 +29,14 @@ pub(super) fn within(weights: [i64; 3], z: [f64; 3], height: f64, tolerance: f64
         scale += weight * (z.abs() + height.abs());
     }
     let excess = offset.abs() - tolerance * total;
+    // The terms and sums above lose less than 1e-15 of `scale` (weights are integers below 2^53 and
+    // not rounded); ten times that is left to doubt.
     if excess.abs() > DOUBT * scale {
         return excess < 0.0;
     }
     let [a, b, c] = weights;
+    // Differences of heights would be rounded. Each height has a product of its own instead, which
+    // double-double holds exactly.
     let terms = [(a, z[0]), (b, z[1]), (c, z[2]), (-a, height), (-b, height), (-c, height)];
     is_at_most(terms, tolerance, total)
 }
@@ -66,10 +70,13 @@ impl DoubleDouble {
 
     fn product(a: f64, b: f64) -> Self {
         let high = a * b;
+        // A fused multiply-add rounds once, so it gives the error of the product exactly.
         Self { high, low: a.mul_add(b, -high) }
     }
 
     fn add(self, other: Self) -> Self {
+        // Both halves are added with their errors. The shorter form drops the error of the low half, which
+        // is all that is left where the high halves cancel, as in close calls.
         let high = Self::two_sum(self.high, other.high);
         let low = Self::two_sum(self.low, other.low);
         let first = Self::two_sum(high.high, high.low + low.high);
@@ -98,6 +105,8 @@ pub(super) fn scan(field: &HeightField, p: [TilePosition; 3], tolerance: f64) ->
         let error = distance(weights, z, height);
         let close = error >= tolerance * (1.0 - 1e-9);
         let fails = close && !within(weights, z, height, tolerance);
+        // A sample that fails exactly beats all that do not, even where the rounded errors order them the
+        // other way.
         if (fails && worst.within) || (error > worst.error && fails != worst.within) {
             worst = ExactWorst { error, at, within: !fails };
         }

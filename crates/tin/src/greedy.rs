@@ -110,6 +110,7 @@ impl WorkLists {
         let bucket = self.buckets[..=self.top].iter().rposition(|bucket| !bucket.is_empty())?;
         self.top = bucket;
         self.batch.clear();
+        // The bucket may be added to while the batch is worked on.
         std::mem::swap(&mut self.batch, &mut self.buckets[bucket]);
         Some(bucket)
     }
@@ -130,6 +131,8 @@ impl WorkLists {
             }
             TriangleScanState::Waiting => {
                 let found = self.found[id as usize];
+                // Lists are not cleaned when a triangle goes, and its slot may hold another by now. What is not
+                // of this bucket has an entry elsewhere.
                 (bucket_of(found.error, judge.tolerance) == bucket).then_some(found.at)
             }
             _ => None,
@@ -186,6 +189,8 @@ impl WorkLists {
             if judge.field.is_free() {
                 adjust::put_in(judge, corners, at);
             }
+            // Scanned at once, most new triangles would be scanned in vain: the next samples of this bucket
+            // replace them.
             self.buckets[bucket * 3 / 4].extend_from_slice(&self.star);
         } else {
             mesh.tris[id as usize].state = TriangleScanState::Passed(0);

@@ -49,6 +49,7 @@ impl<'a> InsertionCriteria<'a> {
         let hair = self.hair(z, facet.gx);
         if error > self.tolerance + hair {
             Some(InsertionCandidate { error: worst.error, at: worst.at })
+        // A coarse copy passes whatever is in doubt: the triangle comes back for level 0, which decides.
         } else if level > 0 || error < self.tolerance - hair {
             None
         } else {

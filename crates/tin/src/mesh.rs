@@ -72,6 +72,7 @@ pub(super) struct LatticeMesh {
 /// The next edge or corner of a triangle, without a division.
 #[inline(always)]
 pub(super) fn next(i: u32) -> u32 {
+    // The mask is 0 for 2 and all ones for 0 and 1.
     (i + 1) & (((i >> 1) & 1) ^ 1).wrapping_neg()
 }
 
@@ -215,6 +216,8 @@ impl LatticeMesh {
             for edge in 0..3_u32 {
                 let a = tri.corners[edge as usize].lattice();
                 let b = tri.corners[next(edge) as usize].lattice();
+                // Any edge that the target is beyond will do: in a Delaunay triangulation such a walk never meets a
+                // triangle twice (Devillers, Pion & Teillaud, "Walking in a triangulation", 2002).
                 if orient(a, b, target) < 0 {
                     at = tri.twins[edge as usize] >> 2;
                     continue 'walk;
@@ -343,6 +346,7 @@ impl LatticeMesh {
             let (u, j) = (outer >> 2, outer & 3);
             let other = self.tris[u as usize];
             let d = other.corners[prev(j) as usize];
+            // Four corners on one circle stay as they are; two triangles that flip on a tie flip for ever.
             if in_circle(p.lattice(), a.lattice(), b.lattice(), d.lattice()) <= 0 {
                 star.push(t);
                 continue;

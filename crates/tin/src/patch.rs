@@ -230,6 +230,8 @@ impl PatchBorder<'_> {
 /// Flips until every edge of the patch is Delaunay (Lawson 1977).
 fn legalise(mesh: &mut LatticeMesh) {
     let mut stack: Vec<u32> =
+        // Reversed, so that edges are popped in the order of the sorted triangles. Where vertices lie on
+        // one circle, the order of flips decides, and it must not tell where triangles came from.
         (0..mesh.tris.len() as u32).rev().flat_map(|id| [4 * id + 2, 4 * id + 1, 4 * id]).collect();
     while let Some(half_edge) = stack.pop() {
         if let Some([t, u]) = mesh.flip_if_illegal(half_edge) {
@@ -246,6 +248,8 @@ fn changes_beside(
     at: TilePosition,
     is_frozen: impl Fn(&LatticeTriangle, u32) -> bool,
 ) -> bool {
+    // The triangles whose circles hold the sample are those that an insertion would replace. They are
+    // collected without inserting, as an insertion cannot be taken back.
     let (mut open, mut seen) = (vec![holder], vec![holder]);
     while let Some(id) = open.pop() {
         let tri = &mesh.tris[id as usize];
@@ -281,6 +285,7 @@ fn drop_seam(
     for i in 0..seam.len() {
         let Some(changed) = scratch.try_drop(judge, mesh, seam[i].1) else { continue };
         for half_edge in changed.iter().flat_map(|id| 4 * id..4 * id + 3) {
+            // A drop uses the slots of the star again, so the half-edges noted for its ring are stale.
             if let Ok(at) = seam.binary_search_by_key(&mesh.origin(half_edge), |&(p, _)| p) {
                 seam[at].1 = half_edge;
             }
@@ -327,6 +332,7 @@ fn finish(
         }
         let tri = &mesh.tris[id as usize];
         patch.border.extend(border.beside(tri));
+        // NONE as an index is beyond any list: triangles made here have no original.
         let kept = sorted.get(tri.source as usize);
         if let Some(&kept) = kept.filter(|_| !spec.fit || !adjust.has_moved(field, tri)) {
             patch.triangles.push(kept);

@@ -106,6 +106,7 @@ impl RefillBuffers {
         loop {
             let better =
                 |best: usize, apex| if promises[apex] > promises[best] { apex } else { best };
+            // `from` is not an apex. Its promise of 0 stands for none.
             let apex = (from + 1..to).fold(from, better);
             if promises[apex] <= 0.0 {
                 return NO_FILLING;

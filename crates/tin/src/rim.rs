@@ -73,6 +73,8 @@ impl<'a> SurfaceCells<'a> {
         let (left, above) = (col.checked_sub(1), row.checked_sub(1));
         let cells = [(left, above), (Some(col), above), (left, Some(row)), (Some(col), Some(row))]
             .map(|(col, row)| self.cell(col, row));
+        // Cells beyond the grid are None, neither surface nor void: a sample where the grid ends is no
+        // outline by that alone.
         match (cells.contains(&Some(true)), cells.contains(&Some(false))) {
             (true, true) => SurfaceRole::Outline,
             (true, false) => SurfaceRole::Interior,

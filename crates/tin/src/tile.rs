@@ -106,6 +106,8 @@ pub fn triangulate_tile(
         mark_outside(&mut scratch.mesh, &surface);
     }
     scratch.drop.limit_circles(input.spacing);
+    // Small angles are mended at the end, so drops before need not avoid them. The buffers may come
+    // from a patch that set a bound.
     scratch.drop.limit_angles(None);
     if spec.fit {
         loosen(scratch, spec, &fixed, input.kept);
@@ -296,6 +298,7 @@ fn insert_all(mesh: &mut LatticeMesh, points: &[TilePosition]) {
         let t = mesh.locate(p, near);
         star.clear();
         mesh.insert(t, p, &mut star);
+        // Points come sorted, so the next one is near, and the walk is short.
         near = star.first().copied().unwrap_or(t);
     }
 }

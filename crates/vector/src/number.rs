@@ -36,17 +36,19 @@ pub(super) fn leading(text: &[u8]) -> Option<(f64, usize)> {
 /// even.
 fn divided(mantissa: u64, decimals: usize) -> f64 {
     let Some(power) = 10_u64.checked_pow(decimals as u32) else { return f64::NAN };
-    // Both operands are normalised, so that the quotient has 64 or 65 bits; the result is below 2^64 and
+    // Both operands are normalised, so that the quotient has 63 or 64 bits; the result is below 2^64 and
     // above 2^-11, so it is not subnormal.
     let (up, down) = (mantissa.leading_zeros(), power.leading_zeros());
     let numerator = u128::from(mantissa << up) << 63;
     let divisor = u128::from(power << down);
     let quotient = (numerator / divisor) as u64;
+    // The remainder is below 2^64: the low words alone tell whether there is one.
     let exact = quotient.wrapping_mul(power << down) == numerator as u64;
     let shift = 64 - 53 - quotient.leading_zeros();
     let kept = quotient >> shift;
     let rest = quotient & ((1 << shift) - 1);
     let half = 1 << (shift - 1);
+    // What looks like a tie is above the middle where the division left a remainder.
     let is_up = rest > half || (rest == half && (!exact || kept & 1 == 1));
     let rounded = (kept + u64::from(is_up)) as f64;
     let exponent = shift as i32 - 63 - up as i32 + down as i32;

@@ -48,6 +48,7 @@ impl PagedFile {
         self.file.check_range(offset, bytes)?;
         limits::check("feature size in bytes", bytes, limits::MAX_FEATURE_BYTES)?;
         let end = self.base.saturating_add(self.buffer.len() as u64);
+        // A chunk where the file is read on; after a jump most of a chunk would be read in vain.
         let least = if (self.base..=end).contains(&offset) { CHUNK_BYTES } else { PAGE_BYTES };
         let wanted = bytes.max(least).min(self.file.size() - offset);
         // The buffer is valid only after a complete read.

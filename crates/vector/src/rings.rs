@@ -70,6 +70,7 @@ impl<'a> NestedRings<'a> {
         if outers.len() < 2 {
             return Ok(is_outer);
         }
+        // The largest first: whether a ring is a hole depends on the last word about the one around it.
         outers.sort_by(|&a, &b| self.areas[b].abs().total_cmp(&self.areas[a].abs()));
         for at in outers {
             let (_, around) = self.around(at, |_| true)?;
@@ -132,6 +133,7 @@ impl<'a> NestedRings<'a> {
         let looks = self.tree.containing(&self.bounds[inner], &mut found);
         self.look(looks)?;
         found.iter_mut().for_each(|at| *at = self.order[*at as usize]);
+        // Of rings of one size the first in the file counts, whatever order the tree finds them in.
         found.sort_unstable();
         let (mut count, mut smallest) = (0, None);
         for outer in found.into_iter().map(|at| at as usize) {
@@ -196,6 +198,7 @@ impl<'a> NestedRings<'a> {
     /// Whether two rings are identical except for their start vertex.
     fn is_twin(&self, one: usize, other: usize) -> bool {
         let [a, b] = [one, other].map(|at| self.areas[at].abs());
+        // The sum of an area is rounded otherwise where a ring begins at another vertex.
         (a - b).abs() <= ROUNDING * a.max(b) && self.bounds[one] == self.bounds[other]
     }
 }
@@ -258,6 +261,7 @@ fn contains<'a>(edges: impl Iterator<Item = &'a [[f64; 2]]>, &[x, y]: &[f64; 2])
             continue;
         }
         let cross = (bx - ax) * (y - ay) - (x - ax) * (by - ay);
+        // The height is within the edge's already; a level edge needs the range of x as well.
         if cross == 0.0 && ax.min(bx) <= x && x <= ax.max(bx) {
             return None;
         }

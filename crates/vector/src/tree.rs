@@ -93,6 +93,7 @@ impl PackedRTree {
             }
             let first = self.starts[level + 1] + (node - self.starts[level]) * NODE;
             let end = (first + NODE).min(self.starts[level + 2]);
+            // Backwards onto the stack, so that items come off it in order.
             stack.extend((first..end).rev().map(|child| (level + 1, child)));
         }
         looks

@@ -169,11 +169,13 @@ impl<J> GridDomainChecker<'_, J> {
             return self.check_whole(domain, bucket, [triangles, positions], found);
         }
         match domain.halves() {
+            // Halves read the whole bucket and take their own of it: nothing is spread anew.
             Some(halves) => halves.into_iter().try_for_each(|d| self.check(d, bucket, found)),
             None if need > self.context.work.memory || triangles > MOST_TRIANGLES => {
                 Err(too_crowded(&self.context.work, domain, [triangles, lines, need]))
             }
             None => {
+                // One at a time, as it takes more than the share of a thread.
                 let _alone = lock(&self.crowded);
                 self.check_whole(domain, bucket, [triangles, positions], found)
             }

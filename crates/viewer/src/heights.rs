@@ -62,8 +62,10 @@ impl HeightCounts {
     /// Counts a height.
     pub(crate) fn add(&mut self, height: f64) {
         let height = height.clamp(-MOST_HEIGHT, MOST_HEIGHT);
+        // Whole numbers: the sum is the same in any order of the workers.
         self.sum += (height * PARTS).round() as i128;
         loop {
+            // By a power of two, which is exact: a step is the same whether it is coarsened before or after the count.
             let step = (height * (-f64::from(self.power)).exp2()).floor() as i64;
             if let Some(count) = self.place(step) {
                 *count += 1;
@@ -102,6 +104,7 @@ impl HeightCounts {
 
     /// The count of a step, between those there are or made for it; `None` where it is too far from them.
     fn place(&mut self, step: i64) -> Option<&mut u64> {
+        // Steps before the first wrap beyond all there are.
         let place = step.wrapping_sub(self.first) as usize;
         if place < self.counts.len() {
             return self.counts.get_mut(place);

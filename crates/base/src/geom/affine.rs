@@ -63,11 +63,13 @@ impl Affine {
     /// Whether doubles resolve the positions of all samples of a grid of this size to a thousandth of a cell.
     pub fn resolves(&self, width: u32, height: u32) -> bool {
         let ends = |side: u32| [0.0, f64::from(side)];
+        // Coordinates of an affine map are largest at a corner, and so are the gaps of doubles.
         let corners = ends(width).into_iter().flat_map(|col| ends(height).map(|row| [col, row]));
         let steps =
             corners.map(|[col, row]| self.apply(col, row).map(|v| v.abs().next_up() - v.abs()));
         let [x, y] =
             steps.fold([0.0, 0.0], |[x, y], step: [f64; 2]| [step[0].max(x), step[1].max(y)]);
+        // Absolute values of the inverse map, as gaps of both axes add up at worst.
         let area = self.determinant().abs();
         let columns = (self.e.abs() * x + self.b.abs() * y) / area;
         let rows = (self.d.abs() * x + self.a.abs() * y) / area;

@@ -18,6 +18,7 @@ pub struct SampleSegment {
 impl SampleSegment {
     /// Between two samples (column, row), in either order.
     pub fn new(a: [i64; 2], b: [i64; 2]) -> Self {
+        // One direction for both: `at` rounds halves up, and a path walked backwards would round them down.
         let is_first = (a[1], a[0]) <= (b[1], b[0]);
         let [from, to] = if is_first { [a, b] } else { [b, a] };
         Self { from, to }
@@ -41,6 +42,7 @@ impl SampleSegment {
 
     /// The sample after this number of steps.
     pub fn at(&self, step: u64) -> [i64; 2] {
+        // Twice a step times a span of 33 bits each is beyond 64.
         let all = u128::from(self.steps());
         let cols = match all {
             0 => 0,

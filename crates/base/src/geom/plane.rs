@@ -25,6 +25,7 @@ const FILTER: f64 = (3.0 + 16.0 * EPSILON) * EPSILON;
 
 /// A key that is equal exactly for equal positions.
 pub fn key(at: Xy) -> [u64; 2] {
+    // -0 + 0 is 0, so both zeros have one key.
     at.map(|c| (c + 0.0).to_bits())
 }
 
@@ -66,6 +67,7 @@ pub fn area_sign(ring: impl Iterator<Item = Xy> + Clone) -> Ordering {
     let (mut sum, mut size, mut count) = (0.0, 0.0, 0.0);
     let mut before = [0.0; 2];
     for p in positions {
+        // Products of coordinates far from 0 would drown the area in their rounding.
         let at = [p[0] - origin[0], p[1] - origin[1]];
         let (left, right) = (before[0] * at[1], before[1] * at[0]);
         sum += left - right;
@@ -131,6 +133,7 @@ impl FloatExpansion {
     }
 
     fn sign(&self) -> Ordering {
+        // Parts do not overlap and none is 0, so the largest has the sign of the sum.
         self.parts.last().map_or(Ordering::Equal, |last| last.total_cmp(&0.0))
     }
 }

@@ -108,6 +108,7 @@ fn compared<const N: usize>(
     length: f64,
     units: impl FnOnce() -> Option<IntegerSteps<N>>,
 ) -> Ordering {
+    // Steps are below 2^33, exact as doubles: what is rounded is some 2^-52 of the square, far below `DOUBT`.
     let square: f64 = (0..N).map(|axis| (steps[axis] as f64 * scale[axis]).powi(2)).sum();
     let limit = length * length;
     match (square - limit).abs() > DOUBT * limit {

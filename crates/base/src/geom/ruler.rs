@@ -67,6 +67,8 @@ impl Ruler {
         let guess = ((limit - self.offset) / self.scale) as i64;
         let guess = guess.clamp(-FAR, FAR);
         let (mut low, mut high) = (guess - NEAR, guess + NEAR);
+        // The quotient is off by more than NEAR where the offset is far larger than the scale; then the
+        // search takes the whole range.
         if !below(low) || below(high) {
             (low, high) = (-FAR, FAR);
         }
@@ -85,6 +87,7 @@ fn exact(scale: f64, offset: f64) -> Option<(i128, i128, u32)> {
     let (scale, offset) = (Decimal::of(scale)?, Decimal::of(offset)?);
     let digits = scale.digits().max(offset.digits());
     let (scale, offset) = (scale.units(digits)?, offset.units(digits)?);
+    // No step that the search may ask for overflows in `at`.
     scale.checked_mul(i128::from(2 * FAR))?.checked_add(offset.checked_abs()?)?;
     Some((scale, offset, digits))
 }

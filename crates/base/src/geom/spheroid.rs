@@ -18,6 +18,7 @@ impl Spheroid {
 
     /// From the semi-major axis in metres and the inverse flattening (0 for a sphere); `None` if invalid.
     pub fn new(axis: f64, inverse_flattening: f64) -> Option<Self> {
+        // The formula below may differ from the constant in the last bit, and one ellipsoid would be two.
         if (axis, inverse_flattening) == (6_378_137.0, 298.257_223_563) {
             return Some(Self::WGS84);
         }

@@ -191,6 +191,7 @@ impl<'a> WeightedChannels<'a> {
         let keep = |e: f64| pairs().all(|(channel, found)| found.max_error <= channel.tolerance(e));
         let mut least = pairs().map(|(c, found)| c.weight * found.max_error).fold(0.0, f64::max);
         while !keep(least) {
+            // The product is rounded: divided by the weight again it may allow less than the error.
             least = least.next_up();
         }
         least

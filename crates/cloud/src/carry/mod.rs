@@ -97,6 +97,7 @@ impl<'a> PointFormatConverter<'a> {
         let packing = target.packing;
         let (info, as_stored) = cloud.as_stored();
         let mut extra = ExtraBytes::of_all(&origins)?;
+        // Before the recasts, which move extra bytes to where they are among all of them.
         let heights = has_heights.then(|| {
             let (name, about) = HEIGHTS;
             format.size() + extra.put_steps(name, about, info.frame.scale[2])
@@ -287,6 +288,7 @@ fn records(
         parted.extend(shared.iter().filter(|r| !is_there(r, other)).map(Vlr::name));
         shared.retain(|record| is_there(record, other));
     }
+    // A hash set has another order in each run, which the note would show.
     let mut parted: Vec<_> = parted.into_iter().collect();
     parted.sort();
     if parted
@@ -321,6 +323,7 @@ fn of_file(file: &LasFile, format: PointFormat) -> Result<Vec<Vlr>> {
 }
 
 fn data(vlr: &VlrHeader, file: &RawFile, left: &mut u64) -> Result<Vlr> {
+    // Before it is read: headers of damaged files may state any length.
     *left = left.checked_sub(vlr.bytes).ok_or_else(|| {
         Error::unsupported(format!("its VLRs exceed {} MiB", MOST_BYTES >> 20))
             .remedy("remove the largest VLRs")

@@ -87,6 +87,7 @@ impl<'a, M: InstructionSet> RangeDecoder<'a, M> {
         let step = self.length >> MODEL_BITS;
         let found = model.find::<M>(self.value / step);
         let low = found.low * step;
+        // The remainder of the division belongs to the last symbol.
         let high = if found.is_last { self.length } else { found.high * step };
         self.narrow(low, high - low);
         model.count(found.symbol);
@@ -119,6 +120,7 @@ impl<'a, M: InstructionSet> RangeDecoder<'a, M> {
     fn few(&mut self, bits: u32) -> u32 {
         let step = self.length >> bits;
         let found = self.value / step;
+        // A value in the remainder, which no encoder writes to.
         self.excess |= found >> bits;
         self.narrow(found * step, step);
         found
@@ -127,6 +129,7 @@ impl<'a, M: InstructionSet> RangeDecoder<'a, M> {
     /// Narrows the interval to the part that begins at `low`, and reads bytes until it is long enough again.
     #[inline(always)]
     fn narrow(&mut self, low: u32, length: u32) {
+        // All bytes at once: a loop over one byte at a time branches on what was decoded.
         let shift = length.leading_zeros() & 24;
         let next = self.take(shift as usize / 8);
         self.value = ((u64::from(self.value - low) << 32 | u64::from(next)) << shift >> 32) as u32;

@@ -85,9 +85,11 @@ pub(super) fn lower<M: InstructionSet>(coder: &mut RangeDecoder<M>, size: u32, u
     let place = match size {
         0 => return upper as i32,
         1..=MODELLED => upper,
+        // The only difference of 32 bits; LASzip stores nothing more of it.
         32.. => return i32::MIN,
         _ => upper << (size - MODELLED) | coder.raw(size - MODELLED),
     };
     let is_positive = place >> (size - 1) != 0;
+    // The sign is a coin toss: a branch would be predicted wrongly half of the time.
     place.wrapping_add(select_unpredictable(is_positive, 1, 1_u32.wrapping_sub(1 << size))) as i32
 }

@@ -109,8 +109,10 @@ mod x86 {
     fn last_at_most(numbers: &Lanes, place: u16) -> usize {
         let numbers: __m256i = bytemuck::cast(*numbers);
         let places = _mm256_set1_epi16(place as i16);
+        // AVX2 compares signed numbers only. A number is at most the place where it is the minimum of both.
         let is_at_most = _mm256_cmpeq_epi16(_mm256_min_epu16(numbers, places), numbers);
         let mask = _mm256_movemask_epi8(is_at_most);
+        // The mask has two bits for each of the 16-bit numbers, which ascend: their count is the index.
         (mask.count_ones() as usize / 2).wrapping_sub(1)
     }
 

@@ -30,6 +30,7 @@ impl FiveValueMedian {
         let value = middle.wrapping_add(difference);
         let neighbours = &NEIGHBOURS[usize::from(self.drops_largest)];
         self.drops_largest = (value < middle) | (!self.drops_largest & (value == middle));
+        // An insertion without a branch: each place takes the new value as far as its neighbours allow.
         self.values = M::put_between(&self.values, neighbours, value);
         value
     }

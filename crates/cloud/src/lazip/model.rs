@@ -79,6 +79,8 @@ impl<const B: usize> ArithmeticModel<B> {
         self.starts.as_flattened_mut()[symbols..].fill(NONE);
         self.total = self.symbols;
         self.set();
+        // This schedule and the one in `learn` are LASzip's: encoder and decoder have to learn at the same
+        // symbols, or everything behind is noise.
         self.cycle = (self.symbols + 6) / 2;
         self.left = self.cycle;
     }
@@ -96,6 +98,8 @@ impl<const B: usize> ArithmeticModel<B> {
                 block + self.blocks_before(place, block + 1)
             }
         } % B;
+        // The remainders never act. They are powers of two, and stand in for bounds checks, which cost a
+        // branch for each symbol.
         let symbol = LANES * block + M::last_at_most(&self.starts[block], place) % LANES;
         let starts = self.starts.as_flattened();
         DecodedSymbol {
@@ -129,6 +133,7 @@ impl<const B: usize> ArithmeticModel<B> {
         let mut total = u32::from(self.total) + u32::from(self.cycle);
         if total > MOST_COUNTS {
             let counts = &mut self.counts.as_flattened_mut()[..usize::from(self.symbols)];
+            // Rounded up: a count of 0 would leave its symbol without a part of the interval.
             counts.iter_mut().for_each(|count| *count = count.div_ceil(2));
             total = counts.iter().map(|&count| u32::from(count)).sum();
         }
@@ -189,6 +194,7 @@ impl BitModel {
         if self.total > MOST_BITS {
             self.total = self.total.div_ceil(2);
             self.zeros = self.zeros.div_ceil(2);
+            // Ones keep a part of the interval even where none came.
             self.total += u32::from(self.zeros == self.total);
         }
         let scale = (1 << 31) / self.total;

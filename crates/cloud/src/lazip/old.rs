@@ -195,6 +195,8 @@ impl Point10Context {
         let is_single = usize::from(returns.is_single());
         let [x_steps, y_steps] = &mut self.steps[group];
         let (x, x_size) = self.x.next(coder, is_single);
+        // The lowest bit of the size makes room for whether the return is single, as in LASzip: contexts
+        // are even numbers up to 20, and one more for single returns.
         let detail = (x_size & !1).min(20) as usize;
         let (y, y_size) = self.y.next(coder, detail | is_single);
         let detail = (((x_size + y_size) / 2) & !1).min(18) as usize;

@@ -93,6 +93,7 @@ impl OldTime {
             Self::WHOLE => return whole(coder),
             Self::SAME.. => return time,
         };
+        // It wraps in LASzip too, whose numbers are of 32 bits.
         let difference = expected.wrapping_add(self.difference.next(coder, circumstance).0);
         match multiple {
             1 => (self.last, self.extremes) = (difference, 0),
@@ -104,6 +105,7 @@ impl OldTime {
 
     fn extreme(&mut self, difference: i32) {
         self.extremes += 1;
+        // As in LASzip: four extremes in a row are a new pace, not gaps between points.
         if self.extremes > 3 {
             (self.last, self.extremes) = (difference, 0);
         }

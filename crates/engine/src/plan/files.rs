@@ -114,6 +114,7 @@ fn digest(file: &mut File, bytes: u64, whole: bool) -> io::Result<Digest> {
     }
     let mut pieces = vec![0; (PIECES * PIECE) as usize];
     for (i, piece) in (0..).zip(pieces.chunks_exact_mut(PIECE as usize)) {
+        // The first piece begins with the file and the last one ends with it, where headers and tables are.
         file.seek(SeekFrom::Start((bytes - PIECE) * i / (PIECES - 1)))?;
         file.read_exact(piece)?;
     }

@@ -224,6 +224,8 @@ fn files(path: &Path) -> Result<Vec<PathBuf>> {
         let fail = |e| Error::read(&folder, e);
         for entry in std::fs::read_dir(&folder).map_err(fail)? {
             let entry = entry.map_err(fail)?;
+            // The type of the entry itself. `is_dir` of a path follows links, and one that leads upwards would
+            // be walked for ever.
             let is_folder = entry.file_type().map_err(fail)?.is_dir();
             if is_folder { &mut folders } else { &mut found }.push(entry.path());
         }

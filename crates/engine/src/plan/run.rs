@@ -163,6 +163,7 @@ fn run_checked<W: PlannedWork>(
     let folder = PlanFolder::<W>::open(&job.folder)?;
     check(&folder.plan.work)?;
     let task = job.task.as_deref().map(|name| folder.named(name)).transpose()?;
+    // A named binding lives to the end of the run; `let _` would unlock at once.
     let _lock = folder.enter(task.is_none())?;
     folder.plan.check_files(task.is_none())?;
     let done = match task {
@@ -408,6 +409,8 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
     fn write(&mut self, survey: &TaskSurvey<'a, W>) -> Result<()> {
         // Once more: the tasks may have taken days.
         W::check_output(&self.opened, self.at)?;
+        // Noted first: what a killed run leaves in the output's place is then known as its own, and may be
+        // replaced without being asked for.
         self.output.begin()?;
         let note = W::write(&self.opened, survey, &mut self.report.of, self.at)?;
         self.output.finish(&note, self.at.cancel)?;

@@ -57,6 +57,7 @@ impl AtomicFolder {
             sync_folder(parent(&target));
             return Ok(());
         }
+        // The name keeps prefix and suffix of temporary ones: what a killed run leaves under it is found.
         let replaced = target.exists().then(|| temp.path().with_extension("old.tmp"));
         if let Some(old) = &replaced {
             std::fs::rename(&target, old).map_err(fail)?;
@@ -66,6 +67,7 @@ impl AtomicFolder {
             let _back = std::fs::rename(old, &target);
         }
         renamed.map_err(fail)?;
+        // The folder has left this name; the guard would remove whatever has it next.
         let _gone = temp.keep();
         sync_folder(parent(&target));
         replaced.map_or(Ok(()), std::fs::remove_dir_all).map_err(fail)

@@ -64,10 +64,12 @@ impl AtomicFile {
     pub fn commit(self) -> Result<u64> {
         let Self { temp, path, target, overwrite } = self;
         let fail = |e: io::Error| Error::write(&path, e);
+        // Data before the name: after a power cut a renamed file without its data would look whole.
         fault::point(FaultPoint::Sync).and_then(|()| temp.file().sync_all()).map_err(fail)?;
         let bytes = temp.file().metadata().map_err(fail)?.len();
         fault::point(FaultPoint::Rename).map_err(fail)?;
         temp.persist(&target, overwrite).map_err(fail)?;
+        // The new name is an entry of the folder, which is a file of its own to be synced.
         sync_folder(parent(&target));
         Ok(bytes)
     }
@@ -100,6 +102,7 @@ impl Seek for AtomicFile {
 /// Fails if `path` is stdout, or if something exists there and `overwrite` is false.
 pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<()> {
     refuse_stdout(path)?;
+    // `exists` follows links and takes a link that leads nowhere for a free name.
     if !overwrite && path.symlink_metadata().is_ok() {
         return Err(Error::new(ErrorKind::Usage, "output already exists")
             .in_file(path)
@@ -143,6 +146,7 @@ const MOST_LINKS: usize = 40;
 pub fn resolve(path: &Path) -> Result<PathBuf> {
     let mut target = path.to_path_buf();
     for _ in 0..MOST_LINKS {
+        // `canonicalize` fails for a file that does not exist yet, which is the usual case here.
         match std::fs::read_link(&target) {
             Ok(next) => target = parent(&target).join(next),
             Err(_) => return Ok(target),
@@ -162,6 +166,7 @@ pub fn plain(error: io::Error) -> io::Error {
 }
 
 fn sync_folder(folder: &Path) {
+    // Best effort: not every system opens folders, and the file is whole without it.
     if let Ok(handle) = File::open(folder) {
         let _ = handle.sync_all();
     }

@@ -47,6 +47,7 @@ impl TemporaryFile {
                 name.persist(target).map_err(|e| e.error)
             }
             Self::Named(temp) if overwrite => temp.persist(target).map(drop).map_err(|e| e.error),
+            // Another process may have made the file since `create` looked.
             Self::Named(temp) => temp.persist_noclobber(target).map(drop).map_err(|e| e.error),
         }
     }
@@ -84,7 +85,9 @@ const OPEN_FILES: &str = "/proc/self/fd";
 fn nameless(folder: &Path) -> Option<File> {
     use rustix::fs::{CWD, Mode, OFlags, openat};
     let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
+    // A sandbox without /proc could open the file and never name it.
     let can_be_named = Path::new(OPEN_FILES).exists();
+    // 0666 less the umask, as any new file. The 0600 of temporary files would stay on the output.
     let open = || openat(CWD, folder, flags, Mode::from_raw_mode(0o666)).ok().map(File::from);
     can_be_named.then(open).flatten()
 }
@@ -94,6 +97,8 @@ fn nameless(folder: &Path) -> Option<File> {
 fn link(file: &File, name: &Path) -> io::Result<()> {
     use rustix::fs::{AtFlags, CWD, linkat};
     use std::os::fd::AsRawFd;
+    // AT_EMPTY_PATH would name the descriptor itself, but asks for CAP_DAC_READ_SEARCH (linkat(2)).
+    // The entry in /proc is a link, hence SYMLINK_FOLLOW.
     let open = PathBuf::from(OPEN_FILES).join(file.as_raw_fd().to_string());
     Ok(linkat(CWD, &open, CWD, name, AtFlags::SYMLINK_FOLLOW)?)
 }

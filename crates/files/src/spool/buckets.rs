@@ -166,6 +166,7 @@ impl<T: Pod> Buckets<T> {
         let held = self.held.fetch_add(taken, Ordering::Relaxed) + taken;
         drop(own);
         if taken > 0 && held > self.budget {
+            // Somewhat below the budget: at the budget itself the next push would spill again.
             self.relieve(self.budget - (self.budget / 4).min(SPILLED))?;
         }
         Ok(())
@@ -188,6 +189,7 @@ impl<T: Pod> Buckets<T> {
                 break;
             }
             let next = self.next.fetch_add(1, Ordering::Relaxed) % self.buckets.len();
+            // Each piece locks the bucket anew, so that threads that add to it wait for one piece at most.
             while self.held() > most && self.spill(&mut lock(&self.buckets[next]))? {}
         }
         Ok(())
@@ -197,6 +199,7 @@ impl<T: Pod> Buckets<T> {
     fn spill(&self, bucket: &mut Bucket<T>) -> Result<bool> {
         let Some(first) = bucket.chunks.first() else { return Ok(false) };
         let until = first.first + SPILLED / size_of::<T>() as u64;
+        // First chunks leave first: `read` relies on records in the file being those before memory's.
         let count = bucket.chunks.partition_point(|chunk| chunk.first < until);
         let (chunks, rest) = bucket.chunks.split_at(count);
         let end = rest.first().map_or(bucket.len(), |chunk| chunk.first);
@@ -284,6 +287,7 @@ impl<T: Pod> BucketWriter<'_, T> {
     }
 
     fn flush(&mut self) -> Result<()> {
+        // A stable sort: records of a bucket stay in the order in which they came.
         self.gathered.sort_by_key(|(bucket, _)| *bucket);
         for group in self.gathered.chunk_by(|(a, _), (b, _)| a == b) {
             self.run.clear();

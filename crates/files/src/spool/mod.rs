@@ -92,6 +92,8 @@ impl SpoolFile {
     /// The file and the offset of `len` free bytes in it.
     fn room(&self, len: u64) -> Result<(&File, u64)> {
         let mut space = lock(&self.space);
+        // `get_or_init` takes no function that fails. The lock on the space keeps a second thread from
+        // making a second file.
         let file = match self.file.get() {
             Some(file) => file,
             None => {
@@ -189,6 +191,7 @@ impl SpoolFreeSpace {
         if let Some(size) = self.free.remove(&(offset + len)) {
             len += size;
         }
+        // A free run at the end is no hole: the end moves back, which also keeps runs from touching it.
         if offset + len == self.end {
             self.end = offset;
         } else if len > 0 {

@@ -408,6 +408,7 @@ struct ExactDivisor {
 
 impl ExactDivisor {
     fn by(by: u64) -> Self {
+        // Of 1 the inverse, 2^64, wraps to 0: `quotient` does without it.
         Self { by, inverse: (u64::MAX / by).wrapping_add(1) }
     }
 

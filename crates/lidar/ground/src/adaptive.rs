@@ -70,6 +70,7 @@ fn find(_: &Asked, lows: &LowestPoints<'_>) -> GroundSurface {
 /// The cells whose lowest points touch the cloth and lie not far above the first triangulation.
 fn checked(lows: &LowestPoints<'_>, cells: &LowestCells) -> Vec<usize> {
     let (width, cell) = (lows.width, lows.cell);
+    // The limits of this triangulation are wide, and would let in plants among all points.
     let few = cells.thinned(((BLOCK / cell) as usize).max(1));
     let first = few.lowest((SQUARE / cell).ceil() as usize);
     let below = densified(&few, &first, &WIDE);

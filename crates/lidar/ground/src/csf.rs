@@ -141,6 +141,8 @@ impl ClothNodes {
     /// Each node with its neighbours, one and two cells away.
     fn draw_together(&mut self, pair: f64, single: f64) {
         let rows = self.now.len() / self.width;
+        // Each draw sees what those before it have moved, so the order of distances, directions and rows is
+        // part of the result.
         for away in [1, 2] {
             for (east, north) in [(away, 0), (0, away), (away, away)] {
                 for row in 0..rows.saturating_sub(north) {
@@ -180,6 +182,7 @@ impl ClothNodes {
         let mut most = 0.0_f64;
         for at in 0..self.now.len() {
             if !self.held[at] {
+                // Counted before the node is held: a cloth that has just met the ground is not still yet.
                 most = most.max((self.now[at] - self.before[at]).abs());
                 if self.now[at] >= self.ceiling[at] {
                     (self.now[at], self.held[at]) = (self.ceiling[at], true);

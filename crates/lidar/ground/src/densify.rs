@@ -106,6 +106,7 @@ impl<'a> GroundDensifier<'a> {
         found.sort_unstable_by(|a, b| {
             (a.0, a.1, a.2).partial_cmp(&(b.0, b.1, b.2)).unwrap_or(std::cmp::Ordering::Equal)
         });
+        // The cell breaks ties of distance, so the point taken in does not depend on the order of waiting.
         found.dedup_by_key(|(triangle, ..)| *triangle);
         found
     }
@@ -127,6 +128,7 @@ impl<'a> GroundDensifier<'a> {
         }
         let mut taken: Vec<u32> = found.iter().map(|(.., at)| *at).collect();
         taken.sort_unstable();
+        // Points wait in the order of their cells, so one pass beside the sorted list removes those taken.
         let mut taken = taken.into_iter().peekable();
         self.waiting.retain(|w| taken.next_if_eq(&w.at).is_none());
     }

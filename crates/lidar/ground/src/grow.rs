@@ -32,6 +32,7 @@ pub(crate) fn grown(lows: &LowestPoints<'_>, seeds: &[usize]) -> Vec<usize> {
     let mut waiting = vec![true; lows.points.len()];
     for _ in 0..ROUNDS {
         let goes_on = |at: &usize| waiting[*at] && !growing.is_ground[*at] && growing.goes_on(*at);
+        // All cells of a round are judged by the ground before it, so the order of cells leaves no trace.
         let found: Vec<usize> = (0..waiting.len()).filter(goes_on).collect();
         if found.is_empty() {
             break;

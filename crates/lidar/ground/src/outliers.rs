@@ -76,6 +76,7 @@ pub(crate) fn without_outliers(lows: &LowestPoints<'_>, passes: usize) -> Vec<Po
     if left_out.len() <= FEWEST {
         return points;
     }
+    // `goes_on` searches the list by rows.
     left_out.sort_unstable();
     let left = LowestPoints { points: &points, ..*lows };
     let smooth: Vec<_> = (0..points.len()).map(|at| is_smooth(&left, at)).collect();
@@ -196,6 +197,7 @@ impl LowestBlocks {
         let at = [(at % self.width) as isize, (at / self.width) as isize];
         let most = f64::from(height) + depth;
         let mut verdicts = (0..SCALES.len()).filter_map(|scale| self.verdict(at, scale, most));
+        // `all` is true of no verdicts, and a point without chords at any scale is not contradicted.
         let mut is_contradicted = false;
         verdicts.all(|verdict| {
             is_contradicted = true;

@@ -130,6 +130,7 @@ fn sprung(bare: &[f64], width: usize) -> Vec<f64> {
                 count += 1.0;
             }
             if count > 0.0 {
+                // In place: a height is used as soon as it is set, which over-relaxation needs to converge.
                 heights[at] += BEYOND * (sum / count - heights[at]);
             }
         }

@@ -256,6 +256,7 @@ pub(super) fn look_at_all(
     let look = |_: &mut (), number: u64| {
         let region = regions[number as usize];
         let look = look_at(work, vertices, tolerance, hull, region)?;
+        // In any order: vertices are sorted when they are loaded, and errors are summed by region.
         lock(&found).push((region, look));
         work.progress.advance(1);
         Ok(())
@@ -328,6 +329,7 @@ impl VertexChanges {
         let [low, high] = [window.low, window.high].map(|at| tiling.place(at).map(|n| n as usize));
         let sum = |col: usize, row: usize| self.sums[row * self.across + col];
         let (west, south, east, north) = (low[0], low[1], high[0] + 1, high[1] + 1);
+        // Sums on both sides: the difference of unsigned numbers could go below 0 on the way.
         sum(east, north) + sum(west, south) > sum(west, north) + sum(east, south)
     }
 }

@@ -384,6 +384,7 @@ fn along([from, to]: [i32; 2], step: u64, steps: u64) -> i32 {
         return from.min(to);
     }
     let (rise, steps) = (i128::from(to) - i128::from(from), i128::from(steps));
+    // Rounded down after adding a half: a line from the other end has the same heights.
     let gone = (2 * rise * i128::from(step) + steps).div_euclid(2 * steps);
     (i128::from(from) + gone) as i32
 }

@@ -218,6 +218,7 @@ impl<'a> FeedLane<'a> {
 }
 
 fn is_in(rect: Rect, col: i32, row: i32) -> bool {
+    // Columns before the window, negative ones too, wrap beyond its width.
     (col as u32).wrapping_sub(rect.col) < rect.width
         && (row as u32).wrapping_sub(rect.row) < rect.height
 }

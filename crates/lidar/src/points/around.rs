@@ -64,6 +64,7 @@ impl<'a> SurroundingPoints<'a> {
                 each(position, found);
                 left.next();
             }
+            // At least one square is new in each round, so this ends.
             self.take_in()?;
         }
         Ok(())
@@ -141,6 +142,7 @@ impl<'a> SurroundingPoints<'a> {
     /// Loads the tiles that the last query lacked, or the nearest of them.
     fn take_in(&mut self) -> Result<()> {
         let mut wanted = self.wanted.take();
+        // The nearest first, in an order that nothing but the squares decides; they may settle what the others were for.
         wanted.sort_by_key(|&square| (self.steps_to(square), square));
         for &square in wanted.iter().take(AT_ONCE) {
             self.beyond.push((square, binned(self.store, [square].into_iter())?));

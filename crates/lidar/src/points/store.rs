@@ -209,6 +209,7 @@ impl PointStore {
     pub(crate) fn load(&self, square: usize, out: &mut Vec<Point>) -> Result<()> {
         out.clear();
         self.visit(square, |run| out.extend_from_slice(run))?;
+        // Threads add points in any order; from here on all depends on the points alone.
         out.sort_unstable();
         Ok(())
     }
@@ -250,6 +251,7 @@ impl PointStore {
             let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
             let is_outside =
                 |corner| inner.place(FixedPosition::of(corner)) == HullLocation::Outside;
+            // A square with all corners inside the hull of the lowest points has no point of the whole hull.
             if corners.into_iter().any(is_outside) {
                 self.load_distinct(square, &mut points)?;
                 hull = hull.merge(&ConvexHull::of(points.clone()));
@@ -303,6 +305,8 @@ impl PointStore {
 
 /// Extends a hull by points.
 fn surround(hull: &Mutex<ConvexHull>, points: &[Point]) {
+    // Points are tested against a copy, so threads do not wait for each other. Hulls only grow: an older
+    // one lets more points through, never fewer.
     let known = lock(hull).clone();
     let is_beyond = |p: &&Point| known.place(FixedPosition::of([p.x, p.y])) != HullLocation::Inside;
     let beyond = ConvexHull::of(points.iter().filter(is_beyond).copied().collect());

@@ -96,6 +96,7 @@ impl OctreePlacement {
     pub(super) fn new(info: &CloudInfo) -> Self {
         let origin = Point { x: 0, y: 0, z: 0 };
         let [low, high] = info.bounds.unwrap_or([origin; 2]).map(|point| info.frame.world(point));
+        // A step at least: the cube around a single point is divided by its side too.
         let reach = |axis: usize| (high[axis] - low[axis]).max(info.frame.scale[axis]);
         let side = (0..3).map(reach).fold(0.0, f64::max);
         Self { frame: info.frame, cube: OctreeCube { low, side, cells: 1 << CELLS } }
@@ -116,6 +117,7 @@ impl OctreePlacement {
         let most = f64::from(1_u32 << FINE);
         std::array::from_fn(|axis| {
             let share = (world[axis] - self.cube.low[axis]) / self.cube.side;
+            // The highest point is at 1, or by rounding a hair beyond.
             (share * most).clamp(0.0, most - 1.0) as u32
         })
     }
@@ -179,6 +181,7 @@ impl Octree<'_> {
             }
             true => {
                 let finer =
+                    // A quarter, as columns within columns wait at one time: all of them hold a third more than the first.
                     OctreeColumns::new(level + 1, level, at, (self.folder, self.memory[1] / 4));
                 columns.each(at, self.size(), &mut |bytes| finer.take(bytes, self))?;
                 columns.forget(at);
@@ -208,6 +211,7 @@ impl Octree<'_> {
         let built = four.into_par_iter().map(|at| Ok((at, self.build(level, at, columns)?)));
         let built: Vec<_> = built.collect::<Result<_>>()?;
         let mut all = Vec::new();
+        // Packed on all threads, but appended in the order of columns, so that their number leaves no trace.
         for (at, (column, chunks)) in built {
             self.append(chunks, writer)?;
             all.push((at, column));
@@ -255,9 +259,11 @@ impl Octree<'_> {
             node.records.extend_from_slice(record);
             node.occupied = node.occupied.and(Occupancy::of(fine));
         }
+        // Deeper, cells would be finer than the divisions of the cube.
         if level >= DEEPEST || column.values().all(|node| node.occupied.is_whole()) {
             return column;
         }
+        // The copies of this trial go before the quarters are made.
         drop(column);
         let mut four: [Vec<u8>; 4] = Default::default();
         for record in records.chunks_exact(self.size()) {
@@ -335,6 +341,7 @@ impl Octree<'_> {
     /// Squared distance of a record from the centre of its cell.
     fn apart(&self, level: u32, record: &[u8]) -> u64 {
         let side = 1_i64 << (FINE - level - CELLS);
+        // Doubled: the middles of a cell and of a division of the cube are both at halves.
         let along = |fine: u32| 2 * (i64::from(fine) & (side - 1)) + 1 - side;
         self.place.fine(record).map(|fine| along(fine).pow(2) as u64).iter().sum()
     }
@@ -363,6 +370,7 @@ impl Octree<'_> {
             |record: &[u8]| record[at..].first_chunk().map_or(0.0, |t| f64::from_le_bytes(*t));
         let mut all: Vec<(f64, &[u8])> =
             records.chunks_exact(self.size()).map(|record| (time(record), record)).collect();
+        // Records that are equal in both are the same bytes: the order of the input does not show.
         all.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(b.1)));
         all.iter().flat_map(|(_, record)| record.iter().copied()).collect()
     }

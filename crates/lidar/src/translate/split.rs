@@ -66,6 +66,7 @@ impl SplitColumn {
             Some(ruler) => self.column.decimal(record, ruler),
             None => self.column.number(record),
         };
+        // NaN has many bits: each would be a file, all of one name. -0 + 0 is 0.
         (if value.is_nan() { f64::NAN } else { value + 0.0 }).to_bits()
     }
 

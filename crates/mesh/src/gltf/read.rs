@@ -193,6 +193,7 @@ impl GlbSource {
 
 fn info(asset: &GltfAsset, plain: MeshInfo) -> MeshInfo {
     let extras = &asset.extras;
+    // Extras of other programs may have these names and anything in them.
     let origin = serde_json::from_value::<Point3>(extras["origin"].clone()).unwrap_or_default();
     let scale = serde_json::from_value::<Point3>(extras["scale"].clone()).ok();
     let generator = asset.generator.iter().map(|name| ("generator".to_owned(), name.clone()));
@@ -242,6 +243,7 @@ fn chunk(input: &MeshFile, offset: u64, kind: &[u8; 4]) -> Result<(u64, u64)> {
     if found != *kind {
         return Err(input.bad(format!("has no {name} chunk at byte {offset}")));
     }
+    // The eight bytes before `start` were read, so it is not beyond the file.
     if length > input.bytes() - start {
         return Err(input.bad(format!("the {name} chunk of {length} bytes is truncated")));
     }

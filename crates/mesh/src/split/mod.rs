@@ -66,6 +66,7 @@ impl MeshBlockLayout {
 
     /// Column and row of the block of a triangle.
     fn of(&self, corners: &[Point3; 3]) -> [u32; 2] {
+        // Corners are samples; the way to the world and back may miss them by a hair.
         let places = corners.map(|[x, y, _]| self.to_world.invert(x, y).map(f64::round));
         let count = self.count();
         [0, 1].map(|axis| {

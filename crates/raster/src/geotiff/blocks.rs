@@ -132,6 +132,7 @@ impl GeoTiffBlocks {
         let bytes = match &self.byte_counts {
             Some(counts) => counts.get(file, number)?,
             None if raw => needed,
+            // Without counts no one tells where a block ends: as much is read as it may take.
             None => most_packed(plain).min(file.size().saturating_sub(offset)),
         };
         // GDAL keeps the offset when it clears the byte count.
@@ -147,6 +148,7 @@ impl GeoTiffBlocks {
         }
         let bytes = if raw { needed } else { bytes };
         file.check_range(offset, bytes)?;
+        // A damaged count asks for no more than a block may take packed.
         Ok(Some(GeoTiffBlockExtent { offset, bytes: bytes.min(most_packed(plain)) }))
     }
 
@@ -186,6 +188,7 @@ impl GeoTiffBlocks {
             let bits = grown(&mut scratch.plain, plain);
             self.unpack(&mut scratch.decoders, packed, bits, by)?;
             self.take_bits(bits, &mut out);
+        // Without a copy, where neither other bands nor the predictor of floats part the bytes of samples.
         } else if layout.stride() == 1 && layout.effective_predictor() != Predictor::Float {
             self.unpack(&mut scratch.decoders, packed, &mut out, by)?;
             self.undo_in_place(&mut out);
@@ -216,6 +219,7 @@ impl GeoTiffBlocks {
         }
         let needed = self.layout.block_bytes(self.layout.block_rect(0, by).height);
         match decoders.run(self.layout.compression, packed, out) {
+            // Some writers end the lowest blocks with the picture, not with the block.
             Ok(bytes) if bytes as u64 >= needed => Ok(()),
             Ok(bytes) => {
                 Err(Error::bad_input(format!("decodes to {bytes} bytes, expected {needed}")))

@@ -248,6 +248,7 @@ fn packbits(mut packed: &[u8], out: &mut [u8]) -> std::result::Result<usize, Dec
         let room = out.len() - written;
         packed = rest;
         match *head as i8 {
+            // No operation (TIFF 6.0 section 9); as a run it would be one of 129 bytes.
             -128 => {}
             repeat @ ..0 => {
                 let bytes = (1 - repeat as isize) as usize;
@@ -257,6 +258,8 @@ fn packbits(mut packed: &[u8], out: &mut [u8]) -> std::result::Result<usize, Dec
                 packed = rest;
             }
             literal => {
+                // A literal that is cut short gives what is there. Whether the block is whole is judged by its
+                // length afterwards.
                 let bytes = (literal as usize + 1).min(packed.len());
                 written += copy(&packed[..bytes], &mut out[written..]);
                 packed = &packed[bytes..];

@@ -218,6 +218,7 @@ fn block_size(
     if rows == 0 {
         return Err(about(tags::ROWS_PER_STRIP, "is 0"));
     }
+    // The default of RowsPerStrip is 2^32 - 1, for one strip.
     Ok((width, rows.min(u64::from(height)) as u32))
 }
 

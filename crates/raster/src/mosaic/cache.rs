@@ -100,6 +100,8 @@ impl MosaicFilePool {
         }
         // Dropped on failure and on panic, so that waiting threads retry.
         let _claim = MosaicOpenClaim { pool: self, key };
+        // Before the file is opened, as the limit of open files holds then, too. How many bytes its blocks
+        // take is known only afterwards.
         lock(&self.state).make_room(1, 0, self.most_files, self.most_bytes);
         let opened = open()?;
         let grid = opened.grid.clone();

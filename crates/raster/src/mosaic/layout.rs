@@ -119,6 +119,7 @@ fn origin(shapes: &[GridShape], places: &[[i64; 2]], low: [i64; 2]) -> Affine {
     if first.b != 0.0 || first.d != 0.0 {
         return shifted;
     }
+    // An origin computed from the first grid is off by the rounding of its header, times the distance.
     let at = |axis: usize| places.iter().position(|p| p[axis] == low[axis]);
     let x0 = at(0).map_or(shifted.x0, |i| shapes[i].transform.x0);
     let y0 = at(1).map_or(shifted.y0, |i| shapes[i].transform.y0);

@@ -100,6 +100,7 @@ fn read_tag(
     let (tag, kind, count, place) = (number(0..2), number(2..4), number(4..12), number(12..20));
     let (tag, kind) = (tag as u16, kind as u16);
     if [tag::TILE_OFFSETS, tag::TILE_BYTES].contains(&tag) {
+        // Not read: they have an entry for each tile, which follows from the layout.
         return Ok(Some((tag, TiffTagValues::Table { count, first: 0, step: 0 })));
     }
     let size = value_bytes(kind).and_then(|size| size.checked_mul(count));

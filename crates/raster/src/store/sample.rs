@@ -131,6 +131,7 @@ impl SampleCodec {
         let (value, held) = T::nearest(wanted);
         let meets = fill.is_some_and(|fill| value.meets(fill));
         match self.rounding {
+            // `&`, not `&&`: no branch in the loop over all samples.
             SampleRounding::Exact => (value, held & self.is_close(value, wanted) & !meets),
             SampleRounding::Nearest => (value, held & !meets),
             SampleRounding::Aside => (if meets { value.aside() } else { value }, held),
@@ -351,6 +352,8 @@ macro_rules! stored_integer {
                 let mut all = true;
                 for (bytes, height) in bytes.chunks_exact_mut(Self::BYTES).zip(heights) {
                     let height = height.to_f64();
+                    // The cast saturates and makes NaN 0. Both fail the comparison below, so neither is stored as a
+                    // height that it is not.
                     let value = height as $t;
                     value.write(bytes);
                     all &= (f64::from(value) == height) & (Some(value) != fill);

@@ -234,6 +234,7 @@ impl GridSink for CogSink {
         write_directories(target.file(), form, &directories, &sizes)
             .map_err(|e| Error::write(target.path(), e))?;
         let mut out = AppendWriter::of(&target, front(&directories, form))?;
+        // Overviews before the image, the smallest first: who reads the head of a COG has them at hand.
         spools.into_iter().rev().try_for_each(|(spool, _)| out.append(spool))?;
         target.commit()
     }

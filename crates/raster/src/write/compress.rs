@@ -98,6 +98,7 @@ fn packbits(row: &[u8], out: &mut Vec<u8>) {
     let (mut at, mut literal) = (0, 0);
     while at < row.len() {
         let same = row[at..].iter().take(MOST_PACKED).take_while(|b| **b == row[at]).count();
+        // A run of two bytes takes as many as in a literal, and would cut the literal in two.
         if same < 3 {
             at += same;
             continue;

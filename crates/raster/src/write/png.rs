@@ -112,6 +112,7 @@ impl PngSink {
             return Err(Error::bad_input(message).remedy("write another format"));
         }
         let again = step * scale + self.packing.offset;
+        // Far from 0 a step read as an f32 is off by more than a hair: it counts as itself if it reads the same again.
         let same = (step - wanted).abs() < HAIR || again as f32 == height as f32;
         if !same && !self.round {
             let message =

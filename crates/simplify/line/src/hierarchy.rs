@@ -124,6 +124,7 @@ impl Hierarchy {
             return 0.0;
         }
         let (_, square, _) = squares.select_nth_unstable_by(most, |a, b| b.total_cmp(a));
+        // The root may be rounded down, and its square would then let one vertex more through.
         square.sqrt().next_up()
     }
 
@@ -156,6 +157,7 @@ impl Hierarchy {
         let count = header(bytes)?;
         let eight = |at: &[u8]| at.try_into().map(f64::from_le_bytes).unwrap_or(f64::NAN);
         let squares: Vec<f64> = bytes[HEADER..].chunks_exact(8).map(eight).collect();
+        // False for NaN, too.
         match squares.iter().all(|square| *square >= 0.0) {
             true => Ok(Self::of(count, squares)),
             false => Err(damaged("its distances are none")),

@@ -177,6 +177,7 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
             tree: None,
             looks,
         };
+        // The first vertex is its own parent, as `NONE` stands for one that is not reached.
         search.visit(0, 0);
         search.reach(points.len() - 1, layer);
         let is_found = search.is_visited(points.len() - 1);
@@ -233,6 +234,7 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
             if next == i {
                 break;
             }
+            // Path halving, as in union-find: without it, each search would walk over all visited vertices.
             if let Some(after) = self.nodes.get(next).map(|node| node.next) {
                 self.nodes[i].next = after;
             }

@@ -200,6 +200,8 @@ impl Hulls {
         let mut query = FarthestQuery { hulls: self, segment, points, limit, ends, unit, looks };
         open.clear();
         open.extend(self.runs(start..end).map(|(level, place)| query.run(level, place)));
+        // Runs are popped from the end. The first of the line has to come first, so that of vertices
+        // equally far the one with the lowest index is found.
         open.reverse();
         scan::<Xy, PlaneMetric>(segment, points, from, start, farthest);
         while let Some(run) = open.pop() {
@@ -302,6 +304,7 @@ impl FarthestQuery<'_> {
     /// What rounding may do, by the run and the segment together.
     fn doubt(&self, hull: &RunHull) -> RoundingBound {
         let span = self.segment.span(&hull.around);
+        // A run of zeros has the unit i32::MAX; beyond 1000 the power would be 0 or infinite.
         let units = span * 2.0_f64.powi(-hull.unit.min(self.unit).clamp(-1000, 1000));
         let slack = if units < EXACT { 0.0 } else { self.segment.rounding(&hull.around) };
         RoundingBound { slack, is_whole: units < WHOLE }
@@ -350,6 +353,8 @@ impl FarthestQuery<'_> {
         let (mut count, corners) = (1, hull.end - hull.lower);
         for next in [RunHull::after, RunHull::before] {
             let mut at = next(hull, place);
+            // The two ways together see each corner once at most, so a hull all of whose corners lie beyond
+            // the end does not go round for ever.
             while count < corners {
                 count += 1;
                 let corner = self.corner(level, at);
@@ -472,6 +477,7 @@ impl HullLevel {
         self.push_chain(points, run, Ordering::Greater);
         let upper = self.chains.len();
         self.push_chain(points, run, Ordering::Less);
+        // NaN equals no end, so the first query takes nothing for known.
         let far = [(); 2].map(|()| Cell::new(FarthestBound::new([f64::NAN; 2])));
         let (end, few) = (self.chains.len(), [self.few.len(); 2]);
         self.hulls.push(RunHull { around, unit, far, lower, upper, end, few });
@@ -496,6 +502,7 @@ impl HullLevel {
         let at = |i: u32| points[i as usize];
         for &next in run {
             while let [.., a, b] = self.chains[first..]
+                // Collinear vertices go as well: binary search needs chains that turn strictly.
                 && orient(at(a), at(b), at(next)) != turn
             {
                 self.chains.pop();
@@ -518,6 +525,7 @@ fn unit(value: f64) -> i32 {
     let (exponent, fraction) = (bits >> 52 & 0x7FF, bits & ((1 << 52) - 1));
     match (exponent, fraction) {
         (0, 0) => i32::MAX,
+        // Subnormals have no hidden bit and the exponent of the smallest normal number.
         (0, _) => fraction.trailing_zeros() as i32 - 1074,
         _ => (fraction | 1 << 52).trailing_zeros() as i32 + exponent as i32 - 1075,
     }

@@ -67,6 +67,8 @@ pub fn refine(
     let mut start = start;
     ends.clear();
     ends.push(end);
+    // A stack of right ends instead of recursion: where each split takes off one vertex, recursion is
+    // as deep as the line is long and overflows the stack.
     while let Some(&end) = ends.last() {
         match split(start, end) {
             Some(middle) => ends.push(middle),

@@ -254,6 +254,7 @@ impl AreaQueue {
     #[inline]
     fn push(&mut self, entry: VertexArea) {
         let bits = entry.key.to_bits();
+        // Areas below the least at the start come up as neighbours go, 0 among them: first bucket.
         let bucket = (bits.saturating_sub(self.least) >> self.shift) as usize;
         let bucket = bucket.min(self.buckets.len() - 1);
         match bucket < self.at {

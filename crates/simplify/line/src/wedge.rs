@@ -183,6 +183,7 @@ pub(super) fn difference<const N: usize>(p: &[f64; N], from: &[f64; N]) -> [f64;
 #[inline]
 fn tangents(v: Xy, k: Xy, tolerance: f64) -> [Xy; 2] {
     let square = dot(v, v);
+    // Rounding makes the difference negative where the anchor lies on the circle.
     let along = (square - tolerance * tolerance).max(0.0).sqrt() / square;
     let aside = tolerance / square;
     let unscaled = |x: f64, y: f64| match k == [1.0; 2] {
@@ -216,6 +217,7 @@ impl<V, L: WedgeView<V>> DiscWedge<V, L> {
     fn step_straight(&mut self, v: Xy) -> WedgeStep {
         self.cuts = 0;
         match self.rays {
+            // A vertex at the anchor has no direction, and every ray passes it.
             _ if v == [0.0; 2] => WedgeStep::Ends,
             None => {
                 self.cuts = 1;
@@ -262,6 +264,7 @@ fn is_between(direction: Xy, [left, right]: [Xy; 2]) -> bool {
     let bisector = [left[0] + right[0], left[1] + right[1]];
     cross(direction, left) >= -SLACK
         && cross(right, direction) >= -SLACK
+        // The cross products alone also accept the opposite direction where the rays are close.
         && dot(direction, bisector) >= -SLACK
 }
 
@@ -406,6 +409,8 @@ impl Wedge<Xy> for SlopeWedge {
     #[inline(always)]
     fn step(&mut self, p: &Xy) -> WedgeStep {
         let (x, y) = (p[0] - self.anchor[0], p[1] - self.anchor[1]);
+        // The product with the reciprocal, as in `outside`: a quotient could differ in the last bit, and
+        // the two have to agree on what ends a segment.
         let unit = 1.0 / x;
         let slope = y * unit;
         let slack = SLACK * slope.abs();

@@ -142,6 +142,7 @@ pub(super) fn solve(
             }
             return Ok(solved);
         }
+        // A ring that is whole is never spoiled: each round leaves more of them, so that the loop ends.
         whole.extend(spoiled);
         whole.sort_unstable();
     }

@@ -39,6 +39,7 @@ pub fn run_bands(
     let named = |error| in_input(error, &job.input);
     let mut opened = OpenedTinJob::with(job, || open(job, bands).map_err(named))?;
     let kinds = kinds(job, bands).map_err(named)?;
+    // By their types alone first: a format without room for them fails before all is read.
     opened.carried = carried(bands, &kinds);
     opened.format.check_channels(&opened.carried.channels)?;
     let maker = TinMaker { job, opened: &opened, progress, cancel };

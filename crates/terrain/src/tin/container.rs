@@ -57,6 +57,8 @@ impl TileContainer {
             }
             !is_member
         };
+        // Inner triangles are searched only by the few patches that reach so far. All of them move over,
+        // because the rest of the container tells near from inner by the list alone.
         if members.touches(&inner_bounds(layout, tile)) {
             self.triangles.append(&mut self.inner);
         }
@@ -84,6 +86,8 @@ impl TileContainer {
         let shift = PositionShift::new(at, layout.origin(tile));
         let owned = OffsetFrame::new(layout.owned(tile), at);
         let kept = piece.triangles.iter().filter(|t| owned.contains(first_corner(t)));
+        // A piece of the whole tile already has the tile's positions, and its vertices are sorted: they
+        // become the sorted part. Seam patches have neither.
         if piece.rect == layout.rect(tile) {
             let inner = inner_bounds(layout, tile);
             for &triangle in kept {
@@ -142,6 +146,7 @@ impl TileContainer {
             all.filter(|&(&at, _)| owned.contains(at))
         };
         let loose = self.vertices.drain(..).zip(self.heights.drain(..));
+        // A neighbour may have been triangulated first and have listed vertices of the shared rim here.
         let is_new = |(at, _): &(TilePosition, f64)| piece.vertices.binary_search(at).is_err();
         let loose: Vec<_> = loose.filter(is_new).collect();
         self.sorted = own().count();
@@ -157,6 +162,8 @@ impl TileContainer {
             }
             let at = shift.apply(at);
             match self.vertices[..self.sorted].binary_search(&at) {
+                // A patch moves free heights, so its height replaces the tile's. In the loose part the later one
+                // wins in `settle`.
                 Ok(place) => self.heights[place] = height,
                 Err(_) => {
                     self.vertices.push(at);
@@ -170,6 +177,8 @@ impl TileContainer {
     pub(super) fn settle(&mut self, used: impl Fn(TilePosition) -> bool) {
         let all = self.vertices.iter().copied().zip(self.heights.iter().copied());
         let mut kept: Vec<(TilePosition, f64)> = all.rev().filter(|&(at, _)| used(at)).collect();
+        // The list is reversed and the sort is stable, so of one position the vertex listed last comes first,
+        // and `dedup` keeps that one.
         kept.sort_by_key(|&(at, _)| at);
         kept.dedup_by_key(|&mut (at, _)| at);
         self.vertices = kept.iter().map(|&(at, _)| at).collect();
@@ -223,6 +232,8 @@ impl TileContainer {
 
     /// The closed container that `bytes` encode; `None` if they are invalid.
     pub(super) fn of_bytes(bytes: &[u8]) -> Option<Self> {
+        // Counts are those of a stored file. `take` holds each against the bytes that are left before it
+        // allocates.
         let (counts, mut rest) = bytes.split_at_checked(size_of::<[u64; 3]>())?;
         let [triangles, inner, vertices]: [u64; 3] = bytemuck::pod_read_unaligned(counts);
         let container = Self {

@@ -49,6 +49,7 @@ impl BreaklineFans {
             for turn in [[0, 1, 2], [1, 2, 0], [2, 0, 1]] {
                 let [a, b, c] = turn.map(|i| corners[i]);
                 if holds(rect, a) && self.on.contains(index(a, rect)) {
+                    // Positions reach one and a half tiles of at most 8192 cells either way, which 16 bits hold.
                     let [a, b, c] = [a, b, c].map(|at| at.map(|place| place as i16));
                     self.fans.push((a, [b, c]));
                 }

@@ -162,6 +162,7 @@ impl TileLayout {
     /// The tile's samples with one more on each side where the grid goes on.
     pub(super) fn apron(&self, tile: TileId) -> Rect {
         let (col, row) = self.origin(tile);
+        // No clamp on this side: `between` cuts off at the end of the grid.
         let last = [col + self.tile + 1, row + self.tile + 1];
         self.between([col.saturating_sub(1), row.saturating_sub(1)], last)
     }
@@ -190,6 +191,8 @@ impl TileLayout {
 
     /// All tiles that may keep a triangle wholly inside `rect`.
     pub(super) fn keepers(&self, rect: Rect) -> impl Iterator<Item = TileId> + use<> {
+        // A triangle is kept by the first corner of its bounding box, and no triangle inside begins in the
+        // last column or row.
         self.owners(Rect { width: rect.width - 1, height: rect.height - 1, ..rect })
     }
 

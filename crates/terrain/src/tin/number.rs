@@ -30,6 +30,8 @@ impl VertexFlags {
     /// Marks the corners of `triangles`, which are relative to `origin` (column, row).
     pub(super) fn mark(&mut self, triangles: &[TileTriangle], origin: (u32, u32)) {
         let Some(owned) = self.owned else { return };
+        // Corners left of the tile or above it wrap to numbers beyond any width, so one comparison a side
+        // is enough.
         let (left, above) = (owned.col.wrapping_sub(origin.0), owned.row.wrapping_sub(origin.1));
         for at in triangles.iter().flat_map(|triangle| triangle.corners) {
             let (col, row) = (at.col().wrapping_sub(left), at.row().wrapping_sub(above));
@@ -124,6 +126,7 @@ impl VertexRanks {
     /// Rank of the vertex at `at`.
     fn rank(&self, at: TilePosition) -> Option<usize> {
         let bit = at.row() as usize * self.pitch + at.col() as usize;
+        // The mask has all bits up to this one. For bit 63 the shift leaves 0, and 0 - 1 is all ones.
         let below = self.bits.words().get(bit / 64)? & (2_u64 << (bit % 64)).wrapping_sub(1);
         let is_vertex = below >> (bit % 64) == 1;
         is_vertex.then(|| (self.before[bit / 64] + below.count_ones()) as usize - 1)
@@ -203,6 +206,7 @@ impl VertexLookup {
         with_corners: bool,
     ) -> Option<TileFaces> {
         sort_by_position(&mut triangles);
+        // Rows of a north-up grid run south: its transform mirrors, which turns corners clockwise.
         let flip = to_world.determinant() < 0.0;
         let mut faces = TileFaces::default();
         faces.ids.reserve_exact(triangles.len());
@@ -215,6 +219,8 @@ impl VertexLookup {
                 faces.corners.push(found.map(|at| self.position(at, to_world)));
             }
             faces.max_error = faces.max_error.max(triangle.max_error);
+            // Added in the sorted order: a sum of floats depends on it, and the report must not depend on
+            // which patch came first.
             faces.square_sum += f64::from(triangle.square_sum);
         }
         Some(faces)

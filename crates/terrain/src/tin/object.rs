@@ -110,6 +110,7 @@ impl ObjectWriter {
         let index = std::mem::take(&mut self.index);
         let bytes: &[u8] = bytemuck::cast_slice(&index);
         self.write(bytes)?;
+        // A buffer that is dropped swallows the error of its last write.
         let file = self.file.into_inner().map_err(|e| Error::write(&self.path, e.into_error()))?;
         file.commit()?;
         let digest = Digest(*self.hasher.finalize().as_bytes());

@@ -204,6 +204,8 @@ fn run_threads(
         };
         let others: Vec<_> =
             (1..threads).map_while(|_| spawn(scope, work(sender.clone()))).collect();
+        // The last sender moves into this thread's worker. The writer's loop ends only when no sender is
+        // left, so one kept here would make the join below wait for ever.
         let mut clock = work(sender)();
         for other in others {
             match other.join() {
@@ -227,6 +229,8 @@ fn write_parts(
     for (tile, part) in parts {
         match lock(collector).accept(tile, part) {
             Ok(written) => shared.store.account(written, 0),
+            // The failure is noted before the receiver is dropped. Workers then fail with "the writer has
+            // stopped" instead of blocking on a full channel, and the queue keeps the first error.
             Err(error) => return shared.queue.fail(error),
         }
     }

@@ -38,6 +38,8 @@ impl TileTask {
         let edges: Edges = match self.step {
             Tile => &[],
             Vertical => &[(Tile, 0, 0), (Tile, 0, 1)],
+            // The patch is as wide as the tile and crosses the vertical seams at both its sides, above and
+            // below the line: four vertical patches have to be final first.
             Horizontal => &[
                 (Tile, 0, 0),
                 (Tile, 1, 0),
@@ -54,6 +56,8 @@ impl TileTask {
                 (Tile, -1, -1),
                 (Tile, 0, 1),
                 (Tile, 1, 0),
+                // These three tiles own vertices on the rim of this one. Their heights are looked up, although
+                // none of their triangles is changed.
                 (Tile, 1, 1),
                 (Vertical, 0, -1),
                 (Vertical, 0, 0),
@@ -65,6 +69,8 @@ impl TileTask {
                 (Corner, 0, 0),
             ],
             Number => return self.number_inputs(work),
+            // Ids are given one tile after the other, so the number of the last tile implies those of the
+            // other three.
             Emit => return vec![TileTask::at(Number, work.layout.furthest_vertex(self.tile))],
         };
         self.around(work, edges).collect()
@@ -163,12 +169,15 @@ impl TaskQueue {
             if state.failure.is_some() || state.finished == self.work.tiles() {
                 return None;
             }
+            // A tile waits for nothing, so no finished task would ever ready it.
             self.begin_tiles(&mut state, &has_room);
             if let Some(Reverse((_, task))) = state.ready.pop() {
                 state.running += 1;
                 state.tiles_ready -= u64::from(task.step == TileStep::Tile);
                 return Some(task);
             }
+            // Only a running task can ready another. Waiting here would hang; a gap in the tables of edges
+            // ends as an error instead.
             if state.running == 0 {
                 state.failure = Some(Error::new(ErrorKind::Internal, "the schedule ran dry"));
                 continue;
@@ -180,6 +189,7 @@ impl TaskQueue {
     /// Notes that `task` is done and readies those that waited for it only.
     pub(super) fn done(&self, task: TileTask) {
         let mut state = lock(&self.state);
+        // A failed task is never taken off `running`: the failure ends the queue before anyone counts.
         state.running -= 1;
         state.finished += u64::from(matches!(task.step, TileStep::Emit | TileStep::Save));
         for output in task.outputs(&self.work) {
@@ -192,6 +202,7 @@ impl TaskQueue {
             }
         }
         drop(state);
+        // All workers wake, not one: a task can ready several others, and the last one ends every wait.
         self.wake.notify_all();
     }
 
@@ -210,9 +221,11 @@ impl TaskQueue {
     /// Adds tiles to the ready tasks: one for each worker while there is memory, and none too far ahead of the
     /// writer.
     fn begin_tiles(&self, state: &mut TaskQueueState, has_room: impl Fn() -> bool) {
+        // A drawn order has to choose among all tiles of the window, not among the first few.
         let most = if self.order_seed.is_some() { u64::MAX } else { self.threads };
         let end = self.work.tiles().min(state.finished + self.window());
         while state.begun < end && state.tiles_ready < most {
+            // Only finished tiles free memory. Without this exception a run over its budget would never go on.
             let idle = state.ready.is_empty() && state.running == 0;
             if !idle && !has_room() {
                 return;
@@ -240,6 +253,7 @@ impl TaskQueue {
         let cols = u64::from(task.tile.col + cols);
         let last = u64::from(task.tile.row + rows) * u64::from(layout.cols + MOST_LAG) + cols;
         match self.order_seed {
+            // Of tasks that wait for the same last tile the earlier of the eight steps goes first.
             None => last * 8 + task.step as u64,
             Some(seed) => mix(seed ^ mix(layout.index(task.tile) * 8 + task.step as u64)),
         }

@@ -79,6 +79,8 @@ impl ContainerStore {
         let vertices = self.slot(tile, |slot| {
             slot.first_id = first_id;
             match &slot.place {
+                // The count of a spilled container is known without reading it. Numbering is the one step that
+                // runs tile after tile, so a read here would hold up all workers.
                 SlotState::Held(container) => container.vertices.len(),
                 SlotState::Spilled(spilled) => spilled.vertices(),
             }
@@ -132,6 +134,8 @@ impl ContainerStore {
 
     /// Reserves `bytes` for a worker, counted until the result is dropped.
     pub(super) fn reserve(&self, bytes: u64, tile: TileId) -> Result<ReservedBytes<'_>> {
+        // Counted before the relief, which then frees as much as is about to be taken; the guard exists
+        // before it, too, so that a failed relief gives the bytes back.
         self.account(0, bytes);
         let reserved = ReservedBytes { store: self, bytes };
         self.relieve(tile)?;
@@ -162,6 +166,8 @@ impl ContainerStore {
             let mut slots = lock(&self.slots);
             Arc::clone(slots.entry(tile).or_insert_with(|| Arc::new(self.fresh(tile))))
         };
+        // The guard ends with this statement. `relieve` locks other slots, and a thread that held one
+        // while it waits for another could deadlock with its mirror image.
         let result = f(&mut lock(&slot));
         self.relieve(tile)?;
         Ok(result)
@@ -178,6 +184,7 @@ impl ContainerStore {
         slot: &mut ContainerSlot,
         f: impl FnOnce(&mut TileContainer) -> R,
     ) -> Result<R> {
+        // A failed read leaves an empty container. The run fails with it, so nothing of it is written.
         let mut container = match std::mem::take(&mut slot.place) {
             SlotState::Held(container) => container,
             SlotState::Spilled(spilled) => {
@@ -201,10 +208,13 @@ impl ContainerStore {
             return Ok(());
         }
         let _only = lock(&self.relief);
+        // The thread that held the lock before has made room for those that waited.
         if self.has_room() {
             return Ok(());
         }
         let mut slots: Vec<_> = {
+            // The map is copied and unlocked: containers are written for a while, and other workers need the
+            // map to find theirs.
             let slots = lock(&self.slots);
             slots
                 .iter()
@@ -216,6 +226,7 @@ impl ContainerStore {
             if self.held.load(Ordering::Relaxed) <= self.limit / 8 * 7 {
                 break;
             }
+            // A container in use stays: its worker would need it back at once.
             let Ok(mut slot) = slot.try_lock() else { continue };
             self.spill_slot(&mut slot)?;
         }

@@ -214,17 +214,17 @@ impl<'a> TinWorker<'a> {
         Ok(())
     }
 
-    /// True around a corner near breaklines. Nobody comes after that patch, and what others have left of a line may
-    /// be anywhere it can reach.
+    /// True around a corner near breaklines.
     fn is_last_of_lines(&self, seam: SeamPlace, zone: &PatchTriangles) -> bool {
+        // No patch comes after this one, and the rest of a line may be anywhere within its reach.
         seam == SeamPlace::Corner
             && self.job.settings.kept.lines().paths().near(zone.limits()).next().is_some()
     }
 
-    /// Spacing of anchor vertices. Half of it where lines are followed: a sample may have to be inserted
-    /// anywhere on them, and its changes have to be inside a patch.
+    /// Spacing of anchor vertices; half as much where lines are followed.
     fn spacing(&self) -> u32 {
         let most = self.job.layout.spacing();
+        // A sample may be inserted anywhere on a line, and all that this changes has to be in a patch.
         if self.job.settings.kept.lines().paths().is_empty() { most } else { (most / 2).max(1) }
     }
 
@@ -323,10 +323,10 @@ impl<'a> TinWorker<'a> {
         make(&input, &self.job.settings.spec, &mut self.scratch)
     }
 
-    /// Drops vertices that only a Delaunay mesh needs: those whose triangles are all kept with the tile, and lie in
-    /// it. All that touches them is done by now, and no neighbour looks at anything that this changes: the
-    /// vertices of the neighbours, and which of them are in use, stay as they are.
+    /// Drops vertices that only a Delaunay mesh needs: those whose triangles are all kept with the tile, inside it.
     fn reduce(&mut self, tile: TileId) -> Result<()> {
+        // All patches around the tile are done, and no neighbour looks at what changes here: its own vertices,
+        // and which of them are in use, stay as they are.
         let layout = self.job.layout;
         let rect = layout.rect(tile);
         self.read(rect)?;
@@ -436,8 +436,9 @@ impl<'a> TinWorker<'a> {
         self.send(tile, TilePart::Vertices(points))
     }
 
-    /// Fixes the ids of a tile's vertices. All that touches the tile is done by now.
+    /// Fixes the ids of a tile's vertices.
     fn number(&mut self, tile: TileId) -> Result<()> {
+        // No other task numbers at this time: each waits for the one before.
         let first = self.job.next_id.load(Ordering::Relaxed);
         let next = self.job.store.number(tile, first)?;
         self.job.next_id.store(next, Ordering::Relaxed);
@@ -522,11 +523,11 @@ impl<'a> TinWorker<'a> {
         Ok(())
     }
 
-    /// Hands over a part. Without free memory it does not wait in the channel: the worker waits for the
-    /// collector, so that no more parts are made than can be written.
+    /// Hands over a part.
     fn send(&self, tile: TileId, part: TilePart) -> Result<()> {
         let store = &self.job.store;
         store.account(0, part.bytes());
+        // Without room the worker waits for the collector: no more parts are made than can be written.
         match &self.outlet.writer {
             Some(writer) if store.has_room() => writer
                 .send((tile, part))

@@ -143,6 +143,8 @@ impl OrderedMeshWriter {
             self.layout.index(last) < self.next_vertices
         };
         if due {
+            // Nothing else is written while these are due, not even vertices that have come: the sequence must
+            // not depend on what came first.
             let faces = self.triangles.remove(&self.next_triangles)?;
             self.next_triangles += 1;
             Some(TilePart::Triangles(faces))

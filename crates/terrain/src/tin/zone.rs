@@ -121,6 +121,7 @@ impl PatchFrontier {
         let place = |at: TilePosition| [at.col() as i32 + cols, at.row() as i32 + rows];
         let turned = |corners: &[TilePosition; 3]| {
             let [a, b, c] = corners.map(place);
+            // The triangle beyond runs through the shared edge in the other direction.
             ([b, a], c)
         };
         let mut edges: Vec<_> = border.iter().map(turned).collect();
@@ -148,6 +149,8 @@ impl PatchFrontier {
         for triangle in triangles.iter().chain(inner) {
             let corners =
                 triangle.corners.map(|at| [at.col() as i32 + cols, at.row() as i32 + rows]);
+            // A triangle beyond shares an edge, so two of its corners lie in the box. Most triangles fail this
+            // before any search.
             let near = corners.iter().filter(|&&at| around.holds(&SampleBounds::along([at, at])));
             if near.count() >= 2 && members.is_within_limits(triangle) {
                 for i in 0..3 {
@@ -168,6 +171,7 @@ impl PatchFrontier {
         let Ok(at) = self.edges.binary_search_by_key(&edge, |entry| entry.0) else { return };
         let ([b, a], c) = self.edges[at];
         self.found[at] = true;
+        // Four corners on one circle do not widen the patch: both ways to cut them are Delaunay.
         self.is_open |= in_circle(a, b, c, beyond) > 0;
     }
 

@@ -76,6 +76,7 @@ pub(super) fn of(
         (None, None) => covering(outline.whole()?, cell),
         (None, Some(cell)) => {
             let [x0, y0, x1, y1] = outline.whole()?;
+            // A hair inward: an extent on the lattice, rounded, would get a row of cells without samples.
             let low = |at: f64, cell: f64| (at / cell + HAIR).floor() * cell;
             let high = |at: f64, cell: f64| (at / cell - HAIR).ceil() * cell;
             let snapped =
@@ -100,6 +101,7 @@ pub(super) fn scale(lattice: &TargetGrid, grid: &GridInfo, way: &CrsTransform) -
         let [x, y] = way.there(grid.transform.apply(at[0], at[1])).ok()?;
         Some(lattice.transform.invert(x, y))
     };
+    // Where the middle of the target has no place in the grid's system, by the inverse of the way there.
     let Some([a, b]) = slopes(there, [grid.width, grid.height].map(middle)) else {
         return Err(placeless().remedy("clip the grid with ‹bounds›"));
     };
@@ -136,6 +138,7 @@ fn natural(grid: &GridInfo, way: &CrsTransform) -> Result<[f64; 2]> {
         way.there([x, y]).ok()
     };
     let side = slopes(there, [middle(grid.width), middle(grid.height)])
+        // A square of the area of a cell there: about as many samples as the grid has.
         .map(|[a, b]| (a[0] * b[1] - a[1] * b[0]).abs().sqrt())
         .filter(|side| *side > 0.0 && side.is_finite());
     side.map(|side| [side; 2])

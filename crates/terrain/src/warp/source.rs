@@ -97,6 +97,7 @@ impl WarpedGrid {
                 left.extend(halves(piece));
                 continue;
             }
+            // Not before this point: pieces that are halved are placed again.
             self.nowhere.fetch_add(nowhere, Ordering::Relaxed);
             self.fill(needed, grid, buffers)?;
             found(piece, &buffers.heights);

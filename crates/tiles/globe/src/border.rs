@@ -82,6 +82,7 @@ pub(crate) fn vertices(
 
 /// Steps to the begin of a part.
 pub(crate) fn along(part: u32, parts: u32) -> i32 {
+    // In whole numbers, as the tile on the other side has to find the same steps.
     let double = 2 * u64::from(part) * STEPS as u64 + u64::from(parts);
     (double / (2 * u64::from(parts))) as i32
 }

@@ -106,12 +106,14 @@ pub fn quantized_mesh<G: GroundSampler>(
         true => out.extend((index as u16).to_le_bytes()),
         false => out.extend(index.to_le_bytes()),
     };
+    // Indices of 32 bits begin at a multiple of four bytes (IndexData32).
     while !is_short && out.len() % 4 != 0 {
         out.push(0);
     }
     out.extend((triangles.len() as u32).to_le_bytes());
     let mut next = 0;
     for corner in triangles.iter().flatten() {
+        // High-water marks: a vertex is told by how far it is below the next new one, which is 0 for that.
         index(next - corner, &mut out);
         next += u32::from(*corner == next);
     }

@@ -221,6 +221,7 @@ impl GroundSampler for HeightPatch<'_> {
         let [first, end] = self.range(map, axis, [from[axis], to[axis]]);
         for index in first..end {
             let mut place = from;
+            // The map is not turned: each coordinate depends on its own index alone.
             place[axis] = map.apply(f64::from(index), f64::from(index))[axis];
             found(place, self.height(place));
         }
@@ -267,6 +268,7 @@ pub(crate) fn around([col, row]: [f64; 2]) -> impl Iterator<Item = ([u32; 2], f6
     let ends = |at: f64| {
         let first = at as u32;
         let part = at - f64::from(first);
+        // A sample that counts for nothing may be void, or beyond the last column.
         [(first, 1.0 - part), (first + 1, part)].into_iter().filter(|(_, part)| *part > 0.0)
     };
     ends(row)

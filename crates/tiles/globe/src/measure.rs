@@ -295,6 +295,8 @@ impl TileShell {
             for (part, twin) in seen.parts.into_iter().zip(facet.twins) {
                 if part < 0.0 && twin != NONE {
                     steps += 1;
+                    // Most walks are short, from the sample before. One that is not begins again near this sample, and
+                    // the count ends it in any case: where triangles are turned over it may go in circles.
                     if steps == 64 {
                         now = self.start(sample);
                     } else if steps > 64 + self.facets.len() {

@@ -118,6 +118,7 @@ impl<'a> TileBuilder<'a> {
             let mut shell = self.shell();
             measure(&mut shell)?;
             let (found, beyond) = shell.end();
+            // Not simply the last round: an insertion may turn triangles and leave another sample further off.
             if best.as_ref().is_none_or(|best| found.largest < best.measure.largest) {
                 best = Some(self.finish(found));
             }

@@ -100,6 +100,7 @@ fn narrow(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     }
     let columns = ((2_u32 << (right - left)) - 1) as __mmask16;
     let mut pointer = run_pointer(level, first, left);
+    // Only for its check: the first and the last run are inside the slice, and so are those between.
     run_pointer(level, last, left);
     let mut errors = _mm512_setzero_ps();
     let mut places = _mm512_setzero_si512();
@@ -113,6 +114,7 @@ fn narrow(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
         let samples = unsafe { _mm512_loadu_ps(pointer) };
         let planes = _mm512_add_ps(_mm512_set1_ps(plane), offsets);
         let error = _mm512_abs_ps(_mm512_sub_ps(samples, planes));
+        // An ordered comparison is false for NaN, so void samples are never the worst.
         let more = _mm512_mask_cmp_ps_mask::<_CMP_GT_OQ>(mask, error, errors);
         errors = _mm512_mask_mov_ps(errors, more, error);
         places = _mm512_mask_mov_epi32(places, more, place);
@@ -123,6 +125,7 @@ fn narrow(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
         pointer = pointer.wrapping_add(level.pitch);
     }
     let error = _mm512_reduce_max_ps(errors);
+    // Of equal errors the lowest row and column, as the scalar scan has it: all processors make one mesh.
     let equal = _mm512_cmp_ps_mask::<_CMP_EQ_OQ>(errors, _mm512_set1_ps(error));
     worst(level, error, _mm512_mask_reduce_min_epi32(equal, places))
 }

@@ -129,6 +129,7 @@ impl ClippedSegments {
             let south = self.low[1] + row * self.side;
             let low = [self.low[0] + west * self.side, south];
             let high = [self.low[0] + (east + 1) * self.side - 1, south + self.side - 1];
+            // In a row of bins steps are one run: from its ends follow its columns, and no bin is named twice.
             let Some(steps) = course.segment.within(low, high) else { continue };
             let [a, b] = [*steps.start().max(&course.from), *steps.end().min(&course.to)];
             let [a, b] = [a, b].map(|step| self.bin_of(course.segment.at(step))[0]);
@@ -159,6 +160,7 @@ impl ClippedSegments {
             for (i, &a) in near.iter().enumerate() {
                 let pairs = near[..i].iter().map(|&b| [a, b].map(|n| &self.all[n as usize]));
                 found.extend(pairs.filter_map(|[a, b]| crossing(a, b)));
+                // Two lines that share several bins are found in each: repeats do not count.
                 if found.len() > most {
                     found.sort_unstable();
                     found.dedup();
@@ -215,6 +217,7 @@ impl ClippedSegments {
 fn nearest(aim: u64, steps: RangeInclusive<u64>, holds: impl Fn(u64) -> bool) -> Option<u64> {
     let (first, last) = (*steps.start(), *steps.end());
     let reach = (aim - first.min(aim)).max(last.max(aim) - aim);
+    // Steps below 0 wrap beyond the range, which leaves them out.
     let around = (0..=reach).flat_map(|off| [aim.wrapping_sub(off), aim + off]);
     around.filter(|step| steps.contains(step)).find(|&step| holds(step))
 }

@@ -102,6 +102,7 @@ fn clipped(p: [f64; 2], q: [f64; 2], above: f64, below: f64) -> [f64; 2] {
         if row == end[1] {
             return end[0];
         }
+        // Not 0 below: a level edge is within the rows, or was passed over.
         p[0] + (row - p[1]) / (q[1] - p[1]) * (q[0] - p[0])
     };
     [at(p), at(q)]

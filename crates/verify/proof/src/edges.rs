@@ -76,6 +76,7 @@ pub(crate) struct PartCorners {
 
 /// A sample as a key of half the size, in the same order.
 fn sample_key(at: ProofPosition) -> u64 {
+    // With the sign bit flipped, unsigned numbers are ordered as the signed ones are.
     let half = |fixed: i64| u64::from((floor(fixed) as i32 ^ i32::MIN) as u32);
     half(at.row) << 32 | half(at.col)
 }
@@ -130,6 +131,7 @@ impl PartCorners {
         for (triangle, corners) in self.numbers.chunks_exact(3).enumerate() {
             for corner in 0..3 {
                 let (a, b) = (corners[corner], corners[(corner + 1) % 3]);
+                // A triangle with two corners at one position has a side without length, which joins nothing.
                 if a != b {
                     let side = (triangle * 3 + corner) as u32;
                     uses.push(EdgeUse::new(a, b, side));

@@ -40,6 +40,7 @@ impl ProofBreakline {
 
     /// The sample after so many steps.
     pub(crate) fn at(&self, step: i64) -> [i64; 2] {
+        // Twice a step times a span does not fit 64 bits for the largest grids.
         let (whole, steps) = (self.whole(), i128::from(self.steps().max(1)));
         let cols = (2 * i128::from(step) * i128::from(whole[0].abs()) + steps) / (2 * steps);
         let gone = [cols as i64, step - cols as i64];

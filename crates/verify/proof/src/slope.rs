@@ -89,6 +89,7 @@ pub fn turned([[a, b], [c, d]]: Turn, [per_col, per_row]: Slope) -> Slope {
 pub fn between(p: Slope, q: Slope) -> f64 {
     let across = [q[1] - p[1], p[0] - q[0], p[0] * q[1] - p[1] * q[0]];
     let sine = across.iter().map(|v| v * v).sum::<f64>().sqrt();
+    // The arc cosine of a dot product loses half of the digits of small angles.
     sine.atan2(1.0 + p[0] * q[0] + p[1] * q[1]).to_degrees()
 }
 

@@ -85,6 +85,7 @@ impl ExactSum {
         let Some(top) = exact.limbs.iter().rposition(|&limb| limb != 0) else { return 0.0 };
         let low = top.saturating_sub(3);
         let digits = exact.limbs[low..=top].iter().rev().fold(0u128, |d, &l| d << 32 | l as u128);
+        // In two steps: the whole factor may be below all floats although the sum is not.
         digits as f64 * 2f64.powi(16 * low as i32 - 537) * 2f64.powi(16 * low as i32 - 537)
     }
 }

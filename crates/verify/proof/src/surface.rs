@@ -201,6 +201,7 @@ impl ProofSurface {
 /// A cell is surface when its own bit and the next are set in both rows of samples.
 fn mark_cells(cells: &mut [u64], above: &[u64], below: &[u64]) {
     let mut next = 0;
+    // From the last word on, as each needs the first bit of the one after it.
     for i in (0..cells.len()).rev() {
         let both = above[i] & below[i];
         cells[i] = both & (both >> 1 | next << 63);

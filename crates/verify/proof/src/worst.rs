@@ -92,6 +92,7 @@ impl ProofPlane {
 fn raise(errors: &mut [f64], heights: &[f64], start: f64, step: f64, floor: f64) -> bool {
     let mut suspicious = false;
     for (i, (error, height)) in errors.iter_mut().zip(heights).enumerate() {
+        // A product for each sample: steps added one after the other would add up their rounding.
         let distance = (height - (start + step * f64::from(i as i32))).abs();
         *error = if distance > *error { distance } else { *error };
         suspicious |= distance >= floor;
@@ -220,6 +221,7 @@ impl<'a> WorstErrors<'a> {
         let line = self.line(row);
         let first = i64::from(self.window.col);
         let start = plane.at(from as i64 + first, row);
+        // As far above the tolerance as `suspicious` is below it: beyond, rounding cannot matter.
         let clear = 2.0 * tolerance - suspicious;
         for col in from..to {
             let height = self.part.heights[line * self.window.width as usize + col];

@@ -43,6 +43,7 @@ impl PackedArray {
 
     fn of(words: Vec<u32>, differences: bool) -> Self {
         let mut planes = Vec::with_capacity(words.len() * 4);
+        // Bytes of one weight beside each other: the high ones, nearly all 0, deflate to nothing.
         for shift in [0, 8, 16, 24] {
             planes.extend(words.iter().map(|word| (word >> shift) as u8));
         }
@@ -59,6 +60,7 @@ impl PackedArray {
     /// The values as a page finds them; `None` for a text that was not made here.
     pub fn unpack(&self) -> Option<Vec<u32>> {
         let bytes = STANDARD.decode(&self.text).ok()?;
+        // A byte more than wanted: the buffer does not grow, and a text that holds too much would seem whole.
         let mut planes = Vec::with_capacity(self.count * 4 + 1);
         let mut inflate = flate2::Decompress::new(true);
         inflate.decompress_vec(&bytes, &mut planes, flate2::FlushDecompress::Finish).ok()?;

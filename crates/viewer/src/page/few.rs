@@ -71,6 +71,7 @@ impl FewestPoints {
     }
 
     fn offer(&self, points: &[PointAppearance]) {
+        // A limit that is out of date is too high: points are offered in vain, none is lost.
         let limit = self.limit.load(Ordering::Relaxed);
         let ranked = points.iter().map(|seen| (rank(seen.point), *seen));
         let wanted: Vec<Ranked> = ranked.filter(|(rank, _)| *rank <= limit).collect();

@@ -62,10 +62,13 @@ impl HttpRequest {
         let all = |name| fields.iter().filter(move |(key, _)| key == name).map(|(_, value)| *value);
         let host: Vec<&str> = all("host").collect();
         match host[..] {
+            // A name of another site may be resolved to this machine (DNS rebinding), and its pages would then
+            // read what is served here.
             [host] if is_here(host, port) => {}
             [_] => return Err(NOT_HERE),
             _ => return Err(BAD),
         }
+        // A body that is not read would be taken for the next request.
         if all("transfer-encoding").next().is_some() || all("content-length").any(|n| n != "0") {
             return Err(BODY);
         }

@@ -150,6 +150,7 @@ fn unpack(packed: &[u8], count: u64, has_points: bool) -> Option<Vec<(u32, u32)>
     let mut numbers = IntegerDecompressorBuilder::new().bits(32).contexts(2).build_initialized();
     let mut decoder = ArithmeticDecoder::new(Cursor::new(packed));
     decoder.read_init_bytes().ok()?;
+    // The count was held against the bytes before the table: each chunk begins with a whole point.
     let mut sizes: Vec<(u32, u32)> = Vec::with_capacity(count as usize);
     let mut last = (0_u32, 0_u32);
     for _ in 0..count {
@@ -188,6 +189,8 @@ fn placed(
         }
         (at, left) = (at + bytes, left - points);
     }
+    // Bytes that no entry covers mean that an entry was read wrong: nothing else tells a damaged table
+    // whose numbers happen to fit.
     if at < room.end {
         let (has, bytes) = (at - room.start, room.end - room.start);
         return Err(missing(format!("the chunk table covers {has} of {bytes} bytes of points")));

@@ -131,6 +131,7 @@ impl AccumulatorPlane for CellWeights {
         let Self { sums: DensePlane(sums), falloff } = self;
         falloff.weigh(hits, |i, weight| {
             let sum = &mut sums[hits.cells[i] as usize];
+            // Whole numbers: a sum of floats would depend on the order in which parts come.
             sum.weight += u128::from(weight.unsigned_abs());
             sum.height += i128::from(weight) * i128::from(hits.points[i].z);
         });

@@ -67,7 +67,9 @@ impl CellValue for RealValue {
         // Nought has one sign.
         let value = reals.get(point.z as usize).map_or(0.0, |value| value + 0.0);
         let bits = value.to_bits();
+        // Bits of negative numbers ascend with the magnitude, so all of theirs are turned, of others the sign alone.
         let turned = if bits & SIGN == 0 { bits | SIGN } else { !bits };
+        // In two halves: a `u64` would pad twelve bytes to sixteen.
         Self { cell, high: (turned >> 32) as u32, low: turned as u32 }
     }
 

@@ -75,6 +75,7 @@ impl SummedAreaTable {
         let (se, sw) = (corner(south, east), corner(south, west));
         let count = ne.0 + sw.0 - nw.0 - se.0;
         let sum = ne.1 + sw.1 - nw.1 - se.1;
+        // Rounded down below 0, too: heights shifted by whole steps have means shifted by as much.
         (count as usize > r / 3).then(|| sum.div_euclid(i64::from(count)) as i32)
     }
 }

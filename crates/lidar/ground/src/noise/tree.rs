@@ -60,6 +60,8 @@ impl<'a> NoiseKdTree<'a> {
         let [near, far] = if beyond > 0.0 { halves } else { [halves[1], halves[0]] };
         self.visit(near, off, at, nearest);
         let mut away = off;
+        // The gap along one axis takes the place of the one before, so no box is compared with the point
+        // (Arya & Mount, "Algorithms for fast vector quantization", 1993).
         away[axis] = beyond.abs();
         self.visit(far, away, at, nearest);
     }

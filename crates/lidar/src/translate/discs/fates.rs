@@ -64,6 +64,7 @@ impl<'a> PoissonVerdicts<'a> {
             }
             Some(_) => {
                 let cell = self.cell(point);
+                // One unknown point makes its cell unknown: more of them would only lengthen the chain.
                 if !self.of(cell).any(|held| self.is_open(held, cell)) {
                     self.hold(point, false);
                 }
@@ -124,6 +125,7 @@ impl<'a> PoissonVerdicts<'a> {
             [0x9E37_79B1_85EB_CA87_u64.cast_signed(), 0x27D4_EB2F_1656_67C5, 0x1656_67B1_9E37_79F9];
         let mixed = x.wrapping_mul(ODD[0]) ^ y.wrapping_mul(ODD[1]) ^ z.wrapping_mul(ODD[2]);
         let mixed = mixed.cast_unsigned().wrapping_mul(ODD[0].cast_unsigned());
+        // High bits of a product depend on all bits of the factor, low ones on the low alone.
         (mixed >> (u64::BITS - self.firsts.len().trailing_zeros())) as usize
     }
 

@@ -339,6 +339,7 @@ impl PoissonSampler<'_> {
                 return;
             }
             waiting.push(turn);
+            // Cut to half when full: the selection costs each point the same, however many there are.
             if waiting.len() == 2 * most {
                 until = Some(*waiting.select_nth_unstable(most - 1).1);
                 waiting.truncate(most);

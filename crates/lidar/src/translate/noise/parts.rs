@@ -79,6 +79,7 @@ impl NoiseCellBox {
             let metres = |axis: &usize| side[*axis] as f64 * space.step[*axis];
             let parted = (0..3).filter(|axis| side[*axis] > 1);
             let Some(axis) = parted.max_by(|a, b| metres(a).total_cmp(&metres(b))) else { break };
+            // The larger half stays, so that no side becomes 0.
             side[axis] -= side[axis] / 2;
             made *= 2;
         }
@@ -196,6 +197,7 @@ impl<'a> NoisePartsBuilder<'a> {
 fn put(level: &mut NoiseGridLevel, cells: &NoiseCellBox, entries: &[NoisePoint]) -> Result<()> {
     let mut all: Vec<(usize, NoisePoint)> =
         entries.iter().map(|entry| (cells.of(entry.point()), *entry)).collect();
+    // One push for each cell, not for each point: a push locks its bucket. Stable, so that points stay as they came.
     all.sort_by_key(|(cell, _)| *cell);
     let mut run = Vec::new();
     for same in all.chunk_by(|(a, _), (b, _)| a == b) {
@@ -222,6 +224,7 @@ fn divided(
     let (mut all, mut first) = (Vec::new(), 0);
     for (cell, bounds) in crowded {
         let cells =
+            // Two at least: one would be as crowded as before.
             NoiseCellBox::new(*bounds, space, (level.entries.len(*cell) / average).max(2), first);
         first += cells.count();
         all.push(cells);

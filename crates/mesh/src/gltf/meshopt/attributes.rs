@@ -61,6 +61,7 @@ impl MeshoptAttributeWriter {
         if !self.waiting.is_empty() {
             self.write_block(out);
         }
+        // Decoders that load 32 bytes at a time must not run over the end, so the tail is never shorter.
         out.extend(std::iter::repeat_n(0, TAIL_BYTES.saturating_sub(self.stride)));
         out.extend_from_slice(&self.first);
     }
@@ -71,6 +72,7 @@ impl MeshoptAttributeWriter {
         let groups = elements.div_ceil(GROUP);
         for place in 0..self.stride {
             let mut before = self.last[place];
+            // The last group of the stream is padded. Codes of 0 take no bits where the group has only them.
             codes[..groups * GROUP].fill(0);
             let bytes = self.waiting[place..].iter().step_by(self.stride);
             for (code, &byte) in codes.iter_mut().zip(bytes) {

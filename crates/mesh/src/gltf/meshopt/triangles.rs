@@ -96,6 +96,7 @@ impl MeshoptTriangleWriter {
     /// Age of the latest shared edge, and the corners rotated to it.
     fn shared(&self, [a, b, c]: [u32; 3]) -> Option<(usize, [u32; 3])> {
         let turns = [[a, b, c], [b, c, a], [c, a, b]];
+        // An age of 15 in the upper bits is the code of a triangle that shares no edge.
         (0..QUEUE - 1).find_map(|age| {
             let edge = self.state.edges.get(age);
             turns.into_iter().find(|turn| turn[..2] == edge).map(|turn| (age, turn))
@@ -106,6 +107,7 @@ impl MeshoptTriangleWriter {
     fn third(&mut self, corners: [u32; 3], data: &mut Vec<u8>) -> u8 {
         let (state, [_, _, c]) = (&mut self.state, corners);
         state.push_shared(corners);
+        // Ages 1 to 12 have codes of their own; 0 is the next vertex, and 13 to 15 are told by difference.
         let met = (1..13).find(|&age| state.vertices.get(age) == c);
         if let Some(age) = met.filter(|_| c != state.next) {
             return age as u8;
@@ -274,6 +276,8 @@ impl MeshoptTriangleReader {
             0xe | 0xf => (data.byte()?, low == 0xe),
             _ => (self.pairs[usize::from(low)], true),
         };
+        // Both corners new, after 0xfe or 0xff, begins the numbering of vertices anew (the extension's
+        // mode for triangles). The writer here never does so.
         if low >= 0xe && pair == 0 {
             state.next = 0;
         }
@@ -364,6 +368,7 @@ impl MeshoptCodec for MeshoptTriangleReader {
         out: &mut Vec<u8>,
     ) -> Result<()> {
         let count = STEP.min(self.triangles - place.triangle) as usize;
+        // Copied, as the window moves on to the data.
         let codes = window.bytes(self.codes + place.triangle, count)?.to_vec();
         let most = (self.end - place.data).min((count * MOST_DATA) as u64) as usize;
         let mut data = MeshoptTriangleBytes(window.bytes(place.data, most)?);

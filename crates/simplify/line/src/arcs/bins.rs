@@ -43,6 +43,7 @@ impl PositionBins {
             sum += *start;
             *start = sum;
         }
+        // From the last on, as cells are filled from their ends: numbers then ascend in each.
         for (i, &p) in points.iter().enumerate().rev() {
             let cell = bins.cell(p);
             bins.starts[cell] -= 1;
@@ -71,6 +72,7 @@ impl PositionBins {
         let mut order = std::mem::take(&mut self.order);
         for pair in self.starts.windows(2) {
             let cell = &mut order[pair[0] as usize..pair[1] as usize];
+            // Both zeros are one position, which `total_cmp` would keep apart.
             let at = |v: u32| points[v as usize].map(|c| c + 0.0);
             cell.sort_unstable_by(|&a, &b| {
                 let (p, q) = (at(a), at(b));

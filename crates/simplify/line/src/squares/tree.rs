@@ -141,6 +141,7 @@ impl VertexQuadtree {
 
     /// Divides nodes as far as counts tell.
     fn divide(&mut self, mut open: Vec<usize>, counts: &SummedVertexCounts) -> Result<()> {
+        // Popped from the end in the order of cells, so squares get the numbers that a recursion would give.
         open.reverse();
         while let Some(at) = open.pop() {
             let QuadtreeNode { cell, level, .. } = self.nodes[at];

@@ -48,6 +48,7 @@ impl Chains<'_> {
 
     /// The chain that has a segment from vertex `from` on.
     pub(super) fn chain_of(&self, from: u32) -> usize {
+        // Empty chains share their start with the next one, and the last of equals has the vertices.
         self.starts.partition_point(|&start| start <= from as usize) - 1
     }
 

@@ -25,6 +25,7 @@ pub(super) fn holds(chain: &[Xy], v: Xy) -> bool {
 /// ray to the right; `None` when `v` lies on the edge.
 #[inline(always)]
 fn turn(p: Xy, q: Xy, v: Xy) -> Option<i32> {
+    // Half-open in y: a vertex at the height of `v` counts with one of its two edges, not with both.
     let (below_p, below_q) = (p[1] <= v[1], q[1] <= v[1]);
     if below_p == below_q {
         // Only an edge that ends at the height of `v`, or lies in it, can have it.
@@ -113,6 +114,7 @@ impl EdgeBands {
     }
 
     fn band(&self, y: f64) -> usize {
+        // A flat chain has an infinite scale. Zero times that is NaN, which becomes band 0.
         (((y - self.low) * self.scale) as usize).min(self.starts.len() - 2)
     }
 }
@@ -128,6 +130,7 @@ pub(super) fn farthest(chain: &[Xy]) -> usize {
     for (i, p) in chain.iter().enumerate().take(last).skip(1) {
         let out = [p[0] - a[0], p[1] - a[1]];
         let part = ((out[0] * along[0] + out[1] * along[1]) / square).clamp(0.0, 1.0);
+        // A closed piece has a segment without length, hence 0 / 0.
         let part = if part.is_nan() { 0.0 } else { part };
         let off = [out[0] - part * along[0], out[1] - part * along[1]];
         let distance = off[0] * off[0] + off[1] * off[1];

@@ -58,6 +58,7 @@ pub fn round(
 ) -> Result<RoundedPositions> {
     let mut still: Vec<_> = points.iter().map(|at| key(*at)).collect();
     still.sort_unstable();
+    // A vertex at a given point stays with it: moved alone, it would change sides with the point.
     let place = |at: Xy| if still.binary_search(&key(at)).is_ok() { at } else { place(at) };
     let mut net = KeptSegments::new(chains, kept, points, place);
     let mut waiting: Vec<(f64, u32, Xy)> = (0..)
@@ -66,6 +67,8 @@ pub fn round(
         .filter(|(_, at, to)| at != to)
         .map(|(node, [x, y], to)| ((to[0] - x).hypot(to[1] - y), node, to))
         .collect();
+    // A vertex that has moved can be in the way of the next, so the order decides the result; equal
+    // distances go by number.
     waiting.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     for _ in 0..PASSES {
         let before = waiting.len();

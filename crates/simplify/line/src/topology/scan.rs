@@ -215,10 +215,14 @@ impl PieceView<'_> {
         if piece.is_original()
             || !item.bounds.holds(v)
             || ends.contains(&v)
+            // One witness is enough. Only the last entry is compared: candidates of a piece mostly follow one
+            // another, and a search in the list costs more than a second test.
             || found.wrong.last() == Some(&item.id)
         {
             return;
         }
+        // A test is linear in the piece. Candidates of a long one are tested together, against edges in
+        // bands, where the sum would be quadratic.
         if piece.to - piece.from > LONG {
             found.held.push((item.id, v));
         } else if holds(self.chains.piece(piece.from, piece.to), v) {

@@ -95,6 +95,8 @@ impl<'a> UntangleState<'a> {
             self.layers.push(fresh);
             self.rounds += 1;
             let mut wrong = self.judge(found);
+            // The sign of an area tells the sense of a ring only where the ring does not cross itself, so
+            // crossings are settled first.
             if wrong.is_empty() {
                 wrong = self.turned();
             }
@@ -127,6 +129,7 @@ impl<'a> UntangleState<'a> {
                     .map(|(at, &id)| (id, *tree.bounds(at))),
             );
         }
+        // Boxes in one cell of the Hilbert curve stay in this order, so it must not depend on the layers.
         items.sort_by_key(|&(id, _)| id);
         let merged = PieceLayer::new(&items, &self.pieces, self.chains.points);
         self.layers.push(merged);
@@ -218,6 +221,7 @@ impl<'a> UntangleState<'a> {
             }
             kept.push(b);
         }
+        // The piece keeps its number, which the trees of earlier layers hold.
         self.alive[i as usize] = false;
         self.add(&kept);
         self.refined += 1;

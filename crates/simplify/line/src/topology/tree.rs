@@ -55,6 +55,7 @@ impl ClosedBox {
 /// The lesser of two numbers, neither NaN.
 #[inline(always)]
 fn least(a: f64, b: f64) -> f64 {
+    // One instruction; `f64::min` adds a test for NaN, and no coordinate here is NaN.
     if b < a { b } else { a }
 }
 
@@ -80,6 +81,7 @@ impl HilbertRTree {
         let mut order: Vec<u64> = items
             .iter()
             .zip(0u64..)
+            // The place in the lower half orders boxes of one cell, so that the unstable sort has one result.
             .map(|((_, bounds), i)| u64::from(curve(&all, bounds.centre())) << 32 | i)
             .collect();
         order.sort_unstable();
@@ -159,6 +161,7 @@ fn union(boxes: &[ClosedBox]) -> ClosedBox {
 fn curve(all: &ClosedBox, p: Xy) -> u32 {
     let [x, y] = [0, 1].map(|axis| {
         let part = (p[axis] - all.low[axis]) / (all.high[axis] - all.low[axis]);
+        // Boxes without width make this 0 / 0; the cast turns NaN into 0.
         (part * 65_535.0) as u32
     });
     hilbert(x, y)

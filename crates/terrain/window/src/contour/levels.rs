@@ -126,6 +126,7 @@ fn rank_by_step<H: Copy + Into<f64>>(
         let steps = (scaled(z) - base) * inverse;
         let rounded = steps + ROUNDING;
         let nearest = rounded - ROUNDING;
+        // The product above is a guess. What decides is the height of the level, computed as for lines.
         let below = i32::from(unscaled(base + nearest * step) > z);
         let found = rounded.to_bits() as i32 - below;
         *rank = if z.is_nan() { VOID } else { found };

@@ -173,6 +173,7 @@ impl<H: Copy + Into<f64>> SweepRow<'_, '_, H> {
         let highest = from.max(to);
         for level in low + 1..=high {
             let height = self.levels.height(level);
+            // A crossing in a sample itself would be one position for all of its edges, and lines would touch there.
             let at = ((height - from) / (to - from)).clamp(NEAREST, 1.0 - NEAREST);
             let marks = if height == highest { EXACT } else { 0 };
             s.nodes.push(CrossingNode { at, edge: edge as u32, level, next: NONE, marks });

@@ -171,6 +171,8 @@ impl<'a> PartMatching<'a> {
             again[at] = grown(&again, again[at - 1], &new[at]);
         }
         let mut length = 0;
+        // Twice around the original, so that every start is met (Knuth, Morris & Pratt 1977): linear, where a
+        // comparison from each start is quadratic for rings that come to positions again and again.
         for at in 0..2 * count {
             length = grown(&again, length, &old[at % count]);
             if length == count {

@@ -110,6 +110,7 @@ fn ray([a, b]: [Xy; 2], p: Xy) -> Option<bool> {
     if turn == 0 && p[1] >= a[1].min(b[1]) {
         return None;
     }
+    // Half-open in x: a vertex above `p` counts with one of its two segments, not with both.
     Some(turn < 0 && p[0] < right[0])
 }
 

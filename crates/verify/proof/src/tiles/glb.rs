@@ -205,6 +205,7 @@ impl<const N: usize> ProofAccessorNumbers<N> {
     pub(super) fn told(self) -> Vec<[f64; N]> {
         match self.whole {
             Some(whole) => {
+                // The least signed number has no positive twin: glTF takes it for -1 as well.
                 self.stored.into_iter().map(|e| e.map(|value| (value / whole).max(-1.0))).collect()
             }
             None => self.stored,
