@@ -47,7 +47,7 @@ pub struct LineOptions {
     /// the method where it is, for any tolerance, share, number or size
     #[option(value = "FILE", with = FileName, heading = "Method")]
     pub hierarchy: Option<PathBuf>,
-    /// What a distance is: in x and y, or in x, y and z
+    /// Distance metric
     #[option(value = "NAME", heading = "Method")]
     pub metric: Metric,
     /// What becomes of rings of which less than a triangle would be left
@@ -75,7 +75,7 @@ pub struct LineOptions {
     /// The coordinate reference system of the output.
     #[option(flatten)]
     pub reprojection: Reprojection,
-    /// How features are read.
+    /// Input features.
     #[option(flatten)]
     pub features: FeatureInput,
     /// Memory, threads and temporary files.
@@ -94,10 +94,10 @@ const RULES: &[OptionRule] = &[
 /// What a distance is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
 pub enum Metric {
-    /// In x and y
+    /// Distance in x and y
     #[default]
     Plane,
-    /// In x, y and z
+    /// Distance in x, y and z
     #[choice(name = "3d")]
     Space,
 }

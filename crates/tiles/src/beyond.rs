@@ -7,10 +7,10 @@ use terrane_options::Choice;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TilesBeyond {
-    /// Falls (or rises) from the edge to the ellipsoid, one metre for two.
+    /// Falls or rises from the edge to the ellipsoid, 1 m in 2 m.
     #[default]
     Taper,
-    /// Goes on at the heights of the edge.
+    /// Continues at the height of the edge.
     Level,
 }
 

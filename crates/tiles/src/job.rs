@@ -25,7 +25,7 @@ pub struct TilesJob {
     /// Replace a folder of tiles that exists.
     #[serde(skip)]
     pub overwrite: bool,
-    /// What tiles hold.
+    /// Content of tiles.
     #[serde(with = "terrane_options::as_map")]
     pub tiles: TileOptions,
     /// What the job may use.

@@ -37,7 +37,7 @@ pub(crate) struct PlanRunArgs {
 pub(crate) struct FinishArgs {
     /// Folder of the plan
     folder: PathBuf,
-    /// File, or folder of tiles or points, to write [default: in the folder]
+    /// Output file, or output folder for tiles or points [default: in the plan folder]
     file: Option<PathBuf>,
     #[command(flatten)]
     how: PlanRunSettings,

@@ -62,7 +62,7 @@ pub struct GridJob {
     pub sample_type: SampleType,
     /// Write the nearest value where a type of whole numbers does not hold one exactly.
     pub round: bool,
-    /// Written value for voids.
+    /// Nodata value of the output.
     #[serde(with = "as_text")]
     pub nodata: f64,
     /// Replace an existing output.

@@ -9,13 +9,13 @@ use terrane_cloud::CloudInfo;
 /// Whose conventions a grid follows, so that it can be compared cell by cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice, Serialize, Deserialize)]
 pub enum Compat {
-    /// terrane's own: cells [W, E) x [S, N), corners at multiples of the cell size
+    /// terrane: cells [W, E) x [S, N), corners at multiples of the cell size
     #[default]
     None,
-    /// those of PDAL's writers.gdal: a corner at the lowest x and y of all points; every statistic
-    /// is of the points within the radius of a cell's centre
+    /// PDAL writers.gdal: origin at the lowest x and y of all points; every statistic uses the points within the radius
+    /// of a cell centre
     Pdal,
-    /// those of lasR: cells [W, E) x (S, N], corners at multiples of the cell size
+    /// lasR: cells [W, E) x (S, N], corners at multiples of the cell size
     Lasr,
 }
 
@@ -30,7 +30,7 @@ pub struct Placement {
     /// All cells that this box (x min, y min, x max, y max) overlaps; those of the cloud's bounds when
     /// `None`.
     pub extent: Option<[f64; 4]>,
-    /// The very cells of this grid.
+    /// Grid that defines the cells and the extent.
     pub like: Option<String>,
     /// Whether the size was chosen by the density of points, which a note then tells.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]

@@ -97,7 +97,7 @@ pub struct PointsOptions {
     /// What the files of a folder are
     #[option(value = "NAME", heading = "Folders")]
     pub tile_format: TileFormat,
-    /// What is there already.
+    /// Existing output.
     #[option(flatten)]
     pub replacing: Replacing,
     /// The coordinate reference system of the output.

@@ -98,7 +98,7 @@ pub struct CloudInfoOptions {
         default_text = "so that they have four points on the average, and are at most a thousand along a side"
     )]
     pub cell: Option<f64>,
-    /// What is there already.
+    /// Existing output.
     #[option(flatten)]
     pub replacing: Replacing,
     /// How the cloud is read.

@@ -37,7 +37,7 @@ pub struct PageOptions {
     /// How the grid is read; within its bounds, which may be those of a part of a mesh, too.
     #[option(flatten)]
     pub grid: GridInput,
-    /// What is there already.
+    /// Existing output.
     #[option(flatten)]
     pub replacing: Replacing,
     /// Memory, threads and temporary files.
@@ -61,7 +61,7 @@ pub struct CloudPageOptions {
     /// How the cloud is read.
     #[option(flatten)]
     pub cloud: CloudInput,
-    /// What is there already.
+    /// Existing output.
     #[option(flatten)]
     pub replacing: Replacing,
     /// Memory, threads and temporary files.
@@ -78,7 +78,7 @@ pub struct LinePageOptions {
     /// How the lines are read.
     #[option(flatten)]
     pub features: FeatureInput,
-    /// What is there already.
+    /// Existing output.
     #[option(flatten)]
     pub replacing: Replacing,
     /// Memory, threads and temporary files.

@@ -15,7 +15,7 @@ terrane_engine::has_within!(PictureOptions: Lighting => [Exaggeration]);
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = group)]
 pub struct Exaggeration {
-    /// Factor on heights
+    /// Vertical exaggeration factor
     #[option(value = "FACTOR", range = OptionRange::POSITIVE, default_text = "one that suits the terrain")]
     pub exaggeration: Option<f64>,
 }
@@ -52,7 +52,7 @@ pub struct PictureOptions {
     /// How the grid is read; within its bounds, which may be those of a part of a mesh, too.
     #[option(flatten)]
     pub grid: GridInput,
-    /// What is there already.
+    /// Existing output.
     #[option(flatten)]
     pub replacing: Replacing,
     /// Memory, threads and temporary files.
