@@ -22,16 +22,16 @@ use terrane_tiles::{CloudTilesOptions, TilesOptions, TilesReport};
 /// --dtm.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct TilesArgs {
-    /// Grid file; several files, a folder, a list or a pattern in quotes are one mosaic. Or point clouds. Stdin is - for a
-    /// grid and cloud:- for points. The last name is that of the folder to make
+    /// Grid file; several files, a folder, a list or a quoted pattern are one mosaic. Or point clouds. Stdin is - for a
+    /// grid and cloud:- for points. The last name is the output folder
     #[arg(required = true, value_names = names::NAMES, value_parser = names::any())]
     pub(super) input: Vec<String>,
     #[arg(skip)]
     pub(super) output: PathBuf,
-    /// Folder to make, where it is not the last name
+    /// Output folder, if it is not the last name
     #[arg(short = 'o', long = "output", value_name = "FOLDER", help_heading = "Output")]
     named: Option<PathBuf>,
-    /// Write the report to a file as JSON, too
+    /// Write the report to a JSON file as well
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
     #[command(flatten)]

@@ -36,10 +36,10 @@ pub struct SquareSplit {
 /// How points of a buffer are marked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice, Serialize, Deserialize)]
 pub enum BufferMark {
-    /// as withheld: they are left out by whoever does not ask for them
+    /// withheld flag; most readers skip these points by default
     #[default]
     Withheld,
-    /// as synthetic
+    /// synthetic flag
     Synthetic,
 }
 

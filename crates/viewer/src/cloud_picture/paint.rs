@@ -13,14 +13,14 @@ use terrane_cloud::{CloudInfo, class_name};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Choice)]
 #[serde(rename_all = "lowercase")]
 pub enum PictureContent {
-    /// Points to a unit of area
+    /// Points per unit area
     #[default]
     Density,
-    /// Cells without points, within the convex hull of those with points
+    /// Empty cells within the convex hull of the others
     Voids,
-    /// The height of the highest point
+    /// Height of the highest point
     Height,
-    /// The class of the highest point
+    /// Class of the highest point
     Class,
 }
 

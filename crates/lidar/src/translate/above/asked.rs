@@ -18,9 +18,9 @@ use terrane_ground::noise;
 /// Where the height of a point above the ground goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice, Serialize, Deserialize)]
 pub enum HeightsAs {
-    /// into the dimension HeightAboveGround of its extra bytes, in steps of z
+    /// extra dimension HeightAboveGround, with the scale of z
     Dimension,
-    /// into its z; points that have no ground under them are left out
+    /// z of the point; points without ground below are removed
     Z,
 }
 

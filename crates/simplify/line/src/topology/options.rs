@@ -6,28 +6,28 @@ use terrane_options::Choice;
 /// What to do with rings that collapse: of which fewer than three vertices would be kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
 pub enum RingCollapse {
-    /// The smallest ring that keeps to the tolerance
+    /// Keep the smallest ring within the tolerance
     ///
     /// It has three vertices, or as many more as the rules ask for.
     #[default]
     Minimal,
-    /// They go
+    /// Remove them
     ///
     /// Nothing of a ring is kept, if it is one as a whole.
     Drop,
-    /// All of their vertices stay
+    /// Keep all their vertices
     Keep,
 }
 
 /// When a segment is tested.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
 pub enum Strategy {
-    /// Simplify, then put vertices back where lines cross
+    /// Simplify, then restore vertices where lines cross
     ///
     /// All chains are simplified, then what is wrong is refined, until nothing is.
     #[default]
     Retroactive,
-    /// Test each segment before it is accepted
+    /// Test each segment before accepting it
     ///
     /// A segment is accepted only when all vertices that are there at the time are on the right side
     /// of it: those accepted so far, and all vertices of chains to come. Slower, and keeps more where
