@@ -30,25 +30,22 @@ pub const RETURNS: &str = "number_of_returns";
 
 /// All attributes of the standard that are numbers. Files may have others, in extra bytes.
 pub const ATTRIBUTES: &[PointAttribute] = &[
-    whole("intensity", &[], "strength of the return"),
-    whole(RETURN, &["return"], "which return of its pulse, from 1"),
-    whole(RETURNS, &["returns"], "returns of the pulse"),
+    whole("intensity", &[], "return intensity"),
+    whole(RETURN, &["return"], "number of the return in its pulse, from 1"),
+    whole(RETURNS, &["returns"], "number of returns of the pulse"),
     whole(CLASS, &["class"], "class"),
     // Steps of the formats before LAS 1.4 are a degree, of those of 1.4 they are 0.006 degrees.
     PointAttribute {
         step: Some(0.002),
-        ..whole("scan_angle", &["angle", "scan_angle_rank"], "angle of the beam in degrees")
+        ..whole("scan_angle", &["angle", "scan_angle_rank"], "scan angle in degrees")
     },
-    whole("user_data", &["user"], "whatever the user likes"),
-    whole("point_source_id", &["source", "point_source"], "the file or flight line it came from"),
+    whole("user_data", &["user"], "user data"),
+    whole("point_source_id", &["source", "point_source"], "file or flight line of origin"),
     whole("red", &[], "colour"),
     whole("green", &[], "colour"),
     whole("blue", &[], "colour"),
     whole("infrared", &["nir"], "near infrared"),
-    PointAttribute {
-        step: None,
-        ..whole("gps_time", &["time"], "seconds, as the file counts them")
-    },
+    PointAttribute { step: None, ..whole("gps_time", &["time"], "GPS time in seconds, as stored") },
 ];
 
 const fn whole(

@@ -20,7 +20,7 @@ use terrane_files::RawFile;
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "raw with header",
     extensions: &["flt", "bil", "bip", "bsq", "hdr"],
-    about: "binary grids, of any ending, with an ESRI or ENVI .hdr beside them",
+    about: "binary grids of any extension with an ESRI or ENVI .hdr",
     sniff: |_| false,
     open,
 };

@@ -38,22 +38,22 @@ pub(super) const FORMAT: GridFormat = GridFormat {
         CreationOption {
             key: "BLOCKSIZE",
             accepts: Whole { least: 64, most: 4096, step: 16 },
-            about: "side of a tile [512]",
+            about: "tile size [512]",
         },
         CreationOption {
             key: "OVERVIEWS",
             accepts: Words(&["AUTO", "NONE"]),
-            about: "levels of half the size each until one tile holds all [AUTO]",
+            about: "overviews of half the size each, down to a single tile [AUTO]",
         },
         CreationOption {
             key: "OVERVIEW_RESAMPLING",
             accepts: Words(&["AVERAGE", "NEAREST"]),
-            about: "mean of the valid of four samples, or the upper left one [AVERAGE]",
+            about: "mean of the valid samples of 2 x 2, or the upper left sample [AVERAGE]",
         },
         CreationOption {
             key: "RESAMPLING",
             accepts: Words(&["AVERAGE", "NEAREST"]),
-            about: "the same, where OVERVIEW_RESAMPLING is not given",
+            about: "alias of OVERVIEW_RESAMPLING, which has precedence",
         },
         tiff::BIGTIFF,
     ],

@@ -29,13 +29,13 @@ pub(super) const FORMAT: GridFormat = GridFormat {
         CreationOption {
             key: "ENCODING",
             accepts: Words(&["TERRAIN-RGB", "TERRARIUM", "GRAY"]),
-            about: "how heights are held [GRAY where ‹type› is uint8 or uint16 and of reliefs, else by the name of the \
-                    file, else TERRAIN-RGB]",
+            about: "encoding of heights [GRAY for ‹type› uint8 or uint16 and for reliefs, else by file name, else \
+                TERRAIN-RGB]",
         },
         CreationOption {
             key: "ALPHA",
             accepts: Words(&["YES", "NO"]),
-            about: "transparent voids of packed heights [YES where the grid declares nodata]",
+            about: "transparent voids of encoded heights [YES if the grid declares nodata]",
         },
     ],
     several_bands: false,

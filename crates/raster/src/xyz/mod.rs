@@ -22,7 +22,7 @@ use points::XyzPointReader;
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "XYZ",
     extensions: &["xyz", "csv", "txt"],
-    about: "points of a regular grid, one to a line; missing ones are void; .prj gives the CRS",
+    about: "points of a regular grid, one per line; missing points are void; CRS from .prj",
     sniff: |_| false,
     open,
 };

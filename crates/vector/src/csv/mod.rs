@@ -10,7 +10,7 @@ use crate::geometry::GeometryType;
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "CSV",
     extensions: &["csv", "tsv", "txt", "xy"],
-    about: "a vertex on each line: x, y and perhaps z, m, id and part; the CRS is in a .prj beside it",
+    about: "one vertex per line: x, y and optional z, m, id and part; CRS in .prj",
     holds: VectorCapabilities {
         kinds: &[GeometryType::Point, GeometryType::LineString, GeometryType::MultiLineString],
         mixed: true,

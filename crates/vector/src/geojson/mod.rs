@@ -28,7 +28,7 @@ const HOLDS: VectorCapabilities = VectorCapabilities {
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "GeoJSON",
     extensions: &["geojson", "json"],
-    about: "a collection of features in one JSON text; longitude and latitude unless it says else",
+    about: "feature collection; longitude and latitude unless the file declares another CRS",
     holds: HOLDS,
     open: read::open,
     create: Some(write::create),
@@ -39,7 +39,7 @@ pub(super) const FORMAT: VectorFormat = VectorFormat {
 pub(super) const LINES: VectorFormat = VectorFormat {
     name: "GeoJSONSeq",
     extensions: &["geojsonl", "geojsons", "ndjson", "jsonl"],
-    about: "a GeoJSON feature on each line",
+    about: "one GeoJSON feature per line",
     holds: HOLDS,
     open: read::open,
     create: Some(write::create_lines),

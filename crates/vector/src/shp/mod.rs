@@ -13,7 +13,7 @@ use crate::geometry::GeometryType;
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "Shapefile",
     extensions: &["shp"],
-    about: "an ESRI shapefile: .shp, .shx, .dbf, .prj and .cpg; one kind of geometry in a file",
+    about: "ESRI shapefile with .shx, .dbf, .prj and .cpg; one geometry type per file",
     holds: VectorCapabilities {
         kinds: &[
             GeometryType::Null,

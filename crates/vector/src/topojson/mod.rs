@@ -11,7 +11,7 @@ use crate::geometry::GeometryType;
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "TopoJSON",
     extensions: &["topojson"],
-    about: "arcs that geometries share; one of its objects is read",
+    about: "geometries with shared arcs; one object is read",
     holds: VectorCapabilities {
         kinds: &GeometryType::ALL,
         mixed: true,

@@ -35,7 +35,7 @@ use parse::{Vrt, VrtSource};
 pub(crate) const FORMAT: RasterFormat = RasterFormat {
     name: "VRT",
     extensions: &["vrt"],
-    about: "GDAL virtual rasters of simple and complex sources, files below their folder",
+    about: "GDAL virtual rasters with simple and complex sources in files below their folder",
     sniff: is_vrt,
     open,
 };
