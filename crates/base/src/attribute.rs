@@ -33,7 +33,7 @@ pub const ATTRIBUTES: &[PointAttribute] = &[
     whole("intensity", &[], "return intensity"),
     whole(RETURN, &["return"], "number of the return in its pulse, from 1"),
     whole(RETURNS, &["returns"], "number of returns of the pulse"),
-    whole(CLASS, &["class"], "class"),
+    whole(CLASS, &["class"], "LAS class"),
     // Steps of the formats before LAS 1.4 are a degree, of those of 1.4 they are 0.006 degrees.
     PointAttribute {
         step: Some(0.002),

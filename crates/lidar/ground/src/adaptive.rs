@@ -20,7 +20,7 @@ use crate::surface::GroundSurface;
 
 pub(crate) const METHOD: Method = Method {
     name: "adaptive",
-    source: "ours, after Zhang and others 2016 and Axelsson 2000",
+    source: "terrane, after Zhang and others 2016 and Axelsson 2000",
     about: "cloth simulation and TIN densification combined; the method of auto",
     parameters: &[],
     finder: GroundFinder {

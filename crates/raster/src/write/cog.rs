@@ -53,7 +53,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
         CreationOption {
             key: "RESAMPLING",
             accepts: Words(&["AVERAGE", "NEAREST"]),
-            about: "alias of OVERVIEW_RESAMPLING, which has precedence",
+            about: "alias of OVERVIEW_RESAMPLING, used if that is not set",
         },
         tiff::BIGTIFF,
     ],
