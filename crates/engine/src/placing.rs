@@ -52,7 +52,7 @@ const OF_PLACING: &[OptionRule] = &[
 pub struct StorageScale {
     /// Stored units in one unit of x, y and z.
     pub scale: Point3,
-    /// The stored unit, where it is not that of the coordinates.
+    /// The stored unit, if it differs from the unit of the coordinates.
     pub unit: Option<String>,
 }
 

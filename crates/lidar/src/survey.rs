@@ -30,7 +30,7 @@ pub struct SurveyJob {
     pub format: PointFormat,
     /// Replace an existing output.
     pub overwrite: bool,
-    /// What the job may use.
+    /// Resources of the job.
     pub resources: Resources,
 }
 

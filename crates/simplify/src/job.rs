@@ -43,7 +43,7 @@ pub struct LineJob {
     pub transform: Option<TargetCrs>,
     /// Replace files that exist.
     pub overwrite: bool,
-    /// What the job may use.
+    /// Resources of the job.
     pub resources: Resources,
 }
 

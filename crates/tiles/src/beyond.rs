@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use terrane_options::Choice;
 
-/// The ground between the edge of a grid and the sides of the tiles that hold it.
+/// Terrain between the edge of a grid and the sides of its tiles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TilesBeyond {

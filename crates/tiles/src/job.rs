@@ -28,7 +28,7 @@ pub struct TilesJob {
     /// Content of tiles.
     #[serde(with = "terrane_options::as_map")]
     pub tiles: TileOptions,
-    /// What the job may use.
+    /// Resources of the job.
     #[serde(skip)]
     pub resources: Resources,
 }

@@ -123,7 +123,7 @@ pub struct LineProof {
 pub struct LineVerifyJob {
     /// The simplified lines.
     pub lines: PathBuf,
-    /// What they were made from.
+    /// The original of the lines.
     pub original: PathBuf,
     /// The object of a TopoJSON original; its first one when `None`.
     pub layer: Option<String>,
@@ -131,17 +131,17 @@ pub struct LineVerifyJob {
     pub tolerance: Option<Length>,
     /// Heights take part in distances.
     pub is_space: bool,
-    /// Crossings, rings, sides and borders are judged, too.
+    /// Crossings, rings, sides and borders are checked as well.
     pub topology: bool,
     /// Rings that have no room within the tolerance may be gone.
     pub may_drop: bool,
     /// File of points that must stay on the same side of every line.
     pub sides: Option<PathBuf>,
-    /// What the job may use.
+    /// Resources of the job.
     pub resources: Resources,
 }
 
-/// What may have become of rings.
+/// Accepted changes of rings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum RemovedRings {
     /// Collapsed rings may be missing

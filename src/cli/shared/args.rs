@@ -30,7 +30,7 @@ pub(crate) fn refusal(option: &str, input: &str, what: &str) -> Error {
         .remedy(format!("leave {option} out"))
 }
 
-/// What is shown while a job runs and after.
+/// Messages during and after a job.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Messages")]
 pub(crate) struct ReportDisplay {

@@ -68,7 +68,7 @@ pub struct GridJob {
     /// Replace an existing output.
     #[serde(skip)]
     pub overwrite: bool,
-    /// What the job may use.
+    /// Resources of the job.
     #[serde(skip)]
     pub resources: Resources,
 }

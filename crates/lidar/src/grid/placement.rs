@@ -6,7 +6,7 @@ use terrane_options::Choice;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::CloudInfo;
 
-/// Whose conventions a grid follows, so that it can be compared cell by cell.
+/// Grid conventions of another program, for comparisons cell by cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice, Serialize, Deserialize)]
 pub enum Compat {
     /// terrane: cells [W, E) x [S, N), corners at multiples of the cell size

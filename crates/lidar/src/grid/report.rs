@@ -40,7 +40,7 @@ pub struct GridReport {
     /// Points kept that lie in no cell of the grid.
     pub outside_grid: u64,
     pub bands: Vec<GridBandReport>,
-    /// What became of water.
+    /// Report on flattened water.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub water: Option<WaterReport>,
     /// Files whose damage was passed over; the notes tell of them.

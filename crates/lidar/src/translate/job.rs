@@ -56,7 +56,7 @@ pub struct TranslateJob {
     pub split: Option<AttributeSplit>,
     /// Replace an existing output.
     pub overwrite: bool,
-    /// What the job may use.
+    /// Resources of the job.
     pub resources: Resources,
 }
 

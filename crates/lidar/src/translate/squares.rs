@@ -33,7 +33,7 @@ pub struct SquareSplit {
     pub mark: BufferMark,
 }
 
-/// How points of a buffer are marked.
+/// Flag of buffer points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice, Serialize, Deserialize)]
 pub enum BufferMark {
     /// withheld flag; most readers skip these points by default

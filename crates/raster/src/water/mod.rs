@@ -130,7 +130,7 @@ pub struct Water {
     levels: Mutex<Option<Arc<WaterLevels>>>,
 }
 
-/// What became of water.
+/// Report on flattened water.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct WaterReport {

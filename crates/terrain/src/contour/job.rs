@@ -108,7 +108,7 @@ pub struct ContourJob {
     pub input: Inputs,
     /// File of features to write.
     pub output: PathBuf,
-    /// What they are to be.
+    /// Options of the contours.
     pub options: ContourOptions,
 }
 
@@ -151,9 +151,9 @@ pub struct ContourReport {
     pub format: String,
     pub width: u32,
     pub height: u32,
-    /// The system of the grid.
+    /// CRS of the grid.
     pub crs: String,
-    /// What led to the system of the output, where that is another.
+    /// Transformation to the CRS of the output, if it differs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transformed: Option<Transformed>,
     /// Levels with a line, and the lowest and highest of them.

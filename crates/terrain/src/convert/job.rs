@@ -144,7 +144,7 @@ pub struct ConvertReport {
     pub width: u32,
     pub height: u32,
     pub crs: String,
-    /// What led to the system of the output, where that is another.
+    /// Transformation to the CRS of the output, if it differs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transformed: Option<Transformed>,
     /// How heights were found between samples, where they were, and how many columns and rows of the grid there are to
@@ -160,10 +160,10 @@ pub struct ConvertReport {
     /// Lowest and highest valid height; absent when there is none.
     pub lowest: Option<f64>,
     pub highest: Option<f64>,
-    /// What became of water.
+    /// Report on flattened water.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub water: Option<WaterReport>,
-    /// What of the grid the format could not say.
+    /// Properties of the grid that the format cannot store.
     pub notes: Vec<String>,
     pub output_bytes: u64,
     #[serde(flatten)]

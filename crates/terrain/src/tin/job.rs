@@ -55,7 +55,7 @@ pub struct TinJob {
     /// Measure maximum error and RMSE for the report.
     #[serde(skip)]
     pub measure: bool,
-    /// What the job may use.
+    /// Resources of the job.
     #[serde(skip)]
     pub resources: Resources,
 }

@@ -36,7 +36,7 @@ pub struct TinReport {
     pub format: String,
     pub width: u32,
     pub height: u32,
-    /// The system of the grid.
+    /// CRS of the grid.
     pub crs: String,
     /// What led to the system of the mesh, where that is another.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -88,7 +88,7 @@ pub struct TinReport {
     /// What became of breaklines, and
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub breaklines: Option<BreaklinesReport>,
-    /// What became of water.
+    /// Report on flattened water.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub water: Option<WaterReport>,
     /// where edges do not follow them.

@@ -9,7 +9,7 @@ use crate::render::{HeightColors, PictureHeights, class_colour, text_size, write
 use terrane_base::geom::PointFrame;
 use terrane_cloud::{CloudInfo, class_name};
 
-/// What a picture shows of each cell.
+/// Cell value shown by a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Choice)]
 #[serde(rename_all = "lowercase")]
 pub enum PictureContent {

@@ -15,7 +15,7 @@ use terrane_base::geom::{Point, PointFrame};
 use terrane_cloud::{CloudInfo, Flags, PointFormat};
 use terrane_ground::noise;
 
-/// Where the height of a point above the ground goes.
+/// Storage of the height above ground.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice, Serialize, Deserialize)]
 pub enum HeightsAs {
     /// extra dimension HeightAboveGround, with the scale of z
