@@ -92,7 +92,7 @@ const RULES: &[OptionRule] = &[
     OptionRule::Needs("sides", &["topology"]),
 ];
 
-/// What a distance is.
+/// Distance metric.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
 pub enum Metric {
     /// Distance in x and y

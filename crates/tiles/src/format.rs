@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use terrane_options::Choice;
 
-/// A format of tiles; its name is also that of a folder where a run makes several.
+/// Format of tiles, also the name of the subfolder if several formats are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice, Serialize, Deserialize)]
 pub enum TilesFormat {
     /// quantized-mesh 1.0 with layer.json, for CesiumJS and others

@@ -127,13 +127,13 @@ pub struct LineVerifyJob {
     pub original: PathBuf,
     /// The object of a TopoJSON original; its first one when `None`.
     pub layer: Option<String>,
-    /// Largest allowed distance; only measured when `None`.
+    /// Maximum distance allowed; only measured when `None`.
     pub tolerance: Option<Length>,
     /// Heights take part in distances.
     pub is_space: bool,
     /// Crossings, rings, sides and borders are checked as well.
     pub topology: bool,
-    /// Rings that have no room within the tolerance may be gone.
+    /// Rings that collapse within the tolerance may be missing.
     pub may_drop: bool,
     /// File of points that must stay on the same side of every line.
     pub sides: Option<PathBuf>,

@@ -27,9 +27,9 @@ const MOST_SQUARES_BESIDE: f64 = 8.0;
 pub struct SquareSplit {
     /// Their side, in units of x and y; corners are at its multiples.
     pub side: f64,
-    /// Points around a square that its file has, too, up to so far away.
+    /// Width of the buffer of points around a tile.
     pub buffer: f64,
-    /// The mark that those bear.
+    /// Flag of buffer points.
     pub mark: BufferMark,
 }
 

@@ -147,8 +147,7 @@ pub struct ConvertReport {
     /// Transformation to the CRS of the output, if it differs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transformed: Option<Transformed>,
-    /// How heights were found between samples, where they were, and how many columns and rows of the grid there are to
-    /// one of the output.
+    /// Resampling method, if any, and the number of columns and rows of the input per column and row of the output.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub resampling: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]

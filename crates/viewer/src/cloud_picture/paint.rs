@@ -70,7 +70,7 @@ enum LegendLine {
     Bar(Vec<[u8; 3]>),
     /// At the left and at the right.
     Text(String, String),
-    /// A colour and what it is.
+    /// A colour and its label.
     Swatch([u8; 3], String),
 }
 

@@ -28,11 +28,11 @@ pub enum HeightsAs {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum Classify {
-    /// Those that a method finds to be noise are of its class; before all others, as noise is no ground.
+    /// Noise found by a method gets its class; applied first, because noise is not ground.
     Noise(noise::Asked),
-    /// Of the classes that may change, those found to be ground are of class 2, and no others are.
+    /// Among the classes that may change, ground points get class 2 and others lose it.
     Ground(Reclassify),
-    /// Those of no class (0 or 1) are of one by their height above the ground.
+    /// Points of class 0 or 1 are classified by height above ground.
     Height(HeightClasses),
 }
 
@@ -129,9 +129,9 @@ impl HeightClasses {
 pub struct HeightAboveGround {
     /// Which points are ground.
     pub from: GroundFrom,
-    /// Where heights above it go.
+    /// Storage of heights above ground.
     pub heights: Option<HeightsAs>,
-    /// Who gives classes, one after the other.
+    /// Classification steps, in order.
     pub classify: Vec<Classify>,
 }
 
