@@ -76,7 +76,7 @@ const VERBS: &[VerbEntry] = &[
     VerbEntry::of::<man::ManArgs>(),
 ];
 
-/// Simplify huge elevation grids and point clouds into meshes with a proven vertical error bound, and make grids, tiles, contours and pages.
+/// Out-of-core terrain engine: meshes with a proven vertical error bound, grids, tiles, contours and pages.
 ///
 /// Results go to stdout, progress and messages to stderr. Nothing is overwritten unless
 /// --overwrite is given, and files are written completely or not at all.
