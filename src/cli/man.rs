@@ -13,9 +13,9 @@ use terrane_files::atomic::{self, AtomicFile};
 /// Write manual pages into a folder
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct ManArgs {
-    /// Folder for the pages, made when it is missing
+    /// Output folder, created if missing
     dir: PathBuf,
-    /// Replace pages that exist
+    /// Overwrite existing pages
     #[arg(long)]
     overwrite: bool,
 }

@@ -76,10 +76,10 @@ const VERBS: &[VerbEntry] = &[
     VerbEntry::of::<man::ManArgs>(),
 ];
 
-/// Huge elevation grids in, small meshes with a proven vertical error bound out.
+/// Out-of-core terrain engine: meshes with a proven vertical error bound, grids, tiles, contours and pages.
 ///
 /// Results go to stdout, progress and messages to stderr. Nothing is overwritten unless
-/// --overwrite is given, and files appear whole or not at all.
+/// --overwrite is given, and files are written completely or not at all.
 #[derive(Debug, Parser)]
 #[command(
     name = "terrane",

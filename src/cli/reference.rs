@@ -131,7 +131,7 @@ fn meaning(arg: &Arg) -> String {
 
 fn names_page() -> String {
     let mut page = format!("# Names\n\n<!-- Written by the code: {RENEW} -->\n");
-    page += "\nWhat formats, statistics, methods, characters and parameters are called.\n";
+    page += "\nNames of formats, statistics, methods, terrain characters and parameters.\n";
     let mut told = BTreeSet::new();
     for (_, verb) in verbs() {
         let lists = verb.get_after_help().map(ToString::to_string).unwrap_or_default();

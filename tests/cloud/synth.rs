@@ -302,7 +302,7 @@ fn names_round_trip_and_mistakes_are_explained() {
         ("cloud,", "empty parameter"),
         ("cloud,sise=3", "size, width"),
         ("cloud,size=0", "a number from 1 to"),
-        ("cloud,density=nan", "by square metre"),
+        ("cloud,density=nan", "per square metre"),
         ("cloud,seed=1,seed=2", "given twice"),
         ("cloud,cover=0.5", "whole number"),
         ("cloud,size=100000,scale=0.0001", "larger scale"),

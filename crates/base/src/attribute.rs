@@ -30,25 +30,22 @@ pub const RETURNS: &str = "number_of_returns";
 
 /// All numeric standard attributes. Files may have further ones in extra bytes.
 pub const ATTRIBUTES: &[PointAttribute] = &[
-    whole("intensity", &[], "return strength"),
-    whole(RETURN, &["return"], "number of the return within its pulse, from 1"),
+    whole("intensity", &[], "return intensity"),
+    whole(RETURN, &["return"], "number of the return in its pulse, from 1"),
     whole(RETURNS, &["returns"], "number of returns of the pulse"),
-    whole(CLASS, &["class"], "class"),
+    whole(CLASS, &["class"], "LAS class"),
     // A step is a degree in formats 0 to 5, and 0.006 degrees in formats 6 to 10.
     PointAttribute {
         step: Some(0.002),
         ..whole("scan_angle", &["angle", "scan_angle_rank"], "scan angle in degrees")
     },
-    whole("user_data", &["user"], "free for the user"),
-    whole("point_source_id", &["source", "point_source"], "source file or flight line"),
+    whole("user_data", &["user"], "user data"),
+    whole("point_source_id", &["source", "point_source"], "file or flight line of origin"),
     whole("red", &[], "colour"),
     whole("green", &[], "colour"),
     whole("blue", &[], "colour"),
     whole("infrared", &["nir"], "near infrared"),
-    PointAttribute {
-        step: None,
-        ..whole("gps_time", &["time"], "GPS time in seconds, with the epoch of the file")
-    },
+    PointAttribute { step: None, ..whole("gps_time", &["time"], "GPS time in seconds, as stored") },
 ];
 
 const fn whole(

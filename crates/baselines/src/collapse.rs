@@ -24,7 +24,7 @@ use terrane_base::geom::predicates::orient;
 
 pub(crate) const COLLAPSE: BaselineMethod = BaselineMethod {
     name: "collapse",
-    about: "all samples, and edges are drawn together into one of their ends, by quadrics",
+    about: "edge collapse to one of the end points, by quadric error",
     source: "Garland & Heckbert 1997",
     time: "O(n log n), expected",
     memory: "the grid, a mesh of all samples, and a heap of its edges",

@@ -26,7 +26,7 @@ use terrane_base::error::Result;
 
 pub(crate) const DROP: BaselineMethod = BaselineMethod {
     name: "drop",
-    about: "all samples, and the vertex that leaves the smallest error goes, again and again",
+    about: "decimation: removes the vertex with the smallest resulting error, repeatedly",
     source: "Lee 1989, 1991",
     time: "O(n log n log (n/m)), expected",
     memory: "the grid, and a mesh of all samples",

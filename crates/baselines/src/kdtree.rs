@@ -24,7 +24,7 @@ use terrane_base::error::Result;
 
 pub(crate) const KDTREE: BaselineMethod = BaselineMethod {
     name: "kdtree",
-    about: "rectangles halved across the longer side where a sample is too far off, made conforming",
+    about: "k-d tree: rectangles halved across the longer side where a sample exceeds the error, made conforming",
     source: "Bentley 1975; Von Herzen & Barr 1987",
     time: "O(n log n) for each of few rounds, expected",
     memory: "the grid, the mesh, and a number for each sample",

@@ -26,7 +26,7 @@ use terrane_base::error::Result;
 
 pub(crate) const RTIN: BaselineMethod = BaselineMethod {
     name: "rtin",
-    about: "right triangles halved where a sample is too far off",
+    about: "right-triangulated irregular network: triangles halved where a sample exceeds the error",
     source: "Evans, Kirkpatrick & Townsend 1998",
     time: "O(n log n)",
     memory: "the grid, the mesh, and a bit for each sample of the square around it",

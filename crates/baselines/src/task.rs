@@ -7,7 +7,7 @@ use crate::star::VertexStar;
 use crate::triangulation::TriangulationRule;
 use terrane_base::error::{Error, Result};
 
-/// What a mesh has to reach.
+/// Target of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BaselineGoal {
     /// No valid sample further than this from the surface, vertically; equal is allowed.

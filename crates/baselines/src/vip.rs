@@ -25,7 +25,7 @@ use terrane_base::error::Result;
 
 pub(crate) const VIP: BaselineMethod = BaselineMethod {
     name: "vip",
-    about: "very important points: those that stand out among their neighbours",
+    about: "very important points: samples that differ most from their neighbours",
     source: "Chen & Guevara 1987",
     time: "O(n log n) for a number of vertices, O(n log^2 n) for an error",
     memory: "the grid, the mesh, and the order of its samples",

@@ -18,7 +18,7 @@ use terrane_base::attribute::Return;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{Condition, Flags};
 
-/// How a grid is read
+/// Input grid
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = group)]
 #[non_exhaustive]
@@ -26,19 +26,18 @@ pub struct GridInput {
     /// Band to read, from 1
     #[option(value = "N", range = OptionRange::new(1.0, u32::MAX as f64), default_text = "1")]
     pub band: Option<u32>,
-    /// Stored value that means "no height", instead of the file's own
+    /// Nodata value, overriding the one in the file
     #[option(value = "VALUE", with = FiniteOrNan)]
     pub nodata: Option<f64>,
-    /// Part of the grid, in its coordinates, widened to whole cells (the square around each sample)
+    /// Bounding box to read, in the coordinates of the grid, expanded to whole cells
     #[option(value = "XMIN,YMIN,XMAX,YMAX", alias = "bbox", with = BoundsText)]
     pub bounds: Option<[f64; 4]>,
-    /// Polygons of a file of features, in the system of the grid: samples outside of all of them are taken for voids;
-    /// those on a border stay, and rings within a polygon are holes
+    /// File of clip polygons in the CRS of the grid: samples outside become void, samples on a border are kept, inner
+    /// rings are holes
     #[option(value = "FILE", alias = "polygon", with = FileName, role = Reads)]
     pub clip: Option<String>,
-    /// Water of a file of features, in the system of the grid, made level: polygons are lakes, as high as their lowest
-    /// bank, and those that a line of the file runs within are rivers, falling along it (drawn downstream). Edges of a mesh
-    /// follow the banks
+    /// File of water features in the CRS of the grid. Polygons are lakes, flattened to their lowest bank; polygons with
+    /// a line inside are rivers, falling along the line (drawn downstream). Mesh edges follow the banks
     #[option(value = "FILE", with = FileName, role = Reads)]
     pub water: Option<String>,
 }
@@ -63,50 +62,49 @@ impl GridInput {
     }
 }
 
-/// Which points are read, and how
+/// Point filter
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(heading = "Points", setters = group)]
 #[non_exhaustive]
 pub struct PointFilter {
-    /// Only points of these classes, such as 2,9 (2 is ground, 6 buildings, 9 water)
+    /// Classes to keep, such as 2,9 (2 ground, 6 building, 9 water)
     #[option(value = "CODES", alias = "classes")]
     pub class: Vec<u8>,
-    /// Only this return of each pulse: first, last, only, or a number from 1
+    /// Return to keep: first, last, only (single returns), or a return number from 1
     #[option(name = "return", alias = "returns", value = "WHICH", with = AsNumber)]
     pub returns: Option<Return>,
-    /// Points that are marked as withheld, too
+    /// Keep points flagged as withheld
     pub keep_withheld: bool,
-    /// No points with these marks
+    /// Drop points with these flags
     #[option(value = "MARKS", with = MarkName)]
     pub drop_flag: Vec<Flags>,
-    /// Only points at these heights, the ends included
+    /// Height range to keep, inclusive
     #[option(value = "LOW,HIGH", with = Interval)]
     pub z_range: Option<[f64; 2]>,
-    /// Only points of which this is true, such as "intensity > 100 and point_source in (3, 7)": = != < <= > >= and in, and
-    /// or not, + - * / and parentheses, of numbers, attributes as of terrane grid ‹stat›, extra bytes (in double quotes
-    /// where their names have spaces), x, y and z. A missing value is neither equal nor unequal to any
+    /// Condition on points, such as "intensity > 100 and point_source in (3, 7)". Operators: = != < <= > >= in, and or
+    /// not, + - * / and parentheses; operands: numbers, x, y, z, attributes as in terrane grid ‹stat›, and extra bytes
+    /// (in double quotes if the name has spaces). A missing value is neither equal nor unequal to any value
     #[option(name = "where", value = "CONDITION", with = AsFormula)]
     pub condition: Option<Condition>,
-    /// Only every N-th point of each file
+    /// Keep every N-th point of each file
     #[option(value = "N", range = OptionRange::new(1.0, u32::MAX as f64), default_text = "1")]
     pub every: Option<u32>,
-    /// The coordinate reference system of files that name none, such as EPSG:2154 or well-known text
+    /// CRS of files that declare none, such as EPSG:2154 or WKT
     #[option(value = "CRS", with = CrsText)]
     pub crs: Option<String>,
-    /// Go on with the good part of damaged files; the points lost are counted
+    /// Read the intact part of damaged files; the number of lost points is reported
     pub salvage: bool,
 }
 
-/// How clouds are read
+/// Input point clouds
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(heading = "Points", setters = group)]
 #[non_exhaustive]
 pub struct CloudInput {
-    /// Only points within this box, its borders included
+    /// Bounding box of points to keep, inclusive
     #[option(value = "XMIN,YMIN,XMAX,YMAX", with = BoundsText)]
     pub bounds: Option<[f64; 4]>,
-    /// Only points inside the polygons of a file of features, in the system of the cloud, or on western and southern borders of
-    /// these
+    /// File of clip polygons in the CRS of the point cloud: keeps points inside, or on western and southern borders
     #[option(value = "FILE", alias = "polygon", with = FileName, role = Reads)]
     pub clip: Option<String>,
     /// Which points.
@@ -114,17 +112,17 @@ pub struct CloudInput {
     pub points: PointFilter,
 }
 
-/// What stays in a mesh
+/// Constraints of a mesh
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
 #[options(heading = "Method", setters = group)]
 #[non_exhaustive]
 pub struct Constraints {
-    /// Samples or points of a cloud that stay vertices, at their heights: the nearest one to each point of a file of
-    /// features, and to each vertex of its lines and polygons, in the system of the grid or cloud
+    /// File of points to keep as mesh vertices, in the CRS of the input: the sample or cloud point nearest to each
+    /// point, or to each vertex of lines and polygons, is kept at its own height
     #[option(value = "FILE", with = FileName, role = Reads)]
     pub keep_points: Option<String>,
-    /// Lines and polygons of a file of features, in the system of the grid or cloud, that edges of the mesh follow,
-    /// from sample to sample; over a cloud along posts of their own, at the heights of the lines, if they have any
+    /// File of breaklines (lines or polygons) in the CRS of the input: mesh edges follow them from sample to sample. On
+    /// point clouds edges run along anchor vertices on the lines, at the z of the lines if present
     #[option(value = "FILE", with = FileName, role = Reads)]
     pub breaklines: Option<String>,
 }
@@ -138,37 +136,36 @@ impl Constraints {
     }
 }
 
-/// How features are read
+/// Input features
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
 #[options(setters = group)]
 #[non_exhaustive]
 pub struct FeatureInput {
-    /// The object of TopoJSON files to read
-    #[option(value = "NAME", default_text = "their first")]
+    /// TopoJSON object to read
+    #[option(value = "NAME", default_text = "the first")]
     pub layer: Option<String>,
 }
 
-/// What is there already
+/// Existing output
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
 #[options(heading = "Output", setters = group)]
 pub struct Replacing {
-    /// Replace what exists
+    /// Overwrite existing output
     #[option(role = Run)]
     pub overwrite: bool,
 }
 
-/// Where work is kept that may be killed
+/// Resumable work
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
 #[options(heading = "Resources", setters = group, rules = OF_RESUMING)]
 pub struct Resuming {
-    /// Keep what is done in this folder, so that the same work goes on after it was killed; it can be removed when
-    /// the output is there
+    /// Folder for intermediate results: an interrupted run resumes from it. Delete it once the output is written
     #[option(value = "FOLDER", with = FileName, role = Run)]
     pub workdir: Option<PathBuf>,
-    /// Begin only where the disk has room for the results of tasks and the output
+    /// Check free disk space for task results and output before starting
     #[option(
         default = true,
-        off = "Begin even where the disk seems to have too little room for the results of tasks and the output",
+        off = "Start even if free disk space looks too small for task results and output",
         role = Run
     )]
     pub disk_check: bool,
@@ -183,23 +180,23 @@ impl Resuming {
 
 const OF_RESUMING: &[OptionRule] = &[OptionRule::Needs("disk_check", &["workdir"])];
 
-/// A file that is written
+/// Output file
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
 #[options(heading = "Output", setters = group)]
 pub struct FileOutput {
-    /// Format to write
-    #[option(value = "NAME", short = 'f', default_text = "by the output's ending")]
+    /// Output format
+    #[option(value = "NAME", short = 'f', default_text = "from the file extension")]
     pub format: Option<String>,
-    /// What is there already.
+    /// Existing output.
     #[option(flatten)]
     pub replacing: Replacing,
 }
 
-/// How a grid is written
+/// Output grid
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
 #[options(heading = "Output", setters = group)]
 pub struct GridOutput {
-    /// Option of the format, with GDAL's names, such as COMPRESS=ZSTD
+    /// Creation option of the format, named as in GDAL, such as COMPRESS=ZSTD
     #[option(value = "KEY=VAL", with = KeyValue, no_setter)]
     pub co: Vec<(String, String)>,
 }
@@ -213,18 +210,17 @@ impl GridOutput {
     }
 }
 
-/// The reference system of an output
+/// Output CRS
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
 #[options(heading = "Reference system", setters = group, rules = OF_REPROJECTION)]
 pub struct Reprojection {
-    /// Write in this reference system, such as EPSG:4326 or well-known text; processing uses that of the input
+    /// CRS of the output, such as EPSG:4326 or WKT; processing uses the CRS of the input
     #[option(value = "CRS", with = CrsText)]
     pub to_crs: Option<String>,
-    /// Grid of shifts between the datums of the two systems: an NTv2 file (.gsb)
+    /// Datum shift grid between the two CRSs: an NTv2 file (.gsb)
     #[option(value = "FILE", with = FileName, role = Reads)]
     pub shift_grid: Option<PathBuf>,
-    /// Heights of a geoid above the ellipsoid (GTX or GeoTIFF), for systems that count heights from different ones of
-    /// the two
+    /// Geoid model (GTX or GeoTIFF) to convert between ellipsoidal heights and heights above the geoid
     #[option(value = "FILE", with = FileName, role = Reads)]
     pub geoid: Option<PathBuf>,
 }

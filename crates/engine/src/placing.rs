@@ -19,7 +19,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3, Spheroid};
 use terrane_mesh::MeshFormat;
 
-/// How a mesh lies in a file of its own coordinates
+/// Local coordinates of a mesh file
 #[derive(Clone, Copy, Debug, PartialEq, Options)]
 #[options(
     heading = "Viewers and printers (STL, 3MF and GLB)",
@@ -27,17 +27,17 @@ use terrane_mesh::MeshFormat;
     rules = OF_PLACING
 )]
 pub struct Placing {
-    /// Leave longitudes and latitudes as they are
-    #[option(role = Run, default_text = "metres east, north and up of the middle")]
+    /// Keep longitude and latitude in degrees
+    #[option(role = Run, default_text = "local metres (east, north, up) from the centre")]
     pub keep_degrees: bool,
-    /// Longest side of the print, such as 100mm or 12cm, a plain number in millimetres; STL and 3MF are in
-    /// millimetres then
+    /// Longest side of the print, such as 100mm or 12cm; plain numbers are millimetres. STL and 3MF are then in
+    /// millimetres
     #[option(value = "LENGTH", with = PrintLength, role = Run)]
     pub size: Option<f64>,
-    /// Scale of the print, such as 1:50000 or 0.001; STL and 3MF are in millimetres then
+    /// Scale of the print, such as 1:50000 or 0.001. STL and 3MF are then in millimetres
     #[option(value = "SCALE", with = PrintScale, role = Run)]
     pub scale: Option<f64>,
-    /// Make heights so many times higher
+    /// Vertical exaggeration factor
     #[option(value = "FACTOR", alias = "exaggerate", range = OptionRange::POSITIVE, role = Run)]
     pub exaggeration: Option<f64>,
 }
@@ -52,7 +52,7 @@ const OF_PLACING: &[OptionRule] = &[
 pub struct StorageScale {
     /// Stored units in one unit of x, y and z.
     pub scale: Point3,
-    /// The stored unit, where it is not that of the coordinates.
+    /// The stored unit, if it differs from the unit of the coordinates.
     pub unit: Option<String>,
 }
 

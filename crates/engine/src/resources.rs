@@ -4,20 +4,20 @@ use crate::options::{ByteSizeText, FileName};
 use terrane_files::{cores, physical_memory, proc_bytes};
 use terrane_options::{OptionRange, Options};
 
-/// What a job may use
+/// Resources of a job
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
 #[options(heading = "Resources", setters = group)]
 pub struct Resources {
     /// Worker threads
     #[option(value = "N", default = cores(), default_text = "all cores", range = OptionRange::new(1.0, 1024.0), role = Run)]
     pub threads: usize,
-    /// Memory for everything the job holds, such as 512M or 4GiB
+    /// Memory limit of the whole job, such as 512M or 4GiB
     #[option(value = "SIZE", with = ByteSizeText, default = default_memory(), role = Run, no_setter,
-             default_text = "half of the machine's, at most 4GiB")]
+             default_text = "half of physical memory, at most 4GiB")]
     pub memory: u64,
     /// Folder for temporary files
     #[option(value = "DIR", with = FileName, role = Run,
-             default_text = "the output's, or the system's where there is none and for inputs that must be unpacked")]
+             default_text = "the folder of the output; the system's without an output and to unpack inputs")]
     pub temp_dir: Option<std::path::PathBuf>,
 }
 

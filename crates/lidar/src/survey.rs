@@ -30,7 +30,7 @@ pub struct SurveyJob {
     pub format: PointFormat,
     /// Replace an existing output.
     pub overwrite: bool,
-    /// Memory, threads and temporary files.
+    /// Resources of the job.
     pub resources: Resources,
 }
 

@@ -15,7 +15,7 @@ use terrane_files::{RawFile, RowRun};
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "SRTM HGT",
     extensions: &["hgt"],
-    about: "1 degree tiles of 1/3 to 3 arc seconds, named after their corner",
+    about: "1-degree tiles of 1/3 to 3 arc seconds, named by their corner",
     sniff: |_| false,
     open,
 };

@@ -15,7 +15,7 @@ use terrane_files::RawFile;
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "NumPy",
     extensions: &["npy"],
-    about: "two-dimensional arrays; georeference from .wld and .prj sidecars",
+    about: "two-dimensional arrays; georeference from .wld and .prj",
     sniff: |head| head.starts_with(MAGIC),
     open,
 };

@@ -25,7 +25,7 @@ use terrane_files::{self as file, RawFile};
 pub(super) const GZIP: RasterFormat = RasterFormat {
     name: "gzip",
     extensions: &["gz"],
-    about: "any format above, compressed: dem.asc.gz",
+    about: "any of the formats above, compressed: dem.asc.gz",
     sniff: |head| head.starts_with(b"\x1f\x8b\x08"),
     open: |path, options| open(path, "gzip", unpack_gzip, options),
 };
@@ -34,7 +34,7 @@ pub(super) const GZIP: RasterFormat = RasterFormat {
 pub(super) const ZIP: RasterFormat = RasterFormat {
     name: "zip",
     extensions: &["zip"],
-    about: "one grid of any format above, with its sidecars: dem.flt.zip",
+    about: "one grid of any of the formats above with its sidecar files: dem.flt.zip",
     sniff: |head| head.starts_with(b"PK\x03\x04"),
     open: |path, options| open(path, "zip", unpack_zip, options),
 };

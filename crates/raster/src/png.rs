@@ -20,7 +20,7 @@ use terrane_files::{self as file, RawFile};
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "PNG",
     extensions: &["png"],
-    about: "8 and 16-bit grayscale; terrain-RGB and terrarium by name or as terrarium:FILE; colours as bands",
+    about: "8 and 16-bit gray; terrain-RGB and Terrarium by file name or as terrarium:FILE; colours as bands",
     sniff: |head| head.starts_with(b"\x89PNG\r\n\x1a\n"),
     open: |path, options| open(path, None, options),
 };

@@ -20,7 +20,7 @@ pub struct DrawJob {
     pub output: PathBuf,
     /// Replace an existing output.
     pub overwrite: bool,
-    /// What the job may use.
+    /// Resources of the job.
     pub resources: Resources,
 }
 

@@ -23,7 +23,7 @@ pub struct LineJob {
     pub into_folder: bool,
     /// Name of the format to write; by the output's ending, or as the input, when `None`.
     pub format: Option<String>,
-    /// How vertices are chosen.
+    /// Simplification method.
     pub method: &'static SimplifyMethod,
     /// How many are left out.
     pub goal: LineGoal,
@@ -43,7 +43,7 @@ pub struct LineJob {
     pub transform: Option<TargetCrs>,
     /// Replace files that exist.
     pub overwrite: bool,
-    /// What the job may use.
+    /// Resources of the job.
     pub resources: Resources,
 }
 
@@ -53,11 +53,11 @@ pub const SQUARE: u64 = 1 << 20;
 /// How neighbours are looked at.
 #[derive(Clone, Debug)]
 pub struct Topology {
-    /// When crossings are looked for.
+    /// When crossings are tested.
     pub strategy: Strategy,
     /// Vertices no farther apart than this are made one first, in units of the data; 0 for none.
     pub snap: f64,
-    /// Points that stay on the side of every line that they are on.
+    /// File of points that stay on the same side of every line.
     pub sides: Option<PathBuf>,
     /// Most vertices that are looked at together. Where there are more in all files, space is divided
     /// into squares that hold no more each, and segments from one square to another stay: what comes

@@ -16,58 +16,59 @@ use terrane_files::path_of;
 use terrane_line::topology::{RingCollapse, Strategy};
 use terrane_line::{METHODS, SimplifyMethod};
 
-/// Make lines simpler: no vertex left out is farther than a tolerance from the segment in its place
+/// Simplify lines and polygons within a distance tolerance
 ///
-/// Features keep their properties, ids, heights and measures. With ‹topology› shared borders stay shared, nothing crosses
-/// that did not, and no ring turns over or changes sides.
+/// Each removed vertex is within the tolerance of the segment that replaces it. Features keep their properties, ids,
+/// heights and measures. With ‹topology› shared borders stay shared, no new crossings appear, and no ring flips or
+/// changes sides.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = RULES)]
 #[non_exhaustive]
 pub struct LineOptions {
-    /// Largest distance of a vertex from the segment in its place, in units of the data, or with a unit: 100m, 2km, 50ft
-    /// (of longitudes and latitudes on the ellipsoid)
+    /// Maximum distance of a removed vertex from its segment, in units of the data or with a unit: 100m, 2km, 50ft (on
+    /// the ellipsoid for longitude and latitude)
     #[option(value = "LENGTH", with = LengthText, range = OptionRange::FROM_ZERO, heading = "How much")]
     pub tolerance: Option<Length>,
-    /// For methods that go by area: smallest effective area, in squared units of the data
+    /// Effective area threshold of the Visvalingam methods, in squared units of the data
     #[option(value = "A", range = OptionRange::FROM_ZERO, heading = "How much")]
     pub area: Option<f64>,
-    /// Keep this share of the vertices, from 0 to 1
+    /// Share of vertices to keep, from 0 to 1
     #[option(value = "SHARE", range = OptionRange::new(0.0, 1.0), heading = "How much")]
     pub keep_ratio: Option<f64>,
-    /// Keep so many vertices at most
+    /// Maximum number of vertices
     #[option(value = "N", heading = "How much")]
     pub keep_count: Option<u64>,
-    /// Write files of so many bytes at most, such as 5M
+    /// Maximum file size, such as 5M
     #[option(value = "SIZE", with = FileSize, heading = "How much")]
     pub target_size: Option<u64>,
-    /// How vertices are chosen
+    /// Simplification method
     #[option(value = "NAME", with = MethodName, default_text = "cone; rdp with ‹hierarchy›", heading = "Method")]
     pub method: Option<String>,
-    /// File of all splits of rdp, with the distance at which each is made: made where it is not there, and asked instead of
-    /// the method where it is, for any tolerance, share, number or size
+    /// File of the rdp split hierarchy, for any tolerance, ratio, count or size. Created if missing; an existing file
+    /// replaces the method
     #[option(value = "FILE", with = FileName, heading = "Method")]
     pub hierarchy: Option<PathBuf>,
-    /// What a distance is: in x and y, or in x, y and z
+    /// Distance metric
     #[option(value = "NAME", heading = "Method")]
     pub metric: Metric,
-    /// What becomes of rings of which less than a triangle would be left
+    /// Handling of rings that would collapse to less than a triangle
     #[option(value = "HOW", heading = "Method")]
     pub collapse: RingCollapse,
-    /// Keep shared borders shared, and let nothing cross, turn over or change sides that did not
+    /// Preserve topology: shared borders stay shared, and no line newly crosses, flips or changes sides
     #[option(heading = "Neighbours")]
     pub topology: bool,
-    /// When crossings are looked for
+    /// When crossings are tested
     #[option(value = "WHEN", default_text = "retroactive", heading = "Neighbours")]
     pub strategy: Option<Strategy>,
-    /// Make vertices one that are no farther apart than this, in units of the data
+    /// Snap vertices within this distance, in units of the data
     #[option(value = "DISTANCE", range = OptionRange::POSITIVE, heading = "Neighbours")]
     pub snap: Option<f64>,
-    /// Points that stay on the side of every line that they are on
+    /// File of points that stay on the same side of every line
     #[option(value = "FILE", with = FileName, role = Reads, heading = "Neighbours")]
     pub sides: Option<PathBuf>,
-    /// Digits behind the point that positions are rounded to; with ‹topology› vertices keep theirs where lines would touch,
-    /// cross or change sides
-    #[option(value = "N", range = OptionRange::new(0.0, 17.0), default_text = "as they are", heading = "Output")]
+    /// Decimal places of coordinates; with ‹topology› a vertex is not rounded if lines would touch, cross or change
+    /// sides
+    #[option(value = "N", range = OptionRange::new(0.0, 17.0), default_text = "no rounding", heading = "Output")]
     pub decimals: Option<u8>,
     /// The output file.
     #[option(flatten)]
@@ -75,7 +76,7 @@ pub struct LineOptions {
     /// The coordinate reference system of the output.
     #[option(flatten)]
     pub reprojection: Reprojection,
-    /// How features are read.
+    /// Input features.
     #[option(flatten)]
     pub features: FeatureInput,
     /// Memory, threads and temporary files.
@@ -91,13 +92,13 @@ const RULES: &[OptionRule] = &[
     OptionRule::Needs("sides", &["topology"]),
 ];
 
-/// What a distance is.
+/// Distance metric.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
 pub enum Metric {
-    /// In x and y
+    /// Distance in x and y
     #[default]
     Plane,
-    /// In x, y and z
+    /// Distance in x, y and z
     #[choice(name = "3d")]
     Space,
 }
@@ -133,7 +134,7 @@ impl LineOptions {
         goals.into_iter().flatten().next().unwrap_or(LineGoal::Ratio(1.0))
     }
 
-    /// How vertices are chosen.
+    /// Simplification method.
     fn chosen(&self) -> Result<&'static SimplifyMethod> {
         match (&self.method, &self.hierarchy) {
             (Some(name), _) => method(name),

@@ -60,7 +60,7 @@ pub const PARAMETERS: &[SynthParameter] = &[
     },
     SynthParameter {
         key: "seed",
-        about: "any whole number: another number is another terrain",
+        about: "random seed, an integer",
         default: 1.0,
         range: (0.0, u64::MAX as f64),
         whole: true,
@@ -74,7 +74,7 @@ pub const PARAMETERS: &[SynthParameter] = &[
     },
     SynthParameter {
         key: "relief",
-        about: "metres from low plains to high peaks, about",
+        about: "approximate height range in metres",
         default: 1500.0,
         range: (1e-3, 10_000.0),
         whole: false,

@@ -25,26 +25,26 @@ const PIECE: [u32; 2] = [512, 64];
 /// Bytes a thread holds: the heights of a piece, and the colours and encoded bands of a block of usual size.
 const WORKER_BYTES: u64 = (PIECE[0] * PIECE[1]) as u64 * 8 + (2 << 20);
 
-/// Colour a grid by its heights, as a picture
+/// Colour relief of a grid
 ///
-/// The file of colours has a height and its colour in each line, as gdaldem has it: 1200 255 128 0, with opacity from 0 to
-/// 255 behind it if wanted, or 1200 orange. Heights may be shares of the range of heights (25%), and nv stands for voids.
-/// Between two heights colours are mixed. A .tif is a GeoTIFF of bytes, red, green and blue; a .png is a picture with a .pgw
-/// and .prj beside it.
+/// Each line of the colour file is a height and a colour, as for gdaldem: 1200 255 128 0, optionally followed by an
+/// opacity from 0 to 255, or 1200 orange. Heights may be percentages of the height range (25%); nv is the colour of
+/// voids. Colours are interpolated between heights. A .tif is a GeoTIFF with red, green and blue bytes; a .png comes
+/// with a .pgw and a .prj.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = RULES)]
 #[non_exhaustive]
 pub struct ColorReliefOptions {
-    /// File of colours
+    /// Colour file
     #[option(value = "COLORS", with = FileName, role = Reads, positional)]
     pub colors: PathBuf,
-    /// The colour of the nearest height of the file, instead of a mixed one
+    /// Use the colour of the nearest height, without interpolation
     #[option(alias = "nearest_color_entry")]
     pub nearest: bool,
-    /// Colours of the heights of the file alone; all others are black, and nothing to be seen with ‹alpha›
+    /// Colour only the heights in the file; all others are black, or transparent with ‹alpha›
     #[option(alias = "exact_color_entry")]
     pub exact: bool,
-    /// Write opacity, too, as a fourth band
+    /// Write opacity as a fourth band
     pub alpha: bool,
     /// The output file.
     #[option(flatten)]

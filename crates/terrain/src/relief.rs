@@ -40,8 +40,8 @@ const GRAY: &str = "GRAY";
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = group)]
 pub struct DerivativeOptions {
-    /// Samples at the border of the grid and beside voids have a value, too: what is beyond the grid is on the line
-    /// through the two samples inside, and voids are as high as the sample
+    /// Compute values at the grid border and beside voids as well: the border is extrapolated linearly, voids take the
+    /// height of the sample
     pub compute_edges: bool,
     /// The output file.
     #[option(flatten)]

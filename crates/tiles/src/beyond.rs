@@ -3,14 +3,14 @@
 use serde::{Deserialize, Serialize};
 use terrane_options::Choice;
 
-/// The ground between the edge of a grid and the sides of the tiles that hold it.
+/// Terrain between the edge of a grid and the sides of its tiles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TilesBeyond {
-    /// Falls (or rises) from the edge to the ellipsoid, one metre for two.
+    /// Falls or rises from the edge to the ellipsoid, 1 m in 2 m.
     #[default]
     Taper,
-    /// Goes on at the heights of the edge.
+    /// Continues at the height of the edge.
     Level,
 }
 

@@ -31,7 +31,7 @@ const PARTS: [&str; 2] = ["model", "tiles"];
 /// The file of a model.
 const MODEL: &str = "model.tif";
 
-/// The model of the ground of a cloud.
+/// Terrain model of a point cloud.
 #[derive(Clone, Debug)]
 pub struct GroundModel {
     /// Files, folders, patterns or lists of clouds.

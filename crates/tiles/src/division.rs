@@ -88,7 +88,7 @@ impl TileRows {
 #[derive(Clone, Debug)]
 pub(super) struct TilesDivision {
     pub(super) place: GridFootprint,
-    /// The deepest level.
+    /// Maximum level.
     pub(super) last: u8,
     /// The first level whose tiles are regions or parts of one; it may be beyond the deepest that is made: whatever is
     /// made of a grid, no more of it is read at once.

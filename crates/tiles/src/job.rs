@@ -25,10 +25,10 @@ pub struct TilesJob {
     /// Replace a folder of tiles that exists.
     #[serde(skip)]
     pub overwrite: bool,
-    /// What tiles hold.
+    /// Content of tiles.
     #[serde(with = "terrane_options::as_map")]
     pub tiles: TileOptions,
-    /// What the job may use.
+    /// Resources of the job.
     #[serde(skip)]
     pub resources: Resources,
 }

@@ -8,48 +8,44 @@ use terrane_engine::Resources;
 use terrane_engine::options::{CellSize, CloudInput, FileName, GridInput, Replacing, Resuming};
 use terrane_lidar::grid::{AsText, GroundFrom};
 
-/// What tiles hold
+/// Content of tiles
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
 #[options(heading = "Tiles", rules = OF_FORMATS, setters = group)]
 #[non_exhaustive]
 pub struct TileOptions {
-    /// What to write; of several, a folder for each inside of the output
+    /// Tile format; several formats go to a subfolder each
     #[option(short = 'f', value = "FORMAT", default = vec![TilesFormat::QuantizedMesh], default_text = "quantized-mesh")]
     pub format: Vec<TilesFormat>,
-    /// Name the vertices of the sides of 3D Tiles (CESIUM_tile_edges, an extension that is not final), which CesiumJS needs
-    /// to take them for its terrain
+    /// Write the edge vertices of 3D Tiles (CESIUM_tile_edges, a draft extension); CesiumJS requires them for terrain
     pub tile_edges: bool,
-    /// Compress what is in a tile of 3D Tiles (EXT_meshopt_compression), which then takes less than half the bytes; clients
-    /// have to know the extension
+    /// Compress 3D Tiles to less than half the size (EXT_meshopt_compression); clients must support the extension
     pub meshopt: bool,
-    /// Hang a skirt from the sides of each tile of 3D Tiles, as deep as borders of its level and of the next coarser one may
-    /// differ, so that viewers without skirts of their own show no gap between levels
+    /// Add skirts to 3D Tiles, deep enough to hide gaps to the next coarser level, for viewers without skirts of their
+    /// own
     pub skirts: bool,
-    /// The deepest level
+    /// Maximum level
     #[option(value = "LEVEL", range = OptionRange::new(0.0, 20.0),
-             default_text = "the first whose tiles have at most 64 samples along a side")]
+             default_text = "the first level with at most 64 samples along a tile side")]
     pub max_level: Option<u8>,
-    /// The ground between the edge of the grid and the sides of the tiles that hold it
+    /// Terrain between the edge of the grid and the sides of its tiles
     #[option(value = "GROUND")]
     pub beyond: TilesBeyond,
-    /// Heights of the geoid that those of the grid are counted from, above the ellipsoid: a file (GTX or GeoTIFF)
+    /// Geoid model (GTX or GeoTIFF) of the heights of the grid, to convert them to ellipsoidal heights
     #[option(value = "FILE", with = FileName, role = Reads)]
     pub geoid: Option<String>,
-    /// Write normals of vertices, which viewers light the ground by
-    #[option(
-        default = true,
-        off = "Write no normals of vertices, which viewers light the ground by"
-    )]
+    /// Write vertex normals for lighting
+    #[option(default = true, off = "Write no vertex normals")]
     pub normals: bool,
-    /// Compress each file (gzip); they are to be served with "Content-Encoding: gzip"
+    /// Compress each file with gzip; a server must send "Content-Encoding: gzip"
     #[option(
         alias = "compress",
         default = true,
-        off = "Write plain files; compressed ones (gzip) are to be served with \"Content-Encoding: gzip\""
+        off = "Write uncompressed files; by default files are gzipped and a server must send \"Content-Encoding: \
+            gzip\""
     )]
     pub gzip: bool,
-    /// Tell in each tile of quantized-mesh which of its 256 x 256 pixels are water of ‹water› (the extension "watermask"):
-    /// those whose middle lies in a polygon
+    /// Write a water mask of 256 x 256 pixels into each quantized-mesh tile (extension "watermask"): pixels with their
+    /// centre in a polygon of ‹water›
     pub water_mask: bool,
 }
 
@@ -60,22 +56,22 @@ const OF_FORMATS: &[OptionRule] = &[
     OptionRule::Needs("water_mask", &["format=quantized-mesh"]),
 ];
 
-/// Make terrain tiles of a grid for viewers of the globe, at every level of detail
+/// Make terrain tiles of a grid for globe viewers, at every level of detail
 ///
-/// The folder holds quantized-mesh 1.0 tiles (EPSG:4326, TMS) of every level down to the resolution of the grid, and
-/// layer.json; or 3D Tiles 1.1 of the same levels, and tileset.json. No sample is further from a tile, as a client decodes it
-/// on the bent earth, than clients take its level to be off by (77 km at level 0, half as much at each further one), or than
-/// its level states where the steps of its positions cannot tell samples apart; each tile says how far its samples are at the
-/// most. Tiles beside each other have the same border. Voids are spanned. The grid may be in any system; its samples are
-/// brought to WGS 84, and none is made up. Heights are taken from the ellipsoid on, or brought there with ‹geoid›.
+/// The output folder holds quantized-mesh 1.0 tiles (EPSG:4326, TMS) with layer.json, or 3D Tiles 1.1 with
+/// tileset.json, at every level down to the resolution of the grid. The error of a tile, as decoded on the ellipsoid,
+/// is at most the error that clients assume for its level (77 km at level 0, half at each further level), or the stated
+/// error of the level where quantization is coarser. Each tile states its maximum error. Adjacent tiles have the same
+/// border. Voids are bridged. The grid may have any CRS; samples are transformed to WGS 84 without resampling. Heights
+/// are ellipsoidal, or converted with ‹geoid›.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = OF_WATER)]
 #[non_exhaustive]
 pub struct TilesOptions {
-    /// What tiles hold.
+    /// Content of tiles.
     #[option(flatten)]
     pub tiles: TileOptions,
-    /// What is there already.
+    /// Existing output.
     #[option(flatten)]
     pub replacing: Replacing,
     /// How the grid is read.
@@ -89,23 +85,23 @@ pub struct TilesOptions {
     pub resources: Resources,
 }
 
-/// Make terrain tiles of a point cloud for viewers of the globe, by way of a model of its ground
+/// Make terrain tiles of a point cloud for globe viewers
 ///
-/// The model is the one that terrane grid ‹dtm› makes, and the samples of tiles are those of the model.
+/// The tiles are made from a terrain model, as by terrane grid ‹dtm›.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = OF_WATER)]
 #[non_exhaustive]
 pub struct CloudTilesOptions {
-    /// What tiles hold.
+    /// Content of tiles.
     #[option(flatten)]
     pub tiles: TileOptions,
     /// The model of the ground.
     #[option(flatten)]
     pub model: ModelOptions,
-    /// Water of a file of features, in the system of the cloud, made level
+    /// File of water features in the CRS of the point cloud, to be flattened
     #[option(value = "FILE", with = FileName, role = Reads)]
     pub water: Option<String>,
-    /// What is there already.
+    /// Existing output.
     #[option(flatten)]
     pub replacing: Replacing,
     /// How the cloud is read.
@@ -121,17 +117,17 @@ pub struct CloudTilesOptions {
 
 const OF_WATER: &[OptionRule] = &[OptionRule::Needs("water_mask", &["water"])];
 
-/// The model of the ground of a cloud
+/// Terrain model of a point cloud
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(heading = "Model of the ground", setters = group)]
 #[non_exhaustive]
 pub struct ModelOptions {
-    /// Side of a cell of the model of a cloud, or its width and height, in the units of the CRS
+    /// Cell size of the terrain model of a point cloud, or cell width and height, in CRS units
     #[option(value = "SIZE", with = CellSize,
-             default_text = "the distance between points as the headers tell it, rounded up to 1, 2 or 5 times a power of ten")]
+             default_text = "the point spacing from the headers, rounded up to 1, 2 or 5 times a power of ten")]
     pub cell: Option<[f64; 2]>,
-    /// Which points of a cloud are ground, as in terrane grid: class, a method with its parameters, or auto: by class if there
-    /// are any, else by the method adaptive
+    /// Ground points of a point cloud, as in terrane grid: class, a method with parameters, or auto (by class if the
+    /// cloud has ground points, else adaptive)
     #[option(value = "HOW", with = AsText)]
     pub ground: GroundFrom,
 }

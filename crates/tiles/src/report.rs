@@ -54,7 +54,7 @@ pub struct TileLevelReport {
 /// What is told of the plan of tiles alone.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct TilesStatus {
-    /// The deepest level.
+    /// Maximum level.
     pub max_level: u8,
     /// Of the grid.
     pub samples: u64,

@@ -52,7 +52,7 @@ struct PlannedTilesJob {
     job: TilesJob,
     /// Where the grid is on the globe.
     place: GridFootprint,
-    /// The deepest level.
+    /// Maximum level.
     last: u8,
     /// Tiles of a task.
     cut: u32,

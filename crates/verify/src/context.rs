@@ -16,7 +16,7 @@ pub struct MeshRequirements<'a> {
     pub tolerance: Option<f64>,
     /// What the tolerance is of.
     pub bound: ErrorBound,
-    /// The smallest angle that triangles may have in plan, in degrees.
+    /// Minimum triangle angle in plan view, in degrees.
     pub min_angle: Option<f64>,
     /// Samples that have to be vertices, and breaklines.
     pub kept: &'a GridConstraints,

@@ -31,21 +31,21 @@ pub struct AskedBands {
     pub heights: Option<u32>,
 }
 
-/// Prove a mesh against the grid it was made from
+/// Verify a mesh against its grid
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = OF_MESHES)]
 #[non_exhaustive]
 pub struct MeshProof {
-    /// Largest vertical distance allowed
+    /// Maximum vertical distance allowed
     #[option(value = "E", stands_for = "tolerance", range = OptionRange::FROM_ZERO,
-             default_text = "the one the mesh file states")]
+             default_text = "as stated in the mesh file")]
     pub max_error: Option<f64>,
-    /// What the bound is of: samples, or surface for every point of the lines between neighbouring samples as well
+    /// Where the bound holds: at samples, or along the grid lines between them as well
     #[option(value = "WHAT", with = BoundName,
-             default_text = "what the mesh file states; samples, where it states nothing")]
+             default_text = "as stated in the mesh file, else samples")]
     pub bound: Option<ErrorBound>,
-    /// The smallest angle that triangles may have in plan, in degrees
-    #[option(value = "DEGREES", range = OptionRange::POSITIVE, default_text = "the one the mesh file states")]
+    /// Minimum triangle angle in plan view, in degrees
+    #[option(value = "DEGREES", range = OptionRange::POSITIVE, default_text = "as stated in the mesh file")]
     pub min_angle: Option<f64>,
     /// What has to be in it.
     #[option(flatten)]
@@ -53,12 +53,12 @@ pub struct MeshProof {
     /// How the grid is read.
     #[option(flatten)]
     pub grid: GridInput,
-    /// Bands that the mesh has the values of, such as 1,2,3 for the colours of a photograph; heights are those of ‹band›,
-    /// if it is given
+    /// Bands approximated by the mesh, such as 1,2,3 for the colours of an image. Heights are those of ‹band›, if given
     #[option(value = "N,..", range = OptionRange::new(1.0, u32::MAX as f64), heading = "Several bands")]
     pub bands: Vec<u32>,
-    /// How much an error in each band counts
-    #[option(value = "W,..", range = OptionRange::POSITIVE, heading = "Several bands", default_text = "what the mesh states")]
+    /// Weight of the error in each band
+    #[option(value = "W,..", range = OptionRange::POSITIVE, heading = "Several bands", default_text = "as stated \
+        in the mesh")]
     pub weights: Vec<f64>,
     /// Memory, threads and temporary files.
     #[option(flatten)]
@@ -70,14 +70,14 @@ const OF_MESHES: &[OptionRule] = &[
     OptionRule::NotWith("bands", &["bound=surface", "keep_points", "breaklines", "water"]),
 ];
 
-/// Prove a mesh against the point cloud it was made from
+/// Verify a mesh against its point cloud
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
 #[non_exhaustive]
 pub struct CloudMeshProof {
-    /// Largest vertical distance allowed
+    /// Maximum vertical distance allowed
     #[option(value = "E", stands_for = "tolerance", range = OptionRange::FROM_ZERO,
-             default_text = "the one the mesh file states")]
+             default_text = "as stated in the mesh file")]
     pub max_error: Option<f64>,
     /// What has to be in it.
     #[option(flatten)]
@@ -90,26 +90,25 @@ pub struct CloudMeshProof {
     pub resources: Resources,
 }
 
-/// Prove simplified lines against the file they were made from
+/// Verify simplified lines against their original
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(heading = "Lines", setters = own, rules = OF_LINES)]
 #[non_exhaustive]
 pub struct LineProof {
-    /// Largest distance allowed, in units of the data, or with a unit: 100m, 2km, 50ft
+    /// Maximum distance allowed, in units of the data or with a unit: 100m, 2km, 50ft
     #[option(value = "LENGTH", stands_for = "max_error", with = LengthText, range = OptionRange::FROM_ZERO,
-             default_text = "only measure it")]
+             default_text = "measured only")]
     pub tolerance: Option<Length>,
-    /// What a distance is: in x and y, or in x, y and z
+    /// Distance metric
     #[option(value = "NAME")]
     pub metric: Metric,
-    /// Judge crossings, rings, sides and shared borders, too
+    /// Check crossings, rings, sides and shared borders as well
     pub topology: bool,
-    /// Points that had to stay on their side
+    /// File of points that must stay on the same side of every line
     #[option(value = "FILE", with = FileName, role = Reads)]
     pub sides: Option<PathBuf>,
-    /// Rings may be gone: those with two vertices whose segment has all others within the tolerance, and their holes with
-    /// them
-    #[option(value = "HOW", default_text = "nothing may be gone")]
+    /// Collapsed rings: rings that fit a segment within the tolerance may be missing, with their holes
+    #[option(value = "HOW", default_text = "all rings are required")]
     pub collapse: Option<RemovedRings>,
     /// How the lines are read that they were made from.
     #[option(flatten)]
@@ -124,28 +123,28 @@ pub struct LineProof {
 pub struct LineVerifyJob {
     /// The simplified lines.
     pub lines: PathBuf,
-    /// What they were made from.
+    /// The original of the lines.
     pub original: PathBuf,
     /// The object of a TopoJSON original; its first one when `None`.
     pub layer: Option<String>,
-    /// Largest allowed distance; only measured when `None`.
+    /// Maximum distance allowed; only measured when `None`.
     pub tolerance: Option<Length>,
     /// Heights take part in distances.
     pub is_space: bool,
-    /// Crossings, rings, sides and borders are judged, too.
+    /// Crossings, rings, sides and borders are checked as well.
     pub topology: bool,
-    /// Rings that have no room within the tolerance may be gone.
+    /// Rings that collapse within the tolerance may be missing.
     pub may_drop: bool,
-    /// Points that had to stay on their side.
+    /// File of points that must stay on the same side of every line.
     pub sides: Option<PathBuf>,
-    /// What the job may use.
+    /// Resources of the job.
     pub resources: Resources,
 }
 
-/// What may have become of rings.
+/// Accepted changes of rings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum RemovedRings {
-    /// They may be gone where there is no room for them
+    /// Collapsed rings may be missing
     Drop,
 }
 

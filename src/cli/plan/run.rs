@@ -21,8 +21,9 @@ use terrane_lidar::translate::plan::SquareRun;
 use terrane_terrain::tin::{MeshRun, TinOptions};
 use terrane_tiles::{TilesOptions, TilesRun};
 
-/// Do what a plan says: what is done already is checked and kept, what is missing or damaged is made,
-/// then the mesh, grid, tiles or points are written. Killed, it goes on where it was when it is run again
+/// Run the tasks of a plan and write its mesh, grid, tiles or points
+///
+/// Completed tasks are checked and kept; missing or damaged ones are run. An interrupted run resumes where it stopped.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct PlanRunArgs {
     /// Folder of the plan
@@ -31,13 +32,13 @@ pub(crate) struct PlanRunArgs {
     how: PlanRunSettings,
 }
 
-/// Write the mesh, grid, tiles or points of a plan whose other tasks are all done
+/// Write the mesh, grid, tiles or points of a plan whose other tasks are complete
 #[derive(Clone, Debug, clap::Args)]
 #[command(mut_arg("task", |task| task.hide(true)))]
 pub(crate) struct FinishArgs {
     /// Folder of the plan
     folder: PathBuf,
-    /// File, or folder of tiles or points, to write [default: in the folder]
+    /// Output file, or output folder for tiles or points [default: in the plan folder]
     file: Option<PathBuf>,
     #[command(flatten)]
     how: PlanRunSettings,

@@ -30,11 +30,11 @@ pub(crate) fn refusal(option: &str, input: &str, what: &str) -> Error {
         .remedy(format!("leave {option} out"))
 }
 
-/// What is shown while a job runs and after.
+/// Messages during and after a job.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Messages")]
 pub(crate) struct ReportDisplay {
-    /// Progress on stderr: a bar on a terminal, lines of JSON for programs
+    /// Progress display on stderr
     #[arg(long, value_name = "HOW", value_enum, default_value_t = ProgressMode::Auto)]
     progress: ProgressMode,
     /// Print the result as JSON

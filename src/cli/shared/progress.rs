@@ -12,7 +12,7 @@ use serde::Serialize;
 use crate::cli::shared::{say, text};
 use terrane_engine::{FileAt, Progress, Silent};
 
-/// How progress is shown.
+/// Progress display.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ProgressMode {
     /// A bar on a terminal, nothing otherwise

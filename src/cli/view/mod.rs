@@ -20,18 +20,19 @@ use terrane_viewer::page::{
 };
 use terrane_viewer::view::PictureOptions;
 
-/// Draw a grid or a mesh as a shaded relief picture (PNG, transparent where there is no surface); a mesh whose
-/// vertices have colours is drawn in these. Or make a page of it for a browser: one HTML file that holds all it
-/// shows and loads nothing; or serve it to browsers on this machine, and folders of terrain tiles of any size, too
+/// Draw a shaded relief picture, or make or serve an interactive page
+///
+/// Pictures are PNG, transparent outside the surface, with the vertex colours of coloured meshes. A page is one
+/// self-contained HTML file of a grid, a mesh, a point cloud or lines. --serve shows the page in browsers on this
+/// machine, also for folders of terrain tiles of any size.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct ViewArgs {
-    /// Grid or mesh file, or a synthetic terrain by name; several grid files, a folder, a list or a
-    /// pattern in quotes are one mosaic; for a page also a file of lines or polygons, or point clouds (LAS, LAZ,
-    /// COPC, or text after cloud:), of which several are one; to be served also a folder of terrain tiles
-    /// (quantized-mesh or 3D Tiles of `terrane tiles`)
+    /// Grid or mesh file, or name of a synthetic terrain; several grid files, a folder, a list or a quoted pattern are
+    /// one mosaic. For pages also a feature file, or point clouds (LAS, LAZ, COPC, or text as cloud:FILE). For --serve
+    /// also a folder of terrain tiles (quantized-mesh or 3D Tiles of `terrane tiles`)
     #[arg(required = true, value_parser = names::any())]
     input: Vec<String>,
-    /// Picture to write, ending in .png
+    /// Output picture (.png)
     #[arg(
         short,
         long,
@@ -40,13 +41,13 @@ pub(super) struct ViewArgs {
         conflicts_with = "html"
     )]
     output: Option<PathBuf>,
-    /// Page to write in place of a picture, ending in .html
+    /// Output page (.html) instead of a picture
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Serve the page to browsers on this machine (127.0.0.1 alone) until Ctrl-C, and print where it is
+    /// Serve the page to browsers on this machine (127.0.0.1 only) until Ctrl-C, and print its address
     #[arg(long, conflicts_with_all = ["output", "html", "overwrite"])]
     serve: bool,
-    /// Port to serve on [default: a free one]
+    /// Port of --serve [default: a free port]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     port: Option<u16>,
     #[command(flatten)]

@@ -11,7 +11,7 @@ use crate::task::BaselineTask;
 
 pub(crate) const GREEDY_1: BaselineMethod = BaselineMethod {
     name: "greedy1",
-    about: "greedy insertion, all samples located and measured anew for each vertex",
+    about: "greedy insertion, all samples located and measured again for each vertex",
     time: "O(m n), walks aside",
     memory: "the grid and the mesh",
     sample_bytes: 180,

@@ -13,7 +13,7 @@ use terrane_base::geom::predicates::orient;
 
 pub(crate) const GREEDY_2: BaselineMethod = BaselineMethod {
     name: "greedy2",
-    about: "greedy insertion, only the samples of changed triangles measured anew",
+    about: "greedy insertion, only samples of changed triangles measured again",
     time: "O(m n), expected",
     memory: "the grid, the mesh, and lists of samples by triangle",
     sample_bytes: 500,

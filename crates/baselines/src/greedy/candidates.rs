@@ -13,7 +13,7 @@ use crate::task::BaselineTask;
 
 pub(crate) const GREEDY_4: BaselineMethod = BaselineMethod {
     name: "greedy4",
-    about: "greedy insertion, with a heap of one candidate by triangle",
+    about: "greedy insertion with a heap of one candidate per triangle",
     time: "O((m + n) log m), expected",
     memory: "the grid, the mesh, and a heap of triangles",
     sample_bytes: 220,

@@ -13,7 +13,7 @@ use crate::task::BaselineTask;
 
 pub(crate) const GREEDY_3: BaselineMethod = BaselineMethod {
     name: "greedy3",
-    about: "greedy insertion, with a heap of all samples",
+    about: "greedy insertion with a heap of all samples",
     time: "O((m + n) log m log n), expected",
     memory: "the grid, the mesh, and a heap of all samples",
     sample_bytes: 200,

@@ -269,9 +269,9 @@ pub struct MarkName;
 impl OptionCodec<Flags> for MarkName {
     const KIND: OptionKind = OptionKind::Choice(|| {
         let about = |flag| match flag {
-            Flags::SYNTHETIC => "made by other means than measuring",
-            Flags::KEY => "a key point of a model, not to be thinned out",
-            Flags::WITHHELD => "to be left out",
+            Flags::SYNTHETIC => "not from a direct measurement",
+            Flags::KEY => "model key point, not to be thinned",
+            Flags::WITHHELD => "excluded from processing",
             _ => "in the overlap of flight lines",
         };
         let named = |(name, flag): (&'static str, Flags)| ChoiceName { name, about: about(flag) };
@@ -368,8 +368,8 @@ pub struct BoundName;
 impl OptionCodec<ErrorBound> for BoundName {
     const KIND: OptionKind = OptionKind::Choice(|| {
         let about = |bound| match bound {
-            ErrorBound::Samples => "all valid samples",
-            ErrorBound::Surface => "the lines between neighbouring samples, too",
+            ErrorBound::Samples => "at all valid samples",
+            ErrorBound::Surface => "along the grid lines between samples as well",
         };
         ErrorBound::ALL.map(|bound| ChoiceName { name: bound.name(), about: about(bound) }).to_vec()
     });

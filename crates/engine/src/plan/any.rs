@@ -212,27 +212,27 @@ impl PlanStatus {
     }
 }
 
-/// Do what a plan says
+/// Run a plan
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
 #[options(setters = own)]
 pub struct RunOptions {
-    /// Only this task, such as strip-0, seam-0, choose-0, tile-0, near-0, squares-0 or finish; many may be done at the same
-    /// time, on any machine that sees the folder and the input
+    /// Single task to run, such as strip-0, seam-0, choose-0, tile-0, near-0, squares-0 or finish. Tasks may run in
+    /// parallel on all machines that share the folder and the input
     #[option(value = "ID")]
     pub task: Option<String>,
-    /// File, or folder of tiles or points, to write
-    #[option(short = 'o', value = "FILE", with = FileName, default_text = "in the folder", heading = "Output")]
+    /// Output file, or output folder for tiles or points
+    #[option(short = 'o', value = "FILE", with = FileName, default_text = "in the plan folder", heading = "Output")]
     pub output: Option<PathBuf>,
-    /// Write a mesh of a grid as a folder with a mesh for every N x N tiles and an index (GeoJSON), instead of one file
+    /// Write a mesh of a grid as a folder: one mesh for every N x N tiles and an index (GeoJSON)
     #[option(value = "N", range = OptionRange::new(1.0, 65_536.0), heading = "Output")]
     pub split: Option<u32>,
-    /// What is there already.
+    /// Existing output.
     #[option(flatten)]
     pub replacing: Replacing,
-    /// Begin only where the disk has room for the results of tasks and the output
+    /// Check free disk space for task results and output before starting
     #[option(
         default = true,
-        off = "Begin even where the disk seems to have too little room for the results of tasks and the output",
+        off = "Start even if free disk space looks too small for task results and output",
         heading = "Resources"
     )]
     pub disk_check: bool,

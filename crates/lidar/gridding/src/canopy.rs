@@ -15,7 +15,7 @@ pub const METHODS: &[CanopyMethod] = &[PIT_FREE, SPIKE_FREE];
 const PIT_FREE: CanopyMethod = CanopyMethod {
     name: "pit-free",
     source: "Khosravipour and others 2014",
-    about: "triangulations of the first returns above several heights, the highest of which counts",
+    about: "maximum of triangulations of first returns above several height thresholds",
     parameters: &[],
     kind: CanopyMethodKind::PitFree,
 };
@@ -23,19 +23,19 @@ const PIT_FREE: CanopyMethod = CanopyMethod {
 const SPIKE_FREE: CanopyMethod = CanopyMethod {
     name: "spike-free",
     source: "Khosravipour and others 2016",
-    about: "all returns from the highest down; small triangles freeze, and take no lower ones",
+    about: "all returns from top to bottom; small triangles freeze and take no lower returns",
     parameters: &[
         Parameter::new(
             "freeze",
             f64::NAN,
             [0.0, 1000.0],
-            "longest edge of triangles that freeze, metres; three times the spacing of pulses for auto",
+            "maximum edge of triangles that freeze, metres; auto is three times the pulse spacing",
         ),
         Parameter::new(
             "buffer",
             0.5,
             [0.0, 1000.0],
-            "how much lower the returns to come are when they freeze, metres",
+            "triangles freeze once the next returns are lower by this, metres",
         ),
     ],
     kind: CanopyMethodKind::SpikeFree,

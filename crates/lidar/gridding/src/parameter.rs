@@ -19,7 +19,7 @@ pub(super) const NUMBER: &str = "NUMBER";
 pub(super) const RADIUS: StatisticParameter = StatisticParameter {
     key: "radius",
     value: NUMBER,
-    about: "points nearer than this to the cell's centre [‹radius›]",
+    about: "search radius around the cell centre [‹radius›]",
 };
 
 /// Parameters as given.

@@ -34,7 +34,7 @@ pub struct Subject {
 pub(super) const ATTRIBUTE: StatisticParameter = StatisticParameter {
     key: "attribute",
     value: "NAME",
-    about: "of this attribute instead of heights",
+    about: "attribute to use instead of height",
 };
 
 /// The parameters that select points.
@@ -42,20 +42,20 @@ pub(super) const CONDITIONS: [StatisticParameter; 5] = [
     StatisticParameter {
         key: "class",
         value: "CODES",
-        about: "points of these classes only, such as 2+9",
+        about: "only points of these classes, such as 2+9",
     },
     StatisticParameter {
         key: "return",
         value: "WHICH",
-        about: "first, last, only, or a number: points of this return only",
+        about: "only points of this return: first, last, only (single returns), or a number",
     },
     StatisticParameter {
         key: "min",
         value: "NUMBER",
-        about: "points at this height or higher only",
+        about: "only points at or above this height",
     },
-    StatisticParameter { key: "max", value: "NUMBER", about: "points below this height only" },
-    StatisticParameter { key: "above", value: "NUMBER", about: "points above this height only" },
+    StatisticParameter { key: "max", value: "NUMBER", about: "only points below this height" },
+    StatisticParameter { key: "above", value: "NUMBER", about: "only points above this height" },
 ];
 
 /// Parameters common to all statistics of points.

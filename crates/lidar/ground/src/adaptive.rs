@@ -19,8 +19,8 @@ use crate::surface::GroundSurface;
 
 pub(crate) const METHOD: Method = Method {
     name: "adaptive",
-    source: "ours, after Zhang and others 2016 and Axelsson 2000",
-    about: "a cloth and a triangulation that check each other; what auto takes",
+    source: "terrane, after Zhang and others 2016 and Axelsson 2000",
+    about: "cloth simulation and TIN densification combined; the method of auto",
     parameters: &[],
     finder: GroundFinder {
         lattice: |_, spacing| GroundTiling::fixed(spacing.clamp(1.0, WIDEST)),

@@ -14,31 +14,26 @@ use terrane_base::parameters::Parameter;
 pub(crate) const METHOD: Method = Method {
     name: "csf",
     source: "Zhang and others 2016",
-    about: "a cloth that rises from below the points until it meets them",
+    about: "cloth simulation filter: a cloth rises from below until it meets the points",
     parameters: &[
-        Parameter::new("cloth", 1.0, [0.25, 100.0], "distance between the cloth's nodes, metres"),
+        Parameter::new("cloth", 1.0, [0.25, 100.0], "distance between cloth nodes, metres"),
         Parameter::new(
             "rigidness",
             3.0,
             [1.0, 3.0],
-            "1 for steep ground, 2 for hills, 3 for plains",
+            "cloth rigidness: 1 steep terrain, 2 hills, 3 plains",
         )
         .whole(),
         Parameter::new(
             "threshold",
             0.5,
             [0.0, 100.0],
-            "how far from the cloth ground may lie, metres",
+            "maximum distance of ground from the cloth, metres",
         ),
         Parameter::new("step", 0.65, [0.1, 1.5], "time step"),
-        Parameter::new("iterations", 500.0, [1.0, 10_000.0], "most steps").whole(),
-        Parameter::new(
-            "smooth",
-            1.0,
-            [0.0, 1.0],
-            "whether steep ground is mended in the end, 0 or 1",
-        )
-        .whole(),
+        Parameter::new("iterations", 500.0, [1.0, 10_000.0], "maximum number of steps").whole(),
+        Parameter::new("smooth", 1.0, [0.0, 1.0], "post-processing of steep slopes, 0 or 1")
+            .whole(),
     ],
     finder: GroundFinder { lattice: |asked, _| GroundTiling::fixed(asked.value("cloth")), find },
 };
@@ -59,7 +54,7 @@ fn find(asked: &Asked, lows: &LowestPoints<'_>) -> GroundSurface {
 /// Parameters of the cloth.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ClothParameters {
-    /// 1 for steep ground, 2 for hills, 3 for plains.
+    /// Cloth rigidness: 1 steep terrain, 2 hills, 3 plains.
     pub(crate) rigidness: u32,
     /// Time step of the integration.
     pub(crate) time_step: f64,

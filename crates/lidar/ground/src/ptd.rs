@@ -13,37 +13,37 @@ use terrane_base::parameters::Parameter;
 pub(crate) const METHOD: Method = Method {
     name: "ptd",
     source: "Axelsson 2000",
-    about: "a triangulation of the lowest points of large squares, made denser by points near it",
+    about: "progressive TIN densification, from the lowest points of large cells",
     parameters: &[
         Parameter::new(
             "seed",
             50.0,
             [2.0, 100.0],
-            "side of the squares, larger than any building, metres",
+            "size of the seed cells, larger than any building, metres",
         ),
         Parameter::new(
             "angle",
             15.0,
             [0.1, 89.0],
-            "at which a corner may see a point above its triangle, degrees",
+            "maximum angle from a triangle corner to a point above it, degrees",
         ),
         Parameter::new(
             "distance",
             1.4,
             [0.01, 100.0],
-            "furthest from its triangle that a point is taken in, metres",
+            "maximum distance of an added point from its triangle, metres",
         ),
         Parameter::new(
             "spacing",
             0.25,
             [0.0, 100.0],
-            "triangles with no longer side are left as they are, metres",
+            "triangles with all edges up to this length are not refined, metres",
         ),
         Parameter::new(
             "tolerance",
             0.3,
             [0.0, 100.0],
-            "how far from the last triangles ground may lie, metres",
+            "maximum distance of ground from the final triangles, metres",
         ),
     ],
     finder: GroundFinder {

@@ -14,18 +14,23 @@ use terrane_base::parameters::Parameter;
 pub(crate) const METHOD: Method = Method {
     name: "smrf",
     source: "Pingel and others 2013",
-    about: "openings with growing discs, holes filled by springs",
+    about: "simple morphological filter: openings with growing discs, spring inpainting",
     parameters: &[
-        Parameter::new("cell", 1.0, [0.25, 100.0], "side of a cell, metres"),
-        Parameter::new("slope", 0.15, [0.0, 10.0], "steepest ground, rise over run"),
+        Parameter::new("cell", 1.0, [0.25, 100.0], "cell size, metres"),
+        Parameter::new("slope", 0.15, [0.0, 10.0], "maximum ground slope, rise over run"),
         Parameter::new("window", 18.0, [1.0, 100.0], "radius of the largest disc, metres"),
         Parameter::new(
             "threshold",
             0.5,
             [0.0, 100.0],
-            "how far from the surface ground may lie, metres",
+            "maximum distance of ground from the surface, metres",
         ),
-        Parameter::new("scalar", 1.25, [0.0, 100.0], "how much further for a slope of 1, metres"),
+        Parameter::new(
+            "scalar",
+            1.25,
+            [0.0, 100.0],
+            "increase of the threshold per unit of slope, metres",
+        ),
     ],
     finder: GroundFinder { lattice: |asked, _| GroundTiling::fixed(asked.value("cell")), find },
 };

@@ -40,7 +40,7 @@ pub struct CloudTinJob {
     pub breaklines: Option<String>,
     /// Measure largest error and RMSE for the report.
     pub measure: bool,
-    /// Memory, threads and temporary files.
+    /// Resources of the job.
     pub resources: Resources,
 }
 

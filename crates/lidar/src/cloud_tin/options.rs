@@ -14,12 +14,12 @@ use terrane_raster::Inputs;
 
 /// Simplify a point cloud into a triangle mesh with a proven vertical error bound
 ///
-/// The mesh is the Delaunay triangulation of some of the points, and of posts on breaklines.
+/// The mesh is the Delaunay triangulation of a subset of the points and of anchor vertices on breaklines.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = RULES)]
 #[non_exhaustive]
 pub struct CloudTinOptions {
-    /// Largest vertical distance of any point from the mesh, in the vertical unit of the data; 0 keeps all points
+    /// Maximum vertical distance of any point from the mesh, in the vertical unit of the data; 0 keeps all points
     #[option(value = "E", stands_for = "max_vertices", stands_for = "max_triangles", range = OptionRange::FROM_ZERO,
              heading = "Target")]
     pub max_error: Option<f64>,

@@ -61,13 +61,13 @@ pub struct GridJob {
     pub sample_type: SampleType,
     /// Rounds values to integer types instead of failing.
     pub round: bool,
-    /// Nodata value.
+    /// Nodata value of the output.
     #[serde(with = "as_text")]
     pub nodata: f64,
     /// Replace an existing output.
     #[serde(skip)]
     pub overwrite: bool,
-    /// Memory, threads and temporary files.
+    /// Resources of the job.
     #[serde(skip)]
     pub resources: Resources,
 }

@@ -20,71 +20,67 @@ use terrane_engine::options::{
 use terrane_gridding::{Canopy, parse_list};
 use terrane_raster::{Inputs, SampleType};
 
-/// Make a grid of a cloud of points: statistics of the points in each cell
+/// Make a grid from a point cloud: statistics of the points in each cell
 ///
-/// Cells take points at their western and southern border, and their corners lie at multiples of the
-/// cell size. One pass over the points, whatever the extent; the bytes are the same for any order of
-/// points and files, any number of threads and any memory. A .tif is a GeoTIFF in tiles.
+/// Cells include their western and southern borders; corners are at multiples of the cell size. Points are read in one
+/// pass. The output does not depend on the order of points and files, on threads or on memory. A .tif is a tiled
+/// GeoTIFF.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = RULES)]
 #[non_exhaustive]
 pub struct GridOptions {
-    /// Statistics, a band for each, such as mean,max,p95,idw:radius=2,power=1
+    /// Statistics, one band each, such as mean,max,p95,idw:radius=2,power=1
     #[option(value = "LIST", with = StatisticList, default_text = "mean")]
     pub stat: Option<String>,
-    /// The ground: its points, linear in their triangulation at the centres of cells
+    /// Terrain model: triangulated ground points, interpolated linearly at cell centres
     #[option(heading = "Models of the terrain")]
     pub dtm: bool,
-    /// What is seen from above: first returns, linear in their triangulation, without the pits that
-    /// pulses leave which went deep into a crown; by another method with ‹canopy›
+    /// Surface model: triangulated first returns with canopy pits removed by the method of ‹canopy›
     #[option(heading = "Models of the terrain")]
     pub dsm: bool,
-    /// The height of ‹dsm› above ‹dtm›, 0 where it would be below
+    /// Canopy height model: ‹dsm› minus ‹dtm›, at least 0
     #[option(heading = "Models of the terrain")]
     pub chm: bool,
-    /// Which points are ground: class (those of class 2, or of ‹class›), those that a method such as
-    /// csf:rigidness=1 finds among last returns, or auto: by class if there are any, else by the method
-    /// adaptive
+    /// Ground points: class (class 2, or ‹class›), a method that classifies last returns such as csf:rigidness=1, or
+    /// auto (by class if the cloud has ground points, else adaptive)
     #[option(value = "HOW", with = AsText, heading = "Models of the terrain")]
     pub ground: GroundFrom,
-    /// How ‹dsm› and ‹chm› get rid of returns from deep in crowns: pit-free, or spike-free with its parameters,
-    /// such as spike-free:freeze=1.5, which is made of all returns
+    /// Pit removal for ‹dsm› and ‹chm›: pit-free, or spike-free (uses all returns) with parameters, such as
+    /// spike-free:freeze=1.5
     #[option(value = "METHOD", with = AsText, heading = "Models of the terrain")]
     pub canopy: Canopy,
-    /// Water of a file of features, made level in ‹dtm›: polygons are lakes, as high as their lowest bank, and
-    /// those that a line of the file runs within are rivers, falling along it (drawn downstream)
+    /// File of water features for ‹dtm›. Polygons are lakes, flattened to their lowest bank; polygons with a line
+    /// inside are rivers, falling along the line (drawn downstream)
     #[option(value = "FILE", with = FileName, role = Reads, heading = "Models of the terrain")]
     pub water: Option<String>,
-    /// Side of a cell, or its width and height, in the units of the CRS
+    /// Cell size, or cell width and height, in CRS units
     #[option(value = "SIZE", with = CellSize, heading = "Cells",
-             default_text = "of ‹dtm›, ‹dsm› and ‹chm› about the distance between points, rounded up to 1, 2 or 5 times a power of ten")]
+             default_text = "for ‹dtm›, ‹dsm› and ‹chm› the point spacing, rounded up to 1, 2 or 5 times a power \
+                 of ten")]
     pub cell: Option<[f64; 2]>,
-    /// A corner of some cell
+    /// Grid origin: the corner of any cell
     #[option(value = "X,Y", with = PositionText, heading = "Cells", default_text = "0,0")]
     pub align: Option<[f64; 2]>,
-    /// All cells that this box overlaps, instead of those of the whole cloud
+    /// Output extent, expanded to whole cells, instead of the extent of the point cloud
     #[option(value = "XMIN,YMIN,XMAX,YMAX", alias = "bbox", with = BoundsText, heading = "Cells")]
     pub extent: Option<[f64; 4]>,
-    /// The very cells of this grid
+    /// Grid that defines the cells and the extent
     #[option(value = "GRID", with = FileName, role = ReadsGrid, heading = "Cells")]
     pub like: Option<String>,
-    /// Whose conventions are followed: pdal takes all points within ‹radius› of a cell's
-    /// centre for every statistic, from the lowest x and y on; lasr gives points on a border to the
-    /// cell south of it
+    /// Grid conventions of another program, for comparisons cell by cell
     #[option(value = "PROGRAM", heading = "Cells")]
     pub compat: Compat,
-    /// Points nearer than this to a cell's centre, for idw and nearest
+    /// Search radius of idw and nearest around the cell centre
     #[option(value = "R", range = OptionRange::POSITIVE, heading = "Method",
-             default_text = "the cell's longer side times the root of 2")]
+             default_text = "the longer cell side times the square root of 2")]
     pub radius: Option<f64>,
-    /// Weights of idw are distance to the power of minus P, 4 at most
+    /// Exponent of the inverse-distance weights of idw, at most 4
     #[option(value = "P", range = OptionRange::POSITIVE, heading = "Method", default_text = "1")]
     pub power: Option<f64>,
-    /// For tin and models of the terrain: triangles with an edge longer than this are no surface
-    #[option(value = "LENGTH", range = OptionRange::POSITIVE, heading = "Method", default_text = "all are")]
+    /// Maximum triangle edge of tin and of the models; cells in larger triangles are void
+    #[option(value = "LENGTH", range = OptionRange::POSITIVE, heading = "Method", default_text = "no limit")]
     pub max_edge: Option<f64>,
-    /// Fill voids from known cells at most N columns and rows away, weighted by the inverse of the
-    /// larger of the two
+    /// Fill voids from cells at most N columns and rows away, weighted by the inverse of the larger distance
     #[option(value = "N", alias = "window", range = OptionRange::new(0.0, 1024.0), heading = "Method")]
     pub fill: Option<u32>,
     /// The output file.
@@ -93,14 +89,14 @@ pub struct GridOptions {
     /// Creation options.
     #[option(flatten)]
     pub creation: GridOutput,
-    /// Type of the written samples; floats hold the nearest value
+    /// Output sample type; floats are rounded to the nearest value
     #[option(name = "type", alias = "dtype", value = "NAME", with = SampleTypeName, heading = "Output",
              default = SampleType::F32)]
     pub sample_type: SampleType,
-    /// Write the nearest value where a type of whole numbers, or the format, does not hold one exactly
+    /// Round values that an integer type, or the format, cannot hold exactly
     #[option(heading = "Output")]
     pub round: bool,
-    /// Written value for voids
+    /// Nodata value of the output
     #[option(value = "VALUE", with = FiniteOrNan, heading = "Output", default = NODATA)]
     pub nodata: f64,
     /// How the cloud is read.

@@ -6,16 +6,16 @@ use terrane_options::Choice;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::CloudInfo;
 
-/// Program whose conventions a grid follows, for comparison cell by cell.
+/// Grid conventions of another program, for comparisons cell by cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice, Serialize, Deserialize)]
 pub enum Compat {
-    /// terrane's own: cells [W, E) x [S, N), corners at multiples of the cell size
+    /// terrane: cells [W, E) x [S, N), corners at multiples of the cell size
     #[default]
     None,
-    /// those of PDAL's writers.gdal: a corner at the lowest x and y of all points; every statistic
-    /// is of the points within the radius of a cell's centre
+    /// PDAL writers.gdal: origin at the lowest x and y of all points; every statistic uses the points within the radius
+    /// of a cell centre
     Pdal,
-    /// those of lasR: cells [W, E) x (S, N], corners at multiples of the cell size
+    /// lasR: cells [W, E) x (S, N], corners at multiples of the cell size
     Lasr,
 }
 
@@ -30,7 +30,7 @@ pub struct Placement {
     /// All cells that this box (x min, y min, x max, y max) overlaps; the bounds of the point cloud when
     /// `None`.
     pub extent: Option<[f64; 4]>,
-    /// Grid whose cells are used.
+    /// Grid that defines the cells and the extent.
     pub like: Option<String>,
     /// Whether the size was derived from the density of points, for a note.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]

@@ -40,7 +40,7 @@ pub struct GridReport {
     /// Points outside of all cells of the grid.
     pub outside_grid: u64,
     pub bands: Vec<GridBandReport>,
-    /// Report on the flattening of water.
+    /// Report on flattened water.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub water: Option<WaterReport>,
     /// Files with skipped damage; also in the notes.

@@ -56,7 +56,7 @@ pub struct TranslateJob {
     pub split: Option<AttributeSplit>,
     /// Replace an existing output.
     pub overwrite: bool,
-    /// Memory, threads and temporary files.
+    /// Resources of the job.
     pub resources: Resources,
 }
 

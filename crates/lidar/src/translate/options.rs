@@ -24,80 +24,75 @@ terrane_engine::by_text!(AsFormula, OptionKind::Shaped("str"), Assign);
 terrane_engine::by_text!(AsNumber, OptionKind::Shaped("float | str"), Overlap CellThinning);
 terrane_engine::by_text!(AsText, OptionKind::Text, Classify);
 
-/// Write the points of clouds with all that is known of them: filtered, merged, thinned, in another format
+/// Filter, merge, thin, classify and convert point clouds, with all attributes
 ///
-/// Points marked as withheld are carried unless ‹drop_flag=withheld› says otherwise. Every attribute is carried: times,
-/// colours, waveforms, extra bytes, and the records of the header that are the same in all files; what the output cannot
-/// hold is an error, or told in a note where the format asked for has no field for it. Points stay in the order of the
-/// files' names and of the points in them unless ‹sort› is given, so the same files give the same bytes, whatever the order
-/// they are named in, threads and memory. The output is .las, .laz, .copc.laz for an octree, or .csv, .txt, .xyz for text; or
-/// a folder.
+/// Withheld points are kept unless ‹drop_flag=withheld› is given. All attributes are kept: times, colours, waveforms,
+/// extra bytes, and the header records that are the same in all files. An attribute that the output cannot hold is an
+/// error; a field that the requested point format lacks is reported in a note. Points stay in the order of file names
+/// and of points within files unless ‹sort› is given; the output does not depend on the order of inputs, threads or
+/// memory. The output is .las, .laz, .copc.laz (octree), text (.csv, .txt, .xyz), or a folder.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = RULES)]
 #[non_exhaustive]
 pub struct PointsOptions {
-    /// Format of the points, 0 to 10
+    /// LAS point format, 0 to 10
     #[option(value = "N", with = PointFormatNumber, default_text = "the first that holds all fields of all files")]
     pub point_format: Option<PointFormat>,
-    /// Version of LAS, 1.2 to 1.5
-    #[option(value = "VERSION", with = AsNumber, default_text = "the first that has points of the format")]
+    /// LAS version, 1.2 to 1.5
+    #[option(value = "VERSION", with = AsNumber, default_text = "the first that supports the point format")]
     pub las_version: Option<LasVersion>,
-    /// Only one of the points that have the same place and time: the first
+    /// Remove duplicates: of points with the same position and time the first is kept
     pub dedupe: bool,
-    /// The order of points, instead of that of files and of points in them, which those that are equal in it keep
+    /// Order of points; equal points stay in input order
     #[option(value = "ORDER")]
     pub sort: Option<Sort>,
-    /// How high points are above the ground, exactly in the triangulation of its points: in the dimension
-    /// HeightAboveGround of their extra bytes, or as their z
+    /// Height above the triangulated ground points, as an extra dimension or as z
     #[option(value = "AS", alias = "heights", bare = "dimension", heading = "Ground")]
     pub height_above_ground: Option<HeightsAs>,
-    /// Give points classes, noise first, then one way after the other: noise or noise:METHOD (7 for those that a method
-    /// finds to be noise, which is no ground; voxel:step=4,isolated=5,class=7 unless told otherwise), ground (2 for those of
-    /// classes 0 to 5 found to be ground, and 1 for others of class 2; more classes take part with
-    /// ground:reclassify=CLASS,...), or height:CLASS=FROM,... (those of no class, 0 or 1, by their height above the ground;
-    /// 3=0.5,4=2,5=5 unless told otherwise); each may be given
+    /// Classify points: noise or noise:METHOD (class 7; default method voxel:step=4,isolated=5,class=7), ground (class
+    /// 2 for ground among classes 0 to 5, class 1 for other points of class 2; ground:reclassify=CLASS,... adds
+    /// classes), height:CLASS=FROM,... (classes 0 and 1 by height above ground; default 3=0.5,4=2,5=5). Repeatable;
+    /// noise is classified first
     #[option(value = "HOW", with = AsText, heading = "Ground")]
     pub classify: Vec<Classify>,
-    /// Which points are ground: class (those of class 2), those that a method of terrane grid ‹ground› finds among
-    /// last returns, or auto: by class if there are any, else by the method adaptive
+    /// Ground points: class (class 2), a method of terrane grid ‹ground› that classifies last returns, or auto (by
+    /// class if the cloud has ground points, else adaptive)
     #[option(value = "HOW", with = AsText, heading = "Ground")]
     pub ground: GroundFrom,
     /// Set an attribute to a number or a formula of attributes, x, y and z with + - * / and parentheses, such as
-    /// intensity=intensity/256; names as of terrane grid ‹stat›, those of extra bytes in double quotes where they have
-    /// spaces. Fields of whole numbers take the nearest one, and what they cannot hold is an error. May be given several
-    /// times
+    /// intensity=intensity/256. Names as in terrane grid ‹stat›; extra bytes in double quotes if the name has spaces.
+    /// Integer fields are rounded; values out of range are an error. Repeatable
     #[option(value = "NAME=FORMULA", with = AsFormula, heading = "Attributes")]
     pub attribute: Vec<Assign>,
-    /// Where flight lines overlap only the points of one: in each square of this size those of the line (point source)
-    /// with the least scan angle there, of two the one of the lower number; squares of twice the spacing of points,
-    /// rounded up to 1, 2 or 5 times a power of ten, where no size is given
+    /// Remove flight-line overlap: in each CELL keep the flight line (point source) with the smallest scan angle, in
+    /// ties the lower number. Default cell: twice the point spacing, rounded up to 1, 2 or 5 times a power of ten
     #[option(value = "CELL", with = AsNumber, bare = "auto", heading = "Fewer points")]
     pub drop_overlap: Option<Overlap>,
-    /// Only one point of each square of this size, in units of x and y, whose corners are at its multiples; which one is
-    /// said after a colon
+    /// Keep one point per cell of this size, in units of x and y; cell corners are at multiples of the size. WHICH
+    /// selects the point
     #[option(value = "CELL[:WHICH]", with = AsNumber, heading = "Fewer points")]
     pub thin: Option<CellThinning>,
-    /// Only points that are no nearer to each other than this, in space and the units of coordinates, and so many that
-    /// each point left out is nearer than that to one of them (Poisson discs); chosen by a hash of places
+    /// Thin to a minimum 3D distance between points, in coordinate units (Poisson disc sampling). The selection is
+    /// reproducible
     #[option(value = "DISTANCE", range = OptionRange::POSITIVE, heading = "Fewer points")]
     pub thin_distance: Option<f64>,
-    /// A folder instead of one file, of a file for each square of this size, named by its lowest corner
+    /// Write a folder of square tiles with this side, one file each, named by the lower left corner
     #[option(value = "SIDE", range = OptionRange::POSITIVE, heading = "Folders")]
     pub tile: Option<f64>,
-    /// A folder instead of one file, of a file for each value of this attribute, such as classification or
-    /// point_source_id (flight lines), named by both
+    /// Write a folder with one file for each value of this attribute, such as classification or point_source_id (flight
+    /// lines)
     #[option(value = "ATTRIBUTE", heading = "Folders")]
     pub split: Option<String>,
-    /// Points around each square up to so far away, too, marked by ‹buffer_mark›
+    /// Buffer around each tile: points within this distance are included, flagged by ‹buffer_mark›
     #[option(value = "WIDTH", range = OptionRange::FROM_ZERO, heading = "Folders")]
     pub buffer: Option<f64>,
-    /// How points of buffers are marked
+    /// Flag of buffer points
     #[option(value = "MARK", heading = "Folders")]
     pub buffer_mark: BufferMark,
-    /// What the files of a folder are
+    /// Format of the files in a folder
     #[option(value = "NAME", heading = "Folders")]
     pub tile_format: TileFormat,
-    /// What is there already.
+    /// Existing output.
     #[option(flatten)]
     pub replacing: Replacing,
     /// The coordinate reference system of the output.
@@ -125,7 +120,7 @@ const RULES: &[OptionRule] = &[
 /// The format of files in a folder.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
 pub enum TileFormat {
-    /// LAS with compressed points
+    /// LAZ (compressed LAS)
     #[default]
     Laz,
     /// LAS

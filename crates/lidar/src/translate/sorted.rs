@@ -20,7 +20,7 @@ use terrane_files::{SpoolExtent, SpoolFile};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sort {
-    /// along the z-order curve of x and y: points near to each other come together; then by z and time
+    /// Morton order (z-order curve) of x and y, then z and time
     Morton,
     /// by time
     Time,

@@ -27,19 +27,19 @@ const MOST_SQUARES_BESIDE: f64 = 8.0;
 pub struct SquareSplit {
     /// Side of a tile, in units of x and y; corners are at its multiples.
     pub side: f64,
-    /// Width of the buffer around a tile.
+    /// Width of the buffer of points around a tile.
     pub buffer: f64,
-    /// Mark of points in the buffer.
+    /// Flag of buffer points.
     pub mark: BufferMark,
 }
 
-/// How points of a buffer are marked.
+/// Flag of buffer points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice, Serialize, Deserialize)]
 pub enum BufferMark {
-    /// as withheld: they are left out by whoever does not ask for them
+    /// withheld flag; most readers skip these points by default
     #[default]
     Withheld,
-    /// as synthetic
+    /// synthetic flag
     Synthetic,
 }
 

@@ -37,10 +37,10 @@ pub struct CellThinning {
 
 /// Names of the rules, with descriptions.
 pub const KEPT: [(&str, &str); 4] = [
-    ("centre", "the point nearest to the centre of its cell"),
+    ("centre", "the point nearest to the cell centre"),
     ("lowest", "the lowest point"),
     ("highest", "the highest point"),
-    ("random", "any point, by chance; random=SEED for another one [default: 0]"),
+    ("random", "a random point; random=SEED sets the seed [default: 0]"),
 ];
 
 impl FromStr for CellThinning {

@@ -36,7 +36,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
 pub(super) const PACKED: MeshFormat = MeshFormat {
     name: PACKED_NAME,
     extensions: &["meshopt.glb"],
-    about: "the same, compressed without loss (EXT_meshopt_compression)",
+    about: "GLB with lossless compression (EXT_meshopt_compression)",
     create: |path, header, options| write::create(path, header, options, GltfCompression::Meshopt),
     ..FORMAT
 };

@@ -24,7 +24,7 @@ use tokens::AscTokens;
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "ESRI ASCII",
     extensions: &["asc"],
-    about: "text grids with ncols/nrows header; CRS from a .prj sidecar",
+    about: "text grids with an ncols/nrows header; CRS from .prj",
     sniff: header::is_header,
     open,
 };

@@ -41,7 +41,7 @@ use mask::GeoTiffMask;
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "GeoTIFF",
     extensions: &["tif", "tiff", "gtiff", "btf", "tf8"],
-    about: "classic and BigTIFF; strips and tiles; none, LZW, deflate, packbits, zstd, LERC",
+    about: "classic and BigTIFF, strips or tiles; uncompressed, LZW, DEFLATE, PackBits, ZSTD, LERC",
     sniff: ifd::is_tiff,
     open,
 };

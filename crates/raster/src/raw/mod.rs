@@ -19,7 +19,7 @@ use terrane_files::RawFile;
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "raw with header",
     extensions: &["flt", "bil", "bip", "bsq", "hdr"],
-    about: "binary grids of any extension with an ESRI or ENVI .hdr sidecar",
+    about: "binary grids of any extension with an ESRI or ENVI .hdr",
     sniff: |_| false,
     open,
 };

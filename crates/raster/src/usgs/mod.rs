@@ -22,7 +22,7 @@ use header::UsgsDemHeader;
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "USGS DEM",
     extensions: &["dem"],
-    about: "ASCII quads with or without newlines; binary .dem with a .hdr is read as raw",
+    about: "ASCII quadrangles with or without newlines; binary .dem with a .hdr is read as raw",
     sniff: |_| false,
     open,
 };

@@ -128,7 +128,7 @@ pub struct Water {
     levels: Mutex<Option<Arc<WaterLevels>>>,
 }
 
-/// Summary of hydro-flattening.
+/// Report on flattened water.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct WaterReport {

@@ -38,22 +38,22 @@ pub(super) const FORMAT: GridFormat = GridFormat {
         CreationOption {
             key: "BLOCKSIZE",
             accepts: Whole { least: 64, most: 4096, step: 16 },
-            about: "side of a tile [512]",
+            about: "tile size [512]",
         },
         CreationOption {
             key: "OVERVIEWS",
             accepts: Words(&["AUTO", "NONE"]),
-            about: "overviews, each half the size, down to a single tile [AUTO]",
+            about: "overviews of half the size each, down to a single tile [AUTO]",
         },
         CreationOption {
             key: "OVERVIEW_RESAMPLING",
             accepts: Words(&["AVERAGE", "NEAREST"]),
-            about: "mean of the valid samples among four, or the upper left sample [AVERAGE]",
+            about: "mean of the valid samples of 2 x 2, or the upper left sample [AVERAGE]",
         },
         CreationOption {
             key: "RESAMPLING",
             accepts: Words(&["AVERAGE", "NEAREST"]),
-            about: "synonym of OVERVIEW_RESAMPLING, which takes precedence",
+            about: "alias of OVERVIEW_RESAMPLING, used if that is not set",
         },
         tiff::BIGTIFF,
     ],

@@ -17,7 +17,7 @@ use terrane_files::{AppendWriter, lock, unlocked};
 pub(super) const FORMAT: GridFormat = GridFormat {
     name: "CSV",
     extensions: &["csv"],
-    about: "table with .prj: x and y of each cell centre, one column per band",
+    about: "table of x and y of cell centres with a column per band; CRS in .prj",
     options: &[],
     several_bands: true,
     holds_colours: false,

@@ -33,17 +33,17 @@ pub(super) const FORMAT: GridFormat = GridFormat {
         CreationOption {
             key: "TILED",
             accepts: Words(&["YES", "NO"]),
-            about: "tiles rather than strips [NO]",
+            about: "tiles instead of strips [NO]",
         },
         CreationOption {
             key: "BLOCKXSIZE",
             accepts: Whole { least: 16, most: 4096, step: 16 },
-            about: "columns of a tile [256]",
+            about: "tile width [256]",
         },
         CreationOption {
             key: "BLOCKYSIZE",
             accepts: Whole { least: 1, most: 4096, step: 1 },
-            about: "rows of a tile, a multiple of 16 [256], or of a strip [about 64 KiB]",
+            about: "tile height, a multiple of 16 [256], or rows per strip [about 64 KiB]",
         },
         tiff::BIGTIFF,
     ],

@@ -28,12 +28,13 @@ pub(super) const FORMAT: GridFormat = GridFormat {
         CreationOption {
             key: "ENCODING",
             accepts: Words(&["TERRAIN-RGB", "TERRARIUM", "GRAY"]),
-            about: "height encoding [GRAY for ‹type› uint8 or uint16 and for reliefs, else by file name, else TERRAIN-RGB]",
+            about: "encoding of heights [GRAY for ‹type› uint8 or uint16 and for reliefs, else by file name, else \
+                TERRAIN-RGB]",
         },
         CreationOption {
             key: "ALPHA",
             accepts: Words(&["YES", "NO"]),
-            about: "transparent voids of RGB-encoded heights [YES if the grid declares nodata]",
+            about: "transparent voids of encoded heights [YES if the grid declares nodata]",
         },
     ],
     several_bands: false,

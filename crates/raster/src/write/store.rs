@@ -12,11 +12,11 @@ use terrane_base::geom::Rect;
 pub(super) const FORMAT: GridFormat = GridFormat {
     name: "store",
     extensions: &["tif", "tiff"],
-    about: "uncompressed tiled BigTIFF that terrane maps into memory and reads fast",
+    about: "uncompressed tiled BigTIFF for fast memory-mapped reading",
     options: &[CreationOption {
         key: "BLOCKSIZE",
         accepts: Words(&["256", "512", "1024"]),
-        about: "side of a tile [512]",
+        about: "tile size [512]",
     }],
     several_bands: false,
     holds_colours: false,

@@ -21,17 +21,17 @@ pub(super) const COMPRESS: CreationOption = CreationOption {
 pub(super) const LEVEL: CreationOption = CreationOption {
     key: "LEVEL",
     accepts: Whole { least: 1, most: 22, step: 1 },
-    about: "compression level of DEFLATE, 1 to 12 [6], or of ZSTD [9]",
+    about: "compression level of DEFLATE, 1 to 12 [6], or ZSTD [9]",
 };
 pub(super) const PREDICTOR: CreationOption = CreationOption {
     key: "PREDICTOR",
     accepts: Words(&["NO", "YES", "STANDARD", "FLOATING_POINT", "1", "2", "3"]),
-    about: "2 is STANDARD, 3 is FLOATING_POINT, YES chooses by sample type [YES]",
+    about: "2 is STANDARD, 3 is FLOATING_POINT, YES is by sample type [YES]",
 };
 pub(super) const BIGTIFF: CreationOption = CreationOption {
     key: "BIGTIFF",
     accepts: Words(&["YES", "NO", "IF_NEEDED", "IF_SAFER"]),
-    about: "64-bit offsets, for files beyond 4 GiB [IF_NEEDED]",
+    about: "64-bit offsets, for files above 4 GiB [IF_NEEDED]",
 };
 
 const SUBFILE_TYPE: u16 = 254;

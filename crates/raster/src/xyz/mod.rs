@@ -22,7 +22,7 @@ use points::XyzPointReader;
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "XYZ",
     extensions: &["xyz", "csv", "txt"],
-    about: "points of a regular grid, one per line; missing points are void; CRS from a .prj sidecar",
+    about: "points of a regular grid, one per line; missing points are void; CRS from .prj",
     sniff: |_| false,
     open,
 };

@@ -73,7 +73,7 @@ impl SimplifyMethod {
         "cone",
         ToleranceKind::Distance,
         cone::cone,
-        "greedy double cone: one pass, near the fewest vertices"
+        "greedy double cone: one pass, near the minimum number of vertices"
     );
     /// Ramer-Douglas-Peucker.
     pub const RDP: Self = Self {
@@ -90,7 +90,7 @@ impl SimplifyMethod {
         "imai-iri",
         ToleranceKind::Distance,
         imai_iri::imai_iri,
-        "the fewest vertices, by shortest path"
+        "minimum number of vertices, by shortest path"
     );
     /// Visvalingam and Whyatt.
     pub const VISVALINGAM: Self = method!(

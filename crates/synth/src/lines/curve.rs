@@ -6,37 +6,37 @@ use super::{LineFamily, Place, SyntheticLines, Xy};
 pub const SHAPES: &[LineFamily] = &[
     LineFamily {
         name: "koch",
-        about: "the curve of von Koch, cut off after so many vertices",
+        about: "Koch curve, truncated to the number of vertices",
         is_rings: false,
         draw: koch,
     },
     LineFamily {
         name: "walk",
-        about: "a random walk, which crosses itself",
+        about: "random walk with self-crossings",
         is_rings: false,
         draw: walk,
     },
     LineFamily {
         name: "zigzag",
-        about: "to and fro, ever wider: splits take off one vertex at a time",
+        about: "zigzag of growing width: each split separates one vertex",
         is_rings: false,
         draw: zigzag,
     },
     LineFamily {
         name: "spiral",
-        about: "inwards, a thousand vertices a turn",
+        about: "inward spiral, 1000 vertices per turn",
         is_rings: false,
         draw: spiral,
     },
     LineFamily {
         name: "arc",
-        about: "a quarter of a circle: every vertex counts alike",
+        about: "quarter circle: all vertices are equally significant",
         is_rings: false,
         draw: arc,
     },
     LineFamily {
         name: "coverage",
-        about: "polygons side by side that share rough borders, and neither gap nor overlap",
+        about: "adjacent polygons with rough shared borders, without gaps or overlaps",
         is_rings: true,
         draw: cell,
     },

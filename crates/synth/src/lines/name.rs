@@ -12,28 +12,28 @@ use terrane_base::registry::{RegistryEntry, find, named};
 pub const PARAMETERS: &[SynthParameter] = &[
     SynthParameter {
         key: "vertices",
-        about: "vertices of each feature",
+        about: "vertices per feature",
         default: 10_000.0,
         range: (2.0, 1e8),
         whole: true,
     },
     SynthParameter {
         key: "features",
-        about: "how many, side by side",
+        about: "number of features, side by side",
         default: 1.0,
         range: (1.0, 1e9),
         whole: true,
     },
     SynthParameter {
         key: "size",
-        about: "side of the square that a feature is drawn in",
+        about: "side of the bounding square of a feature",
         default: 1000.0,
         range: (1e-6, 1e9),
         whole: false,
     },
     SynthParameter {
         key: "seed",
-        about: "any whole number: another number is another walk or coverage",
+        about: "random seed, an integer",
         default: 1.0,
         range: (0.0, u64::MAX as f64),
         whole: true,

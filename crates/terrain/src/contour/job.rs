@@ -25,36 +25,36 @@ const TILE_CELLS: [f64; 2] = [16.0, 8192.0];
 
 /// Make contour lines of a grid
 ///
-/// The surface is linear along the lines between neighbouring samples; higher ground is on the right of each line. Lines end
-/// at voids and at the border, do not branch, and do not touch each other. With ‹tolerance› they are simplified, and neither
-/// cross nor touch afterwards. The file is the same for any number of threads and any memory.
+/// The surface is linear along the grid lines between samples; higher ground is on the right of each contour. Contours
+/// end at voids and at the border and do not branch or touch, also when simplified with ‹tolerance›. The output does
+/// not depend on threads or memory.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = RULES)]
 #[non_exhaustive]
 pub struct ContourOptions {
-    /// Lines at all multiples of this height, in the vertical unit of the data
+    /// Contour interval, in the vertical unit of the data
     #[option(short = 'i', alias = "every", value = "HEIGHT", range = OptionRange::POSITIVE, heading = "Levels")]
     pub interval: Option<f64>,
-    /// Lines at these heights, such as 10,50,100, instead
+    /// Contour levels, such as 10,50,100, instead of an interval
     #[option(alias = "at", value = "LIST", with = FiniteNumber, heading = "Levels")]
     pub levels: Vec<f64>,
-    /// Height from which the multiples are counted
+    /// Base height of the interval
     #[option(alias = "offset", value = "HEIGHT", with = FiniteNumber, default_text = "0", heading = "Levels")]
     pub base: Option<f64>,
-    /// Mark lines at every N-th level from the base in a property "index" (true or false)
+    /// Mark every N-th level from the base as an index contour: property "index" (true or false)
     #[option(value = "N", range = OptionRange::new(1.0, u32::MAX as f64), heading = "Levels")]
     pub index: Option<u32>,
-    /// Leave out vertices that are at most so far from the line, in units of x and y or with a unit: 100m, 2km, 50ft (of
-    /// longitudes and latitudes on the ellipsoid); lines still neither cross nor touch
+    /// Simplification tolerance, in units of x and y or with a unit: 100m, 2km, 50ft (on the ellipsoid for longitude
+    /// and latitude). Simplified lines do not cross or touch
     #[option(alias = "simplify", value = "LENGTH", with = LengthText, range = OptionRange::FROM_ZERO, heading = "Simplification")]
     pub tolerance: Option<Length>,
-    /// Cells along the side of a tile, 16 to 8192; where tiles meet, lines keep a vertex that they may have lost
+    /// Tile side in cells, 16 to 8192; simplification keeps the vertices on tile borders
     #[option(value = "CELLS", default = 1024, range = OptionRange::new(TILE_CELLS[0], TILE_CELLS[1]), heading = "Simplification")]
     pub tile: u32,
-    /// Name of the property that holds the height of a line
+    /// Name of the height property
     #[option(short = 'a', value = "NAME", default = "elev".to_owned(), heading = "Output")]
     pub attribute: String,
-    /// Give each vertex the height of its line
+    /// Write the height as z of each vertex
     #[option(alias = "3d", heading = "Output")]
     pub with_z: bool,
     /// The output file.
@@ -110,7 +110,7 @@ pub struct ContourJob {
     pub input: Inputs,
     /// File of features to write.
     pub output: PathBuf,
-    /// Options.
+    /// Options of the contours.
     pub options: ContourOptions,
 }
 
@@ -155,7 +155,7 @@ pub struct ContourReport {
     pub height: u32,
     /// CRS of the grid.
     pub crs: String,
-    /// The operation to the CRS of the output, if that is another.
+    /// Transformation to the CRS of the output, if it differs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transformed: Option<Transformed>,
     /// Levels with a line, and the lowest and highest of them.

@@ -19,12 +19,11 @@ use terrane_raster::write::{self, GridFormat, GridWriteOptions};
 use terrane_raster::{self as raster, GridSource, Inputs, SampleType, WaterReport};
 use terrane_window::resample::{RESAMPLINGS, ResamplingMethod};
 
-/// Copy a grid, or a part of it, into a file of another format
+/// Convert a grid, or a part of it, to another format
 ///
-/// A .tif is a plain GeoTIFF unless COG is asked for, or store: an uncompressed tiled BigTIFF that terrane maps into memory
-/// and reads fast. Samples are written exactly or not at all: a height that the type does not hold is an error that names its
-/// place, unless ‹round› allows the nearest value. Samples stay where they are unless ‹resampling› says how they are to be
-/// found elsewhere: in another reference system, at another distance, or where those of another grid are.
+/// A .tif is a plain GeoTIFF unless the format is COG or store (an uncompressed tiled BigTIFF for fast memory-mapped
+/// reading). A height that the sample type cannot hold is an error that gives its position; ‹round› writes the nearest
+/// value instead. A change of CRS, resolution or alignment requires ‹resampling›.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = RULES)]
 #[non_exhaustive]
@@ -35,18 +34,17 @@ pub struct ConvertOptions {
     /// How its format is written.
     #[option(flatten)]
     pub written: GridOutput,
-    /// Type of the written samples, such as int16 or float32
+    /// Output sample type, such as int16 or float32
     #[option(name = "type", alias = "dtype", value = "NAME", with = SampleTypeName, heading = "Output",
-             default_text = "the input's")]
+             default_text = "as in the input")]
     pub sample_type: Option<SampleType>,
-    /// Written value for voids
-    #[option(value = "VALUE", with = FiniteOrNan, heading = "Output", default_text = "the one they are read by")]
+    /// Nodata value of the output
+    #[option(value = "VALUE", with = FiniteOrNan, heading = "Output", default_text = "as in the input")]
     pub out_nodata: Option<f64>,
-    /// Write the nearest value where the type does not hold a height exactly
+    /// Round heights that the sample type cannot hold exactly
     #[option(heading = "Output")]
     pub round: bool,
-    /// How heights are found where samples of the output lie between those of the input; nothing is ever resampled
-    /// without it
+    /// Resampling method; required if output samples lie between input samples
     #[option(value = "NAME", with = ResamplingName, heading = "Lattice")]
     pub resampling: Option<String>,
     /// The lattice of the output.
@@ -146,10 +144,10 @@ pub struct ConvertReport {
     pub width: u32,
     pub height: u32,
     pub crs: String,
-    /// The operation to the CRS of the output, if that is another.
+    /// Transformation to the CRS of the output, if it differs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transformed: Option<Transformed>,
-    /// The resampling method, if any, and the columns and rows of the input for each of the output.
+    /// Resampling method, if any, and the number of columns and rows of the input per column and row of the output.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub resampling: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -161,10 +159,10 @@ pub struct ConvertReport {
     /// Lowest and highest valid height; absent when there is none.
     pub lowest: Option<f64>,
     pub highest: Option<f64>,
-    /// Report on the flattening of water.
+    /// Report on flattened water.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub water: Option<WaterReport>,
-    /// Properties of the grid that the format does not hold.
+    /// Properties of the grid that the format cannot store.
     pub notes: Vec<String>,
     pub output_bytes: u64,
     #[serde(flatten)]

@@ -50,7 +50,7 @@ macro_rules! derivative {
 
 /// Slope of a grid at each sample
 ///
-/// The angle to a level plane in degrees, or its tangent in per cent, as 32-bit numbers (-9999 where there is none).
+/// Slope angle in degrees, or percent slope, as float32 (-9999 is nodata).
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
 #[non_exhaustive]
@@ -58,11 +58,11 @@ pub struct SlopeOptions {
     /// Gradient algorithm
     #[option(value = "NAME")]
     pub algorithm: Gradient,
-    /// In per cent instead of degrees
+    /// Percent slope instead of degrees
     pub percent: bool,
-    /// Units of heights in a unit of x and y
+    /// Ratio of vertical to horizontal units, such as 111120 for metres over degrees
     #[option(value = "S", range = OptionRange::POSITIVE,
-             default_text = "what the grid says of both; of degrees, their length at each latitude")]
+             default_text = "from the units of the grid; for degrees, from their length at each latitude")]
     pub scale: Option<f64>,
     /// Options of all derivatives.
     #[option(flatten)]
@@ -78,8 +78,7 @@ derivative!(
 
 /// Aspect of a grid at each sample
 ///
-/// The direction of steepest descent in degrees clockwise from north, as 32-bit numbers (-9999 where there is none, as on
-/// level ground).
+/// Direction of steepest descent in degrees clockwise from north, as float32 (-9999 is nodata, also for level ground).
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
 #[non_exhaustive]
@@ -87,11 +86,11 @@ pub struct AspectOptions {
     /// Gradient algorithm
     #[option(value = "NAME")]
     pub algorithm: Gradient,
-    /// Level ground has the aspect 0 instead of none
+    /// Aspect 0 instead of nodata for level ground
     pub zero_for_flat: bool,
-    /// Units of heights in a unit of x and y
+    /// Ratio of vertical to horizontal units, such as 111120 for metres over degrees
     #[option(value = "S", range = OptionRange::POSITIVE,
-             default_text = "what the grid says of both; of degrees, their length at each latitude")]
+             default_text = "from the units of the grid; for degrees, from their length at each latitude")]
     pub scale: Option<f64>,
     /// Options of all derivatives.
     #[option(flatten)]
@@ -107,7 +106,7 @@ derivative!(
 
 /// Shaded relief of a grid
 ///
-/// Whole numbers from 1 (dark) to 255; 0 where there is none. In a grid of degrees heights count in metres.
+/// Integers from 1 (dark) to 255; 0 is nodata. In grids with degrees, heights are in metres.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = OF_LIGHT)]
 #[non_exhaustive]
@@ -115,23 +114,23 @@ pub struct HillshadeOptions {
     /// Gradient algorithm
     #[option(value = "NAME")]
     pub algorithm: Gradient,
-    /// Direction of the light, in degrees clockwise from north
+    /// Azimuth of the light, in degrees clockwise from north
     #[option(value = "DEG", with = FiniteNumber, default_text = "315")]
     pub azimuth: Option<f64>,
-    /// Height of the light above the horizon, in degrees
+    /// Altitude of the light above the horizon, in degrees
     #[option(value = "DEG", default = 45.0, range = OptionRange::new(1.0, 90.0))]
     pub altitude: f64,
-    /// Factor on heights
+    /// Vertical exaggeration factor
     #[option(value = "FACTOR", default = 1.0, range = OptionRange::POSITIVE)]
     pub z_factor: f64,
-    /// Light from south-west, west, north-west and north, each weighted by how much the ground falls towards it or away
-    /// from it
+    /// Multidirectional shading: light from south-west, west, north-west and north, each weighted by the slope in its
+    /// direction
     pub multidirectional: bool,
-    /// The angle to the light scaled by the slope's, so that level ground is brightest
+    /// Combined shading: oblique light scaled by slope, so that level ground is brightest
     pub combined: bool,
-    /// Units of heights in a unit of x and y
+    /// Ratio of vertical to horizontal units, such as 111120 for metres over degrees
     #[option(value = "S", range = OptionRange::POSITIVE,
-             default_text = "what the grid says of both; of degrees, their length at each latitude")]
+             default_text = "from the units of the grid; for degrees, from their length at each latitude")]
     pub scale: Option<f64>,
     /// Options of all derivatives.
     #[option(flatten)]
@@ -158,18 +157,18 @@ impl HillshadeOptions {
 
 /// Curvature of a grid at each sample
 ///
-/// By the partial quartic of Zevenbergen & Thorne (1987), in radians by metre, as 32-bit numbers (-9999 where there is
-/// none); above 0 where the ground is convex. The general curvature is the sum of the two others.
+/// Partial quartic surface of Zevenbergen & Thorne (1987), in radians per metre, as float32 (-9999 is nodata); positive
+/// where the ground is convex. General curvature is the sum of profile and plan curvature.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
 #[non_exhaustive]
 pub struct CurvatureOptions {
-    /// Which curvature
+    /// Type of curvature
     #[option(value = "NAME")]
     pub kind: CurvatureKind,
-    /// Units of heights in a unit of x and y
+    /// Ratio of vertical to horizontal units, such as 111120 for metres over degrees
     #[option(value = "S", range = OptionRange::POSITIVE,
-             default_text = "what the grid says of both; of degrees, their length at each latitude")]
+             default_text = "from the units of the grid; for degrees, from their length at each latitude")]
     pub scale: Option<f64>,
     /// Options of all derivatives.
     #[option(flatten)]
@@ -180,7 +179,7 @@ derivative!(CurvatureOptions, "curvature", |own| own.scale, kernels::Curvature(o
 
 /// Roughness of a grid: the range of heights around each sample
 ///
-/// The highest of a sample and its eight neighbours less the lowest, as 32-bit numbers (-9999 where there is none).
+/// Maximum minus minimum of a sample and its eight neighbours, as float32 (-9999 is nodata).
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
 #[non_exhaustive]
@@ -194,7 +193,7 @@ derivative!(RoughnessOptions, "roughness", |_own| None, kernels::Roughness);
 
 /// Topographic position index of a grid at each sample
 ///
-/// The height less the mean of the eight around it, as 32-bit numbers (-9999 where there is none).
+/// Height minus the mean of the eight neighbours, as float32 (-9999 is nodata).
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
 #[non_exhaustive]
@@ -208,12 +207,13 @@ derivative!(TpiOptions, "tpi", |_own| None, kernels::TopographicPositionIndex);
 
 /// Terrain ruggedness index of a grid at each sample
 ///
-/// How far heights around a sample are from its own, as 32-bit numbers (-9999 where there is none).
+/// Height difference between a sample and its eight neighbours, as float32 (-9999 is nodata).
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
 #[non_exhaustive]
 pub struct TriOptions {
-    /// The mean of the absolute differences (Wilson et al. 2007), not the root of the sum of squares (Riley et al. 1999)
+    /// Mean of the absolute differences (Wilson et al. 2007) instead of the root of the sum of squares (Riley et al.
+    /// 1999)
     pub wilson: bool,
     /// Options of all derivatives.
     #[option(flatten)]

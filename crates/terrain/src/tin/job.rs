@@ -56,7 +56,7 @@ pub struct TinJob {
     /// Measure maximum error and RMSE for the report.
     #[serde(skip)]
     pub measure: bool,
-    /// Memory, threads and temporary files.
+    /// Resources of the job.
     #[serde(skip)]
     pub resources: Resources,
 }

@@ -11,10 +11,10 @@ impl OptionCodec<TriangulationRule> for TriangulationName {
     const KIND: OptionKind = OptionKind::Choice(|| {
         let about = |triangulation| match triangulation {
             TriangulationRule::Delaunay => "Delaunay on the lattice of samples",
-            TriangulationRule::Split3 => "no edge is ever flipped; not of the method greedy",
+            TriangulationRule::Split3 => "without edge flips; not for the method greedy",
             TriangulationRule::DataDependent => {
-                "any that keep the error, where that takes fewer vertices (a fifth to a third fewer; some two times \
-                 slower); of other methods edges flipped for the smaller sum of largest errors"
+                "edges chosen by error: 20 to 33 % fewer vertices, about two times slower; other methods flip \
+                    edges that reduce the sum of maximum errors"
             }
         };
         TriangulationRule::ALL
@@ -39,7 +39,10 @@ pub const GREEDY: &str = "greedy";
 
 impl OptionCodec<String> for MeshMethodName {
     const KIND: OptionKind = OptionKind::Choice(|| {
-        let own = ChoiceName { name: GREEDY, about: "in tiles with shared borders, out of core" };
+        let own = ChoiceName {
+            name: GREEDY,
+            about: "greedy insertion in tiles with shared borders, out of core",
+        };
         let others = METHODS.iter().map(|own| ChoiceName { name: own.name, about: own.about });
         std::iter::once(own).chain(others).collect()
     });

@@ -25,18 +25,18 @@ use terrane_raster::Inputs;
 
 terrane_engine::has_within!(TinOptions: Refinement => [Constraints]);
 
-/// What a mesh has to reach
+/// Target of a mesh
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(heading = "Target", setters = group, rules = OF_TARGET)]
 #[non_exhaustive]
 pub struct TinTarget {
-    /// Largest vertical distance of any valid sample from the mesh, in the vertical unit of the data
+    /// Maximum vertical distance of any valid sample from the mesh, in the vertical unit of the data
     #[option(value = "E", range = OptionRange::FROM_ZERO)]
     pub max_error: Option<f64>,
-    /// The smallest error that this many vertices allow
+    /// Vertex budget: the smallest error with at most N vertices
     #[option(value = "N", range = OptionRange::new(3.0, f64::MAX), role = Run)]
     pub max_vertices: Option<u64>,
-    /// The smallest error that this many triangles allow
+    /// Triangle budget: the smallest error with at most N triangles
     #[option(value = "N", range = OptionRange::new(1.0, f64::MAX), role = Run)]
     pub max_triangles: Option<u64>,
 }
@@ -73,16 +73,16 @@ pub struct TinOptions {
     /// The mesh file.
     #[option(flatten)]
     pub file: FileOutput,
-    /// Option of the format: SOLID_BASE=HEIGHT closes an STL or 3MF with walls and a flat bottom
+    /// Creation option of the format: SOLID_BASE=HEIGHT closes an STL or 3MF with walls and a flat bottom
     #[option(value = "KEY=VAL", with = KeyValue, role = Run, heading = "Output")]
     pub co: Vec<(String, String)>,
-    /// Write a folder with a mesh for every N x N tiles and an index (GeoJSON), instead of one file
+    /// Write a folder instead of one file: one mesh for every N x N tiles and an index (GeoJSON)
     #[option(value = "N", range = OptionRange::new(1.0, 65_536.0), role = Run, heading = "Output")]
     pub split: Option<u32>,
     /// How the mesh lies in its file.
     #[option(flatten)]
     pub placing: Placing,
-    /// For STL and 3MF: walls and a flat bottom, so far below the lowest height, such as 3mm of the print
+    /// Solid base of STL and 3MF: walls and a flat bottom this far below the lowest height, such as 3mm of the print
     #[option(value = "LENGTH", with = PrintLength, role = Run,
              heading = "Viewers and printers (STL, 3MF and GLB)")]
     pub base: Option<f64>,
@@ -92,19 +92,18 @@ pub struct TinOptions {
     /// How the mesh is refined.
     #[option(flatten)]
     pub refinement: Refinement,
-    /// How the mesh is made; all methods but greedy hold the whole grid in memory
+    /// Meshing method; all methods except greedy hold the whole grid in memory
     #[option(value = "NAME", with = MeshMethodName, default = GREEDY.to_owned(), role = Run, heading = "Method")]
     pub method: String,
-    /// Cells along the side of a tile, 16 to 8192
+    /// Tile side in cells, 16 to 8192
     #[option(value = "CELLS", default = USUAL_TILE, heading = "Method",
              range = OptionRange::new(*TILE_CELLS.start() as f64, *TILE_CELLS.end() as f64))]
     pub tile: u32,
-    /// Bands that share one mesh, such as 1,2,3 for the colours of a photograph: the error of a sample is the
-    /// largest over them of weight x |value - mesh|. The mesh has their values at its vertices; heights are
-    /// those of ‹band›, one of them, if it is given, and 0 else
+    /// Bands approximated by one mesh, such as 1,2,3 for the colours of an image. The error of a sample is the maximum
+    /// over the bands of weight x |value - mesh|. Heights are those of ‹band›, which must be one of the bands, else 0
     #[option(value = "N,..", range = OptionRange::new(1.0, u32::MAX as f64), role = Run, heading = "Several bands")]
     pub bands: Vec<u32>,
-    /// How much an error in each band counts
+    /// Weight of the error in each band
     #[option(value = "W,..", range = OptionRange::POSITIVE, role = Run, heading = "Several bands", default_text = "1 each")]
     pub weights: Vec<f64>,
     /// Where work is kept.

@@ -88,7 +88,7 @@ pub struct TinReport {
     /// Report on breaklines.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub breaklines: Option<BreaklinesReport>,
-    /// Report on the flattening of water.
+    /// Report on flattened water.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub water: Option<WaterReport>,
     /// Vertices on breaklines without an edge along them.

@@ -16,17 +16,17 @@ use terrane_engine::options::{BoundsText, CellSize, FileName};
 use terrane_options::Options;
 use terrane_raster::{GridInfo, GridOpenOptions, Inputs};
 
-/// The lattice of an output
+/// Output lattice
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(heading = "Lattice", setters = group)]
 pub struct LatticeOptions {
-    /// Side of a cell of the output, or its width and height, in units of its system; edges lie at multiples of it
-    #[option(value = "X[,Y]", with = CellSize, default_text = "as large as in the middle of the input")]
+    /// Output cell size, or cell width and height, in CRS units; edges are at multiples of it
+    #[option(value = "X[,Y]", with = CellSize, default_text = "that of the input at its centre")]
     pub resolution: Option<[f64; 2]>,
-    /// Rectangle that the output covers, in its system
+    /// Output extent, in the CRS of the output
     #[option(value = "XMIN,YMIN,XMAX,YMAX", with = BoundsText, default_text = "all of the input")]
     pub extent: Option<[f64; 4]>,
-    /// Grid whose lattice the output is to have: sample on sample
+    /// Grid that defines the output lattice
     #[option(value = "GRID", with = FileName, role = ReadsGrid)]
     pub like: Option<String>,
 }

@@ -10,7 +10,7 @@ use crate::geometry::GeometryType;
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "CSV",
     extensions: &["csv", "tsv", "txt", "xy"],
-    about: "one vertex per line: x, y and optionally z, m, id and part; CRS in a .prj sidecar",
+    about: "one vertex per line: x, y and optional z, m, id and part; CRS in .prj",
     holds: VectorCapabilities {
         kinds: &[GeometryType::Point, GeometryType::LineString, GeometryType::MultiLineString],
         mixed: true,

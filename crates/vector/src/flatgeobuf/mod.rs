@@ -17,7 +17,7 @@ use crate::geometry::GeometryType;
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "FlatGeobuf",
     extensions: &["fgb"],
-    about: "a binary file with typed properties and a spatial index",
+    about: "binary format with typed properties and a spatial index",
     holds: VectorCapabilities {
         kinds: &GeometryType::ALL,
         mixed: true,

@@ -28,7 +28,7 @@ const HOLDS: VectorCapabilities = VectorCapabilities {
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "GeoJSON",
     extensions: &["geojson", "json"],
-    about: "FeatureCollection as one JSON text; WGS 84 unless a CRS is declared",
+    about: "feature collection; longitude and latitude unless the file declares another CRS",
     holds: HOLDS,
     open: read::open,
     create: Some(write::create),

@@ -13,7 +13,7 @@ use crate::geometry::GeometryType;
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "Shapefile",
     extensions: &["shp"],
-    about: "ESRI Shapefile: .shp, .shx, .dbf, .prj and .cpg; one geometry type per file",
+    about: "ESRI shapefile with .shx, .dbf, .prj and .cpg; one geometry type per file",
     holds: VectorCapabilities {
         kinds: &[
             GeometryType::Null,

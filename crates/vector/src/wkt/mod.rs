@@ -11,7 +11,7 @@ use crate::geometry::GeometryType;
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "WKT",
     extensions: &["wkt", "ewkt"],
-    about: "well-known text, one geometry per line; CRS in a .prj sidecar",
+    about: "well-known text, one geometry per line; CRS in .prj",
     holds: VectorCapabilities {
         kinds: &[
             GeometryType::Point,

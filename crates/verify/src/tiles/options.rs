@@ -6,12 +6,12 @@ use terrane_engine::Resources;
 use terrane_engine::options::{CloudInput, FileName, GridInput};
 use terrane_tiles::ModelOptions;
 
-/// Prove terrain tiles against the grid they were made from
+/// Verify terrain tiles against their grid
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
 #[non_exhaustive]
 pub struct TilesProof {
-    /// Heights of the geoid above the ellipsoid, as they were given when the tiles were made
+    /// Geoid model that the tiles were made with
     #[option(value = "FILE", with = FileName, role = Reads)]
     pub geoid: Option<String>,
     /// How the grid is read.
@@ -22,15 +22,15 @@ pub struct TilesProof {
     pub resources: Resources,
 }
 
-/// Prove terrain tiles against the point cloud they were made from, by way of a model of its ground
+/// Verify terrain tiles against the terrain model of their point cloud
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
 #[non_exhaustive]
 pub struct CloudTilesProof {
-    /// Heights of the geoid above the ellipsoid, as they were given when the tiles were made
+    /// Geoid model that the tiles were made with
     #[option(value = "FILE", with = FileName, role = Reads)]
     pub geoid: Option<String>,
-    /// Water of a file of features that was made level, which masks of water are held to
+    /// File of water features that were flattened; water masks are checked against them
     #[option(value = "FILE", with = FileName, role = Reads)]
     pub water: Option<String>,
     /// The model of the ground.

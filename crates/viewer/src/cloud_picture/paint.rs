@@ -9,18 +9,18 @@ use crate::render::{HeightColors, PictureHeights, class_colour, text_size, write
 use terrane_base::geom::PointFrame;
 use terrane_cloud::{CloudInfo, class_name};
 
-/// What a picture shows of each cell.
+/// Cell value shown by a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Choice)]
 #[serde(rename_all = "lowercase")]
 pub enum PictureContent {
-    /// Points to a unit of area
+    /// Points per unit area
     #[default]
     Density,
-    /// Cells without points, within the convex hull of those with points
+    /// Empty cells within the convex hull of the others
     Voids,
-    /// The height of the highest point
+    /// Height of the highest point
     Height,
-    /// The class of the highest point
+    /// Class of the highest point
     Class,
 }
 
@@ -70,7 +70,7 @@ enum LegendLine {
     Bar(Vec<[u8; 3]>),
     /// At the left and at the right.
     Text(String, String),
-    /// A colour and what it is.
+    /// A colour and its label.
     Swatch([u8; 3], String),
 }
 

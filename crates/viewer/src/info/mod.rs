@@ -32,12 +32,12 @@ use terrane_terrain::tin::cost;
 use terrane_vector::VectorOpenOptions;
 use terrane_verify::{MeasuredMesh, SlopeReference, quality};
 
-/// Tell what a grid is, what is odd about it, and what a TIN of it would take
+/// Describe a grid, its anomalies, and the cost of a TIN
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
 #[non_exhaustive]
 pub struct GridInfoOptions {
-    /// Read all samples: share of valid ones, lowest, highest and mean height
+    /// Read all samples: share of valid samples, minimum, maximum and mean height
     pub stats: bool,
     /// How the grid is read.
     #[option(flatten)]
@@ -47,16 +47,16 @@ pub struct GridInfoOptions {
     pub resources: Resources,
 }
 
-/// Tell what a mesh is
+/// Describe a mesh
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = OF_MESHES)]
 #[non_exhaustive]
 pub struct MeshInfoOptions {
-    /// Read all triangles: angles, aspect ratios, degrees, lengths of edges, share of edges that are locally Delaunay in x
+    /// Read all triangles: angles, aspect ratios, vertex degrees, edge lengths, share of locally Delaunay edges in x
     /// and y
     pub quality: bool,
-    /// With ‹quality›: how far triangles are from the slopes of this grid, to which the options of grids are then; a
-    /// synthetic terrain by name, a folder, a list or a pattern in quotes will do
+    /// Grid to compare triangle slopes with, for ‹quality›: a file, a synthetic terrain, a folder, a list or a quoted
+    /// pattern. Options of grids then apply to it
     #[option(value = "GRID", alias = "grid", with = FileName, role = ReadsGrid)]
     pub against: Option<String>,
     /// How that grid is read.
@@ -76,29 +76,29 @@ const OF_MESHES: &[OptionRule] = &[
     OptionRule::Needs("water", &["against"]),
 ];
 
-/// Tell what a point cloud is
+/// Describe a point cloud
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = OF_CLOUDS)]
 #[non_exhaustive]
 pub struct CloudInfoOptions {
-    /// Read all points: counts by class and return, bounds found, a histogram of heights (in any case where some are chosen,
-    /// as by ‹class›)
+    /// Read all points: counts by class and return, bounds, histogram of heights (always, if filters such as ‹class›
+    /// are given)
     pub stats: bool,
-    /// Draw the cloud from above into this file, which ends in .png
+    /// Write a top view of the point cloud to this .png file
     #[option(value = "FILE", with = FileName, heading = "Pictures of clouds")]
     pub picture: Option<PathBuf>,
-    /// What the picture shows of each cell
+    /// Value of the picture in each cell
     #[option(value = "WHAT", heading = "Pictures of clouds")]
     pub picture_of: PictureContent,
-    /// Side of the cells of the picture, in units of x and y
+    /// Cell size of the picture, in units of x and y
     #[option(
         value = "SIZE",
         range = OptionRange::POSITIVE,
         heading = "Pictures of clouds",
-        default_text = "so that they have four points on the average, and are at most a thousand along a side"
+        default_text = "four points per cell on average, at most 1000 cells along a side"
     )]
     pub cell: Option<f64>,
-    /// What is there already.
+    /// Existing output.
     #[option(flatten)]
     pub replacing: Replacing,
     /// How the cloud is read.
@@ -115,12 +115,12 @@ const OF_CLOUDS: &[OptionRule] = &[
     OptionRule::Needs("overwrite", &["picture"]),
 ];
 
-/// Tell what a file of features is: all of it is read
+/// Describe a file of features; all of it is read
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
 #[non_exhaustive]
 pub struct FeaturesInfoOptions {
-    /// Read all features, as is done in any case
+    /// Read all features (always done)
     pub stats: bool,
     /// How the features are read.
     #[option(flatten)]

@@ -60,7 +60,7 @@ pub(crate) struct PageJob<'a> {
     pub(crate) lighting: Lighting,
     /// Edges of triangles are shown from the start.
     pub(crate) edges: bool,
-    /// What the job may use.
+    /// Resources of the job.
     pub(crate) resources: &'a Resources,
 }
 

@@ -18,18 +18,18 @@ use terrane_raster::Inputs;
 
 terrane_engine::has_within!(PageOptions TilesPageOptions: Lighting => [Exaggeration]);
 
-/// Make a page of a grid or a mesh for a browser: one HTML file that holds all it shows and loads nothing
+/// Make an interactive page of a grid or mesh: one self-contained HTML file
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = OF_SURFACES)]
 #[non_exhaustive]
 pub struct PageOptions {
-    /// Grid whose samples a mesh is compared with: every triangle gets its largest error
+    /// Grid to compare a mesh with: shows the maximum error of each triangle
     #[option(value = "GRID", with = FileName, role = ReadsGrid)]
     pub against: Option<String>,
-    /// Insert the samples of a small grid one by one, for teaching: how a mesh of it grows, and how its error falls; of a
-    /// large grid every n-th sample, at most 129 along a side
+    /// Animate greedy insertion on a small grid, for teaching. Large grids are subsampled to at most 129 samples along
+    /// a side
     pub insertion: bool,
-    /// Show the edges of triangles from the start
+    /// Show triangle edges from the start
     pub edges: bool,
     /// How it is lit at the start.
     #[option(flatten)]
@@ -37,7 +37,7 @@ pub struct PageOptions {
     /// How the grid is read; within its bounds, which may be those of a part of a mesh, too.
     #[option(flatten)]
     pub grid: GridInput,
-    /// What is there already.
+    /// Existing output.
     #[option(flatten)]
     pub replacing: Replacing,
     /// Memory, threads and temporary files.
@@ -47,12 +47,12 @@ pub struct PageOptions {
 
 const OF_SURFACES: &[OptionRule] = &[OptionRule::NotWith("insertion", &["against", "edges"])];
 
-/// Make a page of a point cloud for a browser: one HTML file that holds all it shows and loads nothing
+/// Make an interactive page of a point cloud: one self-contained HTML file
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
 #[non_exhaustive]
 pub struct CloudPageOptions {
-    /// Most points that are shown: of more, some that are chosen evenly
+    /// Maximum number of points shown; larger clouds are thinned evenly
     #[option(value = "N", default = 2_000_000u64, range = OptionRange::new(1.0, MOST_POINTS as f64))]
     pub points: u64,
     /// How high heights look at the start.
@@ -61,7 +61,7 @@ pub struct CloudPageOptions {
     /// How the cloud is read.
     #[option(flatten)]
     pub cloud: CloudInput,
-    /// What is there already.
+    /// Existing output.
     #[option(flatten)]
     pub replacing: Replacing,
     /// Memory, threads and temporary files.
@@ -69,8 +69,7 @@ pub struct CloudPageOptions {
     pub resources: Resources,
 }
 
-/// Make a page of lines and polygons for a browser, with all of their simplifications: one HTML file that holds all it
-/// shows and loads nothing
+/// Make an interactive page of lines and polygons with all their simplifications: one self-contained HTML file
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
 #[non_exhaustive]
@@ -78,7 +77,7 @@ pub struct LinePageOptions {
     /// How the lines are read.
     #[option(flatten)]
     pub features: FeatureInput,
-    /// What is there already.
+    /// Existing output.
     #[option(flatten)]
     pub replacing: Replacing,
     /// Memory, threads and temporary files.
@@ -86,11 +85,11 @@ pub struct LinePageOptions {
     pub resources: Resources,
 }
 
-/// Make a page of terrain tiles for a browser, which asks a server of their folder for them
+/// Make an interactive page of terrain tiles, loaded from a server of their folder
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
 pub struct TilesPageOptions {
-    /// Show the edges of triangles from the start
+    /// Show triangle edges from the start
     pub edges: bool,
     /// How it is lit at the start.
     #[option(flatten)]

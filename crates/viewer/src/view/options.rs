@@ -11,40 +11,40 @@ use terrane_raster::Inputs;
 
 terrane_engine::has_within!(PictureOptions: Lighting => [Exaggeration]);
 
-/// How high heights look
+/// Vertical exaggeration
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = group)]
 pub struct Exaggeration {
-    /// Factor on heights
-    #[option(value = "FACTOR", range = OptionRange::POSITIVE, default_text = "one that suits the terrain")]
+    /// Vertical exaggeration factor
+    #[option(value = "FACTOR", range = OptionRange::POSITIVE, default_text = "fitted to the terrain")]
     pub exaggeration: Option<f64>,
 }
 
-/// Where the light comes from, and how high heights look
+/// Light direction and vertical exaggeration
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = group)]
 pub struct Lighting {
-    /// Where the light comes from, in degrees clockwise from north
+    /// Azimuth of the light, in degrees clockwise from north
     #[option(value = "DEG", default = 315.0, with = FiniteNumber)]
     pub azimuth: f64,
-    /// Height of the light above the horizon, in degrees from 1 to 90
+    /// Altitude of the light above the horizon, in degrees from 1 to 90
     #[option(value = "DEG", default = 45.0, range = OptionRange::new(1.0, 90.0))]
     pub altitude: f64,
-    /// How high heights look.
+    /// Vertical exaggeration.
     #[option(flatten)]
     pub heights: Exaggeration,
 }
 
-/// Draw a grid or a mesh as a shaded relief picture (PNG, transparent where there is no surface); a mesh whose vertices
-/// have colours is drawn in these
+/// Draw a shaded relief picture of a grid or mesh: PNG, transparent outside the surface, with the vertex colours of
+/// coloured meshes
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
 #[non_exhaustive]
 pub struct PictureOptions {
-    /// Columns of the picture; rows follow from the aspect on the ground
+    /// Picture width in pixels; the height follows from the aspect ratio on the ground
     #[option(value = "PX", default = 1600u32, range = OptionRange::new(1.0, MAX_PICTURE_SIDE as f64))]
     pub width: u32,
-    /// Draw the edges of a mesh's triangles
+    /// Draw triangle edges
     pub edges: bool,
     /// How it is lit.
     #[option(flatten)]
@@ -52,7 +52,7 @@ pub struct PictureOptions {
     /// How the grid is read; within its bounds, which may be those of a part of a mesh, too.
     #[option(flatten)]
     pub grid: GridInput,
-    /// What is there already.
+    /// Existing output.
     #[option(flatten)]
     pub replacing: Replacing,
     /// Memory, threads and temporary files.

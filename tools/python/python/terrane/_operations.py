@@ -33,9 +33,9 @@ SOURCE = ("band", "nodata", "transform", "crs", "clip", "water")
 # Operations that take meshes in place of grids.
 OF_SURFACES = ("picture", "page")
 OF_SOURCE = {
-    "transform": "Where an array lies, in rasterio's order",
-    "crs": "The reference system of an array: text, a code, or one of pyproj or rasterio",
-    "progress": "A function of the stage, what is done and the total, or tqdm",
+    "transform": "Affine transform of an array, in rasterio's order",
+    "crs": "CRS of an array: text, an EPSG code, or a CRS of pyproj or rasterio",
+    "progress": "Progress callback (stage, done, total), or tqdm",
 }
 # What Python has in place of texts.
 TYPES = {"crs": "Any", "band": "int | None", "clip": "Features | None", "water": "Features | None", "keep_points": "Features | None", "breaklines": "Features | None", "to_crs": "Any", "output": "Path | None"}
@@ -259,8 +259,8 @@ def planned_documentation(name: str) -> str:
     """What a plan of an operation is."""
     size = tables()[name]["task_size"]
     return textwrap.dedent(f"""\
-        Writes down in a folder how the result of `{called(name)}` is made by tasks, with the same options; it is the same,
-        byte for byte. `task_size` is how large a task is. {size}
+        Plans the result of `{called(name)}` as tasks in a folder, with the same options; the result is the same, byte for
+        byte. `task_size` is the size of a task. {size}
 
         {PLANS.get(name, "")}
         """)
@@ -350,9 +350,9 @@ def grid(
 
 
 def dtm(src: Any, cell: float | Sequence[float] | None = CELL, **options: Any) -> Any:
-    """A model of the ground, of one band: triangulated from points of class 2, or from those that a method finds. Options
-    are those of `grid`; `water` is water to make level, a file or geometries, as `tin` takes them. Without a `cell` (None)
-    cells are about as wide as points are apart.
+    """Terrain model with one band, triangulated from points of class 2 or from points classified by a method. Options are
+    those of `grid`; `water` is a file or geometries of water to flatten, as for `tin`. With `cell=None` the cell size is
+    about the point spacing.
 
     >>> import terrane
     >>> ground = terrane.dtm("synth:cloud,size=60,density=2,seed=5", cell=2.0)
@@ -363,8 +363,8 @@ def dtm(src: Any, cell: float | Sequence[float] | None = CELL, **options: Any) -
 
 
 def dsm(src: Any, cell: float | Sequence[float] | None = CELL, **options: Any) -> Any:
-    """A model of what is seen from above, of one band. Options are those of `grid`; `canopy` is how returns from deep in
-    crowns are got rid of: "pit-free", unless told otherwise, or "spike-free", with its parameters after a colon.
+    """Surface model with one band. Options are those of `grid`; `canopy` is the method of pit removal: "pit-free" (default)
+    or "spike-free", with parameters after a colon.
 
     >>> import terrane
     >>> terrane.dsm("synth:cloud,size=60,density=2,seed=5", cell=2.0).names
@@ -377,7 +377,7 @@ def dsm(src: Any, cell: float | Sequence[float] | None = CELL, **options: Any) -
 
 
 def chm(src: Any, cell: float | Sequence[float] | None = CELL, **options: Any) -> Any:
-    """The height of what is seen from above over the ground, of one band. Options are those of `dsm`.
+    """Canopy height model with one band: surface model minus terrain model. Options are those of `dsm`.
 
     >>> import numpy as np, terrane
     >>> canopy = terrane.chm("synth:cloud,size=60,density=2,seed=5", cell=2.0)
@@ -543,8 +543,8 @@ def about_of(option: dict[str, Any]) -> str:
 
 
 PLACES = {
-    "path": "The file or folder to write",
-    "output": "The file to write; without one the result stays in memory, and options of files are refused",
+    "path": "Output file or folder",
+    "output": "Output file; without it the result stays in memory, and file options are errors",
     "mesh": "The mesh file",
     "tiles": "The folder of tiles",
 }
@@ -554,7 +554,7 @@ SOURCES = {
     "xarray. NaN, infinities, masked samples and nodata are voids",
     "cloud": "A path, a list of paths (one cloud), the name of a synthetic cloud (\"synth:cloud,size=60\"), an array of points "
     "(x, y, z in its columns, or named fields), or points of laspy or PDAL",
-    "features": "The path of a file of features",
+    "features": "The path of a feature file",
     "mesh": "The path of a mesh, or a `terrane.Mesh`",
     "or mesh": "; or the path of a mesh, or a `terrane.Mesh`",
 }

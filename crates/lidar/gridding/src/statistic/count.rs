@@ -6,7 +6,7 @@ use crate::plane::PointCount;
 pub(super) const COUNT: StatisticMethod = StatisticMethod {
     name: "count",
     aliases: &["n"],
-    about: "number of points, 0 where there is none",
+    about: "number of points; 0 in empty cells",
     nature: ValueNature::Count,
     takes: SubjectKinds::Conditions,
     of: StatisticSource::Points {
@@ -18,7 +18,7 @@ pub(super) const COUNT: StatisticMethod = StatisticMethod {
 
 pub(super) const DENSITY: StatisticMethod = StatisticMethod {
     name: "density",
-    about: "points in a square unit of the CRS, 0 where there is none",
+    about: "points per square unit of the CRS; 0 in empty cells",
     nature: ValueNature::Density,
     takes: SubjectKinds::Conditions,
     of: StatisticSource::Points {

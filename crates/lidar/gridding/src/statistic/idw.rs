@@ -25,7 +25,7 @@ pub fn check_power(power: f64) -> Result<()> {
 const POWER: StatisticParameter = StatisticParameter {
     key: "power",
     value: NUMBER,
-    about: "weights are distance^-power, 4 at most [‹power›]",
+    about: "exponent of the inverse-distance weights, at most 4 [‹power›]",
 };
 
 pub(super) const IDW: StatisticMethod = StatisticMethod {

@@ -7,7 +7,7 @@ use terrane_base::attribute::CLASS;
 pub(super) const MODE: StatisticMethod = StatisticMethod {
     name: "mode",
     aliases: &["majority"],
-    about: "most frequent class (or value of another attribute), the lowest of equally frequent ones",
+    about: "most frequent class (or value of another attribute), the lowest in ties",
     nature: ValueNature::Nominal,
     usual: Some(CLASS),
     of: StatisticSource::Sorted(|_, values, units| units.height(mode(values))),
@@ -16,7 +16,7 @@ pub(super) const MODE: StatisticMethod = StatisticMethod {
 
 pub(super) const VARIETY: StatisticMethod = StatisticMethod {
     name: "variety",
-    about: "number of different classes (or values of another attribute), 0 where there is no point",
+    about: "number of distinct classes (or values of another attribute); 0 in empty cells",
     nature: ValueNature::Count,
     usual: Some(CLASS),
     of: StatisticSource::Sorted(|_, values, _| values.runs().count() as f64),

@@ -73,7 +73,7 @@ pub(super) const MEAN: StatisticMethod = StatisticMethod {
 const DDOF: StatisticParameter = StatisticParameter {
     key: "ddof",
     value: NUMBER,
-    about: "0 divides by n, as for a population; 1 by n - 1, as for a sample [0]",
+    about: "0 divides by n (population), 1 by n - 1 (sample) [0]",
 };
 
 pub(super) const STD: StatisticMethod = StatisticMethod {

@@ -41,7 +41,7 @@ const NEAR: AccumulatorKind = AccumulatorKind::cells::<NearestPoint>("nearest");
 
 pub(super) const NEAREST: StatisticMethod = StatisticMethod {
     name: "nearest",
-    about: "height of the point nearest to the cell's centre within a radius",
+    about: "height of the point nearest to the cell centre within a radius",
     parameters: &[RADIUS],
     check: |given| Ok([given.positive(RADIUS.key)?, None]),
     of: StatisticSource::Points {

@@ -10,7 +10,7 @@ const OF: StatisticSource = StatisticSource::Sorted(|statistic, values, units| {
 
 pub(super) const MEDIAN: StatisticMethod = StatisticMethod {
     name: "median",
-    about: "median height, the same as p50",
+    about: "median height, same as p50",
     ranks: true,
     check: |_| Ok([Some(50.0), None]),
     of: OF,
@@ -20,7 +20,7 @@ pub(super) const MEDIAN: StatisticMethod = StatisticMethod {
 pub(super) const PERCENTILE: StatisticMethod = StatisticMethod {
     // N is the rank.
     name: "pN",
-    about: "percentile, such as p95 or p99.9, interpolated between neighbours",
+    about: "percentile, such as p95 or p99.9, linearly interpolated",
     ranks: true,
     check: |given| match given.rank {
         Some(rank) if (0.0..=100.0).contains(&rank) => Ok([Some(rank), None]),

@@ -8,7 +8,7 @@ use crate::parameter::{NUMBER, StatisticParameter};
 pub(super) const SKEWNESS: StatisticMethod = StatisticMethod {
     name: "skewness",
     aliases: &["skew"],
-    about: "third central moment by the third power of the standard deviation, as of a population",
+    about: "skewness of heights: third standardized moment, for a population",
     nature: ValueNature::Ratio,
     of: StatisticSource::Sorted(|_, values, _| moment(values, 3).unwrap_or(f64::NAN)),
     ..StatisticMethod::HEIGHT
@@ -17,7 +17,7 @@ pub(super) const SKEWNESS: StatisticMethod = StatisticMethod {
 pub(super) const KURTOSIS: StatisticMethod = StatisticMethod {
     name: "kurtosis",
     aliases: &["kurt"],
-    about: "fourth central moment by the fourth power of the standard deviation: 3 for a normal distribution",
+    about: "kurtosis of heights: fourth standardized moment, 3 for a normal distribution",
     nature: ValueNature::Ratio,
     of: StatisticSource::Sorted(|_, values, _| moment(values, 4).unwrap_or(f64::NAN)),
     ..StatisticMethod::HEIGHT
@@ -32,11 +32,11 @@ fn moment(values: SortedCellValues<'_>, power: i32) -> Option<f64> {
 }
 
 const LAYER: StatisticParameter =
-    StatisticParameter { key: "layer", value: NUMBER, about: "height of a layer from 0 on [1]" };
+    StatisticParameter { key: "layer", value: NUMBER, about: "layer height, counted from 0 [1]" };
 
 pub(super) const ENTROPY: StatisticMethod = StatisticMethod {
     name: "entropy",
-    about: "Shannon entropy of the shares of points in layers from 0 to the highest point, by that of equal shares",
+    about: "normalized Shannon entropy of point shares in height layers from 0 to the highest point",
     parameters: &[LAYER],
     nature: ValueNature::Ratio,
     check: |given| Ok([given.positive(LAYER.key)?, None]),

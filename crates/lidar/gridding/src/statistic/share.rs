@@ -8,7 +8,7 @@ use terrane_base::attribute::Return;
 
 pub(super) const SHARE: StatisticMethod = StatisticMethod {
     name: "share",
-    about: "points of a class, return or layer of heights, as a share of all points, 0 to 1",
+    about: "share of points in a class, return or height layer, 0 to 1",
     nature: ValueNature::Ratio,
     takes: SubjectKinds::Conditions,
     of: StatisticSource::Share { base: |_| Subject::default(), value: share },
@@ -20,7 +20,7 @@ const ABOVE: f64 = 2.0;
 
 pub(super) const COVER: StatisticMethod = StatisticMethod {
     name: "cover",
-    about: "first returns above a height, or in a layer of heights, as a share of all first returns [above=2]",
+    about: "share of first returns above a height or in a height layer, 0 to 1 [above=2]",
     nature: ValueNature::Ratio,
     takes: SubjectKinds::Conditions,
     complete: |subject| {

@@ -6,13 +6,13 @@ use crate::parameter::{NUMBER, StatisticParameter};
 const MAX_EDGE: StatisticParameter = StatisticParameter {
     key: "max_edge",
     value: NUMBER,
-    about: "triangles with a longer edge are no surface [‹max_edge›]",
+    about: "maximum triangle edge; larger triangles are void [‹max_edge›]",
 };
 
 pub(super) const TIN: StatisticMethod = StatisticMethod {
     name: "tin",
     aliases: &["linear"],
-    about: "height at the cell's centre, linear in the Delaunay triangulation of all points",
+    about: "height at the cell centre, linear in the Delaunay triangulation of all points",
     parameters: &[MAX_EDGE],
     takes: SubjectKinds::Nothing,
     check: |given| Ok([given.positive(MAX_EDGE.key)?, None]),
@@ -25,7 +25,7 @@ pub(super) const TIN: StatisticMethod = StatisticMethod {
 pub(super) const NATURAL: StatisticMethod = StatisticMethod {
     name: "natural",
     aliases: &["sibson"],
-    about: "height at the cell's centre from its natural neighbours among all points",
+    about: "height at the cell centre by natural neighbour interpolation of all points",
     takes: SubjectKinds::Nothing,
     of: StatisticSource::All(|_| SurfaceInterpolation::Natural),
     ..StatisticMethod::HEIGHT

@@ -23,7 +23,7 @@ pub use parameters::Parameters;
 pub(crate) const METHOD: Method = Method {
     name: "filter",
     source: "after Pingel and others 2013",
-    about: "openings with growing squares, holes filled by means: exact in tiles of any size",
+    about: "morphological filter: openings with growing squares, holes filled by means; exact in tiles of any size",
     parameters: &[],
     finder: GroundFinder {
         lattice: |_, spacing| {

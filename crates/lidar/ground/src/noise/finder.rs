@@ -30,7 +30,7 @@ pub struct NoiseFinder {
 
 /// The class assigned to noise.
 pub(super) const CLASS: Parameter =
-    Parameter::new("class", 7.0, [7.0, 18.0], "the class of noise: 7, low, or 18, high").ends();
+    Parameter::new("class", 7.0, [7.0, 18.0], "noise class: 7 (low) or 18 (high)").ends();
 
 /// The points around a part of a cloud, in parts of their own.
 pub trait NeighborParts {

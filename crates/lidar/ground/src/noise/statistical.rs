@@ -16,11 +16,11 @@ use terrane_base::parameters::Parameter;
 pub(super) const METHOD: Method = Method {
     name: "statistical",
     source: "Rusu and others 2008, as filters.outlier of PDAL, and sor of lidR",
-    about: "points further from their nearest others than most points are",
+    about: "points with a mean neighbour distance far above the average",
     parameters: &[
-        Parameter::new("k", 8.0, [1.0, 100.0], "nearest others that the mean distance is taken to")
+        Parameter::new("k", 8.0, [1.0, 100.0], "number of neighbours for the mean distance")
             .whole(),
-        Parameter::new("m", 2.0, [0.0, 1000.0], "standard deviations above the mean of all"),
+        Parameter::new("m", 2.0, [0.0, 1000.0], "threshold in standard deviations above the mean"),
         CLASS,
     ],
     finder: NoiseFinder {

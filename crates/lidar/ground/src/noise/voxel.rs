@@ -13,11 +13,16 @@ use terrane_base::parameters::Parameter;
 pub(super) const METHOD: Method = Method {
     name: "voxel",
     source: "as lasnoise, and ivf of lidR",
-    about: "points with few others in the 27 cubes around them; what is taken where none is named",
+    about: "points with few others in the surrounding 27 voxels; the default method",
     parameters: &[
-        Parameter::new("step", 4.0, [0.001, 100_000.0], "side of a cube, metres"),
-        Parameter::new("isolated", 5.0, [1.0, 1e6], "most points in 27 cubes that are noise")
-            .whole(),
+        Parameter::new("step", 4.0, [0.001, 100_000.0], "voxel size, metres"),
+        Parameter::new(
+            "isolated",
+            5.0,
+            [1.0, 1e6],
+            "maximum number of points in 27 voxels to be noise",
+        )
+        .whole(),
         CLASS,
     ],
     finder: NoiseFinder {

@@ -37,8 +37,8 @@ use terrane_mesh::by_path;
 pub use report::{CloudTinStatus, PlanCloudTinJob, PointRun, PointStatus};
 
 impl Divisible for CloudTinOptions {
-    const TASK_SIZE: &'static str = "Most points of a task, but for the 131,072 that are worked on together \
-                                     [default: about 17 million]";
+    const TASK_SIZE: &'static str =
+        "Maximum number of points in a task, at least 131,072 [default: about 17 million]";
     terrane_engine::planned_as!(CloudMesh, PointStatus, PointRun);
 
     /// The default format is PLY.

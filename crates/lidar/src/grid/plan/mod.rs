@@ -66,8 +66,8 @@ impl DescribesRun for CellRun {
 }
 
 impl Divisible for GridOptions {
-    const TASK_SIZE: &'static str = "Cells along a tile, a multiple of 256; each tile is a task and reads what lies near it \
-                                     [default: as many as have about 67 million points]";
+    const TASK_SIZE: &'static str = "Tile side in cells, a multiple of 256; each tile is a task [default: about 67 \
+        million points]";
     terrane_engine::planned_as!(CloudGridPlan, CellStatus, CellRun);
 
     /// The default format is GeoTIFF.

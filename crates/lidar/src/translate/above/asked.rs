@@ -15,12 +15,12 @@ use terrane_base::geom::{Point, PointFrame};
 use terrane_cloud::{CloudInfo, Flags, PointFormat};
 use terrane_ground::noise;
 
-/// Where the height of a point above the ground goes.
+/// Storage of the height above ground.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice, Serialize, Deserialize)]
 pub enum HeightsAs {
-    /// into the dimension HeightAboveGround of its extra bytes, in steps of z
+    /// extra dimension HeightAboveGround, with the scale of z
     Dimension,
-    /// into its z; points that have no ground under them are left out
+    /// z of the point; points without ground below are removed
     Z,
 }
 
@@ -28,11 +28,11 @@ pub enum HeightsAs {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum Classify {
-    /// Noise gets the class of the method; runs first, as noise is never ground.
+    /// Noise found by a method gets its class; applied first, because noise is not ground.
     Noise(noise::Asked),
-    /// Reclassifies points of the classes that may change: ground points get class 2, others lose it.
+    /// Among the classes that may change, ground points get class 2 and others lose it.
     Ground(Reclassify),
-    /// Unclassified points (0 or 1) get a class by height above ground.
+    /// Points of class 0 or 1 are classified by height above ground.
     Height(HeightClasses),
 }
 
@@ -128,9 +128,9 @@ impl HeightClasses {
 pub struct HeightAboveGround {
     /// Source of ground points.
     pub from: GroundFrom,
-    /// Target of heights above ground.
+    /// Storage of heights above ground.
     pub heights: Option<HeightsAs>,
-    /// Classifications, in order.
+    /// Classification steps, in order.
     pub classify: Vec<Classify>,
 }
 

@@ -27,8 +27,8 @@ use terrane_files::{refuse_held, shown_all};
 pub use report::{PlanPointsJob, PointsStatus, PointsWritten, SquareRun, SquareStatus};
 
 impl Divisible for PointsOptions {
-    const TASK_SIZE: &'static str = "Squares along the side of a task, which reads what lies near them \
-                                     [default: as many as have about 67 million points]";
+    const TASK_SIZE: &'static str =
+        "Tiles along the side of a task [default: about 67 million points]";
     terrane_engine::planned_as!(SquaresPlan, SquareStatus, SquareRun);
 
     fn plan(

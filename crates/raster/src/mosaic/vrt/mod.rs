@@ -34,7 +34,7 @@ use parse::{Vrt, VrtSource};
 pub(crate) const FORMAT: RasterFormat = RasterFormat {
     name: "VRT",
     extensions: &["vrt"],
-    about: "GDAL virtual rasters with simple and complex sources in files below the folder of the VRT",
+    about: "GDAL virtual rasters with simple and complex sources in files below their folder",
     sniff: is_vrt,
     open,
 };

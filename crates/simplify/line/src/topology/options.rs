@@ -3,35 +3,35 @@
 use terrane_base::Cancel;
 use terrane_options::Choice;
 
-/// What to do with rings that collapse: of which fewer than three vertices would be kept.
+/// Handling of rings that collapse to fewer than three vertices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
 pub enum RingCollapse {
-    /// The smallest ring that keeps to the tolerance
+    /// Keep the smallest ring within the tolerance
     ///
-    /// It has three vertices, or as many more as the rules ask for.
+    /// It has three vertices, or more if the rules require it.
     #[default]
     Minimal,
-    /// They go
+    /// Remove them
     ///
-    /// Nothing of a ring is kept, if it is one as a whole.
+    /// A closed ring is removed as a whole.
     Drop,
-    /// All of their vertices stay
+    /// Keep all their vertices
     Keep,
 }
 
-/// When a segment is tested.
+/// Time of the test of a segment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
 pub enum Strategy {
-    /// Simplify, then put vertices back where lines cross
+    /// Simplify, then restore vertices where lines cross
     ///
-    /// All chains are simplified, then what is wrong is refined, until nothing is.
+    /// All chains are simplified, then refined where they violate the rules, until none does.
     #[default]
     Retroactive,
-    /// Test each segment before it is accepted
+    /// Test each segment before accepting it
     ///
-    /// A segment is accepted only when all vertices that are there at the time are on the right side
-    /// of it: those accepted so far, and all vertices of chains to come. Slower, and keeps more where
-    /// chains are close, as a chain has to leave room for details that the next one loses.
+    /// A segment is accepted only if all present vertices are on its correct side: accepted vertices, and all vertices
+    /// of chains not yet simplified. Slower, and keeps more vertices where chains are close, because a chain avoids
+    /// details that the next chain loses.
     Proactive,
 }
 
@@ -40,10 +40,10 @@ pub enum Strategy {
 pub struct UntangleOptions<'a> {
     /// When segments are tested.
     pub strategy: Strategy,
-    /// What becomes of rings that collapse.
+    /// Handling of rings that collapse.
     pub collapse: RingCollapse,
     /// Which chains are but loops of something longer, and are never dropped; none where it is shorter.
     pub loops: &'a [bool],
-    /// What may stop the work.
+    /// Cancellation.
     pub cancel: Option<&'a Cancel>,
 }

@@ -107,7 +107,7 @@ pub(super) struct PieceView<'a> {
     pub(super) alive: &'a [bool],
     /// The last vertices of open chains: those that no piece begins with.
     pub(super) ends: &'a BitSet,
-    /// What may stop the work.
+    /// Cancellation.
     pub(super) cancel: Option<&'a Cancel>,
 }
 

@@ -30,7 +30,7 @@ pub use report::{MeshRun, MeshStatus, PlanJob, RunReport, StatusReport};
 
 impl Divisible for TinOptions {
     const TASK_SIZE: &'static str =
-        "Rows of tiles in a task, 2 or more [default: as many as have about 134 million samples]";
+        "Rows of tiles in a task, 2 or more [default: about 134 million samples]";
     terrane_engine::planned_as!(PlannedMesh, MeshStatus, MeshRun);
 
     /// The default format is PLY.

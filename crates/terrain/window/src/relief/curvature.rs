@@ -4,17 +4,17 @@ use terrane_options::Choice;
 
 use crate::relief::{Derivative, Gradient, Heights, Turn};
 
-/// Which curvature.
+/// Type of curvature.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
 pub enum CurvatureKind {
-    /// Of the whole: above 0 where the ground is convex
+    /// Profile plus plan curvature: positive where the ground is convex
     ///
     /// The negative of the sum of both second derivatives.
     #[default]
     General,
-    /// Along the line of steepest descent: above 0 where the slope grows downhill
+    /// Along the steepest descent: positive where the slope increases downhill
     Profile,
-    /// Across it: above 0 where water parts
+    /// Across the steepest descent: positive where flow diverges
     Plan,
 }
 

@@ -83,10 +83,10 @@ fn each<T: Copy>(rows: [&[f64]; 3], out: &mut [T], none: T, at: impl Fn(&Heights
 /// Gradient algorithm, of nine heights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
 pub enum Gradient {
-    /// All eight neighbours (Horn 1981)
+    /// Eight neighbours (Horn 1981)
     #[default]
     Horn,
-    /// The four straight beside it (Zevenbergen & Thorne 1987), for smooth ground
+    /// Four direct neighbours (Zevenbergen & Thorne 1987), for smooth terrain
     ZevenbergenThorne,
 }
 

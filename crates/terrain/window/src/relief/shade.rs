@@ -28,7 +28,7 @@ pub struct Hillshade {
     pub azimuth: f64,
     /// Degrees above the horizon.
     pub altitude: f64,
-    /// Factor on heights.
+    /// Vertical exaggeration factor.
     pub exaggeration: f64,
 }
 

@@ -6,7 +6,7 @@ use super::resampling::ResamplingMethod;
 /// The registry entry.
 pub(crate) const RESAMPLING: ResamplingMethod = ResamplingMethod {
     name: "bilinear",
-    about: "by the four samples around, linear along columns and rows",
+    about: "bilinear interpolation of 2 x 2 samples",
     radius: 1,
     run: kernel::heights::<Bilinear, 2>,
 };

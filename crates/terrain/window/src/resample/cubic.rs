@@ -6,7 +6,7 @@ use super::resampling::ResamplingMethod;
 /// The registry entry.
 pub(crate) const RESAMPLING: ResamplingMethod = ResamplingMethod {
     name: "cubic",
-    about: "by the sixteen samples around, by cubic convolution; bilinear where not all of them are valid",
+    about: "cubic convolution of 4 x 4 samples, bilinear beside voids",
     radius: 2,
     run: kernel::heights::<CubicKernel, 4>,
 };

@@ -6,7 +6,7 @@ use super::window::{Place, SourceWindow};
 /// The registry entry.
 pub(crate) const RESAMPLING: ResamplingMethod = ResamplingMethod {
     name: "near",
-    about: "the height of the nearest sample; none is made up",
+    about: "nearest sample, heights unchanged",
     radius: 0,
     run: heights,
 };

@@ -3,10 +3,10 @@
 /// How distances are measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ProofDistance {
-    /// In x and y.
+    /// Distance in x and y.
     #[default]
     Plane,
-    /// In x, y and z.
+    /// Distance in x, y and z.
     Space,
     /// In metres in the plane that touches the WGS 84 ellipsoid at the vertex, for longitudes and
     /// latitudes in degrees: differences of longitude count N cos(phi), those of latitude M, with N and
