@@ -330,7 +330,7 @@ mod tests {
         let (most, few) = (1 << 28, "at least 2 x 2");
         for (side, part) in [(most, "number of tasks"), (u32::MAX, "columns or rows"), (0, few)] {
             let refused = read(plan(side)).err().unwrap().to_string();
-            assert!(refused.contains("is no plan") && refused.contains(part), "{refused}");
+            assert!(refused.contains("is not a valid plan") && refused.contains(part), "{refused}");
         }
         assert!(read(plan(1_000_000)).is_ok());
     }
