@@ -152,7 +152,7 @@ fn nonsense_is_told_on_one_line() {
     fails(&["a.tif", "-i", "1"], 2, &[".geojson"]);
     fails(&["a.topojson", "-i", "1"], 2, &["TopoJSON"]);
     fails(&["taken.geojson", "-i", "1"], 2, &["--overwrite"]);
-    fails(&["grid.asc", "-i", "1", "--overwrite", "-f", "csv"], 2, &["input itself"]);
+    fails(&["grid.asc", "-i", "1", "--overwrite", "-f", "csv"], 2, &["also an input"]);
     fails(&["nowhere/a.geojson", "-i", "1"], 73, &["folder does not exist"]);
     place.write("high.asc", GRID.replace("11 -9999", "1e31 -9999"));
     let high = ["contour", "high.asc", "-o", "a.geojson", "-i", "1"];

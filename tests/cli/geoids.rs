@@ -164,23 +164,23 @@ fn what_is_no_geoid_is_refused_by_name() {
     };
     let beyond = with(tiff(), (33922, Value::Double(vec![0.0, 0.0, 0.0, WEST, 91.0, 0.0])));
     let cases = [
-        ("feet", with(tiff(), items(KIND, "foot")), "another unit than metres: foot"),
+        ("feet", with(tiff(), items(KIND, "foot")), "heights in foot, not in metres"),
         (
             "seconds",
             with(tiff(), items(KIND, "arc-second")),
-            "another unit than metres: arc-second",
+            "heights in arc-second, not in metres",
         ),
-        (
-            "shift",
-            with(tiff(), items("HORIZONTAL_OFFSET", "metre")),
-            "of another kind: HORIZONTAL_OFFSET",
-        ),
+        ("shift", with(tiff(), items("HORIZONTAL_OFFSET", "metre")), "of type HORIZONTAL_OFFSET"),
         ("bands", unsaid(Spec { bands: 3, ..tiff() }), "has 3 bands"),
-        ("bytes", Spec { format: 1, bits: 8, ..tiff() }, "samples of uint8"),
-        ("utm", with(tiff(), keys(&[(1024, 1), (1025, 2), (3072, 32632)])), "is in EPSG:32632"),
-        ("paris", with(tiff(), keys(&[(1024, 2), (1025, 2), (2048, 4807)])), "from Greenwich on"),
-        ("turned", turned, "are no meridians"),
-        ("nowhere", nowhere, "does not say where on the globe"),
+        ("bytes", Spec { format: 1, bits: 8, ..tiff() }, "samples of type uint8"),
+        (
+            "utm",
+            with(tiff(), keys(&[(1024, 1), (1025, 2), (3072, 32632)])),
+            "has the CRS EPSG:32632",
+        ),
+        ("paris", with(tiff(), keys(&[(1024, 2), (1025, 2), (2048, 4807)])), "from Greenwich"),
+        ("turned", turned, "are not meridians"),
+        ("nowhere", nowhere, "lacks a georeference"),
         ("beyond", beyond, "exceeds the globe"),
     ];
     for (name, spec, words) in cases {
@@ -208,7 +208,7 @@ fn what_is_no_geoid_is_refused_by_name() {
     place.fails(
         &["tiles", "g.asc", "none", "--geoid", "huge.tif"],
         65,
-        &["huge.tif", "the number of bytes of the geoid"],
+        &["huge.tif", "the size of the geoid grid"],
     );
     place.fails(
         &["tiles", "g.asc", "none", "--geoid", "large.tif", "--memory", "1G"],

@@ -433,7 +433,7 @@ fn what_is_about_grids_is_refused_for_meshes_by_the_library_too() {
         {
             let options = Map::from_iter([(name.to_owned(), value)]);
             let error = by_library(&place, operation, "mesh.ply", &output, &options).unwrap_err();
-            let told = format!("‹{name}› is for grids, and this is a mesh");
+            let told = format!("‹{name}› applies to grids, not to meshes");
             assert!(error.to_string().contains(&told), "{error}");
             assert!(!output.exists());
         }

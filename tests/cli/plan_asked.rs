@@ -42,7 +42,8 @@ fn names_of_other_formats_are_refused_before_the_work_of_a_plan() {
             _ => ("out", &["x.las", "x.LAZ", "x.copc.laz", "x.obj", "x.tif", "x.3tz"][..]),
         };
         for name in others {
-            let words = [*name, if *written == "folder" { "names a file" } else { *written }];
+            let words =
+                [*name, if *written == "folder" { "extension of a file format" } else { *written }];
             place.fails(&["run", &folder, "-o", name, "-q"], 2, &words);
             place.fails(&["finish", &folder, name, "-q"], 2, &words);
             assert!(!place.path(name).exists(), "{plan:?} {name}");
@@ -53,17 +54,25 @@ fn names_of_other_formats_are_refused_before_the_work_of_a_plan() {
     }
     place.ok(&["run", "w0", "-o", "mesh.dat", "-q"]);
     place.ok(&["run", "w0", "-o", "blocks", "--split", "1", "-q"]);
-    place.fails(&["run", "w0", "-o", "x.ply", "--split", "1"], 2, &["x.ply", "names a file"]);
+    place.fails(
+        &["run", "w0", "-o", "x.ply", "--split", "1"],
+        2,
+        &["x.ply", "extension of a file format"],
+    );
 }
 
 #[test]
 fn names_of_files_are_refused_for_folders_without_a_plan_too() {
     let place = place();
     let tin = ["tin", "in/g.tif", "--max-error", "5"];
-    place.fails(&[&tin[..], &["x.ply", "--split", "1"]].concat(), 2, &["x.ply", "names a file"]);
+    place.fails(
+        &[&tin[..], &["x.ply", "--split", "1"]].concat(),
+        2,
+        &["x.ply", "extension of a file format"],
+    );
     for how in [["--tile", "30"], ["--split", "class"]] {
         let args = ["points", "in/a.las", "x.laz", how[0], how[1]];
-        place.fails(&args, 2, &["x.laz", "names a file"]);
+        place.fails(&args, 2, &["x.laz", "extension of a file format"]);
     }
     // A format that is named counts more than an ending.
     for workdir in [&[][..], &["--workdir", "w"]] {

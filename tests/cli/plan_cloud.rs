@@ -155,7 +155,11 @@ fn a_plan_tells_what_it_is_of() {
     let parts = to_do(&place).iter().filter(|task| task.starts_with("choose")).count();
     assert_eq!([after("choose-0"), after("prove-0"), after("again-0")], [0, parts, 2 * parts]);
     assert_eq!(status["max_error"], 1.0);
-    place.fails(&["run", "work", "--split", "2"], 2, &["--split is for meshes of grids"]);
+    place.fails(
+        &["run", "work", "--split", "2"],
+        2,
+        &["--split requires a plan for a mesh of a grid"],
+    );
     place.fails(&["run", "work", "--task", "strip-0"], 2, &["choose-0, choose-1", "finish"]);
     place.fails(&["run", "work", "--task", "prove-0"], 69, &["choose-0", "is not done"]);
 }

@@ -52,7 +52,11 @@ fn a_plan_is_told_run_and_finished() {
     }
     place.ok(&["run", "work", "--task", "tile-4", "-q"]);
     place.fails(&["run", "work", "--task", "tile-4", "-o", "x.tif"], 2, &["only the last task"]);
-    place.fails(&["run", "work", "--split", "2"], 2, &["--split is for meshes"]);
+    place.fails(
+        &["run", "work", "--split", "2"],
+        2,
+        &["--split requires a plan for a mesh of a grid"],
+    );
     place.fails(&["finish", "work", "x.tif"], 69, &["tile-0 is not done"]);
     place.ok(&["run", "work", "-o", "x.tif", "-q"]);
     assert!(std::fs::read(place.path("x.tif")).unwrap() == expected);
@@ -61,7 +65,7 @@ fn a_plan_is_told_run_and_finished() {
     assert!(std::fs::read(place.path("whole.tif")).unwrap() == expected);
     place.fails(&["plan", "grid", CLOUD, "-o", "work", "--cell", "2"], 2, &["another plan"]);
     let tin = ["plan", "tin", "synth:rough,size=300", "-o", "work", "--max-error", "1"];
-    place.fails(&tin, 2, &["it is of a grid"]);
+    place.fails(&tin, 2, &["it is for a grid"]);
 }
 
 #[test]
@@ -119,7 +123,7 @@ fn files_are_no_folders_of_work() {
         (&["plan", "tin", "g.tif", "--max-error", "1"], "g.tif"),
         (&["plan", "tin", "c.las", "--max-error", "1"], "c.las"),
     ] {
-        place.fails(&[args, &["-o", "file"]].concat(), 2, &["file: is a file, and a folder"]);
+        place.fails(&[args, &["-o", "file"]].concat(), 2, &["file: is a file, not a folder"]);
         place.fails(&[args, &["-o", input]].concat(), 2, &[input]);
     }
     for args in [
@@ -132,9 +136,9 @@ fn files_are_no_folders_of_work() {
         place.fails(
             &[args, &["--workdir", "file"]].concat(),
             2,
-            &["file: is a file, and a folder"],
+            &["file: is a file, not a folder"],
         );
     }
     let own = ["plan", "grid", "c.las", "--cell", "2", "-o", "c.las"];
-    place.fails(&own, 2, &["output is the input itself"]);
+    place.fails(&own, 2, &["output is also an input"]);
 }

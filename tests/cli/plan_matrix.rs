@@ -375,7 +375,7 @@ fn tasks_are_done_beside_a_run_and_a_second_run_is_not() {
         let lock = work.place.path("work/lock");
         let lock = std::fs::File::options().create(true).append(true).open(lock).unwrap();
         lock.lock().unwrap();
-        work.place.fails(&["run", "work"], 69, &["others are at work", "--task"]);
+        work.place.fails(&["run", "work"], 69, &["locked by another run", "--task"]);
         work.end("tasks");
         work.check("beside a run");
         lock.unlock().unwrap();
@@ -410,22 +410,22 @@ fn a_moved_folder_an_altered_output_and_a_missing_one_are_told_apart() {
         let mut bytes = std::fs::read(&last).unwrap();
         *bytes.last_mut().unwrap() ^= 1;
         std::fs::write(&last, &bytes).unwrap();
-        assert!(fault().contains("was altered since it was written: its bytes"), "{}", fault());
+        assert!(fault().contains("changed since it was written: content"), "{}", fault());
         for verb in [&["run", "moved"][..], &["finish", "moved"]] {
-            work.place.fails(verb, 2, &["was altered", "its bytes are others", "--overwrite"]);
+            work.place.fails(verb, 2, &["changed since", "content changed", "--overwrite"]);
         }
         work.place.ok(&["run", "moved", "--overwrite", "-q"]);
         assert!(is_right() && fault().is_empty(), "made anew when asked");
 
         bytes.push(0);
         std::fs::write(&last, &bytes).unwrap();
-        let words = format!("it had {length} bytes and has {}", length + 1);
-        work.place.fails(&["finish", "moved"], 2, &["was altered", &words]);
+        let words = format!("size changed from {length} to {} bytes", length + 1);
+        work.place.fails(&["finish", "moved"], 2, &["changed since", &words]);
         work.place.ok(&["finish", "moved", "--overwrite", "-q"]);
         assert!(is_right());
 
         remove(&output);
-        assert!(fault().ends_with("was written and is missing"), "{}", fault());
+        assert!(fault().ends_with("is missing"), "{}", fault());
         assert_eq!(status()["to_do"][0]["id"], "finish");
         work.place.ok(&["run", "moved", "-q"]);
         assert!(is_right() && fault().is_empty(), "made again");
@@ -440,9 +440,9 @@ fn a_mistyped_folder_makes_no_folder() {
     for kind in &KINDS {
         let place = kind.place();
         for verb in [&["run", "tpyo"][..], &["status", "tpyo"], &["finish", "tpyo"]] {
-            place.fails(verb, 65, &["tpyo", "holds no plan"]);
+            place.fails(verb, 65, &["tpyo", "does not hold a plan"]);
         }
-        place.fails(&["run", "tpyo", "--task", "finish"], 65, &["tpyo", "holds no plan"]);
+        place.fails(&["run", "tpyo", "--task", "finish"], 65, &["tpyo", "does not hold a plan"]);
         place.fails(&kind.plan("tpyo/work"), 73, &["tpyo/work", "make tpyo first"]);
         let work = Work::new(kind);
         let output = format!("tpyo/whole.{}", kind.ending);
@@ -586,7 +586,7 @@ fn a_disk_with_too_little_room_is_refused_unless_told_otherwise() {
     let input = "synth:rough,size=1000001";
     let how = ["--max-error", "0.01", "--format", "OBJ", "-q"];
     place.ok(&[&["plan", "tin", input, "-o", "work"], &how[..]].concat());
-    place.fails(&["run", "work"], 73, &["of disk are needed", "--no-disk-check"]);
+    place.fails(&["run", "work"], 73, &["of disk space are needed", "--no-disk-check"]);
     let mut command = place.command(&["run", "work", "--no-disk-check", "--progress", "json"]);
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let lines = std::io::BufRead::lines(std::io::BufReader::new(child.stderr.take().unwrap()));

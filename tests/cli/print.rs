@@ -67,16 +67,16 @@ fn meshes_of_degrees_are_proved_in_any_units() {
                 continue;
             }
             if format.states_unit && options.contains(&"--keep-degrees") {
-                place.fails(&args, 2, &["--keep-degrees is not for", format.name]);
+                place.fails(&args, 2, &["--keep-degrees has no effect on", format.name]);
                 continue;
             }
             if !format.single_precision && !options.is_empty() {
-                place.fails(&args, 2, &[options[0], "is for STL, 3MF and GLB"]);
+                place.fails(&args, 2, &[options[0], "applies to STL, 3MF and GLB"]);
                 continue;
             }
             let report: serde_json::Value = serde_json::from_str(&place.ok(&args).out).unwrap();
             let notes = report["notes"].to_string();
-            let told = if report["placed"].is_null() { "needle" } else { "metre" };
+            let told = if report["placed"].is_null() { "spike" } else { "metre" };
             assert!(notes.contains(told) || options == ["--keep-degrees"], "{args:?}: {notes}");
             place.ok(&["verify", &mesh, "dem.asc", "--max-error", "4"]);
             place.ok(&["view", &mesh, "-o", "mesh.png"]);
@@ -202,7 +202,7 @@ fn prints_that_collapse_are_refused_by_name() {
         for input in ["dem.asc", "plain.asc", "a.txt"] {
             for (option, value) in BEYOND {
                 let args = ["tin", input, &output, "--max-error", "4", option, value];
-                place.fails(&args, 2, &[&format!("{option} makes"), format.name]);
+                place.fails(&args, 2, &[&format!("{option} puts coordinates"), format.name]);
             }
             // Small, and still what it was.
             for (option, value) in
@@ -225,13 +225,16 @@ fn options_of_prints_that_cannot_act_are_refused() {
     place.write("plain.asc", GRID).write("a.txt", points(0.001));
     let tin = |more: &[&'static str]| [&["tin"], more, &["--max-error", "1"]].concat();
     for (more, word) in [
-        (&["plain.asc", "a.glb", "--keep-degrees"][..], "--keep-degrees is for longitudes"),
+        (
+            &["plain.asc", "a.glb", "--keep-degrees"][..],
+            "--keep-degrees requires geographic coordinates",
+        ),
         (
             &["plain.asc", "a.glb", "--base", "3mm", "--size", "10"],
             "--base is not supported by GLB",
         ),
         (&["plain.asc", "a.stl", "--base", "3mm"], "add --size or --scale"),
-        (&["plain.asc", "a.ply", "--size", "100mm"], "--size is for STL, 3MF and GLB"),
+        (&["plain.asc", "a.ply", "--size", "100mm"], "--size applies to STL, 3MF and GLB"),
         (&["plain.asc", "a.stl", "--size", "1", "--workdir", "w"], "--workdir"),
         (
             &["plain.asc", "a.stl", "--size", "1", "--base", "1", "--co", "SOLID_BASE=0"],

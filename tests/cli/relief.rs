@@ -333,5 +333,5 @@ fn an_ellipsoid_that_is_told_and_not_known_is_refused() {
     place.ok(&["tpi", "own.tif", "p.tif", "-q"]);
     let told =
         json(&place.ok(&["slope", "degrees.tif", "d.tif", "--json"]).out)["notes"].to_string();
-    assert!(told.contains("taken for that of WGS 84"), "{told}");
+    assert!(told.contains("WGS 84 is assumed"), "{told}");
 }

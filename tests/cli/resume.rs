@@ -223,7 +223,7 @@ fn a_second_run_is_refused_while_one_is_at_work() {
     let first = child.try_wait().unwrap();
     if first.is_none() {
         assert_eq!(second.code, 69, "{}", second.err);
-        assert!(second.err.contains("others are at work in this folder"), "{}", second.err);
+        assert!(second.err.contains("the folder is locked by another run"), "{}", second.err);
     }
     std::io::Read::read_to_string(&mut messages, &mut String::new()).unwrap();
     assert!(child.wait().unwrap().success());

@@ -95,7 +95,7 @@ pub(crate) fn walk(place: &Place, folder: &str) -> Vec<String> {
 fn what_cannot_be_placed_on_the_globe_is_refused_by_name() {
     let place = place(20);
     place.write("plain.asc", grid(20));
-    place.fails(&["tiles", "plain.asc", "t"], 65, &["plain.asc", "where on the globe"]);
+    place.fails(&["tiles", "plain.asc", "t"], 65, &["plain.asc", "lacks a georeference"]);
     place.write("far.asc", grid(20).replace("7.03", "179.999")).write("far.prj", "EPSG:4326");
     place.fails(&["tiles", "far.asc", "t"], 65, &["far.asc", "180 degrees"]);
     place.ok(&["tiles", "dem.asc", "t", "-q"]);

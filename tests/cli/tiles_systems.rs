@@ -204,7 +204,7 @@ fn heights_are_brought_to_the_ellipsoid_by_a_geoid() {
     fails(&["--geoid", "g.gtx"], 65, &["the geoid has no value at longitude"]);
     plain(&place, [60, 60], [west, south, cell], rough);
     place.write("g.prj", "EPSG:4979");
-    fails(&["--geoid", "g.gtx"], 2, &["g.gtx", "from the ellipsoid already"]);
+    fails(&["--geoid", "g.gtx"], 2, &["g.gtx", "ellipsoidal already"]);
     place.ok(&["tin", "g.asc", "m.ply", "--max-error", "1", "-q"]);
     place.fails(
         &["verify", "m.ply", "g.asc", "--geoid", "g.gtx"],

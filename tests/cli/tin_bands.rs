@@ -282,7 +282,7 @@ fn what_makes_no_sense_is_refused_by_name() {
         place.fails(&args.split(' ').collect::<Vec<_>>(), 2, words);
     };
     let job = "tin photo.tif o.ply --max-error 4 --bands";
-    refused(&format!("{job} 1,2,2"), &["band 2 is there twice"]);
+    refused(&format!("{job} 1,2,2"), &["band 2 is repeated"]);
     refused(
         &format!("{job} 1,4"),
         &["photo.tif: band 4 is out of range: the file has 3 bands", "from 1 to 3"],

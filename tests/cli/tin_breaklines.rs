@@ -102,7 +102,7 @@ fn plans_threads_and_memory_leave_no_trace() {
     let plan = ["plan", "tin", "dem.tif", "-o", "new", "--max-error", "5", "--tile", "48"];
     place.ok(&[&plan[..], &["--breaklines", file]].concat());
     std::fs::write(file, roads().replace("500040,", "500050,")).unwrap();
-    place.fails(&["run", "new"], 65, &["roads.geojson", "is not the file the plan was made from"]);
+    place.fails(&["run", "new"], 65, &["roads.geojson", "changed since the plan was made"]);
 }
 
 #[test]
@@ -136,12 +136,12 @@ fn what_cannot_be_followed_is_refused() {
     };
     tin("lost.geojson", 65, &["no such file"]);
     place.write("none.geojson", collection(&[]));
-    tin("none.geojson", 65, &["has no line"]);
+    tin("none.geojson", 65, &["contains no line"]);
     place.write("peaks.wkt", "LINESTRING (500010 4749990, 500100 4749800)\nPOINT (500010 4749990)");
     place.write("peaks.prj", "EPSG:32631");
-    tin("peaks.wkt", 65, &["a point is no line", "--keep-points"]);
+    tin("peaks.wkt", 65, &["a point is not a line", "--keep-points"]);
     place.write("far.wkt", "LINESTRING (0 0, 10 10)").write("far.prj", "EPSG:32631");
-    tin("far.wkt", 65, &["no line of this file lies on the grid"]);
+    tin("far.wkt", 65, &["no line lies on the grid"]);
     place.write("wgs.geojson", roads().replace("EPSG::32631", "EPSG::4326"));
     tin("wgs.geojson", 65, &["EPSG:4326", "EPSG:32631", "reproject one of them"]);
     let many: Vec<_> = (0..200_000).map(|i| format!("{} 4749000", 500_000 + i % 900)).collect();
@@ -149,7 +149,7 @@ fn what_cannot_be_followed_is_refused() {
         .write("many.wkt", format!("LINESTRING ({})", many.join(", ")))
         .write("many.prj", "EPSG:32631");
     let job = [&["tin", TERRAIN, "m.ply", "--breaklines", "many.wkt"][..], &MAKE].concat();
-    place.ok_as_advised(&job, "22M", &["many.wkt", "200000 vertices take 10 MiB"]);
+    place.ok_as_advised(&job, "22M", &["many.wkt", "200000 vertices need 10 MiB"]);
     let job = [&["tin", TERRAIN, "a.ply", "--max-error", "4"][..], &FOLLOW].concat();
     for other in ["greedy4", "vip"] {
         place.fails(
@@ -160,5 +160,5 @@ fn what_cannot_be_followed_is_refused() {
     }
     place.fails(&[&job[..], &["--min-angle", "20"]].concat(), 2, &["--breaklines", "--min-angle"]);
     let over = [&["tin", TERRAIN, "roads.geojson", "-f", "PLY", "--overwrite"][..], &MAKE, &FOLLOW];
-    place.fails(&over.concat(), 2, &["output is the input itself"]);
+    place.fails(&over.concat(), 2, &["output is also an input"]);
 }

@@ -160,7 +160,7 @@ fn work_that_was_begun_with_other_polygons_is_not_gone_on_with() {
     let other = areas().replace("501700", "501710");
     assert_ne!(other, areas());
     place.write("areas.geojson", other);
-    place.fails(&["run", "work"], 65, &["areas.geojson", "is not the file the plan was made from"]);
+    place.fails(&["run", "work"], 65, &["areas.geojson", "changed since the plan was made"]);
     place.write("areas.geojson", areas());
     place.fails(&[&plan[..], &MAKE].concat(), 2, &["work"]);
     place.ok(&["run", "work", "-q"]);
@@ -184,7 +184,7 @@ fn what_cannot_be_clipped_to_is_refused() {
     let square = ring(&[[1.0, 1.0], [9.0, 1.0], [9.0, 9.0]]);
     let square = format!(r#"{{"type":"Polygon","coordinates":[{square}]}}"#);
     place.write("line.geojson", collection(&[square.clone(), line.to_owned()]));
-    tin("line.geojson", 65, &["feature 2", "is a LineString", "clipped to polygons"]);
+    tin("line.geojson", 65, &["feature 2", "is a LineString", "not a polygon to clip the grid to"]);
     let far = ring(&[[900.0, 1.0], [990.0, 1.0], [990.0, 9.0]]);
     place.write(
         "far.geojson",
@@ -207,7 +207,7 @@ fn what_cannot_be_clipped_to_is_refused() {
     place.write("areas.wkt", "POLYGON ((500000 4750000, 500900 4750000, 500900 4749000))");
     tin("areas.wkt", 65, &["unknown", "EPSG:32631", "set it in the file"]);
     place.write("none.geojson", collection(&[]));
-    tin("none.geojson", 65, &["has no polygon"]);
+    tin("none.geojson", 65, &["contains no polygon"]);
     tin("lost.geojson", 65, &["no such file", "check the name"]);
     let mut many = "POLYGON ((".to_owned();
     for i in 0..400_000 {
@@ -215,7 +215,7 @@ fn what_cannot_be_clipped_to_is_refused() {
     }
     place.write("many.wkt", many + "500000 4749000))").write("many.prj", "EPSG:32631");
     let job = [&["tin", TERRAIN, "of_many.ply", "--clip", "many.wkt"][..], &MAKE].concat();
-    place.ok_as_advised(&job, "22M", &["many.wkt", "400001 vertices take 16 MiB"]);
+    place.ok_as_advised(&job, "22M", &["many.wkt", "400001 vertices need 16 MiB"]);
     place.fails(
         &[
             &[
@@ -232,7 +232,7 @@ fn what_cannot_be_clipped_to_is_refused() {
         ]
         .concat(),
         2,
-        &["output is the input itself"],
+        &["output is also an input"],
     );
     place.ok(&["synth", "cloud,size=20,density=2,seed=5", "a.laz", "-q"]);
     let cloud = ["tin", "a.laz", "a.obj", "--max-error", "1", "--clip", "areas.geojson"];

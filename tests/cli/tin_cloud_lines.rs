@@ -134,13 +134,13 @@ fn what_cannot_be_kept_over_a_cloud_is_refused() {
     };
     tin("--breaklines", "lost.wkt", 65, &["no such file"]);
     place.write("none.geojson", r#"{"type":"FeatureCollection","features":[]}"#);
-    tin("--breaklines", "none.geojson", 65, &["has no line"]);
-    tin("--keep-points", "none.geojson", 65, &["has no point"]);
+    tin("--breaklines", "none.geojson", 65, &["contains no line"]);
+    tin("--keep-points", "none.geojson", 65, &["contains no point"]);
     place.write("peak.wkt", "POINT (500010 4750010)").write("peak.prj", "EPSG:32631");
-    tin("--breaklines", "peak.wkt", 65, &["a point is no line", "--keep-points"]);
+    tin("--breaklines", "peak.wkt", 65, &["a point is not a line", "--keep-points"]);
     place.write("far.wkt", "LINESTRING (0 0, 10 10)").write("far.prj", "EPSG:32631");
-    tin("--breaklines", "far.wkt", 65, &["no line of this file lies on the cloud"]);
-    tin("--keep-points", "far.wkt", 65, &["no point of this file lies on the cloud"]);
+    tin("--breaklines", "far.wkt", 65, &["no line lies within the bounds of the point cloud"]);
+    tin("--keep-points", "far.wkt", 65, &["no point lies within the bounds of the point cloud"]);
     place.write("wgs.wkt", KERBS).write("wgs.prj", "EPSG:4326");
     tin(
         "--breaklines",
@@ -152,18 +152,18 @@ fn what_cannot_be_kept_over_a_cloud_is_refused() {
     place.write("high.wkt", high).write("high.prj", "EPSG:32631");
     tin("--breaklines", "high.wkt", 65, &["a height of 1000000000000"]);
     let over = ["tin", "a.laz", "kerbs.wkt", "-f", "PLY", "--max-error", "1", "--overwrite"];
-    place.fails(&[&over[..], &FOLLOW].concat(), 2, &["output is the input itself"]);
+    place.fails(&[&over[..], &FOLLOW].concat(), 2, &["output is also an input"]);
     assert!(!place.path("a.ply").exists());
     place.ok(&MAKE);
     let verify = ["verify", "a.ply", "a.laz"];
     place.fails(
         &[&verify[..], &["--breaklines", "far.wkt"]].concat(),
         65,
-        &["far.wkt", "on the cloud"],
+        &["far.wkt", "the point cloud"],
     );
     place.fails(
         &[&verify[..], &["--keep-points", "far.wkt"]].concat(),
         65,
-        &["far.wkt", "on the cloud"],
+        &["far.wkt", "the point cloud"],
     );
 }

@@ -107,7 +107,7 @@ fn threads_memory_plans_and_other_files_leave_no_trace() {
     let others = peaks().replace("[500045,", "[500055,");
     assert_ne!(others, peaks());
     place.write("peaks.geojson", others);
-    place.fails(&["run", "new"], 65, &["peaks.geojson", "is not the file the plan was made from"]);
+    place.fails(&["run", "new"], 65, &["peaks.geojson", "changed since the plan was made"]);
 }
 
 #[test]
@@ -131,7 +131,7 @@ fn what_cannot_be_kept_is_refused() {
     tin("none.geojson", 65, &["has no point"]);
     let far = format!(r#"{{"type":"Point","coordinates":{}}}"#, at([500.0, 3.0]));
     place.write("far.geojson", collection(&[far]));
-    tin("far.geojson", 65, &["no point of this file lies on the grid"]);
+    tin("far.geojson", 65, &["no point lies on the grid"]);
     place.write("wgs.geojson", peaks().replace("EPSG::32631", "EPSG::4326"));
     tin("wgs.geojson", 65, &["EPSG:4326", "EPSG:32631", "reproject one of them"]);
     place.write("points.wkt", "POINT (500010 4749990)");
@@ -140,7 +140,7 @@ fn what_cannot_be_kept_is_refused() {
         (0..200_000).map(|i| format!("POINT ({} 4749000)\n", 500_000 + i % 900)).collect();
     place.write("many.wkt", many).write("many.prj", "EPSG:32631");
     let job = [&["tin", TERRAIN, "m.ply", "--keep-points", "many.wkt"][..], &MAKE].concat();
-    place.ok_as_advised(&job, "22M", &["many.wkt", "200000 vertices take 10 MiB"]);
+    place.ok_as_advised(&job, "22M", &["many.wkt", "200000 vertices need 10 MiB"]);
     for other in [&["--method", "greedy4"][..], &["--method", "vip"]] {
         let args = ["tin", TERRAIN, "a.ply", "--max-error", "4"];
         place.fails(
@@ -150,5 +150,5 @@ fn what_cannot_be_kept_is_refused() {
         );
     }
     let over = [&["tin", TERRAIN, "peaks.geojson", "-f", "PLY", "--overwrite"][..], &MAKE, &KEEP];
-    place.fails(&over.concat(), 2, &["output is the input itself"]);
+    place.fails(&over.concat(), 2, &["output is also an input"]);
 }

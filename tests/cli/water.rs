@@ -128,7 +128,7 @@ fn plans_threads_and_memory_leave_no_trace() {
     let plan = ["plan", "tin", "dem.tif", "-o", "new", "--max-error", "5", "--tile", "48"];
     place.ok(&[&plan[..], &["--water", file]].concat());
     std::fs::write(file, water().replace("500400,", "500410,")).unwrap();
-    place.fails(&["run", "new"], 65, &["water.geojson", "is not the file the plan was made from"]);
+    place.fails(&["run", "new"], 65, &["water.geojson", "changed since the plan was made"]);
 }
 
 #[test]
@@ -196,9 +196,9 @@ fn what_cannot_be_made_level_is_refused() {
     };
     convert("lost.geojson", 65, &["no such file", "check the name"]);
     place.write("none.geojson", collection(&[line(&[[1.0, 1.0], [9.0, 9.0]])]));
-    convert("none.geojson", 65, &["has no polygon"]);
+    convert("none.geojson", 65, &["contains no polygon"]);
     place.write("peak.wkt", "POINT (500010 4749990)").write("peak.prj", "EPSG:32631");
-    convert("peak.wkt", 65, &["a point is no water"]);
+    convert("peak.wkt", 65, &["points are not supported as water"]);
     place.write("far.geojson", collection(&[polygon(&[[-9.0, -9.0], [-5.0, -9.0], [-5.0, -5.0]])]));
     convert("far.geojson", 65, &["water polygons do not overlap the grid"]);
     let all = [[-9.0, -9.0], [400.0, -9.0], [400.0, 400.0], [-9.0, 400.0]];
@@ -242,5 +242,5 @@ fn what_cannot_be_made_level_is_refused() {
         &["lost.wkt", "no such file"],
     );
     let over = ["tin", TERRAIN, "water.geojson", "-f", "PLY", "--max-error", "5", "--overwrite"];
-    place.fails(&[&over[..], &WATER].concat(), 2, &["output is the input itself"]);
+    place.fails(&[&over[..], &WATER].concat(), 2, &["output is also an input"]);
 }

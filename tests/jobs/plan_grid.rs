@@ -212,7 +212,7 @@ fn tasks_are_done_in_any_order_by_anyone() {
     let left: Vec<_> = status.to_do.iter().map(|task| task.id.as_str()).collect();
     assert_eq!((left, status.done), (vec!["tile-5", "finish"], 15));
     assert!(work(&folder, Some("tile-16")).unwrap_err().to_string().contains("no task tile-16"));
-    assert!(work(&folder, Some("strip-0")).unwrap_err().to_string().contains("is no task"));
+    assert!(work(&folder, Some("strip-0")).unwrap_err().to_string().contains("is not a task"));
     let report = work(&folder, None).unwrap();
     assert_eq!((report.found, report.made), (15, vec!["tile-5".to_owned()]));
     assert!(std::fs::read(folder.join("grid.tif")).unwrap() == expected);

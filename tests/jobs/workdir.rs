@@ -250,10 +250,7 @@ fn an_input_that_changed_is_refused() {
     write(4);
     let refused = work(&folder, None, 1).unwrap_err();
     assert_eq!(refused.kind(), ErrorKind::BadInput);
-    assert!(
-        refused.to_string().contains("grid.asc: is not the file the plan was made from"),
-        "{refused}"
-    );
+    assert!(refused.to_string().contains("grid.asc: changed since the plan was made"), "{refused}");
     write(3);
     assert!(
         work(&folder, None, 1).unwrap().made.is_empty(),

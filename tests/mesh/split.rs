@@ -110,7 +110,7 @@ fn another_or_a_damaged_folder_is_not_taken_for_the_finished_one() {
     place.ok(&[&args("4")[..], &["--overwrite"]].concat());
     assert!(read(&place, "out") == read(&place, "four"));
     std::fs::remove_file(place.path("out/block-0000-0001.ply")).unwrap();
-    place.fails(&args("4"), 2, &["out", "was altered", "--overwrite"]);
+    place.fails(&args("4"), 2, &["out", "changed since", "--overwrite"]);
     place.ok(&[&args("4")[..], &["--overwrite"]].concat());
     assert!(read(&place, "out") == read(&place, "four"));
 }

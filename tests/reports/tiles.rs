@@ -291,7 +291,7 @@ fn d5_heights_above_a_geoid_are_told() {
     }
     place.write("g.gtx", geoid());
     grid(&place, [6, 6], ("EPSG:4979", degrees), |_, _| 5.0);
-    place.fails(&["tiles", "g.asc", "u", "--geoid", "g.gtx"], 2, &["ellipsoid already"]);
+    place.fails(&["tiles", "g.asc", "u", "--geoid", "g.gtx"], 2, &["ellipsoidal already"]);
     grid(&place, [6, 6], ("EPSG:4326", degrees), |_, _| 5.0);
     place.fails(
         &["tiles", "g.asc", "u", "--geoid", "g.gtx", "--geoid", "g.gtx"],
@@ -326,15 +326,15 @@ fn d6_a_grid_of_the_moon_is_refused_by_name() {
         place.fails(
             &["tiles", "g.asc", "t"],
             65,
-            &["g.asc", "not on the earth", "1737400", "terrane tin"],
+            &["g.asc", "not on the Earth", "1737400", "terrane tin"],
         );
         let ran = place.run(&["tiles", "g.asc", "t"]);
-        assert!(!ran.err.contains("take a part"), "{}", ran.err);
+        assert!(!ran.err.contains("use a part"), "{}", ran.err);
     }
     // On the earth, but nobody knows where: no part of it is known better.
     let unknown = r#"GEOGCS["some",DATUM["nobody_knows",SPHEROID["own",6378100,298.3]],PRIMEM["Greenwich",0],UNIT["Degree",0.0174532925199433]]"#;
     grid(&place, [6, 6], (unknown, [10.0, 20.0, 0.01]), |col, row| (col + row) as f64);
     let ran = place.run(&["tiles", "g.asc", "t"]);
-    assert!(ran.code == 65 && !ran.err.contains("take a part"), "{}", ran.err);
+    assert!(ran.code == 65 && !ran.err.contains("use a part"), "{}", ran.err);
     assert!(ran.err.contains("gdal_edit.py -a_srs"), "{}", ran.err);
 }

@@ -41,26 +41,27 @@ impl MeshBands {
     pub fn new(bands: &[u32], weights: &[f64], heights: Option<u32>) -> Result<Self> {
         let label = label(bands);
         if bands.is_empty() || bands.contains(&0) {
-            return Err(Error::usage(format!("\"{label}\" are no bands"))
-                .remedy("give numbers from 1, such as ‹bands› 1,2,3"));
+            return Err(Error::usage(format!("\"{label}\" is not a list of bands"))
+                .remedy("give band numbers from 1, such as ‹bands› 1,2,3"));
         }
         let twice = bands.iter().enumerate().find(|(place, band)| bands[..*place].contains(band));
         if let Some((_, band)) = twice {
-            return Err(Error::usage(format!("band {band} is there twice in ‹bands› {label}"))
-                .remedy("name each band once; ‹weights› tells what counts more"));
+            return Err(Error::usage(format!("band {band} is repeated in ‹bands› {label}"))
+                .remedy("name each band once; set its importance with ‹weights›"));
         }
         if !weights.is_empty() && weights.len() != bands.len() {
             let (given, needed) = (weights.len(), bands.len());
             return Err(Error::usage(format!("‹weights› has {given} weights for {needed} bands"))
-                .remedy("give one for each band of ‹bands›, or none"));
+                .remedy("give one weight for each band of ‹bands›, or none"));
         }
         if let Some(weight) = weights.iter().find(|w| !(w.is_normal() && **w > 0.0)) {
-            return Err(Error::usage(format!("{weight} is no weight of a band"))
-                .remedy("give finite numbers above 0 to ‹weights›; leave a band out of ‹bands›"));
+            return Err(Error::usage(format!(
+                "band weight {weight} is not a finite number above 0"
+            ))
+            .remedy("give finite numbers above 0; to ignore a band, leave it out of ‹bands›"));
         }
         if let Some(band) = heights.filter(|band| !bands.contains(band)) {
-            let message =
-                format!("‹band› {band} is to be the heights, and not among ‹bands› {label}");
+            let message = format!("‹band› {band} is not among ‹bands› {label}");
             return Err(Error::usage(message)
                 .remedy(format!("add {band} to ‹bands›, or leave ‹band› out for heights of 0")));
         }
@@ -118,9 +119,11 @@ impl MeshBands {
             if (info.width, info.height, info.transform)
                 != (first.width, first.height, first.transform)
             {
-                let message =
-                    format!("bands {} and {} differ in size or place", first.band, info.band);
-                return Err(Error::unsupported(message).remedy("name bands of one lattice"));
+                let message = format!(
+                    "bands {} and {} differ in size or georeference",
+                    first.band, info.band
+                );
+                return Err(Error::unsupported(message).remedy("use bands with the same grid"));
             }
         }
         Ok(JoinedBands(all.into()))
@@ -236,12 +239,12 @@ mod tests {
             let text = error.to_string();
             assert!(words.iter().all(|word| text.contains(word)), "{words:?} in {text}");
         };
-        refused(&[], &[], None, &["no bands"]);
+        refused(&[], &[], None, &["is not a list of bands"]);
         refused(&[1, 0], &[], None, &["\"1,0\""]);
-        refused(&[1, 2, 1], &[], None, &["band 1 is there twice", "‹weights›"]);
+        refused(&[1, 2, 1], &[], None, &["band 1 is repeated", "‹weights›"]);
         refused(&[1, 2], &[1.0], None, &["1 weights for 2 bands"]);
         for weight in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            refused(&[1, 2], &[1.0, weight], None, &["no weight", "above 0"]);
+            refused(&[1, 2], &[1.0, weight], None, &["is not a finite number", "above 0"]);
         }
         refused(&[1, 2], &[], Some(4), &["‹band› 4", "‹bands› 1,2", "add 4"]);
         let info = GridInfo { bands: 3, ..GridInfo::plain("test", 2, 2, SampleType::U8) };

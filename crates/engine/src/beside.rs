@@ -63,7 +63,7 @@ impl AuxiliaryFeatures {
         let mib = |bytes: u64| bytes.div_ceil(1 << 20);
         let (needed, allowed) = (mib(self.bytes(vertices)), resources.memory >> 20);
         let message =
-            format!("its {vertices} vertices take {needed} MiB of the {allowed} MiB allowed");
+            format!("{vertices} vertices need {needed} MiB; the memory limit is {allowed} MiB");
         let enough = (4 * needed + BESIDE) << 20;
         short(message, enough).or(self.remedy).in_file(&self.path)
     }

@@ -38,9 +38,9 @@ impl Breaklines {
         }
         let outside = asked - segments.len() as u64;
         if segments.is_empty() {
-            return Err(Error::bad_input("no line of this file lies on the grid")
+            return Err(Error::bad_input("no line lies on the grid")
                 .in_file(&path)
-                .remedy("choose lines on the grid (terrane info tells the bounds of both)"));
+                .remedy("compare the extents of both with terrane info"));
         }
         Ok(Self { path: Some(path), asked, outside, ..Self::of(segments) })
     }
@@ -118,7 +118,7 @@ mod tests {
         let expected = [[[0, 0], [5, 0]], [[5, 0], [10, 0]], [[1, 1], [2, 2]]];
         assert_eq!(all, expected.map(|[a, b]| SampleSegment::new(a, b)));
         let error = Breaklines::on(&at[2..4], &[2], [11, 6], "a.wkt".into()).unwrap_err();
-        assert!(error.to_string().contains("no line of this file"), "{error}");
+        assert!(error.to_string().contains("no line lies on the grid"), "{error}");
         assert_eq!(Breaklines::NONE.report(0), None);
     }
 }

@@ -10,7 +10,11 @@ pub fn check(folder: &Path, needed: u64) -> Result<()> {
     match free(folder) {
         Some(free) if free < needed => Err(Error::new(
             ErrorKind::CannotWrite,
-            format!("about {} MiB of disk are needed, {} MiB are free", needed >> 20, free >> 20),
+            format!(
+                "about {} MiB of disk space are needed, {} MiB are free",
+                needed >> 20,
+                free >> 20
+            ),
         )
         .in_file(folder)
         .remedy("free some space, or choose another folder")),

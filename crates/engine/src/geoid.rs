@@ -42,8 +42,8 @@ fn of_tiff(path: &Path, resources: &Resources) -> Result<Geoid> {
     check_kind(info)?;
     check_place(info)?;
     let bytes = u64::from(info.width) * u64::from(info.height) * size_of::<f32>() as u64;
-    limits::check("the number of bytes of the geoid", bytes, MAX_GRID_BYTES)
-        .map_err(|e| e.remedy("cut out what is needed: gdal_translate -projwin"))?;
+    limits::check("the size of the geoid grid in bytes", bytes, MAX_GRID_BYTES)
+        .map_err(|e| e.remedy("cut out the area needed: gdal_translate -projwin"))?;
     held::check_room(bytes, resources.memory)?;
     let mut heights = vec![0.0; (bytes as usize) / size_of::<f32>()];
     read_rows(&*grid, &mut heights)?;
@@ -86,14 +86,14 @@ fn check_kind(info: &GridInfo) -> Result<()> {
     };
     let refuse = |what: String| {
         Err(Error::unsupported(what)
-            .remedy("give heights of a geoid above the ellipsoid in metres"))
+            .remedy("name a grid of geoid heights above the ellipsoid in metres"))
     };
     match detail("grid type") {
         Some(KIND) => {}
-        Some(other) => return refuse(format!("is a geodetic grid of another kind: {other}")),
+        Some(other) => return refuse(format!("is a geodetic grid of type {other}, not a geoid")),
         None if info.bands != 1 => {
             return refuse(format!(
-                "has {} bands, and does not say that the first is a geoid",
+                "has {} bands and does not declare the first as a geoid",
                 info.bands
             ));
         }
@@ -101,16 +101,13 @@ fn check_kind(info: &GridInfo) -> Result<()> {
     }
     if let SampleType::U8 | SampleType::I8 | SampleType::F16 = info.sample_type {
         return refuse(format!(
-            "holds samples of {}, which are too coarse for a geoid",
+            "has samples of type {}, too coarse for a geoid",
             info.sample_type.name()
         ));
     }
     let unit = info.crs.vertical_unit.as_deref();
     if unit.is_some() && info.crs.vertical_metres() != Some(1.0) {
-        return refuse(format!(
-            "has heights in another unit than metres: {}",
-            unit.unwrap_or_default()
-        ));
+        return refuse(format!("has heights in {}, not in metres", unit.unwrap_or_default()));
     }
     Ok(())
 }
@@ -118,20 +115,20 @@ fn check_kind(info: &GridInfo) -> Result<()> {
 /// Fails on samples that do not lie along meridians and parallels, by degrees from Greenwich on.
 fn check_place(info: &GridInfo) -> Result<()> {
     let (crs, map) = (&info.crs, info.transform);
-    let remedy = "give a grid of longitudes and latitudes: gdalwarp -t_srs EPSG:4326";
+    let remedy = "reproject it to longitude and latitude: gdalwarp -t_srs EPSG:4326";
     if !info.georeferenced || !crs.is_named() {
-        return Err(Error::bad_input("does not say where on the globe it lies")
-            .remedy("give it a reference system: gdal_edit.py -a_srs EPSG:4326"));
+        return Err(Error::bad_input("lacks a georeference or CRS")
+            .remedy("assign a CRS: gdal_edit.py -a_srs EPSG:4326"));
     }
     if !counts_degrees(crs) {
         let message = format!(
-            "is in {}, not by longitudes and latitudes in degrees from Greenwich on",
+            "has the CRS {}, not longitude and latitude in degrees from Greenwich",
             crs.label()
         );
         return Err(Error::unsupported(message).remedy(remedy));
     }
     if map.b != 0.0 || map.d != 0.0 || map.a <= 0.0 {
-        let message = "has columns that are no meridians from the west to the east";
+        let message = "has columns that are not meridians in west-to-east order";
         return Err(Error::unsupported(message).remedy(remedy));
     }
     Ok(())

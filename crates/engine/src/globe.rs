@@ -37,8 +37,8 @@ impl OnGlobe {
     pub fn of(info: &GridInfo) -> Result<(Self, Vec<String>)> {
         let crs = &info.crs;
         if !info.georeferenced || crs.is_unknown() {
-            return Err(Error::bad_input("does not say where on the globe it lies")
-                .remedy("give it a reference system: gdal_edit.py -a_srs EPSG:4326"));
+            return Err(Error::bad_input("lacks a georeference or CRS")
+                .remedy("assign a CRS: gdal_edit.py -a_srs EPSG:4326"));
         }
         info.check_cells()?;
         let mut notes = Vec::new();
@@ -53,20 +53,27 @@ impl OnGlobe {
             CoordinateOperation::to_wgs84(crs, Some(extent_of(info))).map_err(|error| {
                 // Of a system that is known nowhere no part is, either.
                 error.remedy(match CoordinateOperation::to_wgs84(crs, None) {
-                    Ok(_) => "take a part of it, or transform it first: gdalwarp -t_srs EPSG:4326",
+                    Ok(_) => "use a part of it, or reproject it first: gdalwarp -t_srs EPSG:4326",
                     Err(_) => {
-                        "give it the system that it is in (gdal_edit.py -a_srs), or transform it \
-                     first: gdalwarp -t_srs EPSG:4326"
+                        "assign its CRS (gdal_edit.py -a_srs), or reproject it first: gdalwarp \
+                         -t_srs EPSG:4326"
                     }
                 })
             })?;
         notes.push(match operation.accuracy() {
-            Some(0.0) => format!("samples are brought from {} to WGS 84", crs.label()),
+            Some(0.0) => format!("samples are transformed from {} to WGS 84", crs.label()),
             Some(metres) => {
                 let (name, label) = (operation.name(), crs.label());
-                format!("samples are brought from {label} to WGS 84 by {name}, which is right to {metres} m")
+                format!(
+                    "samples are transformed from {label} to WGS 84 by {name} (accuracy {metres} \
+                     m)"
+                )
             }
-            None => format!("samples are brought from {} to WGS 84 by {}", crs.label(), operation.name()),
+            None => format!(
+                "samples are transformed from {} to WGS 84 by {}",
+                crs.label(),
+                operation.name()
+            ),
         });
         notes.extend_from_slice(operation.notes());
         Ok((Self::Moved(info.transform, Box::new(operation)), notes))
@@ -83,9 +90,10 @@ fn check_body(crs: &Crs) -> Result<()> {
         return Ok(());
     }
     let (name, label) = (conversion.datum.name.replace('_', " "), crs.label());
-    let message = format!("is not on the earth: the radius of {label} (datum {name}) is {axis} m");
+    let message =
+        format!("is not on the Earth: the semi-major axis of {label} (datum {name}) is {axis} m");
     Err(Error::unsupported(message)
-        .remedy("tiles are of the globe WGS 84; make a mesh of it: ‹terrane tin›"))
+        .remedy("tiles require WGS 84; make a mesh with ‹terrane tin› instead"))
 }
 
 /// What brings the heights of a grid to metres above the ellipsoid.
@@ -112,11 +120,9 @@ impl VerticalShift {
         let read = |name: &str| {
             let path = &*terrane_files::path_of(name);
             if heights == VerticalReference::Ellipsoidal {
-                return Err(Error::usage(
-                    "the heights of the grid are counted from the ellipsoid already",
-                )
-                .in_file(path)
-                .remedy("leave ‹geoid› out"));
+                return Err(Error::usage("the heights of the grid are ellipsoidal already")
+                    .in_file(path)
+                    .remedy("leave ‹geoid› out"));
             }
             geoid::read(path, resources).map(Arc::new)
         };
@@ -163,8 +169,7 @@ fn is_near(crs: &Crs, notes: &mut Vec<String>) -> bool {
     }
     let near = NEAR.into_iter().find(|(code, _)| is_one(*code));
     if let Some((_, name)) = near {
-        notes
-            .push(format!("{name} is taken for WGS 84, from which it differs by up to two metres"));
+        notes.push(format!("{name} is treated as WGS 84 (difference up to two metres)"));
     }
     near.is_some()
 }
@@ -177,9 +182,9 @@ fn check_world(map: &Affine, whole: [u32; 2]) -> Result<()> {
     if west >= -180.0 && east <= 180.0 && south >= -90.0 && north <= 90.0 {
         return Ok(());
     }
-    let reach = format!("reaches from {west}, {south} to {east}, {north} degrees");
+    let reach = format!("extends from {west}, {south} to {east}, {north} degrees");
     Err(Error::bad_input(format!("{reach}, beyond 180 degrees or a pole")).remedy(
-        "cut it at 180 degrees, and move what is beyond by 360 (gdal_translate -projwin, -a_ullr)",
+        "split it at 180 degrees and shift the outer part by 360 (gdal_translate -projwin, -a_ullr)",
     ))
 }
 

@@ -76,11 +76,11 @@ impl GroundScale {
 
 fn across(crs: &Crs, notes: &mut Vec<String>) -> Result<HorizontalUnit> {
     if crs.horizontal_unit() == "degree" {
-        let remedy = "pass ‹scale›: how many units of heights a degree is long";
+        let remedy = "pass ‹scale›, the height units in one degree";
         return spheroid(crs, notes).map(HorizontalUnit::Degrees).map_err(|e| e.or(remedy));
     }
     Ok(HorizontalUnit::Everywhere(crs.horizontal_metres().unwrap_or_else(|| {
-        notes.push("the unit of x and y is not known, and taken for metres".to_owned());
+        notes.push("the unit of x and y is unknown; metres are assumed".to_owned());
         1.0
     })))
 }
@@ -89,16 +89,15 @@ fn rise(crs: &Crs, across: HorizontalUnit, notes: &mut Vec<String>) -> Result<f6
     match (crs.vertical_metres(), crs.heights_unit(), across) {
         (Some(metres), ..) => Ok(metres),
         (None, Some(unit), _) => {
-            Err(Error::unsupported(format!("heights in {unit:?} are no lengths known here"))
-                .remedy("name a grid with heights in metres or feet"))
+            Err(Error::unsupported(format!("the height unit {unit:?} is not a known length"))
+                .remedy("use a grid with heights in metres or feet"))
         }
         (None, None, HorizontalUnit::Everywhere(metres)) => {
-            notes
-                .push("the unit of the heights is not known, and taken for that of x and y".into());
+            notes.push("the height unit is unknown; the unit of x and y is assumed".into());
             Ok(metres)
         }
         (None, None, HorizontalUnit::Degrees(_)) => {
-            notes.push("the unit of the heights is not known, and taken for metres".to_owned());
+            notes.push("the height unit is unknown; metres are assumed".to_owned());
             Ok(1.0)
         }
     }
@@ -111,8 +110,8 @@ fn check_latitudes(map: &Affine, Rect { width, height, .. }: Rect) -> Result<()>
     let corners = columns.into_iter().flat_map(|col| rows.map(|row| map.apply(col, row)));
     let beyond = corners.map(|[_, latitude]| latitude).find(|latitude| latitude.abs() >= 90.0);
     beyond.map_or(Ok(()), |latitude| {
-        Err(Error::bad_input(format!("degrees at latitude {latitude} are no lengths"))
-            .remedy("correct the reference system of the grid"))
+        Err(Error::bad_input(format!("latitude {latitude} is outside -90 to 90 degrees"))
+            .remedy("correct the CRS of the grid"))
     })
 }
 

@@ -23,6 +23,8 @@ pub fn check_room(bytes: u64, memory: u64) -> Result<()> {
     if needed <= memory {
         return Ok(());
     }
-    let message = format!("is held whole, and takes more than a part in {SHARE} of the memory");
+    let message = format!(
+        "needs more than 1/{SHARE} of the memory limit (it is read into memory completely)"
+    );
     Err(short(message, needed))
 }

@@ -65,7 +65,7 @@ pub fn is_mesh(input: &str) -> Result<bool> {
         .collect();
     Err(Error::bad_input("not a grid or mesh of a known format")
         .in_file(path)
-        .remedy(format!("known are {}", known.join(", "))))
+        .remedy(format!("supported: {}", known.join(", "))))
 }
 
 /// The first 512 bytes of a file, or all of a shorter one.

@@ -134,9 +134,8 @@ impl ConstraintVertices {
             for leaf in feature.geometry.leaves() {
                 let xy = &leaf.coordinates().xy;
                 if wants_lines && leaf.parts().next().is_none() && !xy.is_empty() {
-                    return Err(Error::bad_input("a point is no line").remedy(
-                        "put points into a file of their own, and pass it with ‹keep_points›",
-                    ));
+                    return Err(Error::bad_input("a point is not a line")
+                        .remedy("pass points in a separate file with ‹keep_points›"));
                 }
                 let first = at.len();
                 at.extend_from_slice(xy);
@@ -153,7 +152,7 @@ impl ConstraintVertices {
             Ok(())
         })?;
         if at.is_empty() {
-            return Err(Error::bad_input(format!("has no {what}"))
+            return Err(Error::bad_input(format!("contains no {what}"))
                 .in_file(&file.path)
                 .remedy(format!("name a file with the {what}s to keep")));
         }
@@ -182,9 +181,9 @@ impl ConstraintVertices {
         };
         let samples: Vec<_> = self.at.iter().filter_map(sample).collect();
         if samples.is_empty() {
-            return Err(Error::bad_input("no point of this file lies on the grid")
+            return Err(Error::bad_input("no point lies on the grid")
                 .in_file(&self.path)
-                .remedy("choose points on the grid (terrane info tells the bounds of both)"));
+                .remedy("compare the extents of both with terrane info"));
         }
         let [points, inside] = [self.at.len(), samples.len()].map(|count| count as u64);
         Ok(GridConstraints {

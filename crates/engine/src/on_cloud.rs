@@ -121,9 +121,9 @@ impl OnCloud {
     ) -> Result<Option<KeptReport>> {
         let Some((path, points)) = &self.points_asked else { return Ok(None) };
         if nearest == 0 {
-            return Err(Error::bad_input("no point of this file lies on the cloud")
+            return Err(Error::bad_input("no point lies within the bounds of the point cloud")
                 .in_file(path)
-                .remedy("choose points on the cloud (terrane info tells the bounds of both)"));
+                .remedy("compare the extents of both with terrane info"));
         }
         Ok(Some(KeptReport {
             file: path.display().to_string(),
@@ -150,9 +150,9 @@ impl OnCloud {
         let more = self.repeats.iter().filter(|(line, _)| is_outside(*line as usize));
         let outside = self.lines_beyond + once + more.map(|(_, times)| times - 1).sum::<u64>();
         if outside == *segments {
-            return Err(Error::bad_input("no line of this file lies on the cloud")
+            return Err(Error::bad_input("no line lies within the bounds of the point cloud")
                 .in_file(path)
-                .remedy("choose lines on the cloud (terrane info tells the bounds of both)"));
+                .remedy("compare the extents of both with terrane info"));
         }
         let file = path.display().to_string();
         Ok(Some(BreaklinesReport { file, segments: *segments, outside, apart }))
@@ -213,9 +213,9 @@ impl CloudLattice {
         match steps.abs() <= f64::from(REACH) {
             true => Ok(steps as i32),
             false => Err(Error::bad_input(format!(
-                "a height of {world} is further than the steps of the cloud reach"
+                "height {world} is outside the coordinate range of the point cloud"
             ))
-            .remedy("give heights in the unit of the cloud's, or none")),
+            .remedy("give heights in the unit of the point cloud, or none")),
         }
     }
 }

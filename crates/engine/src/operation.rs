@@ -296,7 +296,7 @@ fn refuse_of_runs<O: Options>(options: &O) -> Result<()> {
     let mut of_runs = of_runs.filter(|field| Resources::TABLE.find(field.name).is_none());
     of_runs.find(|field| given.contains_key(field.name)).map_or(Ok(()), |field| {
         let name = field.name;
-        Err(Error::usage(format!("‹{name}› is for runs, and a plan runs nothing yet"))
+        Err(Error::usage(format!("‹{name}› applies to runs, not to plans"))
             .remedy(format!("leave ‹{name}› out")))
     })
 }
@@ -321,7 +321,7 @@ pub(crate) fn run<O: Operation>(call: &OperationCall<'_>) -> Result<Json> {
     check_all(&options, call.request)?;
     let report = options.run(call.request)?;
     json::to_value(&report)
-        .map_err(|e| Error::new(ErrorKind::Internal, format!("the report is no JSON: {e}")))
+        .map_err(|e| Error::new(ErrorKind::Internal, format!("the report is not valid JSON: {e}")))
 }
 
 pub(crate) fn check_options<O: Operation>(given: &Map<String, Json>, output: &Path) -> Result<()> {
@@ -382,7 +382,7 @@ impl Memory {
     /// Usage: a text that is no amount.
     pub fn bytes(&self) -> Result<u64> {
         self.0.clone().map_err(|text| {
-            Error::usage(format!("{text:?} is no amount of memory"))
+            Error::usage(format!("{text:?} is not an amount of memory"))
                 .remedy("give a size such as \"512M\" or \"4GiB\"")
         })
     }

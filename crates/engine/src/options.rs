@@ -57,7 +57,7 @@ impl GridInput {
     pub fn refuse_for_meshes(&self) -> Result<()> {
         let given = changed(&self.unbounded());
         let Some(name) = given.keys().next() else { return Ok(()) };
-        Err(Error::usage(format!("‹{name}› is for grids, and this is a mesh"))
+        Err(Error::usage(format!("‹{name}› applies to grids, not to meshes"))
             .remedy(format!("leave ‹{name}› out")))
     }
 }

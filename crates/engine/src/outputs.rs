@@ -38,7 +38,7 @@ pub fn not_member(source: &dyn GridSource, output: &Path) -> Result<()> {
 }
 
 fn taken(file: &Path) -> Error {
-    Error::usage("output is the input itself, or two outputs have this name")
+    Error::usage("output is also an input or another output")
         .in_file(file)
         .remedy("choose another name")
 }
@@ -62,9 +62,11 @@ fn known_ending(output: &Path) -> Option<String> {
 /// Fails for the name of a file in place of a folder's, by its ending.
 pub fn refuse_file_name(output: &Path) -> Result<()> {
     let Some(ending) = known_ending(output) else { return Ok(()) };
-    Err(Error::usage(format!("a folder is to be made, and .{ending} names a file"))
-        .in_file(output)
-        .remedy("name a folder, without such an ending"))
+    Err(Error::usage(format!(
+        "the output is a folder, but .{ending} is the extension of a file format"
+    ))
+    .in_file(output)
+    .remedy("name a folder without this extension"))
 }
 
 /// Fails for a name that says another format than that of the file.
@@ -95,9 +97,9 @@ pub fn check_ending(path: &Path, endings: &[&str], what: &str) -> Result<()> {
         return Ok(());
     }
     let known: Vec<String> = endings.iter().map(|e| format!(".{e}")).collect();
-    Err(Error::usage(format!("{what} cannot have this ending"))
+    Err(Error::usage(format!("{what} cannot have this extension"))
         .in_file(path)
-        .remedy(format!("end the name in {}", known.join(" or "))))
+        .remedy(format!("use {}", known.join(" or "))))
 }
 
 #[cfg(test)]

@@ -132,11 +132,11 @@ impl Placing {
             return self.keep(is_geographic, format);
         }
         if self.keep_degrees && format.states_unit {
-            let why = format!("is not for {}, whose unit is a length", format.name);
+            let why = format!("has no effect on {}, which stores lengths", format.name);
             return Err(refusal("‹keep_degrees›", &why));
         }
         if self.keep_degrees && !is_geographic {
-            return Err(refusal("‹keep_degrees›", "is for longitudes and latitudes"));
+            return Err(refusal("‹keep_degrees›", "requires geographic coordinates"));
         }
         let is_print = self.size.is_some() || self.scale.is_some();
         let rise = self.exaggeration.unwrap_or(1.0);
@@ -152,7 +152,7 @@ impl Placing {
         let unit = if is_millimetres { "millimetre" } else { "metre" };
         if is_geographic {
             notes.push(format!(
-                "{} is written in {unit}s east, north and up of its origin, which it records",
+                "{} is written in {unit}s east, north and up of its recorded origin",
                 format.name
             ));
         }
@@ -185,14 +185,13 @@ impl Placing {
         let name = format.name;
         Err(match given {
             Some((option, _)) => {
-                let message =
-                    format!("{option} makes the mesh larger or smaller than {name} can hold");
-                Error::usage(message).remedy(format!("choose a {option} nearer to the usual"))
+                let message = format!("{option} puts coordinates outside the range of {name}");
+                Error::usage(message).remedy(format!("choose a less extreme {option}"))
             }
-            None => {
-                Error::unsupported(format!("the mesh is larger or smaller than {name} can hold"))
-                    .remedy("write PLY or OBJ, or pass ‹scale›")
-            }
+            None => Error::unsupported(format!(
+                "coordinates of the mesh are outside the range of {name}"
+            ))
+            .remedy("write PLY or OBJ, or pass ‹scale›"),
         })
     }
 
@@ -204,7 +203,8 @@ impl Placing {
     ) -> Result<(StorageScale, Vec<String>)> {
         match self.given() {
             Some(option) => {
-                let why = format!("is for STL, 3MF and GLB: {} keeps the coordinates", format.name);
+                let why =
+                    format!("applies to STL, 3MF and GLB; {} keeps the coordinates", format.name);
                 Err(refusal(option, &why))
             }
             None => Ok((StorageScale::default(), notes_on_degrees(is_geographic, format))),
@@ -218,7 +218,7 @@ impl Placing {
         let longest = side(0).max(side(1));
         match longest > 0.0 && longest.is_finite() {
             true => Ok(size * MILLIMETRE / longest),
-            false => Err(refusal("‹size›", "needs a surface with an extent")),
+            false => Err(refusal("‹size›", "requires a surface with an extent")),
         }
     }
 }
@@ -232,8 +232,8 @@ fn refusal(option: &str, why: &str) -> Error {
 
 fn notes_on_degrees(is_geographic: bool, format: &MeshFormat) -> Vec<String> {
     let note = format!(
-        "x and y of this {} are degrees and its heights are not: viewers show a needle; GLB, STL and \
-         3MF are written in metres",
+        "x and y of this {} are degrees, heights are not: viewers show a spike; GLB, STL and 3MF \
+         are written in metres",
         format.name
     );
     if is_geographic { vec![note] } else { Vec::new() }
@@ -250,7 +250,7 @@ fn metres(crs: &Crs, [low, high]: [Point3; 2]) -> Result<(Point3, Vec<String>)> 
         }
         Some(metres) => [metres; 2],
         None => {
-            notes.push("the unit of x and y is not known, and taken for metres".to_owned());
+            notes.push("the unit of x and y is unknown; metres are assumed".to_owned());
             [1.0; 2]
         }
     };
@@ -258,14 +258,14 @@ fn metres(crs: &Crs, [low, high]: [Point3; 2]) -> Result<(Point3, Vec<String>)> 
         (Some(metres), _) => metres,
         (None, Some(unit)) => {
             return Err(Error::unsupported(format!(
-                "heights in {unit:?} are no lengths known here"
+                "the height unit {unit:?} is not a known length"
             ))
             .remedy("write PLY or OBJ, which keep the coordinates"));
         }
         (None, None) => {
             let taken = if across == "degree" { 1.0 } else { x };
-            let like = if taken == 1.0 { "metres" } else { "that of x and y" };
-            notes.push(format!("the unit of the heights is not known, and taken for {like}"));
+            let like = if taken == 1.0 { "metres" } else { "the unit of x and y" };
+            notes.push(format!("the height unit is unknown; {like} is assumed"));
             taken
         }
     };
@@ -278,7 +278,7 @@ fn metres(crs: &Crs, [low, high]: [Point3; 2]) -> Result<(Point3, Vec<String>)> 
 /// An ellipsoid that the system tells in a way not known here.
 pub fn spheroid(crs: &Crs, notes: &mut Vec<String>) -> Result<Spheroid> {
     Ok(crs.spheroid()?.unwrap_or_else(|| {
-        notes.push("the ellipsoid is not known, and taken for that of WGS 84".to_owned());
+        notes.push("the ellipsoid is unknown; WGS 84 is assumed".to_owned());
         Spheroid::WGS84
     }))
 }
@@ -286,7 +286,7 @@ pub fn spheroid(crs: &Crs, notes: &mut Vec<String>) -> Result<Spheroid> {
 /// Metres of a degree of longitude and of one of latitude.
 fn degree(spheroid: &Spheroid, latitude: f64) -> Result<[f64; 2]> {
     if latitude.abs() > MOST_LATITUDE || !latitude.is_finite() {
-        return Err(Error::usage(format!("degrees at latitude {latitude} are no lengths"))
+        return Err(Error::usage(format!("latitude {latitude} is outside -90 to 90 degrees"))
             .remedy("pass ‹keep_degrees›, or reproject the data"));
     }
     Ok(spheroid.degree_metres(latitude))
@@ -364,9 +364,9 @@ mod tests {
             "{feet:?}"
         );
         for (placing, crs, name, part) in [
-            (print, &utm, "PLY", "‹size› is for STL, 3MF and GLB: PLY"),
-            (kept, &degrees, "OBJ", "‹keep_degrees› is for STL, 3MF and GLB: OBJ"),
-            (kept, &utm, "GLB", "‹keep_degrees› is for longitudes"),
+            (print, &utm, "PLY", "‹size› applies to STL, 3MF and GLB; PLY"),
+            (kept, &degrees, "OBJ", "‹keep_degrees› applies to STL, 3MF and GLB; OBJ"),
+            (kept, &utm, "GLB", "‹keep_degrees› requires geographic coordinates"),
             (print, &self::crs(32631, "sazhen"), "STL", "sazhen"),
         ] {
             let refused = at(placing, crs, METRES, name).unwrap_err().to_string();

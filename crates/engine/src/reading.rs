@@ -123,9 +123,9 @@ fn rings_of(
         add(feature)
     })?;
     if edges == 0 {
-        return Err(Error::bad_input("has no polygon")
+        return Err(Error::bad_input("contains no polygon")
             .in_file(&file.path)
-            .remedy("name a file with the polygons to clip to"));
+            .remedy("name a file with clip polygons"));
     }
     let crs = file.source.layer().crs.clone();
     Ok((file.path, crs))
@@ -137,6 +137,6 @@ fn only_polygons(feature: &Feature, whole: &str) -> Result<()> {
         return Ok(());
     };
     let kind = other.kind().name();
-    Err(Error::bad_input(format!("is a {kind}, and a {whole} is clipped to polygons"))
-        .remedy("take it out, or make a polygon of it"))
+    Err(Error::bad_input(format!("is a {kind}, not a polygon to clip the {whole} to"))
+        .remedy("remove it, or convert it to a polygon"))
 }

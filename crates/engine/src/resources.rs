@@ -13,7 +13,7 @@ pub struct Resources {
     pub threads: usize,
     /// Memory limit of the whole job, such as 512M or 4GiB
     #[option(value = "SIZE", with = ByteSizeText, default = default_memory(), role = Run, no_setter,
-             default_text = "half of physical memory, at most 4GiB")]
+             default_text = "half of the machine's memory, at most 4GiB")]
     pub memory: u64,
     /// Folder for temporary files
     #[option(value = "DIR", with = FileName, role = Run,

@@ -109,9 +109,7 @@ impl LostPoints {
 
     /// A line for each file.
     pub fn notes(&self) -> impl Iterator<Item = String> {
-        self.0.iter().map(|(file, points)| {
-            format!("{file}: is damaged, and {points} of its points are lost")
-        })
+        self.0.iter().map(|(file, points)| format!("{file} is damaged: {points} points are lost"))
     }
 }
 

@@ -197,14 +197,14 @@ fn check_steps(line: &[[f64; 2]], operation: &CoordinateOperation) -> Result<()>
     let torn = line.windows(2).find(|pair| (pair[0][0] - pair[1][0]).abs() > half);
     torn.map_or(Ok(()), |pair| {
         let message = format!(
-            "a line goes from {}, {} to {}, {}, across the edge of {}",
+            "the line from {}, {} to {}, {} crosses the edge of {}",
             pair[0][0],
             pair[0][1],
             pair[1][0],
             pair[1][1],
             target.label()
         );
-        Err(Error::unsupported(message).remedy("cut it there first, or name another system"))
+        Err(Error::unsupported(message).remedy("cut it there first, or choose another CRS"))
     })
 }
 
@@ -244,9 +244,9 @@ impl MovingMesh {
 
     fn turned(&self, [x, y, _]: Point3) -> Error {
         let target = self.operation.target().label();
-        let message = format!("a triangle at {x}, {y} turns over in {target}");
+        let message = format!("the triangle at {x}, {y} is inverted in {target}");
         Error::unsupported(message)
-            .remedy("choose a smaller ‹tile›, which makes triangles smaller, or another system")
+            .remedy("choose a smaller ‹tile› (smaller triangles) or another CRS")
     }
 }
 
@@ -311,7 +311,7 @@ mod tests {
         };
         push(2000.0).unwrap();
         let told = push(-2000.0).unwrap_err().to_string();
-        assert!(told.contains("at 300000, 5000000 turns over in EPSG:4326"), "{told}");
+        assert!(told.contains("at 300000, 5000000 is inverted in EPSG:4326"), "{told}");
     }
 
     #[test]
@@ -319,7 +319,7 @@ mod tests {
         let operation = CoordinateOperation::to_wgs84(&wkt::of_srs("EPSG:32632"), None).unwrap();
         assert!(check_steps(&[[170.0, 5.0], [179.0, 5.0]], &operation).is_ok());
         let told = check_steps(&[[179.0, 5.0], [-179.0, 5.0]], &operation).unwrap_err().to_string();
-        assert!(told.contains("across the edge of EPSG:4326"), "{told}");
+        assert!(told.contains("crosses the edge of EPSG:4326"), "{told}");
     }
 
     #[test]

@@ -19,9 +19,9 @@ pub fn read(name: &str, resources: &Resources) -> Result<Arc<Water>> {
     let mut water = WaterFeatures::default();
     file.each((resources.memory / 4, resources), |feature| add(feature, &mut water))?;
     if water.areas() == 0 {
-        return Err(Error::bad_input("has no polygon")
+        return Err(Error::bad_input("contains no polygon")
             .in_file(&file.path)
-            .remedy("name a file with the polygons that are water"));
+            .remedy("name a file with water polygons"));
     }
     Ok(Arc::new(Water::new(water, &file.path, file.source.layer().crs.clone())))
 }
@@ -29,8 +29,8 @@ pub fn read(name: &str, resources: &Resources) -> Result<Arc<Water>> {
 fn add(feature: &Feature, water: &mut WaterFeatures) -> Result<()> {
     let geometry = &feature.geometry;
     if geometry.leaves().any(|leaf| leaf.kind().is_points() && !leaf.is_empty()) {
-        return Err(Error::bad_input("a point is no water")
-            .remedy("take it out: polygons are water, and lines its centre lines"));
+        return Err(Error::bad_input("points are not supported as water")
+            .remedy("remove it; use polygons for water and lines for its centre lines"));
     }
     for part in geometry.parts() {
         match part.role {

@@ -46,12 +46,12 @@ def test_bad_input_stops_the_job_with_the_message(tmp_path: Path, processes: Pro
     driver = processes.driver(folder, "--workers", 2)
     out, err = driver.communicate(timeout=60)
     assert driver.returncode == 65 and not out
-    assert "grid.asc: is not the file the plan was made from" in err and "Traceback" not in err
+    assert "grid.asc: changed since the plan was made" in err and "Traceback" not in err
 
 
 def test_what_cannot_be_begun_says_so(tmp_path: Path, processes: Processes) -> None:
     driver = processes.driver(tmp_path, "--workers", 1)
-    assert "holds no plan" in driver.communicate(timeout=60)[1] and driver.returncode == 65
+    assert "does not hold a plan" in driver.communicate(timeout=60)[1] and driver.returncode == 65
     driver = processes.python("-m", "terrane.dask", tmp_path, "--terrane", "./no", "--workers", 1)
     assert "cannot run" in driver.communicate(timeout=60)[1] and driver.returncode == 2
 

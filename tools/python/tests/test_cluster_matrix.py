@@ -179,7 +179,7 @@ def test_the_function_does_what_the_command_does(kind: str, tmp_path: Path) -> N
         assert again.done == 0 and again.skipped == len(plan.tasks)
         one = next(plan.output.iterdir()) if plan.output.is_dir() else plan.output
         one.write_bytes(one.read_bytes() + b"mine")
-        with pytest.raises(dask.Stop, match="was altered") as stop:
+        with pytest.raises(dask.Stop, match="changed since") as stop:
             dask.run(plan.folder, client, terrane=TERRANE)
         assert stop.value.code == 2
         dask.run(plan.folder, client, terrane=TERRANE, overwrite=True)
@@ -193,10 +193,10 @@ def test_a_mistyped_folder_makes_no_folder(tmp_path: Path, processes: Processes)
     typo = tmp_path / "tpyo"
     slurm = processes.start("bash", SLURM, typo, env={**os.environ, "TERRANE": str(TERRANE)})
     _, err = slurm.communicate(timeout=60)
-    assert slurm.returncode == 65 and "holds no plan" in err
+    assert slurm.returncode == 65 and "does not hold a plan" in err
     driver = processes.driver(typo, "--workers", 1)
     _, err = driver.communicate(timeout=60)
-    assert driver.returncode == 65 and "holds no plan" in err
+    assert driver.returncode == 65 and "does not hold a plan" in err
     assert not list(tmp_path.iterdir())
 
 

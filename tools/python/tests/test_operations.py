@@ -113,7 +113,7 @@ def test_nothing_that_is_read_is_replaced(tmp_path: Path) -> None:
          | {"topology": True, "sides": at("sides.wkt")}),
     ]
     for function, given in calls:
-        with pytest.raises(terrane.InputError, match="is the input itself"):
+        with pytest.raises(terrane.InputError, match="is also an input"):
             function(**given, overwrite=True)
         assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 

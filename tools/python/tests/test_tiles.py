@@ -97,7 +97,7 @@ def test_options_of_tiles_do_what_they_say(heights: NDArray[np.float32], tmp_pat
     for options, words in [
         ({"format": "b3dm"}, 'format is "b3dm": expected quantized-mesh or'),
         ({"geoid": tmp_path / "none.tif"}, "none.tif"),
-        ({"crs": None}, "where on the globe"),
+        ({"crs": None}, "lacks a georeference"),
         ({"meshopt": True}, "3D Tiles|3dtiles"),
     ]:
         with pytest.raises(terrane.Error, match=words):

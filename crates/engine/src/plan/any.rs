@@ -98,8 +98,8 @@ impl AnyOperation {
     /// An operation that cannot be divided; those of [`Job::plan`].
     pub fn plan(&self, call: &OperationCall<'_>, task_size: Option<u32>) -> Result<Plan> {
         let Some(division) = self.division else {
-            return Err(Error::usage(format!("{} is not divided into tasks", self.name))
-                .remedy("run it as a whole"));
+            return Err(Error::usage(format!("{} cannot be planned", self.name))
+                .remedy("run it without a plan"));
         };
         (division.plan)(call, task_size)?;
         Plan::divided(call.request.output, division)
@@ -191,7 +191,7 @@ impl Plan {
 
 /// The error of a folder whose plan is of an operation that is not meant.
 fn another(folder: &Path, kind: PlanKind) -> Error {
-    Error::usage(format!("holds a plan of {}", kind.what()))
+    Error::usage(format!("holds a plan for {}", kind.what()))
         .in_file(folder)
         .remedy("name the folder of another plan")
 }
@@ -232,7 +232,7 @@ pub struct RunOptions {
     /// Check free disk space for task results and output before starting
     #[option(
         default = true,
-        off = "Start even if free disk space looks too small for task results and output",
+        off = "Start even if disk space seems insufficient for task results and the output",
         heading = "Resources"
     )]
     pub disk_check: bool,
@@ -255,7 +255,7 @@ impl RunOptions {
             [("output", output.is_some()), ("overwrite", overwrite), ("split", split.is_some())];
         if let Some((name, _)) = given.into_iter().find(|(_, is)| is_part && *is) {
             return Err(Error::usage("only the last task writes a result")
-                .remedy(format!("leave ‹{name}› out, or run the task finish with it")));
+                .remedy(format!("leave ‹{name}› out, or pass it with the task finish")));
         }
         let disk = if disk_check { DiskCheck::On } else { DiskCheck::Off };
         let form = OutputForm { split, ..OutputForm::default() };

@@ -13,9 +13,9 @@ use terrane_files::{name_of, path_of};
 /// `what` of that label.
 pub fn refuse_another<T: Serialize>(what: &str, label: &str, there: &T, here: &T) -> Result<()> {
     let refuse = |how| {
-        Err(Error::bad_input(format!("is not the {what} the plan was made for: {how}"))
+        Err(Error::bad_input(format!("differs from the {what} of the plan: {how}"))
             .in_file(Path::new(label))
-            .remedy("put it back, or plan anew in another folder"))
+            .remedy("restore it, or make a new plan in another folder"))
     };
     difference(there, here).map_or(Ok(()), refuse)
 }
@@ -68,10 +68,10 @@ fn first_difference(name: &str, there: &Value, here: &Value) -> Option<String> {
         return pairs.find_map(|(i, (a, b))| first_difference(&within(&i.to_string()), a, b));
     }
     let short = |value: &Value| match value {
-        Value::Array(items) => format!("{} of them", items.len()),
+        Value::Array(items) => format!("{} items", items.len()),
         other => other.to_string(),
     };
-    Some(format!("{name} is {} there and {} here", short(there), short(here)))
+    Some(format!("{name} is {} in the plan, {} now", short(there), short(here)))
 }
 
 #[cfg(test)]
@@ -84,9 +84,9 @@ mod tests {
         let tell = |a: &str, b: &str| difference(&of(a), &of(b)).unwrap_or_default();
         assert_eq!(
             tell(r#"{"a":{"b":1,"c":2}}"#, r#"{"a":{"b":1,"c":3}}"#),
-            "a.c is 2 there and 3 here"
+            "a.c is 2 in the plan, 3 now"
         );
-        assert_eq!(tell(r#"{"a":1}"#, r#"{"a":1,"b":2}"#), "b is null there and 2 here");
+        assert_eq!(tell(r#"{"a":1}"#, r#"{"a":1,"b":2}"#), "b is null in the plan, 2 now");
         assert_eq!(tell(r#"{"a":1,"b":null}"#, r#"{"a":1}"#), "");
         assert_eq!(
             tell(r#"{"f":["x","y"]}"#, r#"{"f":["x"]}"#),
@@ -94,7 +94,7 @@ mod tests {
         );
         assert_eq!(
             tell(r#"{"f":["x","y"]}"#, r#"{"f":["x","z"]}"#),
-            r#"f.1 is "y" there and "z" here"#
+            r#"f.1 is "y" in the plan, "z" now"#
         );
         assert_eq!(tell("[1]", "[1]"), "");
     }

@@ -70,10 +70,10 @@ impl TryFrom<String> for Digest {
     type Error = String;
 
     fn try_from(text: String) -> std::result::Result<Self, String> {
-        let hash = blake3::Hash::from_hex(&text).map_err(|e| format!("no digest: {e}"))?;
+        let hash = blake3::Hash::from_hex(&text).map_err(|e| format!("invalid digest: {e}"))?;
         match *hash.to_hex() == *text {
             true => Ok(Self(*hash.as_bytes())),
-            false => Err("no digest: not as it is written".to_owned()),
+            false => Err("invalid digest: not in lower case".to_owned()),
         }
     }
 }

@@ -72,15 +72,15 @@ impl InputFile {
         let mut file = File::open(&path).map_err(fail)?;
         let (bytes, modified) = facts(&file).map_err(fail)?;
         if bytes != self.bytes {
-            return Err(self.changed(&format!("it had {} bytes and has {bytes}", self.bytes)));
+            return Err(self.changed(&format!("size changed from {} to {bytes} bytes", self.bytes)));
         }
         let touched = modified != self.modified;
         if touched && !self.whole {
-            return Err(self.changed("it was written to later"));
+            return Err(self.changed("modified later"));
         }
         let look = touched || by_content;
         if look && digest(&mut file, bytes, self.whole).map_err(fail)? != self.digest {
-            return Err(self.changed("its bytes are others"));
+            return Err(self.changed("content changed"));
         }
         Ok(())
     }
@@ -93,9 +93,9 @@ impl InputFile {
     }
 
     fn changed(&self, how: &str) -> Error {
-        Error::bad_input(format!("is not the file the plan was made from: {how}"))
+        Error::bad_input(format!("changed since the plan was made: {how}"))
             .in_file(&self.path())
-            .remedy("put it back, or plan anew in another folder")
+            .remedy("restore it, or make a new plan in another folder")
     }
 }
 
@@ -166,12 +166,12 @@ mod tests {
         put(b"one", 6);
         assert_eq!(refusal(&files, false), "", "written again, the same bytes");
         put(b"two", 6);
-        assert!(refusal(&files, false).contains("its bytes are others"));
+        assert!(refusal(&files, false).contains("content changed"));
         put(b"two", 5);
         assert_eq!(refusal(&files, false), "", "a quick look does not see it");
-        assert!(refusal(&files, true).contains("its bytes are others"));
+        assert!(refusal(&files, true).contains("content changed"));
         put(b"three", 5);
-        assert!(refusal(&files, false).contains("it had 3 bytes and has 5"));
+        assert!(refusal(&files, false).contains("size changed from 3 to 5 bytes"));
         std::fs::remove_file(&path).unwrap();
         assert!(refusal(&files, false).contains("a.tif: cannot read"));
     }
@@ -192,7 +192,7 @@ mod tests {
             bytes[at] ^= 1;
         }
         std::fs::write(&path, &bytes).unwrap();
-        assert!(refusal(&[InputFile { modified: 1, ..file }], false).contains("written to later"));
+        assert!(refusal(&[InputFile { modified: 1, ..file }], false).contains("modified later"));
     }
 
     #[test]

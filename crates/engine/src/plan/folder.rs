@@ -94,9 +94,9 @@ impl<W: PlannedWork> PlanFolder<W> {
         let file = file.map_err(|e| Error::write(&path, e))?;
         match file.try_lock() {
             Err(TryLockError::WouldBlock) => {
-                Err(Error::new(ErrorKind::NotYet, "others are at work in this folder")
+                Err(Error::new(ErrorKind::NotYet, "the folder is locked by another run")
                     .in_file(&self.path)
-                    .remedy("try again when they are done, or do single tasks (‹task›)"))
+                    .remedy("retry when that run ends, or run single tasks (‹task›)"))
             }
             _ => Ok(Some(file)),
         }
@@ -114,7 +114,7 @@ impl<W: PlannedWork> PlanFolder<W> {
             || own.iter().any(|path| is_it(path))
             || self.plan.files().any(|path| is_it(&path))
         {
-            return Err(Error::usage("output is the input itself, or belongs to the plan")
+            return Err(Error::usage("output is an input or a file of the plan")
                 .in_file(output)
                 .remedy("choose another name"));
         }
@@ -123,7 +123,7 @@ impl<W: PlannedWork> PlanFolder<W> {
 
     /// The error of what waits for `task`.
     fn not_done(&self, task: W::Task) -> Error {
-        Error::new(ErrorKind::NotYet, format!("{task} is not done"))
+        Error::new(ErrorKind::NotYet, format!("task {task} is not done"))
             .in_file(&self.path)
             .remedy(format!("run it first: ‹task› {task}"))
     }
@@ -250,6 +250,6 @@ fn no_task<W: PlannedWork>(name: &str) -> Error {
         _ => format!("{kind}-0, ..., "),
     };
     let names: String = W::NAMES.iter().enumerate().map(some).collect();
-    Error::usage(format!("\"{name}\" is no task"))
+    Error::usage(format!("\"{name}\" is not a task"))
         .remedy(format!("tasks are {names}finish: see ‹terrane plan status›"))
 }

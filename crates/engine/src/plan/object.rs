@@ -32,7 +32,7 @@ pub enum CheckDepth {
 pub fn damaged_object(path: &Path) -> Error {
     Error::new(ErrorKind::Io, "is damaged")
         .in_file(path)
-        .remedy("run the plan, which makes it anew: ‹terrane plan run›")
+        .remedy("run the plan again to rebuild it: ‹terrane plan run›")
 }
 
 /// Where an object lies, and the key it is known by.

@@ -121,9 +121,9 @@ impl PlanOutput {
         let may_replace = match self.state(CheckDepth::Whole, cancel)? {
             OutputState::Whole(report) => return Ok((Some(report), overwrite)),
             OutputState::Altered(how) if !overwrite => {
-                return Err(Error::usage(format!("was altered since this plan wrote it: {how}"))
+                return Err(Error::usage(format!("changed since the plan wrote it: {how}"))
                     .in_file(&self.path)
-                    .remedy("pass ‹overwrite› to have it made anew, or choose another name"));
+                    .remedy("pass ‹overwrite› to replace it, or choose another name"));
             }
             state => overwrite || matches!(state, OutputState::Begun),
         };
@@ -162,13 +162,16 @@ impl<R> FinishedOutput<R> {
         let files = files(path)?;
         let here = FileStamp::of(&files)?;
         if here.bytes != self.facts.bytes {
-            return Ok(Some(format!("it had {} bytes and has {}", self.facts.bytes, here.bytes)));
+            return Ok(Some(format!(
+                "size changed from {} to {} bytes",
+                self.facts.bytes, here.bytes
+            )));
         }
         if look == CheckDepth::Quick && here == self.facts {
             return Ok(None);
         }
         let is_same = digest_of(&files, cancel)? == self.digest;
-        Ok((!is_same).then(|| "its bytes are others".to_owned()))
+        Ok((!is_same).then(|| "content changed".to_owned()))
     }
 }
 
@@ -193,10 +196,8 @@ pub(super) fn last_output(folder: &Path, plan: Digest) -> Result<LastOutput> {
     let wrong = |how: String| LastOutput { output: None, output_fault: Some(how) };
     Ok(match output.state::<Value>(CheckDepth::Quick, &Cancel::default())? {
         OutputState::Whole(_) => LastOutput { output: Some(path), output_fault: None },
-        OutputState::Missing => wrong(format!("{path} was written and is missing")),
-        OutputState::Altered(how) => {
-            wrong(format!("{path} was altered since it was written: {how}"))
-        }
+        OutputState::Missing => wrong(format!("{path} is missing")),
+        OutputState::Altered(how) => wrong(format!("{path} changed since it was written: {how}")),
         OutputState::Unknown | OutputState::Begun => LastOutput::default(),
     })
 }

@@ -52,11 +52,9 @@ impl PlannedGrid {
         let known: HashSet<Cow<'_, Path>> = plan.files().collect();
         let all = with_companions(all);
         if let Some(new) = all.iter().find(|path| !known.contains(path.as_path())) {
-            return Err(Error::bad_input(
-                "is read with the input, and was not when it was planned",
-            )
-            .in_file(new)
-            .remedy("move it away, or plan anew in another folder"));
+            return Err(Error::bad_input("is read with the input but is not part of the plan")
+                .in_file(new)
+                .remedy("move it away, or make a new plan in another folder"));
         }
         refuse_another("grid", &plan.label, self, &Self::of(source.info()))
     }

@@ -39,7 +39,7 @@ impl<J> PlanJob<J> {
         match self.cut.filter(|cut| *cut < least) {
             None => Ok(()),
             Some(cut) => Err(Error::usage(format!("‹task_size› is {cut}: tasks have {told}"))
-                .remedy(format!("pass {least} or more, or leave it out"))),
+                .remedy(format!("pass {least} or more, or leave ‹task_size› out"))),
         }
     }
 }
@@ -156,8 +156,10 @@ fn run_checked<W: PlannedWork>(
 ) -> Result<RunReport<W::Run>> {
     let started = Instant::now();
     if W::KIND != PlanKind::Tin && job.form != OutputForm::default() {
-        let message =
-            format!("‹split› is for meshes of grids, and this is the plan of {}", W::KIND.what());
+        let message = format!(
+            "‹split› requires a plan for a mesh of a grid; this plan is for {}",
+            W::KIND.what()
+        );
         return Err(Error::usage(message).remedy("leave ‹split› out"));
     }
     let folder = PlanFolder::<W>::open(&job.folder)?;
@@ -200,7 +202,7 @@ fn kept(error: Error) -> Error {
     match error.kind() {
         ErrorKind::Interrupted => {
             Error::new(ErrorKind::Interrupted, "interrupted; finished tasks are kept")
-                .remedy("run again to go on")
+                .remedy("run again to continue")
         }
         _ => error,
     }
@@ -310,7 +312,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
 
     /// Looks at every byte of what is done.
     fn check_done(&self) -> Result<TaskSurvey<'a, W>> {
-        self.at.progress.begin("check what is done", self.folder.tasks().len() as u64);
+        self.at.progress.begin("check finished tasks", self.folder.tasks().len() as u64);
         let survey = TaskSurvey::of_all(self.folder, CheckDepth::Whole, self.at)?;
         self.at.progress.end();
         Ok(survey)

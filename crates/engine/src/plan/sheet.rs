@@ -53,7 +53,7 @@ impl PlanKind {
     pub fn what(self) -> &'static str {
         match self {
             Self::Tin => "a mesh of a grid",
-            Self::Cloud => "a mesh of a cloud",
+            Self::Cloud => "a mesh of a point cloud",
             Self::Grid => "a grid",
             Self::Tiles => "tiles",
             Self::Points => "points",
@@ -108,7 +108,7 @@ pub fn kind(folder: &Path) -> Result<PlanKind> {
 fn text_of(folder: &Path) -> Result<Vec<u8>> {
     let path = folder.join(PLAN);
     if !path.exists() {
-        let told = "holds no plan";
+        let told = "does not hold a plan";
         let error = if folder.exists() { Error::bad_input(told) } else { Error::not_found(told) };
         return Err(error.in_file(folder).remedy(
             "make one with ‹terrane plan tin›, ‹terrane plan tiles›, ‹terrane plan grid› or ‹terrane plan points›",
@@ -116,15 +116,16 @@ fn text_of(folder: &Path) -> Result<Vec<u8>> {
     }
     let fail = |e| Error::read(&path, e);
     let bytes = std::fs::metadata(&path).map_err(fail)?.len();
-    limits::check("bytes of a plan", bytes, MOST_BYTES).map_err(|e| e.in_file(&path))?;
+    limits::check("the size of the plan in bytes", bytes, MOST_BYTES)
+        .map_err(|e| e.in_file(&path))?;
     std::fs::read(&path).map_err(fail)
 }
 
 /// The error of a file that is no plan.
 fn bad(folder: &Path, how: &str) -> Error {
-    Error::bad_input(format!("is no plan as terrane writes it: {how}"))
+    Error::bad_input(format!("is not a valid plan: {how}"))
         .in_file(&folder.join(PLAN))
-        .remedy("plan anew in another folder")
+        .remedy("make a new plan in another folder")
 }
 
 impl PlanHeader {
@@ -138,7 +139,7 @@ impl PlanHeader {
         let name = |(version, revision)| format!("terrane {version} (revision {revision})");
         Err(Error::bad_input(format!("was made by {}, this is {}", name(theirs), name(ours)))
             .in_file(&folder.join(PLAN))
-            .remedy("use the same version, or plan anew in another folder"))
+            .remedy("use the same version, or make a new plan in another folder"))
     }
 }
 
@@ -168,7 +169,7 @@ impl<W: PlannedWork> PlanManifest<W> {
             serde_json::from_slice::<PlanWithDigest<Self>>(&text)
                 .map_err(|e| bad(&e.to_string()))?;
         if plan.id() != plan_id {
-            return Err(bad("its digest does not match"));
+            return Err(bad("digest mismatch"));
         }
         plan.work.check().map_err(|e| bad(&e.to_string()))?;
         Ok((plan, plan_id))
@@ -192,9 +193,8 @@ impl<W: PlannedWork> PlanManifest<W> {
     /// The text of its file.
     fn to_text(&self) -> Result<String> {
         let sealed = PlanWithDigest { plan_id: self.id(), plan: self };
-        json::to_string_pretty(&sealed).map_err(|e| {
-            Error::new(ErrorKind::Internal, format!("cannot write down the plan: {e}"))
-        })
+        json::to_string_pretty(&sealed)
+            .map_err(|e| Error::new(ErrorKind::Internal, format!("cannot serialize the plan: {e}")))
     }
 
     /// What the tasks that are `left` take.
@@ -230,9 +230,9 @@ impl<W: PlannedWork> PlanManifest<W> {
         let is_own = |name: &OsStr| name == OBJECTS || name.to_str().is_some_and(is_temporary);
         let mut entries = std::fs::read_dir(path).map_err(fail)?.flatten();
         if entries.any(|entry| !is_own(&entry.file_name())) {
-            return Err(Error::usage("is not empty and holds no plan")
+            return Err(Error::usage("is not empty and does not hold a plan")
                 .in_file(path)
-                .remedy("choose another folder, or a name that is not there yet"));
+                .remedy("choose an empty or new folder"));
         }
         std::fs::create_dir_all(path.join(OBJECTS)).map_err(fail)?;
         let mut file = AtomicFile::create(&path.join(PLAN), false)?;
@@ -246,7 +246,7 @@ impl<W: PlannedWork> PlanManifest<W> {
         let of = kind(path)?;
         let how = match of == W::KIND {
             true => self.changes(Self::read(path)?.0),
-            false => Some(format!("it is of {}", of.what())),
+            false => Some(format!("it is for {}", of.what())),
         };
         how.map_or(Ok(()), |how| {
             Err(Error::usage(format!("holds another plan: {how}"))
@@ -271,9 +271,9 @@ impl<W: PlannedWork> PlanManifest<W> {
 /// Fails where a file is in place of the folder.
 pub fn refuse_file(path: &Path) -> Result<()> {
     match path.exists() && !path.is_dir() {
-        true => Err(Error::usage("is a file, and a folder is to be made")
+        true => Err(Error::usage("is a file, not a folder")
             .in_file(path)
-            .remedy("name a folder, which need not exist")),
+            .remedy("name a new or existing folder")),
         false => Ok(()),
     }
 }

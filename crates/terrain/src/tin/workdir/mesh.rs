@@ -332,7 +332,7 @@ mod tests {
             [(most, "number of tasks"), (u32::MAX, "number of columns or rows"), (0, few)]
         {
             let refused = read(plan(side)).err().unwrap().to_string();
-            assert!(refused.contains("is no plan") && refused.contains(part), "{refused}");
+            assert!(refused.contains("is not a valid plan") && refused.contains(part), "{refused}");
         }
         assert!(read(plan(1_000_000)).is_ok());
     }
