@@ -137,6 +137,27 @@ fn the_book_has_every_page_and_links_within_itself() {
     }
 }
 
+/// Paragraphs and items of lists of a page; blocks of code and tables are neither.
+fn paragraphs(text: &str) -> Vec<String> {
+    let prose = prose(text);
+    let blocks = prose.split("\n\n").filter(|block| !block.trim_start().starts_with('|'));
+    blocks.flat_map(|block| block.split("\n- ")).map(str::to_owned).collect()
+}
+
+#[test]
+fn paragraphs_are_short() {
+    let longest = 90;
+    let by_hand = |page: &PathBuf| !page.components().any(|part| part.as_os_str() == "reference");
+    for page in pages().into_iter().filter(by_hand) {
+        for paragraph in paragraphs(&read(&page)) {
+            let words = paragraph.split_whitespace().count();
+            assert!(words <= longest, "{}: {words} words: {paragraph}", page.display());
+        }
+    }
+    let page = "# A\n\none\ntwo\n- three\n- four\n\n| five |\n\n```sh\nsix\n```\nseven\n";
+    assert_eq!(paragraphs(page), ["# A", "one\ntwo", "three", "four", "seven\n"]);
+}
+
 /// The folder of a room, in `crates` or in the folder of its subject.
 fn room(name: &str) -> Option<PathBuf> {
     let crates = root().join("crates");
