@@ -137,6 +137,27 @@ fn the_book_has_every_page_and_links_within_itself() {
     }
 }
 
+/// Paragraphs and items of lists of a page; blocks of code and tables are neither.
+fn paragraphs(text: &str) -> Vec<String> {
+    let prose = prose(text);
+    let blocks = prose.split("\n\n").filter(|block| !block.trim_start().starts_with('|'));
+    blocks.flat_map(|block| block.split("\n- ")).map(str::to_owned).collect()
+}
+
+#[test]
+fn paragraphs_are_short() {
+    let longest = 90;
+    let by_hand = |page: &PathBuf| !page.components().any(|part| part.as_os_str() == "reference");
+    for page in pages().into_iter().filter(by_hand) {
+        for paragraph in paragraphs(&read(&page)) {
+            let words = paragraph.split_whitespace().count();
+            assert!(words <= longest, "{}: {words} words: {paragraph}", page.display());
+        }
+    }
+    let page = "# A\n\none\ntwo\n- three\n- four\n\n| five |\n\n```sh\nsix\n```\nseven\n";
+    assert_eq!(paragraphs(page), ["# A", "one\ntwo", "three", "four", "seven\n"]);
+}
+
 /// The folder of a room, in `crates` or in the folder of its subject.
 fn room(name: &str) -> Option<PathBuf> {
     let crates = root().join("crates");
@@ -189,22 +210,29 @@ fn tells(told: &str, line: &str) -> bool {
     })
 }
 
+/// Runs `script` in the folder of `place` with the built program on the path: standard output and error.
+#[cfg(unix)]
+fn shell(place: &Place, page: &str, script: &str) -> String {
+    let program = Path::new(env!("CARGO_BIN_EXE_terrane")).parent().unwrap().to_owned();
+    let path = format!("{}:{}", program.display(), std::env::var("PATH").unwrap());
+    let mut shell = std::process::Command::new("sh");
+    shell.args(["-ec", &format!("{{\n{script}\n}} 2>&1")]).env("PATH", &path);
+    let ran = shell.current_dir(place.path("")).output().unwrap();
+    let told = String::from_utf8(ran.stdout).unwrap();
+    assert!(ran.status.success(), "{page}: {script}\n{told}");
+    told
+}
+
 /// Runs the blocks marked `run` of a page in their order in one folder, and looks in what they print for
 /// the lines of blocks marked `out`.
 #[cfg(unix)]
-fn follow(page: &str, text: &str) {
+fn follow(page: &str, text: &str) -> Place {
     let place = Place::new();
-    let program = Path::new(env!("CARGO_BIN_EXE_terrane")).parent().unwrap().to_owned();
-    let path = format!("{}:{}", program.display(), std::env::var("PATH").unwrap());
     let mut told = String::new();
     let mut count = 0;
     for (kind, block) in blocks(text) {
         if kind == "sh run" {
-            let mut shell = std::process::Command::new("sh");
-            shell.args(["-ec", &format!("{{\n{block}\n}} 2>&1")]).env("PATH", &path);
-            let ran = shell.current_dir(place.path("")).output().unwrap();
-            told = String::from_utf8(ran.stdout).unwrap();
-            assert!(ran.status.success(), "{page}: {block}\n{told}");
+            told = shell(&place, page, block);
             count += 1;
         } else if kind == "text out" {
             for line in block.lines() {
@@ -213,6 +241,46 @@ fn follow(page: &str, text: &str) {
         }
     }
     assert!(count > 0, "{page}: nothing was run");
+    place
+}
+
+/// Commands in the second column of the tables of a page.
+#[cfg(unix)]
+fn equivalents(text: &str) -> Vec<&str> {
+    let rows = text.lines().filter(|line| line.starts_with("| "));
+    let cells = rows.filter_map(|row| row.split(" | ").nth(1));
+    let commands = cells.filter_map(|cell| cell.strip_prefix('`')?.strip_suffix('`'));
+    commands.filter(|command| command.starts_with("terrane ")).collect()
+}
+
+/// Paths of the files and folders of `place`.
+#[cfg(unix)]
+fn entries(place: &Place) -> BTreeSet<PathBuf> {
+    fs::read_dir(place.path("")).unwrap().map(|entry| entry.unwrap().path()).collect()
+}
+
+/// Each command finds the inputs of the page and no output of another command.
+#[cfg(unix)]
+#[test]
+fn equivalents_of_other_programs_run() {
+    let text = include_str!("../docs/src/guide/coming-from.md");
+    let place = follow("coming-from.md", text);
+    let inputs = entries(&place);
+    let commands = equivalents(text);
+    assert!(commands.len() >= 50, "only {} commands found", commands.len());
+    for command in commands {
+        shell(&place, "coming-from.md", command);
+        let outputs: Vec<_> = entries(&place).difference(&inputs).cloned().collect();
+        let reads_only =
+            ["terrane info ", "terrane verify "].iter().any(|v| command.starts_with(v));
+        assert!(reads_only || !outputs.is_empty(), "{command}: no output");
+        for path in outputs {
+            match path.is_dir() {
+                true => fs::remove_dir_all(path).unwrap(),
+                false => fs::remove_file(path).unwrap(),
+            }
+        }
+    }
 }
 
 #[cfg(unix)]
