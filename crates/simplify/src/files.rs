@@ -40,9 +40,9 @@ impl LineFiles {
         let mut names: Vec<_> = pairs.iter().map(|pair| &pair.output).collect();
         names.sort();
         if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
-            return Err(Error::usage("two inputs would become the same file")
+            return Err(Error::usage("two inputs have the same output file")
                 .in_file(twice[0])
-                .remedy("give them different names, or simplify them one by one"));
+                .remedy("rename one of them, or simplify them one at a time"));
         }
         let systems = pairs.iter().map(|pair| Ok(pair.open(job)?.layer().crs.clone()));
         let mut crs: Option<Crs> = None;
@@ -52,13 +52,11 @@ impl LineFiles {
                 Some(first) if first.agrees(&own) => {}
                 Some(first) => {
                     let [ours, theirs] = first.told_apart(&own);
-                    let message = format!(
-                        "its coordinate reference system is {theirs}, and that of {} is {ours}",
-                        pairs[0].input.display(),
-                    );
+                    let message =
+                        format!("CRS is {theirs}, but {} has {ours}", pairs[0].input.display(),);
                     return Err(Error::bad_input(message)
                         .in_file(&pair.input)
-                        .remedy("bring both into one system"));
+                        .remedy("transform the files to one CRS"));
                 }
             }
         }
@@ -117,7 +115,7 @@ pub fn outputs(job: &LineJob) -> Result<Vec<PathBuf>> {
 
 fn pairs(job: &LineJob) -> Result<Vec<LineFilePair>> {
     match job.input.as_slice() {
-        [] => Err(Error::usage("no file is given")),
+        [] => Err(Error::usage("no input file")),
         [input] if !job.is_into_folder() => Ok(vec![LineFilePair {
             input: input.clone(),
             output: job.output.clone(),
@@ -130,18 +128,18 @@ fn pairs(job: &LineJob) -> Result<Vec<LineFilePair>> {
 
 /// An input whose output lies in the job's folder under its own name.
 fn in_folder(job: &LineJob, input: &Path) -> Result<LineFilePair> {
-    let name = input.file_name().ok_or_else(|| {
-        Error::usage("is no file").in_file(input).remedy("name files of features")
-    })?;
+    let name = input
+        .file_name()
+        .ok_or_else(|| Error::usage("is not a file").in_file(input).remedy("name vector files"))?;
     let mut output = job.output.join(name);
     let format = match &job.format {
         Some(name) => vector::by_path(&output, Some(name))?,
         None => vector::identify(input)?.map_or_else(|| vector::by_path(input, None), Ok)?,
     };
     if format.create.is_none() {
-        return Err(Error::usage(format!("{} is read, but not written", format.name))
+        return Err(Error::usage(format!("{} can be read, but not written", format.name))
             .in_file(input)
-            .remedy("name a ‹format› to write"));
+            .remedy("choose another ‹format›"));
     }
     if job.format.is_some() {
         output.set_extension(format.extensions[0]);

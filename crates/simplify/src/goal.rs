@@ -38,11 +38,11 @@ impl LineGoal {
         self.check_number()?;
         match (self, method.bounds) {
             (Self::Tolerance(_), ToleranceKind::Area(_)) => {
-                Err(Error::usage(format!("{} bounds no distance", method.name))
+                Err(Error::usage(format!("method {} does not bound the distance", method.name))
                     .remedy("pass ‹area› or ‹keep_ratio›, or choose another ‹method›"))
             }
             (Self::Area(_), ToleranceKind::Distance) => {
-                Err(Error::usage(format!("{} goes by distance, not by area", method.name))
+                Err(Error::usage(format!("method {} uses distances, not areas", method.name))
                     .remedy("pass ‹tolerance›, or ‹method› visvalingam"))
             }
             (Self::Tolerance(_), ToleranceKind::Distance)
@@ -62,9 +62,8 @@ impl LineGoal {
         if (0.0..=most).contains(&value) {
             return Ok(());
         }
-        let most = if most == 1.0 { " to 1" } else { " on, and finite" };
-        Err(Error::usage(format!("{what} {value} is none"))
-            .remedy(format!("pass one from 0{most}")))
+        let most = if most == 1.0 { "a value from 0 to 1" } else { "a finite value of 0 or more" };
+        Err(Error::usage(format!("{what} {value} is out of range")).remedy(format!("pass {most}")))
     }
 
     /// What a threshold is to be looked for, for so many vertices; `None` where one is given.
@@ -91,15 +90,16 @@ pub fn measured(length: Length, is_space: bool, crs: &Crs) -> Result<(DistanceKi
         return Ok((plain, length.value * metres / unit));
     }
     match crs.horizontal_unit() {
-        "degree" if is_space => Err(Error::unsupported("heights beside longitudes in degrees")
-            .remedy("leave out ‹metric› 3d, or bring the data into a projected system")),
+        "degree" if is_space => {
+            Err(Error::unsupported("‹metric› 3d on longitudes and latitudes in degrees")
+                .remedy("leave out ‹metric› 3d, or transform the data to a projected CRS"))
+        }
         "degree" if !crs.spheroid()?.is_none_or(|own| own.is_of_earth()) => {
-            let what =
-                "lengths in metres over longitudes and latitudes of another body than the Earth";
+            let what = "metres on a geographic CRS of a body other than the Earth";
             Err(Error::unsupported(what).remedy("pass ‹tolerance› as a plain number, in degrees"))
         }
         "degree" => Ok((DistanceKind::Geographic, length.value * metres)),
-        _ => Err(Error::usage("the data name no unit that metres could be told in")
+        _ => Err(Error::usage("a tolerance in metres requires a CRS with a known unit")
             .remedy("pass ‹tolerance› as a plain number, in units of the data")),
     }
 }

@@ -122,14 +122,14 @@ fn check_hierarchy(job: &LineJob) -> Result<()> {
         return Ok(());
     }
     if job.topology.is_some() {
-        return Err(Error::usage("a hierarchy is of each feature by itself, without neighbours")
-            .remedy("leave ‹hierarchy› out, or ‹topology›"));
+        return Err(Error::usage("‹hierarchy› is not supported with ‹topology›")
+            .remedy("leave one of them out"));
     }
     if job.method.splits {
         return Ok(());
     }
     let (rdp, other) = (SimplifyMethod::RDP.name, job.method.name);
-    Err(Error::usage(format!("a hierarchy is of {rdp}, and the method is {other}"))
+    Err(Error::usage(format!("‹hierarchy› requires the method {rdp}, not {other}"))
         .remedy(format!("leave ‹hierarchy› out, or pass ‹method› {rdp}")))
 }
 
@@ -137,10 +137,8 @@ fn check_hierarchy(job: &LineJob) -> Result<()> {
 fn check_transform(job: &LineJob) -> Result<()> {
     let is_rounded = job.topology.is_some() && job.decimals.is_some();
     match job.transform.is_some() && is_rounded {
-        true => Err(Error::usage(
-            "positions of the system to write in are rounded after it was looked at what crosses",
-        )
-        .remedy("leave ‹decimals› out, or ‹to_crs›, or ‹topology›")),
+        true => Err(Error::usage("‹topology› does not cover the rounding after a transformation")
+            .remedy("leave out ‹decimals›, ‹to_crs› or ‹topology›")),
         false => Ok(()),
     }
 }

@@ -123,10 +123,8 @@ pub(super) fn trees(
         HierarchyUse::Use(record) => {
             let (own, trees) = record.split_at(Digest::BYTES);
             if *own != digest(geometry, rule.measure).bytes()[..] {
-                return Err(Error::bad_input("the stored hierarchy is of other coordinates")
-                    .remedy(
-                        "delete the file of ‹hierarchy› to have it made again, or name another",
-                    ));
+                return Err(Error::bad_input("the stored hierarchy belongs to other coordinates")
+                    .remedy("delete the ‹hierarchy› file, or name another"));
             }
             FeatureHierarchies::from_bytes(trees).map(Some)
         }
@@ -161,7 +159,7 @@ impl HierarchyReader {
         self.features -= 1;
         let bytes = self.take(LENGTH as u64)?.try_into().map_or(0, u64::from_le_bytes);
         if !(Digest::BYTES as u64..=FeatureHierarchies::most_bytes(geometry)).contains(&bytes) {
-            return Err(others("has a feature of another size than the input").in_file(&path));
+            return Err(others("holds a feature of another size than the input").in_file(&path));
         }
         self.take(bytes).map(<[u8]>::to_vec)
     }
@@ -183,7 +181,7 @@ impl HierarchyReader {
     fn end(&self) -> Result<()> {
         match (self.features, self.file.size() - self.at) {
             (0, 0) => Ok(()),
-            (0, _) => Err(damaged("there is more than it states").in_file(self.file.path())),
+            (0, _) => Err(damaged("bytes follow its end").in_file(self.file.path())),
             _ => Err(others("has more features than the input").in_file(self.file.path())),
         }
     }
@@ -192,25 +190,26 @@ impl HierarchyReader {
 /// The number of features, when the header of a file of `length` bytes is sound and of this metric.
 fn features(header: &[u8], length: u64, measure: DistanceKind) -> Result<u64> {
     let Some((told, seal)) = header.split_at_checked(32) else {
-        return Err(damaged("it is too short"));
+        return Err(damaged("the header is truncated"));
     };
     if told[..8] != MAGIC {
-        return Err(damaged("it does not begin like one"));
+        return Err(damaged("its signature is missing"));
     }
     let four = |at: usize| told[at..at + 4].try_into().map_or(0, u32::from_le_bytes);
     let eight = |at: usize| told[at..at + 8].try_into().map_or(0, u64::from_le_bytes);
     if four(8) != VERSION {
-        return Err(damaged(&format!("it is of version {}, and this is {VERSION}", four(8))));
+        return Err(damaged(&format!("version {} is not supported (expected {VERSION})", four(8))));
     }
     let found = MEASURES.get(four(12) as usize);
     let (true, Some(found)) = (*seal == Digest::of(told).bytes()[..], found) else {
         return Err(damaged("its header is damaged"));
     };
     if eight(24) != length {
-        return Err(damaged(&format!("it has {length} bytes of {}", eight(24))));
+        return Err(damaged(&format!("it is {length} bytes long, expected {}", eight(24))));
     }
     if *found != measure {
-        let message = format!("holds {}, and these would be {}", told_of(*found), told_of(measure));
+        let message =
+            format!("holds {}, but the options require {}", told_of(*found), told_of(measure));
         return Err(Error::usage(message).remedy("name another ‹hierarchy›"));
     }
     Ok(eight(16))
@@ -226,13 +225,13 @@ fn told_of(measure: DistanceKind) -> &'static str {
 }
 
 fn damaged(why: &str) -> Error {
-    Error::bad_input(format!("is not a file of hierarchies: {why}"))
-        .remedy("delete it to have it made again, or name another ‹hierarchy›")
+    Error::bad_input(format!("is not a valid hierarchy file: {why}"))
+        .remedy("delete it, or name another ‹hierarchy›")
 }
 
 fn others(what: &str) -> Error {
-    Error::bad_input(format!("{what}: it is the hierarchy of other lines"))
-        .remedy("delete it to have it made again, or name another ‹hierarchy›")
+    Error::bad_input(format!("{what}: the hierarchy belongs to other lines"))
+        .remedy("delete it, or name another ‹hierarchy›")
 }
 
 struct HierarchyWriter {
@@ -368,7 +367,7 @@ mod tests {
         assert!(told(&sealed(&all, 12, &2_u32.to_le_bytes())).contains("metres on the ellipsoid"));
         assert!(told(&sealed(&all, 16, &u64::MAX.to_le_bytes())).contains("more features"));
         assert!(told(&sealed(&all, 16, &1_u64.to_le_bytes())).contains("fewer features"));
-        assert!(told(&sealed(&all, 24, &u64::MAX.to_le_bytes())).contains("bytes of"));
+        assert!(told(&sealed(&all, 24, &u64::MAX.to_le_bytes())).contains("bytes long"));
         for length in [0, 31, u64::MAX] {
             let mut bytes = all.clone();
             bytes[64..72].copy_from_slice(&length.to_le_bytes());

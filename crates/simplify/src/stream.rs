@@ -113,7 +113,7 @@ fn read(
         let own = feature.geometry.vertices() as u64;
         let needed = PROGRAM + own * FEATURE_VERTEX;
         if own > most && needed > memory {
-            let message = format!("a feature of {own} vertices is more than memory holds");
+            let message = format!("a feature of {own} vertices does not fit in memory");
             return Err(short(message, needed).at(source.place()));
         }
         vertices += own;

@@ -128,11 +128,11 @@ pub(super) fn check(part: &GeometryPart<'_>, rule: &SimplifyRule) -> Result<()> 
     match rule.measure {
         _ if rule.keeps_everything() => return Ok(()),
         DistanceKind::Space if part.z.is_empty() || part.z.iter().any(|z| z.is_nan()) => {
-            return Err(Error::bad_input("a vertex has no height, which ‹metric› 3d measures")
-                .remedy("leave ‹metric› 3d out"));
+            return Err(Error::bad_input("a vertex has no height (required by ‹metric› 3d)")
+                .remedy("leave out ‹metric› 3d"));
         }
         DistanceKind::Geographic if part.xy.iter().any(|[_, y]| y.abs() > 90.0) => {
-            return Err(Error::bad_input("a latitude is beyond 90 degrees")
+            return Err(Error::bad_input("a latitude exceeds 90 degrees")
                 .remedy("pass ‹tolerance› as a plain number, in units of the data"));
         }
         _ => {}
@@ -143,10 +143,10 @@ pub(super) fn check(part: &GeometryPart<'_>, rule: &SimplifyRule) -> Result<()> 
     let is_wrong = |c: &&f64| c.abs() > MOST || (**c != 0.0 && c.abs() < least);
     let Some(wrong) = all.find(is_wrong) else { return Ok(()) };
     let (extreme, remedy) = match wrong.abs() > MOST {
-        true => ("large", "bring it into other units, or take the feature out"),
-        false => ("small", "pass ‹tolerance› 1e-50 or more, or write 0 in its place"),
+        true => ("large", "change the unit of the data, or remove the feature"),
+        false => ("small", "pass ‹tolerance› 1e-50 or more, or replace it by 0"),
     };
-    let message = format!("coordinate {wrong:?} is too {extreme} for distances to be computed");
+    let message = format!("coordinate {wrong:?} is too {extreme} to compute distances");
     Err(Error::bad_input(message).remedy(remedy))
 }
 

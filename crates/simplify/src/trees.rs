@@ -64,8 +64,8 @@ impl FeatureHierarchies {
 }
 
 fn cut_short() -> Error {
-    Error::bad_input("the hierarchies of a feature are cut short")
-        .remedy("delete the file to have it made again")
+    Error::bad_input("the hierarchy of a feature is truncated")
+        .remedy("delete the file and run again")
 }
 
 /// What stands for the coordinates that distances are measured between, and how they make parts.

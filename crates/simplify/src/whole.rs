@@ -82,7 +82,7 @@ impl OpenedLineJob<'_> {
     fn too_little(&self, input: &CoverageInput<'_>) -> Error {
         let enough = input.bytes * ALONE + PROGRAM;
         let mib = enough.div_ceil(1 << 20);
-        let message = format!("the threshold is looked for in memory, which takes {mib} MiB");
+        let message = format!("the search for the threshold requires {mib} MiB of memory");
         let error = short(message, enough).or("pass ‹tolerance›, or split the input");
         error.in_file(&self.files.pairs[0].input)
     }

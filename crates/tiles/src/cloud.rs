@@ -64,9 +64,9 @@ impl ModelWorkFolder<'_> {
                 || std::fs::canonicalize(part).is_ok_and(|part| place(output).starts_with(part))
         };
         match PARTS.iter().any(|part| is_in(part)) {
-            true => Err(Error::usage("lies in the folder of the work")
+            true => Err(Error::usage("lies in the work folder")
                 .in_file(output)
-                .remedy("choose a place elsewhere")),
+                .remedy("choose another folder")),
             false => Ok(()),
         }
     }
@@ -200,8 +200,8 @@ impl GroundModel {
             _ => error,
         };
         if cloud::source(names, &self.cloud)?.info().crs.is_unknown() {
-            let error = Error::bad_input("does not say where on the globe it lies");
-            return Err(of_cloud(error.remedy("name its reference system: ‹crs› EPSG:2154")));
+            let error = Error::bad_input("CRS is missing");
+            return Err(of_cloud(error.remedy("pass it, such as ‹crs› EPSG:2154")));
         }
         let model = GridJob::of_preset(names.to_vec(), PathBuf::new(), SurfaceModel::Dtm, 1.0);
         let model = GridJob {

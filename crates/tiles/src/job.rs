@@ -53,8 +53,9 @@ pub type PlanJob = plan::PlanJob<TilesJob>;
 pub(super) fn check_formats(tiles: &TileOptions) -> Result<()> {
     let is_twice = |i: usize| tiles.format[..i].contains(&tiles.format[i]);
     if tiles.format.is_empty() || (0..tiles.format.len()).any(is_twice) {
-        return Err(Error::usage("a format of tiles is asked for twice, or none")
-            .remedy("name each format once"));
+        return Err(
+            Error::usage("tile formats are missing or repeated").remedy("name each format once")
+        );
     }
     check(tiles)
 }

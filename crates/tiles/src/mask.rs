@@ -56,7 +56,7 @@ impl TileWaterMask {
                 OnGlobe::Straight(_) => brought.extend_from_slice(ring),
                 OnGlobe::Moved(_, operation) => {
                     bring(ring, off, |at| operation.position(at), &mut brought)
-                        .map_err(|e| of_file(e).remedy("cut it to the area of the grid"))?;
+                        .map_err(|e| of_file(e).remedy("clip it to the extent of the grid"))?;
                 }
             }
             bytes += brought.len() as u64 * ClipRings::EDGE_BYTES;
@@ -161,7 +161,7 @@ fn apart(a: Xy, b: Xy) -> f64 {
 }
 
 fn too_many(bytes: u64) -> Error {
-    let message = format!("its sides take {} MiB for a mask", bytes.div_ceil(1 << 20));
+    let message = format!("its segments require {} MiB for a mask", bytes.div_ceil(1 << 20));
     short(message, 4 * bytes).or("a smaller ‹max_level›, or simplify it with ‹terrane simplify›")
 }
 

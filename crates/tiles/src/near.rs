@@ -41,11 +41,9 @@ impl SurveyedGrid<'_> {
             return Ok(());
         }
         if rect.len() as u64 > most_samples(chart) {
-            return Err(Error::unsupported(
-                "has samples that are too near to each other for tiles",
-            )
-            .in_file(&opened.name())
-            .remedy("take a part of it, or a coarser grid"));
+            return Err(Error::unsupported("has a sample spacing too small for tiles")
+                .in_file(&opened.name())
+                .remedy("clip it, or resample it to a larger cell size"));
         }
         let mut heights = HEIGHTS.take();
         opened.read(rect, &mut heights)?;

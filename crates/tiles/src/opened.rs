@@ -61,8 +61,10 @@ fn near_bytes(chart: &GridGeolocation) -> u64 {
 impl OpenedTilesGrid {
     pub(super) fn new(job: &TilesJob) -> Result<Self> {
         if let Some(level) = job.tiles.max_level.filter(|level| *level > DEEPEST) {
-            return Err(Error::usage(format!("level {level} is too deep"))
-                .remedy(format!("choose {DEEPEST} at most")));
+            return Err(Error::usage(format!(
+                "‹max_level› {level} exceeds the limit of {DEEPEST}"
+            ))
+            .remedy(format!("pass {DEEPEST} or less")));
         }
         check_formats(&job.tiles)?;
         let options = job.reading.options(&job.resources, 0)?;
@@ -125,8 +127,8 @@ impl OpenedTilesGrid {
         if furthest.abs() > MOST_HEIGHT {
             // As the sample is held, so that the digits are those of the file.
             let stored = (furthest / self.heights.lift.metres) as f32;
-            let remedy = format!("if it stands for nodata, pass ‹nodata› {stored:e}");
-            let error = Error::bad_input(format!("the height {stored:e} is absurd"));
+            let remedy = format!("if it is nodata, pass ‹nodata› {stored:e}");
+            let error = Error::bad_input(format!("height {stored:e} is out of range"));
             return Err(refuse(error, &remedy));
         }
         Ok(overview)

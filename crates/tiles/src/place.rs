@@ -68,7 +68,7 @@ pub(super) fn of(
     })?;
     let (lift, knows_unit) = VerticalShift::of(&info.crs, geoid, resources)?;
     if !knows_unit {
-        notes.push("the unit of heights is not known; they are taken for metres".to_owned());
+        notes.push("the unit of heights is unknown; metres are assumed".to_owned());
     }
     let is_ellipsoidal = info.crs.heights() == VerticalReference::Ellipsoidal;
     let from = match (lift.has_geoid(), is_ellipsoidal) {
@@ -77,11 +77,11 @@ pub(super) fn of(
         (false, false) => AS_GIVEN,
     };
     notes.extend(match (lift.has_geoid(), is_ellipsoidal) {
-        (true, _) => Some("heights are brought from the geoid to the ellipsoid".to_owned()),
+        (true, _) => Some("heights are converted from the geoid to the ellipsoid".to_owned()),
         (false, true) => None,
         (false, false) => Some(
-            "heights are taken from the ellipsoid on; those above sea level are drawn too low or too high by the \
-             height of the geoid, up to 100 m: pass ‹geoid›"
+            "heights are used as ellipsoidal; heights above sea level are off by the geoid undulation (up to \
+             100 m): pass ‹geoid›"
                 .to_owned(),
         ),
     });

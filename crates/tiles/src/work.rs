@@ -125,7 +125,7 @@ impl PreparedTiles {
             let _is_first = self.overview.set(found);
         }
         let overview = self.overview.get();
-        let lost = || Error::new(ErrorKind::Internal, "what was seen is lost");
+        let lost = || Error::new(ErrorKind::Internal, "the survey of the grid is lost");
         let overview = overview.ok_or_else(lost)?;
         Ok(SurveyedGrid::new(&self.opened, overview))
     }
@@ -181,8 +181,8 @@ impl PlannedWork for TilesPlan {
         let PlannedGrid { width, height, .. } = self.grid;
         limits::check("columns or rows", width.max(height).into(), limits::MAX_SIDE)?;
         if !(1..=MOST_CUT).contains(&self.method.cut) {
-            return Err(Error::usage(format!("a task of {} tiles is none", self.method.cut))
-                .remedy(format!("choose 1 to {MOST_CUT}")));
+            return Err(Error::usage(format!("task size {} is out of range", self.method.cut))
+                .remedy(format!("pass 1 to {MOST_CUT}")));
         }
         let tasks = self.counts().into_iter().map(u64::from).sum();
         limits::check("number of tasks", tasks, plan::MOST_TASKS)

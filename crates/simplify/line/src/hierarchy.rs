@@ -158,7 +158,7 @@ impl Hierarchy {
         let squares: Vec<f64> = bytes[HEADER..].chunks_exact(8).map(eight).collect();
         match squares.iter().all(|square| *square >= 0.0) {
             true => Ok(Self::of(count, squares)),
-            false => Err(damaged("its distances are none")),
+            false => Err(damaged("a distance is negative or not a number")),
         }
     }
 }
@@ -189,13 +189,13 @@ fn squares<V: Copy, M: DistanceMetric<V>>(metric: &M, points: &[V]) -> Vec<f64> 
 /// Number of vertices, once magic, length and checksum are right.
 fn header(bytes: &[u8]) -> Result<u32> {
     if bytes.len() < HEADER || bytes[..8] != MAGIC {
-        return Err(damaged("it does not begin like one"));
+        return Err(damaged("its signature is missing"));
     }
     let word = |at: usize| u64::from_le_bytes([0, 1, 2, 3, 4, 5, 6, 7].map(|i| bytes[at + i]));
     let inner = (bytes.len() - HEADER) as u64;
     let count = u32::try_from(word(8)).ok();
     let count = count.filter(|count| u64::from(count.saturating_sub(2)) * 8 == inner);
-    let count = count.ok_or_else(|| damaged("its length is not the one it states"))?;
+    let count = count.ok_or_else(|| damaged("its length differs from the header"))?;
     match checksum(bytes) == word(HEADER - 8) {
         true => Ok(count),
         false => Err(damaged("its checksum differs")),
@@ -204,7 +204,7 @@ fn header(bytes: &[u8]) -> Result<u32> {
 
 fn damaged(why: &str) -> Error {
     Error::bad_input(format!("not a hierarchy of a line: {why}"))
-        .remedy("make the hierarchy again from the line")
+        .remedy("build the hierarchy again from the line")
 }
 
 /// FNV-1a, by words of eight bytes, of all but the checksum itself.

@@ -143,8 +143,8 @@ impl CoverageJob<'_> {
         let rest = square + self.others(input);
         let needed = rest + input.bytes.min(rest);
         let mib = ((needed + needed / 7) >> 20) + 1;
-        let message = format!("neighbours are looked at in memory, which takes {mib} MiB");
-        let error = short(message, mib << 20).or("leave ‹topology› out");
+        let message = format!("topology requires {mib} MiB of memory");
+        let error = short(message, mib << 20).or("leave out ‹topology›");
         error.in_file(&self.files.pairs[0].input)
     }
 
@@ -201,7 +201,7 @@ impl CoverageJob<'_> {
         let pairs = self.made_by_moving(input, &total.pairs)?;
         let harm = [
             (pairs, "pairs of segments cross, touch or overlap"),
-            (input.seen.harm.rings, "rings turn over or lose their area"),
+            (input.seen.harm.rings, "rings change orientation or lose their area"),
             (input.seen.harm.touching, "features have rings that touch themselves or each other"),
         ];
         let told = harm.iter().filter(|(count, _)| *count > 0);
@@ -209,21 +209,19 @@ impl CoverageJob<'_> {
         let snap = self.topology.snap;
         if !told.is_empty() {
             let told = told.join(", ");
-            notes.push(format!(
-                "with ‹snap› {snap:?}, {told} that did not before; pass a smaller ‹snap›"
-            ));
+            notes.push(format!("new with ‹snap› {snap:?}: {told}; pass a smaller ‹snap›"));
         }
         let (looked, all) = (total.pairs.len() as u64, total.crossings);
         if snap > 0.0 && looked < all {
             notes.push(format!(
-                "{all} pairs of segments meet; whether they did before ‹snap› {snap:?} is known of \
-                 {looked} only"
+                "{all} pairs of segments meet; the state before ‹snap› {snap:?} is known for \
+                 {looked} of them"
             ));
         }
         if let Some(decimals) = self.job.decimals.filter(|_| total.unrounded > 0) {
             notes.push(format!(
-                "{} vertices keep their digits: rounded to {decimals} decimals they would make lines \
-                 touch, cross or change sides, or lie at the border of a square",
+                "{} vertices are not rounded to {decimals} decimals: lines would touch, cross or \
+                 change sides, or the vertex lies on the border of a tile",
                 total.unrounded
             ));
         }

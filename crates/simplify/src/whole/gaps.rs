@@ -45,8 +45,8 @@ impl MeetingGaps {
         });
         let (power, _) = power.filter(|_| all >= FEWEST && all * 2 >= self.all)?;
         Some(format!(
-            "borders almost match: {sum} pairs of segments that cross, touch or overlap have ends no \
-             farther apart than 1e{power}, and keep their vertices; try ‹snap› 1e{power}"
+            "borders almost match: {sum} pairs of segments that cross, touch or overlap have ends within \
+             1e{power} and keep their vertices; try ‹snap› 1e{power}"
         ))
     }
 }

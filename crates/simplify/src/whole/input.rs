@@ -164,7 +164,7 @@ impl<'a> CoverageInput<'a> {
         let room = room(self.job);
         if bytes > room / copies {
             let count = feature.geometry.vertices();
-            let message = format!("a feature of {count} vertices is more than memory holds");
+            let message = format!("a feature of {count} vertices does not fit in memory");
             return Err(short(message, copies * bytes + self.job.resources.memory - room));
         }
         self.vertices += feature.geometry.parts().map(|part| part.xy.len() as u64).sum::<u64>();

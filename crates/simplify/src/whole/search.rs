@@ -32,7 +32,7 @@ impl OpenedLineJob<'_> {
             (Some(topology), _) => CoverageJob { job, files, topology, rule, progress, cancel }
                 .run(input, wanted, report),
             (None, Some(wanted)) => self.alone(input, rule, wanted, report),
-            (None, None) => Err(Error::new(ErrorKind::Internal, "nothing is looked for")),
+            (None, None) => Err(Error::new(ErrorKind::Internal, "the search has no goal")),
         }
     }
 }
@@ -76,13 +76,13 @@ fn too_few(whole: &OpenedLineJob<'_>, (most, unit): (u64, GoalUnit), least: u64)
         (_, GoalUnit::Bytes) => ", or pass ‹collapse› drop, or fewer ‹decimals› in a text format",
     };
     let stays = match whole.job.topology {
-        Some(_) => "ends of lines, corners of the smallest rings and what keeps neighbours apart",
-        None => "ends of lines and corners of the smallest rings",
+        Some(_) => "line ends, smallest rings and topology",
+        None => "line ends and smallest rings",
     };
-    let message = format!("so little cannot be met: {most} {what}; the least found is {least}");
-    Error::usage(format!("{message}, as {stays} stay"))
+    let message = format!("{most} {what} cannot be reached; the minimum found is {least}");
+    Error::usage(format!("{message} ({stays} are kept)"))
         .in_file(&whole.files.pairs[0].input)
-        .remedy(format!("ask for {least} or more{others}"))
+        .remedy(format!("pass {least} or more{others}"))
 }
 
 /// Which thresholds vertices are kept at, each line and ring by itself, and the larger side of the box

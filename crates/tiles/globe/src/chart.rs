@@ -113,10 +113,10 @@ impl GridGeolocation {
         let is_in =
             |at: [f64; 2]| (0..2).all(|axis| (0.0..=f64::from(ends[axis])).contains(&at[axis]));
         if [-90.0, 90.0].into_iter().any(|pole| back([0.0, pole]).is_ok_and(is_in)) {
-            return Err(Error::unsupported("lies around a pole")
-                .remedy("take it in parts that do not hold the pole"));
+            return Err(Error::unsupported("contains a pole")
+                .remedy("split it into parts without the pole"));
         }
-        let mut found = Err(Error::bad_input("has no sample"));
+        let mut found = Err(Error::bad_input("is empty"));
         for between in BETWEEN {
             let parts = ends.map(|end| end.div_ceil(between).clamp(PARTS[0], PARTS[1]));
             let chart = Self::of_parts(whole, parts, &to, &back)?;
@@ -163,9 +163,9 @@ impl GridGeolocation {
         const MOST: u32 = 64;
         let too_bent = |off: f64, unit: &str| {
             Error::unsupported(format!(
-                "is too large for its projection: places are off by {off:.1e} {unit}"
+                "is too large for its projection: positions are off by {off:.1e} {unit}"
             ))
-            .remedy("take it in parts, or transform it with gdalwarp -t_srs EPSG:4326")
+            .remedy("split it, or transform it with gdalwarp -t_srs EPSG:4326")
         };
         let mut most = 0.0_f64;
         for row in (0..parts[1]).step_by(parts[1].div_ceil(MOST) as usize) {

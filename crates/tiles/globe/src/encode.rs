@@ -49,7 +49,7 @@ impl QuantizedHeights {
     pub(crate) fn of(tile: &TerrainTile) -> Result<Self> {
         Self::fitting(tile).ok_or_else(|| {
             let tiling::GlobeTileId { level, x, y } = tile.id;
-            let message = format!("tile {level}/{x}/{y} is higher than its steps can tell");
+            let message = format!("heights of tile {level}/{x}/{y} exceed its quantization");
             Error::new(ErrorKind::Internal, message)
         })
     }

@@ -164,9 +164,9 @@ pub fn glb<G: GroundSampler>(
     normals: Option<(&TileLevel, &G)>,
     form: GlbTileOptions,
 ) -> Result<(Vec<u8>, TileMetadata)> {
-    let lattice = tile.lattice.ok_or_else(|| {
-        Error::new(ErrorKind::Internal, "vertices of a tile are on no lattice of coordinates")
-    })?;
+    let lattice = tile
+        .lattice
+        .ok_or_else(|| Error::new(ErrorKind::Internal, "vertices of a tile are not quantized"))?;
     let skirted = (form.skirt > 0).then(|| skirted(tile, form.skirt));
     let tile = skirted.as_ref().unwrap_or(tile);
     QuantizedHeights::of(tile)?;

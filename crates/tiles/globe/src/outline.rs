@@ -40,8 +40,8 @@ pub(crate) fn outline(
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     for side in [across(0), across(height - 1), down(0), down(width - 1)] {
         if side.windows(2).any(|two| (two[0][0] - two[1][0]).abs() > 180.0) {
-            return Err(Error::unsupported("lies across 180 degrees, or around a pole")
-                .remedy("take what lies on either side for itself"));
+            return Err(Error::unsupported("crosses 180 degrees or contains a pole")
+                .remedy("split it there"));
         }
         for place in side {
             for axis in 0..2 {

@@ -125,7 +125,7 @@ impl<'a> TileBuilder<'a> {
                 break;
             }
         }
-        best.ok_or_else(|| Error::new(ErrorKind::Internal, "a tile was never measured"))
+        best.ok_or_else(|| Error::new(ErrorKind::Internal, "a tile has no error"))
     }
 
     /// Takes samples for vertices, however far off they seem; whether one became one. Where one is a vertex already,

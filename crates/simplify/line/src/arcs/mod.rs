@@ -39,7 +39,7 @@ pub struct JoinedParts {
 /// `Usage` for a distance that is not above 0 and finite.
 pub fn snap(points: &mut [Xy], anchors: &[Xy], distance: f64) -> Result<()> {
     if !(distance > 0.0 && distance.is_finite()) {
-        return Err(Error::usage(format!("snap distance {distance} is not one")));
+        return Err(Error::usage(format!("snap distance {distance} is not positive and finite")));
     }
     snap::snap(points, anchors, distance);
     Ok(())

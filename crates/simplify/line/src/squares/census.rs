@@ -61,7 +61,7 @@ impl VertexHistogram {
                 // False for NaN, too.
                 let is_sound = p[axis].abs() <= MOST;
                 if !is_sound {
-                    let message = format!("position {p:?} is not finite, or too large");
+                    let message = format!("position {p:?} is not finite or too large");
                     return Err(Error::bad_input(message).remedy("remove or repair the vertex"));
                 }
                 bounds[0][axis] = bounds[0][axis].min(p[axis]);

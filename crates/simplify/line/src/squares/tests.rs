@@ -165,7 +165,7 @@ fn a_crowd_far_from_the_rest_is_divided_by_finer_counts() {
 fn too_many_in_one_place_are_told() {
     let points = [&[[3.5, 4.5]; 9][..], &[[0.0, 0.0], [-1e5, 1e5]]].concat();
     let error = divided(&points, 8).unwrap_err();
-    assert!(error.to_string().contains("in one place"), "{error}");
+    assert!(error.to_string().contains("at one position"), "{error}");
     assert!(divided(&points, 9).is_ok());
     assert!(VertexHistogram::default().add(&[[f64::NAN, 0.0]]).is_err());
     assert!(VertexHistogram::default().add(&[[0.0, 1e141]]).is_err());

@@ -165,9 +165,13 @@ impl VertexQuadtree {
                 QuadtreeNodeState::Crowded(self.crowded.len() as u32 - 1)
             } else {
                 let at = self.nodes[at].low();
-                return Err(Error::limit("the number of vertices in one place", count, self.most)
-                    .at(format!("near {}, {}", at[0], at[1]))
-                    .remedy("remove vertices that repeat others"));
+                return Err(Error::limit(
+                    "the number of vertices at one position",
+                    count,
+                    self.most,
+                )
+                .at(format!("near {}, {}", at[0], at[1]))
+                .remedy("remove duplicate vertices"));
             };
         }
         Ok(())

@@ -64,18 +64,19 @@ impl Chains<'_> {
     pub fn check(&self) -> Result<()> {
         let n = self.points.len();
         if u32::try_from(n).is_err() {
-            return Err(Error::limit("the number of vertices", n, u32::MAX)
-                .remedy("split the input and simplify its parts"));
+            return Err(
+                Error::limit("the number of vertices", n, u32::MAX).remedy("split the input")
+            );
         }
         let ordered = self.starts.windows(2).all(|pair| pair[0] <= pair[1]);
         let whole = self.starts.first() == Some(&0) && self.starts.last() == Some(&n);
         if !ordered || !whole || self.starts.len() != self.closed.len() + 1 {
-            return Err(Error::usage("chains do not begin where the ones before them end"));
+            return Err(Error::usage("chains are not contiguous"));
         }
         let sound = |v: f64| v == 0.0 || (LEAST..=MOST).contains(&v.abs());
         if let Some(at) = self.points.iter().position(|p| !(sound(p[0]) && sound(p[1]))) {
             return Err(Error::bad_input(format!(
-                "position {:?} is not finite, or too large or too small to be told from others",
+                "position {:?} is not finite, too large or too small",
                 self.points[at]
             ))
             .at(format!("vertex {at}"))
@@ -86,9 +87,9 @@ impl Chains<'_> {
             self.closed[chain] && all.first() != all.last()
         };
         match (0..self.count()).find(open) {
-            Some(chain) => Err(Error::bad_input("a ring does not end where it begins")
+            Some(chain) => Err(Error::bad_input("a ring is not closed")
                 .at(format!("ring {chain}"))
-                .remedy("repeat its first vertex at its end")),
+                .remedy("repeat its first vertex at the end")),
             None => Ok(()),
         }
     }
@@ -158,7 +159,7 @@ impl KeptChainVertices {
             && self.starts.windows(2).all(|pair| pair[0] <= pair[1]);
         match whole && (0..chains.count()).all(fits) {
             true => Ok(()),
-            false => Err(Error::usage("the kept vertices are not a selection from the chains")),
+            false => Err(Error::usage("the kept vertices are not a subset of the chains")),
         }
     }
 }

@@ -41,7 +41,7 @@ pub(super) struct SidePoints<'a> {
 impl<'a> SidePoints<'a> {
     pub(super) fn new(at: &'a [Xy]) -> Result<Self> {
         let alone = Chains { points: at, starts: &[0, at.len()], closed: &[false] };
-        alone.check().map_err(|e| e.at("points that keep their side"))?;
+        alone.check().map_err(|e| e.at("points with fixed sides"))?;
         let boxes: Vec<_> = (0..).zip(at.iter().map(|&p| ClosedBox { low: p, high: p })).collect();
         Ok(Self { at, tree: HilbertRTree::new(&boxes) })
     }

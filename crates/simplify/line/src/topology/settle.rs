@@ -87,7 +87,7 @@ impl<'a> UntangleState<'a> {
         let mut first = 0;
         while first < self.pieces.len() {
             if self.pieces.len() > most {
-                let message = format!("more than {most} pieces of lines are looked at together");
+                let message = format!("one crossing search holds more than {most} pieces of lines");
                 return Err(Error::new(ErrorKind::Resource, message));
             }
             let fresh = self.layer_from(first);
