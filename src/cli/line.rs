@@ -86,8 +86,8 @@ fn run(args: &SimplifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let holds = pipes::PipeContent::Features(args.input_format.as_deref());
     let mut stdin = pipes::StdinFile::expect(&mut input, holds, resources)?;
     if args.input_format.is_some() && !stdin.is_read() {
-        return Err(Error::usage("‹input_format› is for stdin, and no input is -")
-            .remedy("leave ‹input_format› out: files tell their format"));
+        return Err(Error::usage("‹input_format› requires stdin (-) as an input")
+            .remedy("leave ‹input_format› out"));
     }
     // What is asked for says so, not how many of the files are there or good.
     let into_folder = input.len() > 1 || vector::is_collection(&input[0]);
@@ -161,7 +161,7 @@ fn summary(r: &LineReport) -> String {
         ("read", format!("{features} features, {parts} lines and rings, {}", r.crs)),
         ("vertices", format!("{} of {} ({share})", text::count(r.kept), text::count(r.vertices))),
         ("method", format!("{}, threshold {}{unit}", r.method, text::number(r.threshold.value))),
-        ("distance", format!("{largest}{unit} at most from what is left")),
+        ("distance", format!("at most {largest}{unit} from the result")),
     ];
     if r.collapsed > 0 {
         rows.push(("collapsed", format!("{} rings", text::count(r.collapsed))));
@@ -169,7 +169,7 @@ fn summary(r: &LineReport) -> String {
     if r.arcs > 0 {
         let [arcs, refined, found] = [r.arcs, r.refined, r.input_crossings].map(text::count);
         rows.push(("topology", format!("{arcs} arcs, {refined} pieces refined")));
-        rows.push(("crossings", format!("{found} that the input has")));
+        rows.push(("crossings", format!("{found} in the input")));
     }
     rows.extend(r.hierarchy.as_ref().map(|own| ("hierarchy", hierarchy(own))));
     rows.push(("files", format!("{}, {}", text::bytes(r.output_bytes), r.outputs.join(", "))));
@@ -183,5 +183,5 @@ fn summary(r: &LineReport) -> String {
 fn hierarchy(own: &HierarchyReport) -> String {
     let done = if own.made { "made" } else { "checked" };
     let [prepared, asked] = [own.prepare_seconds, own.query_seconds].map(text::seconds);
-    format!("{}, {}, {done} in {prepared}, asked in {asked}", own.file, text::bytes(own.bytes))
+    format!("{}, {}, {done} in {prepared}, queried in {asked}", own.file, text::bytes(own.bytes))
 }

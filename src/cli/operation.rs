@@ -123,10 +123,10 @@ impl OperationInput for GridInput {
     /// A mesh has nothing of all this, what is made by rule no bands.
     fn check(name: &str, many: &InputSelection, given: &[&'static str]) -> Result<()> {
         if many.is_cloud(name)? {
-            return Err(Error::usage("is a point cloud, and a grid is read")
+            return Err(Error::usage("is a point cloud, not a grid")
                 .in_file(&path_of(name))
                 .remedy(
-                    "make a grid of it first: terrane grid --dtm, or by tasks terrane plan grid",
+                    "make a grid first with terrane grid --dtm, or by tasks with terrane plan grid",
                 ));
         }
         // A synthetic terrain has samples, too.
@@ -400,7 +400,7 @@ fn take_positional<O: Operation>(options: &mut O, input: &mut Vec<String>) -> Re
     let fields: Vec<_> = positional(O::TABLE).collect();
     if input.len() <= fields.len() {
         let names = value_names(O::TABLE).join(", ");
-        return Err(Error::usage(format!("names are missing: {names} are needed"))
+        return Err(Error::usage(format!("missing names: {names}"))
             .remedy(format!("see `terrane {} --help`", O::NAME)));
     }
     let taken = input.split_off(input.len() - fields.len());

@@ -13,7 +13,7 @@ pub(super) fn stop(cancel: Cancel) {
             std::process::exit(ErrorKind::Interrupted.exit_code().into());
         }
         cancel.cancel();
-        say::note("stopping; once more to leave at once");
+        say::note("stopping; press Ctrl-C again to quit at once");
     });
 }
 

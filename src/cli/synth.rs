@@ -64,14 +64,15 @@ impl Verb for SynthArgs {
 fn run(args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let name = format!("synth:{}", args.name.strip_prefix("synth:").unwrap_or(&args.name));
     if args.resources.1.contains(&"temp_dir") {
-        return Err(Error::usage("‹temp_dir› cannot act: nothing is spilled")
-            .remedy("leave ‹temp_dir› out"));
+        return Err(
+            Error::usage("‹temp_dir› has no effect in `synth`").remedy("leave ‹temp_dir› out")
+        );
     }
     if cloud::synth::is_synthetic(&name) {
         return fly(&name, args, cancel);
     }
     if args.point_format.is_some() {
-        return Err(Error::usage("--point-format is for clouds, and this is none")
+        return Err(Error::usage("--point-format requires a point cloud")
             .remedy("leave --point-format out"));
     }
     match vector::synthetic(name.as_ref()) {
@@ -96,10 +97,8 @@ fn raise(name: String, args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome>
 /// The size of a terrain by name was asked for: beyond a limit, it is no fault of a file.
 pub(super) fn size(error: Error) -> Error {
     match error.kind() {
-        ErrorKind::Limit => {
-            Error::usage(format!("a store cannot hold a terrain of this size: {error}"))
-                .remedy("choose a smaller size")
-        }
+        ErrorKind::Limit => Error::usage(format!("the terrain is too large: {error}"))
+            .remedy("choose a smaller size"),
         _ => error,
     }
 }

@@ -96,7 +96,7 @@ impl Summarize for TilesReport {
         ];
         rows.extend(report::took(&self.run, None, ""));
         rows.extend(report::notes(&self.notes));
-        let heading = "level     tiles  triangles       bytes   error, m  of allowed";
+        let heading = "level     tiles  triangles       bytes   error, m  allowed, m";
         let level = |l: &terrane_tiles::TileLevelReport| {
             format!(
                 "{:>5} {:>9} {:>10} {:>11} {:>10.3} {:>11.3}",

@@ -223,7 +223,7 @@ impl Grid {
     /// A rectangle that reaches out of the grid; damage in the file.
     pub fn heights(&self, rect: Rect) -> Result<Vec<f64>> {
         if self.info().bounds().intersect(&rect) != rect {
-            return Err(Error::usage(format!("{rect:?} reaches out of the grid")));
+            return Err(Error::usage(format!("{rect:?} extends beyond the grid")));
         }
         let mut heights = vec![f64::NAN; rect.len()];
         self.source.read_f64(rect, &mut heights)?;

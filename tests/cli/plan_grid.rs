@@ -119,7 +119,7 @@ fn files_are_no_folders_of_work() {
         (&["plan", "tin", "g.tif", "--max-error", "1"], "g.tif"),
         (&["plan", "tin", "c.las", "--max-error", "1"], "c.las"),
     ] {
-        place.fails(&[args, &["-o", "file"]].concat(), 2, &["file: is a file, and a folder"]);
+        place.fails(&[args, &["-o", "file"]].concat(), 2, &["file: is a file, not a folder"]);
         place.fails(&[args, &["-o", input]].concat(), 2, &[input]);
     }
     for args in [
@@ -132,7 +132,7 @@ fn files_are_no_folders_of_work() {
         place.fails(
             &[args, &["--workdir", "file"]].concat(),
             2,
-            &["file: is a file, and a folder"],
+            &["file: is a file, not a folder"],
         );
     }
     let own = ["plan", "grid", "c.las", "--cell", "2", "-o", "c.las"];

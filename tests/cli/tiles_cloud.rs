@@ -142,11 +142,7 @@ fn what_does_not_fit_clouds_or_grids_is_refused() {
     tiles(&["--band", "1"], &["--band", "not for point clouds"]);
     tiles(&["--nodata", "0"], &["--nodata", "not for point clouds"]);
     tiles(&["--meshopt"], &["--meshopt", "--format 3dtiles"]);
-    place.fails(
-        &["plan", "tiles", CLOUD, "-o", "work"],
-        2,
-        &["make a grid of it first", "plan grid"],
-    );
+    place.fails(&["plan", "tiles", CLOUD, "-o", "work"], 2, &["make a grid first", "plan grid"]);
     place.write("g.asc", cli_support::GRID).write("g.prj", "EPSG:32631");
     place.fails(&["tiles", "g.asc", "t", "--cell", "1"], 2, &["--cell", "g.asc"]);
     place.fails(&["tiles", "-", "t", "--ground", "auto"], 2, &["--ground", "cloud:-"]);

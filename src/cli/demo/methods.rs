@@ -137,7 +137,8 @@ fn row(
 
 fn by_name(name: &str) -> Result<TextbookMethod> {
     let found = METHODS.iter().find(|method| method.name == name);
-    let method = found.ok_or_else(|| Error::usage(format!("no method {name}")).remedy("report it"));
+    let method = found
+        .ok_or_else(|| Error::usage(format!("unknown method {name}")).remedy("report this bug"));
     Ok(TextbookMethod { method: method?, triangulation: TriangulationRule::default() })
 }
 
@@ -161,13 +162,13 @@ fn error(row: &DemoMeshRow) -> String {
 fn summary(told: &MethodComparison, [grid, drawn, report]: [&PathBuf; 3]) -> Result<String> {
     let MethodComparison { tolerance, vertical_unit: unit, methods, .. } = told;
     let all_proved = methods.iter().all(|row| row.verdict.passed);
-    let verdict = if all_proved { "proved of every mesh" } else { "NOT kept by every mesh" };
+    let verdict = if all_proved { "proved for every mesh" } else { "NOT kept by every mesh" };
     let samples = u64::from(told.width) * u64::from(told.height);
     let files = text::table(&[
         ("terrain", format!("{}, {} samples", size(grid)?, text::count(samples))),
         ("picture", size(drawn)?),
         ("report", size(report)?),
-        ("bound", format!("{} {unit} at the most, {verdict}", text::number(*tolerance))),
+        ("bound", format!("at most {} {unit}, {verdict}", text::number(*tolerance))),
     ]);
     let heading = ["method", "vertices", "of samples", "triangles", "largest error", "time"];
     let cells = |row: &DemoMeshRow| {

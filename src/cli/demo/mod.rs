@@ -130,7 +130,7 @@ fn picture(mesh: &Path, picture: &Path, resources: &Resources) -> ViewJob {
 fn name_of(path: &Path) -> Result<String> {
     let name = path.to_str().map(str::to_owned);
     name.ok_or_else(|| {
-        Error::usage("the folder's name is not UTF-8").in_file(path).remedy("choose another --dir")
+        Error::usage("folder name is not UTF-8").in_file(path).remedy("choose another --dir")
     })
 }
 
@@ -149,7 +149,7 @@ fn summary(files: &DemoFiles, made: &TinReport, checked: &VerifyReport) -> Resul
         ("picture", size(&files.picture)?),
         ("report", size(&files.report)?),
         (
-            "how small",
+            "size",
             format!(
                 "{} of {} samples kept ({}), {} triangles",
                 text::count(made.vertices),
@@ -159,16 +159,16 @@ fn summary(files: &DemoFiles, made: &TinReport, checked: &VerifyReport) -> Resul
             ),
         ),
         (
-            "how exact",
+            "accuracy",
             format!(
-                "{verdict}: no sample further than {} {unit}, {} {unit} allowed; RMSE {} {unit}",
+                "{verdict}: largest error {} {unit} ({} {unit} allowed), RMSE {} {unit}",
                 text::height(checked.max_error),
                 text::number(made.tolerance),
                 text::height(checked.rmse),
             ),
         ),
         (
-            "how fast",
+            "time",
             format!(
                 "{}, {}",
                 text::seconds(made.run.wall_seconds),

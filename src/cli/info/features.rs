@@ -53,6 +53,6 @@ fn described(own: &FeaturesInfoReport, field: &FieldStats) -> String {
     told.extend(field.width.map(|width| format!(" of {width} bytes")));
     told.extend(field.decimals.filter(|n| *n > 0).map(|n| format!(" with {n} decimals")));
     let nulls = own.features.saturating_sub(field.values);
-    told.extend((nulls > 0).then(|| format!(", none in {} features", text::count(nulls))));
+    told.extend((nulls > 0).then(|| format!(", null in {} features", text::count(nulls))));
     told
 }

@@ -84,8 +84,8 @@ fn run(args: &InfoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let (mut is_any_told, mut failures) = (false, Vec::new());
     let at_once = if args.mosaic { args.files.len() } else { 1 };
     if args.options.given().contains(&"picture") && args.files.len() > at_once {
-        return Err(Error::usage("‹picture› is of one cloud, and here are several files")
-            .remedy("take them together with --mosaic, or name one"));
+        return Err(Error::usage("‹picture› is not supported for several inputs")
+            .remedy("merge them with --mosaic, or name one"));
     }
     for files in args.files.chunks(at_once.max(1)) {
         match args.describe(files, progress.as_ref(), cancel) {
@@ -184,7 +184,7 @@ impl InfoArgs {
         }
         match self.features(files, at) {
             Ok((mut facts, skipped)) if facts.is_more_than_positions() => {
-                facts.notes.push(format!("taken for features, because as a grid: {as_grid}"));
+                facts.notes.push(format!("read as features; not a grid: {as_grid}"));
                 Ok((InfoReport::Features(Box::new(facts)), skipped))
             }
             _ => Err(as_grid),
@@ -197,9 +197,8 @@ impl InfoArgs {
         at: (&dyn Progress, &Cancel),
     ) -> Result<Known<FeaturesInfoReport>> {
         if files.len() > 1 {
-            return Err(
-                Error::usage("features are told about file by file").remedy("leave --mosaic out")
-            );
+            return Err(Error::usage("--mosaic is not supported for feature files")
+                .remedy("leave --mosaic out"));
         }
         self.inspect::<FeaturesInfoOptions, FeatureInput>(self.of(files)?, files, at)
     }

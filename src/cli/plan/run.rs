@@ -74,11 +74,11 @@ pub(crate) fn run(args: &PlanRunArgs, cancel: &Cancel) -> Result<VerbOutcome> {
 pub(crate) fn finish(args: &FinishArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let mut options = args.how.options.0.clone();
     if options.task.is_some() {
-        return Err(Error::usage("‹task› cannot act: it is the last task that is done")
+        return Err(Error::usage("‹task› is not supported by `terrane plan finish`")
             .remedy("leave ‹task› out, or pass it to terrane plan run"));
     }
     if args.file.is_some() && options.output.is_some() {
-        return Err(Error::usage("the output is named twice").remedy("leave ‹output› out"));
+        return Err(Error::usage("the output is given twice").remedy("leave ‹output› out"));
     }
     options.task = Some("finish".to_owned());
     options.output = args.file.clone().or(options.output);
@@ -168,7 +168,7 @@ fn rows<R: DescribesRun>(
         0 => "none".to_owned(),
         _ => format!("{found} of {tasks}, {} checked", text::bytes(r.found_bytes)),
     };
-    let mut rows = vec![("found done", all)];
+    let mut rows = vec![("reused", all)];
     if !r.damaged.is_empty() {
         rows.push(("damaged", format!("{}; made anew", r.damaged.join(", "))));
     }
@@ -177,10 +177,10 @@ fn rows<R: DescribesRun>(
     if count > 0 {
         let (tasks, bytes) = (text::count(count), text::bytes(r.made_bytes));
         rows.push(("made", format!("{tasks} tasks, {made}, {bytes}")));
-        rows.extend(stages.map(|stages| ("in threads", stages)));
+        rows.extend(stages.map(|stages| ("thread time", stages)));
     }
     rows.push(("time", text::seconds(r.wall_seconds)));
-    rows.extend(r.peak_memory.map(|peak| ("memory", format!("{} at the peak", text::bytes(peak)))));
+    rows.extend(r.peak_memory.map(|peak| ("memory", format!("peak {}", text::bytes(peak)))));
     rows
 }
 

@@ -93,10 +93,10 @@ pub(crate) fn points_summary(r: &StatusReport<SquareStatus>) -> String {
     let [columns, rows] = r.of.squares.map(text::count);
     let (side, cut) = (text::number(r.of.side), text::count(r.tile_cells.into()));
     let squares =
-        format!("{columns} x {rows} of {side}, {cut} x {cut} to a task, written as {}", r.format);
+        format!("{columns} x {rows} of {side}, {cut} x {cut} per task, written as {}", r.format);
     table(
         "points",
-        [("cloud", format!("{} points", text::count(r.of.points))), ("squares", squares)],
+        [("cloud", format!("{} points", text::count(r.of.points))), ("tiles", squares)],
         r,
     )
 }
@@ -124,12 +124,12 @@ fn table<S>(kind: &'static str, of: [(&'static str, String); 2], r: &StatusRepor
     if !r.to_do.is_empty() {
         rows.push(("time", time(&r.forecast)));
     }
-    rows.push(("memory", format!("at least {} for a task", text::bytes(r.forecast.least_memory))));
+    rows.push(("memory", format!("at least {} per task", text::bytes(r.forecast.least_memory))));
     let Forecast { disk_needed, output_bytes, .. } = r.forecast;
     let [used, more, output] = [r.object_bytes, disk_needed, output_bytes].map(text::bytes);
     rows.push((
         "disk",
-        format!("{used} in use, about {more} more, and about {output} for the {kind}"),
+        format!("{used} used, about {more} more needed, about {output} for the {kind}"),
     ));
     if !r.damaged.is_empty() {
         rows.push(("damaged", r.damaged.join(", ")));

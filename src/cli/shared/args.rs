@@ -25,7 +25,7 @@ pub(crate) fn only_grids(option: &str, input: &str) -> Result<()> {
 
 /// The error of an option that is for grid files, given with `what`.
 pub(crate) fn refusal(option: &str, input: &str, what: &str) -> Error {
-    Error::usage(format!("{option} is for grid files, and this is {what}"))
+    Error::usage(format!("{option} is for grid files, not for {what}"))
         .in_file(&path_of(input))
         .remedy(format!("leave {option} out"))
 }

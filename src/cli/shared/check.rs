@@ -75,7 +75,7 @@ pub(crate) fn new_file(path: &Path, overwrite: bool) -> Result<()> {
     if folder.is_some_and(|p| !p.is_dir()) {
         return Err(Error::new(ErrorKind::CannotWrite, "its folder does not exist")
             .in_file(path)
-            .remedy("make the folder first"));
+            .remedy("create the folder first"));
     }
     Ok(())
 }
@@ -85,17 +85,17 @@ fn refuse_address(path: &Path) -> Result<()> {
     if path.exists() || !is_address(path) {
         return Ok(());
     }
-    Err(Error::new(ErrorKind::CannotWrite, "addresses are not written")
+    Err(Error::new(ErrorKind::CannotWrite, "output addresses are not supported")
         .in_file(path)
-        .remedy("name a file or folder of this machine"))
+        .remedy("name a local file or folder"))
 }
 
 /// Fails when `path` cannot become a folder: a file is there.
 pub(crate) fn folder(path: &Path) -> Result<()> {
     if path.exists() && !path.is_dir() {
-        return Err(Error::usage("is a file, and a folder is to be made")
+        return Err(Error::usage("is a file, not a folder")
             .in_file(path)
-            .remedy("name a folder, which need not exist"));
+            .remedy("name a new or existing folder"));
     }
     refuse_address(path)
 }

@@ -14,10 +14,9 @@ use terrane_synth as synth;
 use terrane_vector as vector;
 
 /// The last list of verbs that can fail in every way.
-pub(crate) const EXIT_CODES: &str = "Exit codes: 0 done, 1 a promise is broken, 2 usage, \
-3 nothing wrong was found but something promised could not be judged, 65 bad input, 69 not yet, \
-70 a fault of terrane itself, 73 cannot write, 74 read or write failed, 75 too little memory, \
-130 stopped";
+pub(crate) const EXIT_CODES: &str = "Exit codes: 0 success, 1 verification failed, 2 usage error, \
+3 verification incomplete, 65 bad input, 69 not ready, 70 internal error, \
+73 cannot write, 74 read or write failed, 75 too little memory, 130 interrupted";
 
 /// What the engine's own way to make meshes of grids is called.
 pub(crate) const ENGINE: &str = "greedy";
@@ -28,7 +27,7 @@ pub(crate) fn grids() -> String {
     rows.push((
         "synthetic",
         "synth:...".to_owned(),
-        "a terrain by name, see `terrane synth --help`",
+        "a synthetic terrain, see `terrane synth --help`",
     ));
     list("Grids read", &rows)
 }
@@ -68,15 +67,15 @@ pub(crate) fn of_options(table: &'static OptionTable) -> impl Iterator<Item = St
 
 fn thinned() -> String {
     let rows = KEPT.map(|(name, about)| (name, String::new(), about));
-    list("Which point of a square, as in ‹thin=2:lowest›", &rows)
+    list("Point kept per cell, as in ‹thin=2:lowest›", &rows)
 }
 
 pub(crate) fn clouds() -> String {
     let rows = [
         ("LAS", ".las".to_owned(), "1.0 to 1.5"),
         ("LAZ", ".laz".to_owned(), "the same compressed, and COPC"),
-        ("text", "cloud:NAME".to_owned(), "a point in each line"),
-        ("synthetic", "synth:cloud,...".to_owned(), "a cloud by name"),
+        ("text", "cloud:NAME".to_owned(), "one point per line"),
+        ("synthetic", "synth:cloud,...".to_owned(), "a synthetic point cloud"),
     ];
     list("Clouds read", &rows)
 }
@@ -97,7 +96,7 @@ fn statistics() -> String {
 fn attributes() -> String {
     let row = |a: &attribute::PointAttribute| (a.name, a.aliases.join(" "), a.about);
     let rows: Vec<_> = attribute::ATTRIBUTES.iter().map(row).collect();
-    list("Attributes of points, beside the names of extra bytes", &rows)
+    list("Attributes of points, in addition to extra bytes", &rows)
 }
 
 fn grounds() -> String {
@@ -155,7 +154,7 @@ pub(crate) fn meshers() -> String {
     let engine = (
         ENGINE,
         "Garland & Heckbert 1995".to_owned(),
-        "the engine's own: any size, all cores, fewest vertices",
+        "default: out of core, all cores, fewest vertices",
     );
     let row = |m: &methods::BaselineMethod| (m.name, m.source.to_owned(), m.about);
     let rows: Vec<_> = std::iter::once(engine).chain(methods::METHODS.iter().map(row)).collect();

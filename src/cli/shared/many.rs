@@ -112,7 +112,7 @@ impl InputSelection {
         let grids = if self.recursive { raster::files_below } else { raster::files };
         let (is_cloud, path) = (is_cloud(input), path_of(input));
         if is_cloud && path.is_dir() && grids(&[input.to_owned()]).is_ok() {
-            return Err(Error::usage("holds point clouds and grids, and it takes one of them")
+            return Err(Error::usage("holds both point clouds and grids")
                 .in_file(&path)
                 .remedy("name files of one kind by a pattern, such as '*.laz'"));
         }
@@ -127,7 +127,7 @@ impl InputSelection {
         let are = inputs.iter().map(|input| self.is_cloud(input)).collect::<Result<Vec<_>>>()?;
         let all = are.iter().all(|is_cloud| *is_cloud);
         match inputs.iter().zip(&are).find(|(_, is_cloud)| **is_cloud != all) {
-            Some((odd, _)) => Err(Error::usage("clouds and grids cannot be one input")
+            Some((odd, _)) => Err(Error::usage("point clouds and grids cannot be mixed")
                 .in_file(&path_of(odd))
                 .remedy("name files of one kind")),
             None => Ok(all),
@@ -175,9 +175,7 @@ impl InputSelection {
     /// An error with the advice to skip bad files, where that was not asked for and would help.
     pub(crate) fn advise(&self, error: Error) -> Error {
         match !self.skip_bad && error.spares_some() {
-            true => {
-                error.remedy("mend them, leave them out, or go on without them with --skip-bad")
-            }
+            true => error.remedy("repair them, leave them out, or skip them with --skip-bad"),
             false => error,
         }
     }

@@ -95,7 +95,7 @@ impl<'a> StdinFile<'a> {
             return Ok(());
         }
         Err(Error::usage(format!(
-            "{option} needs input that can be read again, which stdin is not"
+            "{option} is not supported with stdin (it reads the input twice)"
         ))
         .in_file(Path::new(STDIN))
         .remedy(format!("name a file, or leave {option} out")))
@@ -114,8 +114,8 @@ impl<'a> StdinFile<'a> {
             return Ok(());
         }
         let format = vector::identify(path)?.ok_or_else(|| {
-            Error::usage("nothing says what format stdin has")
-                .remedy(format!("name it with --input-format: {}", known()))
+            Error::usage("format of stdin is unknown")
+                .remedy(format!("pass --input-format: {}", known()))
         })?;
         let named = path.with_extension(streamed(format, "read")?);
         std::fs::rename(&*path, &named).map_err(|e| Error::write(&named, e))?;
@@ -147,7 +147,7 @@ fn fill(path: &Path, cancel: &Cancel) -> Result<u64> {
             Ok(chunk) => chunk.map_err(|e| Error::io(ErrorKind::Io, "read stdin", e))?,
             Err(RecvTimeoutError::Timeout) => continue,
             Err(RecvTimeoutError::Disconnected) => {
-                return Err(Error::new(ErrorKind::Internal, "the reader of stdin is gone"));
+                return Err(Error::new(ErrorKind::Internal, "the stdin reader stopped"));
             }
         };
         if chunk.is_empty() {
@@ -268,7 +268,7 @@ pub(crate) fn refuse_input(name: &str) -> Result<()> {
     if name != STDIN && name != CLOUD {
         return Ok(());
     }
-    Err(Error::usage("stdin is not read here").in_file(Path::new(name)).remedy("name a file"))
+    Err(Error::usage("stdin is not supported here").in_file(Path::new(name)).remedy("name a file"))
 }
 
 #[cfg(test)]

@@ -56,7 +56,7 @@ pub(crate) fn took(run: &RunStatistics, rate: Option<String>, stages: &str) -> V
             None | Some(0) => String::new(),
             Some(bytes) => format!(", {} through temporary files", text::bytes(bytes)),
         };
-        rows.push(("memory", format!("{peak} at the peak, {budget} allowed{spilled}")));
+        rows.push(("memory", format!("peak {peak}, {budget} allowed{spilled}")));
     }
     rows
 }
@@ -90,9 +90,9 @@ pub(crate) fn transformed(done: Option<&Transformed>) -> impl Iterator<Item = Ro
     done.into_iter().flat_map(|done| {
         let accuracy = match done.accuracy {
             Some(0.0) => String::new(),
-            Some(metres) => format!(", right to {} m", text::number(metres)),
-            None => ", how right is not known".to_owned(),
+            Some(metres) => format!(", accuracy {} m", text::number(metres)),
+            None => ", accuracy unknown".to_owned(),
         };
-        [("written in", done.crs.clone()), ("operation", format!("{}{accuracy}", done.operation))]
+        [("output CRS", done.crs.clone()), ("operation", format!("{}{accuracy}", done.operation))]
     })
 }

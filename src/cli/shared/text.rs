@@ -168,10 +168,10 @@ pub(crate) fn kept(kept: &KeptReport, of: &str) -> String {
     format!("{vertices} vertices at {points} points of {}{outside}{void}", kept.file)
 }
 
-/// The error in a band: "2 (weight 0.5): 19.5 at the most, RMSE 4.1".
+/// The error in a band: "2 (weight 0.5): at most 19.5, RMSE 4.1".
 pub(crate) fn band(r: &MeshBandReport) -> String {
     let [most, rmse] = [r.max_error.map(bound), r.rmse.map(number)].map(Option::unwrap_or_default);
-    format!("{} (weight {}): {most} at the most, RMSE {rmse}", r.band, number(r.weight))
+    format!("{} (weight {}): at most {most}, RMSE {rmse}", r.band, number(r.weight))
 }
 
 /// What became of breaklines: "1,230 segments of a.shp, followed; 4 are outside of the grid".
@@ -213,11 +213,11 @@ pub(crate) fn water(water: &WaterReport) -> String {
     line
 }
 
-/// How a mesh lies in its file: "in metres; 1 x 1 x 2 to a unit of the data".
+/// How a mesh lies in its file: "in metres; 1 x 1 x 2 per unit of x, y and z".
 pub(crate) fn placed(placed: &StorageScale) -> String {
     let scale = placed.scale.map(number).join(" x ");
     let unit = placed.unit.as_ref().map(|unit| format!("in {unit}s; ")).unwrap_or_default();
-    format!("{unit}{scale} to a unit of x, y and z")
+    format!("{unit}{scale} per unit of x, y and z")
 }
 
 #[cfg(test)]

@@ -160,9 +160,9 @@ impl<K: InputKinds, const PLANNED: bool> InputUnion<K, PLANNED> {
         Error::usage(format!("{option} is for {of}, not for {kind}"))
             .in_file(&path_of(input))
             .remedy(match (input, in_place) {
-                (_, Some(field)) => format!("pass ‹{}› in its place", field.name),
+                (_, Some(field)) => format!("pass ‹{}› instead", field.name),
                 ("-", None) => {
-                    format!("leave {option} out, or name stdin cloud:- where it has points")
+                    format!("leave {option} out, or pass cloud:- if stdin holds points")
                 }
                 _ => format!("leave {option} out"),
             })

@@ -34,7 +34,7 @@ impl Summarize for CloudTinReport {
 fn points(r: &CloudTinReport) -> String {
     let stacked = match r.stacked_points {
         0 => String::new(),
-        n => format!("; {} above another at the same position", text::count(n)),
+        n => format!("; {} stacked (same x and y)", text::count(n)),
     };
     format!("{}, {}{stacked}", points::census(&r.points), r.crs)
 }

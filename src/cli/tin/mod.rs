@@ -152,11 +152,11 @@ impl TinVerbArgs {
 /// Fails for meshes that cannot be proved against their grid: solids, and those in another reference system.
 fn refuse_proof(options: &TinOptions) -> Result<()> {
     if options.base.is_some() || !options.co.is_empty() {
-        return Err(Error::usage("a solid has walls and a bottom, which are no terrain to verify")
-            .remedy("leave out --verify, or verify the mesh without ‹base› and ‹co› SOLID_BASE"));
+        return Err(Error::usage("--verify is not supported for solids")
+            .remedy("leave --verify out, or ‹base› and ‹co› SOLID_BASE"));
     }
     if options.reprojection.to_crs.is_some() {
-        return Err(Error::usage("a mesh is proved in the system of its grid")
+        return Err(Error::usage("--verify requires the CRS of the grid")
             .remedy("leave --verify out, or ‹to_crs›"));
     }
     Ok(())

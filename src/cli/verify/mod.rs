@@ -102,7 +102,7 @@ fn run(args: &VerifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
         };
     }
     if let Some(set) = one_of_sets(&args.mesh) {
-        return Err(Error::usage("holds sets of tiles of several formats")
+        return Err(Error::usage("holds tilesets of several formats")
             .in_file(&args.mesh)
             .remedy(format!("name one of them, such as {}", set.display())));
     }
@@ -158,7 +158,7 @@ impl VerifyArgs {
         let options: LineProof = self.of()?;
         if let Some(option) = self.many.given() {
             return Err(Error::usage(format!(
-                "{option} is for many files, and lines are proved against one"
+                "{option} is not supported for lines (they have one original)"
             ))
             .remedy(format!("leave {option} out")));
         }
@@ -219,6 +219,6 @@ fn no_mesh(path: &Path) -> Error {
 
 /// The error of a mesh and its original that have changed places.
 fn wrong_way_round(what: &str, first: &str, second: &str) -> Error {
-    Error::usage(format!("mesh and {what} are the wrong way round"))
+    Error::usage(format!("mesh and {what} are swapped"))
         .remedy(format!("write `terrane verify {second} {first}`"))
 }

@@ -24,7 +24,7 @@ pub(super) fn summary(r: &TilesVerifyReport) -> String {
 fn judged(check: &CheckReport) -> String {
     let faults: u64 = check.faults.iter().map(|fault| fault.count).sum();
     let verdict = match faults {
-        0 => "nothing wrong".to_owned(),
+        0 => "no faults".to_owned(),
         count => format!("{} faults", text::count(count)),
     };
     format!("{verdict}; {}", check.looked_at)

@@ -21,7 +21,7 @@ pub(crate) fn outcome(verdict: &ProofVerdict) -> VerbOutcome {
 pub(super) fn in_words(verdict: &ProofVerdict) -> String {
     match (verdict.passed, verdict.not_judged.as_slice()) {
         (true, []) => "verified: every promise is kept".to_owned(),
-        (true, not) => format!("nothing wrong is found, but not judged: {}", not.join("; ")),
+        (true, not) => format!("no failure found, but not judged: {}", not.join("; ")),
         (false, _) => "NOT verified".to_owned(),
     }
 }
@@ -43,7 +43,7 @@ pub(super) fn summary<O: MeshOriginal>(
     rows.extend(own);
     rows.extend([("mesh", sizes), off, ("edges", edges(r)), ("angles", angles(r))]);
     rows.extend(
-        r.source.as_ref().map(|name| ("source", format!("{name}, by its header; not judged"))),
+        r.source.as_ref().map(|name| ("source", format!("{name} (from the header, not judged)"))),
     );
     rows.extend(report::took(&r.run, Some(rate), ""));
     format!("{}\n{failures}{}", in_words(&r.verdict), text::table(&rows))
@@ -52,8 +52,8 @@ pub(super) fn summary<O: MeshOriginal>(
 fn errors<O: MeshOriginal>(r: &MeshReport<O>) -> String {
     let most = r.max_error.map_or("-".to_owned(), text::bound);
     let allowed = match r.tolerance {
-        Some(tolerance) => format!("{most} at the most, {} allowed", text::number(tolerance)),
-        None => format!("{most} at the most; not judged, because no bound is known (--max-error)"),
+        Some(tolerance) => format!("at most {most}, {} allowed", text::number(tolerance)),
+        None => format!("at most {most}; not judged (pass --max-error)"),
     };
     let [rmse, mean] = [r.rmse, r.mean_error].map(text::height);
     format!("{allowed}; measured: RMSE {rmse}, mean {mean}")
@@ -61,7 +61,7 @@ fn errors<O: MeshOriginal>(r: &MeshReport<O>) -> String {
 
 /// The smallest angle of a mesh, which is judged elsewhere where there is a promise of one.
 fn angles<O: MeshOriginal>(r: &MeshReport<O>) -> String {
-    let told = |a: f64| format!("{} degrees {} at the least (measured)", text::number(a), O::PLANE);
+    let told = |a: f64| format!("at least {} degrees {} (measured)", text::number(a), O::PLANE);
     r.smallest_angle.map_or("none".to_owned(), told)
 }
 
@@ -75,11 +75,11 @@ pub(super) fn off_vertices<O: MeshOriginal>(r: &MeshReport<O>, of: &str) -> Row 
         }
         _ if off == 0 => format!("all are {source} of the {of}"),
         (off, _) if r.of.may_be_off() => {
-            format!("{off} off the {source}: posts of breaklines that were not given")
+            format!("{off} off the {source} (anchor vertices of missing breaklines)")
         }
         (off, true) => format!("{off} off the {source}"),
         (off, false) => {
-            format!("{off} off the {source}; no failure, because terrane did not write this mesh")
+            format!("{off} off the {source} (not a failure: not written by terrane)")
         }
     };
     ("vertices", told)
@@ -89,9 +89,9 @@ pub(super) fn off_vertices<O: MeshOriginal>(r: &MeshReport<O>, of: &str) -> Row 
 fn edges<O: MeshOriginal>(r: &MeshReport<O>) -> String {
     let [inner, outer] = [r.interior_edges, r.open_edges].map(text::count);
     let delaunay = match r.non_delaunay_edges.count {
-        0 => format!("all of them Delaunay {}", O::PLANE),
-        count => format!("{} of them not Delaunay {}", text::count(count), O::PLANE),
+        0 => format!("all Delaunay {}", O::PLANE),
+        count => format!("{} not Delaunay {}", text::count(count), O::PLANE),
     };
-    let promise = if r.delaunay { "" } else { " (no promise of this mesh)" };
-    format!("{inner} inside, {delaunay}{promise}; {outer} on the outline")
+    let promise = if r.delaunay { "" } else { " (not promised by this mesh)" };
+    format!("{inner} inner, {delaunay}{promise}; {outer} on the outline")
 }

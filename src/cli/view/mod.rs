@@ -85,8 +85,9 @@ impl Verb for ViewArgs {
     fn run(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         // What --serve excludes would lift a requirement of the parser's.
         if self.port.is_some() && !self.serve {
-            return Err(Error::usage("--port is for pages that are served")
-                .remedy("pass --serve, or leave --port out"));
+            return Err(
+                Error::usage("--port requires --serve").remedy("pass --serve, or leave --port out")
+            );
         }
         let input = &self.input;
         input.iter().try_for_each(|name| pipes::refuse_input(name))?;
@@ -101,11 +102,9 @@ impl Verb for ViewArgs {
         }
         match (self.many.are_clouds(input)?, is_page) {
             (true, true) => self.page::<CloudPageOptions>(call),
-            (true, false) => {
-                Err(Error::usage("there is a page of a point cloud, but no shaded relief")
-                    .in_file(&path_of(&input[0]))
-                    .remedy("pass --html, or draw it from above with terrane info --picture"))
-            }
+            (true, false) => Err(Error::usage("shaded relief is not supported for point clouds")
+                .in_file(&path_of(&input[0]))
+                .remedy("pass --html, or use terrane info --picture")),
             (false, true) => self.page::<PageOptions>(call),
             (false, false) => {
                 let options: PictureOptions = self.options.of(&input[0])?;
@@ -149,9 +148,9 @@ impl ViewArgs {
     fn tiles(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         let folder = path_of(&self.input[0]);
         if !self.serve {
-            return Err(Error::usage("a folder of tiles is looked at as a server sends it")
+            return Err(Error::usage("a folder of tiles requires --serve")
                 .in_file(&folder)
-                .remedy("pass --serve, in place of -o or --html"));
+                .remedy("pass --serve instead of -o or --html"));
         }
         let options: TilesPageOptions = self.options.of(&self.input[0])?;
         self.refuse_many("tiles")?;
