@@ -47,8 +47,8 @@ pub(crate) fn crs_of(text: Option<&str>) -> terrane::Result<Crs> {
     let crs = wkt::of_srs(text);
     match crs.epsg.is_some() || crs.wkt.is_some() {
         true => Ok(crs),
-        false => Err(terrane::Error::usage(format!("{text:?} is no reference system"))
-            .remedy("give a code such as \"EPSG:32631\", or well-known text")),
+        false => Err(terrane::Error::usage(format!("{text:?} is not a CRS"))
+            .remedy("pass a code such as \"EPSG:32631\", or WKT")),
     }
 }
 
@@ -61,7 +61,7 @@ impl Grid {
     ) -> PyResult<terrane::Grid> {
         let py = array.py();
         let &[height, width] = array.shape() else {
-            return Err(PyValueError::new_err("the array has not two dimensions"));
+            return Err(PyValueError::new_err("the array is not two-dimensional"));
         };
         let most = u32::MAX as usize;
         let [width, height] = [width, height].map(|side| side.min(most) as u32);
@@ -111,7 +111,7 @@ impl Grid {
             )*};
         }
         of_type!(f32 f64 i16 u16 u8 i8 i32 u32);
-        Err(PyValueError::new_err("no array of heights"))
+        Err(PyValueError::new_err("unsupported type of array"))
     }
 
     /// Size, place and the like.

@@ -9,8 +9,6 @@ pub(crate) fn refuse_others(_py: Python<'_>) -> PyResult<()> {
     // SAFETY: both only read the state of the interpreter that this thread is attached to, which `_py` proves.
     match unsafe { ffi::PyInterpreterState_GetID(ffi::PyInterpreterState_Get()) } {
         0 => Ok(()),
-        _ => Err(PyImportError::new_err(
-            "terrane works in the first interpreter of a process alone, and in no subinterpreter",
-        )),
+        _ => Err(PyImportError::new_err("terrane does not support subinterpreters")),
     }
 }

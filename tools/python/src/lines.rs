@@ -29,7 +29,7 @@ fn method_of(py: Python<'_>, name: &str) -> PyResult<Method> {
     let found = METHODS.iter().find(|(known, _)| *known == name);
     let names = METHODS.map(|(name, _)| name).join(", ");
     let unknown =
-        || usage(py, &format!("there is no method {name:?}"), &format!("choose one of {names}"));
+        || usage(py, &format!("unknown method {name:?}"), &format!("choose one of {names}"));
     found.map(|(_, method)| *method).ok_or_else(unknown)
 }
 
@@ -85,12 +85,12 @@ pub(crate) fn simplify_places<'py>(
         && offsets.last() == Some(&(count as i64))
         && offsets.is_sorted();
     if !is_sound {
-        let message = "the offsets are not those of the positions";
-        return Err(usage(py, message, "let them rise from 0 to the number of positions"));
+        let message = "offsets do not match the positions";
+        return Err(usage(py, message, "pass ascending offsets from 0 to the number of positions"));
     }
     if !matches!(width, 2 | 3) {
-        let message = "positions have two or three coordinates";
-        return Err(usage(py, message, "give an array of 2 or 3 columns"));
+        let message = "positions need 2 or 3 coordinates";
+        return Err(usage(py, message, "pass an array of 2 or 3 columns"));
     }
     let (places, ends) = run(py, settings, |machine| {
         let how = LineSimplification { tolerance, method, rings, cancel: &machine.cancel };
@@ -202,7 +202,8 @@ pub(crate) fn write_geometries(
     let options = VectorWriteOptions::default();
     let mut sink = told(py, terrane_vector::create(&path, format, &layer, &options))?;
     for (kind, positions, offsets) in groups {
-        let unknown = || usage(py, &format!("{kind:?} are no lines"), "pass lines or polygons");
+        let unknown =
+            || usage(py, &format!("{kind:?} is not a type of lines"), "pass lines or polygons");
         let kind = GeometryType::by_name(&kind).ok_or_else(unknown)?;
         let (width, positions) = (positions.shape()[1], positions.readonly());
         let mut levels = Vec::with_capacity(offsets.len());
@@ -211,9 +212,9 @@ pub(crate) fn write_geometries(
         }
         let ragged = RaggedArrays { positions: positions.as_slice()?, width, levels };
         for number in 0..ragged.len() {
-            let geometry = ragged
-                .places(kind, number)
-                .ok_or_else(|| usage(py, "offsets do not fit together", "pass those of shapely"))?;
+            let geometry = ragged.places(kind, number).ok_or_else(|| {
+                usage(py, "offsets are inconsistent", "pass the offsets from shapely")
+            })?;
             let feature = Geometry::new(kind, geometry)
                 .map(|geometry| Feature { geometry, ..Feature::default() });
             let written = feature.and_then(|feature| sink.write(&feature));

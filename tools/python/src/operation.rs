@@ -16,7 +16,7 @@ use crate::report::{REPORTS, dictionary, report_named};
 /// The operation of a name.
 pub(crate) fn named(name: &str) -> PyResult<&'static AnyOperation> {
     let found = OPERATIONS.iter().find(|operation| operation.name == name);
-    found.ok_or_else(|| PyValueError::new_err(format!("there is no operation {name:?}")))
+    found.ok_or_else(|| PyValueError::new_err(format!("unknown operation {name:?}")))
 }
 
 /// All operations, proofs and inspections, by name: what each is for, and its options in their order.
@@ -208,7 +208,7 @@ fn json_of(value: &Bound<'_, PyAny>, is_name: bool, nested: u32) -> PyResult<Opt
     let all = all.collect::<PyResult<Option<Vec<_>>>>()?;
     if all.as_ref().is_some_and(|all| all.len() > MOST_VALUES) {
         let error = Error::usage(format!("a list has more than {MOST_VALUES} values"));
-        return told(value.py(), Err(error.remedy("pass fewer")));
+        return told(value.py(), Err(error.remedy("pass fewer values")));
     }
     Ok(all.map(Json::from))
 }

@@ -63,7 +63,7 @@ impl AnyReport {
 
 fn json(report: &impl Serialize) -> terrane::Result<Json> {
     serde_json::to_value(report)
-        .map_err(|e| Error::new(ErrorKind::Internal, format!("the report is no JSON: {e}")))
+        .map_err(|e| Error::new(ErrorKind::Internal, format!("the report is not valid JSON: {e}")))
 }
 
 pub(crate) const REPORTS: [AnyReport; 8] = [
@@ -80,5 +80,5 @@ pub(crate) const REPORTS: [AnyReport; 8] = [
 /// The proof or inspection of a name.
 pub(crate) fn report_named(name: &str) -> PyResult<&'static AnyReport> {
     let found = REPORTS.iter().find(|report| report.name == name);
-    found.ok_or_else(|| PyValueError::new_err(format!("there is no report {name:?}")))
+    found.ok_or_else(|| PyValueError::new_err(format!("unknown report {name:?}")))
 }

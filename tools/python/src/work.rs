@@ -135,7 +135,8 @@ pub(crate) fn run<T: Send>(
     if let Some(stopped) = stopped {
         return Err(stopped);
     }
-    let done = done.map_err(|_| PyRuntimeError::new_err("the job failed: a fault of terrane"))?;
+    let done =
+        done.map_err(|_| PyRuntimeError::new_err("the job failed: internal error of terrane"))?;
     let done = told(py, done)?;
     look(py)?;
     Ok(done)

@@ -62,8 +62,8 @@ def paths(reason: str, **given: Features | None) -> dict[str, str | None]:
     """The names of the files that `given` are; for `reason` geometries in memory are refused."""
     for name, value in given.items():
         if not is_path(value):
-            told = f"{name} is a {type(value).__name__} in memory, and {reason}"
-            raise usage(told, "write it into a file, and pass its name")
+            told = f"{name} is a {type(value).__name__} in memory, but {reason}"
+            raise usage(told, "write it to a file and pass the path")
     return {name: None if value is None else os.fspath(value) for name, value in given.items()}
 
 
@@ -98,6 +98,6 @@ def geometries_of(name: str, value: Any) -> tuple[list[str], Any]:
     array = array[known]
     array = array[~shapely.is_empty(array)]
     if len(array) == 0:
-        raise usage(f"{name} holds no geometry", "leave it out, or pass some")
+        raise usage(f"{name} holds no geometry", "leave it out")
     # With so many decimals coordinates come back as they are.
     return list(shapely.to_wkt(array, rounding_precision=20)), getattr(held, "crs", None)

@@ -61,13 +61,13 @@ def columns(points: Any) -> tuple[NDArray[np.float64], dict[str, NDArray[np.uint
             return points[name] if name in names else None
 
         if any(of(axis) is None for axis in axes):
-            raise usage(f"an array with the columns {', '.join(names)} has no x, y and z")
+            raise usage(f"an array with the columns {', '.join(names)} lacks x, y and z")
         return (*record(points, of, *axes), None)
     array = np.asarray(points)
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "fiu":
         raise usage(
-            f"an array of {array.dtype} of shape {array.shape} is no list of points",
-            "pass paths, an array of three columns, or records of laspy or PDAL",
+            f"an array of {array.dtype} of shape {array.shape} is not an array of points",
+            "pass paths, an array of three columns, or points of laspy or PDAL",
         )
     return np.require(array, "f8", ("C", "A")), {}, None
 
@@ -131,7 +131,7 @@ class GridResult:
         refuse_existing(name, overwrite)
         if not name.lower().endswith((".tif", ".tiff")):
             if len(self.names) > 1:
-                raise usage(f"{len(self.names)} bands are for a GeoTIFF", "write a .tif")
+                raise usage(f"{len(self.names)} bands require a GeoTIFF", "write a .tif")
             reading = {"band": 1, "nodata": None, "clip": None, "water": None}
             grid = _terrane.Grid.open([self._path], reading)
             _terrane.run_operation("convert", grid, name, {"overwrite": overwrite}, settings(None, None))
@@ -151,7 +151,7 @@ class GridResult:
 
         a, b, x, d, e, y = self.transform
         if b or d:
-            raise usage("a grid that is turned has no coordinates of columns and rows")
+            raise usage("a rotated grid has no coordinates along rows and columns")
         _, rows, cols = self.data.shape
         system = {} if self._wkt is None else {"crs_wkt": self._wkt, "spatial_ref": self._wkt}
         place = {"GeoTransform": " ".join(map(repr, (x, a, b, y, d, e)))}

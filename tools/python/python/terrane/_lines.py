@@ -138,7 +138,7 @@ def simplify(
     """
     method = method or "cone"
     if metric not in METRICS:
-        raise usage(f"there is no metric {metric!r}", f"choose one of {', '.join(METRICS)}")
+        raise usage(f"unknown metric {metric!r}", f"choose one of {', '.join(METRICS)}")
     if tolerance is not None or not any(key in options for key in GOALS):
         tolerance = needed("tolerance", tolerance)
     asked = None
@@ -149,7 +149,7 @@ def simplify(
             f"pass one of {', '.join(OF_GEOMETRIES)}, or call simplify_file",
         )
     if metric == "metres" and tolerance is None:
-        raise usage("metres are those of a tolerance, and none is given", "leave the metric out")
+        raise usage("metric requires a tolerance", "leave metric out")
     if topology or metric == "metres" or options:
         asked = {**goal_of(tolerance, method, metric), "topology": topology, **options}
         _terrane.check_operation("simplify", asked, "lines.wkt")
@@ -157,14 +157,14 @@ def simplify(
     plain = isinstance(geometry, np.ndarray) and geometry.dtype.kind in "fiu"
     if plain or offsets is not None:
         if asked is not None or crs is not None:
-            raise usage("positions have no neighbours and no system", "pass geometries of shapely")
+            raise usage(
+                "topology and crs are not supported for positions", "pass geometries of shapely"
+            )
         return of_positions(geometry, offsets, tolerance, method, metric, rings, run)
     if rings:
-        raise usage("geometries say themselves whether they are rings", "leave rings out")
+        raise usage("rings is not supported for geometries", "leave rings out")
     if topology and metric == "space":
-        raise usage(
-            "what crosses what is seen in the plane", 'leave metric="space" or topology out'
-        )
+        raise usage('topology is not supported with metric="space"', "leave one of them out")
     import shapely
 
     if hasattr(geometry, "geometry") and hasattr(geometry, "set_geometry"):
@@ -198,7 +198,10 @@ def simplify(
         )
     array = np.atleast_1d(np.asarray(geometry, dtype=object))
     if not all(shapely.is_geometry(array.ravel()) | shapely.is_missing(array.ravel())):
-        raise usage(f"a {type(geometry).__name__} holds no lines", "pass geometries of shapely")
+        raise usage(
+            f"a {type(geometry).__name__} is not a geometry or an array of geometries",
+            "pass geometries of shapely",
+        )
     done = of_geometries(array.ravel(), tolerance, method, asked, metric, crs, run)
     return done[0] if isinstance(geometry, shapely.Geometry) else done.reshape(array.shape)
 
@@ -215,7 +218,7 @@ def of_positions(
     """Positions of one line, or of many."""
     array = np.require(positions, "f8", ("C", "A"))
     if array.ndim != 2:
-        raise usage(f"an array of shape {array.shape} is no list of positions")
+        raise usage(f"an array of shape {array.shape} is not an array of positions")
     wide = array[:, :2] if metric == "plane" and array.shape[1] == 3 else array
     wide = np.require(wide, "f8", ("C", "A"))
     starts = [0, len(array)] if offsets is None else offsets
@@ -310,7 +313,7 @@ def through_files(
                 some, name = shapely.polygons(some), "Polygon"
             found, positions, offsets = shapely.to_ragged_array(some, include_z=has_z)
             if found != kind and kind != kind_of.LINEARRING:
-                raise usage(f"{name}s are not all of one kind")
+                raise usage(f"{name}s differ in kind")
             levels = [np.require(level, "i8", ("C", "A")) for level in offsets]
             groups.append((name, np.require(positions, "f8", ("C", "A")), levels))
             order.append(places)
@@ -325,7 +328,10 @@ def through_files(
             found = shapely.from_wkt([line.rstrip("\n") for line in file if line.strip()])
     places = np.concatenate(order)
     if len(found) != len(places):
-        raise usage(f"{len(places) - len(found)} geometries came to nothing", "lower the tolerance")
+        raise usage(
+            f"{len(places) - len(found)} geometries are empty after simplification",
+            "lower the tolerance",
+        )
     rings = kinds[places] == kind_of.LINEARRING
     found[rings] = shapely.get_exterior_ring(found[rings])
     done[places] = found

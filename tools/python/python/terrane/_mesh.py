@@ -106,7 +106,7 @@ class Mesh:
         bound = self._mesh.tolerance_in(name)
         if bound > self.tolerance:
             warn(
-                f"{name}: heights of 32 bits are up to {bound:.9g} from the samples, where {self.tolerance:.9g} is allowed, and "
+                f"{name}: float32 heights are up to {bound:.9g} from the samples ({self.tolerance:.9g} is allowed), and "
                 "the file states that; pass float32 heights, or use write_tin, which rounds first"
             )
         return self._mesh.write(name, overwrite)

@@ -33,9 +33,9 @@ SOURCE = ("band", "nodata", "transform", "crs", "clip", "water")
 # Operations that take meshes in place of grids.
 OF_SURFACES = ("picture", "page")
 OF_SOURCE = {
-    "transform": "Where an array lies, in rasterio's order",
-    "crs": "The reference system of an array: text, a code, or one of pyproj or rasterio",
-    "progress": "A function of the stage, what is done and the total, or tqdm",
+    "transform": "Affine transform of an array, in rasterio's order",
+    "crs": "CRS of an array: text, an EPSG code, or a CRS of pyproj or rasterio",
+    "progress": "A function of stage, done and total, or tqdm",
 }
 # What Python has in place of texts.
 TYPES = {"crs": "Any", "band": "int | None", "clip": "Features | None", "water": "Features | None", "keep_points": "Features | None", "breaklines": "Features | None", "to_crs": "Any", "output": "Path | None"}
@@ -73,7 +73,7 @@ def ready(
             options[key] = crs_text(options[key])
     is_kept = options.get("workdir") is not None
     if is_plan or is_kept:
-        why = "work in a folder goes on later" if is_kept else "a plan is run later"
+        why = "work in a folder requires a file" if is_kept else "a plan requires a file"
         for of in (reading, options):
             of |= _beside.paths(why, **{key: of[key] for key in BESIDE if key in of})
     if not is_plan:
@@ -189,7 +189,7 @@ def proved(name: str) -> Callable[..., Report]:
         if not isinstance(file, str | os.PathLike):
             of = PROVED[name][0]
             remedy = "pass a terrane.Mesh or a path" if name == "verify" else "pass a path"
-            raise usage(f"a {type(file).__name__} is no path of {'a mesh' if of == 'mesh' else of}", remedy)
+            raise usage(f"a {type(file).__name__} is not a path of {'a mesh' if of == 'mesh' else of}", remedy)
         return prove(name, os.fspath(file), src, given)
 
     function.__name__ = function.__qualname__ = called(name)
@@ -279,7 +279,7 @@ def contour(
         return run("contour", src, output, options)
     for key in OF_FILES:
         if options.get(key):
-            raise usage(f"{key} is for files, and the lines stay in memory", "pass output, too")
+            raise usage(f"{key} is for files only", "pass output")
     with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
         path = os.path.join(folder, "lines.fgb")
         with in_memory(path):
@@ -341,7 +341,7 @@ def grid(
         return run("grid", src, output, options)
     for key in OF_GRIDS:
         if is_asked(options.get(key)):
-            raise usage(f"{key} is for files, and the grid stays in memory", "pass output, too")
+            raise usage(f"{key} is for files only", "pass output")
     folder = tempfile.TemporaryDirectory(prefix="terrane-")
     path = os.path.join(folder.name, "grid.tif")
     with in_memory(path):
@@ -544,7 +544,7 @@ def about_of(option: dict[str, Any]) -> str:
 
 PLACES = {
     "path": "The file or folder to write",
-    "output": "The file to write; without one the result stays in memory, and options of files are refused",
+    "output": "The file to write; by default the result stays in memory, and options of files are not supported",
     "mesh": "The mesh file",
     "tiles": "The folder of tiles",
 }

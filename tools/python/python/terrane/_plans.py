@@ -52,13 +52,13 @@ class Plan:
                 raise TypeError(f"run() got an unexpected keyword argument {min(options)!r}")
             if not isinstance(task, str | None):
                 first = next((task for task, _ in self.status()["to_do"]), "finish")
-                raise usage(f"task is {task!r}, and tasks have names", f"pass one such as {first!r}")
+                raise usage(f"task is {task!r}, expected a name", f"pass one such as {first!r}")
             parts = number("split", split)
             return self._plan.run(task, name, parts, overwrite, settings(threads, memory, progress))
         if task is not None or progress is not None or split is not None:
             raise usage(
-                "a cluster does all tasks that are not done, and tells of it itself",
-                "leave out task, split and progress, or client",
+                "task, split and progress are not supported with client",
+                "leave them out, or leave out client",
             )
         from dataclasses import asdict
 

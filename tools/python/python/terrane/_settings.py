@@ -50,7 +50,7 @@ def told_by(progress: Any) -> Progress | None:
         from terrane._errors import usage
 
         raise usage(
-            f"progress is a {type(progress).__name__}, which cannot be called",
+            f"progress is a {type(progress).__name__}, which is not callable",
             "pass a function of stage, done and total, or tqdm",
         )
     told: Progress = progress

@@ -62,14 +62,12 @@ def opener_of(src: Any, band: int | None, nodata: float | None, transform: Any, 
     if names is not None:
         for name, given in (("transform", transform), ("crs", crs)):
             if given is not None:
-                raise usage(
-                    f"files say themselves where they lie, without a {name}", "leave it out"
-                )
+                raise usage(f"{name} is not supported for files", "leave it out")
         return of_files(names, band, nodata)
     if is_dataset(src):
         return of_dataset(src, band, nodata, transform, crs)
     if band not in (None, 1):
-        raise usage(f"band {band} of an array, which has one", "pass the part of it that is meant")
+        raise usage(f"band {band} of an array with one band", "pass a two-dimensional part")
     if _xarray.is_data_array(src) or _xarray.is_xarray_dataset(src):
         held = _xarray.held_of(src)
         fills = held.fills if nodata is None else [nodata]
@@ -125,19 +123,19 @@ def native(src: Any, fills: Sequence[float]) -> tuple[NDArray[Any], float | None
     try:
         array = np.ma.getdata(src) if isinstance(src, np.ma.MaskedArray) else np.asarray(src)
     except ValueError as error:
-        raise usage(f"a {type(src).__name__} is no grid of heights: {error}") from error
+        raise usage(f"a {type(src).__name__} is not a grid of heights: {error}") from error
     mask = np.ma.getmask(src) if isinstance(src, np.ma.MaskedArray) else np.ma.nomask
     if array.ndim != 2:
         raise usage(
-            f"a {type(src).__name__} of shape {array.shape} is no grid of heights",
-            "pass an array of two dimensions, rows and columns",
+            f"a {type(src).__name__} of shape {array.shape} is not a grid of heights",
+            "pass a two-dimensional array (rows, columns)",
         )
     if array.dtype.kind not in "fiu":
         raise usage(f"an array of {array.dtype} holds no heights", "convert it to numbers")
     if array.size == 0:
-        raise usage(f"an array of shape {array.shape} holds no sample")
+        raise usage(f"an array of shape {array.shape} is empty")
     for fill in (fill for fill in fills if not holds(array.dtype, fill)):
-        warn(f"the nodata value {fill:g} is no {array.dtype}: it makes no sample void")
+        warn(f"the nodata value {fill:g} is out of range for {array.dtype}: no sample is void")
     fills = [fill for fill in fills if holds(array.dtype, fill)]
     is_masked = mask is not np.ma.nomask and bool(np.any(mask))
     if is_masked or len(fills) > 1:
@@ -149,8 +147,8 @@ def native(src: Any, fills: Sequence[float]) -> tuple[NDArray[Any], float | None
     try:
         return np.require(array, wanted, ("C", "A")), fills[0] if fills else None
     except MemoryError as error:
-        told = f"a copy of an array of shape {array.shape} takes too much memory"
-        remedy = "write it into a file, and pass its name"
+        told = f"a copy of an array of shape {array.shape} does not fit in memory"
+        remedy = "write it to a file and pass the path"
         raise ResourceError(f"{told}; {remedy}", "resource", remedy=remedy) from error
 
 
@@ -177,7 +175,7 @@ def exact(array: NDArray[Any]) -> None:
     if array.dtype.kind not in "iu" or array.dtype.itemsize < 8:
         return
     if int(array.max()) > EXACT or int(array.min()) < -EXACT:
-        raise usage("whole numbers above 2^53 are not exact as heights", "scale them")
+        raise usage("integers above 2^53 are not exact as heights", "scale them")
 
 
 def place_of(transform: Any) -> list[float] | None:
@@ -189,12 +187,12 @@ def place_of(transform: Any) -> list[float] | None:
         numbers = [float(number) for number in tuple(transform)[:6]]
     except (TypeError, ValueError):
         numbers = []
-    remedy = "pass rasterio's, or its six numbers"
+    remedy = "pass an affine transform of six numbers"
     if len(numbers) != 6 or not np.isfinite(numbers).all():
-        raise usage(f"the transform {transform!r} is none", remedy)
+        raise usage(f"{transform!r} is not a transform", remedy)
     a, b, c, d, e, f = numbers
     if a * e == b * d:
-        raise usage(f"the transform {transform!r} turns cells into lines", remedy)
+        raise usage(f"the transform {transform!r} is singular", remedy)
     return [c, a, b, f, d, e]
 
 
@@ -208,9 +206,7 @@ def crs_text(crs: Any) -> str | None:
         return crs
     if hasattr(crs, "to_wkt"):
         return str(crs.to_wkt())
-    raise usage(
-        f"{crs!r} is no reference system", "pass text, a code, or one of pyproj or rasterio"
-    )
+    raise usage(f"{crs!r} is not a CRS", "pass text, an EPSG code, or a CRS of pyproj or rasterio")
 
 
 def is_dataset(src: Any) -> bool:
@@ -225,8 +221,8 @@ def of_dataset(
     colours = [colour.name for colour in getattr(src, "colorinterp", ())]
     if band is None and COLOURS <= set(colours):
         raise usage(
-            f"the dataset is a picture, its bands are {', '.join(colours)}",
-            "pass the band that has heights in it, as band=1",
+            f"the dataset is an image with the bands {', '.join(colours)}",
+            "pass the band of heights, such as band=1",
         )
     is_plain = transform is None and crs is None and type(src).__name__ == "DatasetReader"
     if is_plain and os.path.isfile(src.name) and src.driver == "GTiff":
@@ -270,7 +266,7 @@ def lattice_of(like: Any) -> tuple[tuple[int, int], list[float] | None]:
             shape, transform = (), None
     if len(shape) != 2:
         raise usage(
-            f"a {type(like).__name__} is no grid",
+            f"a {type(like).__name__} is not a grid",
             "pass a dataset, a DataArray, an array of two dimensions, or a pair of a shape and a transform",
         )
     return (shape[0], shape[1]), place_of(transform)

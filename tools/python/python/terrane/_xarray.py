@@ -97,8 +97,8 @@ def held_of(src: Any) -> Held:
     for name, plain in (("scale_factor", 1.0), ("add_offset", 0.0)):
         if array.attrs.get(name, plain) != plain:
             raise usage(
-                f"the DataArray has a {name} of {array.attrs[name]}, which its values are without",
-                "open it with mask_and_scale=True, or apply it and drop the attribute",
+                f"the {name} of {array.attrs[name]} is not applied to the DataArray",
+                "open it with mask_and_scale=True, or apply it and delete the attribute",
             )
     y, x = sides_of(array)
     grid = array.isel({dim: 0 for dim in array.dims if dim not in (y, x)}).transpose(y, x)
@@ -145,7 +145,7 @@ def sides_of(array: Any) -> tuple[str, str]:
             f"choose one of {others[0]!r}, as by .isel({others[0]}=0)",
         )
     raise usage(
-        f"which of the dimensions {told} of a DataArray are y and x is not known", DIMS_REMEDY
+        f"cannot tell which of the dimensions {told} of a DataArray are y and x", DIMS_REMEDY
     )
 
 
@@ -167,7 +167,7 @@ def axis_of(array: Any, dim: Any) -> str | None:
     stated = {axis for held in along for axis in axes_of_attributes(held.attrs)}
     for found in (sorted(stated), named[:1]):
         if len(found) > 1:
-            raise usage(f"the coordinates of {dim!r} say that it is both x and y", DIMS_REMEDY)
+            raise usage(f"the coordinates of {dim!r} are marked as both x and y", DIMS_REMEDY)
         if found:
             return found[0]
     return None
@@ -222,11 +222,11 @@ def mapping_of(array: Any, dims: tuple[str, str]) -> Mapping[str, Any]:
     if len(telling) == 1:
         return dict(telling[0])
     if len(telling) > 1:
-        raise usage("several coordinates of a DataArray say a reference system", "pass crs")
+        raise usage("several coordinates of a DataArray state a CRS", "pass crs")
     if name is not None:
         warn(
-            f"the reference system is that of {name!r}, which is not among the coordinates of the DataArray: it is "
-            'not known; pass the Dataset that it is from, open it with decode_coords="all", or pass crs',
+            f"CRS is unknown: the grid mapping {name!r} is not among the coordinates of the DataArray; "
+            'pass its Dataset, open it with decode_coords="all", or pass crs',
         )
     return {}
 
@@ -260,15 +260,11 @@ def by_pyproj(told: Any, make: Any) -> str:
         import pyproj
     except ImportError as error:
         remedy = "install pyproj, or pass crs"
-        raise usage(
-            f"the reference system {told!r} is not given as well-known text", remedy
-        ) from error
+        raise usage(f"the CRS {told!r} is not WKT", remedy) from error
     try:
         return str(make(pyproj).to_wkt())
     except (pyproj.exceptions.CRSError, KeyError) as error:
-        raise usage(
-            f"{told!r} is no reference system that pyproj knows: {error}", "pass crs"
-        ) from error
+        raise usage(f"pyproj does not know the CRS {told!r}: {error}", "pass crs") from error
 
 
 def place_of(
@@ -287,7 +283,7 @@ def place_of(
     if y is None or x is None:
         lacking = dims[0] if y is None else dims[1]
         raise usage(
-            f"the dimension {lacking!r} has no coordinates, and the other one has", PLACE_REMEDY
+            f"the dimension {lacking!r} has no coordinates, but the other one has", PLACE_REMEDY
         )
     if 1 in (len(y), len(x)):
         return stated
@@ -391,8 +387,8 @@ def encoded_fills(encoding: Mapping[str, Any], values: NDArray[Any]) -> list[flo
         if count > 0:
             kept.append(fill)
             warn(
-                f"{count} samples are {fill:g}, which stands for voids before the scale factor {scale:g} is applied: "
-                "they are taken for voids",
+                f"{count} samples are {fill:g}, the nodata value before the scale factor {scale:g}: "
+                "they are read as voids",
             )
     return [*kept, *(fill * scale + offset for fill in stored)]
 

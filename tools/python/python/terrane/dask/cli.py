@@ -84,7 +84,7 @@ def parser() -> argparse.ArgumentParser:
         "Prints a report as JSON.",
     )
     add = parser.add_argument
-    add("workdir", metavar="WORKDIR", help="folder of the plan, seen by all workers by this path")
+    add("workdir", metavar="WORKDIR", help="folder of the plan; all workers see it at this path")
     add("--scheduler", metavar="ADDRESS", help="such as tcp://host:8786 [default: this machine]")
     add("--workers", metavar="N", type=at_least(1), help="here [default: cores / threads a task]")
     add("--threads-per-task", metavar="N", type=at_least(1), default=Job.threads)
@@ -94,7 +94,7 @@ def parser() -> argparse.ArgumentParser:
     add("--overwrite", action="store_true", help="replace a file that exists")
     add("--no-finish", dest="finish", action="store_false", help="all tasks, but no mesh or grid")
     add("--batch-seconds", metavar="S", type=float, default=Job.batch_seconds,
-        help="short tasks are done together for about so long [default: %(default)s]")  # fmt: skip
+        help="duration of a batch of short tasks, about [default: %(default)s]")  # fmt: skip
     add("--retries", metavar="N", type=at_least(0), default=Job.retries,
         help="of a task that failed or was lost with its worker [default: %(default)s]")  # fmt: skip
     add("--max-nodes", metavar="N", type=at_least(1), default=Job.most_nodes,

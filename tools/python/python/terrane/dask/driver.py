@@ -228,7 +228,7 @@ class Driver:
             raise Stop(INTERNAL, f"{tasks[0].id}: {error}") from error
         self.report.lost += 1
         for task in tasks:
-            self._try_again(task, TRY_AGAIN, f"{task.id}: its worker died, again and again")
+            self._try_again(task, TRY_AGAIN, f"{task.id}: its worker died repeatedly")
 
     def _tick(self) -> None:
         now = time.monotonic()

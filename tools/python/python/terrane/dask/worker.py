@@ -65,7 +65,7 @@ def program(name: str) -> list[str]:
             return [sys.executable, "-m", "terrane"]
     found = shutil.which(name or "terrane")
     if found is None:
-        told = f"there is no program {name or 'terrane'} on {socket.gethostname()}"
+        told = f"program {name or 'terrane'} not found on {socket.gethostname()}"
         raise FileNotFoundError(errno.ENOENT, told)
     return [found]
 
