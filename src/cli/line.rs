@@ -21,25 +21,23 @@ use terrane_vector as vector;
 #[derive(Clone, Debug, clap::Args)]
 #[group(id = "line")]
 pub(super) struct SimplifyArgs {
-    /// Files of features: GeoJSON, Shapefile, FlatGeobuf, WKT, CSV, GPX, TopoJSON. The last
-    /// name is that of the file to write; with several inputs, a folder or a pattern it is that of a
-    /// folder, in which each keeps its name
+    /// Vector files: GeoJSON, Shapefile, FlatGeobuf, WKT, CSV, GPX, TopoJSON. The last name is the output: a file, or
+    /// a folder for several inputs, a folder or a pattern (files keep their names)
     #[arg(required = true, value_names = names::NAMES, value_parser = names::any())]
     pub(super) input: Vec<String>,
     #[arg(skip)]
     pub(super) output: PathBuf,
-    /// Format of stdin, for an input called -: GeoJSON, GeoJSONSeq, WKT or CSV [default: by its first
-    /// bytes]
+    /// Format of stdin (input -): GeoJSON, GeoJSONSeq, WKT or CSV [default: detected]
     #[arg(long, value_name = "NAME")]
     input_format: Option<String>,
     #[command(flatten)]
     pub(super) many: many::InputSelection,
     #[command(flatten)]
     options: OperationOptionArgs<LineOptions>,
-    /// File or folder to write, where it is not the last name
+    /// File or folder to write, instead of the last name
     #[arg(short = 'o', long = "output", value_name = "FILE", help_heading = "Output")]
     named: Option<PathBuf>,
-    /// Write the report to this JSON file
+    /// Write the report to a JSON file
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
     #[command(flatten)]

@@ -13,7 +13,7 @@ use terrane_files::atomic::{self, AtomicFile};
 /// Write manual pages into a folder
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct ManArgs {
-    /// Folder for the pages, made when it is missing
+    /// Folder for the pages, created if missing
     dir: PathBuf,
     /// Replace pages that exist
     #[arg(long)]

@@ -105,9 +105,9 @@ impl InputOpening {
 }
 
 impl OperationInput for GridInput {
-    const NAMES: &'static str = "Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in \
-                                 quotes are one mosaic. The last name is that of the output";
-    const NAMES_PLANNED: &'static str = "Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in quotes are one mosaic";
+    const NAMES: &'static str = "Grid file, or a synthetic terrain by name; several files, a folder, a list or a quoted pattern \
+                                 are one mosaic. The last name is the output";
+    const NAMES_PLANNED: &'static str = "Grid file, or a synthetic terrain by name; several files, a folder, a list or a quoted pattern are one mosaic";
     const STDIN: pipes::PipeContent<'static> = pipes::PipeContent::Grid;
 
     fn opening(&self, resources: &Resources) -> Result<InputOpening> {
@@ -146,9 +146,9 @@ impl OperationInput for GridInput {
 
 impl OperationInput for CloudInput {
     const NAMES: &'static str = "Point cloud: LAS, LAZ, COPC, or text after cloud:. Several files, a folder, a list or a \
-                                 pattern in quotes are one cloud. The last name is that of the output";
+                                 quoted pattern are one point cloud. The last name is the output";
     const NAMES_PLANNED: &'static str = "Point cloud: LAS, LAZ, COPC, or text after cloud:. Several files, a folder, a list or a \
-                                         pattern in quotes are one cloud";
+                                         quoted pattern are one point cloud";
     const STDIN: pipes::PipeContent<'static> = pipes::PipeContent::Points;
 
     /// Where points lie is no matter.
@@ -172,8 +172,8 @@ impl OperationInput for CloudInput {
 }
 
 impl OperationInput for FeatureInput {
-    const NAMES: &'static str = "File of features. The last name is that of the output";
-    const NAMES_PLANNED: &'static str = "File of features";
+    const NAMES: &'static str = "Vector file. The last name is the output";
+    const NAMES_PLANNED: &'static str = "Vector file";
     const STDIN: pipes::PipeContent<'static> = pipes::PipeContent::Features(None);
 
     fn opening(&self, _resources: &Resources) -> Result<InputOpening> {
@@ -195,10 +195,10 @@ pub(super) struct OperationArgs<O: Operation<Input: OperationInput> + HasGroup<R
     input: Vec<String>,
     #[arg(skip)]
     output: PathBuf,
-    /// File to write, where it is not the last name
+    /// File to write, instead of the last name
     #[arg(short = 'o', long = "output", value_name = "FILE", help_heading = "Output")]
     named: Option<PathBuf>,
-    /// Write the report to a file as JSON, too
+    /// Write the report to a JSON file
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
     #[command(flatten)]

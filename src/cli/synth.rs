@@ -20,18 +20,16 @@ use terrane_synth::lines::SyntheticLines;
 use terrane_terrain::convert::{self, ConvertJob};
 use terrane_vector as vector;
 
-/// Write a synthetic terrain as an uncompressed tiled BigTIFF, a synthetic cloud as LAS or LAZ, or
-/// synthetic lines
+/// Write a synthetic terrain (uncompressed tiled BigTIFF), point cloud (LAS or LAZ) or lines
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct SynthArgs {
-    /// Character and parameters of a terrain, such as rough,size=4097,seed=7, or cloud and its
-    /// parameters, such as cloud,size=1000,density=8,seed=7, or a shape of lines and its parameters,
-    /// such as koch,vertices=1000000
+    /// Name and parameters: a terrain such as rough,size=4097,seed=7, a point cloud such as
+    /// cloud,size=1000,density=8,seed=7, or lines such as koch,vertices=1000000
     #[arg(value_name = "NAME")]
     name: String,
-    /// GeoTIFF to write, a .las or .laz file for a cloud, or any file of features for lines
+    /// Output: GeoTIFF for a terrain, .las or .laz for a point cloud, a vector file for lines
     output: PathBuf,
-    /// Format of the points of a cloud: 0 to 3 (LAS 1.2) or 6 to 8 (LAS 1.4) [default: 6]
+    /// LAS point format: 0 to 3 (LAS 1.2) or 6 to 8 (LAS 1.4) [default: 6]
     #[arg(long, value_name = "N", value_parser = <PointFormatNumber as OptionCodec<PointFormat>>::parse)]
     point_format: Option<PointFormat>,
     /// Replace a file that exists

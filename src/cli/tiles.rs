@@ -11,28 +11,26 @@ use crate::cli::shared::{VerbOutcome, args, lists, many, names, report, text};
 use terrane_base::error::Result;
 use terrane_tiles::{CloudTilesOptions, TilesOptions, TilesReport};
 
-/// Make terrain tiles of a grid or a point cloud for viewers of the globe, at every level of detail
+/// Make terrain tiles of a grid or a point cloud for globe viewers, at all levels of detail
 ///
-/// The folder holds quantized-mesh 1.0 tiles (EPSG:4326, TMS) of every level down to the resolution of the
-/// grid, and layer.json; or 3D Tiles 1.1 of the same levels, and tileset.json. No sample is further from a tile, as a client decodes it on the bent earth, than
-/// clients take its level to be off by (77 km at level 0, half as much at each further one), or than its level states
-/// where the steps of its positions cannot tell samples apart; each tile
-/// says how far its samples are at the most. Tiles beside each other have the same border. Voids are
-/// spanned. The grid may be in any system; its samples are brought to WGS 84, and none is made up. Heights are
-/// taken from the ellipsoid on, or brought there with --geoid. Of a cloud a model of the ground is made first, as
-/// terrane grid --dtm makes it, and the samples are those of the model.
+/// The folder holds quantized-mesh 1.0 tiles (EPSG:4326, TMS) with layer.json, or 3D Tiles 1.1 with tileset.json, for
+/// every level down to the resolution of the grid. The error of a decoded tile is at most the geometric error of its
+/// level (77 km at level 0, halved at each level), or the value stated for the level where quantization is coarser;
+/// each tile states its largest error. Neighbouring tiles have identical borders. Voids are bridged. The grid may have
+/// any CRS; samples are transformed to WGS 84 without resampling. Heights are ellipsoidal, or converted with --geoid.
+/// For a point cloud the samples are those of its terrain model (terrane grid --dtm).
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct TilesArgs {
-    /// Grid file; several files, a folder, a list or a pattern in quotes are one mosaic. Or point clouds. Stdin is - for a
-    /// grid and cloud:- for points. The last name is that of the folder to make
+    /// Grid file; several files, a folder, a list or a quoted pattern are one mosaic. Or point clouds. Stdin is - for
+    /// a grid and cloud:- for points. The last name is the output folder
     #[arg(required = true, value_names = names::NAMES, value_parser = names::any())]
     pub(super) input: Vec<String>,
     #[arg(skip)]
     pub(super) output: PathBuf,
-    /// Folder to make, where it is not the last name
+    /// Folder to create, instead of the last name
     #[arg(short = 'o', long = "output", value_name = "FOLDER", help_heading = "Output")]
     named: Option<PathBuf>,
-    /// Write the report to a file as JSON, too
+    /// Write the report to a JSON file
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
     #[command(flatten)]

@@ -82,8 +82,8 @@ impl TilesOptions {
 }
 
 impl Divisible for TilesOptions {
-    const TASK_SIZE: &'static str = "Tiles in a task: regions of about a million samples, each made with all tiles in it, or \
-                                     larger ones [default: 128]";
+    const TASK_SIZE: &'static str = "Tiles per task: regions of about a million samples with all tiles in them, or coarser \
+                                     tiles [default: 128]";
     terrane_engine::planned_as!(TilesPlan, TilesStatus, TilesRun);
 
     fn plan(&self, request: RunRequest<'_>, task_size: Option<u32>) -> Result<StatusReport> {

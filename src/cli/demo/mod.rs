@@ -18,14 +18,13 @@ use terrane_terrain::tin::{TinGoal, TinJob, TinReport};
 use terrane_verify::{MeshProof, VerifyReport};
 use terrane_viewer::view::{PictureOptions, ViewJob};
 
-/// Make a synthetic terrain, simplify it, prove the result, and draw it
+/// Make a synthetic terrain, simplify it, verify the mesh and draw it
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct DemoArgs {
     /// Folder for the results; its files of an earlier demo are replaced
     #[arg(long, value_name = "DIR", default_value = "terrane-demo")]
     dir: PathBuf,
-    /// Compare methods instead: a small terrain by six of them at the same largest error, side by side in one
-    /// picture, in the folder "methods" of that folder
+    /// Compare six methods on a small terrain at the same largest error: one picture, in the subfolder "methods"
     #[arg(long)]
     methods: bool,
     #[command(flatten)]

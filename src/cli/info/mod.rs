@@ -30,15 +30,14 @@ use terrane_viewer::info::{
     GridInfoReport, MeshInfoOptions, MeshInfoReport,
 };
 
-/// Tell what grids, meshes, point clouds and files of lines are, what is odd about them, and what a TIN
-/// of a grid would take
+/// Describe grids, meshes, point clouds and vector files: properties, problems, and the cost of a TIN of a grid
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct InfoArgs {
-    /// Grid, mesh, cloud and feature files, or synthetic terrains by name; a folder, a list or a pattern in
-    /// quotes is one mosaic or one cloud
+    /// Grid, mesh, point cloud and vector files, or synthetic terrains by name; a folder, a list or a quoted pattern
+    /// is one mosaic or one point cloud
     #[arg(required = true, value_name = "FILE", value_parser = names::any())]
     files: Vec<String>,
-    /// Take all files together for one mosaic or one cloud
+    /// Read all files as one mosaic or one point cloud
     #[arg(long)]
     mosaic: bool,
     #[command(flatten)]

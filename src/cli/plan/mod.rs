@@ -27,7 +27,7 @@ use terrane_raster::Inputs;
 use terrane_terrain::tin::TinOptions;
 use terrane_tiles::TilesOptions;
 
-/// Write down the work on a large input as tasks, do them, here or on many machines, and tell how far they are
+/// Divide a large job into tasks, run them on one or many machines, and show their status
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct PlanArgs {
     #[command(subcommand)]
@@ -37,35 +37,34 @@ pub(crate) struct PlanArgs {
 #[derive(Clone, Debug, Subcommand)]
 enum PlanCommand {
     Tin(Box<TinArgs>),
-    /// Plan a grid of the points of clouds, of statistics or a model of the terrain; the same grid as that of `terrane
-    /// grid`
+    /// Plan a grid of point clouds (statistics or a terrain model), identical to that of `terrane grid`
     Grid(Box<PlanCommandOptions<GridOptions>>),
-    /// Plan terrain tiles of a grid for viewers of the globe; the same tiles as those of `terrane tiles`
+    /// Plan terrain tiles of a grid for globe viewers, identical to those of `terrane tiles`
     Tiles(Box<PlanCommandOptions<TilesOptions>>),
-    /// Plan squares of the points of clouds; the same files as those of `terrane points --tile`
+    /// Plan tiles of point clouds, identical to those of `terrane points --tile`
     Points(Box<PlanCommandOptions<PointsOptions>>),
     Run(Box<run::PlanRunArgs>),
     Status(Box<status::PlanStatusArgs>),
     Finish(Box<run::FinishArgs>),
 }
 
-/// Plan a triangle mesh with a proven vertical error bound, of a grid or of the points of clouds; the same mesh as that
-/// of `terrane tin`
+/// Plan a triangle mesh of a grid or of point clouds with a proven vertical error bound, identical to that of
+/// `terrane tin`
 #[derive(Clone, Debug, clap::Args)]
 struct TinArgs {
-    /// Grid file, or a synthetic terrain by name such as synth:rough,size=80001; several files, a
-    /// folder, a list or a pattern in quotes are one mosaic. Or point clouds, one or many
+    /// Grid file, or a synthetic terrain by name such as synth:rough,size=80001; several files, a folder, a list or a
+    /// quoted pattern are one mosaic. Or one or more point clouds
     #[arg(required = true, value_parser = names::any())]
     input: Vec<String>,
-    /// Folder for the plan and the results of its tasks; new, empty, or with the same plan
+    /// Folder for the plan and its task results: new, empty, or with the same plan
     #[arg(short = 'o', long = "output", value_name = "FOLDER")]
     folder: PathBuf,
     #[command(flatten)]
     many: many::InputSelection,
     #[command(flatten)]
     options: InputUnion<tin::TinSources, true>,
-    /// Of a grid: rows of tiles in a task, 2 or more [default: as many as have about 134 million samples]; of a cloud:
-    /// most points of a task, but for the 131,072 that are worked on together [default: about 17 million]
+    /// For a grid: rows of tiles per task, 2 or more [default: about 134 million samples]; for a point cloud: largest
+    /// number of points per task [default: about 17 million]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Method")]
     task_size: Option<u32>,
     /// What the size of tasks was called for grids
@@ -117,7 +116,7 @@ fn refuse_size(option: &str, given: Option<u32>, of: &str) -> Result<()> {
 struct PlanCommandOptions<O: Divisible<Input: OperationInput>> {
     #[arg(help = O::Input::NAMES_PLANNED, required = true, value_parser = names::any())]
     input: Vec<String>,
-    /// Folder for the plan and the results of its tasks; new, empty, or with the same plan
+    /// Folder for the plan and its task results: new, empty, or with the same plan
     #[arg(short = 'o', long = "output", value_name = "FOLDER")]
     folder: PathBuf,
     #[command(flatten)]

@@ -21,8 +21,8 @@ use terrane_lidar::translate::plan::SquareRun;
 use terrane_terrain::tin::{MeshRun, TinOptions};
 use terrane_tiles::{TilesOptions, TilesRun};
 
-/// Do what a plan says: what is done already is checked and kept, what is missing or damaged is made,
-/// then the mesh, grid, tiles or points are written. Killed, it goes on where it was when it is run again
+/// Run a plan: check finished tasks, run missing or damaged ones, then write the mesh, grid, tiles or points. Run it
+/// again to resume after an interruption
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct PlanRunArgs {
     /// Folder of the plan
@@ -31,7 +31,7 @@ pub(crate) struct PlanRunArgs {
     how: PlanRunSettings,
 }
 
-/// Write the mesh, grid, tiles or points of a plan whose other tasks are all done
+/// Write the mesh, grid, tiles or points of a plan when all other tasks are done
 #[derive(Clone, Debug, clap::Args)]
 #[command(mut_arg("task", |task| task.hide(true)))]
 pub(crate) struct FinishArgs {

@@ -17,12 +17,12 @@ use terrane_lidar::translate::plan::SquareStatus;
 use terrane_terrain::tin::{MeshStatus, TinOptions};
 use terrane_tiles::{TilesOptions, TilesStatus};
 
-/// Tell which tasks of a plan are done and which are not
+/// Show which tasks of a plan are done
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct PlanStatusArgs {
     /// Folder of the plan
     folder: PathBuf,
-    /// Print the result as JSON, with every task that is not done and those it waits for
+    /// Print the result as JSON, with open tasks and their dependencies
     #[arg(long)]
     json: bool,
 }

@@ -17,11 +17,11 @@ use terrane_vector as vector;
 #[command(next_help_heading = "Many files")]
 #[group(id = "many")]
 pub(crate) struct InputSelection {
-    /// Take the files in folders below the folders, too
+    /// Read subfolders, too
     #[arg(long)]
     recursive: bool,
-    /// Go on without files that cannot be opened: each is told on stderr and listed in the report. Of clouds, damage
-    /// that shows only while points are read costs those points, as with --salvage, and a note names the file
+    /// Skip files that cannot be opened; stderr and the report list them. Point clouds damaged inside lose only the
+    /// damaged points, as with --salvage, and a note names the file
     #[arg(long)]
     pub(crate) skip_bad: bool,
 }

@@ -26,20 +26,19 @@ use terrane_verify::{CloudMeshProof, MeshOriginal, MeshProof, MeshReport};
 /// Simplify a grid or a point cloud into a triangle mesh with a proven vertical error bound
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct TinVerbArgs {
-    /// Grid file, or a synthetic terrain by name such as synth:rough,size=4097,seed=7; several files,
-    /// a folder, a list or a pattern in quotes are one mosaic. Or point clouds: .las and .laz files,
-    /// one or many. The last name is that of the mesh file to write
+    /// Grid file, or a synthetic terrain by name such as synth:rough,size=4097,seed=7; several files, a folder, a
+    /// list or a quoted pattern are one mosaic. Or point clouds (.las, .laz). The last name is the output mesh
     #[arg(required = true, value_names = names::NAMES, value_parser = names::any())]
     input: Vec<String>,
     #[arg(skip)]
     output: PathBuf,
-    /// File to write, where it is not the last name
+    /// File to write, instead of the last name
     #[arg(short = 'o', long = "output", value_name = "FILE", help_heading = "Output")]
     named: Option<PathBuf>,
-    /// Write the report to this JSON file
+    /// Write the report to a JSON file
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
-    /// Check the written mesh against the grid afterwards
+    /// Verify the written mesh against the grid
     #[arg(long, help_heading = "Output")]
     verify: bool,
     #[command(flatten)]

@@ -32,26 +32,25 @@ use terrane_tiles::TilesFormat;
 use terrane_verify::tiles::{CloudTilesProof, TilesProof, is_tiles};
 use terrane_verify::{CloudMeshProof, LineProof, MeshProof};
 
-/// Prove a mesh against its grid or point cloud, terrain tiles against their grid or cloud, or simplified lines
-/// against their original: error bound, coverage, topology; of lines also features, properties, heights
-/// and points; of tiles also borders, gaps between levels, and which there are. Exits with 1
-/// when a promise is broken, and with 3 when none is known to be, but one could not be judged (such
-/// as the error of a mesh that states no bound). Vertices that are no samples of the grid, or points of the cloud, are a
-/// failure of meshes written by terrane only: the bound of other meshes may hold all the same
+/// Verify a mesh or terrain tiles against their grid or point cloud, or simplified lines against their original:
+/// error bound, coverage and topology; for lines also features, properties, heights and points; for tiles also
+/// borders, gaps between levels and completeness. Exits with 1 when a check fails, and with 3 when no check fails but
+/// one cannot be judged (such as the error of a mesh without a stated bound). Vertices that are not samples of the
+/// grid or points of the cloud are a failure only for meshes written by terrane
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct VerifyArgs {
-    /// Mesh file, or simplified lines, or a folder of terrain tiles: quantized-mesh with its layer.json, 3D Tiles with its tileset.json
+    /// Mesh file, simplified lines, or a folder of terrain tiles: quantized-mesh with layer.json, or 3D Tiles with
+    /// tileset.json
     mesh: PathBuf,
-    /// Grid file it was made from, or a synthetic terrain by name; several files, a folder, a list or
-    /// a pattern in quotes are one mosaic. Or point clouds, with the options of points that it was
-    /// made with. Or the file that lines were made from
+    /// Original grid file, or a synthetic terrain by name; several files, a folder, a list or a quoted pattern are
+    /// one mosaic. Or the original point clouds, with the same point options. Or the original lines
     #[arg(required = true, value_name = "ORIGINAL", value_parser = names::any())]
     source: Vec<String>,
     #[command(flatten)]
     options: InputUnion<Proofs>,
     #[command(flatten)]
     many: many::InputSelection,
-    /// Write the report to this JSON file
+    /// Write the report to a JSON file
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
     /// Replace a report that exists

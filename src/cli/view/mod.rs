@@ -20,15 +20,13 @@ use terrane_viewer::page::{
 };
 use terrane_viewer::view::PictureOptions;
 
-/// Draw a grid or a mesh as a shaded relief picture (PNG, transparent where there is no surface); a mesh whose
-/// vertices have colours is drawn in these. Or make a page of it for a browser: one HTML file that holds all it
-/// shows and loads nothing; or serve it to browsers on this machine, and folders of terrain tiles of any size, too
+/// Draw a grid or a mesh as a shaded relief (PNG, transparent without surface), in vertex colours if there are any;
+/// or write a self-contained HTML page; or serve the page, or a folder of terrain tiles, to browsers on this machine
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct ViewArgs {
-    /// Grid or mesh file, or a synthetic terrain by name; several grid files, a folder, a list or a
-    /// pattern in quotes are one mosaic; for a page also a file of lines or polygons, or point clouds (LAS, LAZ,
-    /// COPC, or text after cloud:), of which several are one; to be served also a folder of terrain tiles
-    /// (quantized-mesh or 3D Tiles of `terrane tiles`)
+    /// Grid or mesh file, or a synthetic terrain by name; several grid files, a folder, a list or a quoted pattern
+    /// are one mosaic. For a page also lines, polygons or point clouds (LAS, LAZ, COPC, or text after cloud:). With
+    /// --serve also a folder of terrain tiles (quantized-mesh or 3D Tiles)
     #[arg(required = true, value_parser = names::any())]
     input: Vec<String>,
     /// Picture to write, ending in .png
@@ -40,13 +38,13 @@ pub(super) struct ViewArgs {
         conflicts_with = "html"
     )]
     output: Option<PathBuf>,
-    /// Page to write in place of a picture, ending in .html
+    /// Page to write instead of a picture, ending in .html
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Serve the page to browsers on this machine (127.0.0.1 alone) until Ctrl-C, and print where it is
+    /// Serve the page on this machine (127.0.0.1) until Ctrl-C, and print its address
     #[arg(long, conflicts_with_all = ["output", "html", "overwrite"])]
     serve: bool,
-    /// Port to serve on [default: a free one]
+    /// Port [default: a free one]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     port: Option<u16>,
     #[command(flatten)]
