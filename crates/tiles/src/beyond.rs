@@ -3,19 +3,19 @@
 use serde::{Deserialize, Serialize};
 use terrane_options::Choice;
 
-/// The ground between the edge of a grid and the sides of the tiles that hold it.
+/// Ground between the edge of a grid and the sides of the tiles that contain it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TilesBeyond {
-    /// Falls (or rises) from the edge to the ellipsoid, one metre for two.
+    /// Descends (or ascends) from the edge to the ellipsoid, one metre per two metres.
     #[default]
     Taper,
-    /// Goes on at the heights of the edge.
+    /// Continues at the heights of the edge.
     Level,
 }
 
 impl TilesBeyond {
-    /// Metres that it falls for each metre.
+    /// Descent in metres per metre.
     pub(super) fn slope(self) -> f64 {
         match self {
             Self::Taper => 0.5,

@@ -1,9 +1,9 @@
-//! The formats that tiles are written in.
+//! Formats of tiles.
 
 use serde::{Deserialize, Serialize};
 use terrane_options::Choice;
 
-/// A format of tiles; its name is also that of a folder where a run makes several.
+/// A format of tiles; its name is also the subfolder in an output with several formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice, Serialize, Deserialize)]
 pub enum TilesFormat {
     /// quantized-mesh 1.0 and layer.json: terrain of CesiumJS and others
