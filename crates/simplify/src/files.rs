@@ -1,4 +1,4 @@
-//! The files of a job: opened, paired with what is written, and agreeing in their CRS.
+//! Files of a job: opened, paired with their outputs, and checked for a common CRS.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -17,24 +17,24 @@ use terrane_vector::{
     VectorWriteOptions, WrittenFeatures,
 };
 
-/// An input and the output it becomes.
+/// An input and its output.
 pub(super) struct LineFilePair {
     pub(super) input: PathBuf,
     pub(super) output: PathBuf,
     format: &'static VectorFormat,
-    /// What leads to the system of the output, where that is another.
+    /// Transformation to the output CRS, if it differs.
     operation: Option<Arc<CoordinateOperation>>,
 }
 
-/// The inputs and outputs of a job.
+/// Inputs and outputs of a job.
 pub(super) struct LineFiles {
     pub(super) pairs: Vec<LineFilePair>,
-    /// The system that all inputs are in.
+    /// Common CRS of the inputs.
     pub(super) crs: Crs,
 }
 
 impl LineFiles {
-    /// Pairs the inputs of a job with outputs, and looks at their headers.
+    /// Pairs the inputs of a job with outputs, and reads their headers.
     pub(super) fn of(job: &LineJob) -> Result<Self> {
         let mut pairs = pairs(job)?;
         let mut names: Vec<_> = pairs.iter().map(|pair| &pair.output).collect();
@@ -72,14 +72,14 @@ impl LineFiles {
         Ok(Self { pairs, crs })
     }
 
-    /// Tells in a report what led to the system of the outputs.
+    /// Adds the transformation to a report.
     pub(super) fn note_operation(&self, report: &mut LineReport) {
         let operation = self.pairs.first().and_then(|pair| pair.operation.as_ref());
         report.transformed = operation.map(|own| Transformed::of(own));
         report.notes.extend(operation.iter().flat_map(|own| own.notes().iter().cloned()));
     }
 
-    /// The rule of a job whose threshold is told, or is to be `threshold`.
+    /// Rule of a job with a given threshold, or with `threshold`.
     pub(super) fn rule(&self, job: &LineJob, threshold: f64) -> Result<SimplifyRule> {
         let plain = if job.is_space { DistanceKind::Space } else { DistanceKind::Plane };
         let (measure, threshold) = match job.goal {
@@ -91,7 +91,7 @@ impl LineFiles {
     }
 }
 
-/// Where all features lie: a header may be wrong about it, so they are read.
+/// Bounds of all features, from the features because headers may be wrong.
 fn extent(job: &LineJob, pairs: &[LineFilePair]) -> Result<Option<[f64; 4]>> {
     let mut extent = PositionExtent::NONE;
     for pair in pairs {
@@ -105,10 +105,10 @@ fn extent(job: &LineJob, pairs: &[LineFilePair]) -> Result<Option<[f64; 4]>> {
     Ok(extent.get())
 }
 
-/// The files that a job writes, without those that come with them.
+/// Output files of a job, without their sidecar files.
 ///
 /// # Errors
-/// No input, and a format that is unknown or not written.
+/// No input; a format that is unknown or cannot be written.
 pub fn outputs(job: &LineJob) -> Result<Vec<PathBuf>> {
     Ok(pairs(job)?.into_iter().map(|pair| pair.output).collect())
 }
@@ -126,7 +126,7 @@ fn pairs(job: &LineJob) -> Result<Vec<LineFilePair>> {
     }
 }
 
-/// An input whose output lies in the job's folder under its own name.
+/// An input with its output of the same name in the job's folder.
 fn in_folder(job: &LineJob, input: &Path) -> Result<LineFilePair> {
     let name = input
         .file_name()
@@ -165,8 +165,8 @@ impl LineFilePair {
         self.create_at(&self.output, job, layer)
     }
 
-    /// Starts a file like the output in another folder, under the name that it will have: some formats
-    /// write it into the file.
+    /// Creates a file like the output in another folder, with the final name, which some formats store in the
+    /// file.
     pub(super) fn create_in(
         &self,
         folder: &Path,
@@ -201,13 +201,13 @@ impl LineFilePair {
         Ok(Box::new(FeatureReprojection { inner, operation: operation.clone() }))
     }
 
-    /// Bytes of the input, where it is a file.
+    /// Size of the input in bytes, if it is a file.
     pub(super) fn size(&self) -> u64 {
         std::fs::metadata(&self.input).map_or(0, |meta| meta.len())
     }
 }
 
-/// Adds what was written to a report.
+/// Adds the written data to a report.
 pub(super) fn note(report: &mut LineReport, written: WrittenFeatures, notes: Vec<String>) {
     report.output_bytes += written.bytes;
     report.outputs.extend(written.files.first().map(|path| path.display().to_string()));

@@ -1,4 +1,4 @@
-//! The threshold that meets a number of vertices, or a size of the files: judged by what is written.
+//! Search for the threshold of a number of vertices or a file size, judged by the written result.
 
 use std::sync::Mutex;
 
@@ -18,8 +18,7 @@ use terrane_line::topology::RingCollapse;
 use terrane_vector::{Feature, GeometryPart};
 
 impl OpenedLineJob<'_> {
-    /// Simplifies all features by a rule and writes them; unless something else is wanted: then tells
-    /// what came.
+    /// Simplifies all features by a rule and writes them if the result is wanted; otherwise returns its size.
     pub(super) fn make(
         &self,
         input: &mut CoverageInput<'_>,
@@ -37,7 +36,7 @@ impl OpenedLineJob<'_> {
     }
 }
 
-/// Meets a goal of so many vertices or bytes.
+/// Searches the threshold for a number of vertices or bytes.
 pub(super) fn run(
     whole: &OpenedLineJob<'_>,
     input: &mut CoverageInput<'_>,
@@ -85,8 +84,7 @@ fn too_few(whole: &OpenedLineJob<'_>, (most, unit): (u64, GoalUnit), least: u64)
         .remedy(format!("pass {least} or more{others}"))
 }
 
-/// Which thresholds vertices are kept at, each line and ring by itself, and the larger side of the box
-/// around all of them.
+/// Thresholds of all vertices, each line and ring independently, and the larger side of the bounding box.
 fn profile(
     whole: &OpenedLineJob<'_>,
     input: &mut CoverageInput<'_>,
@@ -123,7 +121,7 @@ fn profile(
     Ok((profile, extent))
 }
 
-/// Vertices of a part that stay at any threshold.
+/// Vertices of a part kept at any threshold.
 fn stay(part: &GeometryPart<'_>) -> u64 {
     part.xy.len().min(if part.is_ring() { 4 } else { 2 }) as u64
 }
