@@ -1,11 +1,11 @@
-//! What the samples of a bent grid lie in, how far apart they are, and where lines cross them.
+//! Bounds of a bent grid's samples, their spacing, and crossings of lines with rows and columns.
 
 use crate::globe::{EQUATOR, EllipsoidNormal, SinCos, Vector};
 use crate::table::CubicTable;
 use crate::tiling::GeodeticBounds;
 use terrane_base::error::{Error, Result};
 
-/// Degrees, as along the equator, between samples that are nearest to each other.
+/// Smallest spacing of samples in degrees along the equator.
 pub(crate) fn spacing(upright: &CubicTable<3>) -> f64 {
     let [cols, rows] = upright.parts.map(|parts| parts as usize);
     let mut least = f64::INFINITY;
@@ -23,7 +23,7 @@ pub(crate) fn spacing(upright: &CubicTable<3>) -> f64 {
     least.to_degrees()
 }
 
-/// What all samples lie in.
+/// Bounds of all samples.
 ///
 /// # Errors
 /// Samples on both sides of 180 degrees.
@@ -59,7 +59,7 @@ pub(crate) fn outline(
     })
 }
 
-/// Where whole numbers are along a part of a line, if numbers grow or shrink evenly from one end to the other; few.
+/// Integer crossings along a part of a line, for a linear function; few.
 pub(crate) fn crossings([a, b]: [f64; 2], [from, to]: [f64; 2]) -> impl Iterator<Item = f64> {
     let (first, last) = (from.min(to).floor() + 1.0, from.max(to).ceil() - 1.0);
     // Numbers of places that have none are no numbers.
@@ -67,7 +67,7 @@ pub(crate) fn crossings([a, b]: [f64; 2], [from, to]: [f64; 2]) -> impl Iterator
     (0..count).map(move |i| a + (b - a) * ((first + f64::from(i) - from) / (to - from)))
 }
 
-/// Metres from one place to another, along the meridian and then along the parallel of the second.
+/// Metres between two positions, along the meridian and then along the parallel of the second.
 pub(crate) fn metres(from: [f64; 2], to: [f64; 2]) -> f64 {
     let [x, y] = [0, 1].map(|axis: usize| (from[axis] - to[axis]).abs().to_radians());
     (x * SinCos::of(to[1]).cos + y) * EQUATOR

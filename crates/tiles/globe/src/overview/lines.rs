@@ -1,14 +1,14 @@
-//! Which samples are kept along the borders of tiles.
+//! Samples kept along the borders of tiles.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::chart::{GridGeolocation, HAIR};
 use terrane_base::geom::Affine;
 
-/// Columns or rows by number, and which samples along them are kept: all of them, if it is not said.
+/// Columns or rows by number, with the kept samples along them: all by default.
 pub(super) type Lines = BTreeMap<u32, Option<Vec<u32>>>;
 
-/// Columns and rows of a place; a hair beside a sample is on it.
+/// Columns and rows of a position, snapped to samples within the tolerance.
 pub(super) fn beside(map: &Affine, place: [f64; 2]) -> [f64; 2] {
     map.invert(place[0], place[1]).map(|at| {
         let near = at.round();
@@ -40,7 +40,7 @@ pub(super) fn whole(chart: &GridGeolocation, lines: [&[f64]; 2]) -> [Lines; 2] {
     })
 }
 
-/// The samples around meridians and parallels, by row.
+/// Samples around meridians and parallels, by row.
 pub(super) fn spots(chart: &GridGeolocation, lines: [&[f64]; 2]) -> [Lines; 2] {
     let mut found: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
     let most = chart.whole().map(|count| count - 1);
