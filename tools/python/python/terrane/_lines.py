@@ -1,4 +1,4 @@
-"""Lines: contours of grids, and geometries made simpler."""
+"""Lines: contours of grids, and line simplification."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ OF_GEOMETRIES = (
 
 
 class Lines:
-    """Lines in memory: line i is `coordinates[offsets[i]:offsets[i + 1]]` and lies at `levels[i]`."""
+    """Lines in memory: line i is `coordinates[offsets[i]:offsets[i + 1]]` at height `levels[i]`."""
 
     def __init__(
         self,
@@ -101,33 +101,33 @@ def simplify(
     progress: Any = None,
     **options: Any,
 ) -> Any:
-    """Lines and polygons with fewer vertices: no vertex that is left out is further than `tolerance` from the segment in its place.
+    """Simplifies lines and polygons: every omitted vertex is within `tolerance` of the segment that replaces it.
 
     Parameters
     ----------
     geometry
-        A shapely geometry or an array of them, a GeoSeries or GeoDataFrame, an array of positions (n, 2 or 3), which is one
-        line, or with `offsets` many; or anything with the Arrow C interface that geopandas reads. What is no line or
-        polygon stays as it is.
+        A shapely geometry or an array of them, a GeoSeries or GeoDataFrame, an array of positions (n, 2 or 3) of one
+        line, or of many with `offsets`; or an object with the Arrow C interface that geopandas reads. Other geometry
+        types are unchanged.
     tolerance
-        In units of the coordinates; with `metric="metres"` in metres on the ellipsoid; of methods that go by area, an
-        area.
+        In units of the coordinates; in metres on the ellipsoid with `metric="metres"`; an area for methods that use
+        areas.
     method
-        "cone" (near the fewest vertices, in one pass), "rdp", "imai-iri" (the fewest there can be), "visvalingam",
+        "cone" (near the fewest vertices, in one pass), "rdp", "imai-iri" (the fewest vertices), "visvalingam",
         "weighted-visvalingam".
     topology
-        Look at neighbours: no line comes to cross itself or another, and borders that are shared stay so.
+        Keep topology: no new crossings, and shared borders stay shared.
     metric
-        "plane": in x and y; "space": in x, y and z; "metres": on the ellipsoid, of longitudes and latitudes.
+        "plane": x and y; "space": x, y and z; "metres": on the ellipsoid, for longitudes and latitudes.
     options
-        Of geometries, as for `simplify_file`: `snap`, `sides`, `strategy`, `collapse` and `decimals`; `area`, `keep_ratio` or
-        `keep_count` in place of the tolerance.
+        For geometries, as for `simplify_file`: `snap`, `sides`, `strategy`, `collapse` and `decimals`; `area`,
+        `keep_ratio` or `keep_count` instead of the tolerance.
     offsets, rings
-        Of positions: where each line begins, and the end of the last one; whether lines are rings.
+        For positions: start of each line and end of the last; whether lines are rings.
 
     Returns
     -------
-    The same kind of thing; of positions the positions that are left, with `offsets` both.
+    The same type; for positions the kept positions, and their offsets if `offsets` was passed.
 
     Examples
     --------
@@ -236,7 +236,7 @@ def of_geometries(
     crs: Any,
     run: Any,
 ) -> NDArray[Any]:
-    """Geometries of shapely, kind by kind and in bulk; by way of files where options ask for that."""
+    """Shapely geometries in bulk by type; through files if options require it."""
     import shapely
 
     if asked is not None:
@@ -270,7 +270,7 @@ def of_geometries(
 
 
 def goal_of(tolerance: float | None, method: str, metric: str) -> dict[str, Any]:
-    """What is asked of a file of lines: the tolerance of a method that goes by area is one."""
+    """Goal options for a file of lines: a tolerance is an area for methods that use areas."""
     goal = "area" if method.endswith("visvalingam") else "tolerance"
     in_metres = metric == "metres" and goal == "tolerance" and tolerance is not None
     return {
@@ -283,7 +283,7 @@ def goal_of(tolerance: float | None, method: str, metric: str) -> dict[str, Any]
 def through_files(
     geometries: NDArray[Any], asked: dict[str, Any], crs: Any, run: Any
 ) -> NDArray[Any]:
-    """Geometries that are looked at together, by way of files; those in collections as if each were alone."""
+    """Geometries simplified together through files; parts of collections are separate features."""
     import shapely
 
     kind_of = shapely.GeometryType

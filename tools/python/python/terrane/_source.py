@@ -1,4 +1,4 @@
-"""Where grids come from: paths, arrays, and datasets of other packages, none of which is imported here."""
+"""Sources of grids: paths, arrays, and datasets of other packages, which are not imported here."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def opened(
     water: Features | None = None,
     **features: Features | None,
 ) -> Iterator[tuple[_terrane.Grid, dict[str, str | None]]]:
-    """The grid that `src` stands for, and the files of the features beside it, which last as long as this."""
+    """Opens the grid `src` and the files of its features for the duration of a context."""
     make = opener_of(src, number("band", band), nodata_of(nodata), transform, crs)
 
     def system() -> str | None:
@@ -57,7 +57,7 @@ def opened(
 
 
 def opener_of(src: Any, band: int | None, nodata: float | None, transform: Any, crs: Any) -> Opener:
-    """What opens the grid that `src` stands for."""
+    """Opener of the grid `src`."""
     names = names_of(src)
     if names is not None:
         for name, given in (("transform", transform), ("crs", crs)):
@@ -77,14 +77,14 @@ def opener_of(src: Any, band: int | None, nodata: float | None, transform: Any, 
 
 
 def tell(grid: _terrane.Grid, is_chosen: bool) -> None:
-    """Warns of what is odd about a grid and changes what is read of it."""
+    """Warns of problems of a grid that change its values."""
     for kind, text in grid.notes:
         if kind in TOLD and not (is_chosen and kind == "several bands"):
             warn(text)
 
 
 def nodata_of(value: Any) -> float | None:
-    """The value for voids that an option says; any number will do."""
+    """Nodata value of an option; any number."""
     given = None if value is None else real(value)
     if value is not None and given is None:
         raise usage(f"nodata is {value!r}", "pass a number")
@@ -92,7 +92,7 @@ def nodata_of(value: Any) -> float | None:
 
 
 def names_of(src: Any) -> list[str] | None:
-    """The paths that `src` is or lists, None if it is something else."""
+    """The paths in `src`, None for other sources."""
     if isinstance(src, str | os.PathLike):
         return [os.fspath(src)]
     is_list = isinstance(src, list | tuple) and len(src) > 0
@@ -102,14 +102,14 @@ def names_of(src: Any) -> list[str] | None:
 
 
 def of_files(names: list[str], band: int | None, nodata: float | None) -> Opener:
-    """What opens files."""
+    """Opener of files."""
     return lambda clip, water: _terrane.Grid.open(
         names, {"band": band, "nodata": nodata, "clip": clip, "water": water}
     )
 
 
 def of_array(src: Any, fills: Sequence[float], transform: Any, crs: Any) -> Opener:
-    """What opens an array."""
+    """Opener of an array."""
     array, fill = native(src, fills)
     place, text = place_of(transform), crs_text(crs)
     return lambda clip, water: _terrane.Grid.array(
@@ -118,8 +118,8 @@ def of_array(src: Any, fills: Sequence[float], transform: Any, crs: Any) -> Open
 
 
 def native(src: Any, fills: Sequence[float]) -> tuple[NDArray[Any], float | None]:
-    """An array of two dimensions, contiguous and of a type that is read as it is, with at most one copy; and the
-    value that stands for voids. Where several do, or a mask, they are NaN in it."""
+    """A contiguous two-dimensional array of a supported type, with at most one copy, and its nodata value. Several
+    nodata values, or a mask, become NaN."""
     try:
         array = np.ma.getdata(src) if isinstance(src, np.ma.MaskedArray) else np.asarray(src)
     except ValueError as error:
@@ -153,7 +153,7 @@ def native(src: Any, fills: Sequence[float]) -> tuple[NDArray[Any], float | None
 
 
 def voided(array: NDArray[Any], masks: Sequence[Any]) -> NDArray[Any]:
-    """A copy in floats that is NaN where a mask is set."""
+    """A float copy with NaN where the mask is set."""
     exact(array)
     kind = {2: "f4", 4: "f4"}.get(array.dtype.itemsize, "f8") if array.dtype.kind == "f" else "f8"
     copy = array.astype(kind, order="C")
@@ -163,7 +163,7 @@ def voided(array: NDArray[Any], masks: Sequence[Any]) -> NDArray[Any]:
 
 
 def holds(dtype: np.dtype[Any], value: float) -> bool:
-    """True where samples of a type can have a value."""
+    """True if a type can hold a value."""
     if dtype.kind == "f":
         return not np.isfinite(value) or bool(np.isfinite(np.asarray(value).astype(dtype)))
     limits = np.iinfo(dtype)
@@ -171,7 +171,7 @@ def holds(dtype: np.dtype[Any], value: float) -> bool:
 
 
 def exact(array: NDArray[Any]) -> None:
-    """Fails where numbers are not exact in float64."""
+    """Raises an error if numbers are not exact in float64."""
     if array.dtype.kind not in "iu" or array.dtype.itemsize < 8:
         return
     if int(array.max()) > EXACT or int(array.min()) < -EXACT:
@@ -179,8 +179,8 @@ def exact(array: NDArray[Any]) -> None:
 
 
 def place_of(transform: Any) -> list[float] | None:
-    """GDAL's six numbers of a transform in rasterio's order: x = a col + b row + c, y = d col + e row + f, of the
-    corners of cells."""
+    """GDAL's geotransform from a transform in rasterio's order: x = a col + b row + c, y = d col + e row + f, for
+    cell corners."""
     if transform is None:
         return None
     try:
@@ -197,7 +197,7 @@ def place_of(transform: Any) -> list[float] | None:
 
 
 def crs_text(crs: Any) -> str | None:
-    """A reference system as text: a code or well-known text."""
+    """A CRS as text: a code or WKT."""
     if crs is None:
         return None
     if hasattr(crs, "__index__") and not isinstance(crs, bool):
@@ -217,7 +217,7 @@ def is_dataset(src: Any) -> bool:
 def of_dataset(
     src: Any, band: int | None, nodata: float | None, transform: Any, crs: Any
 ) -> Opener:
-    """What opens the file of a dataset of rasterio, where it is one; else what it reads."""
+    """Opener of a rasterio dataset: its file if possible, otherwise its array."""
     colours = [colour.name for colour in getattr(src, "colorinterp", ())]
     if band is None and COLOURS <= set(colours):
         raise usage(
@@ -243,14 +243,14 @@ def of_dataset(
 
 
 def transform_of(dataset: Any) -> Any:
-    """The transform of a dataset of rasterio, None where it lies nowhere: it has that of its columns and rows then."""
+    """The transform of a rasterio dataset, None without a georeference."""
     lies_nowhere = dataset.crs is None and tuple(dataset.transform)[:6] == IDENTITY
     return None if lies_nowhere else dataset.transform
 
 
 def lattice_of(like: Any) -> tuple[tuple[int, int], list[float] | None]:
-    """Rows and columns of another grid (a dataset of rasterio, a DataArray or Dataset of xarray, an array, or a pair of a shape and
-    a transform), and GDAL's six numbers of its transform, None where it has none."""
+    """Shape of another grid (a rasterio dataset, an xarray DataArray or Dataset, an array, or a pair of a shape and a
+    transform), and its GDAL geotransform or None."""
     shape: tuple[int, ...]
     if _xarray.is_data_array(like) or _xarray.is_xarray_dataset(like):
         shape, transform = _xarray.lattice_of(like)

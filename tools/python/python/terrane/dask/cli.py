@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 
 def work(args: argparse.Namespace) -> Report:
-    """Does the job on the cluster that is asked for."""
+    """Runs the job on the requested cluster."""
     try:
         with Client(args.scheduler) if args.scheduler else local(args) as client:
             return run(
@@ -103,7 +103,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def at_least(least: int) -> Callable[[str], int]:
-    """A parser of whole numbers that are not smaller."""
+    """A parser of integers with a minimum."""
 
     def number(text: str) -> int:
         if int(text) < least:

@@ -1,6 +1,6 @@
-"""What a Dask worker does: it calls the program for each task of a batch.
+"""Dask worker: calls the program for each task of a batch.
 
-The functions travel to the workers by value, so that these need Dask and the program only.
+Functions are sent to the workers by value, so workers need only Dask and the program.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ INTERRUPTED = 130
 
 
 class Result(TypedDict):
-    """How a task went: the exit code of the program; its seconds by its own clock, and with its
-    start and end; whether it made the task or found it done; its message if it failed."""
+    """Result of a task: exit code of the program; seconds by its own clock, and including start and end; whether the
+    task was made or already done; error message."""
 
     id: str
     code: int
@@ -45,8 +45,8 @@ class Result(TypedDict):
 
 
 def run_batch(command: list[str], tasks: list[list[str]], delay: float) -> list[Result]:
-    """Waits for `delay` seconds, then calls `command` with the arguments of each task, of which the
-    first is its name; stops after the first task that fails."""
+    """Waits `delay` seconds, then calls `command` with the arguments of each task (the first is its name); stops
+    after the first failure."""
     time.sleep(delay)
     called = [*program(command[0]), *command[1:], "--task"]
     results: list[Result] = []
@@ -58,8 +58,7 @@ def run_batch(command: list[str], tasks: list[list[str]], delay: float) -> list[
 
 
 def program(name: str) -> list[str]:
-    """The call of the program of this name. Without a name it is that of this package, or where that is not
-    installed, `terrane`."""
+    """The command of the program `name`. By default that of this package, or `terrane` if it is not installed."""
     with contextlib.suppress(ImportError, ValueError):
         if not name and importlib.util.find_spec("terrane._terrane"):
             return [sys.executable, "-m", "terrane"]
@@ -87,7 +86,7 @@ def _run_task(command: list[str], task: str) -> Result:
 
 
 def _call(command: list[str]) -> tuple[int, str, str]:
-    """Exit code, output and messages of a program, which is stopped when it is not wanted."""
+    """Exit code, output and messages of a program, which is stopped if its batch is cancelled."""
     if not _is_wanted():
         return INTERRUPTED, "", ""
     if sys.platform == "linux":
@@ -110,8 +109,7 @@ def _call(command: list[str]) -> tuple[int, str, str]:
 
 
 def _is_wanted() -> bool:
-    """False when this batch was cancelled: by the driver, or by the scheduler when the driver is
-    gone."""
+    """False if this batch was cancelled, by the driver or by the scheduler."""
     worker = get_worker()
     task = worker.state.tasks.get(worker.get_current_task())
     return task is not None and task.state == "executing"
