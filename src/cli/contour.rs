@@ -1,4 +1,4 @@
-//! Contour lines for people.
+//! Summary of contour lines.
 
 use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{report, text};

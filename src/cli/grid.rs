@@ -1,4 +1,4 @@
-//! Grids of clouds for people.
+//! Summary of grids of point clouds.
 
 use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{report, text};

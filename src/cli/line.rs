@@ -1,4 +1,4 @@
-//! `terrane simplify`: lines and rings made simpler.
+//! `terrane simplify`: simplification of lines and rings.
 
 use std::path::{Path, PathBuf};
 
@@ -117,7 +117,7 @@ fn run(args: &SimplifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     Ok(VerbOutcome::Kept)
 }
 
-/// Fails when a file to read is not there, or one to write is taken.
+/// Fails for a missing input or an existing output.
 fn check_files(
     options: &LineOptions,
     input: &[String],
@@ -138,7 +138,7 @@ fn check_files(
     }
 }
 
-/// Fails when the report would take the place of something that the job reads or makes.
+/// Fails if the report would replace an input or output of the job.
 fn check_report(job: &LineJob, report: Option<&Path>, names: &[String]) -> Result<()> {
     let mut results = terrane_simplify::outputs(job)?;
     results.extend(job.hierarchy.clone());
@@ -146,7 +146,7 @@ fn check_report(job: &LineJob, report: Option<&Path>, names: &[String]) -> Resul
     check::report(report, names, &results, job.overwrite)
 }
 
-/// A simplification for people.
+/// Summary of a simplification.
 fn summary(r: &LineReport) -> String {
     let share = text::percent(r.kept as f64 / r.vertices.max(1) as f64);
     let unit = match r.measure {
@@ -177,7 +177,7 @@ fn summary(r: &LineReport) -> String {
     format!("{}\n{}", r.inputs.join(", "), text::table(&rows))
 }
 
-/// What a file of hierarchies was to a simplification.
+/// Summary of a hierarchy file.
 fn hierarchy(own: &HierarchyReport) -> String {
     let done = if own.made { "made" } else { "checked" };
     let [prepared, asked] = [own.prepare_seconds, own.query_seconds].map(text::seconds);

@@ -1,12 +1,11 @@
-//! Stopping on signals: the first asks the job to stop, the second leaves at once.
+//! Signals: the first requests a stop, the second exits at once.
 
 use crate::cli::shared::say;
 use terrane_base::error::ErrorKind;
 use terrane_engine::Cancel;
 
-/// Lets Ctrl-C, SIGTERM and SIGHUP stop the job. A signal that was ignored when the process began
-/// stays ignored, as nohup and job control want it. Without a handler the system's own applies,
-/// which is no reason to refuse work.
+/// Ctrl-C, SIGTERM and SIGHUP stop the job. Signals ignored at the start stay ignored, as required by nohup and
+/// job control. Without a handler the system's default applies, which is not an error.
 pub(super) fn stop(cancel: Cancel) {
     listen(move || {
         if cancel.check().is_err() {
@@ -37,7 +36,7 @@ fn listen(on_signal: impl Fn() + Send + 'static) {
     let _ = ctrlc::set_handler(on_signal);
 }
 
-/// The set of ignored signals (bit n is signal n + 1) in the text of Linux's `/proc/self/status`.
+/// Ignored signals (bit n is signal n + 1) from Linux's `/proc/self/status`.
 #[cfg(unix)]
 fn ignored_signals(status: &str) -> Option<u64> {
     let line = status.lines().find_map(|line| line.strip_prefix("SigIgn:"))?;

@@ -1,4 +1,4 @@
-//! `terrane synth`: a terrain, a cloud or lines from a seed, straight into a file.
+//! `terrane synth`: synthetic terrains, point clouds and lines, written to a file.
 
 use std::path::PathBuf;
 
@@ -79,7 +79,7 @@ fn run(args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     }
 }
 
-/// A terrain.
+/// Writes a terrain.
 fn raise(name: String, args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     atomic::refuse_stdout(&args.output)?;
     check::new_file(&args.output, args.overwrite)?;
@@ -92,7 +92,7 @@ fn raise(name: String, args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome>
     tell(&made.map_err(size)?, args)
 }
 
-/// The size of a terrain by name was asked for: beyond a limit, it is no fault of a file.
+/// A size beyond a limit is a usage error, not a bad input.
 pub(super) fn size(error: Error) -> Error {
     match error.kind() {
         ErrorKind::Limit => Error::usage(format!("the terrain is too large: {error}"))
@@ -101,7 +101,7 @@ pub(super) fn size(error: Error) -> Error {
     }
 }
 
-/// A cloud.
+/// Writes a point cloud.
 fn fly(name: &str, args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let job = SurveyJob {
         survey: cloud::synth::survey(name)?,
@@ -115,7 +115,7 @@ fn fly(name: &str, args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     tell(&report, args)
 }
 
-/// Lines.
+/// Writes lines.
 fn draw(lines: SyntheticLines, args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let job = DrawJob {
         lines,

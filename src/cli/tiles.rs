@@ -1,4 +1,4 @@
-//! `terrane tiles`: terrain for the globe, at every level of detail.
+//! `terrane tiles`: terrain tiles for the globe at all levels of detail.
 
 use std::path::PathBuf;
 
@@ -41,7 +41,7 @@ pub(super) struct TilesArgs {
     show: args::ReportDisplay,
 }
 
-/// What tiles are made of.
+/// Kinds of input.
 #[derive(Clone, Debug)]
 struct TilesSources;
 

@@ -1,5 +1,5 @@
-//! `terrane demo`: the main job from end to end on a terrain made here, to see that all works; or several
-//! methods beside each other.
+//! `terrane demo`: the main job from end to end on a synthetic terrain, as a test of the installation; or a
+//! comparison of methods.
 
 mod methods;
 
@@ -33,11 +33,11 @@ pub(super) struct DemoArgs {
     show: args::ReportDisplay,
 }
 
-/// The terrain, and how far a sample may be from the mesh, in metres.
+/// The terrain, and the error bound in metres.
 const TERRAIN: &str = "synth:rough,size=2049,seed=7";
 const TOLERANCE: f64 = 5.0;
 
-/// Files of the demo's folder.
+/// Files of the demo folder.
 struct DemoFiles {
     grid: PathBuf,
     mesh: PathBuf,
@@ -97,7 +97,7 @@ fn terrain(rule: &str, grid: &Path, resources: &Resources) -> ConvertJob {
     })
 }
 
-/// Proves what a job wrote.
+/// Verifies the output of a job.
 fn prove(
     job: &TinJob,
     made: &TinReport,
@@ -133,7 +133,7 @@ fn name_of(path: &Path) -> Result<String> {
     })
 }
 
-/// A file's name and size.
+/// Name and size of a file.
 fn size(path: &Path) -> Result<String> {
     let found = std::fs::metadata(path).map_err(|e| Error::read(path, e))?;
     Ok(format!("{}, {}", path.display(), text::bytes(found.len())))

@@ -1,4 +1,4 @@
-//! `terrane info` of files of features, for people.
+//! Summary of `terrane info` for vector files.
 
 use crate::cli::shared::text;
 use terrane_viewer::info::{FeaturesInfoReport, FieldStats};
@@ -40,7 +40,7 @@ fn with_ids(own: &FeaturesInfoReport) -> String {
     }
 }
 
-/// Lines and rings, as far as there are any.
+/// Lines and rings, if any.
 fn parts(own: &FeaturesInfoReport) -> String {
     let counts = [("lines", own.lines), ("outer rings", own.outer_rings), ("holes", own.holes)];
     let some = counts.into_iter().filter(|(_, n)| *n > 0);

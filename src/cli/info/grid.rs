@@ -1,4 +1,4 @@
-//! `terrane info` of grids, for people.
+//! Summary of `terrane info` for grids.
 
 use crate::cli::info::details;
 use crate::cli::shared::text;

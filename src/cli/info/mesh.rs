@@ -1,4 +1,4 @@
-//! `terrane info` of meshes, for people.
+//! Summary of `terrane info` for meshes.
 
 use crate::cli::info::{details, quality};
 use crate::cli::shared::text;

@@ -1,4 +1,4 @@
-//! `terrane info`: what a file is, for every format of grids, meshes, clouds and features.
+//! `terrane info`: properties of grids, meshes, point clouds and vector files.
 
 mod cloud;
 mod details;
@@ -48,7 +48,7 @@ pub(crate) struct InfoArgs {
     show: args::ReportDisplay,
 }
 
-/// What is told about.
+/// Kinds of input.
 #[derive(Clone, Debug)]
 struct DescribedInput;
 
@@ -77,7 +77,7 @@ impl Verb for InfoArgs {
     }
 }
 
-/// Tells about each file; a bad one does not keep the others from being told about.
+/// Describes each file, independent of bad ones.
 fn run(args: &InfoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let progress = args.show.progress();
     let (mut is_any_told, mut failures) = (false, Vec::new());
@@ -112,7 +112,7 @@ fn run(args: &InfoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     last.map_or(Ok(VerbOutcome::Kept), |(_, error)| Err(error))
 }
 
-/// Tells of files by themselves that are left out.
+/// Reports single files that are skipped.
 fn skip(failures: &[(String, Error)], args: &InfoArgs) -> Result<VerbOutcome> {
     let skipped = failures.iter().map(|(name, error)| Skipped::new(name, error));
     let skipped: Vec<Skipped> = skipped.collect();
@@ -127,7 +127,7 @@ fn told(files: &[String]) -> String {
     Inputs::from(files.to_vec()).to_string()
 }
 
-/// What is known of a file.
+/// Properties of a file.
 #[derive(Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 enum InfoReport {
@@ -149,7 +149,7 @@ impl InfoReport {
     }
 }
 
-/// What is known of files, with those that were left out.
+/// Properties of files, with the skipped ones.
 type Known<R = InfoReport> = (R, Vec<Skipped>);
 
 impl InfoArgs {
@@ -202,7 +202,7 @@ impl InfoArgs {
         self.inspect::<FeaturesInfoOptions, FeatureInput>(self.of(files)?, files, at)
     }
 
-    /// What is known of grids or a mesh.
+    /// Properties of grids or of a mesh.
     fn surface(&self, files: &[String], at: (&dyn Progress, &Cancel)) -> Result<Known> {
         if let [one] = files {
             check::input(one)?;
@@ -229,13 +229,13 @@ impl InfoArgs {
         }
     }
 
-    /// The options for files of one kind.
+    /// Options for files of one kind.
     fn of<O: Inspection>(&self, files: &[String]) -> Result<O> {
         let options = self.options.of(&told(files))?;
         check_given(&options, self.options.given()).map(|()| options)
     }
 
-    /// What is known of the files that are taken.
+    /// Properties of the selected files.
     fn inspect<O: Inspection + HasGroup<I>, I: OperationInput>(
         &self,
         mut options: O,

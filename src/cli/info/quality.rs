@@ -1,11 +1,11 @@
-//! `terrane info --quality`: what a mesh is worth as a triangulation, for people.
+//! Summary of `terrane info --quality`: triangulation quality of a mesh.
 
 use crate::cli::shared::text;
 use terrane_verify::{
     AngleReport, AspectReport, DegreeReport, GridLocation, QualityReport, SlopeReport,
 };
 
-/// What was measured, for people.
+/// Measured values.
 pub(crate) fn rows(quality: &QualityReport) -> Vec<(String, String)> {
     let mut rows = vec![
         ("edges", edges(quality)),
@@ -62,7 +62,7 @@ fn aspects(a: &AspectReport) -> String {
     format!("mean {}, maximum {}", text::height(a.mean), text::height(a.max))
 }
 
-/// What a surface does not have.
+/// Defects of a surface.
 fn odd(q: &QualityReport) -> Option<String> {
     let counts = [
         (q.broken_triangles, "triangles with an unusable vertex"),
@@ -89,7 +89,7 @@ fn slopes(s: &SlopeReport) -> String {
     format!("RMS error {rms} degrees over {cells} cells, maximum {max}{place}{missing}")
 }
 
-/// To a hundredth, but never all of what is not all, or none of what is some.
+/// Rounded to a hundredth, but never to 100 % or 0 % unless exact.
 fn percent(share: f64) -> String {
     let hundredths = (share * 10_000.0).round();
     match hundredths {

@@ -1,4 +1,4 @@
-//! `terrane plan run` and `terrane plan finish`: the work of a plan is done, all of it or one task.
+//! `terrane plan run` and `terrane plan finish`: runs all tasks of a plan, or one.
 
 use std::path::{Path, PathBuf};
 
@@ -154,7 +154,7 @@ fn summary(r: &RunReport<MeshRun>) -> String {
     told(r, &rows, r.of.mesh.as_ref().map(Summarize::summary))
 }
 
-/// What a run of any plan did; `made` of what, and the time of its stages in threads.
+/// Summary of a run of any plan: `made` is the result, `stages` the thread time of its stages.
 fn rows<R: DescribesRun>(
     r: &RunReport<R>,
     made: String,
@@ -184,7 +184,7 @@ fn rows<R: DescribesRun>(
     rows
 }
 
-/// The rows of a run, and what was written.
+/// Rows of a run, with the written output.
 fn told<R>(r: &RunReport<R>, rows: &[(&'static str, String)], written: Option<String>) -> String {
     let tasks = format!("{}\n{}", r.folder, text::table(rows));
     written.map_or(tasks.clone(), |written| format!("{tasks}\n{written}"))

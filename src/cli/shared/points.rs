@@ -1,4 +1,4 @@
-//! What became of points, for people.
+//! Summary of point statistics.
 
 use crate::cli::shared::text;
 use terrane_cloud::PointCensus;

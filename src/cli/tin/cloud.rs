@@ -1,4 +1,4 @@
-//! Reports of meshes of clouds, for people.
+//! Summary of meshes of point clouds.
 
 use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{points, report, text};

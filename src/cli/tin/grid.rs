@@ -1,4 +1,4 @@
-//! Reports of meshes of grids, for people.
+//! Summary of meshes of grids.
 
 use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{report, text};
@@ -63,7 +63,7 @@ impl Summarize for TinReport {
     }
 }
 
-/// The method, where there is something to say of it.
+/// The method, if it is not the default.
 fn method(report: &TinReport) -> Option<String> {
     let (method, triangulation) = (report.method.as_deref(), report.triangulation.as_deref());
     let method = method.or(triangulation.map(|_| GREEDY))?;

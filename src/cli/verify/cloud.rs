@@ -1,10 +1,10 @@
-//! Proofs of meshes of point clouds, for people.
+//! Summary of verified meshes of point clouds.
 
 use crate::cli::shared::{points, text};
 use crate::cli::verify::told;
 use terrane_verify::{CloudProofFindings, CloudVerifyReport};
 
-/// A proof for people.
+/// Summary of a verification.
 pub(crate) fn summary(r: &CloudVerifyReport) -> String {
     let whole =
         if r.of.breaklines.is_some() { "cloud, or anchor vertices of breaklines" } else { "cloud" };

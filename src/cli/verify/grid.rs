@@ -1,11 +1,11 @@
-//! Proofs of meshes of grids, for people.
+//! Summary of verified meshes of grids.
 
 use crate::cli::shared::text;
 use crate::cli::verify::told;
 use terrane_base::bound::ErrorBound;
 use terrane_verify::{BandProof, OfGrid, VerifyReport};
 
-/// A proof for people.
+/// Summary of a verification.
 pub(crate) fn summary(r: &VerifyReport) -> String {
     let mut rows: Vec<_> = r.of.bands.iter().map(|proof| ("band", band(proof))).collect();
     rows.extend(r.of.bands.is_empty().then(|| ("surface", surface(r))));
@@ -19,7 +19,7 @@ pub(crate) fn summary(r: &VerifyReport) -> String {
     told::summary(r, rows, off, "", text::rate(r.of.samples_per_second, "samples"))
 }
 
-/// The error in a band.
+/// Error in a band.
 fn band(r: &BandProof) -> String {
     let most = r.max_error.map_or("-".to_owned(), text::bound);
     let over = text::count(r.over);
@@ -30,7 +30,7 @@ fn band(r: &BandProof) -> String {
     format!("{} (weight {}): at most {most}{allowed}{rmse}", r.band, text::number(r.weight))
 }
 
-/// The error on the lines between samples.
+/// Error on the lines between samples.
 fn surface(r: &VerifyReport) -> String {
     let [over, breaks] = [r.of.over_between_samples.count, r.of.breaks].map(text::count);
     let judged = match (r.of.bound, r.tolerance) {

@@ -1,11 +1,11 @@
-//! Proofs of simplified lines, for people.
+//! Summary of verified lines.
 
 use crate::cli::shared::{report, text};
 use crate::cli::verify::told;
 use terrane_simplify::DistanceKind;
 use terrane_verify::LineVerifyReport;
 
-/// A proof for people: the verdict, what failed, and the figures.
+/// Summary of a verification: verdict, failures, and figures.
 pub(super) fn summary(r: &LineVerifyReport) -> String {
     let verdict = told::in_words(&r.verdict);
     let unit = if r.measure == DistanceKind::Geographic { " m" } else { "" };

@@ -1,5 +1,5 @@
-//! `terrane verify`: a written mesh is proved against its grid or cloud, simplified lines against their
-//! original, terrain tiles against their grid or cloud.
+//! `terrane verify`: verifies a mesh or terrain tiles against their grid or point cloud, and simplified lines
+//! against their original.
 
 pub(crate) mod cloud;
 mod grid;
@@ -60,7 +60,7 @@ pub(crate) struct VerifyArgs {
     show: args::ReportDisplay,
 }
 
-/// What is proved.
+/// Kinds of verification.
 #[derive(Clone, Debug)]
 struct Proofs;
 
@@ -127,14 +127,14 @@ fn run(args: &VerifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     args.prove::<MeshProof, GridInput>(cancel, grid::summary)
 }
 
-/// The first set of tiles in a folder that is none itself.
+/// The first tileset in a folder that is not one itself.
 fn one_of_sets(folder: &Path) -> Option<PathBuf> {
     let mut sets = TilesFormat::names().into_iter().map(|format| folder.join(format.name));
     sets.find(|set| set.is_dir() && is_tiles(set))
 }
 
 impl VerifyArgs {
-    /// The options of a proof.
+    /// Options of a verification.
     fn of<P: OutputProof>(&self) -> Result<P> {
         let options = self.options.of(&name_of(self.mesh.clone())?)?;
         check_given(&options, self.options.given()).map(|()| options)
@@ -166,7 +166,7 @@ impl VerifyArgs {
         self.tell(&options, self.source.clone(), &[], cancel, line::summary)
     }
 
-    /// Fails where a file beside the originals is not there, or the report would be one that is read.
+    /// Fails for a missing auxiliary file, or a report that is also an input.
     fn check_files(&self, options: &impl Options, originals: Vec<String>) -> Result<()> {
         let beside = read_beside(options)?;
         check::beside(&beside)?;
@@ -174,7 +174,7 @@ impl VerifyArgs {
         check::report(self.report.as_deref(), &read, &[], self.overwrite)
     }
 
-    /// Does the proof and tells of it as it was asked for.
+    /// Verifies, and prints the report.
     fn tell<P: OutputProof>(
         &self,
         options: &P,
@@ -197,7 +197,7 @@ impl VerifyArgs {
     }
 }
 
-/// Fails unless there is a mesh and a grid, in this order.
+/// Fails unless the inputs are a mesh and a grid, in this order.
 fn check_kinds(mesh: &Path, raster: &str) -> Result<()> {
     let name = name_of(mesh.to_path_buf())?;
     match (is_mesh(&name)?, is_mesh(raster)?) {
@@ -216,7 +216,7 @@ fn no_mesh(path: &Path) -> Error {
         .remedy("name a mesh, such as one made by ‹terrane tin›")
 }
 
-/// The error of a mesh and its original that have changed places.
+/// Error of a mesh and its original in the wrong order.
 fn wrong_way_round(what: &str, first: &str, second: &str) -> Error {
     Error::usage(format!("mesh and {what} are swapped"))
         .remedy(format!("write `terrane verify {second} {first}`"))

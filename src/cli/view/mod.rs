@@ -1,4 +1,4 @@
-//! `terrane view`: a picture of a grid or a mesh, or a page to look at these, at lines and at clouds in.
+//! `terrane view`: pictures of grids and meshes, and pages of these, of lines and of point clouds.
 
 mod serve;
 mod told;
@@ -55,7 +55,7 @@ pub(super) struct ViewArgs {
     show: args::ReportDisplay,
 }
 
-/// What is shown.
+/// Kinds of output.
 #[derive(Clone, Debug)]
 struct ViewSources;
 
@@ -119,14 +119,14 @@ impl ViewArgs {
         RunArguments { input, output, given: self.options.given(), report: None, many, show }
     }
 
-    /// Fails where many files are spoken of, as the page is of one.
+    /// Fails for options of several files, because a page shows one.
     fn refuse_many(&self, what: &str) -> Result<()> {
         let Some(option) = self.many.given() else { return Ok(()) };
         Err(Error::usage(format!("{option} is not for a page of {what}"))
             .remedy(format!("leave {option} out")))
     }
 
-    /// Makes a page, or serves it.
+    /// Writes a page, or serves it.
     fn page<O>(&self, call: &VerbCall<'_>) -> Result<VerbOutcome>
     where
         O: Operation<Input: OperationInput, Report = PageReport> + HasGroup<Replacing>,
@@ -142,7 +142,7 @@ impl ViewArgs {
         })
     }
 
-    /// Serves tiles, which a page by itself does not hold.
+    /// Serves tiles, which do not fit in a page.
     fn tiles(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         let folder = path_of(&self.input[0]);
         if !self.serve {

@@ -1,4 +1,4 @@
-//! Pictures and pages, for people.
+//! Summary of pictures and pages.
 
 use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{points, report, text};
