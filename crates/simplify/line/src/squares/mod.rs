@@ -1,18 +1,16 @@
-//! Space divided into squares that hold few vertices each, so that each can be untangled by itself.
+//! Division of space into tiles with few vertices each, which are untangled independently.
 //!
-//! A vertex is in the square that its position is in, so vertices at one position share a square. A
-//! segment from one square to another *crosses over*; it is part of every result, and both of its
-//! ends are kept. What lies between two such segments is a [`TileRun`]: all of its vertices are in one
-//! square.
+//! A vertex is in the tile of its position, so vertices at one position share a tile. A segment between tiles
+//! *crosses over*; it is part of every result, and both of its ends are kept. The part between two such
+//! segments is a [`TileRun`]: all of its vertices are in one tile.
 //!
-//! **Why squares are independent.** Squares are half-open, so the convex hulls of the vertices of
-//! different squares have no point in common. A piece of a run, the segment in its place, and the
-//! region between them lie within the hull of one square. So a new segment can cross nothing but
-//! segments of its own square and segments that cross over, and a region can hold no vertices but
-//! those of its own square. Segments that cross over never change: for each square that one
-//! passes through it is an obstacle ([`VertexQuadtree::meeting`]), and two of them that meet have met in
-//! the input. What holds for [`super::topology`] in each square, obstacles among the chains, holds for
-//! all squares together.
+//! **Why tiles are independent.** Tiles are half-open, so the convex hulls of vertices of different tiles are
+//! disjoint. A piece of a run, the segment that replaces it, and the region between them lie within the hull of
+//! one tile. So a new segment can cross only segments of its own tile and segments that cross over, and a
+//! region contains only vertices of its own tile. Segments that cross over never change: each is an obstacle in
+//! every tile that it passes ([`VertexQuadtree::meeting`]), and two of them that meet have met in the input.
+//! The guarantees of [`super::topology`] in each tile, with obstacles among the chains, therefore hold for all
+//! tiles together.
 //!
 //! **Rings across squares.** Such a ring R becomes a ring R' that has the segments that cross over
 //! and the winding numbers of R wherever no hull is, as the curves in which they differ lie in hulls.

@@ -1,13 +1,12 @@
-//! The region between a chain and the segment that replaces it, and what lies in it.
+//! The region between a chain and the segment that replaces it, and point-in-region tests.
 
 use std::cmp::Ordering;
 
 use super::tree::ClosedBox;
 use terrane_base::geom::plane::{Xy, orient};
 
-/// Whether `v` lies between `chain` and the segment from its last vertex to its first: the closed
-/// curve of both winds around it, or it lies on the segment. A position on the chain does not: it
-/// had no side. O(n), exact.
+/// Whether `v` lies between `chain` and the segment from its last vertex to its first: their closed curve winds
+/// around it, or it lies on the segment. False for a position on the chain, which had no side. O(n), exact.
 #[inline]
 pub(super) fn holds(chain: &[Xy], v: Xy) -> bool {
     let mut turns = 0;
@@ -21,8 +20,8 @@ pub(super) fn holds(chain: &[Xy], v: Xy) -> bool {
     turn(chain[chain.len() - 1], chain[0], v).is_none_or(|turn| turns + turn != 0)
 }
 
-/// What edge (p, q) adds to the winding number of a curve around `v`, from the crossings of the
-/// ray to the right; `None` when `v` lies on the edge.
+/// Contribution of edge (p, q) to the winding number of a curve around `v`, from crossings of the ray to the
+/// right; `None` if `v` lies on the edge.
 #[inline(always)]
 fn turn(p: Xy, q: Xy, v: Xy) -> Option<i32> {
     let (below_p, below_q) = (p[1] <= v[1], q[1] <= v[1]);
@@ -46,16 +45,16 @@ fn between(a: f64, b: f64, v: f64) -> bool {
     (a <= v && v <= b) || (b <= v && v <= a)
 }
 
-/// The same question for many positions: edges by the bands of y they reach into.
+/// The same test for many positions: edges in bands of y.
 ///
-/// O(n) to make, and a question costs as many edges as its band has.
+/// O(n) construction; a test costs the number of edges in its band.
 #[derive(Debug, Default)]
 pub(super) struct EdgeBands {
     low: f64,
     /// Bands by unit of y.
     scale: f64,
     starts: Vec<u32>,
-    /// First vertices of edges, band by band; the closing segment is the last vertex's.
+    /// First vertices of edges, band by band; the closing segment has the last vertex.
     edges: Vec<u32>,
 }
 
@@ -117,8 +116,8 @@ impl EdgeBands {
     }
 }
 
-/// The vertex of `chain` between its ends that is farthest from the segment of its ends, the first
-/// of several; the middle one when all lie on it. For chains of three vertices and more.
+/// Vertex of `chain` between its ends farthest from the segment of its ends, the first among equals; the middle
+/// one if all lie on it. For chains of three or more vertices.
 pub(super) fn farthest(chain: &[Xy]) -> usize {
     let last = chain.len() - 1;
     let (a, b) = (chain[0], chain[last]);
@@ -161,7 +160,7 @@ mod tests {
         assert_eq!(farthest(&[[0.0, 0.0], [1.0, 0.0], [9.0, 0.0], [0.0, 0.0]]), 2);
     }
 
-    /// How far a vertex is from the segment of a chain's ends.
+    /// Distance of a vertex from the segment of a chain's ends.
     fn off(chain: &[Xy], i: usize) -> f64 {
         let (a, b, p) = (chain[0], chain[chain.len() - 1], chain[i]);
         let length = (b[0] - a[0]).hypot(b[1] - a[1]);

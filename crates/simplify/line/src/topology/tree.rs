@@ -1,8 +1,8 @@
-//! A packed tree of boxes: who meets whom, for boxes of any sizes anywhere.
+//! A packed R-tree of boxes.
 
 use terrane_base::geom::plane::Xy;
 
-/// Boxes of a group, and groups of a group.
+/// Boxes per group, and groups per group.
 const FAN: usize = 16;
 
 /// A closed box.
@@ -52,7 +52,7 @@ impl ClosedBox {
     }
 }
 
-/// The lesser of two numbers, neither NaN.
+/// Smaller of two numbers, neither NaN.
 #[inline(always)]
 fn least(a: f64, b: f64) -> f64 {
     if b < a { b } else { a }
@@ -61,12 +61,12 @@ fn least(a: f64, b: f64) -> f64 {
 /// Boxes in the order of a Hilbert curve through their centres, in groups of 16, and the groups'
 /// boxes in groups of 16, and so on up (Kamel & Faloutsos, "On packing R-trees", 1993).
 ///
-/// 36 bytes a box and a fifteenth more. O(n log n) to make.
+/// 36 bytes per box and 1/15 more. O(n log n) construction.
 #[derive(Debug, Default)]
 pub(super) struct HilbertRTree {
-    /// What each box belongs to, in the order of the curve.
+    /// Id of each box, in curve order.
     pub(super) ids: Vec<u32>,
-    /// The boxes, in that order; those of their groups; and so on up to one group.
+    /// Boxes in this order; those of their groups; and so on up to one group.
     levels: Vec<Vec<ClosedBox>>,
 }
 
@@ -117,7 +117,7 @@ impl HilbertRTree {
         }
     }
 
-    /// Fills `found` with the groups, from `first` on, some box of which may meet `bounds`.
+    /// Fills `found` with the groups from `first` on that may intersect `bounds`.
     pub(super) fn groups_meeting(&self, bounds: &ClosedBox, first: usize, found: &mut Vec<usize>) {
         found.clear();
         if self.levels.len() == 1 {
@@ -155,7 +155,7 @@ fn union(boxes: &[ClosedBox]) -> ClosedBox {
     all
 }
 
-/// Where a position lies on the Hilbert curve of 2^16 by 2^16 cells over `all`.
+/// Hilbert index of a position in 2^16 by 2^16 cells over `all`.
 fn curve(all: &ClosedBox, p: Xy) -> u32 {
     let [x, y] = [0, 1].map(|axis| {
         let part = (p[axis] - all.low[axis]) / (all.high[axis] - all.low[axis]);
@@ -164,7 +164,7 @@ fn curve(all: &ClosedBox, p: Xy) -> u32 {
     hilbert(x, y)
 }
 
-/// The number of cell (x, y) on the curve, both below 2^16.
+/// Hilbert index of cell (x, y), both below 2^16.
 fn hilbert(mut x: u32, mut y: u32) -> u32 {
     let mut number = 0;
     for bit in (0..16).rev() {
