@@ -87,7 +87,7 @@ fn run(args: &SimplifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
         return Err(Error::usage("‹input_format› requires stdin (-) as an input")
             .remedy("leave ‹input_format› out"));
     }
-    // What is asked for says so, not how many of the files are there or good.
+    // The names decide, not the number of existing or good files.
     let into_folder = input.len() > 1 || vector::is_collection(&input[0]);
     if into_folder {
         atomic::refuse_stdout(&output)?;

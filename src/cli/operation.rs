@@ -129,7 +129,7 @@ impl OperationInput for GridInput {
                     "make a grid first with terrane grid --dtm, or by tasks with terrane plan grid",
                 ));
         }
-        // A synthetic terrain has samples, too.
+        // Bands and nodata apply to files only.
         let of_files = given.iter().find(|name| ["band", "nodata"].contains(name));
         let of_grids = given.iter().find(|name| Self::TABLE.find(name).is_some());
         match (of_files, of_grids) {
@@ -341,7 +341,7 @@ where
     options.check(&output)?;
     input = many.find(&input, opening.kind())?;
     check_inputs(options, &input, many, given)?;
-    // A list of files is read, too.
+    // List files are inputs, too.
     let lists = named_input.iter().filter_map(|name| name.strip_prefix('@')).map(str::to_owned);
     let read = [O::Input::files(&input)?, read_beside(options)?, lists.collect()].concat();
     check_files(options, &read, &output, report)?;
@@ -377,7 +377,7 @@ where
     O: Operation<Input: OperationInput>,
 {
     let shows = matches!(O::WRITES, Writes::Picture | Writes::Page);
-    // What is shown may be a part of a mesh; how grids are read is then about the one that it is compared with.
+    // Bounds may also select a part of a mesh; other grid options apply to the grid of --against.
     let given: Vec<_> = given.iter().copied().filter(|name| !shows || *name != "bounds").collect();
     match named(options, "against") {
         Some(grid) => O::Input::check(&grid, many, &given),
@@ -434,7 +434,7 @@ fn check_files<O: Operation + HasGroup<Replacing>>(
     let overwrite = is_replacing(options);
     check::beside(&read_beside(options)?)?;
     let workdir = named(options, "workdir").map(|name| path_of(&name).into_owned());
-    // An output that exists may be that of an earlier run there.
+    // An existing output may belong to an earlier run in the folder.
     let goes_on = workdir.as_ref().is_some_and(|folder| folder.exists());
     let outputs: Vec<&Path> = std::iter::once(output).chain(workdir.as_deref()).collect();
     check::not_among(files, &outputs)?;

@@ -21,7 +21,7 @@ fn listen(on_signal: impl Fn() + Send + 'static) {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
     let ignored = std::fs::read_to_string("/proc/self/status").ok();
     let ignored = ignored.as_deref().and_then(ignored_signals);
-    // Where the system does not tell what is ignored, hanging up is left to it.
+    // If ignored signals are unknown, SIGHUP is left to the system.
     let known: &[i32] =
         if ignored.is_some() { &[SIGINT, SIGTERM, SIGHUP] } else { &[SIGINT, SIGTERM] };
     let is_wanted = |&&signal: &&i32| ignored.unwrap_or(0) >> (signal - 1) & 1 == 0;

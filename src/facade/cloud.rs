@@ -106,7 +106,7 @@ pub fn open_points(
 impl Cloud {
     fn open(inputs: Vec<String>, reading: CloudInput) -> Result<Self> {
         let options = reading.options(&Resources::default())?;
-        // What a job cannot work on, it says.
+        // Jobs report what they do not support.
         let any = CloudOpenOptions { any_extent: true, ..options };
         let info = cloud::source(&inputs, &any)?.info().clone();
         Ok(Self { inputs, reading, info, held: None })

@@ -96,7 +96,7 @@ impl Grid {
         let usual = GridOpenOptions::default().cache_bytes;
         let options = reading.options(&Resources::default(), usual)?;
         let source = match raster::open_all(inputs.names(), &options) {
-            // A block of it is larger than what is held unless told otherwise.
+            // A block is larger than the default cache.
             Err(error) if error.kind() == ErrorKind::Resource => {
                 let block = memory::look_at(&inputs, &options)?.block_bytes();
                 let cache_bytes = usize::try_from(2 * block).unwrap_or(usize::MAX);

@@ -43,7 +43,7 @@ impl Surface {
             }
         }
         let sides = [0, 1].map(|axis| (high[axis] - low[axis]).max(0.0));
-        // Two triangles for each cell, of about the proportions of the mesh.
+        // Two triangles per cell, with the proportions of the mesh.
         let cells = (tin.triangles().len() / 2).max(1) as f64;
         let across = (cells * sides[0] / sides[1]).sqrt().clamp(1.0, cells);
         let across = if across.is_nan() { 1.0 } else { across };
@@ -100,7 +100,7 @@ impl Surface {
     fn cell_at(&self, place: [f64; 2]) -> Option<[usize; 2]> {
         let along = |axis: usize| {
             let cells = (place[axis] - self.low[axis]) / self.cell[axis];
-            // A mesh without a triangle has cells of no size.
+            // Cells of a mesh without triangles have no size.
             let inside = cells >= 0.0 && cells <= self.size[axis] as f64 * (1.0 + f64::EPSILON);
             inside.then(|| (cells as usize).min(self.size[axis] - 1))
         };
@@ -136,7 +136,7 @@ fn height_in(corners: [[f64; 3]; 3], place: [f64; 2]) -> Option<f64> {
     let whole = cross(ab, ac);
     let (of_b, of_c) = (cross(ap, ac) / whole, cross(ab, ap) / whole);
     let parts = [1.0 - of_b - of_c, of_b, of_c];
-    // From the corner that has the largest part: exact at corners, and where all are as high.
+    // From the corner with the largest weight: exact at corners, and where all heights are equal.
     let most =
         if parts[0] >= parts[1].max(parts[2]) { 0 } else { 1 + usize::from(parts[2] > parts[1]) };
     let base = corners[most][2];

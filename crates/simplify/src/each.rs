@@ -21,7 +21,7 @@ use terrane_vector::GeometryPart;
 /// # Errors
 /// A part that cannot be measured.
 pub fn thresholds(part: &GeometryPart<'_>, measure: DistanceKind) -> Result<[Vec<f64>; 2]> {
-    // Thresholds of all sizes are asked for.
+    // All thresholds are needed.
     let rule = SimplifyRule {
         method: &SimplifyMethod::RDP,
         measure,

@@ -190,7 +190,7 @@ impl LineFilePair {
             temp_dir: job.resources.temp_dir.clone(),
             ..VectorWriteOptions::default()
         };
-        // What the header claims of the input is not true of the output.
+        // The header of the input is not valid for the output.
         let mut layer = LayerHeader { extent: None, ..layer.clone() };
         let Some(operation) = &self.operation else {
             return vector::create(path, self.format, &layer, &options);

@@ -72,7 +72,7 @@ impl MetricTask for GeometryTask<'_> {
                 tally.vertices += points.len() as u64;
                 tally.collapsed += u64::from(outcome.collapsed);
                 tally.square = tally.square.max(outcome.square);
-                // A ring that had fewer than three different vertices stays as it was.
+                // A ring with fewer than three distinct vertices is unchanged.
                 let is_flat = part.is_ring() && (1..3).contains(&kept.len());
                 if is_flat || everything { KeptVertices::All } else { chosen(kept) }
             })

@@ -196,7 +196,7 @@ impl<'a> ThresholdSearch<'a> {
     fn next(&self) -> f64 {
         let total = self.dial.total as f64;
         match (self.low, self.high) {
-            // Every third time in the middle: a line may lead astray again and again.
+            // Bisect every third time: interpolation may fail repeatedly.
             (Some(low), Some(high)) if self.inside.is_multiple_of(3) || self.inside > ON_LINES => {
                 f64::midpoint(low.at, high.at)
             }

@@ -44,7 +44,7 @@ pub(super) fn run(
         let copy = || {
             let copied = copy(job, pair, &rule, &mut store, &mut report, cancel);
             let (source, sink) = copied.map_err(|e| in_input(e, pair))?;
-            // Before the output appears.
+            // Before the output is renamed to its final name.
             if is_last { store.end() } else { Ok(()) }?;
             let foreign = source.layer().foreign.clone();
             files::note(&mut report, sink.finish(&foreign)?, source.notes());

@@ -138,7 +138,7 @@ pub(super) fn check(part: &GeometryPart<'_>, rule: &SimplifyRule) -> Result<()> 
         _ => {}
     }
     let mut all = part.xy.as_flattened().iter().chain(z);
-    // Those that are too small count as 0, which is near enough beside any threshold but a tiny one.
+    // Tiny coordinates count as 0, which matters only for a tiny threshold.
     let least = if rule.threshold < FINEST { LEAST } else { 0.0 };
     let is_wrong = |c: &&f64| c.abs() > MOST || (**c != 0.0 && c.abs() < least);
     let Some(wrong) = all.find(is_wrong) else { return Ok(()) };

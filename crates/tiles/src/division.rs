@@ -169,7 +169,7 @@ impl TilesDivision {
         let side = |low: f64, high: f64, from: f64, to: f64, step: f64| {
             ((high.min(to) - low.max(from)).max(0.0) / step) as u64 + 1
         };
-        // As if they were evenly in the rectangle around all.
+        // Assumes samples spread evenly over the bounds.
         let [dx, dy] = [(all.east - all.west, 0), (all.north - all.south, 1)].map(
             |(degrees, axis): (f64, usize)| degrees / f64::from(self.place.whole[axis].max(2) - 1),
         );

@@ -54,7 +54,7 @@ impl SurveyedGrid<'_> {
         let mut heights = Vec::new();
         for row in rows[0]..rows[1] {
             cancel.check()?;
-            // Neighbours in a row are read together.
+            // Merges neighbours in a row into one read.
             let mut open: Option<Rect> = None;
             for col in cols[0]..cols[1] {
                 let block = self.overview.block([col, row]);

@@ -45,7 +45,7 @@ impl TileWaterMask {
         for (number, ring) in water.rings() {
             if area.replace(number) != Some(number) {
                 rings.begin_feature()?;
-                // The first ring of a polygon is around all of it.
+                // The first ring of a polygon is its outer ring.
                 is_near = meets(ring, extent);
             }
             if !is_near {
@@ -60,7 +60,7 @@ impl TileWaterMask {
                 }
             }
             bytes += brought.len() as u64 * ClipRings::EDGE_BYTES;
-            // Of what does not fit all is counted.
+            // Beyond the limit segments are only counted.
             if bytes <= most {
                 rings.push(&brought).map_err(of_file)?;
             }
@@ -73,7 +73,7 @@ impl TileWaterMask {
 
     /// Memory in bytes of the mask, and of each worker that uses it.
     pub(super) fn bytes(&self, threads: usize) -> [u64; 2] {
-        // What is near a region, and of that what is near a tile.
+        // The part near a region, and of that the part near a tile.
         [self.0.held(threads), 2 * self.0.bytes() + u64::from(MASK_SIDE * MASK_SIDE)]
     }
 
@@ -133,7 +133,7 @@ fn bring(ring: &[Xy], off: f64, to: impl Fn(Xy) -> Result<Xy>, out: &mut Vec<Xy>
     for side in ring.windows(2) {
         open.push(([side[0], side[1]], [to(side[0])?, to(side[1])?], 0));
         while let Some((ends, brought, halvings)) = open.pop() {
-            // One that bends both ways may be right in its middle.
+            // The middle alone may be exact on a side that bends both ways.
             let mut worst = 0_f64;
             for part in [0.25, 0.5, 0.75] {
                 worst = worst.max(apart(to(along(ends, part))?, along(brought, part)));

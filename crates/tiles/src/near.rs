@@ -54,7 +54,7 @@ impl SurveyedGrid<'_> {
             TileDescent { patch: &patch, water, known: KnownTiles::default(), put, cancel };
         match id.level <= opened.division.last {
             true => self.descend(id, &mut descent)?,
-            // All tiles are larger, and only have to know of it.
+            // All tiles are larger; parents only need to know that this one exists.
             false if patch.holds_any(&id.bounds()) => (descent.put)(TileFile::nothing(id))?,
             false => (),
         }

@@ -127,7 +127,7 @@ impl OpenedTilesGrid {
         let [lowest, highest] = overview.range;
         let furthest = if lowest < -MOST_HEIGHT { lowest } else { highest };
         if furthest.abs() > MOST_HEIGHT {
-            // As the sample is held, so that the digits are those of the file.
+            // Converted to the stored type, to report the digits of the file.
             let stored = (furthest / self.heights.lift.metres) as f32;
             let remedy = format!("if it is nodata, pass ‹nodata› {stored:e}");
             let error = Error::bad_input(format!("height {stored:e} is out of range"));

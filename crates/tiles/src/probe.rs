@@ -66,7 +66,7 @@ pub(super) fn expect(opened: &OpenedTilesGrid) -> Result<[u64; 2]> {
             gathered.add(gathered.plan().look(rect, &heights));
         }
     }
-    // What is void may be so by chance.
+    // The sampled part may be void by chance.
     let Some(overview) = gathered.finish() else { return Ok([0; 2]) };
     let ground = SurveyedGrid::new(opened, &overview);
     let seen = Mutex::new([TileProbe::default(); 2]);
@@ -84,7 +84,7 @@ pub(super) fn expect(opened: &OpenedTilesGrid) -> Result<[u64; 2]> {
     let samples: u64 = tiles.iter().map(|id| division.samples(&id.bounds())).sum();
     let [width, height] = division.place.whole.map(f64::from);
     let share = width * height / samples.max(1) as f64;
-    // Those above are about as large as the largest that were made.
+    // Parents are about as large as the largest sampled tiles.
     let above = division.above(level).len() as f64 * formats;
     let above = above / top.tiles.max(1.0);
     let whole =

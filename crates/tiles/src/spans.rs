@@ -69,7 +69,7 @@ impl LevelSpans {
     /// Adds a tile if it is missing.
     pub(super) fn insert(&mut self, x: u32, y: u32) {
         let runs = self.rows.entry(y).or_default();
-        // The first run that it may belong to.
+        // First run that the column may extend.
         let at = runs.partition_point(|[_, last]| last.saturating_add(1) < x);
         match runs.get_mut(at) {
             Some([first, last]) if *first <= x.saturating_add(1) => {
@@ -102,7 +102,7 @@ impl LevelSpans {
     /// Rectangles for clients: runs of a row, merged with identical runs of the next rows.
     pub(super) fn rectangles(&self) -> Value {
         let mut found: Vec<[u32; 4]> = Vec::new();
-        // By begin and end: the rectangle that reached the row before.
+        // By start and end: the rectangle that includes the previous row.
         let mut open: BTreeMap<[u32; 2], usize> = BTreeMap::new();
         for (y, runs) in &self.rows {
             let mut here = BTreeMap::new();

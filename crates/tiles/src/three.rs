@@ -78,7 +78,7 @@ pub(super) fn tileset(
             [low.min(facts.heights[0]), high.max(facts.heights[1])]
         })
     });
-    // No tile is further off; clients halve it by level.
+    // Upper bound of all errors; clients halve it per level.
     let errors = facts.values().map(|facts| facts.error);
     let error = errors.fold(level_error(0), f64::max);
     let region = |west: f64, east: f64, [low, high]: [f64; 2]| json!({"region": [west, -FRAC_PI_2, east, FRAC_PI_2, low, high]});

@@ -215,7 +215,7 @@ impl PlannedWork for TilesPlan {
                 let part = self.part(near, &division.regions());
                 part.iter().map(|id| division.samples(&id.bounds())).sum()
             }
-            // Mostly blocks of samples are looked at.
+            // Most of the work is on blocks of samples.
             PlanStep::Task(TilesTask::Far(far)) => {
                 self.part(far, &division.above(division.far_end())).len() as u64 * 4096
             }

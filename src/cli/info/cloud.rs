@@ -89,7 +89,7 @@ fn heights_rows(heights: &HeightDistribution) -> Vec<(String, String)> {
     ];
     let most = heights.histogram.iter().map(|bar| bar.points).max().unwrap_or(1).max(1);
     rows.extend(heights.histogram.iter().map(|bar| {
-        // What is there is seen.
+        // Non-empty bins get at least one character.
         let long = (bar.points as f64 / most as f64 * LONGEST as f64).ceil() as usize;
         let name = format!("{} to {}", text::number(bar.low), text::number(bar.high));
         let gap = if long > 0 { " " } else { "" };

@@ -177,7 +177,7 @@ impl InfoArgs {
             Err(error) if error.kind() == ErrorKind::BadInput => error,
             other => return other,
         };
-        // A table of positions may be features.
+        // A table of positions may be a vector file.
         if !files.iter().any(|file| many::are_lines(&path_of(file))) {
             return Err(as_grid);
         }

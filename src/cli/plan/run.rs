@@ -94,7 +94,7 @@ fn work(
     let job = options.job(folder.to_path_buf())?;
     let kind = kind(folder)?;
     if let (PlanKind::Tin, Some(output)) = (kind, &job.output) {
-        // Whether it exists is asked later: it may be the mesh of this very plan.
+        // Existence is checked later: it may be the mesh of this plan.
         match job.form.split {
             Some(_) => check::folder(output)?,
             None => check::new_file(output, true)?,
@@ -160,7 +160,7 @@ fn rows<R: DescribesRun>(
     made: String,
     stages: Option<String>,
 ) -> Vec<(&'static str, String)> {
-    // The task that writes the result counts, too, as it does in what is to do.
+    // The final task counts as well, as in the open tasks.
     let is_there = r.of.written().is_some() && !r.finished;
     let done = r.found + u64::from(is_there);
     let (found, tasks) = (text::count(done), text::count(r.tasks));

@@ -19,7 +19,7 @@ pub(crate) fn only_grid_files(option: &str, input: &str) -> Result<()> {
 
 /// Fails if `input` is a mesh, for an `option` of grids.
 pub(crate) fn only_grids(option: &str, input: &str) -> Result<()> {
-    // What cannot be told from a grid is told of when it is opened.
+    // Unreadable files are reported when they are opened.
     if is_mesh(input).unwrap_or(false) { Err(refusal(option, input, "a mesh")) } else { Ok(()) }
 }
 

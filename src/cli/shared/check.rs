@@ -110,7 +110,7 @@ pub(crate) fn report(
     let Some(report) = report else { return Ok(()) };
     let report_place = place(report);
     let is_part = |file: &Path| {
-        // To follow every name that might be there takes far longer.
+        // Resolving every possible name would take far longer.
         let may_be =
             |path: &PathBuf| path.file_name() == report_place.file_name() || path.is_symlink();
         report_place.starts_with(place(file))

@@ -228,13 +228,13 @@ static PLACES: Mutex<Vec<String>> = Mutex::new(Vec::new());
 /// A file `name` in a temporary folder, shown as `-` from now on.
 fn place(resources: &Resources, name: &str) -> Result<(TempDir, PathBuf)> {
     let around = resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
-    // Some names are made absolute on their way to where they are told.
+    // Some messages have absolute paths.
     let folder = std::path::absolute(&around)
         .and_then(|around| tempfile::Builder::new().prefix("terrane-").tempdir_in(around))
         .map_err(|e| Error::write(&around, atomic::plain(e)))?;
     let path = folder.path().join(name);
     let shown = path.display().to_string();
-    // As it stands in JSON, where that differs.
+    // As escaped in JSON, if different.
     let quoted = serde_json::Value::from(shown.as_str()).to_string();
     let mut places = terrane_files::lock(&PLACES);
     places.extend([quoted.trim_matches('"').to_owned(), shown]);

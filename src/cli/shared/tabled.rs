@@ -83,11 +83,11 @@ pub(crate) fn argument<const PLANNED: bool>(
     let long = if field.off.is_some() { format!("no-{long}") } else { long };
     let mut argument =
         Arg::new(field.name).long(long).help(match PLANNED && field.name == "format" {
-            // The output of a plan is a folder, whose name has no ending that says it.
+            // The output of a plan is a folder without an extension.
             true => about.to_owned(),
             false => help(field, default, about),
         });
-    // Not that of arguments before.
+    // Resets the heading of earlier arguments.
     argument = match field.heading {
         "Options" => argument.help_heading(Resettable::Reset),
         heading => argument.help_heading(heading),
@@ -95,7 +95,7 @@ pub(crate) fn argument<const PLANNED: bool>(
     if let Some(letter) = field.short {
         argument = argument.short(letter);
     }
-    // GDAL's names of some have underscores.
+    // Some of GDAL's names have underscores.
     argument = argument.aliases(field.aliases.iter().copied().filter(|alias| alias.contains('_')));
     let off = if field.off.is_some() { "no-" } else { "" };
     let aliases = field.aliases.iter().map(|alias| format!("{off}{}", alias.replace('_', "-")));
@@ -151,7 +151,7 @@ impl TypedValueParser for ChoiceParser {
     ) -> Result<String, clap::Error> {
         match value.to_str().filter(|text| (self.0.read)(text).is_ok()) {
             Some(text) => Ok(text.to_owned()),
-            // Which says what there is, and what is nearest.
+            // Clap's error lists the values and the nearest one.
             None => PossibleValuesParser::new(names_of(self.0)).parse_ref(command, argument, value),
         }
     }

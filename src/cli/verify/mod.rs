@@ -117,7 +117,7 @@ fn run(args: &VerifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
         }
         return args.prove::<CloudMeshProof, CloudInput>(cancel, cloud::summary);
     }
-    // One of many that is not there may be skipped.
+    // A missing file among several may be skipped.
     let is_skipped =
         |name: &String| args.many.skip_bad && args.source.len() > 1 && check::input(name).is_err();
     for grid in args.source.iter().filter(|name| !is_skipped(name)) {

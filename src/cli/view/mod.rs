@@ -81,7 +81,7 @@ impl Verb for ViewArgs {
     }
 
     fn run(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
-        // What --serve excludes would lift a requirement of the parser's.
+        // A clap conflict with --serve would lift a requirement of the parser.
         if self.port.is_some() && !self.serve {
             return Err(
                 Error::usage("--port requires --serve").remedy("pass --serve, or leave --port out")

@@ -43,7 +43,7 @@ pub fn cone<V: Copy, M: DistanceMetric<V>>(
         look_ahead(metric, points, anchor, tolerance, ends);
         last_valid(metric, points, anchor, tolerance * tolerance, ends)
     };
-    // Those of the segment at hand, of one from its furthest end, and of one from the other end.
+    // Candidates of the current segment, of one from its furthest end, and of one from the other end.
     let [ends, from_furthest, from_nearer] = &mut scratch.candidates;
     let (mut anchor, mut furthest) = (0, reach(0, ends));
     kept.push(0);
@@ -90,7 +90,7 @@ fn look_ahead<V: Copy, M: DistanceMetric<V>>(
     let from = &points[anchor];
     let mut wedge = M::Wedge::new(from, tolerance);
     let tolerance2 = tolerance * tolerance;
-    // The vertex farthest from the anchor is the likeliest to lie beyond an end.
+    // The vertex farthest from the anchor is the most likely to lie beyond an end.
     let (mut outermost, mut span2) = (anchor, 0.0);
     let (mut limit, mut proof) = (anchor + LOOK, anchor + LOOK / 2);
     for (i, p) in points.iter().enumerate().skip(anchor + 1) {

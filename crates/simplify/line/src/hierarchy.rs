@@ -67,7 +67,7 @@ impl Hierarchy {
         for (first, block) in self.above(square) {
             let (mut found, mut count) = ([0; BLOCK], 0);
             for (vertex, own) in (first..).zip(block) {
-                // No branch: which vertices are kept cannot be foreseen.
+                // Branch-free: kept vertices are unpredictable.
                 found[count % BLOCK] = vertex;
                 count += usize::from(*own > square);
             }

@@ -191,7 +191,7 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
         while !self.found.is_empty() {
             std::mem::swap(layer, self.found);
             self.found.clear();
-            // The farthest first: they leave the least to the others.
+            // The farthest first: they leave the least to test.
             layer.sort_unstable_by(|a, b| b.cmp(a));
             for from in layer.iter() {
                 self.expand(*from as usize);

@@ -383,7 +383,7 @@ impl FarthestQuery<'_> {
         let (with, against) = if direction[1] >= 0.0 { (upper, lower) } else { (lower, upper) };
         let extremes = [self.extreme(level, against, back), self.extreme(level, with, direction)];
         for place in extremes {
-            // Not itself, so that the first that is as far as it is found.
+            // Excludes the region itself, so that the first of equals is found.
             let reach = PlaneMetric::reach(self.segment, &self.corner(level, place));
             self.limit = larger(self.limit, reach.next_down());
         }

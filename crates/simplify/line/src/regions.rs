@@ -196,7 +196,7 @@ impl<R: Copy> VertexRegions<R> {
             return 0;
         }
         let start = from.next_multiple_of(LEAF);
-        // Regions that hold nothing as far as a vertex known to be there are of no interest.
+        // Regions below a known distance are skipped.
         let likely = match to - from < LONG {
             true => f64::NEG_INFINITY,
             false => self.likely::<V, M>(segment, points, start, to).next_down(),

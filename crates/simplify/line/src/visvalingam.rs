@@ -154,15 +154,15 @@ impl VertexChain {
         let mut order = Vec::with_capacity(gone);
         let mut most = 0.0_f64;
         while order.len() < gone {
-            // All of a bucket are looked at first, which fetches what they need from memory side by
-            // side; one after the other, the removals would wait for each.
+            // Tests the whole bucket first, so that memory is fetched in parallel; one by one, the removals
+            // would wait for each.
             let is_present = |entry: &VertexArea| {
                 let near = self.neighbours[entry.i as usize];
                 near[0] != GONE && of(entry.i, near) == entry.key
             };
             let Some(VertexArea { key, i }) = queue.pop(is_present) else { break };
             let [before, after] = self.neighbours[i as usize];
-            // Left behind when the area changed, or the vertex went.
+            // Stale: the area changed, or the vertex was removed.
             if before == GONE || areas[i as usize] != key {
                 continue;
             }
@@ -235,7 +235,7 @@ struct AreaQueue {
 
 impl AreaQueue {
     fn new(entries: impl ExactSizeIterator<Item = VertexArea> + Clone) -> Self {
-        // The bits of floats that are not negative are ordered as the floats are.
+        // Bits of non-negative floats have the order of the floats.
         let bits = entries.clone().map(|entry| entry.key.to_bits()).filter(|bits| *bits > 0);
         let (least, most) = (bits.clone().min().unwrap_or(0), bits.max().unwrap_or(0));
         let wanted = (entries.len() / CROWD).max(1) as u64;

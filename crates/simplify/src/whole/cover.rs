@@ -80,7 +80,7 @@ impl CoverageJob<'_> {
             let (squares, rounded) = (&squares, rounded.as_ref());
             let now = FinishedSquares { squares, whole: &whole, kept: &kept, rounded };
             let total = self.solve_all(input, &now, report)?;
-            // A file that is written cannot be taken back.
+            // A finished file cannot be undone.
             let may_turn = squares.count() > 1 || self.rule.collapse == RingCollapse::Drop;
             if wanted.is_some() || (input.all.len() > 1 && may_turn) {
                 let left = self.look(input, &now)?;
@@ -245,7 +245,7 @@ impl CoverageJob<'_> {
             Ok(())
         })?;
         let old = |segment: &[Xy; 2]| old.get(&key(segment)).map_or(&[][..], Vec::as_slice);
-        // Segments that have become one were several: some may have met the other one, and some not.
+        // Merged segments had several originals: some may have met the other segment, and some not.
         let was_apart = |[s, t]: &&[[Xy; 2]; 2]| {
             old(s).iter().any(|s| old(t).iter().any(|t| !conflict(*s, *t)))
         };
@@ -323,7 +323,7 @@ impl CoverageJob<'_> {
                 Ok(())
             })
         })?;
-        // There are as many as fit into one square.
+        // One tile holds fewer than 2^32 parts.
         let whole = now.whole.iter().map(|part| *part as u32).collect();
         Ok(SquareContent { flat, whole, ..SquareContent::default() })
     }
@@ -453,7 +453,7 @@ impl TileTotals {
         self.collapsed += solved.collapsed;
         self.unrounded += solved.unrounded;
         self.square = self.square.max(solved.square);
-        // Segments that meet come by a square together, maybe by several: the first one counts them.
+        // Segments that meet may share several tiles: the first tile counts them.
         let mut near = [Vec::new(), Vec::new()];
         let is_own = |pair: &&[[Xy; 2]; 2]| {
             (0..2).for_each(|i| squares.meeting(pair[i], &mut near[i]));

@@ -157,7 +157,7 @@ impl<'a> CoverageInput<'a> {
     }
 
     fn look(&mut self, feature: &Feature, bytes: u64) -> Result<()> {
-        // One that is moved is there twice, with what is looked at of both.
+        // A moved feature is held twice, with the data of both.
         let topology = self.job.topology.as_ref();
         let moves = topology.is_some_and(|t| t.snap > 0.0 || self.job.decimals.is_some());
         let copies = if moves { 4 } else { 2 };

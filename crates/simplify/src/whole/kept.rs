@@ -108,7 +108,7 @@ impl KeptBitsReader<'_> {
                 }
             }
         }
-        // The last run of a ring goes on from its beginning.
+        // The last run of a ring may wrap around to its start.
         if found.last() < found.first() {
             found.sort_unstable();
         }

@@ -138,7 +138,7 @@ impl RingDamage {
 
 /// Whether rings now pass a position several times at vertices that were distinct.
 fn touches_anew(before: &Geometry, after: &Geometry) -> bool {
-    // Where each vertex is, how often its rings have moved on since the first one, and where it was.
+    // Position of each vertex, number of its run of equal positions, and original position.
     let mut all: Vec<([u64; 2], usize, [u64; 2])> = Vec::new();
     let mut passage = 0_usize;
     for (old, new) in before.parts().zip(after.parts()).filter(|(part, _)| part.is_ring()) {
@@ -148,7 +148,7 @@ fn touches_anew(before: &Geometry, after: &Geometry) -> bool {
             passage += usize::from(all.last().is_some_and(|(at, ..)| *at != key(*new)));
             all.push((key(*new), passage, key(*old)));
         }
-        // Where it begins it may be in the middle of a passage.
+        // The start may be in the middle of a passage.
         let first = all.get(own).map(|(at, passage, _)| (*at, *passage));
         if let Some((at, first)) = first {
             let last = all[own..].iter_mut().rev();

@@ -13,7 +13,7 @@ use terrane_vector::KeptVertices;
 pub(super) fn ring(own: &[Xy], left: &[u32], collapse: RingCollapse) -> Option<KeptVertices> {
     let kept = left.iter().map(|at| own[*at as usize]);
     if is_flat(own.iter().copied()) {
-        // It had no area to begin with.
+        // The input ring had no area.
         return Some(if collapse == RingCollapse::Drop {
             KeptVertices::Nothing
         } else {

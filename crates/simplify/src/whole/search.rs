@@ -90,7 +90,7 @@ fn profile(
     input: &mut CoverageInput<'_>,
     rule: &SimplifyRule,
 ) -> Result<(ThresholdHistogram, f64)> {
-    // Thresholds of all sizes are asked for, so coordinates may be as small as they are.
+    // All thresholds are needed, so tiny coordinates matter.
     let rule = &SimplifyRule { threshold: f64::MAX, ..*rule };
     let state = Mutex::new((ThresholdHistogram::default(), None));
     let add = |feature: &Feature, own: Option<&trees::FeatureHierarchies>| {
@@ -106,7 +106,7 @@ fn profile(
         whole.cancel.check()
     };
     match input.held() {
-        // Those that are moved are shown where they go, and have no hierarchies.
+        // Snapped features have no hierarchies.
         Some(_) if input.moves.is_none() => on_threads(whole.job.resources.threads, || {
             whole.files.pairs.iter().zip(&input.all).try_for_each(|(pair, file)| {
                 let features = file.features.par_iter().enumerate();

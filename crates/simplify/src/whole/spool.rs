@@ -67,7 +67,7 @@ impl<'a> TileSpool<'a> {
         for run in runs {
             let square = run.square as usize;
             self.runs.push(square, &[(run.count as u32) << FLAGS | flags])?;
-            // A run of a ring may go on from its beginning.
+            // A run of a ring may wrap around to its start.
             let end = (run.first + run.count).min(count.max(run.first));
             let again = run.first + run.count - end;
             for range in [run.first..end, 0..again].into_iter().filter(|range| !range.is_empty()) {
@@ -133,7 +133,7 @@ impl<'a> TileSpool<'a> {
 
 /// A segment from its lower end to its upper end.
 fn in_order(segment: &[Xy; 2]) -> [Xy; 2] {
-    // 0 and -0 are the same.
+    // Normalizes -0 to 0.
     let [a, b] = segment.map(|p| p.map(|c| c + 0.0));
     if a <= b { [a, b] } else { [b, a] }
 }

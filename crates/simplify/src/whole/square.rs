@@ -152,7 +152,7 @@ fn with_obstacles(world: &SquareContent) -> Result<CoverageArcs> {
     let mut arcs = CoverageArcs::new(&world.flat.chains(), 0.0)?;
     for segment in &world.obstacles {
         arcs.points.extend(segment);
-        // Without heights: nothing of it is left out.
+        // Heights are not needed: obstacles are never simplified.
         arcs.sources.extend([0, 0]);
         arcs.starts.push(arcs.points.len());
         arcs.closed.push(false);
@@ -225,7 +225,7 @@ impl TileOutcome {
             let (points, is_ring) = (flat.part(run), flat.closed[run]);
             self.arcs.own(run, points, is_ring, &self.outcome.kept, &mut left);
             let kept = match is_ring {
-                // Vertices that arcs leave out, too: those that repeat the one before them.
+                // Includes consecutive duplicates, which arcs omit.
                 _ if rule.keeps_everything() => Some(KeptVertices::All),
                 true if whole.binary_search(&(run as u32)).is_ok() => Some(KeptVertices::All),
                 true => own::ring(points, &left, rule.collapse),

@@ -80,7 +80,7 @@ impl OpenedLineJob<'_> {
         self.progress.begin("write", input.all.len() as u64);
         for (file, pair) in self.files.pairs.iter().enumerate() {
             let layer = &input.all[file].layer;
-            // What is wrong with a trial is wrong with the output.
+            // Errors of a trial name the output.
             let named = |e: Error| if trial.is_some() { e.renamed(&pair.output) } else { e };
             let created = match trial {
                 Some(folder) => pair.create_in(folder, job, layer),

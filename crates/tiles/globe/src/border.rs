@@ -114,7 +114,7 @@ fn stops(
         let height = height.unwrap_or_else(|| ground.filled(place));
         stops.push(stop(along.clamp(0, STEPS), height, false));
     });
-    // Of those at one position a post counts, or else the first.
+    // At one position an anchor vertex has priority, otherwise the first stop.
     let sort = |stops: &mut Vec<BorderStop>| {
         stops.sort_by_key(|stop| (stop.along, !stop.is_post));
         stops.dedup_by_key(|stop| stop.along);

@@ -64,7 +64,7 @@ impl QuantizedHeights {
         let halvings = (0..=MOST_HALVINGS).rev().find(fits)?;
         let own = tile.step / f64::from(1_u32 << halvings);
         let low = f64::from(lowest) * tile.step;
-        // Both are whole numbers of steps below 2^24, so they are exact.
+        // Both are integer steps below 2^24, so they are exact.
         let range = [low as f32, (low + own * f64::from(STEPS)) as f32];
         Some(Self { lowest, fineness: 1 << halvings, range })
     }
@@ -201,7 +201,7 @@ fn walk(triangles: &[[u32; 3]]) -> Vec<(usize, usize)> {
         }
         order.push((triangle, first));
         let corners = triangles[triangle];
-        // Across the edge that it came over there is nothing left.
+        // Nothing is left across the edge that it came from.
         for k in [(first + 2) % 3, (first + 1) % 3, first] {
             let [from, to] = [corners[k], corners[(k + 1) % 3]];
             if let Some(next) = beyond(from, to).filter(|next| !is_done[*next]) {

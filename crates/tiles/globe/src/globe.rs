@@ -39,7 +39,7 @@ impl Vector {
 
     /// Nearest position with coordinates that are multiples of a step.
     pub(crate) fn rounded(self, step: f64) -> Self {
-        // No zero of another sign than what a client adds up to.
+        // Adding 0 removes negative zeros, as in clients.
         Self(self.0.map(|value| (value / step).round() * step + 0.0))
     }
 

@@ -75,7 +75,7 @@ impl TileMetadata {
         let (centre, radius) = horizon::sphere(points);
         let lowest = tile.triangles.iter().map(|corners| lowest(tile, points, *corners));
         let highest = tile.vertices.iter().map(|vertex| vertex.height).max().unwrap_or(0);
-        // The ellipsoid is convex, so nothing of a triangle is higher than its corners.
+        // The ellipsoid is convex, so a triangle is nowhere higher than its corners.
         let highest = f64::from(highest) * tile.step + lattice;
         let heights = [lowest.fold(f64::INFINITY, f64::min) - lattice, highest];
         let occlusion = horizon::occlusion(centre, points, heights[0]);
@@ -219,7 +219,7 @@ fn placed(
     counted: &QuantizedPositions,
     parts: &mut TileBufferBuilder,
 ) -> Result<String> {
-    // From the top, as images have them.
+    // From the top, as in images.
     let steps = |v: &TileVertex| [v.at[0], STEPS - v.at[1]];
     let [position, place] = match &counted.numbers {
         PositionNumbers::Single(offsets) => {

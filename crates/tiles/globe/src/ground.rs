@@ -293,7 +293,7 @@ pub(crate) fn feet(
         return;
     }
     let parts = [rect.col..rect.end_col(), rect.row..rect.end_row()];
-    // Where rows are parallels feet are on the meridian or parallel of their samples.
+    // Where rows are parallels, these positions are on the meridian or parallel of their samples.
     let near = |axis: usize| match chart.is_bent() {
         true => parts[axis].clone(),
         false => {

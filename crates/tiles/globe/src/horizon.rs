@@ -37,7 +37,7 @@ pub(crate) fn occlusion(centre: Vector, points: &[Vector], lowest: f64) -> Vecto
         let [cos, sin] = [direction.dot(towards), direction.cross(towards).length()];
         let (near, far) = (1.0 / length, (length * length - 1.0).sqrt() / length);
         let down = cos * near - sin * far;
-        // Beyond a quarter of the earth there is no such place.
+        // There is no such point beyond a quarter of the earth.
         if down > 1.0 / ALWAYS { 1.0 / down } else { ALWAYS }
     };
     let both = points.iter().flat_map(|point| [below, 0.0].map(|by| scaled(*point, by)));

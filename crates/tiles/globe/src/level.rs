@@ -85,8 +85,8 @@ impl TileLevel {
         let posts = power_above(arc / chord).max(1.0) as u32;
         let slope = spacing * f64::from(stride);
         let tolerance = assumed.max(relief.rough).max(2.0 * step);
-        // Neighbours become vertices where they are a good part of the error apart, or where the place of a sample is
-        // rounded by more than that.
+        // Neighbouring samples become vertices if they differ by a large share of the error, or if rounding of
+        // positions changes heights by more than that.
         let samples = tiling::degrees(level) / f64::from(tiling::STEPS) / spacing;
         let is_high = relief.jump * (4.0 * samples).max(1.0) > assumed / 4.0;
         let is_steep = is_high && relief.jump > STEEP * spacing.to_radians() * EQUATOR;
@@ -132,7 +132,7 @@ impl TileLevel {
     pub fn on_lattice(self, range: [f64; 2]) -> Self {
         let [low, high] = [range[0] - self.skirt_depth(), range[1]];
         let earth = EQUATOR + high.max(0.0);
-        // A tile lies within a square as wide as it is at the equator, and within the earth.
+        // A tile fits in a square as wide as at the equator, and in the earth.
         let arc = tiling::degrees(self.level).to_radians() * earth;
         let across = (arc * 2_f64.sqrt()).min(2.0 * earth) + (high - low) + 2.0 * self.step;
         let lattice = power_above(across / 2.0 / SINGLE);

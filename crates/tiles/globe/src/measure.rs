@@ -130,7 +130,7 @@ impl TileShell {
             false => {
                 let here = &self.facets[facet as usize];
                 match &self.folds {
-                    // On a side it is as far from both triangles: a wall on one of them says nothing.
+                    // On a side both triangles have the same distance: a vertical one gives none.
                     None => {
                         let twins = (0..3).zip(here.twins).filter(|(_, twin)| *twin != NONE);
                         let beside =
@@ -149,7 +149,7 @@ impl TileShell {
                 }
             }
         };
-        // What is no number must not count for none.
+        // NaN must not count as 0.
         let off = if off.is_nan() { f64::INFINITY } else { off };
         self.measure.samples += 1;
         self.measure.largest = self.measure.largest.max(off);
@@ -218,7 +218,7 @@ impl TileShell {
     ) -> bool {
         let points = corners.each_ref().map(|corner| corner.upright.point(corner.height));
         let Some((most, steep)) = self.furthest(corners, &points) else { return false };
-        // The earth bends between the corners, which a plane does not.
+        // Between the corners the earth is curved, unlike a plane.
         let across = (points[2] - points[0]).length().max((points[3] - points[1]).length());
         let most = most + off + across * across / (4.0 * POLE) + bow * steep;
         let is_far = most > tolerance || corners[0].place[1].abs() > FAR_NORTH;
@@ -257,7 +257,7 @@ impl TileShell {
         while let Some(number) = open.pop() {
             let facet = &self.facets[number as usize];
             let TileFacet { corners: ends, twins, .. } = facet;
-            // The first one has a corner in it, whatever is rounded.
+            // The first triangle contains a corner, up to rounding.
             if number != first && !meets(ends.map(flat), &quad) {
                 continue;
             }
@@ -348,7 +348,7 @@ impl TileShell {
     ) -> Option<(u32, usize)> {
         let here = &self.facets[facet as usize];
         let [a, b] = [1, 2].map(|k| here.corners[(corner + k) % 3]);
-        // Above zero where the sample is before the first end, and beyond the other one.
+        // Positive if the sample is before the first end, and past the other one.
         let [before, beyond] = if here.on_parallel[corner] {
             let turn = |Vector([ax, ay, _]): Vector, Vector([bx, by, _]): Vector| ax * by - ay * bx;
             let (east, normal) = (turn(a, b), sample.upright.normal);
@@ -357,7 +357,7 @@ impl TileShell {
             let [from, to] = [a, b].map(|end| frame.look(end)[1]);
             [from * (to - from), to * (from - to)]
         };
-        // Of a corner: those that come after it, counter-clockwise, of the side at hand and of the next one.
+        // For a corner: its counter-clockwise successors on the current side and on the next.
         let (pivot, [first, next]) = if beyond > 0.0 {
             (b, [1, 2])
         } else if before > 0.0 {
@@ -374,7 +374,7 @@ impl TileShell {
                 side = (corners.iter().position(|at| *at == pivot)? + next) % 3;
                 continue;
             }
-            // Beyond a corner of the tile, the side on a parallel counts before that on a meridian.
+            // Beyond a corner of the tile, the side on a parallel has priority over the one on a meridian.
             let is_same = there.on_parallel[side] == here.on_parallel[corner];
             let is_first = there.on_parallel[side] && self.holds(now, frame);
             return (is_same || is_first).then_some((now, side));
@@ -452,7 +452,7 @@ fn meets(triangle: [[f64; 2]; 3], quad: &[[f64; 2]; 4]) -> bool {
         let all = points.iter().map(|point| point[axis]);
         all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
     };
-    // Part of the size, so that rounding and what the earth bends never part them.
+    // Margin for rounding and for the curvature of the earth.
     let [width, height] = [0, 1].map(|axis| ends(quad, axis)).map(|[low, high]| high - low);
     let slack = width.max(height) * SLACK;
     let apart = |axis: usize| {

@@ -49,7 +49,7 @@ pub(crate) fn outline(
             }
         }
     }
-    // Sides bow out a little between samples, and those within may lie behind that.
+    // Sides bulge a little between samples, and inner samples may lie behind them.
     let bow = 1e-11 + spacing * spacing / 10.0;
     Ok(GeodeticBounds {
         west: (low[0] - bow).max(-180.0),
@@ -62,7 +62,7 @@ pub(crate) fn outline(
 /// Integer crossings along a part of a line, for a linear function; few.
 pub(crate) fn crossings([a, b]: [f64; 2], [from, to]: [f64; 2]) -> impl Iterator<Item = f64> {
     let (first, last) = (from.min(to).floor() + 1.0, from.max(to).ceil() - 1.0);
-    // Numbers of places that have none are no numbers.
+    // NaN positions have no crossings.
     let count = if last - first < 4.0 { (last - first + 1.0).max(0.0) as u32 } else { 0 };
     (0..count).map(move |i| a + (b - a) * ((first + f64::from(i) - from) / (to - from)))
 }

@@ -169,7 +169,7 @@ impl<'a> TileBuilder<'a> {
             columns.extend(row.iter().map(meridian));
         }
         let [_, v] = steps(first);
-        // Both are powers of two, so that a product is what a quotient would be.
+        // Both are powers of two, so the product equals the quotient.
         let [by_step, by_unit] = [self.level.step, self.level.unit()].map(|size| 1.0 / size);
         let units = self.level.step * by_unit;
         let [add, by] = self.drop.along(v);
@@ -199,7 +199,7 @@ impl<'a> TileBuilder<'a> {
 
     fn vertices(&self) -> (Vec<TileVertex>, Vec<u32>) {
         let vertices = self.mesh.points().iter().map(|point| self.drop.lower(*point)).collect();
-        // Ghosts have no number.
+        // Ghost triangles have no index.
         let is_inner = |i: &u32| self.mesh.corners(*i).is_some();
         let mut numbers = vec![u32::MAX; self.mesh.triangles().len()];
         let inner = (0..self.mesh.triangles().len() as u32).filter(is_inner);

@@ -76,7 +76,7 @@ impl GlobeTileId {
     pub fn place(self, [u, v]: [i32; 2]) -> [f64; 2] {
         let (bounds, width) = (self.bounds(), degrees(self.level));
         let along = |from: f64, to: f64, steps: i32| match steps {
-            // To the bit what it is for the tile beside.
+            // Bit-identical to the neighbouring tile.
             STEPS => to,
             _ => from + width * (f64::from(steps) / f64::from(STEPS)),
         };

@@ -23,7 +23,7 @@ pub(super) fn cell(p: Xy, level: i32) -> [i64; 2] {
 
 /// Lowest level for positions of magnitude up to `most`, with cell numbers of at most 53 bits.
 fn lowest_level(most: f64) -> i32 {
-    // Coordinates beyond 1e140 are refused, and those below 1e-130 are as good as 0.
+    // Coordinates above 1e140 are rejected, and those below 1e-130 count as 0.
     let exponent = (most.max(1e-130).to_bits() >> 52) as i32 - 1022;
     exponent - BITS
 }
@@ -94,7 +94,7 @@ impl VertexHistogram {
             let up = (level - self.level).min(63);
             let old = self.bounds.map(|p| cell(p, self.level));
             let new = old.map(|at| at.map(|c| c >> up));
-            // A quarter of all cells and those along two sides, at most.
+            // At most a quarter of all cells, and those along two sides.
             let width = new[1][0] - new[0][0] + 1;
             let index = |at: [i64; 2]| ((at[1] - new[0][1]) * width + at[0] - new[0][0]) as usize;
             let mut sums = vec![0; index(new[1]) + 1];

@@ -38,7 +38,7 @@ pub fn cut(
         }
     }
     if let (true, [first, .., last]) = (is_ring, &mut runs[..]) {
-        // Both are in the square of the vertex that they share.
+        // Both are in the tile of the shared vertex.
         last.count += first.count - 1;
         runs.remove(0);
     }

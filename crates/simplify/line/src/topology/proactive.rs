@@ -97,7 +97,7 @@ pub(super) fn accept(
     let (mut accepted, mut refined) = (KeptChainVertices::new(), 0);
     let mut halves = Vec::new();
     for chain in 0..chains.count() {
-        // Pieces to be tested are between neighbours on the stack; the next one is on its top.
+        // Pieces to test are between neighbours on the stack; the next one is on top.
         cancel.map_or(Ok(()), Cancel::check)?;
         let mut open: Vec<u32> = kept.of(chain).iter().rev().copied().collect();
         while let [.., to, from] = open[..] {

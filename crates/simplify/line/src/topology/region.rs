@@ -26,7 +26,7 @@ pub(super) fn holds(chain: &[Xy], v: Xy) -> bool {
 fn turn(p: Xy, q: Xy, v: Xy) -> Option<i32> {
     let (below_p, below_q) = (p[1] <= v[1], q[1] <= v[1]);
     if below_p == below_q {
-        // Only an edge that ends at the height of `v`, or lies in it, can have it.
+        // Only an edge that ends at the height of `v`, or is horizontal at that height, can contain it.
         let on = (p == v) | (q == v) | (p[1] == v[1] && q[1] == v[1] && between(p[0], q[0], v[0]));
         return if on { None } else { Some(0) };
     }
@@ -64,7 +64,7 @@ impl EdgeBands {
         let height = bounds.high[1] - bounds.low[1];
         let edges = || chain.iter().zip(chain[1..].iter().chain(&chain[..1]));
         let climb: f64 = edges().map(|(p, q)| (p[1] - q[1]).abs()).sum();
-        // So many that an edge reaches into 4 bands at the mean.
+        // Bands such that an edge touches 4 of them on average.
         let wished = (3.0 * chain.len() as f64 * height / climb).min(chain.len() as f64);
         let count = if wished >= 1.0 { wished as usize } else { 1 };
         let scale = count as f64 / height;

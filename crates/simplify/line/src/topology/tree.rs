@@ -128,7 +128,7 @@ impl HilbertRTree {
         }
         let top = self.levels.len() - 1;
         let mut open: Vec<(usize, usize)> = vec![(top, 0)];
-        // What is open are groups of boxes of a level; those of level 1 stand for groups.
+        // Open entries are groups of boxes of a level; level 1 holds groups.
         while let Some((level, group)) = open.pop() {
             let boxes = &self.levels[level];
             let end = ((group + 1) * FAN).min(boxes.len());
@@ -170,7 +170,7 @@ fn hilbert(mut x: u32, mut y: u32) -> u32 {
     for bit in (0..16).rev() {
         let (right, up) = ((x >> bit) & 1, (y >> bit) & 1);
         number = number << 2 | ((3 * right) ^ up);
-        // In the lower quadrants the curve is transposed, in the right one of them mirrored too.
+        // In the lower quadrants the curve is transposed, in the right one of them mirrored, too.
         let mirror = (right & !up & 1).wrapping_neg() & 0xffff;
         let swap = (x ^ y) & (!up & 1).wrapping_neg();
         (x, y) = (x ^ swap ^ mirror, y ^ swap ^ mirror);

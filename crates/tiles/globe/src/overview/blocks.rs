@@ -82,7 +82,7 @@ impl SampleBlock {
         let [xx, xy, yy] = [xx - x * x / n, xy - x * y / n, yy - y * y / n];
         let [xz, yz] = [xz - x * z / n, yz - y * z / n];
         let area = xx * yy - xy * xy;
-        // Of less than three samples, or some on a line, the plane is level.
+        // With fewer than three samples, or collinear ones, the plane is level.
         let slopes = match area > 1e-9 * (xx * yy).max(1.0) {
             true => [(xz * yy - yz * xy) / area, (yz * xx - xz * xy) / area],
             false => [0.0; 2],
@@ -112,7 +112,7 @@ impl SampleBlock {
 
     /// Upper bound of the distance of samples from the plane in metres.
     pub fn off(&self) -> f64 {
-        // What was added up is rounded.
+        // Rounding error of the sums.
         let size = self.plane[0].abs() + self.plane[1].abs() * 1e4 + self.plane[2].abs() * 1e4;
         self.ends[0].off.abs().max(self.ends[1].off.abs()) + size * 1e-12
     }
@@ -124,7 +124,7 @@ fn jump(heights: &[f64], stride: usize, [width, height]: [usize; 2]) -> f64 {
     for row in 0..height {
         let line = &heights[row * stride..][..width];
         let across = line.windows(2).map(|two| (two[1] - two[0]).abs());
-        // What is void compares as no number does.
+        // NaN heights never compare.
         most = across.fold(most, f64::max);
         if row > 0 {
             let above = &heights[(row - 1) * stride..][..width];

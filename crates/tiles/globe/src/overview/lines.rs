@@ -21,7 +21,7 @@ pub(super) fn whole(chart: &GridGeolocation, lines: [&[f64]; 2]) -> [Lines; 2] {
     let whole = chart.whole();
     [0, 1].map(|axis: usize| {
         let most = f64::from(whole[axis] - 1);
-        // Beyond the grid its edges go on.
+        // Edges of the grid continue beyond it.
         let mut found = BTreeSet::from([0, whole[axis] - 1]);
         for line in lines[axis] {
             let Some(map) = chart.map() else { continue };
@@ -49,10 +49,10 @@ pub(super) fn spots(chart: &GridGeolocation, lines: [&[f64]; 2]) -> [Lines; 2] {
             let end = |along: f64| if axis == 0 { [*line, along] } else { [along, *line] };
             chart.stops([end(-180.0), end(180.0)], &mut |place| {
                 let [col, row] = chart.within(place).at.map(|at| at as u32);
-                // Those of the cells on either side, too: the line may go through them to the next place.
+                // Includes the cells on either side: the line may pass through them to the next position.
                 for row in row..=(row + 1).min(most[1]) {
                     let spots = found.entry(row).or_default();
-                    // Those along a row come one after the other.
+                    // Samples along a row are consecutive.
                     for col in col.saturating_sub(1)..=(col + 2).min(most[0]) {
                         if !spots.iter().rev().take(4).any(|spot| *spot == col) {
                             spots.push(col);

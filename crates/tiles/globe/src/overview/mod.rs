@@ -75,7 +75,7 @@ impl GridOverview {
         [0, 1].map(|axis: usize| {
             let [low, high] = ends[axis];
             let count = f64::from(self.plan.blocks.counts[axis]);
-            // A sample more on each side, as places are rounded.
+            // One more sample on each side, because positions are rounded.
             let first = ((low - 1.0) / side).floor().clamp(0.0, count);
             let end = ((high + 1.0) / side).floor() + 1.0;
             [first as u32, end.clamp(first, count) as u32]
@@ -105,7 +105,7 @@ impl GridOverview {
         if !self.plan.chart.is_bent() {
             return if holds(bounds) { RectRelation::Within } else { RectRelation::Across };
         }
-        // What bows out of a block is beyond its corners; meridians are the nearer to each other the further north.
+        // Parts of a block may bulge beyond its corners; meridians converge towards the poles.
         let furthest = corners.iter().fold(0.0_f64, |most, corner| most.max(corner.place[1].abs()));
         let slack = self.bow(at) / DEGREE / furthest.to_radians().cos().max(1e-3);
         let GeodeticBounds { west, south, east, north } = bounds.grown(slack);

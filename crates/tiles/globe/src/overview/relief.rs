@@ -145,7 +145,7 @@ impl GridOverview {
                 sum += u64::from(*count);
                 sum > MOST_VERTICES
             });
-            // As far as two samples of a block are apart: nearer, each that is taken makes another one.
+            // At least the distance of two samples of a block: below it, each vertex would cause another.
             first.map_or(0.0, |(_, off, _)| 2.0 * off)
         };
         found.chunk_by(|a, b| a.0 == b.0).map(of_tile).fold(0.0, f64::max)
