@@ -54,7 +54,7 @@ pub(super) fn check_formats(tiles: &TileOptions) -> Result<()> {
     let is_twice = |i: usize| tiles.format[..i].contains(&tiles.format[i]);
     if tiles.format.is_empty() || (0..tiles.format.len()).any(is_twice) {
         return Err(
-            Error::usage("tile formats are missing or repeated").remedy("name each format once")
+            Error::usage("a tile format is missing or given twice").remedy("name each format once")
         );
     }
     check(tiles)

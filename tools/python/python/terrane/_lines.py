@@ -149,7 +149,7 @@ def simplify(
             f"pass one of {', '.join(OF_GEOMETRIES)}, or call simplify_file",
         )
     if metric == "metres" and tolerance is None:
-        raise usage("metric requires a tolerance", "leave metric out")
+        raise usage('metric="metres" requires a tolerance', "pass one, or leave metric out")
     if topology or metric == "metres" or options:
         asked = {**goal_of(tolerance, method, metric), "topology": topology, **options}
         _terrane.check_operation("simplify", asked, "lines.wkt")
