@@ -58,7 +58,7 @@ pub(super) fn run(
     Ok(report)
 }
 
-/// What a feature is too large for is told with its file.
+/// Adds the input file to an error of a large feature.
 fn in_input(error: Error, pair: &LineFilePair) -> Error {
     if error.kind() == ErrorKind::Resource { error.in_file(&pair.input) } else { error }
 }

@@ -198,7 +198,7 @@ mod tests {
         add_known(&path, &mut known).unwrap();
         assert_eq!(known.level(9).count(), 9);
         let whole = std::fs::read(&path).unwrap();
-        // Eight zeros are an object without tiles; what is torn there is told by its digest.
+        // Eight zeros are an object without tiles; its digest detects damage.
         let is_empty = |length: &usize| *length == 8 && whole[..8] == [0; 8];
         for length in (0..whole.len()).filter(|length| !is_empty(length)) {
             std::fs::write(&path, &whole[..length]).unwrap();

@@ -149,11 +149,11 @@ impl GridGeolocation {
             CubicTable::new(sides, parts, |at| Ok(EllipsoidNormal::at(to(at)?).normal.0))?;
         let spacing = spacing(&upright);
         let bounds = outline(whole, &upright, spacing)?;
-        // Beside what the samples lie in, so that it is known at its border.
+        // With a margin, so that the table covers the border of the samples.
         let known = bounds.grown(2.0 * spacing);
         let sides = [[known.west, known.east], [known.south, known.north]];
         let samples = CubicTable::new(sides, parts, |at| Ok(back(at).unwrap_or([f64::NAN; 2])))?;
-        // Half of what a sample takes at the most, and a part of every tile's side.
+        // At most half the sample spacing, and a divisor of every tile's side.
         let stop = 180.0 / (360.0 / spacing).log2().ceil().exp2();
         let bent = CurvedLattice { upright, samples, bounds, spacing, stop, off: OnceLock::new() };
         Ok(Self { whole, way: ChartMapping::Bent(Arc::new(bent)), slope: 0.0 })
@@ -410,7 +410,7 @@ impl GridGeolocation {
             place[axis] = at;
             found(place);
         };
-        // Where the samples end, what goes on beyond them begins.
+        // The ground beyond the samples begins at their bounds.
         [low, high].into_iter().filter(|end| (a..=b).contains(end)).for_each(&mut stop);
         let [first, last] = [a, b].map(|value| (value - origin) / bent.stop);
         let mut i = first.ceil();
@@ -418,7 +418,7 @@ impl GridGeolocation {
             stop(origin + i * bent.stop);
             i += 1.0;
         }
-        // Where it crosses a row or a column of samples the ground may have a peak.
+        // Crossings with rows or columns of samples may be breaks of the ground.
         let at = |along: f64| {
             let mut place = from;
             place[axis] = along;

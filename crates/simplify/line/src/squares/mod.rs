@@ -12,20 +12,18 @@
 //! The guarantees of [`super::topology`] in each tile, with obstacles among the chains, therefore hold for all
 //! tiles together.
 //!
-//! **Rings across squares.** Such a ring R becomes a ring R' that has the segments that cross over
-//! and the winding numbers of R wherever no hull is, as the curves in which they differ lie in hulls.
-//! Hulls are closed and disjoint, so a segment that crosses over has a stretch outside of them all, on
-//! both sides of which the winding numbers are the same before and after. If R crosses nothing, neither
-//! does R': all of its segments are new, which cross nothing, or R's. It has three different
-//! vertices at least, as two segments that cross over would be the same otherwise. So it has an area,
-//! and of the sign of R's, which those winding numbers tell. (Of a ring that crosses itself the sign of
-//! the sum of its areas may change: that has to be looked at.)
+//! **Rings across tiles.** Such a ring R becomes a ring R' that has the segments that cross over and the
+//! winding numbers of R outside all hulls, because the curves in which they differ lie in hulls. Hulls are
+//! closed and disjoint, so a segment that crosses over has a part outside all of them, with unchanged winding
+//! numbers on both sides. If R does not cross itself, neither does R': its segments are those of R, or new
+//! ones, which cross nothing. It has at least three distinct vertices, because two segments that cross over
+//! would coincide otherwise. So it has an area with the orientation of R, as these winding numbers show. (For a
+//! ring that crosses itself the sign of the total area may change: this has to be checked.)
 //!
-//! **The squares** are those of a quadtree over powers of two, whatever the extent, so a
-//! position's cell is exact: a multiplication by a power of two and a floor. Vertices are counted
-//! by the cells of a grid ([`VertexHistogram`]), and a square of the tree that has too many is divided, in
-//! cells that have too many by finer counts ([`RefinedCounts`]). The division depends on nothing but how many
-//! vertices there are in which cell.
+//! **The tiles** are those of a quadtree over powers of two, independent of the extent, so the cell of a
+//! position is exact: a multiplication by a power of two and a floor. Vertices are counted in the cells of a
+//! grid ([`VertexHistogram`]). A tile with too many vertices is divided, with finer counts for cells with too
+//! many ([`RefinedCounts`]). The division depends only on the number of vertices per cell.
 
 mod census;
 mod runs;

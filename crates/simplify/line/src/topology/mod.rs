@@ -7,28 +7,25 @@
 //! 2. no ring has collapsed or turned over;
 //! 3. every kept vertex, and every given point, is on the side of every chain that it was on.
 //!
-//! A *piece* is a chain's part C from one kept vertex a to the next, b. The closed curve of C and
-//! the segment ba must not wind around a kept vertex of any chain or a given point, and none of them
-//! may lie on the segment. This is the consistency of M. de Berg, M. van Kreveld and S. Schirra,
-//! "Topologically correct subdivision simplification using the bandwidth criterion" (1998). A piece
-//! that breaks a rule is split at its vertex farthest from the segment, and the caller's method is
-//! asked for both halves again, so that its tolerance holds for what comes out. Vertices are never
-//! taken away, and a chain with all of its vertices breaks no rule that the input kept: the end is
-//! always reached.
+//! A *piece* is a chain's part C from one kept vertex a to the next, b. The closed curve of C and the segment
+//! ba must not wind around a kept vertex of any chain or a given point, and none of them may lie on the
+//! segment. This is the consistency of M. de Berg, M. van Kreveld and S. Schirra, "Topologically correct
+//! subdivision simplification using the bandwidth criterion" (1998). A piece that violates a rule is split at
+//! its vertex farthest from the segment, and the caller's method simplifies both halves again, so its tolerance
+//! holds for the result. Vertices are never removed, and a chain with all its vertices violates no rule that
+//! the input satisfied: the process always ends.
 //!
-//! **Why this is enough.** The winding number of a ring around a point is that of the simplified ring
-//! plus those of its pieces' curves; as the latter are 0, points stay inside or outside each ring. For
-//! a connected part K of the input without crossings it is enough that one of its points stays: K
-//! crosses neither ring, before or after, so all of it is where that point is. Testing each kept
-//! vertex, and not one for each K, settles in addition which arc is where around a common vertex: if
-//! arc D came to lie on the other side of arc C between common ends, without a crossing, a kept
-//! vertex of one would lie in a region of the other; and were neither to keep one, their segments
-//! would overlap. Vertices that are left out need no test: what is left of their chain is.
+//! **Why this is sufficient.** The winding number of a ring around a point is that of the simplified ring plus
+//! those of its pieces' curves; the latter are 0, so points stay inside or outside each ring. For a connected
+//! part K of the input without crossings it is sufficient that one of its points keeps its side: K crosses the
+//! ring neither before nor after. Testing each kept vertex, and not one for each K, also preserves the order of
+//! arcs around a common vertex: if arc D moved to the other side of arc C between common ends without a
+//! crossing, a kept vertex of one would lie in a region of the other; without kept vertices their segments
+//! would overlap. Omitted vertices need no test: the rest of their chain is tested.
 //!
-//! **What the input had.** Where the original segments themselves cross, touch or overlap, pieces are
-//! refined down to them; then the pair is counted and left. Vertices at one position count as one:
-//! chains that touch in common vertices should be cut there first ([`super::arcs`]), so that these are
-//! kept.
+//! **Violations of the input.** Where original segments cross, touch or overlap, pieces are refined down to
+//! them; then the pair is counted and left. Vertices at one position are identical: chains that touch at common
+//! vertices should be cut there first ([`super::arcs`]), so that these are kept.
 
 mod chains;
 mod cross;
