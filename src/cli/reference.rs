@@ -41,7 +41,7 @@ fn verbs_page() -> String {
     }
     users.retain(|_, verbs| verbs.len() >= MANY);
     let mut page = format!("# Verbs and options\n\n<!-- Written by the code: {RENEW} -->\n");
-    page += "\nOptions of many verbs are at the [end](#options-of-many-verbs).\n";
+    page += "\nShared options are at the [end](#options-of-many-verbs).\n";
     for (name, verb) in &verbs {
         page += &section(name, verb, &users);
     }
@@ -131,7 +131,7 @@ fn meaning(arg: &Arg) -> String {
 
 fn names_page() -> String {
     let mut page = format!("# Names\n\n<!-- Written by the code: {RENEW} -->\n");
-    page += "\nWhat formats, statistics, methods, characters and parameters are called.\n";
+    page += "\nNames of formats, statistics, methods, characters and parameters.\n";
     let mut told = BTreeSet::new();
     for (_, verb) in verbs() {
         let lists = verb.get_after_help().map(ToString::to_string).unwrap_or_default();
@@ -177,6 +177,6 @@ fn the_pages_are_what_the_code_says() {
         }
         let kept = std::fs::read_to_string(&path).unwrap_or_default();
         let differs = kept.lines().zip(page.lines()).find(|(kept, page)| kept != page);
-        assert!(kept == page, "{name} is not what the code says ({differs:?}): {RENEW}");
+        assert!(kept == page, "{name} differs from the code ({differs:?}): {RENEW}");
     }
 }
