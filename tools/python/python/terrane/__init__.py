@@ -89,7 +89,7 @@ if TYPE_CHECKING:
     from terrane._report import Report
     from terrane.delatin import Delatin
 
-# Where each name is; a module is imported when a name of it is first asked for.
+# Modules of names; a module is imported at the first use of one of its names.
 _WHERE = {
     "_clouds": "GridResult",
     "_errors": "Error ExistsError FileError InputError Interrupted MissingFileError OutputError ResourceError",

@@ -15,7 +15,7 @@ from terrane._errors import Error, usage
 from terrane._settings import Features
 
 REMEDY = "pass a path, a geometry of shapely or several, a GeoSeries or a GeoDataFrame"
-# Packages whose objects hold geometries.
+# Packages with geometry objects.
 PACKAGES = ("shapely", "geopandas", "numpy")
 
 
@@ -99,5 +99,5 @@ def geometries_of(name: str, value: Any) -> tuple[list[str], Any]:
     array = array[~shapely.is_empty(array)]
     if len(array) == 0:
         raise usage(f"{name} holds no geometry", "leave it out")
-    # With so many decimals coordinates come back as they are.
+    # Enough decimals for a lossless round trip.
     return list(shapely.to_wkt(array, rounding_precision=20)), getattr(held, "crs", None)

@@ -16,7 +16,7 @@ from terrane._errors import refuse_existing, usage
 from terrane._settings import Path, settings
 from terrane._source import crs_text, names_of
 
-# The dimensions of records of laspy and PDAL that filters ask for, by their names there.
+# Dimensions of laspy and PDAL records used by filters.
 MARKS = {
     "classes": ("classification", "Classification"),
     "numbers": ("return_number", "ReturnNumber"),
@@ -30,7 +30,7 @@ FLAGS = {
 }
 
 
-# Without these options of how clouds are read some cannot be opened.
+# Input options that some point clouds require to be opened.
 OPENING = ("crs", "salvage")
 
 

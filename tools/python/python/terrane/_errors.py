@@ -139,7 +139,7 @@ def warn(text: str) -> None:
     while frame.f_back is not None:
         names.append(frame.f_code.co_filename)
         frame = frame.f_back
-    # Frames of other modules may lie between those of this package.
+    # Frames of other modules may be between those of this package.
     ours = [level for level, name in enumerate(names) if name.startswith(FOLDER)]
     warnings.warn(text, stacklevel=ours[-1] + 2)
 

@@ -17,7 +17,7 @@ from terrane._source import crs_text
 
 METRICS = ("plane", "space", "metres")
 GOALS = ("area", "keep_count", "keep_ratio")
-# Options of files of lines that geometries have, too.
+# Options of vector files that geometries support, too.
 OF_GEOMETRIES = (
     "area",
     "collapse",

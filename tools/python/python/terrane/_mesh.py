@@ -92,7 +92,7 @@ class Mesh:
         dataset, an xarray DataArray or Dataset, an array, or a pair of a shape and a transform. Without a transform,
         x is the column and y the negative row, as in a mesh of an array."""
         (height, width), place = lattice_of(like)
-        # Six numbers of the outer corner of the first cell.
+        # Geotransform of the outer corner of the first cell.
         x0, a, b, y0, d, e = (-0.5, 1.0, 0.0, 0.5, 0.0, -1.0) if place is None else place
         rows, cols = np.arange(height)[:, None] + 0.5, np.arange(width)[None, :] + 0.5
         return self.interpolate(x0 + a * cols + b * rows, y0 + d * cols + e * rows)

@@ -44,7 +44,7 @@ LENGTH = Range(over=0)
 TOLERANCE = Range(least=0)
 ANY = Range()
 
-# All numeric options, by their names, which mean the same in all functions.
+# All numeric options by name, with the same meaning in all functions.
 OPTIONS = {
     "max_error": TOLERANCE,
     "max_vertices": COUNT,

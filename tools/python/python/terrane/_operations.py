@@ -26,18 +26,18 @@ from terrane._report import Report
 from terrane._settings import Path, settings
 from terrane._source import crs_text, opened
 
-# Features beside what is read, which may be in memory.
+# Options with features, which may be in memory.
 BESIDE = ("clip", "water", "keep_points", "breaklines")
-# What says how the grid is read, with what only Python has; all else is an option of the operation.
+# Input options of grids, with Python's own; all others are options of the operation.
 SOURCE = ("band", "nodata", "transform", "crs", "clip", "water")
-# Operations that take meshes in place of grids.
+# Operations that accept meshes instead of grids.
 OF_SURFACES = ("picture", "page")
 OF_SOURCE = {
     "transform": "Affine transform of an array, in rasterio's order",
     "crs": "CRS of an array: text, an EPSG code, or a CRS of pyproj or rasterio",
     "progress": "A function of stage, done and total, or tqdm",
 }
-# What Python has in place of texts.
+# Python types used instead of text.
 TYPES = {"crs": "Any", "band": "int | None", "clip": "Features | None", "water": "Features | None", "keep_points": "Features | None", "breaklines": "Features | None", "to_crs": "Any", "output": "Path | None"}
 
 
@@ -62,7 +62,7 @@ def ready(
     """Validates options and returns the input of an operation (a path for features and meshes), without the
     Python-only options. Plans require permanent files."""
     reads = "mesh" if is_mesh(name, src) else tables()[name]["reads"]
-    # What can be looked at once is looked at twice.
+    # Iterators are used twice.
     options |= {key: list(value) for key, value in options.items() if isinstance(value, Iterator)}
     _beside.settle(options)
     reading = {key: options.pop(key) for key in SOURCE if reads == "grid" and key in options}
@@ -215,7 +215,7 @@ def inspected(name: str) -> Callable[..., dict[str, Any]]:
     return documented(function, name, signature=inspected_parameters(name))
 
 
-# What is told of without writing anything.
+# Inspections, which write nothing.
 INSPECTED = ("info", "info-mesh", "info-cloud", "info-features")
 
 
@@ -224,7 +224,7 @@ def inspected_parameters(name: str) -> list[inspect.Parameter]:
     return [own for own in parameters(name) if own.name != "path"]
 
 
-# What proofs are of, and what it was made from.
+# Subjects and originals of verifications.
 PROVED = {
     "verify": ("mesh", "src"),
     "verify-cloud": ("mesh", "src"),
@@ -259,14 +259,14 @@ def planned_documentation(name: str) -> str:
     """Documentation of a planning function."""
     size = tables()[name]["task_size"]
     return textwrap.dedent(f"""\
-        Writes down in a folder how the result of `{called(name)}` is made by tasks, with the same options; it is the same,
-        byte for byte. `task_size` is how large a task is. {size}
+        Writes a plan of `{called(name)}` to a folder: tasks with the same options and the same result, byte for byte.
+        `task_size` is the size of a task. {size}
 
         {PLANS.get(name, "")}
         """)
 
 
-# What lines in memory do not have.
+# Options of files, not of lines in memory.
 OF_FILES = ("index", "with_z", "3d", "format", "overwrite")
 
 
@@ -296,7 +296,7 @@ class Usual(float):
     """A default number."""
 
 
-# The cells of grids, unless something else says what they are.
+# Cell options, unless another option defines the cells.
 CELL = Usual(1.0)
 
 
@@ -323,7 +323,7 @@ def tin(
         return Mesh(grid.tin(options, progress))
 
 
-# What grids in memory do not have.
+# Options of files, not of grids in memory.
 OF_GRIDS = ("format", "overwrite", "co")
 
 
@@ -393,7 +393,7 @@ def called(name: str) -> str:
     return own.get(name, name.replace("-", "_"))
 
 
-# Functions that write what others keep in memory.
+# Functions that write results that others keep in memory.
 WRITTEN = {"tin": "write_tin"}
 
 
@@ -403,7 +403,7 @@ def keyword_of(option: dict[str, Any]) -> str:
     return next(name for name in names if not keyword.iskeyword(name))
 
 
-# Parameters before others, of functions whose result may stay in memory, and their defaults.
+# First parameters of functions with results in memory, and their defaults.
 FIRST: dict[str, dict[str, Any]] = {
     "cloud-tin": {"max_error": None},
     "contour": {"interval": None},
@@ -412,7 +412,7 @@ FIRST: dict[str, dict[str, Any]] = {
     "verify": {"max_error": None},
     "verify-cloud": {"max_error": None},
 }
-# What functions return that keep their result in memory where there is no output.
+# Results in memory of functions without `output`.
 RESULTS = {"contour": "Lines", "grid": "GridResult", "tin": "Mesh"}
 
 
@@ -424,7 +424,7 @@ def parameters(name: str, is_file: bool = False) -> list[inspect.Parameter]:
     def parameter(name: str, kind: Any, default: Any = None) -> inspect.Parameter:
         option = options.pop(name, {"type": "Any"})
         annotation = TYPES.get(name, option["type"])
-        # That no band is named is another thing than that the first one is.
+        # No band differs from the first band.
         default = None if name == "band" else option.get("default", default)
         return kinds(name, kind, default=default, annotation=annotation)
 

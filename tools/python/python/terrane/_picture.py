@@ -26,7 +26,7 @@ def shaded(mesh: Mesh) -> bytes:
     if min(heights.shape) < 2:
         return png(np.full((1, 1, 2), 255, "u1"))
     down, right = np.gradient(heights, step)
-    # As steep as a slope of a half looks well.
+    # A slope of 1/2 gives good contrast.
     steep = np.nanpercentile(np.hypot(right, down), 90) if np.isfinite(right).any() else 1.0
     right, down = (part / (2 * steep or 1.0) for part in (right, down))
     light = (1 - right - down) / np.sqrt(3 * (1 + right**2 + down**2))

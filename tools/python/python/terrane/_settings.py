@@ -8,7 +8,7 @@ from typing import Any, TypedDict
 
 Progress = Callable[[str, int, int], object]
 Path = str | os.PathLike[str]
-# The path of a file of features, or geometries: of shapely, one or several, a GeoSeries or a GeoDataFrame.
+# Path of a vector file, or geometries: one or several of shapely, a GeoSeries or a GeoDataFrame.
 Features = Any
 
 

@@ -16,18 +16,18 @@ from terrane._errors import ResourceError, usage, warn
 from terrane._numbers import number, real
 from terrane._settings import Features
 
-# Types of samples that the library reads as they are.
+# Sample types supported by the library without conversion.
 NATIVE = {np.dtype(name) for name in ("f4", "f8", "i1", "u1", "i2", "u2", "i4", "u4")}
-# Whole numbers beyond this are not all exact in float64.
+# Integers above this are not exact in float64.
 EXACT = 2**53
-# The transform of columns and rows.
+# Transform of an array without georeference.
 IDENTITY = (1, 0, 0, 0, 1, 0)
-# What bands of a picture show.
+# Colour interpretation of image bands.
 COLOURS = {"red", "green", "blue"}
-# What of a grid's notes is told, unless a band is chosen.
+# Notes of a grid that become warnings, unless a band is chosen.
 TOLD = {"several bands", "impossible nodata"}
 
-# Opens a grid, clipped to the polygons of a file and with the water of another one.
+# Opens a grid, clipped to polygons of a file, with water of another file.
 Opener = Callable[[str | None, str | None], _terrane.Grid]
 
 
@@ -228,7 +228,7 @@ def of_dataset(
     if is_plain and os.path.isfile(src.name) and src.driver == "GTiff":
         of_file = of_files([src.name], band, nodata)
         info = of_file(None, None).info
-        # An overview of a file, opened as a dataset, is not what is in the file.
+        # An overview opened as a dataset differs from the file.
         if (info["width"], info["height"]) == (src.width, src.height):
             return of_file
     band = band or 1

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from terrane._errors import usage, warn
 
-# What CF says of coordinates along x and along y (sections 4.1, 4.2 and 5.6), and THREDDS.
+# CF attributes of coordinates along x and y (sections 4.1, 4.2 and 5.6), and those of THREDDS.
 STANDARD_NAMES = {
     "projection_x_coordinate": "x",
     "projection_y_coordinate": "y",
@@ -40,11 +40,11 @@ NAMES = {
         re.IGNORECASE,
     ),
 }
-# What counts rows, from the top: y is such a number with its sign changed.
+# Names of row numbers, from the top: y is the negative row.
 ROWS = re.compile(r"(rows?|lines?)_?\d*|dim_0", re.IGNORECASE)
 FILLS = ("_FillValue", "missing_value", "fill_value", "nodata", "nodatavals")
 TEXTS = ("crs_wkt", "spatial_ref", "proj4", "proj4text", "epsg_code")
-# Of a step: coordinates that are further off are not evenly spaced.
+# Share of a step: larger deviations are uneven spacing.
 UNEVEN = 1e-3
 PLACE_REMEDY = "pass a transform"
 DIMS_REMEDY = 'rename them to "y" and "x", give their coordinates a standard_name or an axis, or pass the values as an array'
@@ -287,7 +287,7 @@ def place_of(
         return stated
     (top, down), (left, across) = even(dims[0], y), even(dims[1], x)
     found = (across, 0.0, left - across / 2, 0.0, down, top - down / 2)
-    # Coordinates are rounded; the transform they were made of is not.
+    # Coordinates are rounded; the original transform is not.
     close = stated is not None and all(
         math.isclose(a, b, rel_tol=0, abs_tol=UNEVEN * min(abs(across), abs(down)) / size)
         for a, b, size in zip(found, stated, (len(x), 1, 1, 1, len(y), 1), strict=True)

@@ -9,7 +9,7 @@ from collections.abc import Container, Iterable
 from dataclasses import dataclass
 
 FINISH = "finish"
-# What the past weighs beside the next measured time: terrain changes along a plan.
+# Weight of the past beside the next measured time: terrain changes along a plan.
 MEMORY = 0.98
 
 
@@ -32,7 +32,7 @@ class Queue:
         self._work = self._seconds = 0.0
         self._rank = {id: rank for rank, id in enumerate(self.left)}
         self._followers: dict[str, list[Task]] = defaultdict(list)
-        # Neither ready, nor given out, nor done.
+        # Neither ready, nor submitted, nor done.
         self._waiting = set(self.left)
         self._ready: list[tuple[int, Task]] = []
         self._ready_work = 0

@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     the cluster failed, or with 130."""
     args = parser().parse_args(arguments)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    # Dask tells all that happens to its connections; what matters is said below.
+    # Dask logs every connection event; relevant ones are reported below.
     logging.disable(logging.ERROR)
     try:
         print(json.dumps(asdict(work(args)), indent=2))
@@ -64,12 +64,12 @@ def work(args: argparse.Namespace) -> Report:
 
 def local(args: argparse.Namespace) -> Client:
     """Worker processes on this machine, which end with this one."""
-    # The memory of the program is its own affair; workers themselves have next to nothing.
+    # The program manages its own memory; workers need almost none.
     return Client(
         n_workers=args.workers or max(1, (os.cpu_count() or 1) // args.threads_per_task),
         threads_per_worker=1,
         memory_limit=None,
-        # Ctrl-C goes to all processes of a terminal; this one cancels in good order.
+        # Ctrl-C reaches all processes of a terminal; this one cancels cleanly.
         preload="import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)",
         dashboard_address=None,
         silence_logs=logging.CRITICAL,

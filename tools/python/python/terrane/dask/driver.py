@@ -19,8 +19,8 @@ from distributed import Client, Future, KilledWorker, as_completed
 from terrane.dask import worker
 from terrane.dask.batches import FINISH, Queue, Task
 
-# Exit codes of the program that another try may mend: not yet, cannot write, disk, interrupted. So
-# may a program that was killed, whose code is below zero. Too little memory (75) stays too little.
+# Exit codes that a retry may fix: not ready, cannot write, disk, interrupted, and negative codes of
+# killed programs. Too little memory (75) is permanent.
 PASSING = {69, 73, 74, 130}
 INTERNAL, TRY_AGAIN = 70, 69
 # Seconds between looks at the number of workers, and between lines of progress.
@@ -191,7 +191,7 @@ class Driver:
             self._lose(self.out.pop(future), future)
         for future in futures:
             future.release()
-        # The scheduler has to hear of it before others take their place in the graph.
+        # The scheduler must process it before others take their place in the graph.
         self.client.sync(asyncio.sleep, 0)
 
     def _note(self, tasks: list[Task], results: list[worker.Result]) -> None:

@@ -28,7 +28,7 @@ ctypes.CDLL(None).prctl(1, 15, 0, 0, 0)
 if os.getppid() == int(sys.argv[1]):
     os.execv(sys.argv[2], sys.argv[2:])
 """
-# Exit code for a task whose batch nobody wants any more, as of an interrupted program.
+# Exit code of a task in a cancelled batch, as of an interrupted program.
 INTERRUPTED = 130
 
 
@@ -102,7 +102,7 @@ def _call(command: list[str]) -> tuple[int, str, str]:
         with contextlib.suppress(subprocess.TimeoutExpired):
             out, err = process.communicate(timeout=1)
             return process.returncode, out, err
-    # Once only: asked a second time the program leaves at once, without tidying up.
+    # Once only: a second signal makes the program exit without cleanup.
     process.terminate()
     out, err = process.communicate()
     return process.returncode, out, err
