@@ -53,7 +53,7 @@ impl LineFiles {
                 Some(first) => {
                     let [ours, theirs] = first.told_apart(&own);
                     let message =
-                        format!("CRS is {theirs}, but {} has {ours}", pairs[0].input.display(),);
+                        format!("CRS is {theirs}, but {} has {ours}", pairs[0].input.display());
                     return Err(Error::bad_input(message)
                         .in_file(&pair.input)
                         .remedy("transform the files to one CRS"));
