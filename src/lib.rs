@@ -1,9 +1,9 @@
-//! Terrain that does not fit into memory, made small with a proven bound on the error.
+//! Terrain larger than memory, reduced to small meshes with a proven error bound.
 //!
-//! terrane reads elevation grids, point clouds and lines out of core and hands back triangle meshes, grids
-//! and simpler lines. Of every mesh it is promised that no sample is further from it, vertically, than the
-//! tolerance asked for; [`Grid::verify`] proves that of the written file by code of its own. What comes out
-//! does not depend on threads or memory, and a job keeps within the memory it is allowed.
+//! terrane reads elevation grids, point clouds and lines out of core and makes triangle meshes, grids and
+//! simplified lines. Every sample lies within the requested tolerance of the mesh, vertically; [`Grid::verify`]
+//! proves this for the written file with independent code. Results do not depend on threads or memory, and a
+//! job stays within its memory budget.
 //!
 //! # From an array
 //!
@@ -52,13 +52,13 @@
 //! | a line in memory | [`simplify`] | fewer vertices |
 //! | a folder with a plan | [`open_plan`] | what the plan says, by any number of machines |
 //!
-//! Options are setters of the job, which `use terrane::prelude::*` brings into scope: a trait for each struct of options.
-//! Every job says what is to be reached, may be told what it may use (`memory`, `threads`), whom to tell
-//! how far it is ([`Progress`]) and by what it may be stopped ([`Cancel`]), and ends in the work: `build`, `write` or `run`.
-//! Outputs appear whole or not at all. Nothing is printed, and no handler or hook of the process is changed.
+//! Options are setters of the job: one trait for each options struct, imported by `use terrane::prelude::*`. A
+//! job has a goal, optional resources (`memory`, `threads`), optional [`Progress`] and [`Cancel`], and ends in
+//! `build`, `write` or `run`. Outputs are written atomically. The library prints nothing and changes no handler
+//! or hook of the process.
 //!
-//! Rooms of the house that are of use alone (the triangulations, the methods for lines, the readers of
-//! formats) are crates of their own, named `terrane-*`.
+//! Parts that are useful on their own (triangulations, line simplification, file formats) are separate crates
+//! named `terrane-*`.
 
 //! # Features
 //!
@@ -75,8 +75,8 @@ mod facade;
 mod operations;
 pub mod prelude;
 
-/// The command line: runs what `args` say, the name of the program first, and tells what became of it on the
-/// standard streams. It is of a whole process, whose signals and allocator it sets, and no part of the library.
+/// The command line: runs `args` (program name first) and prints the result on the standard streams. For whole
+/// processes only: it sets signal handlers and allocator options.
 #[cfg(feature = "cli")]
 #[doc(hidden)]
 pub fn command_line(args: impl IntoIterator<Item = std::ffi::OsString>) -> std::process::ExitCode {

@@ -1,4 +1,4 @@
-//! Traits to import with `use terrane::prelude::*`: the setters of jobs, one trait for each struct of options, and other
+//! Traits for `use terrane::prelude::*`: the setters of jobs, one trait for each options struct, and other
 //! methods of jobs and data.
 
 pub use crate::facade::Data;

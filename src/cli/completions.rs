@@ -1,4 +1,4 @@
-//! `terrane completions`: a script that teaches a shell the command line.
+//! `terrane completions`: shell completion scripts.
 
 use clap::Command;
 use clap_complete::Shell;

@@ -1,4 +1,4 @@
-//! Contour lines for people.
+//! Summary of contour lines.
 
 use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{report, text};
@@ -11,7 +11,7 @@ impl Summarize for ContourReport {
                 let [low, high] = [low, high].map(text::number);
                 format!("{} from {low} to {high}", text::count(self.levels))
             }
-            _ => "none: no height is crossed".to_owned(),
+            _ => "none (no level is crossed)".to_owned(),
         };
         let lines =
             format!("{}, {} of them rings", text::count(self.lines), text::count(self.rings));
@@ -27,7 +27,7 @@ impl Summarize for ContourReport {
             let count = text::count(self.left_out);
             rows.push((
                 "left out",
-                format!("{count} around samples exactly on a level and no area"),
+                format!("{count} rings without area around samples on a level"),
             ));
         }
         rows.extend(report::transformed(self.transformed.as_ref()));

@@ -1,4 +1,4 @@
-//! Grids of clouds for people.
+//! Summary of grids of point clouds.
 
 use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{report, text};
@@ -6,7 +6,7 @@ use terrane_lidar::grid::{self, GridReport};
 
 impl Summarize for GridReport {
     fn summary(&self) -> String {
-        let unit = self.vertical_unit.as_deref().unwrap_or("unit of height unknown");
+        let unit = self.vertical_unit.as_deref().unwrap_or("vertical unit unknown");
         let [width, height] = self.cell.map(text::number);
         let mut rows = vec![
             ("points", points(self)),
@@ -40,7 +40,7 @@ fn points(r: &GridReport) -> String {
     let dropped = [
         (p.withheld, "withheld"),
         (p.filtered, "filtered out"),
-        (p.outside, "outside the bounds of their file"),
+        (p.outside, "outside the bounds of the header"),
         (p.lost, "lost"),
         (r.outside_grid, "outside the grid"),
     ];
@@ -50,7 +50,9 @@ fn points(r: &GridReport) -> String {
         None => format!("{} read", text::count(p.read)),
         Some(all) => {
             let [all, read] = [all, p.read].map(text::count);
-            format!("{all} in the cloud; {read} read by tiles, those near several for each")
+            format!(
+                "{all} in the cloud; {read} read by tiles (points near a border more than once)"
+            )
         }
     };
     read + &dropped.collect::<String>()

@@ -1,4 +1,4 @@
-//! `terrane simplify`: lines and rings made simpler.
+//! `terrane simplify`: simplification of lines and rings.
 
 use std::path::{Path, PathBuf};
 
@@ -37,7 +37,7 @@ pub(super) struct SimplifyArgs {
     /// Output file or folder, if it is not the last name
     #[arg(short = 'o', long = "output", value_name = "FILE", help_heading = "Output")]
     named: Option<PathBuf>,
-    /// Write the report to this JSON file
+    /// Write the report to a JSON file
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
     #[command(flatten)]
@@ -84,10 +84,10 @@ fn run(args: &SimplifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let holds = pipes::PipeContent::Features(args.input_format.as_deref());
     let mut stdin = pipes::StdinFile::expect(&mut input, holds, resources)?;
     if args.input_format.is_some() && !stdin.is_read() {
-        return Err(Error::usage("‹input_format› is for stdin, and no input is -")
-            .remedy("leave ‹input_format› out: files tell their format"));
+        return Err(Error::usage("‹input_format› requires stdin (-) as an input")
+            .remedy("leave ‹input_format› out"));
     }
-    // What is asked for says so, not how many of the files are there or good.
+    // The names decide, not the number of existing or good files.
     let into_folder = input.len() > 1 || vector::is_collection(&input[0]);
     if into_folder {
         atomic::refuse_stdout(&output)?;
@@ -117,7 +117,7 @@ fn run(args: &SimplifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     Ok(VerbOutcome::Kept)
 }
 
-/// Fails when a file to read is not there, or one to write is taken.
+/// Fails for a missing input or an existing output.
 fn check_files(
     options: &LineOptions,
     input: &[String],
@@ -138,7 +138,7 @@ fn check_files(
     }
 }
 
-/// Fails when the report would take the place of something that the job reads or makes.
+/// Fails if the report would replace an input or output of the job.
 fn check_report(job: &LineJob, report: Option<&Path>, names: &[String]) -> Result<()> {
     let mut results = terrane_simplify::outputs(job)?;
     results.extend(job.hierarchy.clone());
@@ -146,7 +146,7 @@ fn check_report(job: &LineJob, report: Option<&Path>, names: &[String]) -> Resul
     check::report(report, names, &results, job.overwrite)
 }
 
-/// A simplification for people.
+/// Summary of a simplification.
 fn summary(r: &LineReport) -> String {
     let share = text::percent(r.kept as f64 / r.vertices.max(1) as f64);
     let unit = match r.measure {
@@ -159,7 +159,7 @@ fn summary(r: &LineReport) -> String {
         ("read", format!("{features} features, {parts} lines and rings, {}", r.crs)),
         ("vertices", format!("{} of {} ({share})", text::count(r.kept), text::count(r.vertices))),
         ("method", format!("{}, threshold {}{unit}", r.method, text::number(r.threshold.value))),
-        ("distance", format!("{largest}{unit} at most from what is left")),
+        ("distance", format!("at most {largest}{unit} from the result")),
     ];
     if r.collapsed > 0 {
         rows.push(("collapsed", format!("{} rings", text::count(r.collapsed))));
@@ -167,7 +167,7 @@ fn summary(r: &LineReport) -> String {
     if r.arcs > 0 {
         let [arcs, refined, found] = [r.arcs, r.refined, r.input_crossings].map(text::count);
         rows.push(("topology", format!("{arcs} arcs, {refined} pieces refined")));
-        rows.push(("crossings", format!("{found} that the input has")));
+        rows.push(("crossings", format!("{found} in the input")));
     }
     rows.extend(r.hierarchy.as_ref().map(|own| ("hierarchy", hierarchy(own))));
     rows.push(("files", format!("{}, {}", text::bytes(r.output_bytes), r.outputs.join(", "))));
@@ -177,9 +177,9 @@ fn summary(r: &LineReport) -> String {
     format!("{}\n{}", r.inputs.join(", "), text::table(&rows))
 }
 
-/// What a file of hierarchies was to a simplification.
+/// Summary of a hierarchy file.
 fn hierarchy(own: &HierarchyReport) -> String {
     let done = if own.made { "made" } else { "checked" };
     let [prepared, asked] = [own.prepare_seconds, own.query_seconds].map(text::seconds);
-    format!("{}, {}, {done} in {prepared}, asked in {asked}", own.file, text::bytes(own.bytes))
+    format!("{}, {}, {done} in {prepared}, queried in {asked}", own.file, text::bytes(own.bytes))
 }

@@ -45,7 +45,7 @@ fn run(args: &ManArgs, command: Command) -> Result<VerbOutcome> {
     Ok(VerbOutcome::Kept)
 }
 
-/// All verbs that help tells of, those of plans among them.
+/// All documented verbs, including those of plans.
 fn told_of(command: &Command, verbs: &mut Vec<Command>) {
     for verb in command.get_subcommands().filter(|verb| !verb.is_hide_set()) {
         verbs.push(verb.clone());

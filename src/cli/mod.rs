@@ -1,8 +1,7 @@
-//! Arguments to jobs, progress, reports. Uses the public API of the other rooms only.
+//! Command line: arguments, progress and reports. Uses only the public API of the other crates.
 //!
-//! A file or folder for each verb, which has its arguments and says how they are run; it is listed in
-//! `VERBS`. Verbs take from `shared`, and it takes from none of them. Results go to stdout, progress and
-//! messages to stderr.
+//! A file or folder per verb defines its arguments and how they run; `VERBS` lists them. Verbs use `shared`,
+//! which uses none of them. Results go to stdout, progress and messages to stderr.
 
 mod completions;
 mod contour;
@@ -99,14 +98,14 @@ fn command_of(verbs: &[VerbEntry]) -> Command {
     verbs.iter().fold(Cli::command(), |command, verb| command.subcommand((verb.command)()))
 }
 
-/// The command line with the verb that comes first alone: the options of all verbs take a millisecond and a megabyte.
+/// The command line with only the given verb: options of all verbs take a millisecond and a megabyte.
 /// The whole one, where no verb comes first.
 fn command_for(args: &[OsString]) -> Command {
     let first = args.get(1).and_then(|word| VERBS.iter().position(|verb| verb.is_called(word)));
     command_of(first.map_or(VERBS, |place| &VERBS[place..=place]))
 }
 
-/// The verb that is asked for, with its arguments.
+/// The requested verb with its arguments.
 fn parse(args: &[OsString], command: Command) -> Result<Job, clap::Error> {
     let matches = command.try_get_matches_from(args)?;
     let asked = matches.subcommand().and_then(|(name, found)| {

@@ -1,5 +1,5 @@
-//! Verbs that make a file of a grid or a cloud: `convert`, `grid`, `slope` and others. Each is a struct of options of
-//! the room of its subject, and a line in the list of verbs.
+//! Verbs that write a file from a grid or a point cloud: `convert`, `grid`, `slope` and others. Each is an
+//! options struct of its crate, and a line in the list of verbs.
 
 use std::path::{Path, PathBuf};
 
@@ -36,28 +36,28 @@ impl Summarize for ConvertReport {
     }
 }
 
-/// What is read, as the command line has it.
+/// Input of an operation on the command line.
 pub(super) trait OperationInput: InputOptions {
-    /// What names stand for, the last of them being the output; and where all are inputs.
+    /// Help of the names: with the output last, and for inputs only.
     const NAMES: &'static str;
     const NAMES_PLANNED: &'static str;
-    /// What stdin has.
+    /// Content of stdin.
     const STDIN: pipes::PipeContent<'static>;
 
-    /// How files are opened, to see whether they are good.
+    /// How files are opened to test them.
     fn opening(&self, resources: &Resources) -> Result<InputOpening>;
 
-    /// Fails for what is not read, and when one of the options that were given cannot act on a file.
+    /// Fails for unsupported inputs, and for options that have no effect on a file.
     fn check(name: &str, many: &InputSelection, given: &[&'static str]) -> Result<()>;
 
-    /// The lists of what is read.
+    /// Help lists of the input.
     fn lists() -> Vec<String>;
 
-    /// Damage costs what is damaged alone.
+    /// Damage loses only the damaged part.
     fn skip_bad(&mut self) {}
 }
 
-/// The files that are taken of inputs, where these cannot be stdin and some options were given.
+/// Files selected by inputs without stdin, for the given options.
 pub(super) fn take<O: HasGroup<I> + HasGroup<Resources>, I: OperationInput>(
     (options, given): (&mut O, &[&'static str]),
     input: Vec<String>,
@@ -72,7 +72,7 @@ pub(super) fn take<O: HasGroup<I> + HasGroup<Resources>, I: OperationInput>(
     Ok(sifted)
 }
 
-/// Passes over damage where bad files are skipped, once these are sifted out.
+/// Tolerates damage if bad files are skipped.
 fn skip_bad<I: OperationInput>(options: &mut impl HasGroup<I>, many: &InputSelection) {
     if many.skip_bad {
         options.part_mut().skip_bad();
@@ -87,7 +87,7 @@ pub(super) enum InputOpening {
 }
 
 impl InputOpening {
-    /// The same of grids whose bands may be colours.
+    /// The same for grids whose bands may be colours.
     fn of_colours(self, colours: bool) -> Self {
         match self {
             Self::Grids(options) => Self::Grids(raster::GridOpenOptions { colours, ..options }),
@@ -121,16 +121,16 @@ impl OperationInput for GridInput {
         Ok(InputOpening::Grids(options))
     }
 
-    /// A mesh has nothing of all this, what is made by rule no bands.
+    /// Options of grids have no effect on a mesh; bands have none on a synthetic terrain.
     fn check(name: &str, many: &InputSelection, given: &[&'static str]) -> Result<()> {
         if many.is_cloud(name)? {
-            return Err(Error::usage("is a point cloud, and a grid is read")
+            return Err(Error::usage("is a point cloud, not a grid")
                 .in_file(&path_of(name))
                 .remedy(
-                    "make a grid of it first: terrane grid --dtm, or by tasks terrane plan grid",
+                    "make a grid first with terrane grid --dtm, or by tasks with terrane plan grid",
                 ));
         }
-        // A synthetic terrain has samples, too.
+        // Bands and nodata apply to files only.
         let of_files = given.iter().find(|name| ["band", "nodata"].contains(name));
         let of_grids = given.iter().find(|name| Self::TABLE.find(name).is_some());
         match (of_files, of_grids) {
@@ -152,7 +152,7 @@ impl OperationInput for CloudInput {
         folder, a list or a quoted pattern are one point cloud";
     const STDIN: pipes::PipeContent<'static> = pipes::PipeContent::Points;
 
-    /// Where points lie is no matter.
+    /// The georeference of points is not required.
     fn opening(&self, resources: &Resources) -> Result<InputOpening> {
         let mut anywhere = self.clone();
         (anywhere.bounds, anywhere.clip) = (None, None);
@@ -210,7 +210,7 @@ pub(super) struct OperationArgs<O: Operation<Input: OperationInput> + HasGroup<R
     show: args::ReportDisplay,
 }
 
-/// What names stand for: inputs, options without a dash, and the output.
+/// Names on the command line: inputs, positional options, and the output.
 fn value_names(table: &'static OptionTable) -> Vec<&'static str> {
     let positional = positional(table).filter_map(|field| field.value);
     ["INPUT"].into_iter().chain(positional).chain(["OUTPUT"]).collect()
@@ -273,18 +273,18 @@ impl<O: Operation<Input: OperationInput, Report: Summarize> + HasGroup<Replacing
     }
 }
 
-/// What surrounds the options of a run.
+/// Arguments of a run beside the options.
 pub(super) struct RunArguments<'a> {
     pub(super) input: &'a [String],
     pub(super) output: &'a Path,
-    /// The names of options that were given.
+    /// Names of the given options.
     pub(super) given: &'a [&'static str],
     pub(super) report: Option<&'a Path>,
     pub(super) many: &'a InputSelection,
     pub(super) show: &'a args::ReportDisplay,
 }
 
-/// Runs an operation and tells of it.
+/// Runs an operation and prints its report.
 pub(super) fn run<O>(
     mut options: O,
     frame: RunArguments<'_>,
@@ -302,18 +302,18 @@ where
     Ok(VerbOutcome::Kept)
 }
 
-/// What a run made.
+/// Result of a run.
 pub(super) struct FinishedRun<R> {
     pub(super) report: R,
     pub(super) inputs: Inputs,
     pub(super) skipped: Vec<Skipped>,
-    /// True where stdout has the result.
+    /// True if stdout has the result.
     is_poured: bool,
-    /// What inputs are in, if they came from there.
+    /// Temporary files of the inputs, if they came from stdin.
     _stdin: pipes::StdinFile<'static>,
 }
 
-/// Runs an operation, whose options are then as they were used.
+/// Runs an operation; afterwards `options` has the settings used.
 pub(super) fn make<O>(
     options: &mut O,
     frame: &RunArguments<'_>,
@@ -342,7 +342,7 @@ where
     options.check(&output)?;
     input = many.find(&input, opening.kind())?;
     check_inputs(options, &input, many, given)?;
-    // A list of files is read, too.
+    // List files are inputs, too.
     let lists = named_input.iter().filter_map(|name| name.strip_prefix('@')).map(str::to_owned);
     let read = [O::Input::files(&input)?, read_beside(options)?, lists.collect()].concat();
     check_files(options, &read, &output, report)?;
@@ -367,7 +367,7 @@ where
     Ok(FinishedRun { report: made, inputs, skipped, is_poured: stdout.is_some(), _stdin: stdin })
 }
 
-/// Fails for what is not read, and when one of the options that were given cannot act on it.
+/// Fails for unsupported inputs, and for given options that have no effect on them.
 fn check_inputs<O>(
     options: &O,
     input: &[String],
@@ -378,7 +378,7 @@ where
     O: Operation<Input: OperationInput>,
 {
     let shows = matches!(O::WRITES, Writes::Picture | Writes::Page);
-    // What is shown may be a part of a mesh; how grids are read is then about the one that it is compared with.
+    // Bounds may also select a part of a mesh; other grid options apply to the grid of --against.
     let given: Vec<_> = given.iter().copied().filter(|name| !shows || *name != "bounds").collect();
     match named(options, "against") {
         Some(grid) => O::Input::check(&grid, many, &given),
@@ -386,29 +386,29 @@ where
     }
 }
 
-/// Whether what exists is replaced.
+/// Whether existing outputs are replaced.
 pub(super) fn is_replacing(options: &impl HasGroup<Replacing>) -> bool {
     options.part().overwrite
 }
 
-/// The text of an option, where it has that option and it is given.
+/// Text of an option, if it exists and is given.
 fn named(options: &impl Options, name: &str) -> Option<String> {
     to_map(options).get(name).and_then(|value| value.as_str()).map(str::to_owned)
 }
 
-/// Takes options that are names off the end of the inputs.
+/// Takes positional options from the end of the inputs.
 fn take_positional<O: Operation>(options: &mut O, input: &mut Vec<String>) -> Result<()> {
     let fields: Vec<_> = positional(O::TABLE).collect();
     if input.len() <= fields.len() {
         let names = value_names(O::TABLE).join(", ");
-        return Err(Error::usage(format!("names are missing: {names} are needed"))
+        return Err(Error::usage(format!("missing names: {names}"))
             .remedy(format!("see `terrane {} --help`", O::NAME)));
     }
     let taken = input.split_off(input.len() - fields.len());
     fields.into_iter().zip(taken).try_for_each(|(field, name)| set_texts(options, field, &[name]))
 }
 
-/// The options of which one has to be given, as usage has them.
+/// Required alternatives of options, for the usage line.
 pub(super) fn needed(table: &'static OptionTable) -> String {
     let argument = |name: &&str| {
         let field = table.find(name);
@@ -425,7 +425,7 @@ pub(super) fn needed(table: &'static OptionTable) -> String {
     })
 }
 
-/// Fails when a file beside the inputs is not there, or one to write is taken or among `files` that are read.
+/// Fails for a missing auxiliary file, or an output that exists or is among the input `files`.
 fn check_files<O: Operation + HasGroup<Replacing>>(
     options: &O,
     files: &[String],
@@ -435,7 +435,7 @@ fn check_files<O: Operation + HasGroup<Replacing>>(
     let overwrite = is_replacing(options);
     check::beside(&read_beside(options)?)?;
     let workdir = named(options, "workdir").map(|name| path_of(&name).into_owned());
-    // An output that exists may be that of an earlier run there.
+    // An existing output may belong to an earlier run in the folder.
     let goes_on = workdir.as_ref().is_some_and(|folder| folder.exists());
     let outputs: Vec<&Path> = std::iter::once(output).chain(workdir.as_deref()).collect();
     check::not_among(files, &outputs)?;

@@ -1,11 +1,11 @@
-//! Points that were written, for people.
+//! Summary of written points.
 
 use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{points, report, text};
 use terrane_lidar::translate::TranslateReport;
 use terrane_lidar::translate::plan::PointsWritten;
 
-/// What a plan wrote.
+/// Output of a plan.
 pub(super) fn by_plan(written: PointsWritten) -> String {
     let report = TranslateReport::from(written);
     let mut rows = facts(&report);

@@ -1,18 +1,18 @@
-//! The pages of the book that the code writes: verbs with their options, and what is in the registries.
-//! A test compares them with what is checked in.
+//! Generated pages of the book: verbs with their options, and the registries. A test compares them with the
+//! repository.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use clap::{Arg, Command};
 
-/// How the pages are renewed.
+/// Command that renews the pages.
 const RENEW: &str = "TERRANE_DOCS=renew cargo test --lib reference";
 
-/// As many verbs have an option in common before it is told of once, in a table of its own.
+/// Number of verbs from which a shared option is listed once, in a separate table.
 const MANY: usize = 4;
 
-/// Every verb by name, the plans as `plan tin` and `plan grid`.
+/// Every verb by name, plans as `plan tin` and `plan grid`.
 fn verbs() -> Vec<(String, Command)> {
     let mut command = super::command();
     command.build();
@@ -41,7 +41,7 @@ fn verbs_page() -> String {
     }
     users.retain(|_, verbs| verbs.len() >= MANY);
     let mut page = format!("# Verbs and options\n\n<!-- Written by the code: {RENEW} -->\n");
-    page += "\nOptions of many verbs are at the [end](#options-of-many-verbs).\n";
+    page += "\nShared options are at the [end](#options-of-many-verbs).\n";
     for (name, verb) in &verbs {
         page += &section(name, verb, &users);
     }
@@ -52,7 +52,7 @@ fn verbs_page() -> String {
     page
 }
 
-/// One verb: what it does, its names, its options by heading.
+/// A verb: summary, names, options by heading.
 fn section(name: &str, verb: &Command, common: &BTreeMap<String, Vec<&str>>) -> String {
     let about = verb.get_long_about().or(verb.get_about()).unwrap().to_string();
     let usage = verb.clone().render_usage().to_string();
@@ -103,7 +103,7 @@ fn takes_value(arg: &Arg) -> bool {
     arg.get_num_args().is_some_and(|n| n.takes_values())
 }
 
-/// The help of an option, with its values, its default and its other names.
+/// Help of an option, with values, default and aliases.
 fn meaning(arg: &Arg) -> String {
     let help = arg.get_long_help().or(arg.get_help()).map(ToString::to_string).unwrap_or_default();
     let mut text = escaped(&help);
@@ -144,7 +144,7 @@ fn names_page() -> String {
     page
 }
 
-/// A list of a help as a table: its columns are two spaces apart.
+/// A help list as a table; its columns are two spaces apart.
 fn listed((title, rows): (&str, &str)) -> String {
     let rows = rows.lines().map(|row| row.split("  ").map(str::trim).filter(|c| !c.is_empty()));
     let rows: Vec<Vec<&str>> = rows.map(Iterator::collect).collect();
@@ -161,7 +161,7 @@ fn listed((title, rows): (&str, &str)) -> String {
     format!("\n## {title}\n\n{head}\n{}\n", rows.join("\n"))
 }
 
-/// Text in a cell of a table, on one line.
+/// Text for a table cell, on one line.
 fn escaped(text: &str) -> String {
     let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
     line.replace('|', "\\|").replace('<', "&lt;")
@@ -177,6 +177,6 @@ fn the_pages_are_what_the_code_says() {
         }
         let kept = std::fs::read_to_string(&path).unwrap_or_default();
         let differs = kept.lines().zip(page.lines()).find(|(kept, page)| kept != page);
-        assert!(kept == page, "{name} is not what the code says ({differs:?}): {RENEW}");
+        assert!(kept == page, "{name} differs from the code ({differs:?}): {RENEW}");
     }
 }

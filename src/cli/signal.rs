@@ -1,19 +1,18 @@
-//! Stopping on signals: the first asks the job to stop, the second leaves at once.
+//! Signals: the first requests a stop, the second exits at once.
 
 use crate::cli::shared::say;
 use terrane_base::error::ErrorKind;
 use terrane_engine::Cancel;
 
-/// Lets Ctrl-C, SIGTERM and SIGHUP stop the job. A signal that was ignored when the process began
-/// stays ignored, as nohup and job control want it. Without a handler the system's own applies,
-/// which is no reason to refuse work.
+/// Ctrl-C, SIGTERM and SIGHUP stop the job. Signals ignored at the start stay ignored, as required by nohup and
+/// job control. Without a handler the system's default applies, which is not an error.
 pub(super) fn stop(cancel: Cancel) {
     listen(move || {
         if cancel.check().is_err() {
             std::process::exit(ErrorKind::Interrupted.exit_code().into());
         }
         cancel.cancel();
-        say::note("stopping; once more to leave at once");
+        say::note("stopping; press Ctrl-C again to quit at once");
     });
 }
 
@@ -22,7 +21,7 @@ fn listen(on_signal: impl Fn() + Send + 'static) {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
     let ignored = std::fs::read_to_string("/proc/self/status").ok();
     let ignored = ignored.as_deref().and_then(ignored_signals);
-    // Where the system does not tell what is ignored, hanging up is left to it.
+    // If ignored signals are unknown, SIGHUP is left to the system.
     let known: &[i32] =
         if ignored.is_some() { &[SIGINT, SIGTERM, SIGHUP] } else { &[SIGINT, SIGTERM] };
     let is_wanted = |&&signal: &&i32| ignored.unwrap_or(0) >> (signal - 1) & 1 == 0;
@@ -37,7 +36,7 @@ fn listen(on_signal: impl Fn() + Send + 'static) {
     let _ = ctrlc::set_handler(on_signal);
 }
 
-/// The set of ignored signals (bit n is signal n + 1) in the text of Linux's `/proc/self/status`.
+/// Ignored signals (bit n is signal n + 1) from Linux's `/proc/self/status`.
 #[cfg(unix)]
 fn ignored_signals(status: &str) -> Option<u64> {
     let line = status.lines().find_map(|line| line.strip_prefix("SigIgn:"))?;

@@ -1,4 +1,4 @@
-//! `terrane synth`: a terrain, a cloud or lines from a seed, straight into a file.
+//! `terrane synth`: synthetic terrains, point clouds and lines, written to a file.
 
 use std::path::PathBuf;
 
@@ -62,14 +62,15 @@ impl Verb for SynthArgs {
 fn run(args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let name = format!("synth:{}", args.name.strip_prefix("synth:").unwrap_or(&args.name));
     if args.resources.1.contains(&"temp_dir") {
-        return Err(Error::usage("‹temp_dir› cannot act: nothing is spilled")
-            .remedy("leave ‹temp_dir› out"));
+        return Err(
+            Error::usage("‹temp_dir› has no effect in `synth`").remedy("leave ‹temp_dir› out")
+        );
     }
     if cloud::synth::is_synthetic(&name) {
         return fly(&name, args, cancel);
     }
     if args.point_format.is_some() {
-        return Err(Error::usage("--point-format is for clouds, and this is none")
+        return Err(Error::usage("--point-format requires a point cloud")
             .remedy("leave --point-format out"));
     }
     match vector::synthetic(name.as_ref()) {
@@ -78,7 +79,7 @@ fn run(args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     }
 }
 
-/// A terrain.
+/// Writes a terrain.
 fn raise(name: String, args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     atomic::refuse_stdout(&args.output)?;
     check::new_file(&args.output, args.overwrite)?;
@@ -91,18 +92,16 @@ fn raise(name: String, args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome>
     tell(&made.map_err(size)?, args)
 }
 
-/// The size of a terrain by name was asked for: beyond a limit, it is no fault of a file.
+/// A size beyond a limit is a usage error, not a bad input.
 pub(super) fn size(error: Error) -> Error {
     match error.kind() {
-        ErrorKind::Limit => {
-            Error::usage(format!("a store cannot hold a terrain of this size: {error}"))
-                .remedy("choose a smaller size")
-        }
+        ErrorKind::Limit => Error::usage(format!("the terrain is too large: {error}"))
+            .remedy("choose a smaller size"),
         _ => error,
     }
 }
 
-/// A cloud.
+/// Writes a point cloud.
 fn fly(name: &str, args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let job = SurveyJob {
         survey: cloud::synth::survey(name)?,
@@ -116,7 +115,7 @@ fn fly(name: &str, args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     tell(&report, args)
 }
 
-/// Lines.
+/// Writes lines.
 fn draw(lines: SyntheticLines, args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let job = DrawJob {
         lines,

@@ -1,4 +1,4 @@
-//! `terrane tiles`: terrain for the globe, at every level of detail.
+//! `terrane tiles`: terrain tiles for the globe at all levels of detail.
 
 use std::path::PathBuf;
 
@@ -42,7 +42,7 @@ pub(super) struct TilesArgs {
     show: args::ReportDisplay,
 }
 
-/// What tiles are made of.
+/// Kinds of input.
 #[derive(Clone, Debug)]
 struct TilesSources;
 
@@ -95,7 +95,7 @@ impl Summarize for TilesReport {
         ];
         rows.extend(report::took(&self.run, None, ""));
         rows.extend(report::notes(&self.notes));
-        let heading = "level     tiles  triangles       bytes   error, m  of allowed";
+        let heading = "level     tiles  triangles       bytes   error, m  allowed, m";
         let level = |l: &terrane_tiles::TileLevelReport| {
             format!(
                 "{:>5} {:>9} {:>10} {:>11} {:>10.3} {:>11.3}",

@@ -1,4 +1,4 @@
-//! Usage errors on one line; help and version as clap lays them out.
+//! Usage errors on one line; help and version in clap's layout.
 
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -12,7 +12,7 @@ use crate::cli::shared::say;
 use terrane_base::door::Frontend;
 use terrane_base::error::ErrorKind;
 
-/// Prints what clap has to say of a command line and returns the exit code.
+/// Prints clap's message for a command line and returns the exit code.
 pub(super) fn report(error: &clap::Error, args: &[OsString], command: &Command) -> ExitCode {
     match error.kind() {
         DisplayHelp | DisplayVersion => {
@@ -31,7 +31,7 @@ pub(super) fn report(error: &clap::Error, args: &[OsString], command: &Command) 
     }
 }
 
-/// A clap error without its usage block, joined into a line, with where to read on.
+/// A clap error on one line without its usage block, with a pointer to the help.
 fn one_line(text: &str, args: &[OsString], command: &Command) -> String {
     let message = text.split("\n\nUsage:").next().unwrap_or(text);
     let message = message.split("\n\nFor more information").next().unwrap_or(message);
@@ -42,7 +42,7 @@ fn one_line(text: &str, args: &[OsString], command: &Command) -> String {
     format!("{message}; see `terrane{} --help`", verb(args, command))
 }
 
-/// " tin" or " plan grid" where the command line has a verb.
+/// " tin" or " plan grid" if the command line has a verb.
 fn verb(args: &[OsString], command: &Command) -> String {
     let Some((first, rest)) = args.get(1..).and_then(<[OsString]>::split_first) else {
         return String::new();

@@ -10,8 +10,8 @@ use terrane_raster::Inputs;
 use terrane_terrain::tin::TinOptions;
 use terrane_verify::MeshProof;
 
-/// Bands of a grid, in one file or many, that are to share one mesh: what [`open_bands`] names. Nothing is read of
-/// them before a mesh is made.
+/// Bands of a grid, in one file or many, that share one mesh; see [`open_bands`]. Nothing is read before a mesh
+/// is made.
 #[derive(Clone, Debug)]
 pub struct BandGrid {
     inputs: Inputs,
@@ -21,7 +21,7 @@ pub struct BandGrid {
     heights: Option<u32>,
 }
 
-/// Names bands of a grid, from 1, that are to share one mesh: of a photograph, the numbers of its colours.
+/// Selects bands of a grid (counted from 1) that share one mesh, such as the colours of a photograph.
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
@@ -49,27 +49,27 @@ pub fn open_bands(input: impl Into<Inputs>, bands: &[u32]) -> BandGrid {
 }
 
 impl BandGrid {
-    /// How much an error in each band counts; 1 unless told otherwise.
+    /// Weight of the error in each band; 1 by default.
     pub fn weights(mut self, weights: &[f64]) -> Self {
         self.weights = weights.to_vec();
         self
     }
 
-    /// The band, one of those named, whose values are the heights of vertices; they are at 0 unless told otherwise.
+    /// The band whose values are the vertex heights, one of the selected bands; heights are 0 by default.
     pub fn heights(mut self, band: u32) -> Self {
         self.heights = Some(band);
         self
     }
 
-    /// The stored value for voids, instead of the files' own. What is void in one band is void in all.
+    /// Stored nodata value, instead of that of the files. A void in one band is a void in all.
     pub fn nodata(mut self, value: f64) -> Self {
         self.reading.nodata = Some(value);
         self
     }
 
-    /// One mesh of all the bands, by greedy insertion of the sample whose largest weighted error over all bands is the
-    /// largest (Garland and Heckbert 1995). The bands are held in memory, at 8 bytes a sample each and 212 for all of them.
-    /// PLY holds any bands, GLB three or four of 8 bits as colours.
+    /// One mesh of all bands by greedy insertion of the sample with the largest weighted error over all bands
+    /// (Garland and Heckbert 1995). Bands are held in memory: 8 bytes per sample and band, and 212 bytes per
+    /// sample. PLY holds any bands, GLB three or four 8-bit bands as colours.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
@@ -86,14 +86,14 @@ impl BandGrid {
         )
     }
 
-    /// The proof of a mesh in a file against these bands, each of its channels and its heights.
+    /// Verification of a mesh file against these bands: each channel and the heights.
     pub fn verify(&self, mesh: impl AsRef<Path>) -> Job<'_, MeshProof, WrittenOutput> {
         let written =
             WrittenOutput { file: mesh.as_ref().to_path_buf(), original: self.inputs.clone() };
         Job::new(written, self.options(|own: &mut MeshProof| (&mut own.bands, &mut own.weights)))
     }
 
-    /// Options for these bands, which `of` are in.
+    /// Options for the inputs `of`.
     fn options<O: Options + HasGroup<GridInput>>(
         &self,
         of: impl FnOnce(&mut O) -> (&mut Vec<u32>, &mut Vec<f64>),

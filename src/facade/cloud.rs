@@ -18,20 +18,20 @@ use terrane_verify::CloudMeshProof;
 
 use super::Data;
 
-/// A point cloud, in one file or many: what [`open_cloud`] opens. Nothing of it is held.
+/// A point cloud in one file or many; see [`open_cloud`]. No points are held in memory.
 pub struct Cloud {
     pub(super) inputs: Vec<String>,
     pub(super) reading: CloudInput,
     info: CloudInfo,
-    /// Gives up what is in memory, once the last one of it is gone.
+    /// Releases memory when the last copy is dropped.
     held: Option<Arc<InMemoryCloud>>,
 }
 
-/// Opens a point cloud: LAS, LAZ, COPC or text, or a synthetic one by its name. Several files (a
-/// `Vec<String>`), a folder, a list or a pattern are one cloud.
+/// Opens a point cloud: LAS, LAZ, COPC or text, or a synthetic one by name. Several files (a `Vec<String>`), a
+/// folder, a list or a pattern are read as one point cloud.
 ///
 /// # Errors
-/// A file that is missing, damaged or no cloud; files that do not fit together.
+/// A missing or damaged file, a file that is not a point cloud, or files that do not match.
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
@@ -48,11 +48,11 @@ pub fn open_cloud(input: impl Into<Inputs>) -> Result<Cloud> {
     open_cloud_as(input, CloudInput::default())
 }
 
-/// Opens a point cloud to be read in some way, as [`read_as`](Cloud::read_as) has it, which counts from the start: damaged
-/// files open where their good part is enough, and files that name no reference system beside others that do.
+/// Opens a point cloud with input options, as for [`read_as`](Cloud::read_as). The options apply when files are
+/// opened: damaged files open if their good part suffices, and files without a CRS open beside files with one.
 ///
 /// # Errors
-/// As [`open_cloud`]; polygons that cannot be read, or are in another system.
+/// As [`open_cloud`]; polygons that cannot be read or have another CRS.
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
@@ -74,12 +74,12 @@ pub fn open_cloud_as(input: impl Into<Inputs>, reading: CloudInput) -> Result<Cl
     Cloud::open(input.into().names().to_vec(), reading)
 }
 
-/// Takes points in memory, x, y and z, for a cloud that jobs read as they read those in files; with what is known
-/// of them, for filters. They are copied onto a lattice with the decimals they have, at most 9 and no more than
-/// keep them within reach: 16 bytes a point.
+/// Wraps points in memory (x, y, z) as a point cloud, with optional attributes for filters. Points are copied
+/// onto a lattice with as many decimals as they have, at most 9 and within the range of the lattice; 16 bytes
+/// per point.
 ///
 /// # Errors
-/// A coordinate that is not finite; marks of another number of points; points too far from each other.
+/// A coordinate that is not finite; attributes of another length; points too far apart.
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
@@ -106,17 +106,17 @@ pub fn open_points(
 impl Cloud {
     fn open(inputs: Vec<String>, reading: CloudInput) -> Result<Self> {
         let options = reading.options(&Resources::default())?;
-        // What a job cannot work on, it says.
+        // Jobs report what they do not support.
         let any = CloudOpenOptions { any_extent: true, ..options };
         let info = cloud::source(&inputs, &any)?.info().clone();
         Ok(Self { inputs, reading, info, held: None })
     }
 
-    /// The same cloud, read otherwise: the points within bounds or polygons, of some classes, of which a condition is true,
-    /// and more, instead of what was said before.
+    /// The same point cloud with other input options (bounds, polygons, classes, a condition and others), which
+    /// replace the earlier ones.
     ///
     /// # Errors
-    /// As [`open_cloud`]; polygons that cannot be read, or are in another system.
+    /// As [`open_cloud`]; polygons that cannot be read or have another CRS.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
@@ -133,7 +133,7 @@ impl Cloud {
         Ok(Self { held, ..Self::open(inputs, reading)? })
     }
 
-    /// The same cloud, of the points inside the polygons of a file of features alone.
+    /// The points inside the polygons of a vector file.
     ///
     /// # Errors
     /// As [`read_as`](Self::read_as).
@@ -159,7 +159,7 @@ impl Cloud {
         self.read_as(reading)
     }
 
-    /// The same cloud, of the points within the box (x low, y low, x high, y high) alone, its borders included.
+    /// The points within the box (x low, y low, x high, y high), borders included.
     ///
     /// # Errors
     /// As [`read_as`](Self::read_as).
@@ -169,12 +169,12 @@ impl Cloud {
         self.read_as(reading)
     }
 
-    /// Bounds, number of points and reference system, as the headers claim.
+    /// Bounds, number of points and CRS from the headers.
     pub fn info(&self) -> &CloudInfo {
         &self.info
     }
 
-    /// A job on it whose options are its reading, and what `change` makes of them.
+    /// A job with the input options of the point cloud, changed by `change`.
     #[cfg(any(feature = "lidar", feature = "viewer"))]
     pub(super) fn job<O: Options + HasGroup<CloudInput> + HasGroup<Resources>>(
         &self,
@@ -190,7 +190,7 @@ impl Cloud {
         options
     }
 
-    /// The proof of a mesh in a file against this cloud.
+    /// Verification of a mesh file against this point cloud.
     pub fn verify(&self, mesh: impl AsRef<Path>) -> Job<'_, CloudMeshProof, WrittenOutput> {
         self.proof(mesh.as_ref())
     }

@@ -1,4 +1,4 @@
-//! What operations by name are done with.
+//! Data for operations by name.
 
 use std::path::Path;
 
@@ -9,8 +9,8 @@ use terrane_engine::plan::Plan;
 use terrane_engine::{Cancel, Progress};
 use terrane_raster::Inputs;
 
-/// Data in files or in memory that [`OPERATIONS`](crate::OPERATIONS) are done with by name: a grid, a cloud, features, or a
-/// mesh.
+/// Input for [`OPERATIONS`](crate::OPERATIONS) by name, in files or in memory: a grid, a point cloud, features
+/// or a mesh.
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
@@ -27,16 +27,16 @@ use terrane_raster::Inputs;
 /// # }
 /// ```
 pub trait Data {
-    /// Its files.
+    /// File names.
     fn inputs(&self) -> Inputs;
 
-    /// How they are read, by the names of options.
+    /// Input options by name.
     fn reading(&self) -> Map<String, Json>;
 
-    /// Runs an operation with options by name, and tells what its report is as JSON.
+    /// Runs an operation with options by name, and returns its report as JSON.
     ///
     /// # Errors
-    /// Options that there are not; else those of [`Job::write`](crate::Job::write).
+    /// Unknown options; otherwise as [`Job::write`](crate::Job::write).
     fn run(
         &self,
         operation: &AnyOperation,
@@ -50,10 +50,10 @@ pub trait Data {
         (operation.run)(&OperationCall { request, reading, options })
     }
 
-    /// Plans an operation that can be divided, as [`Job::plan`](crate::Job::plan) does.
+    /// Plans a divisible operation, as [`Job::plan`](crate::Job::plan).
     ///
     /// # Errors
-    /// An operation that cannot be divided; options that there are not; else those of [`Job::plan`](crate::Job::plan).
+    /// An operation that is not divisible; unknown options; otherwise as [`Job::plan`](crate::Job::plan).
     fn plan(
         &self,
         operation: &AnyOperation,

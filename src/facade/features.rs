@@ -16,16 +16,16 @@ use terrane_verify::LineProof;
 
 use super::Data;
 
-/// Features in a file: points, lines and polygons. Nothing of them is held.
+/// Features in a file: points, lines and polygons. No features are held in memory.
 pub struct Features {
     pub(super) path: PathBuf,
     pub(super) layer: Option<String>,
 }
 
-/// Opens a file of features: GeoJSON, FlatGeobuf, Shapefile, TopoJSON, GPX, CSV or WKT.
+/// Opens a vector file: GeoJSON, FlatGeobuf, Shapefile, TopoJSON, GPX, CSV or WKT.
 ///
 /// # Errors
-/// A file that is missing, damaged at its beginning, or of no known format.
+/// A missing file, a damaged header, or an unknown format.
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
@@ -51,15 +51,15 @@ impl Features {
         Ok(self)
     }
 
-    /// This object of a TopoJSON file, instead of its first one.
+    /// Selects an object of a TopoJSON file, instead of the first.
     ///
     /// # Errors
-    /// An object there is not.
+    /// An unknown object.
     pub fn layer(self, name: impl Into<String>) -> Result<Self> {
         Self { layer: Some(name.into()), ..self }.checked()
     }
 
-    /// Simpler lines and rings; heights, measures, ids and properties are carried.
+    /// Simplified lines and rings; heights, measures, ids and properties are kept.
     pub fn simplify(&self) -> Job<'_, LineOptions> {
         self.job()
     }
@@ -70,7 +70,7 @@ impl Features {
         Job::new(self.inputs(), self.options())
     }
 
-    /// Options for the reading of these.
+    /// Input options of these features.
     fn options<O: Options + HasGroup<FeatureInput>>(&self) -> O {
         let mut options = O::default();
         *options.part_mut() = self.input();
@@ -83,7 +83,7 @@ impl Features {
         input
     }
 
-    /// The proof of simplified lines in a file against these.
+    /// Verification of a file of simplified lines against these features.
     pub fn verify(&self, lines: impl AsRef<Path>) -> Job<'_, LineProof, WrittenOutput> {
         let (file, original) = (lines.as_ref().to_path_buf(), self.inputs());
         Job::new(WrittenOutput { file, original }, self.options())

@@ -28,28 +28,28 @@ use terrane_verify::MeshProof;
 
 use super::Data;
 
-/// A grid of heights, in one file or many: what [`open`] opens.
+/// A grid of heights in one file or many; see [`open`].
 ///
-/// Nothing of it is held; jobs read it by window. A grid is a lattice of *samples*; those without a value
+/// Jobs read it by window; nothing is held in memory. A grid is a lattice of *samples*; samples without a value
 /// (nodata, masked, NaN) are *voids*.
 pub struct Grid {
     pub(super) inputs: Inputs,
     pub(super) reading: GridInput,
     source: Box<dyn GridSource>,
-    /// Gives up what is in memory, once the last one of it is gone.
+    /// Releases memory when the last copy is dropped.
     held: Option<Arc<InMemoryGrid>>,
 }
 
 /// Opens a grid of heights: a GeoTIFF, SRTM, ASCII, DTED, NumPy or any other
 /// [format](https://docs.rs/terrane-raster) by its content, or a synthetic terrain by its name.
 ///
-/// Several files (a `Vec<String>`), a folder, a list or a pattern are one mosaic: on the lattice of the
-/// first one, later ones on top wherever they are valid.
+/// Several files (a `Vec<String>`), a folder, a list or a pattern are one mosaic on the lattice of the first
+/// file; later files cover earlier ones where they are valid.
 ///
-/// What has to be unpacked first is unpacked into the system's folder for temporary files.
+/// Compressed containers are unpacked into the system's temporary folder.
 ///
 /// # Errors
-/// A file that is missing, damaged, of no known format or beyond a limit; files that do not fit together.
+/// A missing or damaged file, an unknown format, an exceeded limit; files that do not match.
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
@@ -65,11 +65,11 @@ pub fn open(input: impl Into<Inputs>) -> Result<Grid> {
     Grid::open(input.into(), GridInput::default())
 }
 
-/// Takes heights in memory for a grid that jobs read as they read those in files; nothing is copied. For a
-/// [`Tin`](crate::Tin) of a slice there is [`Tin::from_array`](crate::Tin::from_array).
+/// Wraps heights in memory as a grid, without copying. To make a [`Tin`](crate::Tin) of a slice, use
+/// [`Tin::from_array`](crate::Tin::from_array).
 ///
 /// # Errors
-/// Too little memory to look at it.
+/// Too little memory.
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
@@ -96,7 +96,7 @@ impl Grid {
         let usual = GridOpenOptions::default().cache_bytes;
         let options = reading.options(&Resources::default(), usual)?;
         let source = match raster::open_all(inputs.names(), &options) {
-            // A block of it is larger than what is held unless told otherwise.
+            // A block is larger than the default cache.
             Err(error) if error.kind() == ErrorKind::Resource => {
                 let block = memory::look_at(&inputs, &options)?.block_bytes();
                 let cache_bytes = usize::try_from(2 * block).unwrap_or(usize::MAX);
@@ -107,22 +107,22 @@ impl Grid {
         Ok(Self { inputs, reading, source, held: None })
     }
 
-    /// The same, read otherwise.
+    /// The same grid with other input options.
     fn read_as(self, change: impl FnOnce(&mut GridInput)) -> Result<Self> {
         let Self { inputs, held, mut reading, .. } = self;
         change(&mut reading);
         Ok(Self { held, ..Self::open(inputs, reading)? })
     }
 
-    /// The same files, another band of them, counted from 1.
+    /// Selects another band of the files, counted from 1.
     ///
     /// # Errors
-    /// A band there is not.
+    /// An unknown band.
     pub fn band(self, band: u32) -> Result<Self> {
         self.read_as(|reading| reading.band = Some(band))
     }
 
-    /// The same, with this stored value for voids instead of the files' own.
+    /// The same grid with this stored nodata value, instead of that of the files.
     ///
     /// # Errors
     /// As [`open`].
@@ -130,10 +130,10 @@ impl Grid {
         self.read_as(|reading| reading.nodata = Some(value))
     }
 
-    /// The part of it whose cells (the square around each sample) the box (x low, y low, x high, y high) overlaps.
+    /// The part whose cells (the square around each sample) intersect the box (x low, y low, x high, y high).
     ///
     /// # Errors
-    /// A box without a cell of the grid.
+    /// A box that intersects no cell of the grid.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
@@ -147,12 +147,12 @@ impl Grid {
         self.read_as(|reading| reading.bounds = Some(bounds))
     }
 
-    /// The same, clipped to the polygons of a file of features: samples outside of all of them are voids.
-    /// Those on a border stay, and rings within a polygon are holes.
+    /// The grid clipped to the polygons of a vector file: samples outside all polygons are voids. Samples on a
+    /// border stay; inner rings are holes.
     ///
     /// # Errors
-    /// A file that cannot be read, of another reference system, with anything else than polygons, or whose
-    /// polygons hold no sample.
+    /// A file that cannot be read, has another CRS, has geometries other than polygons, or has no polygon with
+    /// samples.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
@@ -172,13 +172,13 @@ impl Grid {
         self.read_as(|reading| reading.clip = Some(clip))
     }
 
-    /// The same with level water: the polygons of a file of features are lakes, as high as their lowest bank, and
-    /// those that a line of the file runs within are rivers, which fall along it (drawn downstream) and are nowhere
-    /// above their banks. Levels are found when it is first read, in time linear in the samples near water; edges
-    /// of a mesh made of it follow the banks.
+    /// The grid with flattened water: polygons of a vector file are lakes at the height of their lowest bank;
+    /// polygons with a line of the file inside are rivers, which descend along the line (drawn downstream) and
+    /// stay below their banks. Levels are computed at the first read, in time linear in the samples near water;
+    /// mesh edges follow the banks.
     ///
     /// # Errors
-    /// A file that cannot be read, of another reference system, with points, without polygons, or none on the grid.
+    /// A file that cannot be read, has another CRS, has points, has no polygons, or lies off the grid.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
@@ -198,12 +198,12 @@ impl Grid {
         self.read_as(|reading| reading.water = Some(water))
     }
 
-    /// Size, place, reference system and storage.
+    /// Size, georeference, CRS and storage.
     pub fn info(&self) -> &GridInfo {
         self.source.info()
     }
 
-    /// What is odd about it, or easily overlooked: no system, several bands, a nodata value that its type cannot hold.
+    /// Problems and things easily overlooked: no CRS, several bands, a nodata value out of range for the type.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
@@ -217,28 +217,29 @@ impl Grid {
         raster::notes(self.info())
     }
 
-    /// The heights of a rectangle of samples, row by row, NaN for voids. Takes 8 bytes for each.
+    /// Heights of a rectangle of samples, row by row, NaN for voids; 8 bytes per sample.
     ///
     /// # Errors
-    /// A rectangle that reaches out of the grid; damage in the file.
+    /// A rectangle that extends beyond the grid; a damaged file.
     pub fn heights(&self, rect: Rect) -> Result<Vec<f64>> {
         if self.info().bounds().intersect(&rect) != rect {
-            return Err(Error::usage(format!("{rect:?} reaches out of the grid")));
+            return Err(Error::usage(format!("{rect:?} extends beyond the grid")));
         }
         let mut heights = vec![f64::NAN; rect.len()];
         self.source.read_f64(rect, &mut heights)?;
         Ok(heights)
     }
 
-    /// A triangle mesh of it, none of its samples further from the mesh than a tolerance, by greedy insertion (Garland and
-    /// Heckbert 1995) in tiles that share the vertices along their borders, joined without seams, redundant vertices
-    /// dropped again; or by [another method](crate::prelude::TinSetters::method).
+    /// A triangle mesh whose vertical error at all samples is at most a tolerance, by greedy insertion (Garland
+    /// and Heckbert 1995) in tiles with shared border vertices, joined without seams, with redundant vertices
+    /// removed; or by [another method](crate::prelude::TinSetters::method).
     ///
-    /// One of [`max_error`](crate::prelude::TinTargetSetters::max_error), [`max_vertices`](crate::prelude::TinTargetSetters::max_vertices) and
-    /// [`max_triangles`](crate::prelude::TinTargetSetters::max_triangles) is the target. [`write`](Job::write) makes the mesh in a file, whatever its
-    /// size, [`build`](crate::prelude::BuildTin::build) in memory. Takes time about in proportion to the samples, and twice to six times as long
-    /// for a number of vertices or triangles. The result depends on nothing but the heights, the options and the size of
-    /// [tiles](crate::prelude::TinSetters::tile).
+    /// The target is one of [`max_error`](crate::prelude::TinTargetSetters::max_error),
+    /// [`max_vertices`](crate::prelude::TinTargetSetters::max_vertices) and
+    /// [`max_triangles`](crate::prelude::TinTargetSetters::max_triangles). [`write`](Job::write) makes a mesh
+    /// file of any size, [`build`](crate::prelude::BuildTin::build) a mesh in memory. Time is about linear in
+    /// the samples; two to six times as long for a number of vertices or triangles. The result depends only on
+    /// heights, options and [tile size](crate::prelude::TinSetters::tile).
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
@@ -263,7 +264,7 @@ impl Grid {
         self.job()
     }
 
-    /// Contour lines of it: at every interval or at given heights, joined across tiles, voids respected.
+    /// Contour lines at an interval or at given levels, joined across tiles and ended at voids.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
@@ -283,8 +284,9 @@ impl Grid {
         self.job()
     }
 
-    /// A copy of it, or of a part, in another format; exact unless [rounding](crate::prelude::ConvertSetters::round) is allowed. With
-    /// [`resampling`](crate::prelude::ConvertSetters::resampling) it may be on another lattice and in another reference system.
+    /// A copy of the grid, or of a part, in another format; exact unless
+    /// [rounding](crate::prelude::ConvertSetters::round) is allowed. With
+    /// [`resampling`](crate::prelude::ConvertSetters::resampling) it may have another lattice and another CRS.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
@@ -305,7 +307,7 @@ impl Grid {
         self.job()
     }
 
-    /// Its slope at each sample.
+    /// Slope at each sample.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
@@ -327,7 +329,7 @@ impl Grid {
         self.job()
     }
 
-    /// Its shaded relief.
+    /// Shaded relief.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
@@ -345,38 +347,39 @@ impl Grid {
         self.job()
     }
 
-    /// A picture in the colours that a file has for heights.
+    /// A picture with colours by height from a file.
     pub fn color_relief(&self, colors: impl Into<PathBuf>) -> Job<'_, ColorReliefOptions> {
         self.job().colors(colors)
     }
 
-    /// Its curvature at each sample.
+    /// Curvature at each sample.
     pub fn curvature(&self) -> Job<'_, CurvatureOptions> {
         self.job()
     }
 
-    /// The range of heights around each sample.
+    /// Range of heights around each sample.
     pub fn roughness(&self) -> Job<'_, RoughnessOptions> {
         self.job()
     }
 
-    /// The topographic position index of each sample.
+    /// Topographic position index of each sample.
     pub fn tpi(&self) -> Job<'_, TpiOptions> {
         self.job()
     }
 
-    /// The terrain ruggedness index of each sample.
+    /// Terrain ruggedness index of each sample.
     pub fn tri(&self) -> Job<'_, TriOptions> {
         self.job()
     }
 
-    /// An operation on it.
+    /// An operation on the grid.
     pub(super) fn job<O: Options + HasGroup<GridInput> + HasGroup<Resources>>(&self) -> Job<'_, O> {
         Job::new(self.inputs.clone(), self.options())
     }
 
-    /// The proof of a mesh in a file against this grid. Meshes of terrane state their tolerance, what it is of, and their
-    /// smallest angle; of others, without a [largest error](crate::prelude::MeshProofSetters::max_error), errors are measured and not judged.
+    /// Verification of a mesh file against this grid. Meshes of terrane state their tolerance, the samples it
+    /// refers to, and their smallest angle; errors of other meshes are measured and not judged without a
+    /// [largest error](crate::prelude::MeshProofSetters::max_error).
     pub fn verify(&self, mesh: impl AsRef<Path>) -> Job<'_, MeshProof, WrittenOutput> {
         self.proof(mesh.as_ref())
     }
@@ -389,7 +392,7 @@ impl Grid {
         Job::new(written, self.options())
     }
 
-    /// Options for the reading of it.
+    /// Input options of the grid.
     fn options<O: Options + HasGroup<GridInput>>(&self) -> O {
         let mut options = O::default();
         *options.part_mut() = self.reading.clone();

@@ -8,8 +8,8 @@ use terrane_lidar::translate::PointsOptions;
 use super::Cloud;
 
 impl Cloud {
-    /// A triangle mesh of it, none of its points further from the mesh than a tolerance: the Delaunay triangulation of some
-    /// of its points, and of posts on breaklines.
+    /// A triangle mesh whose vertical error at all points is at most a tolerance: the Delaunay triangulation of
+    /// a subset of the points and of anchor vertices on breaklines.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
@@ -35,11 +35,12 @@ impl Cloud {
         self.job(|_| {})
     }
 
-    /// A grid of it, with square cells of this side in units of the reference system: in one pass over the points, each band
-    /// a statistic of the points in its cells, or a model of the terrain. Corners of cells are at multiples of their size. The
+    /// A grid with square cells of this size in units of the CRS, in one pass over the points. Each band is a
+    /// statistic of the points in a cell, or a terrain model. Cell corners are multiples of the cell size. The
     /// result does not depend on the order of points or files.
     ///
-    /// A [model](crate::prelude::GridSetters::dtm) without a side (`None`) has cells of about the distance between points.
+    /// A [terrain model](crate::prelude::GridSetters::dtm) without a cell size (`None`) uses about the point
+    /// spacing.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
@@ -62,10 +63,10 @@ impl Cloud {
         self.job(|options: &mut GridOptions| options.cell = cell)
     }
 
-    /// Its points in files of points, with all that is known of them: one file, LAS, LAZ, COPC or text by the name's ending
-    /// (`.las`, `.laz`, `.copc.laz`, `.csv`), or a folder of one for each [square](crate::prelude::PointsSetters::tile) or
-    /// [value of an attribute](crate::prelude::PointsSetters::split). Points stay in the order of the files' names and of the points in them unless
-    /// another is asked for; those marked as withheld are kept.
+    /// Writes the points with all attributes: one LAS, LAZ, COPC or text file by the ending (`.las`, `.laz`,
+    /// `.copc.laz`, `.csv`), or a folder with one file per [tile](crate::prelude::PointsSetters::tile) or
+    /// [attribute value](crate::prelude::PointsSetters::split). The order is that of file names and of points
+    /// in the files unless another is requested; withheld points are kept.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {

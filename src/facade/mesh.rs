@@ -9,17 +9,17 @@ use terrane_raster::Inputs;
 
 use super::Data;
 
-/// A triangle mesh in a file, or in a folder of its pieces. Nothing of it is held.
+/// A triangle mesh in a file, or in a folder of pieces. Nothing is held in memory.
 #[derive(Clone, Debug)]
 pub struct Mesh {
     path: PathBuf,
 }
 
-/// Opens a mesh: PLY, OBJ, STL, glTF (GLB) or a folder of its pieces, by terrane or others. A mesh in memory is a
-/// [`Tin`](crate::Tin).
+/// Opens a mesh: PLY, OBJ, STL, glTF (GLB) or a folder of pieces, written by terrane or by other programs. A
+/// mesh in memory is a [`Tin`](crate::Tin).
 ///
 /// # Errors
-/// A file that is missing, damaged at its beginning, or of no known format.
+/// A missing file, a damaged header, or an unknown format.
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {

@@ -1,5 +1,5 @@
-//! What a Rust programmer meets first: data that is opened, jobs that are built up by what they are to
-//! reach, meshes and lines in memory. All of it is the command line's own work by other means.
+//! Entry points for Rust programs: opened data, jobs as builders, meshes and lines in memory. The command line
+//! uses the same jobs.
 
 mod bands;
 mod cloud;

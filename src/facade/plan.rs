@@ -10,8 +10,8 @@ use crate::OPERATIONS;
 /// Opens the plan in a folder, as [`Job::plan`](crate::Job::plan) or another machine wrote it.
 ///
 /// # Errors
-/// A folder without a plan, or with one of no known kind. What else is wrong with it is told when it is
-/// looked at or run.
+/// A folder without a plan, or with an unknown kind of plan. Other problems are reported when the plan is run
+/// or its status is read.
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {

@@ -1,9 +1,9 @@
-//! Lines in memory made simpler.
+//! Line simplification in memory.
 
 use terrane_line::registry::Run;
 use terrane_line::{self as line, PlaneMetric, SimplifyScratch, SpaceMetric, ring};
 
-/// How vertices of lines are chosen.
+/// Simplification method.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Method {
@@ -12,17 +12,17 @@ pub enum Method {
     Cone,
     /// Ramer (1972), Douglas and Peucker (1973): split at the farthest vertex. O(n log n) as a rule.
     Rdp,
-    /// Imai and Iri (1988): the fewest vertices there can be, by shortest path. O(n^2) at worst.
+    /// Imai and Iri (1988): the minimum number of vertices, by shortest path. O(n^2) at worst.
     ImaiIri,
-    /// Visvalingam and Whyatt (1993): smallest triangles first. The tolerance is an area, and no distance is
+    /// Visvalingam and Whyatt (1993): smallest triangles first. The tolerance is an area; distances are not
     /// bounded. O(n log n).
     Visvalingam,
-    /// The same with areas weighted by the angle, so that spikes go first.
+    /// The same with areas weighted by the angle: spikes first.
     WeightedVisvalingam,
 }
 
 impl Method {
-    /// Its entry in the registry.
+    /// Registry entry.
     pub(super) fn entry(self) -> &'static line::SimplifyMethod {
         match self {
             Self::Cone => &line::SimplifyMethod::CONE,
@@ -34,7 +34,7 @@ impl Method {
     }
 }
 
-/// A position that lines are made of: `[f64; 2]` in the plane or `[f64; 3]` in space.
+/// Position of a vertex: `[f64; 2]` in the plane or `[f64; 3]` in space.
 pub trait Coordinates: Copy + sealed::SealedCoordinates {}
 
 impl Coordinates for [f64; 2] {}
@@ -77,11 +77,10 @@ mod sealed {
     }
 }
 
-/// A line in memory to be made simpler: no vertex that is left out is further than `tolerance` from the
-/// segment in its place.
+/// Simplifies a line in memory: every omitted vertex is within `tolerance` of the segment that replaces it.
 ///
-/// A vertex with a coordinate that is no number is kept, and so are those beside it; a tolerance below 0 or
-/// that is no number keeps all.
+/// A vertex with a NaN coordinate is kept, as are its neighbours; a negative or NaN tolerance keeps all
+/// vertices.
 ///
 /// ```
 /// use terrane::Method;
@@ -95,7 +94,7 @@ pub fn simplify<C: Coordinates>(coords: &[C], tolerance: f64) -> Simplify<'_, C>
     Simplify { coords, tolerance, method: Method::default(), is_ring: false }
 }
 
-/// What [`simplify`] is to do.
+/// A simplification built by setters; see [`simplify`].
 #[derive(Clone, Copy, Debug)]
 pub struct Simplify<'a, C> {
     coords: &'a [C],
@@ -105,15 +104,15 @@ pub struct Simplify<'a, C> {
 }
 
 impl<C: Coordinates> Simplify<'_, C> {
-    /// How vertices are chosen; the cone unless told otherwise.
+    /// Simplification method; the cone by default.
     pub fn method(mut self, method: Method) -> Self {
         self.method = method;
         self
     }
 
-    /// The line is a ring, whose last vertex is its first one: that one may go, too, and three are left at
-    /// least. Its indices are those of different vertices, the last one never among them;
-    /// [`coords`](Self::coords) closes it again.
+    /// Treats the line as a ring whose last vertex repeats the first. The first vertex may be omitted; at least
+    /// three vertices remain. Indices refer to distinct vertices, never to the last; [`coords`](Self::coords)
+    /// closes the ring again.
     ///
     /// ```
     /// let square = [[1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0], [0.0, 0.0], [1.0, 0.0]];
@@ -124,7 +123,7 @@ impl<C: Coordinates> Simplify<'_, C> {
         self
     }
 
-    /// The vertices that are kept, by ascending index.
+    /// Indices of the kept vertices, ascending.
     pub fn indices(&self) -> Vec<usize> {
         let keeps_all = self.tolerance.is_nan() || self.tolerance < 0.0;
         let is_finite = self.coords.iter().all(sealed::SealedCoordinates::is_finite);
@@ -143,7 +142,7 @@ impl<C: Coordinates> Simplify<'_, C> {
         kept
     }
 
-    /// The vertices that are kept themselves.
+    /// The kept vertices.
     pub fn coords(&self) -> Vec<C> {
         let mut kept: Vec<C> = self.indices().into_iter().map(|at| self.coords[at]).collect();
         let closing = kept.first().copied().filter(|_| self.is_ring);
@@ -151,7 +150,7 @@ impl<C: Coordinates> Simplify<'_, C> {
         kept
     }
 
-    /// Calls `each` with the first vertex of every run without bad ones, and with what is kept of it.
+    /// Calls `each` with the first vertex of each run of finite vertices, and with the kept indices of the run.
     fn each_run(&self, mut each: impl FnMut(usize, &[u32])) {
         let (mut scratch, mut kept) = (SimplifyScratch::default(), Vec::new());
         let run = C::run(self.method.entry());
@@ -195,7 +194,7 @@ impl<C: Coordinates> Simplify<'_, C> {
     }
 }
 
-/// Most vertices of a run: their numbers have 32 bits.
+/// Largest number of vertices of a run (32-bit indices).
 const MOST: usize = 1 << 31;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Heights of a mesh between its vertices.
+//! Interpolation of heights on a mesh.
 
 use std::cmp::Ordering;
 use std::sync::Arc;
@@ -6,8 +6,8 @@ use std::sync::Arc;
 use terrane_base::geom::plane::orient;
 use terrane_terrain::tin::Tin;
 
-/// The surface of a [`Tin`], ready to be asked for heights at any place: triangles by the cell of a coarse grid
-/// that their bounding boxes touch. Takes about 20 bytes a triangle, and time in proportion to their number to make.
+/// Spatial index for heights of a [`Tin`] at any position: triangles by the cells of a coarse grid that their
+/// bounding boxes touch. About 20 bytes per triangle; construction is linear in the triangles.
 ///
 /// ```
 /// # fn main() -> terrane::Result<()> {
@@ -26,7 +26,7 @@ pub struct Surface {
     low: [f64; 2],
     cell: [f64; 2],
     size: [usize; 2],
-    /// Where the triangles of each cell begin in `listed`, and the end of the last one's.
+    /// Start of each cell's triangles in `listed`, and the end of the last.
     starts: Vec<usize>,
     listed: Vec<u32>,
 }
@@ -43,7 +43,7 @@ impl Surface {
             }
         }
         let sides = [0, 1].map(|axis| (high[axis] - low[axis]).max(0.0));
-        // Two triangles for each cell, of about the proportions of the mesh.
+        // Two triangles per cell, with the proportions of the mesh.
         let cells = (tin.triangles().len() / 2).max(1) as f64;
         let across = (cells * sides[0] / sides[1]).sqrt().clamp(1.0, cells);
         let across = if across.is_nan() { 1.0 } else { across };
@@ -76,8 +76,8 @@ impl Surface {
         &self.tin
     }
 
-    /// The height of the mesh at a place; `None` where it has none. At vertices it is theirs; on an edge it is that
-    /// of the first of its triangles. Looks at a few triangles.
+    /// Height of the mesh at a position; `None` outside the mesh. At a vertex it is the vertex height; on an
+    /// edge, that of the first of its triangles. Tests a few triangles.
     pub fn height(&self, x: f64, y: f64) -> Option<f64> {
         let [col, row] = self.cell_at([x, y])?;
         let cell = row * self.size[0] + col;
@@ -87,7 +87,7 @@ impl Surface {
         })
     }
 
-    /// The same for many places, NaN where the mesh has no height.
+    /// The same for many positions; NaN outside the mesh.
     pub fn heights(&self, places: &[[f64; 2]]) -> Vec<f64> {
         places.iter().map(|[x, y]| self.height(*x, *y).unwrap_or(f64::NAN)).collect()
     }
@@ -96,19 +96,19 @@ impl Surface {
         triangle.map(|corner| self.tin.vertices()[corner as usize])
     }
 
-    /// The cell that a place lies in, if it lies within the mesh's bounds.
+    /// Cell of a position within the bounds of the mesh.
     fn cell_at(&self, place: [f64; 2]) -> Option<[usize; 2]> {
         let along = |axis: usize| {
             let cells = (place[axis] - self.low[axis]) / self.cell[axis];
-            // A mesh without a triangle has cells of no size.
+            // Cells of a mesh without triangles have no size.
             let inside = cells >= 0.0 && cells <= self.size[axis] as f64 * (1.0 + f64::EPSILON);
             inside.then(|| (cells as usize).min(self.size[axis] - 1))
         };
         Some([along(0)?, along(1)?])
     }
 
-    /// The cells that the box around a triangle touches. Cells of places come from the same sums, which never
-    /// decrease with a coordinate: a place within the box is in one of them.
+    /// Cells that the bounding box of a triangle touches. Positions use the same monotone arithmetic, so a
+    /// position in the box is in one of these cells.
     fn cells_of(&self, triangle: &[u32; 3]) -> impl Iterator<Item = usize> + use<> {
         let corners = self.corners(triangle);
         let range = |axis: usize| {
@@ -123,7 +123,7 @@ impl Surface {
     }
 }
 
-/// The height of a triangle, counter-clockwise, at a place in it or on its border.
+/// Height of a counter-clockwise triangle at a position in it or on its border.
 fn height_in(corners: [[f64; 3]; 3], place: [f64; 2]) -> Option<f64> {
     let [a, b, c] = corners.map(|[x, y, _]| [x, y]);
     let is_right = |from, to| orient(from, to, place) == Ordering::Less;
@@ -136,7 +136,7 @@ fn height_in(corners: [[f64; 3]; 3], place: [f64; 2]) -> Option<f64> {
     let whole = cross(ab, ac);
     let (of_b, of_c) = (cross(ap, ac) / whole, cross(ab, ap) / whole);
     let parts = [1.0 - of_b - of_c, of_b, of_c];
-    // From the corner that has the largest part: exact at corners, and where all are as high.
+    // From the corner with the largest weight: exact at corners, and where all heights are equal.
     let most =
         if parts[0] >= parts[1].max(parts[2]) { 0 } else { 1 + usize::from(parts[2] > parts[1]) };
     let base = corners[most][2];

@@ -1,4 +1,4 @@
-//! Terrain tiles of grids and of point clouds, and their proofs.
+//! Terrain tiles of grids and point clouds, and their verification.
 
 use std::path::Path;
 
@@ -10,8 +10,8 @@ use terrane_verify::tiles::{CloudTilesProof, TilesProof};
 use super::{Cloud, Grid};
 
 impl Grid {
-    /// Tiles of it for viewers of the globe, in any system, at every level of detail: quantized-mesh 1.0, 3D Tiles 1.1, or
-    /// both. No sample is further from a tile, as a client decodes it, than clients take its level to be off by. Sources:
+    /// Terrain tiles for globe viewers at all levels of detail, of a grid in any CRS: quantized-mesh 1.0, 3D
+    /// Tiles 1.1, or both. The error of a decoded tile is at most the geometric error of its level. Sources:
     /// <https://github.com/CesiumGS/quantized-mesh>, <https://www.ogc.org/standards/3dtiles>.
     ///
     /// ```
@@ -34,7 +34,7 @@ impl Grid {
         self.job()
     }
 
-    /// The proof of a folder of terrain tiles against this grid.
+    /// Verification of a folder of terrain tiles against this grid.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
@@ -53,9 +53,9 @@ impl Grid {
 }
 
 impl Cloud {
-    /// Tiles for viewers of the globe of a model of its ground ([`grid`](Self::grid) with [`dtm`](crate::prelude::GridSetters::dtm)) with square cells of this side, in units
-    /// of the reference system; about as wide as points are apart when `None`. What tiles promise is about samples
-    /// of the model.
+    /// Terrain tiles of a terrain model of the point cloud ([`grid`](Self::grid) with
+    /// [`dtm`](crate::prelude::GridSetters::dtm)) with square cells of this size in units of the CRS; about the
+    /// point spacing when `None`. The error bound of tiles refers to samples of the model.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
@@ -73,8 +73,9 @@ impl Cloud {
         self.job(|options: &mut CloudTilesOptions| options.model.cell = cell)
     }
 
-    /// The proof of a folder of terrain tiles against a model of the ground of this cloud, with [cells](crate::prelude::ModelSetters::cell) and
-    /// [ground](crate::prelude::ModelSetters::ground) as they were when the tiles were made.
+    /// Verification of a folder of terrain tiles against a terrain model of this point cloud, with the same
+    /// [cells](crate::prelude::ModelSetters::cell) and [ground](crate::prelude::ModelSetters::ground) as the
+    /// tiles.
     pub fn verify_tiles(&self, tiles: impl AsRef<Path>) -> Job<'_, CloudTilesProof, WrittenOutput> {
         self.proof(tiles.as_ref())
     }

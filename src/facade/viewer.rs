@@ -10,7 +10,7 @@ use terrane_viewer::view::PictureOptions;
 use super::{Cloud, Data, Features, Grid, Mesh};
 
 impl Grid {
-    /// A picture of it from above, as shaded relief: PNG, within so many columns.
+    /// Shaded relief as PNG, at most this many columns wide.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
@@ -29,13 +29,13 @@ impl Grid {
         self.job()
     }
 
-    /// A page of it for a browser: one file that holds all it shows.
+    /// A self-contained HTML page of the grid.
     pub fn page(&self) -> Job<'_, PageOptions> {
         self.job()
     }
 
-    /// What is known of it: size, place, storage, what is odd about it, what a mesh of it would take; and of its
-    /// [heights](crate::prelude::GridInfoSetters::stats).
+    /// Properties: size, georeference, storage, problems, the cost of a mesh, and [statistics of
+    /// heights](crate::prelude::GridInfoSetters::stats).
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
@@ -52,7 +52,8 @@ impl Grid {
 }
 
 impl Cloud {
-    /// A page of it for a browser: one file that holds so many of its [points](crate::prelude::CloudPageSetters::points) and what is known of them.
+    /// A self-contained HTML page with a number of the [points](crate::prelude::CloudPageSetters::points) and
+    /// their attributes.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
@@ -72,32 +73,32 @@ impl Cloud {
         self.job(|_| {})
     }
 
-    /// What is known of it, by its headers, or by [all of its points](crate::prelude::CloudInfoSetters::stats); with a [picture](crate::prelude::CloudInfoSetters::picture) of it from
-    /// above.
+    /// Properties from the headers, or from [all points](crate::prelude::CloudInfoSetters::stats), with an
+    /// optional [picture](crate::prelude::CloudInfoSetters::picture) from above.
     pub fn inspect(&self) -> Job<'_, CloudInfoOptions> {
         self.job(|_| {})
     }
 }
 
 impl Mesh {
-    /// What it is.
+    /// Properties of the mesh.
     pub fn inspect(&self) -> Job<'_, MeshInfoOptions> {
         Job::new(self.inputs(), MeshInfoOptions::default())
     }
 
-    /// A picture of it from above: shaded relief, or the colours of its vertices.
+    /// A picture from above: shaded relief, or vertex colours.
     pub fn picture(&self) -> Job<'_, PictureOptions> {
         Job::new(self.inputs(), PictureOptions::default())
     }
 
-    /// A page of it for a browser: one file that holds all it shows.
+    /// A self-contained HTML page of the mesh.
     pub fn page(&self) -> Job<'_, PageOptions> {
         Job::new(self.inputs(), PageOptions::default())
     }
 }
 
 impl Features {
-    /// A page of its lines and rings for a browser, with all of their simplifications.
+    /// A self-contained HTML page of the lines and rings with all simplifications.
     ///
     /// ```
     /// # fn main() -> terrane::Result<()> {
@@ -114,7 +115,7 @@ impl Features {
         self.job()
     }
 
-    /// What they are: kinds of geometry, fields, heights, bounds. All of them are read.
+    /// Properties: geometry types, fields, heights, bounds. Reads all features.
     pub fn inspect(&self) -> Job<'_, FeaturesInfoOptions> {
         self.job()
     }

@@ -445,7 +445,7 @@ fn addresses_are_told_to_be_none_of_files() {
     let las = ["info", "http://example.com/a.las"];
     place.fails(&las, 65, &words);
     let args = ["convert", "good.asc", "http://example.com/a.tif"];
-    place.fails(&args, 73, &["addresses are not written"]);
+    place.fails(&args, 73, &["output addresses are not supported"]);
 }
 
 #[test]

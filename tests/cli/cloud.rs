@@ -71,7 +71,7 @@ fn what_is_about_grids_is_refused() {
     tin(&["--max-error", "1", "--bound", "surface"], &["--bound is for grids"]);
     tin(&["--max-error", "1", "--band", "2"], &["--band is for grids"]);
     tin(&["--max-vertices", "100"], &["--max-vertices is for grids"]);
-    place.fails(&["tin", "g.asc", "a.laz", "a.ply", "--max-error", "1"], 2, &["one input"]);
+    place.fails(&["tin", "g.asc", "a.laz", "a.ply", "--max-error", "1"], 2, &["cannot be mixed"]);
     let args = ["tin", "g.asc", "a.ply", "--max-error", "1", "--class", "2"];
     place.fails(&args, 2, &["--class is for point clouds"]);
     place.fails(&["tin", "a.laz", "a.laz", "--max-error", "1"], 2, &["a.laz"]);

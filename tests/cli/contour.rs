@@ -132,7 +132,7 @@ fn grids_without_lines_are_no_error() {
     let place = Place::new();
     place.write("void.asc", VOID_GRID);
     let ran = place.ok(&["contour", "void.asc", "-o", "a.geojson", "-i", "1"]);
-    assert!(ran.out.contains("none: no height is crossed"), "{}", ran.out);
+    assert!(ran.out.contains("none (no level is crossed)"), "{}", ran.out);
 }
 
 #[test]

@@ -56,7 +56,7 @@ fn the_picture_is_there_and_the_table_has_every_panel() {
     // Three by two panels of 480 pixels with two lines of 24 below, and 16 around them.
     let size = (16 + 3 * (480 + 16), 16 + 2 * (480 + 48 + 16));
     assert_eq!((reader.info().width, reader.info().height), size);
-    assert!(ran.out.contains("proved of every mesh"), "{}", ran.out);
+    assert!(ran.out.contains("proved for every mesh"), "{}", ran.out);
     let report = std::fs::read_to_string(place.path(&place_name("report.json"))).unwrap();
     let report: Value = serde_json::from_str(&report).unwrap();
     for row in report["methods"].as_array().unwrap() {

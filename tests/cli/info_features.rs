@@ -100,7 +100,7 @@ fn tables_are_grids_or_else_features() {
     place.write("f.csv", "id,lon,lat,name\na,0,0,x\na,1,5,x\nb,0,1,y\n");
     let found = facts(&place, &["f.csv"]);
     assert_eq!((&found["kind"], &found["features"]), (&json!("features"), &json!(2)));
-    assert!(found["notes"].to_string().contains("as a grid"), "{found}");
+    assert!(found["notes"].to_string().contains("not a grid"), "{found}");
     // A grid with a hole in it is a damaged grid, no line.
     place.write("d.csv", "x,y,z\n0,0,1\n1,0,2\n0,1,3\n5.3,1.7,4\n");
     place.fails(&["info", "d.csv"], 65, &["d.csv"]);

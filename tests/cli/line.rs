@@ -175,7 +175,7 @@ fn numbers_and_sizes_are_met() {
     place.fails(
         &["line", "a.geojson", "c.geojson", "--keep-count", "3"],
         2,
-        &["so little cannot be met"],
+        &["cannot be reached"],
     );
     assert!(!place.path("c.geojson").exists());
 }
@@ -317,9 +317,9 @@ fn a_goal_that_cannot_be_met_is_refused_with_the_least_that_can() {
             for (option, output) in [("--keep-count", "b.fgb"), ("--target-size", "b.shp")] {
                 let base = ["line", "a.fgb", output, "--method", method.name, "-q", option];
                 let refused = [&base[..], &["50"], way].concat();
-                place.fails(&refused, 2, &["so little cannot be met", "50"]);
+                place.fails(&refused, 2, &["cannot be reached", "50"]);
                 let told = place.run(&refused).err;
-                let least = told.split("ask for ").nth(1).unwrap().split(' ').next().unwrap();
+                let least = told.split("; pass ").nth(1).unwrap().split(' ').next().unwrap();
                 place.ok(&[&base[..], &[least], way].concat());
                 let came = match option {
                     "--keep-count" => vertices_of(&place, output),
@@ -487,8 +487,8 @@ fn broken_promises_and_bad_input_are_told() {
     place.fails(&["line", "a.wkt", "o.wkt"], 2, &["--tolerance"]);
     place.fails(&["line", "none.wkt", "o.wkt", "--tolerance", "1"], 65, &["none.wkt"]);
     let area = ["line", "a.wkt", "o.wkt", "--tolerance", "1", "--method", "visvalingam"];
-    place.fails(&area, 2, &["bounds no distance", "--area"]);
-    place.fails(&["line", "a.wkt", "o.wkt", "--area", "1"], 2, &["goes by distance"]);
+    place.fails(&area, 2, &["does not bound the distance", "--area"]);
+    place.fails(&["line", "a.wkt", "o.wkt", "--area", "1"], 2, &["uses distances"]);
     place.fails(&["line", "a.wkt", "o.wkt", "--tolerance", "1", "--snap", "1"], 2, &["--topology"]);
     place.write("big.geojson", coverage(8));
     let base = ["line", "big.geojson", "o.geojson", "--tolerance", "0.01", "--topology"];

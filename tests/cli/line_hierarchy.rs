@@ -191,7 +191,7 @@ fn hierarchies_of_other_lines_are_turned_away() {
     let digit = at + text[at..].find(',').unwrap() - 1;
     let other = if &text[digit..=digit] == "1" { "2" } else { "1" };
     place.write("x.geojson", format!("{}{other}{}", &text[..digit], &text[digit + 1..]));
-    place.fails(&goal("1"), 65, &["of other coordinates", "feature 31", "x.geojson", "delete"]);
+    place.fails(&goal("1"), 65, &["to other coordinates", "feature 31", "x.geojson", "delete"]);
     place.write("x.geojson", collection(&all[..40]));
     place.fails(&goal("1"), 65, &["more features than the input"]);
     place.fails(&[&run[..5], &["--keep-count", "900"]].concat(), 65, &["more features"]);

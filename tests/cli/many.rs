@@ -185,7 +185,7 @@ fn the_kind_of_files_is_asked_of_those_below() {
     place.ok(&["tin", "both/**/*.laz", "x.ply", "--max-error", "1"]);
     place.ok(&["grid", "both", "x.tif", "--cell", "5", "--recursive"]);
     let two = ["tin", "both/c", "both/g/deep", "y.ply", "--max-error", "1", "--recursive"];
-    place.fails(&two, 2, &["one input"]);
+    place.fails(&two, 2, &["cannot be mixed"]);
 }
 
 #[test]

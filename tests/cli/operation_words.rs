@@ -97,8 +97,8 @@ fn what_stands_in_the_place_of_an_option_of_other_inputs_is_told() {
             2,
             "; leave --max-vertices out",
         ),
-        (&["verify", "l.wkt", "l.wkt", "--max-error", "1"], 2, "; pass --tolerance in its place"),
-        (&["verify", "m.ply", TERRAIN, "--tolerance", "1"], 2, "; pass --max-error in its place"),
+        (&["verify", "l.wkt", "l.wkt", "--max-error", "1"], 2, "; pass --tolerance instead"),
+        (&["verify", "m.ply", TERRAIN, "--tolerance", "1"], 2, "; pass --max-error instead"),
         (
             &["verify", "l.wkt", "no.wkt"],
             65,

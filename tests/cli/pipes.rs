@@ -231,7 +231,7 @@ fn what_is_wrong_with_the_rest_is_told_before_stdin_is_read() {
         (&["tin", "-", "there.ply", "--max-error", "0"][..], "exists"),
         (
             &["tin", "-", "a.ply", "--max-error", "0", "--workdir", "w"],
-            "--workdir needs input that can be read again",
+            "--workdir is not supported with stdin",
         ),
         (&["tin", "-", "a.xxx", "--max-error", "0"], "a.xxx"),
         (&["tin", "-", "a.ply", "--max-error", "0", "--co", "SOLID_BASE=1"], "SOLID_BASE"),
@@ -318,19 +318,19 @@ fn what_cannot_go_through_a_pipe_is_refused_by_name() {
         (&["line", "-", "-", "f/a.geojson", "--tolerance", "1"], "only once"),
         (
             &["line", "f/a.geojson", "a.wkt", "--tolerance", "1", "--input-format", "WKT"],
-            "--input-format is for stdin",
+            "--input-format requires stdin",
         ),
-        (&["info", "-"], "stdin is not read"),
-        (&["view", "-", "-o", "a.png"], "stdin is not read"),
-        (&["verify", "-", "g/a.asc"], "stdin is not read"),
-        (&["plan", "tin", "-", "-o", "w", "--max-error", "1"], "stdin is not read"),
+        (&["info", "-"], "stdin is not supported"),
+        (&["view", "-", "-o", "a.png"], "stdin is not supported"),
+        (&["verify", "-", "g/a.asc"], "stdin is not supported"),
+        (&["plan", "tin", "-", "-o", "w", "--max-error", "1"], "stdin is not supported"),
         (
             &["plan", "tin", "-", "g/a.asc", "-o", "w", "--max-error", "1", "--skip-bad"],
             "stdin is not",
         ),
-        (&["plan", "grid", "-", "-o", "w", "--cell", "1"], "stdin is not read"),
-        (&["plan", "grid", "cloud:-", "-o", "w", "--cell", "1"], "stdin is not read"),
-        (&["verify", "g/a.asc", "-"], "stdin is not read"),
+        (&["plan", "grid", "-", "-o", "w", "--cell", "1"], "stdin is not supported"),
+        (&["plan", "grid", "cloud:-", "-o", "w", "--cell", "1"], "stdin is not supported"),
+        (&["verify", "g/a.asc", "-"], "stdin is not supported"),
     ] {
         place.fails(args, 2, &[word]);
     }

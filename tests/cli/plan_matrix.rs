@@ -564,7 +564,7 @@ fn what_a_large_job_takes_is_told_before_it_is_begun() {
     };
     assert!(row("time").contains("about"), "{plan}");
     assert!(row("memory").contains("at least"), "{plan}");
-    assert!(row("disk").contains("more, and about") && row("disk").contains("for the mesh"));
+    assert!(row("disk").contains("more needed, about") && row("disk").contains("for the mesh"));
     let status = json(&place.ok(&["status", "work", "--json"]).out);
     let facts = json(&place.ok(&["info", input, "--json"]).out)["tin"].clone();
     let [low, high] = [0, 1].map(|i| facts["seconds"][i].as_f64().unwrap());

@@ -90,7 +90,7 @@ fn work_in_a_folder_goes_on_where_it_was() {
     // What is in the folder is no place for tiles, and nothing is made to find that out.
     for output in ["new/model", "new/tiles", "new/tiles/objects", "new/model/model.tif"] {
         let args = ["tiles", CLOUD, output, "--cell", "1", "--workdir", "new"];
-        place.fails(&args, 2, &[output, "folder of the work"]);
+        place.fails(&args, 2, &[output, "work folder"]);
     }
     let other = ["tiles", CLOUD, "x", "--cell", "2", "--class", "2", "--workdir", "work"];
     place.fails(&other, 2, &["another"]);
@@ -142,18 +142,14 @@ fn what_does_not_fit_clouds_or_grids_is_refused() {
     tiles(&["--band", "1"], &["--band", "not for point clouds"]);
     tiles(&["--nodata", "0"], &["--nodata", "not for point clouds"]);
     tiles(&["--meshopt"], &["--meshopt", "--format 3dtiles"]);
-    place.fails(
-        &["plan", "tiles", CLOUD, "-o", "work"],
-        2,
-        &["make a grid of it first", "plan grid"],
-    );
+    place.fails(&["plan", "tiles", CLOUD, "-o", "work"], 2, &["make a grid first", "plan grid"]);
     place.write("g.asc", cli_support::GRID).write("g.prj", "EPSG:32631");
     place.fails(&["tiles", "g.asc", "t", "--cell", "1"], 2, &["--cell", "g.asc"]);
     place.fails(&["tiles", "-", "t", "--ground", "auto"], 2, &["--ground", "cloud:-"]);
     place.fails(&["tiles", "g.asc", "t", "--ground", "auto"], 2, &["--ground", "g.asc"]);
     place.fails(&["tiles", "g.asc", "t", "--class", "2"], 2, &["--class is for point clouds"]);
     place.write("p.xyz", "1 2 3\n4 5 6\n7 9 3\n8 1 2\n");
-    place.fails(&["tiles", "cloud:p.xyz", "t"], 65, &["p.xyz", "where on the globe", "--crs"]);
+    place.fails(&["tiles", "cloud:p.xyz", "t"], 65, &["p.xyz", "CRS is missing", "--crs"]);
     place.ok(&["tin", "g.asc", "m.ply", "--max-error", "1", "-q"]);
     place.fails(&["verify", "m.ply", "g.asc", "--cell", "1"], 2, &["--cell", "terrain tiles"]);
     place.ok(&["tiles", "g.asc", "g", "--max-level", "4", "-q"]);

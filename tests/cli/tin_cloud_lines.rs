@@ -48,7 +48,10 @@ fn lines_and_points_are_kept_and_proved() {
             "{told}"
         );
         assert!(told.contains("4 points are outside of the cloud"), "{told}");
-        assert!(told.contains("all are points of the cloud, or posts of breaklines"), "{told}");
+        assert!(
+            told.contains("all are points of the cloud, or anchor vertices of breaklines"),
+            "{told}"
+        );
         let ran = place.run(&["verify", mesh, "a.laz", "--max-error", "0"]);
         // An STL has no room to say what it was made with.
         let code = if mesh == "b.stl" { 1 } else { 3 };

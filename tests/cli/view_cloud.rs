@@ -99,7 +99,7 @@ fn what_a_page_of_a_cloud_cannot_do_is_refused() {
         (&["all.laz", "--html", "a.html", "--insertion"], &["--insertion", "clouds"]),
         (&["all.laz", "--html", "a.html", "--points", "0"], &["--points"]),
         (&["all.laz", "--html", "a.html", "--points", "16777217"], &["--points"]),
-        (&["all.laz", "dem.tif", "--html", "a.html"], &["one input"]),
+        (&["all.laz", "dem.tif", "--html", "a.html"], &["cannot be mixed"]),
         (&["dem.tif", "--html", "a.html", "--points", "9"], &["--points", "clouds"]),
         (&["dem.tif", "--html", "a.html", "--class", "2"], &["--class", "clouds"]),
     ];

@@ -197,7 +197,7 @@ impl Judge {
         for old in gone {
             self.gone(old, way);
         }
-        let is_told = report.notes.iter().any(|note| note.contains("that did not before"));
+        let is_told = report.notes.iter().any(|note| note.contains("new with"));
         self.pairs(&left);
         self.sides(&left);
         if !is_told {
@@ -489,7 +489,7 @@ fn what_is_not_looked_at_is_told() {
     let (report, _) = simplify(folder.path(), &all, &way);
     assert_eq!(
         report.notes,
-        ["90000 pairs of segments meet; whether they did before ‹snap› 0.2 is known of 65536 only"]
+        ["90000 pairs of segments meet; the state before ‹snap› 0.2 is known for 65536 of them"]
     );
 }
 
@@ -515,7 +515,7 @@ fn what_rounding_would_spoil_keeps_its_digits() {
         judge.world(&all, &way, &report, &written);
         assert_eq!(judge.faults, Vec::<String>::new());
         assert_eq!((report.unrounded > 0, report.input_crossings), (keeps, 0), "{written:?}");
-        let is_told = report.notes.iter().any(|note| note.contains("keep their digits"));
+        let is_told = report.notes.iter().any(|note| note.contains("are not rounded to"));
         assert_eq!(is_told, keeps, "{:?}", report.notes);
     }
 }

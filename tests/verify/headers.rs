@@ -79,9 +79,9 @@ const STATEMENTS: [Wrong; 39] = [
         "source synth:rough",
         "source synth:smooth",
         0,
-        "smooth,size=120,seed=3, by its header; not judged",
+        "smooth,size=120,seed=3 (from the header, not judged)",
     ),
-    (&NAMES, "terrane 0.", "another 0.", 0, "(no promise of this mesh)"),
+    (&NAMES, "terrane 0.", "another 0.", 0, "(not promised by this mesh)"),
 ];
 
 /// Fields that formats have beside their comments.

@@ -255,7 +255,7 @@ fn the_bound_on_the_surface_is_judged_where_it_is_asked_for_or_stated() {
     place.ok(&["tin", TERRAIN, "a.ply", "--max-error", "1"]);
     let told = place.ok(&["verify", "a.ply", TERRAIN]).out;
     assert!(
-        told.contains("  surface   error ") && told.contains("no promise of this mesh"),
+        told.contains("  surface   error ") && told.contains("not promised by this mesh"),
         "{told}"
     );
     let surface = ["verify", "a.ply", TERRAIN, "--bound", "surface"];

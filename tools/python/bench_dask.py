@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Measures what Dask adds to the work: wall time by Dask with one worker, beside the sum of the
-program's own wall times.
+"""Measures the overhead of Dask: wall time by Dask with one worker, beside the sum of the program's
+own wall times.
 
     python bench_overhead.py [--terrane PATH] [--seconds 30] [--strips 4] [--folder FOLDER]
 
@@ -27,14 +27,14 @@ WIDTH, TILE = 4096, 512
 
 
 def plan(terrane: str, folder: Path, rows: int, strips: int) -> None:
-    """A plan of so many strips of so many rows of tiles."""
+    """A plan with a number of strips and rows of tiles."""
     grid = f"synth:rough,width={WIDTH},height={rows * strips * TILE},seed=3"
     how = ["--max-error", "0.2", "--tile", str(TILE), "--strip-rows", str(rows), "-q"]
     subprocess.run([terrane, "plan", "tin", grid, "-o", str(folder), *how], check=True)
 
 
 def seconds_a_row(terrane: str, folder: Path) -> float:
-    """What a row of tiles takes, from a plan of a single strip."""
+    """Seconds per row of tiles, from a plan of a single strip."""
     plan(terrane, folder, 2, 1)
     started = time.monotonic()
     how = ["--task", "strip-0", "--threads", "1", "-q"]

@@ -11,20 +11,20 @@ use terrane_engine::{Cancel, Progress, Resources};
 use terrane_synth::lines::SyntheticLines;
 use terrane_vector::{self as vector, VectorOpenOptions, VectorWriteOptions};
 
-/// Lines to be written.
+/// Synthetic lines to write.
 #[derive(Clone, Debug)]
 pub struct DrawJob {
     /// The lines.
     pub lines: SyntheticLines,
-    /// File to write; its ending says the format.
+    /// Output file; its ending selects the format.
     pub output: PathBuf,
-    /// Replace an existing output.
+    /// Replaces an existing output.
     pub overwrite: bool,
     /// Resources of the job.
     pub resources: Resources,
 }
 
-/// What was written.
+/// Report of written lines.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct DrawReport {
@@ -35,14 +35,14 @@ pub struct DrawReport {
     pub output_bytes: u64,
     #[serde(flatten)]
     pub run: RunStatistics,
-    /// What the format could not hold.
+    /// Values that the format cannot hold.
     pub notes: Vec<String>,
 }
 
-/// Writes the lines. Nothing appears under the output's name unless it succeeds.
+/// Writes the lines. The output appears only on success.
 ///
 /// # Errors
-/// An output that exists, cannot be created, or whose ending names no format.
+/// An existing output, an output that cannot be created, or an ending without a format.
 pub fn run(job: &DrawJob, progress: &dyn Progress, cancel: &Cancel) -> Result<DrawReport> {
     let start = Instant::now();
     let input = format!("synth:{}", job.lines);

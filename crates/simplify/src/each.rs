@@ -1,8 +1,9 @@
-//! The threshold of each vertex of a line or ring: it is kept at all that are smaller.
+//! Threshold of each vertex of a line or ring: the vertex is kept at all smaller thresholds.
 //!
-//! What [`Tool::choose`](super::tool::Tool::choose) does at one threshold, for all at once: lines that end where
-//! they began are done in two halves, rings keep three vertices. (Of a ring that would collapse the method keeps
-//! three, too, and what its tolerance then asks for between them; that is no filter, and is left out.)
+//! Computes for all thresholds at once the result of [`Tool::choose`](super::tool::Tool::choose) at one
+//! threshold: closed lines are split into halves, and rings keep three vertices. (For a collapsing ring the
+//! method also keeps the vertices required by its tolerance between these three; a filter by thresholds cannot
+//! express this.)
 
 use super::tool::{DistanceKind, MetricVertex, SimplifyRule, check, vertices};
 use terrane_base::error::Result;
@@ -14,13 +15,13 @@ use terrane_line::{
 };
 use terrane_vector::GeometryPart;
 
-/// Thresholds of the vertices of a part, infinite for those that always stay: distances of
-/// Ramer-Douglas-Peucker and areas of Visvalingam-Whyatt. Of a ring, the closing vertex has none.
+/// Thresholds of the vertices of a part, infinite for fixed vertices: distances for Ramer-Douglas-Peucker,
+/// areas for Visvalingam-Whyatt. The closing vertex of a ring has none.
 ///
 /// # Errors
 /// A part that cannot be measured.
 pub fn thresholds(part: &GeometryPart<'_>, measure: DistanceKind) -> Result<[Vec<f64>; 2]> {
-    // Thresholds of all sizes are asked for.
+    // All thresholds are needed.
     let rule = SimplifyRule {
         method: &SimplifyMethod::RDP,
         measure,
@@ -53,7 +54,7 @@ fn of_part<V: MetricVertex, M: DistanceMetric<V>>(
     [of_ring(metric, &points), areas]
 }
 
-/// Where a line is cut that ends where it began: at the vertex farthest from there.
+/// Vertex at which a closed line is split: the vertex farthest from its start.
 fn middle<V: Copy, M: DistanceMetric<V>>(metric: &M, points: &[V]) -> Option<usize> {
     let ends = [points.first(), points.last()].map(|end| end.map(M::coordinates));
     let is_closed = points.len() > 3 && ends[0] == ends[1];
@@ -70,7 +71,7 @@ fn in_halves<V>(points: &[V], far: Option<usize>, of: impl Fn(&[V]) -> Vec<f64>)
     all
 }
 
-/// Distances at which the vertices of an open line go; its ends stay.
+/// Distances at which vertices of an open line are dropped; the ends are kept.
 fn distances<V: Copy, M: DistanceMetric<V>>(metric: &M, line: &[V]) -> Vec<f64> {
     let mut all = vec![f64::INFINITY; line.len()];
     let tree = Hierarchy::new(metric, line);
@@ -78,7 +79,7 @@ fn distances<V: Copy, M: DistanceMetric<V>>(metric: &M, line: &[V]) -> Vec<f64> 
     all
 }
 
-/// Distances of a ring, given without its closing vertex, from the vertex lowest by its coordinates on.
+/// Distances of a ring without its closing vertex, starting at the vertex with the lowest coordinates.
 fn of_ring<V: Copy, M: DistanceMetric<V>>(metric: &M, ring: &[V]) -> Vec<f64> {
     let lowest = |a: &usize, b: &usize| {
         let [a, b] = [a, b].map(|i| M::coordinates(&ring[*i]));
@@ -93,7 +94,7 @@ fn of_ring<V: Copy, M: DistanceMetric<V>>(metric: &M, ring: &[V]) -> Vec<f64> {
     all
 }
 
-/// The three vertices of a ring that go last stay.
+/// Keeps the three vertices of a ring with the largest thresholds.
 fn keep_three(thresholds: &mut [f64]) {
     let mut order: Vec<usize> = (0..thresholds.len()).collect();
     // A stable order: of equal ones the first vertices stay.
@@ -114,7 +115,7 @@ mod tests {
         Geometry::new(kind, coordinates).unwrap()
     }
 
-    /// Vertices that a filter by thresholds leaves, the closing one among them.
+    /// Vertices left by a filter by thresholds, including the closing vertex.
     fn filtered(part: &GeometryPart<'_>, thresholds: &[f64], threshold: f64) -> Vec<[f64; 2]> {
         let kept = part.xy.iter().zip(thresholds).filter(|(_, own)| **own > threshold);
         let mut kept: Vec<[f64; 2]> = kept.map(|(xy, _)| *xy).collect();

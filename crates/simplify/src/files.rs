@@ -1,4 +1,4 @@
-//! The files of a job: opened, paired with what is written, and agreeing in their CRS.
+//! Files of a job: opened, paired with their outputs, and checked for a common CRS.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -17,32 +17,32 @@ use terrane_vector::{
     VectorWriteOptions, WrittenFeatures,
 };
 
-/// An input and the output it becomes.
+/// An input and its output.
 pub(super) struct LineFilePair {
     pub(super) input: PathBuf,
     pub(super) output: PathBuf,
     format: &'static VectorFormat,
-    /// What leads to the system of the output, where that is another.
+    /// Transformation to the output CRS, if it differs.
     operation: Option<Arc<CoordinateOperation>>,
 }
 
-/// The inputs and outputs of a job.
+/// Inputs and outputs of a job.
 pub(super) struct LineFiles {
     pub(super) pairs: Vec<LineFilePair>,
-    /// The system that all inputs are in.
+    /// Common CRS of the inputs.
     pub(super) crs: Crs,
 }
 
 impl LineFiles {
-    /// Pairs the inputs of a job with outputs, and looks at their headers.
+    /// Pairs the inputs of a job with outputs, and reads their headers.
     pub(super) fn of(job: &LineJob) -> Result<Self> {
         let mut pairs = pairs(job)?;
         let mut names: Vec<_> = pairs.iter().map(|pair| &pair.output).collect();
         names.sort();
         if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
-            return Err(Error::usage("two inputs would become the same file")
+            return Err(Error::usage("two inputs have the same output file")
                 .in_file(twice[0])
-                .remedy("give them different names, or simplify them one by one"));
+                .remedy("rename one of them, or simplify them one at a time"));
         }
         let systems = pairs.iter().map(|pair| Ok(pair.open(job)?.layer().crs.clone()));
         let mut crs: Option<Crs> = None;
@@ -52,13 +52,11 @@ impl LineFiles {
                 Some(first) if first.agrees(&own) => {}
                 Some(first) => {
                     let [ours, theirs] = first.told_apart(&own);
-                    let message = format!(
-                        "its coordinate reference system is {theirs}, and that of {} is {ours}",
-                        pairs[0].input.display(),
-                    );
+                    let message =
+                        format!("CRS is {theirs}, but {} has {ours}", pairs[0].input.display());
                     return Err(Error::bad_input(message)
                         .in_file(&pair.input)
-                        .remedy("bring both into one system"));
+                        .remedy("transform the files to one CRS"));
                 }
             }
         }
@@ -74,14 +72,14 @@ impl LineFiles {
         Ok(Self { pairs, crs })
     }
 
-    /// Tells in a report what led to the system of the outputs.
+    /// Adds the transformation to a report.
     pub(super) fn note_operation(&self, report: &mut LineReport) {
         let operation = self.pairs.first().and_then(|pair| pair.operation.as_ref());
         report.transformed = operation.map(|own| Transformed::of(own));
         report.notes.extend(operation.iter().flat_map(|own| own.notes().iter().cloned()));
     }
 
-    /// The rule of a job whose threshold is told, or is to be `threshold`.
+    /// Rule of a job with a given threshold, or with `threshold`.
     pub(super) fn rule(&self, job: &LineJob, threshold: f64) -> Result<SimplifyRule> {
         let plain = if job.is_space { DistanceKind::Space } else { DistanceKind::Plane };
         let (measure, threshold) = match job.goal {
@@ -93,7 +91,7 @@ impl LineFiles {
     }
 }
 
-/// Where all features lie: a header may be wrong about it, so they are read.
+/// Bounds of all features, from the features because headers may be wrong.
 fn extent(job: &LineJob, pairs: &[LineFilePair]) -> Result<Option<[f64; 4]>> {
     let mut extent = PositionExtent::NONE;
     for pair in pairs {
@@ -107,17 +105,17 @@ fn extent(job: &LineJob, pairs: &[LineFilePair]) -> Result<Option<[f64; 4]>> {
     Ok(extent.get())
 }
 
-/// The files that a job writes, without those that come with them.
+/// Output files of a job, without their sidecar files.
 ///
 /// # Errors
-/// No input, and a format that is unknown or not written.
+/// No input; a format that is unknown or cannot be written.
 pub fn outputs(job: &LineJob) -> Result<Vec<PathBuf>> {
     Ok(pairs(job)?.into_iter().map(|pair| pair.output).collect())
 }
 
 fn pairs(job: &LineJob) -> Result<Vec<LineFilePair>> {
     match job.input.as_slice() {
-        [] => Err(Error::usage("no file is given")),
+        [] => Err(Error::usage("no input file")),
         [input] if !job.is_into_folder() => Ok(vec![LineFilePair {
             input: input.clone(),
             output: job.output.clone(),
@@ -128,20 +126,20 @@ fn pairs(job: &LineJob) -> Result<Vec<LineFilePair>> {
     }
 }
 
-/// An input whose output lies in the job's folder under its own name.
+/// An input with its output of the same name in the job's folder.
 fn in_folder(job: &LineJob, input: &Path) -> Result<LineFilePair> {
-    let name = input.file_name().ok_or_else(|| {
-        Error::usage("is no file").in_file(input).remedy("name files of features")
-    })?;
+    let name = input
+        .file_name()
+        .ok_or_else(|| Error::usage("is not a file").in_file(input).remedy("name vector files"))?;
     let mut output = job.output.join(name);
     let format = match &job.format {
         Some(name) => vector::by_path(&output, Some(name))?,
         None => vector::identify(input)?.map_or_else(|| vector::by_path(input, None), Ok)?,
     };
     if format.create.is_none() {
-        return Err(Error::usage(format!("{} is read, but not written", format.name))
+        return Err(Error::usage(format!("{} can be read, but not written", format.name))
             .in_file(input)
-            .remedy("name a ‹format› to write"));
+            .remedy("choose another ‹format›"));
     }
     if job.format.is_some() {
         output.set_extension(format.extensions[0]);
@@ -167,8 +165,8 @@ impl LineFilePair {
         self.create_at(&self.output, job, layer)
     }
 
-    /// Starts a file like the output in another folder, under the name that it will have: some formats
-    /// write it into the file.
+    /// Creates a file like the output in another folder, with the final name, which some formats store in the
+    /// file.
     pub(super) fn create_in(
         &self,
         folder: &Path,
@@ -192,7 +190,7 @@ impl LineFilePair {
             temp_dir: job.resources.temp_dir.clone(),
             ..VectorWriteOptions::default()
         };
-        // What the header claims of the input is not true of the output.
+        // The header of the input is not valid for the output.
         let mut layer = LayerHeader { extent: None, ..layer.clone() };
         let Some(operation) = &self.operation else {
             return vector::create(path, self.format, &layer, &options);
@@ -203,13 +201,13 @@ impl LineFilePair {
         Ok(Box::new(FeatureReprojection { inner, operation: operation.clone() }))
     }
 
-    /// Bytes of the input, where it is a file.
+    /// Size of the input in bytes, if it is a file.
     pub(super) fn size(&self) -> u64 {
         std::fs::metadata(&self.input).map_or(0, |meta| meta.len())
     }
 }
 
-/// Adds what was written to a report.
+/// Adds the written data to a report.
 pub(super) fn note(report: &mut LineReport, written: WrittenFeatures, notes: Vec<String>) {
     report.output_bytes += written.bytes;
     report.outputs.extend(written.files.first().map(|path| path.display().to_string()));

@@ -1,4 +1,4 @@
-//! How much is left out: by a length, an area, a share or number of vertices, or a size of the file.
+//! Goals of a simplification: a length, an area, a share or number of vertices, or a file size.
 
 use serde::Serialize;
 
@@ -9,23 +9,22 @@ use terrane_base::geom::Crs;
 use terrane_line::SimplifyMethod;
 use terrane_line::registry::ToleranceKind;
 
-/// What the result has to be.
+/// Goal of a simplification.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LineGoal {
-    /// No vertex farther than this from the segment in its place.
+    /// Largest distance of a vertex from the segment that replaces it.
     Tolerance(Length),
-    /// No triangle of less than this effective area, in squared units of the data, for methods that
-    /// go by area.
+    /// Smallest effective area of a triangle in squared units of the data, for methods that use areas.
     Area(f64),
-    /// This share of the vertices, from 0 to 1, or fewer.
+    /// Largest share of the vertices, from 0 to 1.
     Ratio(f64),
-    /// So many vertices, or fewer.
+    /// Largest number of vertices.
     Count(u64),
-    /// So many bytes, or fewer.
+    /// Largest size in bytes.
     Size(u64),
 }
 
-/// What a sought goal counts.
+/// Unit of a searched goal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum GoalUnit {
     Vertices,
@@ -33,16 +32,16 @@ pub(super) enum GoalUnit {
 }
 
 impl LineGoal {
-    /// Fails when the method cannot be held to it.
+    /// Fails if the method does not support the goal.
     pub(super) fn check(&self, method: &SimplifyMethod) -> Result<()> {
         self.check_number()?;
         match (self, method.bounds) {
             (Self::Tolerance(_), ToleranceKind::Area(_)) => {
-                Err(Error::usage(format!("{} bounds no distance", method.name))
+                Err(Error::usage(format!("method {} does not bound the distance", method.name))
                     .remedy("pass ‹area› or ‹keep_ratio›, or choose another ‹method›"))
             }
             (Self::Area(_), ToleranceKind::Distance) => {
-                Err(Error::usage(format!("{} goes by distance, not by area", method.name))
+                Err(Error::usage(format!("method {} uses distances, not areas", method.name))
                     .remedy("pass ‹tolerance›, or ‹method› visvalingam"))
             }
             (Self::Tolerance(_), ToleranceKind::Distance)
@@ -51,7 +50,7 @@ impl LineGoal {
         }
     }
 
-    /// Fails for what is no length, area or share.
+    /// Fails for an invalid length, area or share.
     fn check_number(&self) -> Result<()> {
         let (what, value, most) = match *self {
             Self::Tolerance(Length { value, .. }) => ("tolerance", value, f64::MAX),
@@ -62,12 +61,11 @@ impl LineGoal {
         if (0.0..=most).contains(&value) {
             return Ok(());
         }
-        let most = if most == 1.0 { " to 1" } else { " on, and finite" };
-        Err(Error::usage(format!("{what} {value} is none"))
-            .remedy(format!("pass one from 0{most}")))
+        let most = if most == 1.0 { "a value from 0 to 1" } else { "a finite value of 0 or more" };
+        Err(Error::usage(format!("{what} {value} is out of range")).remedy(format!("pass {most}")))
     }
 
-    /// What a threshold is to be looked for, for so many vertices; `None` where one is given.
+    /// Target of the search for a threshold, for a number of vertices; `None` for a given threshold.
     pub(super) fn wanted(&self, vertices: u64) -> Option<(u64, GoalUnit)> {
         match *self {
             Self::Ratio(share) => {
@@ -80,10 +78,10 @@ impl LineGoal {
     }
 }
 
-/// The metric and threshold of a length over data in `crs`.
+/// Metric and threshold of a length for data in `crs`.
 ///
 /// # Errors
-/// A length in metres over data of an unknown unit, or one measured in space over degrees.
+/// A length in metres for data of unknown unit; a length in space for data in degrees.
 pub fn measured(length: Length, is_space: bool, crs: &Crs) -> Result<(DistanceKind, f64)> {
     let plain = if is_space { DistanceKind::Space } else { DistanceKind::Plane };
     let Some(metres) = length.unit else { return Ok((plain, length.value)) };
@@ -91,23 +89,24 @@ pub fn measured(length: Length, is_space: bool, crs: &Crs) -> Result<(DistanceKi
         return Ok((plain, length.value * metres / unit));
     }
     match crs.horizontal_unit() {
-        "degree" if is_space => Err(Error::unsupported("heights beside longitudes in degrees")
-            .remedy("leave out ‹metric› 3d, or bring the data into a projected system")),
+        "degree" if is_space => {
+            Err(Error::unsupported("‹metric› 3d on longitudes and latitudes in degrees")
+                .remedy("leave out ‹metric› 3d, or transform the data to a projected CRS"))
+        }
         "degree" if !crs.spheroid()?.is_none_or(|own| own.is_of_earth()) => {
-            let what =
-                "lengths in metres over longitudes and latitudes of another body than the Earth";
+            let what = "metres on a geographic CRS of a body other than the Earth";
             Err(Error::unsupported(what).remedy("pass ‹tolerance› as a plain number, in degrees"))
         }
         "degree" => Ok((DistanceKind::Geographic, length.value * metres)),
-        _ => Err(Error::usage("the data name no unit that metres could be told in")
+        _ => Err(Error::usage("a tolerance in metres requires a CRS with a known unit")
             .remedy("pass ‹tolerance› as a plain number, in units of the data")),
     }
 }
 
-/// A goal as it was met.
+/// An achieved goal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct MetGoal {
-    /// The tolerance in units of the metric, or the area.
+    /// Tolerance in units of the metric, or area.
     pub value: f64,
     /// True for metres on the ellipsoid.
     pub metres: bool,

@@ -10,58 +10,57 @@ use terrane_line::topology::{RingCollapse, Strategy};
 use terrane_line::{METHODS, SimplifyMethod};
 use terrane_vector as vector;
 
-/// Lines to be simplified.
+/// Lines to simplify.
 #[derive(Clone, Debug)]
 pub struct LineJob {
-    /// Files of features.
+    /// Vector files.
     pub input: Vec<PathBuf>,
-    /// The object of TopoJSON files; their first one when `None`.
+    /// Object of TopoJSON files; the first when `None`.
     pub layer: Option<String>,
-    /// The file or folder to write.
+    /// Output file or folder.
     pub output: PathBuf,
-    /// The output is a folder, in which each input keeps its name; with several inputs it is in any case.
+    /// The output is a folder in which inputs keep their names; always the case for several inputs.
     pub into_folder: bool,
-    /// Name of the format to write; by the output's ending, or as the input, when `None`.
+    /// Output format; `None` for the format of the ending or of the input.
     pub format: Option<String>,
     /// Simplification method.
     pub method: &'static SimplifyMethod,
-    /// How many are left out.
+    /// Goal.
     pub goal: LineGoal,
-    /// Heights take part in distances.
+    /// Distances include heights.
     pub is_space: bool,
-    /// Neighbours are looked at; each feature is simplified by itself when `None`.
+    /// Topology; `None` to simplify each feature independently.
     pub topology: Option<Topology>,
-    /// The file of hierarchies, for Ramer-Douglas-Peucker without topology: made where it is not there,
-    /// asked instead of the method where it is.
+    /// Hierarchy file, for Ramer-Douglas-Peucker without topology: created if missing, otherwise used instead
+    /// of the method.
     pub hierarchy: Option<PathBuf>,
-    /// What becomes of rings that have fewer than three vertices left.
+    /// Treatment of rings with fewer than three vertices left.
     pub collapse: RingCollapse,
-    /// Digits behind the point that positions are rounded to, in any format: with topology as far as nothing
-    /// comes to touch, cross or change sides; `None` to leave them as they are.
+    /// Decimals of positions in the output; with topology only where lines do not touch, cross or change sides;
+    /// `None` for no rounding.
     pub decimals: Option<u8>,
-    /// The system to write in; that of the inputs when `None`.
+    /// Output CRS; that of the inputs when `None`.
     pub transform: Option<TargetCrs>,
-    /// Replace files that exist.
+    /// Replaces existing files.
     pub overwrite: bool,
     /// Resources of the job.
     pub resources: Resources,
 }
 
-/// Most vertices of a [square](Topology::square) unless told otherwise.
+/// Default limit of vertices per [tile](Topology::square).
 pub const SQUARE: u64 = 1 << 20;
 
-/// How neighbours are looked at.
+/// Settings of topology.
 #[derive(Clone, Debug)]
 pub struct Topology {
     /// When crossings are tested.
     pub strategy: Strategy,
-    /// Vertices no farther apart than this are made one first, in units of the data; 0 for none.
+    /// Snap distance in units of the data; 0 for none.
     pub snap: f64,
     /// File of points that stay on the same side of every line.
     pub sides: Option<PathBuf>,
-    /// Most vertices that are looked at together. Where there are more in all files, space is divided
-    /// into squares that hold no more each, and segments from one square to another stay: what comes
-    /// out depends on it.
+    /// Largest number of vertices processed together. Larger inputs are divided into tiles of at most this many
+    /// vertices, and segments between tiles are kept. The result depends on it.
     pub square: u64,
 }
 
@@ -72,7 +71,7 @@ impl Default for Topology {
 }
 
 impl LineJob {
-    /// The job with everything else at its default.
+    /// A job with default settings.
     pub fn new(input: impl Into<PathBuf>, output: impl Into<PathBuf>, goal: LineGoal) -> Self {
         Self {
             input: vec![input.into()],
@@ -95,16 +94,16 @@ impl LineJob {
 }
 
 impl LineJob {
-    /// True where the output is a folder.
+    /// True if the output is a folder.
     pub(super) fn is_into_folder(&self) -> bool {
         self.into_folder || self.input.len() > 1
     }
 
-    /// Fails where it can be known without the inputs that the job cannot be done.
+    /// Fails for a job that is invalid whatever the inputs.
     ///
     /// # Errors
-    /// A goal that the method does not have, hierarchies of another method or with topology, an output
-    /// whose format is not known.
+    /// A goal that the method does not support; a hierarchy with topology or with another method; an unknown
+    /// output format.
     pub fn check(&self) -> Result<()> {
         self.goal.check(self.method)?;
         check_hierarchy(self)?;
@@ -116,31 +115,29 @@ impl LineJob {
     }
 }
 
-/// Fails where hierarchies were asked for that do not do the job.
+/// Fails for a hierarchy that the job does not support.
 fn check_hierarchy(job: &LineJob) -> Result<()> {
     if job.hierarchy.is_none() {
         return Ok(());
     }
     if job.topology.is_some() {
-        return Err(Error::usage("a hierarchy is of each feature by itself, without neighbours")
-            .remedy("leave ‹hierarchy› out, or ‹topology›"));
+        return Err(Error::usage("‹hierarchy› is not supported with ‹topology›")
+            .remedy("leave one of them out"));
     }
     if job.method.splits {
         return Ok(());
     }
     let (rdp, other) = (SimplifyMethod::RDP.name, job.method.name);
-    Err(Error::usage(format!("a hierarchy is of {rdp}, and the method is {other}"))
+    Err(Error::usage(format!("‹hierarchy› requires the method {rdp}, not {other}"))
         .remedy(format!("leave ‹hierarchy› out, or pass ‹method› {rdp}")))
 }
 
-/// Fails where what is judged would not be what is written.
+/// Fails if the output would differ from the verified result.
 fn check_transform(job: &LineJob) -> Result<()> {
     let is_rounded = job.topology.is_some() && job.decimals.is_some();
     match job.transform.is_some() && is_rounded {
-        true => Err(Error::usage(
-            "positions of the system to write in are rounded after it was looked at what crosses",
-        )
-        .remedy("leave ‹decimals› out, or ‹to_crs›, or ‹topology›")),
+        true => Err(Error::usage("‹topology› does not cover the rounding after a transformation")
+            .remedy("leave out ‹decimals›, ‹to_crs› or ‹topology›")),
         false => Ok(()),
     }
 }

@@ -1,4 +1,4 @@
-//! Lengths in units of the data, or of the ground.
+//! Lengths in units of the data, or in metres on the ground.
 
 use terrane_base::geom::metres_in;
 use terrane_options::{Json, OptionCodec, OptionKind};
@@ -6,14 +6,14 @@ use terrane_options::{Json, OptionCodec, OptionKind};
 /// A length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Length {
-    /// How long.
+    /// Value.
     pub value: f64,
-    /// Metres in its unit; `None` for units of the data.
+    /// Metres per unit; `None` for units of the data.
     pub unit: Option<f64>,
 }
 
 impl Length {
-    /// So many metres, on the ellipsoid where the data are longitudes and latitudes.
+    /// A length in metres, on the ellipsoid for longitudes and latitudes.
     pub fn metres(value: f64) -> Self {
         Self { value, unit: Some(1.0) }
     }

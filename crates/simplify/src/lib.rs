@@ -1,5 +1,4 @@
-//! Lines made simpler: features stream through one by one, or, where their topology counts, all of
-//! them are taken together.
+//! Line simplification: features stream through one by one, or are processed together if topology matters.
 
 pub mod draw;
 mod each;
@@ -40,20 +39,18 @@ use terrane_engine::{Cancel, Progress};
 use terrane_files::name_of;
 use terrane_line::{METHODS, SimplifyMethod};
 
-/// The method called `name`.
+/// The method `name`.
 ///
 /// # Errors
-/// Usage: a name that is none; the known ones are listed.
+/// Usage: an unknown name; the error lists the known ones.
 pub fn method(name: &str) -> Result<&'static SimplifyMethod> {
     named(METHODS, name)
 }
 
-/// Runs the job. The outputs do not depend on threads or memory; nothing appears under an output's
-/// name unless it is whole.
+/// Runs the job. Outputs do not depend on threads or memory, and appear only when they are complete.
 ///
 /// # Errors
-/// Whatever the inputs, the outputs and the memory allow not; a goal that cannot be met, or not by
-/// the method.
+/// Errors of inputs, outputs and memory; a goal that cannot be reached or is not supported by the method.
 pub fn run(job: &LineJob, progress: &dyn Progress, cancel: &Cancel) -> Result<LineReport> {
     let started = Instant::now();
     job.check()?;
@@ -72,7 +69,7 @@ pub fn run(job: &LineJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Li
     Ok(report)
 }
 
-/// Fails where something that is read would be replaced, or two outputs be one.
+/// Fails if an output is also an input, or if two outputs are the same file.
 fn check_files(job: &LineJob) -> Result<()> {
     let mut written = outputs(job)?;
     written.extend(job.hierarchy.clone());

@@ -1,4 +1,4 @@
-//! Features one by one: what is kept of each of their parts, whatever lies beside them.
+//! Features one by one, independent of their neighbours.
 
 use std::cell::Cell;
 
@@ -8,7 +8,7 @@ use terrane_base::error::Result;
 use terrane_line::{DistanceMetric, SimplifyScratch};
 use terrane_vector::{Geometry, KeptVertices};
 
-/// What became of the parts of some features.
+/// Statistics of the parts of some features.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct PartCounts {
     pub(super) features: u64,
@@ -16,17 +16,17 @@ pub(super) struct PartCounts {
     pub(super) vertices: u64,
     pub(super) kept: u64,
     pub(super) collapsed: u64,
-    /// The largest squared distance.
+    /// Largest squared distance.
     pub(super) square: f64,
-    /// Seconds that hierarchies took to be made, or checked, and to answer.
+    /// Time in seconds to make or check hierarchies, and to query them.
     pub(super) prepare_seconds: f64,
     pub(super) query_seconds: f64,
 }
 
-/// What `rule` keeps of a geometry, by hierarchies where it has them.
+/// Vertices of a geometry kept by `rule`, from hierarchies if available.
 ///
 /// # Errors
-/// A part that the metric cannot measure ([`check`]).
+/// A part that the metric does not support ([`check`]).
 pub(super) fn simplify(
     geometry: &Geometry,
     trees: Option<&FeatureHierarchies>,
@@ -37,7 +37,7 @@ pub(super) fn simplify(
     Ok(rule.apply(GeometryTask { geometry, left }))
 }
 
-/// Does `work` with the thread's room.
+/// Runs `work` with the buffers of the thread.
 fn with_scratch<T>(work: impl FnOnce(&mut SimplifyScratch, &mut Vec<u32>) -> T) -> T {
     thread_local! {
         static ROOM: Cell<(SimplifyScratch, Vec<u32>)> = Cell::default();
@@ -48,7 +48,7 @@ fn with_scratch<T>(work: impl FnOnce(&mut SimplifyScratch, &mut Vec<u32>) -> T) 
     done
 }
 
-/// A geometry to be simplified.
+/// A geometry to simplify.
 struct GeometryTask<'a> {
     geometry: &'a Geometry,
     left: PendingHierarchies<'a>,
@@ -72,7 +72,7 @@ impl MetricTask for GeometryTask<'_> {
                 tally.vertices += points.len() as u64;
                 tally.collapsed += u64::from(outcome.collapsed);
                 tally.square = tally.square.max(outcome.square);
-                // A ring that had fewer than three different vertices stays as it was.
+                // A ring with fewer than three distinct vertices is unchanged.
                 let is_flat = part.is_ring() && (1..3).contains(&kept.len());
                 if is_flat || everything { KeptVertices::All } else { chosen(kept) }
             })
@@ -83,7 +83,7 @@ impl MetricTask for GeometryTask<'_> {
     }
 }
 
-/// Keeps vertices of lines by what is left of their hierarchies, or else by the method.
+/// Selects vertices of lines from their hierarchies, or by the method.
 fn chooser<V: MetricVertex, M: DistanceMetric<V> + Copy>(
     left: &mut PendingHierarchies<'_>,
     tool: &MetricTool<V, M>,
@@ -95,7 +95,7 @@ fn chooser<V: MetricVertex, M: DistanceMetric<V> + Copy>(
     }
 }
 
-/// Indices as a choice.
+/// Indices as a bit set.
 pub(super) fn chosen(kept: &[u32]) -> KeptVertices {
     if kept.is_empty() { KeptVertices::Nothing } else { KeptVertices::Vertices(kept.to_vec()) }
 }

@@ -1,4 +1,4 @@
-//! What a simplification did.
+//! Report of a simplification.
 
 use serde::Serialize;
 
@@ -11,21 +11,21 @@ use terrane_base::error::Result;
 use terrane_engine::figures::RunStatistics;
 use terrane_engine::transform::Transformed;
 
-/// What a file of hierarchies was to a simplification.
+/// Use of a hierarchy file by a simplification.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct HierarchyReport {
     pub file: String,
-    /// True where it was made, false where it was there.
+    /// True for a new file, false for an existing one.
     pub made: bool,
     pub bytes: u64,
-    /// Seconds, of all threads together, in which hierarchies were made, or checked.
+    /// Seconds over all threads to make or check hierarchies.
     pub prepare_seconds: f64,
-    /// Seconds, of all threads together, in which they told what is kept.
+    /// Seconds over all threads to query hierarchies.
     pub query_seconds: f64,
 }
 
-/// What a simplification did.
+/// Report of a simplification.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 #[non_exhaustive]
@@ -35,29 +35,29 @@ pub struct LineReport {
     pub method: String,
     pub measure: DistanceKind,
     pub threshold: MetGoal,
-    /// The system of the inputs.
+    /// CRS of the inputs.
     pub crs: String,
-    /// What led to the system of the outputs, where that is another.
+    /// Transformation to the output CRS, if it differs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transformed: Option<Transformed>,
     pub features: u64,
-    /// Lines and rings.
+    /// Number of lines and rings.
     pub parts: u64,
     pub vertices: u64,
     pub kept: u64,
-    /// The largest distance of a vertex from the segment in its place, in units of the metric.
+    /// Largest distance of a vertex from the segment that replaces it, in units of the metric.
     pub largest_distance: f64,
-    /// Rings of which fewer than three vertices would have been left.
+    /// Rings that would have fewer than three vertices left.
     pub collapsed: u64,
-    /// Shared borders and what lies between them; 0 without topology.
+    /// Number of arcs (shared borders and the parts between them); 0 without topology.
     pub arcs: u64,
-    /// Pieces that had to keep more vertices because of their neighbours.
+    /// Pieces that keep more vertices because of their neighbours.
     pub refined: u64,
-    /// Vertices that keep their digits with topology, as rounding them would spoil it.
+    /// Vertices that are not rounded because of topology.
     pub unrounded: u64,
-    /// Pairs of segments that cross, touch or overlap in the input and still do.
+    /// Pairs of segments that cross, touch or overlap in the input and in the output.
     pub input_crossings: u64,
-    /// The file of hierarchies, if there is one.
+    /// The hierarchy file, if any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hierarchy: Option<HierarchyReport>,
     pub output_bytes: u64,
@@ -67,7 +67,7 @@ pub struct LineReport {
 }
 
 impl LineReport {
-    /// Completes the file of hierarchies, if there is one, and tells of it.
+    /// Completes the hierarchy file, if any, and adds it to the report.
     pub(super) fn stored(&mut self, job: &LineJob, store: HierarchyStore) -> Result<()> {
         let Some(path) = &job.hierarchy else { return Ok(()) };
         let own = self.hierarchy.get_or_insert_default();

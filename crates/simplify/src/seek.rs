@@ -1,37 +1,37 @@
-//! A threshold for so many vertices or bytes, found in a few trials.
+//! Search for the threshold of a number of vertices or bytes in a few trials.
 //!
-//! What comes out of a threshold is known once it was tried. How many vertices a run by itself would
-//! keep is known before, for all thresholds at once ([`ThresholdHistogram`]): so the search goes along that number,
-//! as what comes out is nearly a line over it, whatever the data are like.
+//! The result of a threshold is known only after a trial. The number of vertices without topology is known in
+//! advance for all thresholds ([`ThresholdHistogram`]), and the result is nearly linear in that number for any
+//! data, so the search interpolates over it.
 //!
-//! A hierarchy of each line (areas, for methods that go by them) says how many vertices any threshold
-//! would keep without neighbours, in bins of a 64th of a power of two. After one trial, what came beyond
-//! what was foreseen is taken for something that stays; after two, a line goes through both. Where
-//! neighbours keep more at a large threshold than at a smaller one, a fixed row of thresholds is tried
-//! before a goal is refused, so the least that is told can be had.
+//! A hierarchy of each line (areas, for methods that use them) gives the number of vertices at any threshold
+//! without neighbours, in bins of 1/64 of a power of two. After one trial the excess is treated as a constant;
+//! after two, the search interpolates linearly. If neighbours keep more vertices at a large threshold than at a
+//! smaller one, a fixed series of thresholds is tried before a goal is refused, so that the reported minimum is
+//! reachable.
 
 use std::ops::RangeInclusive;
 
 use super::tool::EVERYTHING;
 use terrane_base::error::Result;
 
-/// Trials before the best of them is taken, and those between two ends before each is in the middle:
-/// where what comes falls steeply, as methods do that leave out more than was foreseen, lines lead astray.
+/// Largest number of trials, and number of trials between two bounds before bisection: interpolation fails
+/// where the result is steep.
 const MOST_TRIALS: usize = 24;
 const ON_LINES: u32 = 6;
-/// Largest part of a goal that may be left unused.
+/// Largest unused share of a goal.
 const UNUSED: u64 = 50;
-/// Thresholds that are tried for the least there can be, each so much smaller than the one before.
+/// Number of thresholds tried for the minimum, each smaller by a constant factor.
 const RUNGS: i32 = 5;
 const RUNG: f64 = 0.25;
 
-/// Bits of a float below those that tell its bin: 64 bins for each power of two.
+/// Float bits below the bin: 64 bins per power of two.
 const SHIFT: u32 = 52 - 6;
 
-/// How many vertices are kept at which threshold, by bins of thresholds.
+/// Histogram of kept vertices by threshold.
 pub(super) struct ThresholdHistogram {
     bins: Vec<u64>,
-    /// Vertices that stay at any threshold.
+    /// Vertices kept at any threshold.
     pub(super) fixed: u64,
     /// All vertices.
     pub(super) total: u64,
@@ -44,12 +44,12 @@ impl Default for ThresholdHistogram {
 }
 
 impl ThresholdHistogram {
-    /// Adds a vertex that is kept below `threshold`.
+    /// Adds a vertex kept below `threshold`.
     pub(super) fn add(&mut self, threshold: f64) {
         self.bins[(threshold.to_bits() >> SHIFT) as usize] += 1;
     }
 
-    /// Makes it one to be asked.
+    /// Converts to a form for queries.
     pub(super) fn dial(mut self, largest: f64, is_area: bool) -> ThresholdsByCount {
         for bin in (1..self.bins.len()).rev() {
             self.bins[bin - 1] += self.bins[bin];
@@ -59,19 +59,19 @@ impl ThresholdHistogram {
     }
 }
 
-/// Thresholds by how many vertices they keep.
+/// Thresholds by number of kept vertices.
 pub(super) struct ThresholdsByCount {
     /// Vertices above the lower edge of each bin.
     above: Vec<u64>,
     fixed: u64,
     total: u64,
-    /// The threshold beyond all others.
+    /// The largest threshold.
     largest: f64,
     rung: f64,
 }
 
 impl ThresholdsByCount {
-    /// The threshold that keeps about `count` vertices.
+    /// Threshold that keeps about `count` vertices.
     fn threshold(&self, count: f64) -> f64 {
         let inner = count - self.fixed as f64;
         match inner {
@@ -88,32 +88,32 @@ impl ThresholdsByCount {
         }
     }
 
-    /// Thresholds at which least may be left, where neighbours keep more at a large one than at a small.
+    /// Candidates for the minimum, where neighbours keep more at a large threshold than at a small one.
     fn rungs(&self) -> impl Iterator<Item = f64> {
         (0..RUNGS).map(|rung| self.largest * self.rung.powi(rung))
     }
 }
 
-/// A goal, in vertices or bytes.
+/// A goal in vertices or bytes.
 pub(super) struct SizeLimit {
-    /// The most there may be.
+    /// Upper limit.
     pub(super) most: u64,
-    /// About what all vertices would come to.
+    /// Approximate value for all vertices.
     pub(super) all: f64,
 }
 
-/// What a threshold keeps, and what came of it.
+/// Vertices kept at a threshold, and the result.
 #[derive(Clone, Copy)]
 struct ThresholdTrial {
     at: f64,
     came: f64,
 }
 
-/// Looks for a threshold of which so much comes as a goal allows, and no more than a fiftieth less, as
-/// far as there is one. `attempt` tries a threshold: where what comes of it is within the range given,
-/// it is the result and `None` is returned; otherwise what came.
+/// Searches a threshold whose result is at most the goal and at least 98 % of it, if there is one. `attempt`
+/// tries a threshold: it returns `None` if the result lies in the given range and is final, otherwise the size
+/// of the result.
 ///
-/// Returns `None` when `attempt` did, else the least that was found.
+/// Returns `None` if `attempt` did, otherwise the smallest result found.
 ///
 /// # Errors
 /// Those of `attempt`.
@@ -150,19 +150,19 @@ pub(super) fn seek(
     Ok(Some(least))
 }
 
-/// What is known of a search.
+/// State of a search.
 struct ThresholdSearch<'a> {
     dial: &'a ThresholdsByCount,
-    /// What a vertex comes to, as far as is known before the first trial.
+    /// Result per vertex, as estimated before the first trial.
     each: f64,
-    /// Where to aim at.
+    /// Target value.
     aim: f64,
-    /// The last trial that came to no more than the goal, and the last that came to more.
+    /// Last trial below the goal, and last trial above it.
     low: Option<ThresholdTrial>,
     high: Option<ThresholdTrial>,
-    /// The trial before the last one.
+    /// Trial before the last.
     before: Option<ThresholdTrial>,
-    /// Trials since there is one of each.
+    /// Trials since both bounds are known.
     inside: u32,
 }
 
@@ -173,7 +173,7 @@ impl<'a> ThresholdSearch<'a> {
         Self { dial, each, aim, low: None, high: None, before: None, inside: 0 }
     }
 
-    /// As if all vertices took the same; everything, where that seems to fit.
+    /// Estimate with a constant size per vertex; everything, if that fits.
     fn first(&self, target: &SizeLimit) -> f64 {
         let total = self.dial.total as f64;
         match target.most as f64 >= target.all {
@@ -193,11 +193,11 @@ impl<'a> ThresholdSearch<'a> {
         self.low.is_some_and(is_same) || self.high.is_some_and(is_same)
     }
 
-    /// Where to try next.
+    /// Next threshold.
     fn next(&self) -> f64 {
         let total = self.dial.total as f64;
         match (self.low, self.high) {
-            // Every third time in the middle: a line may lead astray again and again.
+            // Bisect every third time: interpolation may fail repeatedly.
             (Some(low), Some(high)) if self.inside.is_multiple_of(3) || self.inside > ON_LINES => {
                 f64::midpoint(low.at, high.at)
             }
@@ -213,8 +213,8 @@ impl<'a> ThresholdSearch<'a> {
         low.at + (high.at - low.at) * share.clamp(0.02, 0.98)
     }
 
-    /// Along the line through the last two trials. After the only one, what came beyond what was foreseen
-    /// is taken for something that stays (neighbours kept apart, properties), unless it is very much.
+    /// Interpolation through the last two trials. After a single trial the excess is treated as a constant
+    /// (topology, properties) unless it is very large.
     fn beyond(&self, last: ThresholdTrial) -> f64 {
         let mean = last.came / last.at;
         let slope = match self.before {
@@ -231,7 +231,7 @@ impl<'a> ThresholdSearch<'a> {
 mod tests {
     use super::*;
 
-    /// A dial over 10,000 vertices whose thresholds fall as a power of their rank.
+    /// Test data of 10,000 vertices whose thresholds follow a power law.
     fn dial() -> ThresholdsByCount {
         let mut profile =
             ThresholdHistogram { fixed: 100, total: 10_100, ..ThresholdHistogram::default() };
@@ -247,7 +247,7 @@ mod tests {
         }
     }
 
-    /// What came at last, and how many trials it took.
+    /// Final result, and number of trials.
     fn sought(most: u64, all: f64, came: impl Fn(f64) -> f64) -> (Option<u64>, Option<u64>, u32) {
         let (mut last, mut trials) = (None, 0);
         let left = seek(&SizeLimit { most, all }, &dial(), |threshold, range| {

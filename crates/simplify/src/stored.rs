@@ -1,14 +1,13 @@
-//! The file of a job's hierarchies: made where it is not there, read along with the features where it is.
+//! The hierarchy file of a job: created if missing, otherwise read along with the features.
 //!
-//! A header (64 bytes, little-endian: magic, version, metric, number of features, bytes of the file, and
-//! a digest of these), then for each feature, in the order of the inputs, the length of its record, the
-//! digest of its coordinates and its hierarchies. What else a feature has may change, and files may be
-//! copied or converted: a hierarchy belongs to coordinates, bit by bit.
+//! A header (64 bytes, little-endian: magic, version, metric, number of features, file size, and a digest of
+//! these), then for each feature, in input order, the length of its record, the digest of its coordinates and
+//! its hierarchies. Other properties of a feature may change, and files may be copied or converted: a hierarchy
+//! belongs to coordinates, bit by bit.
 //!
-//! Records are read along with the features, and a record may not be longer than its feature's vertices
-//! explain; so memory is that of a batch, and a false claim costs none. Closed lines and rings are cut
-//! before they reach the method, and a hierarchy takes the method's place behind that cut, so rings that
-//! collapse, halves and policies are the same code for both.
+//! A record is at most as long as the vertices of its feature allow, so memory is that of a batch, and a false
+//! length allocates nothing. Closed lines and rings are split before they reach the method, and a hierarchy
+//! replaces the method after the split: collapsing rings, halves and policies share one implementation.
 
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -22,22 +21,22 @@ use terrane_files::RawFile;
 use terrane_files::atomic::AtomicFile;
 use terrane_vector::Geometry;
 
-/// What the file begins with.
+/// Magic bytes of the file.
 const MAGIC: [u8; 8] = *b"TRNLINHS";
 /// Version of the format.
 const VERSION: u32 = 1;
-/// Bytes of the header: 32, and their digest.
+/// Size of the header in bytes: 32, and the digest.
 const HEADER: u64 = 64;
-/// Bytes that say how long a record is.
+/// Size of a record length in bytes.
 const LENGTH: usize = 8;
-/// Bytes read at once.
+/// Size of the read buffer in bytes.
 const RUN: u64 = 1 << 20;
 
 /// Metrics by their number in the header.
 const MEASURES: [DistanceKind; 3] =
     [DistanceKind::Plane, DistanceKind::Space, DistanceKind::Geographic];
 
-/// Where the hierarchies of a job's features come from, and go to.
+/// Source and destination of the hierarchies of a job.
 #[derive(Default)]
 pub(super) struct HierarchyStore {
     reader: Option<HierarchyReader>,
@@ -48,14 +47,14 @@ pub(super) struct HierarchyStore {
 pub(super) enum HierarchyUse {
     /// By the method.
     Run,
-    /// By hierarchies that are made first.
+    /// By new hierarchies.
     Make,
-    /// By hierarchies whose bytes these are.
+    /// By stored hierarchies (their bytes).
     Use(Vec<u8>),
 }
 
 impl HierarchyStore {
-    /// The store of a job; a file that is there is read, another one is made.
+    /// The store of a job: reads an existing file, or creates one.
     pub(super) fn of(job: &LineJob, rule: &SimplifyRule) -> Result<Self> {
         let Some(path) = &job.hierarchy else { return Ok(Self::default()) };
         match path.symlink_metadata().is_ok() {
@@ -69,12 +68,12 @@ impl HierarchyStore {
         }
     }
 
-    /// True where features are simplified by hierarchies.
+    /// True if features are simplified by hierarchies.
     pub(super) fn is_some(&self) -> bool {
         self.reader.is_some() || self.writer.is_some()
     }
 
-    /// True where hierarchies are made.
+    /// True if hierarchies are created.
     pub(super) fn makes(&self) -> bool {
         self.writer.is_some()
     }
@@ -93,12 +92,12 @@ impl HierarchyStore {
         self.writer.as_mut().map_or(Ok(()), |writer| writer.push(record))
     }
 
-    /// Fails where the file that is read goes on after the last feature.
+    /// Fails if the file continues after the last feature.
     pub(super) fn end(&self) -> Result<()> {
         self.reader.as_ref().map_or(Ok(()), HierarchyReader::end)
     }
 
-    /// Completes the file that is made; the bytes of that one, or of the one that was read.
+    /// Completes a new file; returns the size of the file in bytes.
     pub(super) fn finish(self) -> Result<u64> {
         match (self.reader, self.writer) {
             (Some(reader), _) => Ok(reader.file.size()),
@@ -108,10 +107,10 @@ impl HierarchyStore {
     }
 }
 
-/// The hierarchies of a feature, as ordered.
+/// The hierarchies of a feature, created or read.
 ///
 /// # Errors
-/// A part that the metric cannot measure; stored ones that are damaged or of other coordinates.
+/// A part that the metric does not support; damaged hierarchies, or hierarchies of other coordinates.
 pub(super) fn trees(
     order: HierarchyUse,
     geometry: &Geometry,
@@ -123,10 +122,8 @@ pub(super) fn trees(
         HierarchyUse::Use(record) => {
             let (own, trees) = record.split_at(Digest::BYTES);
             if *own != digest(geometry, rule.measure).bytes()[..] {
-                return Err(Error::bad_input("the stored hierarchy is of other coordinates")
-                    .remedy(
-                        "delete the file of ‹hierarchy› to have it made again, or name another",
-                    ));
+                return Err(Error::bad_input("the stored hierarchy belongs to other coordinates")
+                    .remedy("delete the ‹hierarchy› file, or name another"));
             }
             FeatureHierarchies::from_bytes(trees).map(Some)
         }
@@ -135,12 +132,12 @@ pub(super) fn trees(
 
 struct HierarchyReader {
     file: RawFile,
-    /// Where the next record begins.
+    /// Offset of the next record.
     at: u64,
-    /// Features that are still to come.
+    /// Number of remaining features.
     features: u64,
     buffer: Vec<u8>,
-    /// Bytes of the buffer that were taken.
+    /// Used bytes of the buffer.
     taken: usize,
 }
 
@@ -152,7 +149,7 @@ impl HierarchyReader {
         Ok(Self { file, at: HEADER, features, buffer: Vec::new(), taken: 0 })
     }
 
-    /// The record of the next feature.
+    /// Record of the next feature.
     fn next(&mut self, geometry: &Geometry) -> Result<Vec<u8>> {
         let path = self.file.path().to_path_buf();
         if self.features == 0 {
@@ -162,12 +159,12 @@ impl HierarchyReader {
         let bytes = self.take(LENGTH as u64)?.try_into().map_or(0, u64::from_le_bytes);
         // The bound is of the input's feature, not of the file: a damaged length asks for no memory.
         if !(Digest::BYTES as u64..=FeatureHierarchies::most_bytes(geometry)).contains(&bytes) {
-            return Err(others("has a feature of another size than the input").in_file(&path));
+            return Err(others("holds a feature of another size than the input").in_file(&path));
         }
         self.take(bytes).map(<[u8]>::to_vec)
     }
 
-    /// The next bytes; the caller has capped them.
+    /// Next bytes; the caller has limited their number.
     fn take(&mut self, bytes: u64) -> Result<&[u8]> {
         let held = (self.buffer.len() - self.taken) as u64;
         if held < bytes {
@@ -185,40 +182,41 @@ impl HierarchyReader {
     fn end(&self) -> Result<()> {
         match (self.features, self.file.size() - self.at) {
             (0, 0) => Ok(()),
-            (0, _) => Err(damaged("there is more than it states").in_file(self.file.path())),
+            (0, _) => Err(damaged("bytes follow its end").in_file(self.file.path())),
             _ => Err(others("has more features than the input").in_file(self.file.path())),
         }
     }
 }
 
-/// The number of features, when the header of a file of `length` bytes is sound and of this metric.
+/// Number of features, if the header of a file of `length` bytes is valid and of this metric.
 fn features(header: &[u8], length: u64, measure: DistanceKind) -> Result<u64> {
     let Some((told, seal)) = header.split_at_checked(32) else {
-        return Err(damaged("it is too short"));
+        return Err(damaged("the header is truncated"));
     };
     if told[..8] != MAGIC {
-        return Err(damaged("it does not begin like one"));
+        return Err(damaged("its signature is missing"));
     }
     let four = |at: usize| told[at..at + 4].try_into().map_or(0, u32::from_le_bytes);
     let eight = |at: usize| told[at..at + 8].try_into().map_or(0, u64::from_le_bytes);
     if four(8) != VERSION {
-        return Err(damaged(&format!("it is of version {}, and this is {VERSION}", four(8))));
+        return Err(damaged(&format!("version {} is not supported (expected {VERSION})", four(8))));
     }
     let found = MEASURES.get(four(12) as usize);
     let (true, Some(found)) = (*seal == Digest::of(told).bytes()[..], found) else {
         return Err(damaged("its header is damaged"));
     };
     if eight(24) != length {
-        return Err(damaged(&format!("it has {length} bytes of {}", eight(24))));
+        return Err(damaged(&format!("it is {length} bytes long, expected {}", eight(24))));
     }
     if *found != measure {
-        let message = format!("holds {}, and these would be {}", told_of(*found), told_of(measure));
+        let message =
+            format!("holds {}, but the options require {}", told_of(*found), told_of(measure));
         return Err(Error::usage(message).remedy("name another ‹hierarchy›"));
     }
     Ok(eight(16))
 }
 
-/// What distances in a metric are.
+/// Description of a metric's distances.
 fn told_of(measure: DistanceKind) -> &'static str {
     match measure {
         DistanceKind::Plane => "distances in x and y",
@@ -228,13 +226,13 @@ fn told_of(measure: DistanceKind) -> &'static str {
 }
 
 fn damaged(why: &str) -> Error {
-    Error::bad_input(format!("is not a file of hierarchies: {why}"))
-        .remedy("delete it to have it made again, or name another ‹hierarchy›")
+    Error::bad_input(format!("is not a valid hierarchy file: {why}"))
+        .remedy("delete it, or name another ‹hierarchy›")
 }
 
 fn others(what: &str) -> Error {
-    Error::bad_input(format!("{what}: it is the hierarchy of other lines"))
-        .remedy("delete it to have it made again, or name another ‹hierarchy›")
+    Error::bad_input(format!("{what}: the hierarchy belongs to other lines"))
+        .remedy("delete it, or name another ‹hierarchy›")
 }
 
 struct HierarchyWriter {
@@ -370,7 +368,7 @@ mod tests {
         assert!(told(&sealed(&all, 12, &2_u32.to_le_bytes())).contains("metres on the ellipsoid"));
         assert!(told(&sealed(&all, 16, &u64::MAX.to_le_bytes())).contains("more features"));
         assert!(told(&sealed(&all, 16, &1_u64.to_le_bytes())).contains("fewer features"));
-        assert!(told(&sealed(&all, 24, &u64::MAX.to_le_bytes())).contains("bytes of"));
+        assert!(told(&sealed(&all, 24, &u64::MAX.to_le_bytes())).contains("bytes long"));
         for length in [0, 31, u64::MAX] {
             let mut bytes = all.clone();
             bytes[64..72].copy_from_slice(&length.to_le_bytes());

@@ -1,5 +1,4 @@
-//! Features one by one, in the order of the file: batches are simplified on all threads while the
-//! next one is read.
+//! Features one by one in file order: a batch is simplified on all threads while the next is read.
 
 use std::time::Instant;
 
@@ -17,16 +16,15 @@ use terrane_engine::{Cancel, Progress};
 use terrane_files::on_threads;
 use terrane_vector::{Feature, FeatureSink, FeatureSource};
 
-/// Vertices of a batch, at least, unless memory is short.
+/// Smallest number of vertices of a batch, unless memory is short.
 const BATCH: u64 = 1 << 20;
-/// Bytes that a vertex of a batch takes, with what is made of it.
+/// Memory in bytes per vertex of a batch, including its result.
 const VERTEX: u64 = 160;
-/// Bytes that a vertex of a feature takes that is more than a batch, by any method, with what the next
-/// batch takes.
+/// Memory in bytes per vertex of a feature larger than a batch, with any method, including the next batch.
 const FEATURE_VERTEX: u64 = 104;
-/// Bytes more where it has a hierarchy.
+/// Additional bytes per vertex with a hierarchy.
 const SPLIT: u64 = 60;
-/// Features of a batch at most.
+/// Largest number of features of a batch.
 const MOST_FEATURES: usize = 1 << 16;
 
 pub(super) fn run(
@@ -46,7 +44,7 @@ pub(super) fn run(
         let copy = || {
             let copied = copy(job, pair, &rule, &mut store, &mut report, cancel);
             let (source, sink) = copied.map_err(|e| in_input(e, pair))?;
-            // Before the output appears.
+            // Before the output is renamed to its final name.
             if is_last { store.end() } else { Ok(()) }?;
             let foreign = source.layer().foreign.clone();
             files::note(&mut report, sink.finish(&foreign)?, source.notes());
@@ -60,12 +58,12 @@ pub(super) fn run(
     Ok(report)
 }
 
-/// What a feature is too large for is told with its file.
+/// Adds the input file to an error of a large feature.
 fn in_input(error: Error, pair: &LineFilePair) -> Error {
     if error.kind() == ErrorKind::Resource { error.in_file(&pair.input) } else { error }
 }
 
-/// A file at its end, and what it became, not yet complete.
+/// A file at its end, and its incomplete output.
 type Copied = (Box<dyn FeatureSource>, Box<dyn FeatureSink>);
 
 /// One file.
@@ -98,10 +96,10 @@ fn copy(
     Ok((source, sink))
 }
 
-/// A feature, where it was, and how it is to be simplified.
+/// A feature, its location, and how it is simplified.
 type Placed = (Feature, String, HierarchyUse);
 
-/// The next features, of about so many vertices; each has to fit into memory.
+/// The next features, of about this many vertices; each has to fit in memory.
 fn read(
     source: &mut dyn FeatureSource,
     store: &mut HierarchyStore,
@@ -113,7 +111,7 @@ fn read(
         let own = feature.geometry.vertices() as u64;
         let needed = PROGRAM + own * FEATURE_VERTEX;
         if own > most && needed > memory {
-            let message = format!("a feature of {own} vertices is more than memory holds");
+            let message = format!("a feature of {own} vertices does not fit in memory");
             return Err(short(message, needed).at(source.place()));
         }
         vertices += own;
@@ -123,11 +121,11 @@ fn read(
     Ok(batch)
 }
 
-/// A feature made simpler.
+/// A simplified feature.
 struct SimplifiedFeature {
     feature: Feature,
     tally: PartCounts,
-    /// Its hierarchies, where they are to be stored.
+    /// Its hierarchies, if they are stored.
     record: Option<Vec<u8>>,
 }
 

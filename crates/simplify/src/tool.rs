@@ -1,4 +1,4 @@
-//! A method with its threshold in a metric, and what it keeps of lines and rings.
+//! A method with its threshold in a metric, and the vertices it keeps of lines and rings.
 
 use terrane_base::error::{Error, Result};
 use terrane_line::metric::{LEAST, MOST, measurable};
@@ -9,7 +9,7 @@ use terrane_line::{
 };
 use terrane_vector::GeometryPart;
 
-/// In what distances are measured.
+/// Metric of distances.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DistanceKind {
@@ -22,7 +22,7 @@ pub enum DistanceKind {
     Geographic,
 }
 
-/// A vertex as a metric wants it.
+/// A vertex in the type of a metric.
 pub(super) trait MetricVertex: Copy + Send + Sync {
     fn of(xy: Xy, z: f64) -> Self;
 }
@@ -45,28 +45,28 @@ impl MetricVertex for LocatedVertex {
     }
 }
 
-/// The vertices of a part, for a metric.
+/// Vertices of a part in the type of a metric.
 pub(super) fn vertices<V: MetricVertex>(part: &GeometryPart<'_>, out: &mut Vec<V>) {
     out.clear();
     let z = |i: usize| part.z.get(i).copied().unwrap_or(0.0);
     out.extend(part.xy.iter().enumerate().map(|(i, xy)| V::of(*xy, z(i))));
 }
 
-/// The threshold below all others: nothing is left out, not even what lies on its segment.
+/// Threshold below all others: keeps all vertices, even those on their segment.
 pub(super) const EVERYTHING: f64 = -1.0;
 
-/// A method in a metric, with its threshold.
+/// A method with its threshold in a metric.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SimplifyRule {
     pub(super) method: &'static SimplifyMethod,
     pub(super) measure: DistanceKind,
     /// Tolerance, or area for methods that bound one; or [`EVERYTHING`].
     pub(super) threshold: f64,
-    /// What becomes of rings that have too few vertices left.
+    /// Treatment of rings with too few vertices left.
     pub(super) collapse: RingCollapse,
 }
 
-/// Something to be done with a method, whatever its metric.
+/// A task for a method in any metric.
 pub(super) trait MetricTask {
     type Output;
 
@@ -76,7 +76,7 @@ pub(super) trait MetricTask {
     ) -> Self::Output;
 }
 
-/// A rule, made for the vertices of its metric.
+/// A rule for the vertex type of its metric.
 #[derive(Clone, Copy)]
 pub(super) struct MetricTool<V, M> {
     pub(super) metric: M,
@@ -84,25 +84,25 @@ pub(super) struct MetricTool<V, M> {
     pub(super) rule: SimplifyRule,
 }
 
-/// What keeps vertices of an open line: its vertices, room, kept indices (appended).
+/// Selects vertices of an open line: vertices, buffers, kept indices (appended).
 pub(super) type Choose<'a, V> = dyn FnMut(&[V], &mut SimplifyScratch, &mut Vec<u32>) + 'a;
 
-/// What was kept of a part, and how far the rest is from it.
+/// Result for a part, with the distance of the omitted vertices.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct PartOutcome {
-    /// A ring of which fewer than three vertices would have been left.
+    /// The ring would have fewer than three vertices left.
     pub(super) collapsed: bool,
-    /// The largest squared distance of a vertex that was left out.
+    /// Largest squared distance of an omitted vertex.
     pub(super) square: f64,
 }
 
 impl SimplifyRule {
-    /// True where nothing is left out.
+    /// True if no vertex is omitted.
     pub(super) fn keeps_everything(&self) -> bool {
         self.threshold == EVERYTHING
     }
 
-    /// Does the task with the method in its metric.
+    /// Runs the task with the method in its metric.
     pub(super) fn apply<T: MetricTask>(&self, task: T) -> T::Output {
         let rule = *self;
         match rule.measure {
@@ -121,40 +121,40 @@ impl SimplifyRule {
     }
 }
 
-/// Fails when a part cannot be measured: it has no heights, latitudes that are none, or coordinates whose
-/// products are no numbers.
+/// Fails for a part that cannot be measured: missing heights, invalid latitudes, or coordinates whose products
+/// overflow.
 pub(super) fn check(part: &GeometryPart<'_>, rule: &SimplifyRule) -> Result<()> {
     let z = if rule.measure == DistanceKind::Space { part.z } else { &[] };
     match rule.measure {
         _ if rule.keeps_everything() => return Ok(()),
         DistanceKind::Space if part.z.is_empty() || part.z.iter().any(|z| z.is_nan()) => {
-            return Err(Error::bad_input("a vertex has no height, which ‹metric› 3d measures")
-                .remedy("leave ‹metric› 3d out"));
+            return Err(Error::bad_input("a vertex has no height (required by ‹metric› 3d)")
+                .remedy("leave out ‹metric› 3d"));
         }
         DistanceKind::Geographic if part.xy.iter().any(|[_, y]| y.abs() > 90.0) => {
-            return Err(Error::bad_input("a latitude is beyond 90 degrees")
+            return Err(Error::bad_input("a latitude exceeds 90 degrees")
                 .remedy("pass ‹tolerance› as a plain number, in units of the data"));
         }
         _ => {}
     }
     let mut all = part.xy.as_flattened().iter().chain(z);
-    // Those that are too small count as 0, which is near enough beside any threshold but a tiny one.
+    // Tiny coordinates count as 0, which matters only for a tiny threshold.
     let least = if rule.threshold < FINEST { LEAST } else { 0.0 };
     let is_wrong = |c: &&f64| c.abs() > MOST || (**c != 0.0 && c.abs() < least);
     let Some(wrong) = all.find(is_wrong) else { return Ok(()) };
     let (extreme, remedy) = match wrong.abs() > MOST {
-        true => ("large", "bring it into other units, or take the feature out"),
-        false => ("small", "pass ‹tolerance› 1e-50 or more, or write 0 in its place"),
+        true => ("large", "change the unit of the data, or remove the feature"),
+        false => ("small", "pass ‹tolerance› 1e-50 or more, or replace it by 0"),
     };
-    let message = format!("coordinate {wrong:?} is too {extreme} for distances to be computed");
+    let message = format!("coordinate {wrong:?} is too {extreme} to compute distances");
     Err(Error::bad_input(message).remedy(remedy))
 }
 
-/// Thresholds from here on do not see what is below [`LEAST`].
+/// From this threshold on, values below [`LEAST`] have no effect.
 const FINEST: f64 = 1e-50;
 
 impl<V: MetricVertex, M: DistanceMetric<V> + Copy> MetricTool<V, M> {
-    /// Appends what is kept of an open line.
+    /// Appends the kept indices of an open line.
     pub(super) fn line(&self, points: &[V], scratch: &mut SimplifyScratch, kept: &mut Vec<u32>) {
         if self.rule.keeps_everything() {
             return kept.extend(0..points.len() as u32);
@@ -162,13 +162,13 @@ impl<V: MetricVertex, M: DistanceMetric<V> + Copy> MetricTool<V, M> {
         (self.run)(&self.metric, points, self.rule.threshold, scratch, kept);
     }
 
-    /// Keeps vertices by the method.
+    /// Selects vertices by the method.
     pub(super) fn method(&self) -> impl FnMut(&[V], &mut SimplifyScratch, &mut Vec<u32>) + '_ {
         |points, scratch, kept| self.line(points, scratch, kept)
     }
 
-    /// Puts what is kept of a line or ring into `kept`. Of a ring, which ends with its first vertex,
-    /// it is the ascending indices of different vertices; of one that is dropped, nothing.
+    /// Writes the kept indices of a line or ring to `kept`. For a closed ring these are ascending indices of
+    /// distinct vertices; for a dropped ring, none.
     pub(super) fn part(
         &self,
         points: &[V],
@@ -183,7 +183,7 @@ impl<V: MetricVertex, M: DistanceMetric<V> + Copy> MetricTool<V, M> {
         PartOutcome { collapsed, square }
     }
 
-    /// As [`part`](Self::part), not measured; true for a ring that collapsed.
+    /// As [`part`](Self::part), without distances; true for a collapsed ring.
     pub(super) fn choose(
         &self,
         points: &[V],
@@ -209,7 +209,7 @@ impl<V: MetricVertex, M: DistanceMetric<V> + Copy> MetricTool<V, M> {
         collapsed
     }
 
-    /// A line; one that ends where it began keeps that vertex and is done in two halves.
+    /// A line; a closed line keeps its first vertex and is split into halves.
     pub(super) fn open(
         &self,
         points: &[V],
@@ -233,7 +233,7 @@ impl<V: MetricVertex, M: DistanceMetric<V> + Copy> MetricTool<V, M> {
         }
     }
 
-    /// Appends what is kept of a ring before a policy is asked; true when it collapsed.
+    /// Appends the kept indices of a ring before the collapse policy applies; true if it collapsed.
     pub(super) fn whole_ring(
         &self,
         points: &[V],
@@ -256,12 +256,12 @@ impl<V: MetricVertex, M: DistanceMetric<V> + Copy> MetricTool<V, M> {
         [0, points.len() as u32 - 1]
     }
 
-    /// The largest squared distance of a vertex between those kept from the segment in its place.
+    /// Largest squared distance of an omitted vertex from the segment that replaces it.
     pub(super) fn largest(&self, points: &[V], kept: &[u32]) -> f64 {
         metric::largest_distance2(&self.metric, points, kept).map_or(0.0, |(_, square)| square)
     }
 
-    /// The same for a ring: what lies before its first kept vertex belongs to the last segment.
+    /// The same for a ring: vertices before the first kept one belong to the last segment.
     fn largest_of_ring(&self, ring: &[V], kept: &[u32]) -> f64 {
         let (Some(&first), Some(&last)) = (kept.first(), kept.last()) else { return 0.0 };
         let around = ring[last as usize..ring.len() - 1].iter().chain(&ring[..=first as usize]);

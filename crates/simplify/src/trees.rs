@@ -1,5 +1,5 @@
-//! The hierarchies of a feature: made once of each line that its parts are split as, then asked for any
-//! tolerance in place of the method.
+//! Hierarchies of a feature: created once for each line of its split parts, then queried for any tolerance
+//! instead of the method.
 
 use std::time::Instant;
 
@@ -12,24 +12,24 @@ use terrane_line::visvalingam::{AreaWeight, EffectiveAreas};
 use terrane_line::{DistanceMetric, Hierarchy, SimplifyMethod, SimplifyScratch};
 use terrane_vector::{Geometry, GeometryPart};
 
-/// Bytes before each hierarchy: how many it takes.
+/// Size in bytes of the length before each hierarchy.
 const LENGTH: usize = 8;
 
-/// The hierarchies of a feature, in the order in which its lines are simplified.
+/// Hierarchies of a feature, in the order of its simplified lines.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct FeatureHierarchies(Vec<Hierarchy>);
 
 impl FeatureHierarchies {
-    /// Splits every line of a geometry down to its vertices.
+    /// Builds the hierarchies of all lines of a geometry.
     ///
     /// # Errors
-    /// A part that the metric cannot measure.
+    /// A part that the metric does not support.
     pub(super) fn of(geometry: &Geometry, rule: &SimplifyRule) -> Result<Self> {
         geometry.parts().try_for_each(|part| check(&part, rule))?;
         Ok(Self(rule.apply(LineSplitting(geometry))))
     }
 
-    /// What is stored of a geometry with these hierarchies: the digest of its coordinates, and their bytes.
+    /// Stored record of a geometry: digest of its coordinates, and the bytes of its hierarchies.
     pub(super) fn record(&self, geometry: &Geometry, measure: DistanceKind) -> Vec<u8> {
         let mut bytes = digest(geometry, measure).bytes().to_vec();
         for tree in &self.0 {
@@ -43,7 +43,7 @@ impl FeatureHierarchies {
     /// Hierarchies from their bytes.
     ///
     /// # Errors
-    /// Bytes that are none.
+    /// Invalid bytes.
     pub(super) fn from_bytes(mut bytes: &[u8]) -> Result<Self> {
         let mut trees = Vec::new();
         while let Some((length, rest)) = bytes.split_first_chunk::<LENGTH>() {
@@ -56,7 +56,7 @@ impl FeatureHierarchies {
         if bytes.is_empty() { Ok(Self(trees)) } else { Err(cut_short()) }
     }
 
-    /// Most bytes that the record of a geometry takes.
+    /// Largest record size of a geometry in bytes.
     pub(super) fn most_bytes(geometry: &Geometry) -> u64 {
         let of = |part: GeometryPart<'_>| 2 * (LENGTH + 24) as u64 + 8 * part.xy.len() as u64;
         Digest::BYTES as u64 + geometry.parts().map(of).sum::<u64>()
@@ -64,11 +64,11 @@ impl FeatureHierarchies {
 }
 
 fn cut_short() -> Error {
-    Error::bad_input("the hierarchies of a feature are cut short")
-        .remedy("delete the file to have it made again")
+    Error::bad_input("the hierarchy of a feature is truncated")
+        .remedy("delete the file and run again")
 }
 
-/// What stands for the coordinates that distances are measured between, and how they make parts.
+/// Bytes of the coordinates used for distances, and of the structure of parts.
 pub(super) fn digest(geometry: &Geometry, measure: DistanceKind) -> Digest {
     let mut hasher = blake3::Hasher::new();
     for part in geometry.parts() {
@@ -80,28 +80,28 @@ pub(super) fn digest(geometry: &Geometry, measure: DistanceKind) -> Digest {
     Digest(*hasher.finalize().as_bytes())
 }
 
-/// What a part is, and how many vertices it has.
+/// Type of a part, and its number of vertices.
 fn head(part: &GeometryPart<'_>) -> [u8; 9] {
     let mut head = [u8::from(part.is_ring()); 9];
     head[1..].copy_from_slice(&(part.xy.len() as u64).to_le_bytes());
     head
 }
 
-/// Hierarchies that have not been asked yet.
+/// Hierarchies not queried yet.
 pub(super) struct PendingHierarchies<'a> {
     trees: &'a [Hierarchy],
     threshold: f64,
-    /// What answers took.
+    /// Time of the queries.
     pub(super) seconds: f64,
 }
 
 impl<'a> PendingHierarchies<'a> {
-    /// All of a feature; none without any.
+    /// All hierarchies of a feature; none without a record.
     pub(super) fn of(trees: Option<&'a FeatureHierarchies>, threshold: f64) -> Self {
         Self { trees: trees.map_or(&[], |trees| &trees.0), threshold, seconds: 0.0 }
     }
 
-    /// Appends what is kept of the next line, of so many vertices; false when there is no hierarchy of it.
+    /// Appends the kept indices of the next line with this number of vertices; false without a hierarchy.
     pub(super) fn filter(&mut self, vertices: usize, kept: &mut Vec<u32>) -> bool {
         let Some((tree, left)) = self.trees.split_first() else { return false };
         if tree.count() != vertices {
@@ -115,11 +115,11 @@ impl<'a> PendingHierarchies<'a> {
     }
 }
 
-/// Thresholds below which the vertices of a geometry are kept, for those that may go: by `trees` if they are
-/// known; distances of other methods than Ramer-Douglas-Peucker's are near to its.
+/// Thresholds of the removable vertices of a geometry, from `trees` if given; distances of other methods are
+/// close to those of Ramer-Douglas-Peucker.
 ///
 /// # Errors
-/// A part that the metric cannot measure.
+/// A part that the metric does not support.
 pub(super) fn thresholds(
     geometry: &Geometry,
     trees: Option<&FeatureHierarchies>,
@@ -140,7 +140,7 @@ pub(super) fn thresholds(
     Ok(squares.filter(|square| **square > 0.0).map(|square| square.sqrt()).collect())
 }
 
-/// A geometry whose vertices have areas.
+/// A geometry for areas of vertices.
 struct AreaWeighting<'a>(&'a Geometry);
 
 impl MetricTask for AreaWeighting<'_> {
@@ -167,7 +167,7 @@ impl MetricTask for AreaWeighting<'_> {
     }
 }
 
-/// A geometry whose lines are to be split.
+/// A geometry whose lines are split.
 struct LineSplitting<'a>(&'a Geometry);
 
 impl MetricTask for LineSplitting<'_> {

@@ -1,5 +1,5 @@
-//! All features together: shared borders are simplified once, and nothing crosses, collapses or
-//! changes sides; or a number of vertices or bytes is to be met.
+//! Features processed together: shared borders are simplified once, and nothing crosses, collapses or changes
+//! sides; or a number of vertices or bytes is the goal.
 
 mod alone;
 mod cover;
@@ -65,13 +65,13 @@ pub(super) fn run(
     Ok(report)
 }
 
-/// Features that are held take this share of memory at most: with neighbours, beside what is made of
-/// them square by square; alone, beside as much again that is made of all of them.
+/// Largest share of memory for held features: with topology, beside the data of tiles; without, beside a result
+/// of the same size.
 const WITH_NEIGHBOURS: u64 = 2;
 const ALONE: u64 = 4;
 
 impl OpenedLineJob<'_> {
-    /// Bytes of features that may be held.
+    /// Bytes available for held features.
     fn share(&self) -> u64 {
         match self.job.topology {
             Some(_) => room(self.job) / WITH_NEIGHBOURS,
@@ -82,13 +82,13 @@ impl OpenedLineJob<'_> {
     fn too_little(&self, input: &CoverageInput<'_>) -> Error {
         let enough = input.bytes * ALONE + PROGRAM;
         let mib = enough.div_ceil(1 << 20);
-        let message = format!("the threshold is looked for in memory, which takes {mib} MiB");
+        let message = format!("the search for the threshold requires {mib} MiB of memory");
         let error = short(message, enough).or("pass ‹tolerance›, or split the input");
         error.in_file(&self.files.pairs[0].input)
     }
 }
 
-/// Makes the hierarchies that were ordered of all features, and stores new ones.
+/// Builds the requested hierarchies of all features, and stores new ones.
 fn split(
     files: &LineFiles,
     all: &mut [ReadFile],

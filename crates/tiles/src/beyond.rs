@@ -15,7 +15,7 @@ pub enum TilesBeyond {
 }
 
 impl TilesBeyond {
-    /// Metres that it falls for each metre.
+    /// Descent in metres per metre.
     pub(super) fn slope(self) -> f64 {
         match self {
             Self::Taper => 0.5,

@@ -1,4 +1,4 @@
-//! Tiles of a cloud: a model of its ground is made first, as `grid` makes it, and the tiles are those of the model.
+//! Tiles of a point cloud: a terrain model is made first, as by `grid`, and the tiles are made of the model.
 
 use std::path::{Path, PathBuf};
 
@@ -24,37 +24,37 @@ use terrane_lidar::grid::plan::{PlanGridJob, plan_grid};
 use terrane_lidar::grid::{self, GridJob, Placement, SurfaceModel};
 use terrane_raster::Inputs;
 
-/// The format of a model: all that is known of a grid, in blocks that are mapped.
+/// Format of the model file: all properties of a grid, in memory-mapped blocks.
 const FORMAT: &str = "store";
-/// What is made in a folder for work: the model, and the tiles.
+/// Contents of a work folder: the model and the tiles.
 const PARTS: [&str; 2] = ["model", "tiles"];
-/// The file of a model.
+/// File name of the model.
 const MODEL: &str = "model.tif";
 
 /// Terrain model of a point cloud.
 #[derive(Clone, Debug)]
 pub struct GroundModel {
-    /// Files, folders, patterns or lists of clouds.
+    /// Files, folders, patterns or lists of point clouds.
     pub input: Inputs,
-    /// How they are read.
+    /// Input options.
     pub cloud: CloudOpenOptions,
-    /// Its cells, and which points are ground.
+    /// Cell size and ground points.
     pub model: ModelOptions,
 }
 
-/// Where what is done is kept, and how it is gone on with.
+/// Work folder and its options.
 #[derive(Clone, Copy, Debug)]
 pub struct ModelWorkFolder<'a> {
     /// The folder.
     pub folder: &'a Path,
-    /// Files that are left out of the cloud.
+    /// Files left out of the point cloud.
     pub skipped: &'a [Skipped],
-    /// Whether there has to be room on disk.
+    /// Checks the free disk space.
     pub disk: DiskCheck,
 }
 
 impl ModelWorkFolder<'_> {
-    /// Fails where a file is in place of the folder, or the output in that of the work.
+    /// Fails if the folder is a file, or if the output lies in the work folder.
     fn check(&self, output: &Path) -> Result<()> {
         refuse_file(self.folder)?;
         let is_in = |part: &str| {
@@ -64,29 +64,29 @@ impl ModelWorkFolder<'_> {
                 || std::fs::canonicalize(part).is_ok_and(|part| place(output).starts_with(part))
         };
         match PARTS.iter().any(|part| is_in(part)) {
-            true => Err(Error::usage("lies in the folder of the work")
+            true => Err(Error::usage("lies in the work folder")
                 .in_file(output)
-                .remedy("choose a place elsewhere")),
+                .remedy("choose another folder")),
             false => Ok(()),
         }
     }
 }
 
-/// A model that is made: it goes with this, unless it is kept in a folder for work.
+/// A finished model, deleted on drop unless it is in a work folder.
 pub struct MadeGroundModel {
-    /// Called what the cloud is.
+    /// Name of the point cloud.
     pub inputs: Inputs,
     path: PathBuf,
-    /// What it was made of, and what is to be said of that.
+    /// Report and notes of the model.
     pub notes: Vec<String>,
     _temporary: Option<TempDir>,
 }
 
-/// Makes tiles of a cloud; the input of the job is not looked at. Nothing appears under the output's name unless it
-/// succeeds. With a folder for work both the model and the tiles go on where they were, if they were killed.
+/// Makes tiles of a point cloud; the input of `job` is ignored. The output appears only on success. With a work
+/// folder the model and the tiles resume after an interruption.
 ///
 /// # Errors
-/// Those of [`grid::run`] and [`run`]; a cloud whose place on the globe is not known.
+/// As [`grid::run`] and [`run`]; a point cloud without a CRS.
 pub fn run_cloud(
     model: &GroundModel,
     job: &TilesJob,
@@ -137,7 +137,7 @@ impl GroundModel {
         Ok(MadeGroundModel { inputs, path, notes, _temporary: temporary })
     }
 
-    /// Makes the model in a folder that goes with it, beside `output`.
+    /// Makes the model in a temporary folder beside `output`.
     pub fn make(
         &self,
         output: &Path,
@@ -156,7 +156,7 @@ impl GroundModel {
         self.made(path, made.notes, Some(temporary))
     }
 
-    /// Makes the model by a plan in a folder, or finds it made there.
+    /// Makes the model by a plan in a folder, or reuses a finished one.
     fn keep(
         &self,
         kept: ModelWorkFolder<'_>,
@@ -188,11 +188,10 @@ impl GroundModel {
         self.made(path, made.map_or_else(Vec::new, |made| made.notes), None)
     }
 
-    /// The job that makes it; its output is left to be named.
+    /// The job of the model, without its output.
     ///
     /// # Errors
-    /// A cloud that cannot be opened, that does not say where it lies, or whose points are too few to tell how far
-    /// apart they are.
+    /// A point cloud that cannot be opened, lacks a CRS, or has too few points to estimate their spacing.
     fn job(&self, resources: &Resources) -> Result<GridJob> {
         let names = self.input.names();
         let of_cloud = |error: Error| match names {
@@ -200,8 +199,8 @@ impl GroundModel {
             _ => error,
         };
         if cloud::source(names, &self.cloud)?.info().crs.is_unknown() {
-            let error = Error::bad_input("does not say where on the globe it lies");
-            return Err(of_cloud(error.remedy("name its reference system: ‹crs› EPSG:2154")));
+            let error = Error::bad_input("CRS is missing");
+            return Err(of_cloud(error.remedy("pass it, such as ‹crs› EPSG:2154")));
         }
         let model = GridJob::of_preset(names.to_vec(), PathBuf::new(), SurfaceModel::Dtm, 1.0);
         let model = GridJob {
@@ -217,7 +216,7 @@ impl GroundModel {
 }
 
 impl MadeGroundModel {
-    /// An error about the model as one about the cloud.
+    /// Reports an error of the model as an error of the point cloud.
     pub fn renamed(&self, error: Error) -> Error {
         match error.path() {
             Some(path) if path == self.path => error.renamed(Path::new(&self.inputs.to_string())),

@@ -1,5 +1,5 @@
-//! How the work on tiles is divided, by the place of a grid alone: rows that are looked at, regions whose samples are
-//! read once, and the tiles above them.
+//! Division of the work on tiles, from the georeference of a grid alone: rows to survey, regions whose samples
+//! are read once, and the tiles above them.
 
 use std::fmt;
 use std::ops::Range;
@@ -8,21 +8,21 @@ use super::place::GridFootprint;
 use terrane_engine::plan::Numbered;
 use terrane_globe::{DEEPEST, GeodeticBounds, GlobeTileId, SampleBlocks, degrees};
 
-/// Samples along a side of the tiles that are made of samples read once.
+/// Samples along a side of a region.
 pub(super) const REGION: f64 = 1024.0;
-/// Samples that are looked at by one task, about.
+/// Samples surveyed by one task, about.
 const LOOK_SAMPLES: u64 = 1 << 30;
-/// Rows of a task that looks are a multiple of so many: those of files' blocks, mostly.
+/// Rows of a survey task are a multiple of this, which usually matches the blocks of files.
 const LOOK_ROWS: u32 = 1024;
 
-/// A task, by number.
+/// A task by number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum TilesTask {
-    /// Looks at rows of the grid.
+    /// Surveys rows of the grid.
     Look(u32),
     /// Makes the tiles of regions.
     Near(u32),
-    /// Makes tiles that hold regions.
+    /// Makes tiles that contain regions.
     Far(u32),
 }
 
@@ -59,7 +59,7 @@ impl TileNumbering {
         self.0.iter().map(|rows| rows.count).sum()
     }
 
-    /// Those of some numbers, as many of them as there are.
+    /// Tiles with these numbers, clipped to the existing ones.
     pub(super) fn part(&self, numbers: Range<u64>) -> Vec<GlobeTileId> {
         let mut first = 0;
         let mut found = Vec::new();
@@ -84,31 +84,31 @@ impl TileRows {
     }
 }
 
-/// How the work is divided.
+/// Division of the work.
 #[derive(Clone, Debug)]
 pub(super) struct TilesDivision {
     pub(super) place: GridFootprint,
     /// Maximum level.
     pub(super) last: u8,
-    /// The first level whose tiles are regions or parts of one; it may be beyond the deepest that is made: whatever is
-    /// made of a grid, no more of it is read at once.
+    /// First level whose tiles are regions or parts of one. It may be deeper than the deepest level of the
+    /// output, so the amount read at once does not depend on the options.
     pub(super) near: u8,
 }
 
 impl TilesDivision {
-    /// Of tiles down to a level.
+    /// Division for levels up to `last`.
     pub(super) fn new(place: GridFootprint, last: u8) -> Self {
         let is_near = |level: &u8| degrees(*level) <= REGION * place.spacing;
         let near = (0..DEEPEST).find(is_near).unwrap_or(DEEPEST);
         Self { place, last, near }
     }
 
-    /// The level after the last whose tiles hold regions and are made.
+    /// Level after the last with tiles that contain regions.
     pub(super) fn far_end(&self) -> u8 {
         self.near.min(self.last + 1)
     }
 
-    /// Meridians and parallels that are borders of tiles of levels before the regions'.
+    /// Meridians and parallels that are tile borders of levels above the regions.
     pub(super) fn lines(&self) -> [Vec<f64>; 2] {
         let Some(level) = self.far_end().checked_sub(1) else { return [Vec::new(), Vec::new()] };
         let [cols, rows] = GlobeTileId::meeting(level, &self.place.bounds());
@@ -118,12 +118,12 @@ impl TilesDivision {
         })
     }
 
-    /// Regions, from the north as rows of grids mostly are.
+    /// Regions, from the north (the usual row order of grids).
     pub(super) fn regions(&self) -> TileNumbering {
         TileNumbering(vec![self.rows_of(self.near)])
     }
 
-    /// Those of all levels before one that may be made; and both of level 0, which every client asks for.
+    /// All tiles of levels above `end`, with both tiles of level 0, which every client requests.
     pub(super) fn above(&self, end: u8) -> TileNumbering {
         let roots = TileRows { level: 0, west: 0, north: 0, columns: 2, count: 2 };
         TileNumbering(
@@ -142,7 +142,7 @@ impl TilesDivision {
         TileRows { level, west, north, columns, count: columns * rows }
     }
 
-    /// Tasks that look, that make regions, and that make what is above, with so many tiles in each of these.
+    /// Tasks of the three kinds, with `cut` tiles in each of the last two.
     pub(super) fn counts(&self, cut: u32) -> [u32; 3] {
         let tasks = |tiles: TileNumbering| tiles.len().div_ceil(u64::from(cut)) as u32;
         let looks = self.place.whole[1].div_ceil(self.look_rows());
@@ -156,20 +156,20 @@ impl TilesDivision {
             .next_multiple_of(LOOK_ROWS.max(SampleBlocks::of(self.place.whole).side))
     }
 
-    /// The rows that a task looks at: the first, and the one after the last.
+    /// Rows of a survey task: first, and one past the last.
     pub(super) fn rows(&self, look: u32) -> [u32; 2] {
         let (rows, height) = (u64::from(self.look_rows()), u64::from(self.place.whole[1]));
         let at = |look: u32| (u64::from(look) * rows).min(height) as u32;
         [at(look), at(look + 1)]
     }
 
-    /// Samples of the grid in a rectangle, about.
+    /// Approximate number of samples in a rectangle.
     pub(super) fn samples(&self, bounds: &GeodeticBounds) -> u64 {
         let all = &self.place.bounds();
         let side = |low: f64, high: f64, from: f64, to: f64, step: f64| {
             ((high.min(to) - low.max(from)).max(0.0) / step) as u64 + 1
         };
-        // As if they were evenly in the rectangle around all.
+        // Assumes samples spread evenly over the bounds.
         let [dx, dy] = [(all.east - all.west, 0), (all.north - all.south, 1)].map(
             |(degrees, axis): (f64, usize)| degrees / f64::from(self.place.whole[axis].max(2) - 1),
         );

@@ -1,4 +1,4 @@
-//! Tiles with more samples than are looked at one by one.
+//! Tiles with too many samples to process one by one.
 
 use super::folder::TileFile;
 use super::ground::SurveyedGrid;
@@ -12,7 +12,7 @@ use terrane_globe::{
 };
 
 impl SurveyedGrid<'_> {
-    /// Makes a tile of a far level, of each set; `known` has all tiles there are.
+    /// Makes a tile of a far level for each tileset; `known` has all existing tiles.
     pub(super) fn far(
         &self,
         id: GlobeTileId,
@@ -41,8 +41,8 @@ impl SurveyedGrid<'_> {
         TileFile::new((set, &tile), self.opened, level, self.overview, beside)
     }
 
-    /// Measures all samples of a rectangle: by blocks, and one by one where blocks do not tell, or tell of more than
-    /// clients assume.
+    /// Measures all samples of a rectangle: by blocks, and one by one where the bound of a block is not
+    /// sufficient or exceeds the error of the level.
     fn measure(
         &self,
         bounds: &GeodeticBounds,
@@ -54,7 +54,7 @@ impl SurveyedGrid<'_> {
         let mut heights = Vec::new();
         for row in rows[0]..rows[1] {
             cancel.check()?;
-            // Neighbours in a row are read together.
+            // Merges neighbours in a row into one read.
             let mut open: Option<Rect> = None;
             for col in cols[0]..cols[1] {
                 let block = self.overview.block([col, row]);

@@ -1,5 +1,5 @@
-//! The folder of a tile set: a file for each tile, and `layer.json` or `tileset.json`, which says what there is; of
-//! several formats, a folder of that kind for each.
+//! The folder of a tileset: one file per tile, and `layer.json` or `tileset.json`; a subfolder for each of
+//! several formats.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -28,16 +28,16 @@ use terrane_globe::{
 };
 use terrane_options::Choice;
 
-/// The name of what says what there is.
+/// Name of the metadata file.
 const LAYER: &str = "layer.json";
-/// Of a tile's file.
+/// Name of a tile file.
 const ENDING: &str = "terrain";
-/// Every so many levels tiles tell what there is below them: clients that know the extension ask for it.
+/// Interval of levels whose tiles list the tiles below them, for clients with that extension.
 const TOLD_LEVELS: u8 = 10;
-/// How hard files are compressed, of 12.
+/// Compression level, 0 to 12.
 const EFFORT: i32 = 9;
 
-/// What was made of a level in a format.
+/// Statistics of a level in a format.
 #[derive(Clone, Copy, Debug, Default)]
 struct TileLevelTotals {
     largest: f64,
@@ -49,26 +49,26 @@ struct TileLevelTotals {
 /// The file of a tile.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct TileFile {
-    /// The number of its format, of those asked for; none of a tile that is only known of.
+    /// Index of its format; `None` for a tile without a file.
     pub(super) set: Option<usize>,
     pub(super) id: GlobeTileId,
-    /// Metres that no sample is further from it.
+    /// Largest error of a sample in metres.
     pub(super) largest: f64,
     pub(super) vertices: u32,
     pub(super) triangles: u32,
-    /// What 3D Tiles tell of it.
+    /// Metadata for 3D Tiles.
     pub(super) facts: Option<TileMetadata>,
     pub(super) bytes: Vec<u8>,
 }
 
 impl TileFile {
-    /// Of a tile beyond the deepest level that is made, in which there are samples.
+    /// A tile below the deepest level that contains samples.
     pub(super) fn nothing(id: GlobeTileId) -> Self {
         let (largest, vertices, triangles, facts, bytes) = (0.0, 0, 0, None, Vec::new());
         Self { set: None, id, largest, vertices, triangles, facts, bytes }
     }
 
-    /// Of a tile of a set; `known` has all tiles that it has to tell of, and `water` is its mask.
+    /// A tile of a set; `known` has the tiles for its metadata, `water` is its mask.
     pub(super) fn new(
         (set, tile): (usize, &TerrainTile),
         opened: &OpenedTilesGrid,
@@ -103,7 +103,7 @@ impl TileFile {
     }
 }
 
-/// What tiles there are in one that has to tell of them, as JSON: places of so many levels below.
+/// Tiles below `tile` as JSON, for the next levels.
 fn below(id: GlobeTileId, last: u8, known: &KnownTiles) -> Option<String> {
     if !id.level.is_multiple_of(TOLD_LEVELS) || id.level >= last {
         return None;
@@ -112,7 +112,7 @@ fn below(id: GlobeTileId, last: u8, known: &KnownTiles) -> Option<String> {
     Some(Value::Array(levels.map(|by| known.below(id, by).rectangles()).collect()).to_string())
 }
 
-/// A folder in the making.
+/// An unfinished folder.
 pub(super) struct TilesetFolder {
     folder: AtomicFolder,
     formats: Vec<TilesFormat>,
@@ -120,18 +120,18 @@ pub(super) struct TilesetFolder {
     held: Mutex<TilesetFolderState>,
 }
 
-/// What is known of the files in it.
+/// Statistics of its files.
 #[derive(Default)]
 struct TilesetFolderState {
     known: KnownTiles,
     /// By set and level.
     rows: BTreeMap<(usize, u8), TileLevelTotals>,
-    /// What 3D Tiles tell of each tile.
+    /// Metadata of each tile for 3D Tiles.
     facts: BTreeMap<GlobeTileId, TileMetadata>,
 }
 
 impl TilesetFolder {
-    /// With nothing in it.
+    /// An empty folder.
     pub(super) fn create(job: &TilesJob) -> Result<Self> {
         refuse_file_name(&job.output)?;
         let folder = AtomicFolder::create(&job.output, job.overwrite, is_tiles)?;
@@ -139,7 +139,7 @@ impl TilesetFolder {
         Ok(Self { folder, formats, compress, held: Mutex::default() })
     }
 
-    /// Where the files of a set are: in the folder itself where it is the only one.
+    /// Folder of the files of a set: the folder itself for a single set.
     fn inside(&self, set: usize) -> PathBuf {
         match self.formats.len() {
             1 => self.folder.inside().to_path_buf(),
@@ -184,12 +184,12 @@ impl TilesetFolder {
         written.map_err(|e| Error::write(&path, e))
     }
 
-    /// The tiles that are written.
+    /// The written tiles.
     pub(super) fn known(&self) -> KnownTiles {
         lock(&self.held).known.clone()
     }
 
-    /// Writes what says what there is, and gives the folder its name.
+    /// Writes the metadata files, and renames the folder to its final name.
     pub(super) fn finish(self, ground: &SurveyedGrid<'_>, cancel: &Cancel) -> Result<TilesReport> {
         let mut held = std::mem::take(&mut *lock(&self.held));
         three::nest(&mut held.facts);
@@ -229,7 +229,7 @@ impl TilesetFolder {
         })
     }
 
-    /// Writes the subtrees of a set; how long they are.
+    /// Writes the subtrees of a set; returns their size.
     fn subtrees(
         &self,
         set: usize,
@@ -247,7 +247,7 @@ impl TilesetFolder {
     }
 }
 
-/// What was made of each level of a set.
+/// Statistics of each level of a set.
 fn told(ground: &SurveyedGrid<'_>, set: usize, held: &TilesetFolderState) -> Vec<TileLevelReport> {
     let rows = held.rows.iter().filter(|((of, _), _)| *of == set);
     let told = rows.map(|((_, level), row)| {
@@ -269,7 +269,7 @@ fn told(ground: &SurveyedGrid<'_>, set: usize, held: &TilesetFolderState) -> Vec
     told.collect()
 }
 
-/// Asks the system to put all files on disk: one by one they would take minutes.
+/// Flushes the file system once; a flush per file would take minutes.
 #[cfg(target_os = "linux")]
 fn sync(folder: &Path) {
     if let Ok(file) = std::fs::File::open(folder) {
@@ -281,7 +281,7 @@ fn sync(folder: &Path) {
 fn sync(_: &Path) {}
 
 thread_local! {
-    /// What a thread packs with: it is large, and files are small.
+    /// Compressor of a thread, reused because it is large and files are small.
     static PACKER: RefCell<Compressor> =
         RefCell::new(Compressor::new(CompressionLvl::new(EFFORT).unwrap_or_default()));
 }
@@ -297,7 +297,7 @@ fn packed(bytes: &[u8]) -> Result<Vec<u8>> {
     })
 }
 
-/// What clients are told: the format, where there are tiles, and what is proven of them.
+/// Metadata for clients: format, available tiles, and proven errors.
 fn layer(ground: &SurveyedGrid<'_>, known: &KnownTiles, told: &[TileLevelReport]) -> Value {
     let OpenedTilesGrid { job, division, .. } = ground.opened;
     let (bounds, last) = (&division.place.bounds(), division.last);
@@ -340,7 +340,7 @@ fn layer(ground: &SurveyedGrid<'_>, known: &KnownTiles, told: &[TileLevelReport]
     })
 }
 
-/// True for a folder of tiles, or of folders of tiles of the formats, that holds nothing else.
+/// True for a folder of tiles, or of folders of tiles by format, that contains nothing else.
 fn is_tiles(path: &Path) -> bool {
     let entries = std::fs::read_dir(path).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
     let Ok(entries) = entries else { return false };
@@ -352,7 +352,7 @@ fn is_tiles(path: &Path) -> bool {
     }
 }
 
-/// True for a folder of tiles of one format that holds nothing else; damaged ones are such, too.
+/// True for a folder of tiles of one format, damaged or not, that contains nothing else.
 fn is_one_set(path: &Path) -> bool {
     let layer = TilesetLayout { told: LAYER, top: &[], endings: &[ENDING] };
     let tileset = TilesetLayout {
@@ -366,7 +366,7 @@ fn is_one_set(path: &Path) -> bool {
     is_set(&layer, 1) || is_set(&tileset, 0)
 }
 
-/// What a set of a format has in its folder: the file that tells of it, folders at the top, and files of tiles.
+/// Contents of a set's folder in a format: metadata file, top folders, and tile files.
 struct TilesetLayout<'a> {
     told: &'a str,
     top: &'a [&'a str],
@@ -374,8 +374,8 @@ struct TilesetLayout<'a> {
 }
 
 impl TilesetLayout<'_> {
-    /// Whether all in a folder belongs to a set, by names: at depth 0 the folders at the top; below them folders of
-    /// numbers, two deep, with tiles in them.
+    /// Whether all names in a folder belong to a set: at depth 0 the top folders; below them two levels of
+    /// numbered folders with tiles.
     fn holds_all(&self, path: &Path, depth: u32) -> bool {
         let Ok(mut entries) = std::fs::read_dir(path) else { return false };
         let first = u32::from(self.top.is_empty());

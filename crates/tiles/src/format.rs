@@ -1,4 +1,4 @@
-//! The formats that tiles are written in.
+//! Formats of tiles.
 
 use serde::{Deserialize, Serialize};
 use terrane_options::Choice;

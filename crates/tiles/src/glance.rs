@@ -1,4 +1,4 @@
-//! The first look at a grid, all of it once.
+//! First pass over a grid.
 
 use super::opened::OpenedTilesGrid;
 use terrane_base::error::Result;
@@ -7,10 +7,10 @@ use terrane_engine::plan::RunControl;
 use terrane_engine::workers;
 use terrane_globe::BlockSummary;
 
-/// Samples that are looked at at a time, about.
+/// Approximate number of samples per window.
 const WINDOW: u32 = 1 << 20;
 
-/// Looks at rows of a grid; what is seen is handed on in order.
+/// Surveys rows of a grid; results are passed on in order.
 pub(super) fn look(
     opened: &OpenedTilesGrid,
     rows: [u32; 2],
@@ -39,7 +39,7 @@ pub(super) fn look(
     Ok(())
 }
 
-/// Bytes of all that is seen, as tasks write it.
+/// Size in bytes of the survey results as written by tasks.
 pub(super) fn written_bytes(opened: &OpenedTilesGrid) -> u64 {
     let plan = &opened.look;
     let [width, height] = opened.division.place.whole;
@@ -47,7 +47,7 @@ pub(super) fn written_bytes(opened: &OpenedTilesGrid) -> u64 {
     rects.into_iter().map(|rect| plan.written_bytes(rect)).sum()
 }
 
-/// Windows of whole blocks, along those of the file.
+/// Windows of whole blocks, aligned with those of the file.
 fn rects(width: u32, [first, end]: [u32; 2], side: u32, block: (u32, u32)) -> Vec<Rect> {
     let whole = |samples: u32, most: u32| {
         samples.max(1).next_multiple_of(side).min(most.next_multiple_of(side))

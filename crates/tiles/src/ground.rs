@@ -1,4 +1,4 @@
-//! A grid after the first pass over it, and the levels of its tiles.
+//! A grid after the first pass, and the levels of its tiles.
 
 use super::format::TilesFormat;
 use super::job::TilesJob;
@@ -6,11 +6,11 @@ use super::opened::OpenedTilesGrid;
 use terrane_globe::{GlobeTileId, GridOverview, LevelRelief, TileLevel, in_shorts};
 use terrane_raster::{self as raster, looks_like_nodata};
 
-/// What is known once all was looked at.
+/// Results of the first pass.
 pub(super) struct SurveyedGrid<'a> {
     pub(super) opened: &'a OpenedTilesGrid,
     pub(super) overview: &'a GridOverview,
-    /// By set, from level 0 on.
+    /// By set, from level 0.
     pub(super) levels: Vec<Vec<TileLevel>>,
 }
 
@@ -27,13 +27,13 @@ impl<'a> SurveyedGrid<'a> {
         self.levels.iter().map(move |levels| &levels[usize::from(id.level)])
     }
 
-    /// The lowest height as it is stored, where it looks like a nodata value.
+    /// The lowest stored height, if it looks like a nodata value.
     fn suspect(&self) -> Option<f64> {
         let lowest = self.overview.range[0] / self.opened.heights.lift.metres;
         looks_like_nodata(lowest, self.opened.grid.info())
     }
 
-    /// What is to be said of the heights.
+    /// Notes about the heights.
     pub(super) fn notes(&self) -> Vec<String> {
         let of_nodata = self.suspect().map(|stored| {
             format!("the lowest height, {stored:e}, looks like an undeclared nodata value")
@@ -47,7 +47,7 @@ impl<'a> SurveyedGrid<'a> {
     }
 }
 
-/// The levels of a set, of heights in a range.
+/// Levels of a set for heights in a range.
 fn levels(
     format: TilesFormat,
     opened: &OpenedTilesGrid,

@@ -1,4 +1,4 @@
-//! A tiles job: its grid, its output, and the content of the tiles.
+//! A tiles job: grid, output, and content of the tiles.
 
 use std::path::PathBuf;
 
@@ -11,18 +11,18 @@ use terrane_engine::options::GridInput;
 use terrane_engine::{Resources, plan};
 use terrane_raster::Inputs;
 
-/// Tiles to make of a grid. A plan notes what they depend on.
+/// Tiles of a grid. A plan records these settings.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TilesJob {
     /// File names, or a grid in memory by name.
     pub input: Inputs,
-    /// What is read of it.
+    /// Input options.
     #[serde(with = "terrane_options::as_map")]
     pub reading: GridInput,
-    /// Folder to make.
+    /// Output folder.
     #[serde(skip)]
     pub output: PathBuf,
-    /// Replace a folder of tiles that exists.
+    /// Replaces an existing folder of tiles.
     #[serde(skip)]
     pub overwrite: bool,
     /// Content of tiles.
@@ -34,7 +34,7 @@ pub struct TilesJob {
 }
 
 impl TilesJob {
-    /// The job with everything else at its default.
+    /// A job with default settings.
     pub fn new(input: impl Into<Inputs>, output: impl Into<PathBuf>) -> Self {
         Self {
             input: input.into(),
@@ -47,14 +47,15 @@ impl TilesJob {
     }
 }
 
-/// Tiles to plan; a task has so many tiles of regions, or of levels above them (`cut`).
+/// Tiles to plan; `cut` is the number of tiles per task, of regions or of levels above them.
 pub type PlanJob = plan::PlanJob<TilesJob>;
-/// Fails where no format is asked for, one twice, or what a format has not.
+/// Fails for missing or repeated formats, and for options that a format does not support.
 pub(super) fn check_formats(tiles: &TileOptions) -> Result<()> {
     let is_twice = |i: usize| tiles.format[..i].contains(&tiles.format[i]);
     if tiles.format.is_empty() || (0..tiles.format.len()).any(is_twice) {
-        return Err(Error::usage("a format of tiles is asked for twice, or none")
-            .remedy("name each format once"));
+        return Err(
+            Error::usage("a tile format is missing or given twice").remedy("name each format once")
+        );
     }
     check(tiles)
 }

@@ -1,16 +1,16 @@
-//! Tiles of the globe's terrain at every level of detail, of a grid of any size.
+//! Terrain tiles of a grid of any size at all levels of detail.
 //!
-//! **Once over the grid**: its range, means for voids, a plane for each block of samples, and the samples along the
-//! borders of large tiles ([`terrane_globe::OverviewPlan`]).
+//! **First pass over the grid**: range of heights, means for voids, a plane for each block of samples, and the
+//! samples along the borders of large tiles ([`terrane_globe::OverviewPlan`]).
 //!
-//! **Near levels**: a *region* is a tile with at most 1,024 samples along a side. Its samples are read once, and
-//! all its tiles down to the deepest level are made of them. Regions are independent.
+//! **Near levels**: a *region* is a tile with at most 1,024 samples along a side. Its samples are read once for
+//! all its tiles down to the deepest level. Regions are independent.
 //!
-//! **Far levels**: tiles that hold several regions are made of the overview, and measured by blocks; where a block
-//! does not tell, its samples are read.
+//! **Far levels**: tiles that contain several regions are made from the overview, and measured by blocks;
+//! samples of a block are read where its bound is not sufficient.
 //!
-//! Whatever is made depends on the grid and the options alone: at once, or by a plan whose tasks look, make regions,
-//! and make what is above them. Files are put into a folder that appears whole.
+//! The result depends only on the grid and the options, in one run or by a plan with tasks for the survey, the
+//! regions, and the levels above. The output folder appears when it is complete.
 
 mod beyond;
 mod cloud;

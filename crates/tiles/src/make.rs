@@ -1,4 +1,4 @@
-//! Makes tiles of a grid: at once, or by a plan.
+//! Makes tiles of a grid, in one run or by a plan.
 
 use std::path::Path;
 use std::time::Instant;
@@ -46,11 +46,11 @@ impl Operation for TilesOptions {
     }
 }
 
-/// Makes tiles. Nothing appears under the output's name unless it succeeds.
+/// Makes tiles. The output appears only on success.
 ///
 /// # Errors
-/// A grid whose place on the globe is not known, or one around a pole or across 180 degrees;
-/// an output that exists; all that reading and writing may find.
+/// A grid without a georeference, with a pole, or across 180 degrees; an existing output; read and write
+/// errors.
 pub fn run(job: &TilesJob, progress: &dyn Progress, cancel: &Cancel) -> Result<TilesReport> {
     let (started, at) = (Instant::now(), RunControl { progress, cancel });
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
@@ -94,10 +94,10 @@ impl Divisible for TilesOptions {
     }
 }
 
-/// Writes down what is to be made, from what, by which tasks, and what they need.
+/// Writes the plan: output, input, tasks and required resources.
 ///
 /// # Errors
-/// Those of [`run`] that are found before the work; `Usage` for a folder that holds another plan or other files.
+/// Errors of [`run`] that are detected before the work; `Usage` for a folder with another plan or other files.
 pub fn plan_tiles(job: &PlanJob) -> Result<StatusReport> {
     let plan::PlanJob { job, folder, cut, skipped } = job;
     refuse_held(job.input.names())?;
@@ -114,8 +114,8 @@ pub fn plan_tiles(job: &PlanJob) -> Result<StatusReport> {
     plan::status::<TilesPlan>(folder)
 }
 
-/// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is started again.
-/// `skipped` are files that are left out of the input, to be noted in the plan.
+/// Plans and runs `job` in `folder`, which resumes after an interruption. `skipped` files are recorded in the
+/// plan.
 ///
 /// # Errors
 /// Those of [`plan_tiles`] and of any [`RunJob`].
@@ -152,7 +152,7 @@ impl SurveyedGrid<'_> {
         })
     }
 
-    /// Does something to each tile, on all threads.
+    /// Processes each tile, on all threads.
     fn each(
         &self,
         stage: &str,

@@ -1,9 +1,9 @@
-//! Which pixels of a tile are water: those whose middle lies in a polygon of a file, or on its border.
+//! Water mask: pixels of a tile whose centre lies in a polygon, or on its border.
 //!
-//! Sides of polygons are straight in the system of the grid. They are brought to WGS 84 once, in parts that are
-//! straight there, too, to a hundredth of the smallest pixel; there the pixels of each tile are a lattice. To bring
-//! every pixel of every tile to the grid instead would cost a projection for each, and fail where tiles reach beyond
-//! what the projection does.
+//! Polygon sides are straight in the CRS of the grid. They are transformed to WGS 84 once, in pieces that are
+//! straight there to a hundredth of the smallest pixel; pixels of a tile are a lattice in WGS 84. A
+//! transformation of every pixel would cost a projection each, and would fail where tiles extend beyond the
+//! domain of the projection.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
@@ -14,22 +14,22 @@ use terrane_engine::transform::extent_of;
 use terrane_globe::{GeodeticBounds, GlobeTileId, MASK_SIDE, MASK_WATER, degrees};
 use terrane_raster::{ClipRings, GridInfo, PolygonEdgeIndex, Water};
 
-/// Parts of a pixel that a side may be off by.
+/// Largest error of a side, as a fraction of a pixel.
 const OF_PIXEL: f64 = 0.01;
-/// How often a side is halved, at most.
+/// Largest number of halvings of a side.
 const MOST_HALVINGS: u32 = 16;
 
 /// A position (x, y).
 type Xy = [f64; 2];
 
-/// The water of a file, in longitudes and latitudes.
+/// Water polygons in longitude and latitude.
 pub(super) struct TileWaterMask(PolygonEdgeIndex);
 
 impl TileWaterMask {
-    /// Of the polygons that meet a grid, for tiles down to the level `last`; those beside it are left out.
+    /// Polygons that intersect a grid, for tiles up to level `last`.
     ///
     /// # Errors
-    /// A polygon that cannot be brought to WGS 84; more sides than a quarter of the memory holds.
+    /// A polygon that cannot be transformed to WGS 84; segments that need more than a quarter of the memory.
     pub(super) fn of(
         water: &Water,
         info: &GridInfo,
@@ -45,7 +45,7 @@ impl TileWaterMask {
         for (number, ring) in water.rings() {
             if area.replace(number) != Some(number) {
                 rings.begin_feature()?;
-                // The first ring of a polygon is around all of it.
+                // The first ring of a polygon is its outer ring.
                 is_near = meets(ring, extent);
             }
             if !is_near {
@@ -56,11 +56,11 @@ impl TileWaterMask {
                 OnGlobe::Straight(_) => brought.extend_from_slice(ring),
                 OnGlobe::Moved(_, operation) => {
                     bring(ring, off, |at| operation.position(at), &mut brought)
-                        .map_err(|e| of_file(e).remedy("cut it to the area of the grid"))?;
+                        .map_err(|e| of_file(e).remedy("clip it to the extent of the grid"))?;
                 }
             }
             bytes += brought.len() as u64 * ClipRings::EDGE_BYTES;
-            // Of what does not fit all is counted.
+            // Beyond the limit segments are only counted.
             if bytes <= most {
                 rings.push(&brought).map_err(of_file)?;
             }
@@ -71,13 +71,13 @@ impl TileWaterMask {
         Ok(Self(PolygonEdgeIndex::new(rings)))
     }
 
-    /// Bytes that it takes while so many workers look at it, and those that each takes.
+    /// Memory in bytes of the mask, and of each worker that uses it.
     pub(super) fn bytes(&self, threads: usize) -> [u64; 2] {
-        // What is near a region, and of that what is near a tile.
+        // The part near a region, and of that the part near a tile.
         [self.0.held(threads), 2 * self.0.bytes() + u64::from(MASK_SIDE * MASK_SIDE)]
     }
 
-    /// What there is of it near a tile.
+    /// The part near a tile.
     pub(super) fn near(&self, id: GlobeTileId) -> Self {
         Self(within(&self.0, id))
     }
@@ -125,7 +125,7 @@ fn meets(ring: &[Xy], [west, south, east, north]: [f64; 4]) -> bool {
     x0 <= east && x1 >= west && y0 <= north && y1 >= south
 }
 
-/// Brings a ring to WGS 84, in parts that are no further than `off` degrees from where they were drawn.
+/// Transforms a ring to WGS 84 in pieces within `off` degrees of the original.
 fn bring(ring: &[Xy], off: f64, to: impl Fn(Xy) -> Result<Xy>, out: &mut Vec<Xy>) -> Result<()> {
     let Some(first) = ring.first() else { return Ok(()) };
     out.push(to(*first)?);
@@ -133,7 +133,7 @@ fn bring(ring: &[Xy], off: f64, to: impl Fn(Xy) -> Result<Xy>, out: &mut Vec<Xy>
     for side in ring.windows(2) {
         open.push(([side[0], side[1]], [to(side[0])?, to(side[1])?], 0));
         while let Some((ends, brought, halvings)) = open.pop() {
-            // One that bends both ways may be right in its middle.
+            // The middle alone may be exact on a side that bends both ways.
             let mut worst = 0_f64;
             for part in [0.25, 0.5, 0.75] {
                 worst = worst.max(apart(to(along(ends, part))?, along(brought, part)));
@@ -161,7 +161,7 @@ fn apart(a: Xy, b: Xy) -> f64 {
 }
 
 fn too_many(bytes: u64) -> Error {
-    let message = format!("its sides take {} MiB for a mask", bytes.div_ceil(1 << 20));
+    let message = format!("its segments require {} MiB for a mask", bytes.div_ceil(1 << 20));
     short(message, 4 * bytes).or("a smaller ‹max_level›, or simplify it with ‹terrane simplify›")
 }
 

@@ -1,4 +1,4 @@
-//! Tiles that are made of samples read once.
+//! Tiles of regions, whose samples are read once.
 
 use std::cell::RefCell;
 
@@ -13,14 +13,14 @@ use terrane_engine::Cancel;
 use terrane_globe::{GeodeticBounds, GlobeTileId, HeightPatch, build};
 
 thread_local! {
-    /// Room for the samples of a region, from one to the next.
+    /// Buffer for the samples of a region.
     static HEIGHTS: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
 }
 
-/// Where tiles go, and what was made of a region so far.
+/// Output of the tiles of a region, and its state.
 struct TileDescent<'a> {
     patch: &'a HeightPatch<'a>,
-    /// The water near the region.
+    /// Water near the region.
     water: Option<TileWaterMask>,
     known: KnownTiles,
     put: &'a mut dyn FnMut(TileFile) -> Result<()>,
@@ -28,7 +28,7 @@ struct TileDescent<'a> {
 }
 
 impl SurveyedGrid<'_> {
-    /// Makes a region and all tiles that it is divided into, each after those in it.
+    /// Makes a region and all tiles in it, each after its own parts.
     pub(super) fn region(
         &self,
         id: GlobeTileId,
@@ -41,11 +41,9 @@ impl SurveyedGrid<'_> {
             return Ok(());
         }
         if rect.len() as u64 > most_samples(chart) {
-            return Err(Error::unsupported(
-                "has samples that are too near to each other for tiles",
-            )
-            .in_file(&opened.name())
-            .remedy("take a part of it, or a coarser grid"));
+            return Err(Error::unsupported("has a sample spacing too small for tiles")
+                .in_file(&opened.name())
+                .remedy("clip it, or resample it to a larger cell size"));
         }
         let mut heights = HEIGHTS.take();
         opened.read(rect, &mut heights)?;
@@ -56,7 +54,7 @@ impl SurveyedGrid<'_> {
             TileDescent { patch: &patch, water, known: KnownTiles::default(), put, cancel };
         match id.level <= opened.division.last {
             true => self.descend(id, &mut descent)?,
-            // All tiles are larger, and only have to know of it.
+            // All tiles are larger; parents only need to know that this one exists.
             false if patch.holds_any(&id.bounds()) => (descent.put)(TileFile::nothing(id))?,
             false => (),
         }
@@ -65,7 +63,7 @@ impl SurveyedGrid<'_> {
         Ok(())
     }
 
-    /// The samples in a rectangle, and some around it.
+    /// Samples in a rectangle, with a margin.
     fn rect(&self, bounds: &GeodeticBounds) -> Rect {
         let chart = self.opened.look.chart();
         let ranges = chart.range(bounds);

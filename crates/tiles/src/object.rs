@@ -1,4 +1,4 @@
-//! What tasks leave: what was seen of rows of the grid, or tiles with an index at the end.
+//! Task results: the survey of rows of the grid, or tiles with an index at the end.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
@@ -13,15 +13,15 @@ use terrane_files::atomic::AtomicFile;
 use terrane_globe::{DEEPEST, GatheredOverview, GlobeTileId, TileMetadata};
 use terrane_options::Choice;
 
-/// Bytes of an index for a tile: set, level, column, row, vertices, triangles, numbers of facts and bytes as `u32`, the
-/// largest error as `f64`.
+/// Size in bytes of an index entry: set, level, column, row, vertices, triangles, number of facts and size as
+/// `u32`, largest error as `f64`.
 pub(super) const ENTRY: usize = 8 * 4 + 8;
-/// The set of a tile that is only known of.
+/// Set of a tile without a file.
 const NO_SET: u32 = u32::MAX;
-/// Numbers that 3D Tiles tell of a tile, before its bytes.
+/// Values of the 3D Tiles metadata of a tile, stored before its bytes.
 pub(super) const FACTS: usize = 10;
 
-/// An object that is being written.
+/// An object in progress.
 pub(super) struct TileObjectWriter {
     file: AtomicFile,
     path: PathBuf,
@@ -34,12 +34,12 @@ impl TileObjectWriter {
         Ok(Self { file, path: path.to_path_buf(), index: Vec::new() })
     }
 
-    /// Adds bytes as they are.
+    /// Appends bytes.
     pub(super) fn put(&mut self, bytes: &[u8]) -> Result<()> {
         self.file.write_all(bytes).map_err(|e| Error::write(&self.path, e))
     }
 
-    /// Adds a tile.
+    /// Appends a tile.
     pub(super) fn tile(&mut self, made: &TileFile) -> Result<()> {
         let TileFile { set, id, largest, vertices, triangles, facts, bytes } = made;
         let facts = facts.map_or_else(Vec::new, |facts| facts.numbers().to_vec());
@@ -55,7 +55,7 @@ impl TileObjectWriter {
         self.put(bytes)
     }
 
-    /// Puts the index to the end; returns how many tiles there are.
+    /// Appends the index; returns the number of tiles.
     pub(super) fn index(&mut self) -> Result<u64> {
         let index = std::mem::take(&mut self.index);
         let count = (index.len() / ENTRY) as u64;
@@ -64,13 +64,13 @@ impl TileObjectWriter {
         Ok(count)
     }
 
-    /// Gives the object its name.
+    /// Renames the object to its final name.
     pub(super) fn finish(self) -> Result<()> {
         self.file.commit().map(drop)
     }
 }
 
-/// Adds what was seen of rows.
+/// Appends the survey of rows.
 pub(super) fn add_glances(path: &Path, gathered: &mut GatheredOverview) -> Result<()> {
     let bytes = std::fs::read(path).map_err(|e| Error::read(path, e))?;
     let mut left = &bytes[..];
@@ -81,14 +81,14 @@ pub(super) fn add_glances(path: &Path, gathered: &mut GatheredOverview) -> Resul
     Ok(())
 }
 
-/// Adds the tiles of an object to what is known.
+/// Adds the tiles of an object to the known tiles.
 pub(super) fn add_known(path: &Path, known: &mut KnownTiles) -> Result<()> {
     let index = index(&mut File::open(path).map_err(|e| Error::read(path, e))?, path)?;
     index.iter().for_each(|entry| known.insert(entry.made.id));
     Ok(())
 }
 
-/// Hands on all tiles of an object.
+/// Passes on all tiles of an object.
 pub(super) fn each_tile(path: &Path, mut take: impl FnMut(TileFile) -> Result<()>) -> Result<()> {
     let fail = |e| Error::read(path, e);
     let mut file = File::open(path).map_err(fail)?;
@@ -114,15 +114,15 @@ fn read_facts(from: &mut impl Read, id: GlobeTileId) -> io::Result<TileMetadata>
     Ok(TileMetadata::of_numbers(id, numbers))
 }
 
-/// What an index tells of a tile.
+/// Index entry of a tile.
 struct TileIndexEntry {
-    /// Without facts and bytes.
+    /// Without metadata and bytes.
     made: TileFile,
     facts: bool,
     bytes: u32,
 }
 
-/// What the index of an object tells.
+/// Contents of an object's index.
 fn index(file: &mut File, path: &Path) -> Result<Vec<TileIndexEntry>> {
     let fail = |e: io::Error| Error::read(path, e);
     let length = file.metadata().map_err(fail)?.len();
@@ -198,7 +198,7 @@ mod tests {
         add_known(&path, &mut known).unwrap();
         assert_eq!(known.level(9).count(), 9);
         let whole = std::fs::read(&path).unwrap();
-        // Eight zeros are an object without tiles; what is torn there is told by its digest.
+        // Eight zeros are an object without tiles; its digest detects damage.
         let is_empty = |length: &usize| *length == 8 && whole[..8] == [0; 8];
         for length in (0..whole.len()).filter(|length| !is_empty(length)) {
             std::fs::write(&path, &whole[..length]).unwrap();

@@ -1,4 +1,4 @@
-//! An open grid, and the division of the work on it.
+//! An open grid, and the division of its work.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -17,32 +17,33 @@ use terrane_globe::{
 };
 use terrane_raster::{GridSource, Water};
 
-/// Metres below or above which there is no ground.
+/// Largest magnitude of a height in metres.
 const MOST_HEIGHT: f64 = 1e6;
-/// Samples around a region that slopes are told from.
+/// Margin of samples around a region, for slopes.
 pub(super) const APRON: u32 = 10;
 
-/// A grid that is opened, and how the work on it is divided.
+/// An open grid with its division of work.
 pub(super) struct OpenedTilesGrid {
     pub(super) job: TilesJob,
     pub(super) grid: Box<dyn GridSource>,
     pub(super) shares: MemoryShares,
     pub(super) heights: HeightReference,
-    /// What is water, where tiles tell of it.
+    /// Water, for water masks.
     pub(super) mask: Option<TileWaterMask>,
     pub(super) division: TilesDivision,
-    /// What is looked at first.
+    /// Plan of the first pass.
     pub(super) look: OverviewPlan,
 }
 
-/// Most samples of a region, with those around it; of a bent one, twice as many, as its rows may cross it.
+/// Largest number of samples of a region with its margin; twice as many for a bent grid, whose rows may cross
+/// it.
 pub(super) fn most_samples(chart: &GridGeolocation) -> u64 {
     let side = REGION as u64 + 2 * APRON as u64 + 4;
     if chart.is_bent() { 2 * side * side } else { side * side }
 }
 
-/// Bytes that a worker takes, of near levels or of far ones: two samples of each block with what is kept of each,
-/// and a row of blocks.
+/// Memory in bytes of a worker for near or far levels: two samples of each block with their points, and a row
+/// of blocks.
 pub(super) fn worker_bytes(plan: &OverviewPlan) -> u64 {
     /// Two points in a list that grows, and the place of the next of each.
     const BLOCK: u64 = 2 * (2 * 12 + 4);
@@ -52,7 +53,8 @@ pub(super) fn worker_bytes(plan: &OverviewPlan) -> u64 {
     near_bytes(plan.chart()).max((8 << 20) + blocks * BLOCK + row)
 }
 
-/// Bytes that a worker takes, of near levels: the samples of a region, and the points of a tile with what is kept of each.
+/// Memory in bytes of a worker for near levels: the samples of a region, and the points of a tile with their
+/// data.
 fn near_bytes(chart: &GridGeolocation) -> u64 {
     let place = if chart.is_bent() { HeightPatch::PLACE_BYTES } else { 0 };
     most_samples(chart) * (8 + place) + (24 << 20)
@@ -61,8 +63,10 @@ fn near_bytes(chart: &GridGeolocation) -> u64 {
 impl OpenedTilesGrid {
     pub(super) fn new(job: &TilesJob) -> Result<Self> {
         if let Some(level) = job.tiles.max_level.filter(|level| *level > DEEPEST) {
-            return Err(Error::usage(format!("level {level} is too deep"))
-                .remedy(format!("choose {DEEPEST} at most")));
+            return Err(Error::usage(format!(
+                "‹max_level› {level} exceeds the limit of {DEEPEST}"
+            ))
+            .remedy(format!("pass {DEEPEST} or less")));
         }
         check_formats(&job.tiles)?;
         let options = job.reading.options(&job.resources, 0)?;
@@ -98,22 +102,22 @@ impl OpenedTilesGrid {
         })
     }
 
-    /// The files that are read.
+    /// Input files.
     pub(super) fn files(&self) -> Vec<PathBuf> {
         let Self { job, grid, .. } = self;
         let geoid = job.tiles.geoid.iter().map(PathBuf::from);
         plan::grid_files(&job.input, &job.reading, &**grid).into_iter().chain(geoid).collect()
     }
 
-    /// What the grid is called.
+    /// Name of the grid.
     pub(super) fn name(&self) -> PathBuf {
         PathBuf::from(self.job.input.to_string())
     }
 
-    /// The grid from afar.
+    /// Overview of the grid.
     ///
     /// # Errors
-    /// One without a sample, or with absurd heights.
+    /// A grid without valid samples, or with heights out of range.
     pub(super) fn seen(&self, gathered: GatheredOverview) -> Result<GridOverview> {
         let refuse = |error: Error, remedy: &str| error.in_file(&self.name()).remedy(remedy);
         let overview = gathered.finish().ok_or_else(|| {
@@ -123,10 +127,10 @@ impl OpenedTilesGrid {
         let [lowest, highest] = overview.range;
         let furthest = if lowest < -MOST_HEIGHT { lowest } else { highest };
         if furthest.abs() > MOST_HEIGHT {
-            // As the sample is held, so that the digits are those of the file.
+            // Converted to the stored type, to report the digits of the file.
             let stored = (furthest / self.heights.lift.metres) as f32;
-            let remedy = format!("if it stands for nodata, pass ‹nodata› {stored:e}");
-            let error = Error::bad_input(format!("the height {stored:e} is absurd"));
+            let remedy = format!("if it is nodata, pass ‹nodata› {stored:e}");
+            let error = Error::bad_input(format!("height {stored:e} is out of range"));
             return Err(refuse(error, &remedy));
         }
         Ok(overview)

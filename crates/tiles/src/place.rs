@@ -1,4 +1,4 @@
-//! Where the samples of a grid are on the globe, and what is to be said of that.
+//! Georeference of the samples of a grid, with notes.
 
 use std::path::Path;
 
@@ -11,35 +11,35 @@ use terrane_engine::globe::{OnGlobe, VerticalShift};
 use terrane_globe::{GeodeticBounds, GridGeolocation};
 use terrane_raster::{GridInfo, Inputs};
 
-/// Of heights that the geoid was added to, so that they are counted from the ellipsoid.
+/// Heights above the ellipsoid after adding the geoid.
 pub const WITH_GEOID: &str = "ellipsoid, with the geoid added";
-/// Of heights that are counted from the ellipsoid.
+/// Ellipsoidal heights.
 pub const ON_ELLIPSOID: &str = "ellipsoid";
-/// Of heights that are taken as they are.
+/// Heights used as given.
 pub const AS_GIVEN: &str = "as given";
 
-/// What the work on a grid is divided by.
+/// Georeference data for the division of work.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct GridFootprint {
     /// Columns and rows.
     pub(super) whole: [u32; 2],
-    /// Where the samples lie: west, south, east and north.
+    /// Bounds of the samples: west, south, east and north.
     sides: [f64; 4],
     /// Degrees between samples, along the finer axis.
     pub(super) spacing: f64,
 }
 
-/// What the heights of a grid are, and what is to be said of them.
+/// Heights of a grid, with notes.
 #[derive(Clone, Debug)]
 pub(super) struct HeightReference {
     pub(super) lift: VerticalShift,
-    /// What they are counted from, as the set tells it.
+    /// Vertical reference as written in the metadata.
     pub(super) from: &'static str,
     pub(super) notes: Vec<String>,
 }
 
 impl GridFootprint {
-    /// Of a grid that is on the globe.
+    /// Georeference of a grid.
     pub(super) fn of(chart: &GridGeolocation) -> Self {
         let GeodeticBounds { west, south, east, north } = chart.bounds();
         Self { whole: chart.whole(), sides: [west, south, east, north], spacing: chart.spacing() }
@@ -52,10 +52,10 @@ impl GridFootprint {
     }
 }
 
-/// Where the samples of a grid are on the globe, and what its heights are.
+/// Georeference of the samples of a grid, and its heights.
 ///
 /// # Errors
-/// A grid whose place on the globe is not known, by what is missing.
+/// A grid without a georeference; the error names the missing part.
 pub(super) fn of(
     info: &GridInfo,
     (input, geoid): (&Inputs, Option<&str>),
@@ -68,7 +68,7 @@ pub(super) fn of(
     })?;
     let (lift, knows_unit) = VerticalShift::of(&info.crs, geoid, resources)?;
     if !knows_unit {
-        notes.push("the unit of heights is not known; they are taken for metres".to_owned());
+        notes.push("the unit of heights is unknown; metres are assumed".to_owned());
     }
     let is_ellipsoidal = info.crs.heights() == VerticalReference::Ellipsoidal;
     let from = match (lift.has_geoid(), is_ellipsoidal) {
@@ -77,11 +77,11 @@ pub(super) fn of(
         (false, false) => AS_GIVEN,
     };
     notes.extend(match (lift.has_geoid(), is_ellipsoidal) {
-        (true, _) => Some("heights are brought from the geoid to the ellipsoid".to_owned()),
+        (true, _) => Some("heights are converted from the geoid to the ellipsoid".to_owned()),
         (false, true) => None,
         (false, false) => Some(
-            "heights are taken from the ellipsoid on; those above sea level are drawn too low or too high by the \
-             height of the geoid, up to 100 m: pass ‹geoid›"
+            "heights are used as ellipsoidal; heights above sea level are off by the geoid undulation (up to \
+             100 m): pass ‹geoid›"
                 .to_owned(),
         ),
     });

@@ -1,4 +1,4 @@
-//! How many bytes tiles will take, from a few of them that are made and thrown away.
+//! Estimates the size of tiles from a sample of them.
 
 use std::sync::Mutex;
 
@@ -12,18 +12,18 @@ use terrane_engine::{Cancel, workers};
 use terrane_files::lock;
 use terrane_globe::GlobeTileId;
 
-/// Tiles that are made, with all that are in them.
+/// Number of sampled tiles, with all tiles in them.
 const PROBES: u64 = 16;
-/// Levels that they are below regions.
+/// Levels of the sampled tiles below regions.
 const BELOW: u8 = 2;
-/// Rather too much than too little.
+/// Safety factor.
 const MARGIN: f64 = 1.1;
-/// Bytes of a tile that holds regions, about.
+/// Approximate size in bytes of a tile that contains regions.
 const FAR: f64 = 8192.0;
-/// Bytes of a block of a disk, which files take whole.
+/// Block size of a disk in bytes.
 const DISK_BLOCK: u64 = 4096;
 
-/// Of tiles that were made: how many, their bytes in objects, and as files on disk.
+/// Sampled tiles: count, size in objects, and size as files.
 #[derive(Clone, Copy, Default)]
 struct TileProbe {
     tiles: f64,
@@ -41,7 +41,7 @@ impl TileProbe {
     }
 }
 
-/// Bytes of all tiles in objects, and as files on disk.
+/// Size in bytes of all tiles in objects, and as files.
 pub(super) fn expect(opened: &OpenedTilesGrid) -> Result<[u64; 2]> {
     let division = &opened.division;
     let formats = opened.job.tiles.format.len() as f64;
@@ -66,7 +66,7 @@ pub(super) fn expect(opened: &OpenedTilesGrid) -> Result<[u64; 2]> {
             gathered.add(gathered.plan().look(rect, &heights));
         }
     }
-    // What is void may be so by chance.
+    // The sampled part may be void by chance.
     let Some(overview) = gathered.finish() else { return Ok([0; 2]) };
     let ground = SurveyedGrid::new(opened, &overview);
     let seen = Mutex::new([TileProbe::default(); 2]);
@@ -84,7 +84,7 @@ pub(super) fn expect(opened: &OpenedTilesGrid) -> Result<[u64; 2]> {
     let samples: u64 = tiles.iter().map(|id| division.samples(&id.bounds())).sum();
     let [width, height] = division.place.whole.map(f64::from);
     let share = width * height / samples.max(1) as f64;
-    // Those above are about as large as the largest that were made.
+    // Parents are about as large as the largest sampled tiles.
     let above = division.above(level).len() as f64 * formats;
     let above = above / top.tiles.max(1.0);
     let whole =
@@ -92,7 +92,7 @@ pub(super) fn expect(opened: &OpenedTilesGrid) -> Result<[u64; 2]> {
     Ok([whole(|seen| seen.bytes), whole(|seen| seen.on_disk)].map(|bytes| bytes as u64))
 }
 
-/// The blocks that a tile's samples are in.
+/// Blocks with the samples of a tile.
 fn blocks(opened: &OpenedTilesGrid, id: GlobeTileId) -> Rect {
     let (chart, side) = (opened.look.chart(), opened.look.blocks.side);
     let ranges = chart.range(&id.bounds());

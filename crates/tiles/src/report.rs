@@ -1,11 +1,11 @@
-//! What was made.
+//! Reports of tiles.
 
 use serde::{Deserialize, Serialize};
 
 use terrane_engine::figures::RunStatistics;
 use terrane_engine::plan::{self, DescribesRun};
 
-/// What a job that makes tiles did.
+/// Report of a tiles job.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[allow(missing_docs)]
 #[non_exhaustive]
@@ -25,33 +25,33 @@ pub struct TilesReport {
 /// The tiles of a level.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TileLevelReport {
-    /// The format of the tiles.
+    /// Format of the tiles.
     pub format: String,
     /// From 0.
     pub level: u8,
-    /// Metres that no sample is further from its tile: what clients take the level to be off by, or the error where
-    /// positions cannot tell samples apart and it is larger.
+    /// Error bound in metres: the geometric error of the level, or a larger bound where quantization is
+    /// coarser.
     pub tolerance: f64,
-    /// Metres of a step of heights.
+    /// Step of heights in metres.
     pub step: f64,
-    /// Metres of a step of earth-centred coordinates, where tiles hold such.
+    /// Step of earth-centred coordinates in metres, if used.
     pub lattice: Option<f64>,
-    /// Metres that skirts hang down, where tiles have such.
+    /// Depth of skirts in metres, if used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub skirt: Option<f64>,
-    /// Metres that no sample is further from its tile: measured of samples, or of blocks of them.
+    /// Measured error bound in metres, from samples or from blocks of samples.
     pub error: f64,
-    /// How many.
+    /// Number of tiles.
     pub tiles: u64,
     /// In all tiles.
     pub vertices: u64,
     /// In all tiles.
     pub triangles: u64,
-    /// Of all files.
+    /// Size of all files in bytes.
     pub bytes: u64,
 }
 
-/// What is told of the plan of tiles alone.
+/// Report of a plan, for tiles only.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct TilesStatus {
     /// Maximum level.
@@ -60,15 +60,15 @@ pub struct TilesStatus {
     pub samples: u64,
 }
 
-/// The plan of tiles, or how far the work on it has come.
+/// Status of a plan of tiles.
 pub type StatusReport = plan::StatusReport<TilesStatus>;
 
-/// What is told of a run on tiles alone.
+/// Report of a run, for tiles only.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct TilesRun {
-    /// Tiles made by the tasks it did.
+    /// Tiles made by the tasks of this run.
     pub made_tiles: u64,
-    /// The set, if this run came to it; its time is that of writing it.
+    /// The tileset, if this run wrote it; its time is the writing time.
     pub tiles: Option<TilesReport>,
 }
 

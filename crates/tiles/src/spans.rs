@@ -1,5 +1,4 @@
-//! Which tiles there are of each level: runs of columns by row, so that what is told of a full rectangle of them
-//! takes no more room than its rows.
+//! Tiles of each level as runs of columns by row, so a full rectangle takes memory for its rows only.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +9,7 @@ use terrane_globe::GlobeTileId;
 /// Tiles of a level.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct LevelSpans {
-    /// By row: first and last columns, apart from each other.
+    /// By row: disjoint runs of columns, first and last.
     rows: BTreeMap<u32, Vec<[u32; 2]>>,
 }
 
@@ -30,7 +29,7 @@ impl KnownTiles {
         self.0.entry(level).or_default().insert(x, y);
     }
 
-    /// Adds all tiles that those of a level lie in, and both of level 0, which every client asks for.
+    /// Adds all ancestors of the tiles of a level, and both tiles of level 0, which every client requests.
     pub(super) fn add_above(&mut self, near: u8) {
         for level in (0..near).rev() {
             let below = self.level(level + 1).clone();
@@ -42,7 +41,7 @@ impl KnownTiles {
         [0, 1].into_iter().for_each(|x| self.insert(GlobeTileId { level: 0, x, y: 0 }));
     }
 
-    /// Those that lie in a tile, `by` levels further.
+    /// Descendants of a tile, `by` levels deeper.
     pub(super) fn below(&self, id: GlobeTileId, by: u8) -> LevelSpans {
         let [columns, rows] = [id.x, id.y].map(|at| [at << by, ((at + 1) << by) - 1]);
         let cut = |[first, last]: [u32; 2]| {
@@ -60,17 +59,17 @@ impl KnownTiles {
     }
 }
 
-/// Whether a tile belongs to all that is known and is not there.
+/// Whether a tile belongs to the known tiles and is missing.
 pub(super) fn is_missing(id: GlobeTileId, [there, known]: [&KnownTiles; 2]) -> bool {
     let holds = |known: &KnownTiles| known.level(id.level).holds(id.x, id.y);
     holds(known) && !holds(there)
 }
 
 impl LevelSpans {
-    /// Adds a tile, unless it is there.
+    /// Adds a tile if it is missing.
     pub(super) fn insert(&mut self, x: u32, y: u32) {
         let runs = self.rows.entry(y).or_default();
-        // The first run that it may belong to.
+        // First run that the column may extend.
         let at = runs.partition_point(|[_, last]| last.saturating_add(1) < x);
         match runs.get_mut(at) {
             Some([first, last]) if *first <= x.saturating_add(1) => {
@@ -85,13 +84,13 @@ impl LevelSpans {
         }
     }
 
-    /// Whether a tile is there.
+    /// Whether a tile exists.
     pub(super) fn holds(&self, x: u32, y: u32) -> bool {
         let holds = |[first, last]: &[u32; 2]| (*first..=*last).contains(&x);
         self.rows.get(&y).is_some_and(|runs| runs.iter().any(holds))
     }
 
-    /// How many.
+    /// Number of tiles.
     pub(super) fn count(&self) -> u64 {
         self.runs().map(|(_, [first, last])| u64::from(last - first) + 1).sum()
     }
@@ -100,10 +99,10 @@ impl LevelSpans {
         self.rows.iter().flat_map(|(y, runs)| runs.iter().map(move |run| (*y, *run)))
     }
 
-    /// As rectangles, for clients: runs of a row, joined with those below that begin and end alike.
+    /// Rectangles for clients: runs of a row, merged with identical runs of the next rows.
     pub(super) fn rectangles(&self) -> Value {
         let mut found: Vec<[u32; 4]> = Vec::new();
-        // By begin and end: the rectangle that reached the row before.
+        // By start and end: the rectangle that includes the previous row.
         let mut open: BTreeMap<[u32; 2], usize> = BTreeMap::new();
         for (y, runs) in &self.rows {
             let mut here = BTreeMap::new();

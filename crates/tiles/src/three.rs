@@ -1,7 +1,7 @@
-//! Sets of 3D Tiles: a file for each tile, one for each subtree, and `tileset.json`.
+//! Tilesets of 3D Tiles: one file per tile, one per subtree, and `tileset.json`.
 //!
-//! The western and the eastern half of the globe are two implicit quadtrees, so that columns and rows are those of
-//! quantized-mesh, counted from the south.
+//! The western and the eastern hemisphere are two implicit quadtrees, so columns and rows match quantized-mesh,
+//! counted from the south.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -16,27 +16,27 @@ use terrane_globe::{
     CLASS, GlobeTileId, SUBTREE_LEVELS, TileMetadata, level_error, subtree, subtree_of,
 };
 
-/// The name of what says what there is.
+/// Name of the metadata file.
 pub(super) const TILESET: &str = "tileset.json";
-/// Of a tile's file.
+/// Name of a tile file.
 pub(super) const ENDING: &str = "glb";
-/// Of a subtree's file.
+/// Name of a subtree file.
 pub(super) const SUBTREE: &str = "subtree";
-/// The folders of the two halves.
+/// Folders of the two hemispheres.
 pub(super) const HALVES: [&str; 2] = ["west", "east"];
 
-/// The half that a tile is in, and its column in it.
+/// Hemisphere of a tile, and its column there.
 pub(super) fn half_of(id: GlobeTileId) -> (&'static str, u32) {
     (HALVES[(id.x >> id.level) as usize & 1], id.x & ((1 << id.level) - 1))
 }
 
-/// Where a file of a tile is, of all files of a set.
+/// Path of a tile file within a set.
 pub(super) fn name_of(id: GlobeTileId, ending: &str) -> String {
     let (half, x) = half_of(id);
     format!("{half}/{}/{x}/{}.{ending}", id.level, id.y)
 }
 
-/// Makes the spheres of all tiles hold those of the tiles below them, and their errors no smaller.
+/// Extends the bounding spheres and errors of all tiles to those of their children.
 pub(super) fn nest(facts: &mut BTreeMap<GlobeTileId, TileMetadata>) {
     let finest_first: Vec<GlobeTileId> = facts.keys().rev().copied().collect();
     for id in finest_first {
@@ -47,7 +47,7 @@ pub(super) fn nest(facts: &mut BTreeMap<GlobeTileId, TileMetadata>) {
     }
 }
 
-/// The subtrees of a set, by the tile at the top of each.
+/// Subtrees of a set, by their root tile.
 pub(super) fn subtrees(
     facts: &BTreeMap<GlobeTileId, TileMetadata>,
 ) -> impl Iterator<Item = (GlobeTileId, Vec<u8>)> + '_ {
@@ -66,7 +66,7 @@ pub(super) fn subtrees(
     })
 }
 
-/// What clients are told: where there are tiles, how far off the levels are, and what is told of each tile.
+/// Metadata for clients: available tiles, errors of levels, and the schema of tile metadata.
 pub(super) fn tileset(
     ground: &SurveyedGrid<'_>,
     levels: &[TileLevelReport],
@@ -78,7 +78,7 @@ pub(super) fn tileset(
             [low.min(facts.heights[0]), high.max(facts.heights[1])]
         })
     });
-    // No tile is further off; clients halve it by level.
+    // Upper bound of all errors; clients halve it per level.
     let errors = facts.values().map(|facts| facts.error);
     let error = errors.fold(level_error(0), f64::max);
     let region = |west: f64, east: f64, [low, high]: [f64; 2]| json!({"region": [west, -FRAC_PI_2, east, FRAC_PI_2, low, high]});

@@ -1,4 +1,4 @@
-//! The plan of tiles: what is asked for and what was found in the input, its tasks, and what one does.
+//! The plan of tiles: settings, input, and tasks.
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -30,44 +30,44 @@ use terrane_engine::plan::{
 use terrane_engine::workers;
 use terrane_globe::{GlobeTileId, GridOverview};
 
-/// Tiles of a task, unless told otherwise: regions of as many as have about 134 million samples.
+/// Default number of tiles per task: regions with about 134 million samples.
 const CUT: u32 = 128;
-/// Most tiles of a task.
+/// Largest number of tiles per task.
 const MOST_CUT: u32 = 1 << 16;
-/// Nanoseconds of one thread for a sample, to make its tiles and to write them, as measured on one machine; see
+/// Nanoseconds of one thread per sample to make and to write its tiles, as measured on one machine; see
 /// benches/history/2026.md, 27.
 const SAMPLE: [f64; 2] = [650.0, 60.0];
 
-/// Tiles to make of a grid.
+/// Tiles of a grid.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct TilesPlan {
     method: PlannedTilesJob,
     grid: PlannedGrid,
 }
 
-/// What is asked for.
+/// Settings.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct PlannedTilesJob {
     #[serde(flatten)]
     job: TilesJob,
-    /// Where the grid is on the globe.
+    /// Georeference of the grid.
     place: GridFootprint,
     /// Maximum level.
     last: u8,
-    /// Tiles of a task.
+    /// Tiles per task.
     cut: u32,
 }
 
-/// What an object tells.
+/// Summary of an object.
 #[derive(Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct TileObjectSummary {
     tiles: u64,
 }
 
-/// The input and the job, opened.
+/// The opened input and job.
 pub(super) struct PreparedTiles {
     opened: OpenedTilesGrid,
-    /// Once all was looked at.
+    /// After the first pass.
     overview: OnceLock<GridOverview>,
 }
 
@@ -81,7 +81,7 @@ impl TilesPlan {
         tiles.check().map(|()| tiles)
     }
 
-    /// What the work takes.
+    /// Required resources.
     pub(super) fn needs(&self, opened: &OpenedTilesGrid) -> Result<PlanNeeds> {
         let samples = self.grid.samples() as f64;
         let [bytes, output] = probe::expect(opened)?;
@@ -106,7 +106,7 @@ impl TilesPlan {
         self.division().counts(self.method.cut)
     }
 
-    /// The tiles of a task, of all that there may be.
+    /// Tiles of a task among all possible tiles.
     fn part(&self, task: u32, all: &TileNumbering) -> Vec<GlobeTileId> {
         let [task, cut] = [task, self.method.cut].map(u64::from);
         all.part(task * cut..(task + 1) * cut)
@@ -114,7 +114,7 @@ impl TilesPlan {
 }
 
 impl PreparedTiles {
-    /// What was seen, of all objects that have it.
+    /// Survey results of all objects.
     fn ground(&self, survey: &TaskSurvey<'_, TilesPlan>) -> Result<SurveyedGrid<'_>> {
         if self.overview.get().is_none() {
             let mut gathered = self.opened.look.clone().gather();
@@ -125,12 +125,12 @@ impl PreparedTiles {
             let _is_first = self.overview.set(found);
         }
         let overview = self.overview.get();
-        let lost = || Error::new(ErrorKind::Internal, "what was seen is lost");
+        let lost = || Error::new(ErrorKind::Internal, "the survey of the grid is lost");
         let overview = overview.ok_or_else(lost)?;
         Ok(SurveyedGrid::new(&self.opened, overview))
     }
 
-    /// Writes tiles, made on all threads, to an object.
+    /// Makes tiles on all threads, and writes them to an object.
     fn tiles(
         &self,
         (stage, object): (&str, &Path),
@@ -181,8 +181,8 @@ impl PlannedWork for TilesPlan {
         let PlannedGrid { width, height, .. } = self.grid;
         limits::check("columns or rows", width.max(height).into(), limits::MAX_SIDE)?;
         if !(1..=MOST_CUT).contains(&self.method.cut) {
-            return Err(Error::usage(format!("a task of {} tiles is none", self.method.cut))
-                .remedy(format!("choose 1 to {MOST_CUT}")));
+            return Err(Error::usage(format!("task size {} is out of range", self.method.cut))
+                .remedy(format!("pass 1 to {MOST_CUT}")));
         }
         let tasks = self.counts().into_iter().map(u64::from).sum();
         limits::check("number of tasks", tasks, plan::MOST_TASKS)
@@ -215,7 +215,7 @@ impl PlannedWork for TilesPlan {
                 let part = self.part(near, &division.regions());
                 part.iter().map(|id| division.samples(&id.bounds())).sum()
             }
-            // Mostly blocks of samples are looked at.
+            // Most of the work is on blocks of samples.
             PlanStep::Task(TilesTask::Far(far)) => {
                 self.part(far, &division.above(division.far_end())).len() as u64 * 4096
             }

@@ -1,5 +1,5 @@
-//! `terrane demo --methods`: a small terrain by several methods at the same largest error, each mesh proved,
-//! all in one picture.
+//! `terrane demo --methods`: a small terrain by several methods at the same largest error, with verified meshes
+//! in one picture.
 
 use std::path::{Path, PathBuf};
 
@@ -16,12 +16,12 @@ use terrane_terrain::convert;
 use terrane_terrain::tin::{TextbookMethod, TinGoal, TinJob};
 use terrane_viewer::view::{PicturePanel, SheetJob, run_sheet};
 
-/// Small enough for methods that hold all of it, and for edges to be told apart; and how far a sample may be
-/// from the meshes, in metres.
+/// Terrain small enough for methods that hold it in memory and for visible edges, and the error bound in
+/// metres.
 const TERRAIN: &str = "synth:rough,size=129,seed=7";
 const TOLERANCE: f64 = 2.0;
 
-/// A way to make a mesh: the engine's own, or a method by its name; `fit` as with `tin --fit`.
+/// A mesh method: the engine's own, or one by name; `fit` as in `tin --fit`.
 struct DemoMethod {
     label: &'static str,
     file: &'static str,
@@ -33,7 +33,7 @@ const fn textbook(name: &'static str, file: &'static str) -> DemoMethod {
     DemoMethod { label: name, file, method: Some(name), fit: false }
 }
 
-/// What is compared, in the order of the picture.
+/// Compared methods, in the order of the picture.
 const WAYS: [DemoMethod; 6] = [
     DemoMethod { label: "greedy", file: "greedy.ply", method: None, fit: false },
     DemoMethod { label: "greedy --fit", file: "greedy-fit.ply", method: None, fit: true },
@@ -42,21 +42,21 @@ const WAYS: [DemoMethod; 6] = [
     textbook("rtin", "rtin.ply"),
     textbook("vip", "vip.ply"),
 ];
-/// Panels beside each other, and pixels across one.
+/// Panels per row, and width of a panel in pixels.
 const COLUMNS: usize = 3;
 const PANEL: u32 = 480;
 
-/// What is told of a mesh.
+/// Results of a mesh.
 #[derive(Serialize)]
 struct DemoMeshRow {
     method: &'static str,
     mesh: String,
     vertices: u64,
     triangles: u64,
-    /// As measured by the proof.
+    /// Measured by the verification.
     max_error: Option<f64>,
     rmse: Option<f64>,
-    /// What it took to make, without the proof.
+    /// Time without the verification.
     wall_seconds: f64,
     #[serde(flatten)]
     verdict: ProofVerdict,
@@ -110,7 +110,7 @@ pub(super) fn run(args: &DemoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     Ok(VerbOutcome::of(verdicts().all(|v| v.passed), verdicts().all(|v| v.judged)))
 }
 
-/// Makes and proves a mesh.
+/// Makes and verifies a mesh.
 fn row(
     way: &DemoMethod,
     job: &TinJob,
@@ -137,7 +137,8 @@ fn row(
 
 fn by_name(name: &str) -> Result<TextbookMethod> {
     let found = METHODS.iter().find(|method| method.name == name);
-    let method = found.ok_or_else(|| Error::usage(format!("no method {name}")).remedy("report it"));
+    let method = found
+        .ok_or_else(|| Error::usage(format!("unknown method {name}")).remedy("report this bug"));
     Ok(TextbookMethod { method: method?, triangulation: TriangulationRule::default() })
 }
 
@@ -161,13 +162,13 @@ fn error(row: &DemoMeshRow) -> String {
 fn summary(told: &MethodComparison, [grid, drawn, report]: [&PathBuf; 3]) -> Result<String> {
     let MethodComparison { tolerance, vertical_unit: unit, methods, .. } = told;
     let all_proved = methods.iter().all(|row| row.verdict.passed);
-    let verdict = if all_proved { "proved of every mesh" } else { "NOT kept by every mesh" };
+    let verdict = if all_proved { "proved for every mesh" } else { "NOT kept by every mesh" };
     let samples = u64::from(told.width) * u64::from(told.height);
     let files = text::table(&[
         ("terrain", format!("{}, {} samples", size(grid)?, text::count(samples))),
         ("picture", size(drawn)?),
         ("report", size(report)?),
-        ("bound", format!("{} {unit} at the most, {verdict}", text::number(*tolerance))),
+        ("bound", format!("at most {} {unit}, {verdict}", text::number(*tolerance))),
     ]);
     let heading = ["method", "vertices", "of samples", "triangles", "largest error", "time"];
     let cells = |row: &DemoMeshRow| {
@@ -185,7 +186,7 @@ fn summary(told: &MethodComparison, [grid, drawn, report]: [&PathBuf; 3]) -> Res
     Ok(format!("{files}\n{}", columns(&rows)))
 }
 
-/// Lines of cells below each other, the first to the left and the others to the right.
+/// Aligned rows of cells: the first column left, the others right.
 fn columns<const N: usize>(rows: &[[String; N]]) -> String {
     let width = |col: usize| rows.iter().map(|row| row[col].chars().count()).max().unwrap_or(0);
     let widths: [usize; N] = std::array::from_fn(width);

@@ -1,5 +1,5 @@
-//! `terrane demo`: the main job from end to end on a terrain made here, to see that all works; or several
-//! methods beside each other.
+//! `terrane demo`: the main job from end to end on a synthetic terrain, as a test of the installation; or a
+//! comparison of methods.
 
 mod methods;
 
@@ -34,11 +34,11 @@ pub(super) struct DemoArgs {
     show: args::ReportDisplay,
 }
 
-/// The terrain, and how far a sample may be from the mesh, in metres.
+/// The terrain, and the error bound in metres.
 const TERRAIN: &str = "synth:rough,size=2049,seed=7";
 const TOLERANCE: f64 = 5.0;
 
-/// Files of the demo's folder.
+/// Files of the demo folder.
 struct DemoFiles {
     grid: PathBuf,
     mesh: PathBuf,
@@ -98,7 +98,7 @@ fn terrain(rule: &str, grid: &Path, resources: &Resources) -> ConvertJob {
     })
 }
 
-/// Proves what a job wrote.
+/// Verifies the output of a job.
 fn prove(
     job: &TinJob,
     made: &TinReport,
@@ -130,11 +130,11 @@ fn picture(mesh: &Path, picture: &Path, resources: &Resources) -> ViewJob {
 fn name_of(path: &Path) -> Result<String> {
     let name = path.to_str().map(str::to_owned);
     name.ok_or_else(|| {
-        Error::usage("the folder's name is not UTF-8").in_file(path).remedy("choose another --dir")
+        Error::usage("folder name is not UTF-8").in_file(path).remedy("choose another --dir")
     })
 }
 
-/// A file's name and size.
+/// Name and size of a file.
 fn size(path: &Path) -> Result<String> {
     let found = std::fs::metadata(path).map_err(|e| Error::read(path, e))?;
     Ok(format!("{}, {}", path.display(), text::bytes(found.len())))
@@ -149,7 +149,7 @@ fn summary(files: &DemoFiles, made: &TinReport, checked: &VerifyReport) -> Resul
         ("picture", size(&files.picture)?),
         ("report", size(&files.report)?),
         (
-            "how small",
+            "size",
             format!(
                 "{} of {} samples kept ({}), {} triangles",
                 text::count(made.vertices),
@@ -159,16 +159,16 @@ fn summary(files: &DemoFiles, made: &TinReport, checked: &VerifyReport) -> Resul
             ),
         ),
         (
-            "how exact",
+            "accuracy",
             format!(
-                "{verdict}: no sample further than {} {unit}, {} {unit} allowed; RMSE {} {unit}",
+                "{verdict}: largest error {} {unit} ({} {unit} allowed), RMSE {} {unit}",
                 text::height(checked.max_error),
                 text::number(made.tolerance),
                 text::height(checked.rmse),
             ),
         ),
         (
-            "how fast",
+            "time",
             format!(
                 "{}, {}",
                 text::seconds(made.run.wall_seconds),

@@ -1,4 +1,4 @@
-//! `terrane info` of point clouds, for people.
+//! Summary of `terrane info` for point clouds.
 
 use super::picture;
 use crate::cli::shared::text;
@@ -45,7 +45,7 @@ pub(crate) fn rows(cloud: &CloudInfoReport) -> Vec<(String, String)> {
     rows
 }
 
-/// Corners with as many decimals as the scale tells apart.
+/// Corners with the decimals of the scale.
 fn corners(cloud: &CloudInfoReport, ends: &[Point3; 2]) -> [String; 2] {
     let decimals = cloud.scale.map(|s| (-s.log10()).ceil().clamp(0.0, 12.0) as usize);
     ends.map(|p| std::array::from_fn::<_, 3, _>(|i| format!("{:.*}", decimals[i], p[i])).join(", "))
@@ -75,10 +75,10 @@ fn stats_rows(cloud: &CloudInfoReport, stats: &CloudStats) -> Vec<(String, Strin
     rows.into_iter().filter(|(_, v)| !v.is_empty()).map(|(k, v)| (k.to_owned(), v)).collect()
 }
 
-/// Signs of the longest bar.
+/// Characters of the longest bar.
 const LONGEST: u64 = 40;
 
-/// The mean, percentiles, and a bar for each step.
+/// Mean, percentiles, and a bar per step.
 fn heights_rows(heights: &HeightDistribution) -> Vec<(String, String)> {
     let percentiles = heights.percentiles.iter();
     let told = percentiles.map(|(percent, z)| format!("{percent} %: {}", text::number(*z)));
@@ -89,7 +89,7 @@ fn heights_rows(heights: &HeightDistribution) -> Vec<(String, String)> {
     ];
     let most = heights.histogram.iter().map(|bar| bar.points).max().unwrap_or(1).max(1);
     rows.extend(heights.histogram.iter().map(|bar| {
-        // What is there is seen.
+        // Non-empty bins get at least one character.
         let long = (bar.points as f64 / most as f64 * LONGEST as f64).ceil() as usize;
         let name = format!("{} to {}", text::number(bar.low), text::number(bar.high));
         let gap = if long > 0 { " " } else { "" };

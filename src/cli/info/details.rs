@@ -1,4 +1,4 @@
-//! What a format tells of a file besides what all of them tell.
+//! Format-specific details of a file.
 
 /// Names and values.
 pub(crate) fn rows(

@@ -1,4 +1,4 @@
-//! `terrane info` of files of features, for people.
+//! Summary of `terrane info` for vector files.
 
 use crate::cli::shared::text;
 use terrane_viewer::info::{FeaturesInfoReport, FieldStats};
@@ -40,7 +40,7 @@ fn with_ids(own: &FeaturesInfoReport) -> String {
     }
 }
 
-/// Lines and rings, as far as there are any.
+/// Lines and rings, if any.
 fn parts(own: &FeaturesInfoReport) -> String {
     let counts = [("lines", own.lines), ("outer rings", own.outer_rings), ("holes", own.holes)];
     let some = counts.into_iter().filter(|(_, n)| *n > 0);
@@ -53,6 +53,6 @@ fn described(own: &FeaturesInfoReport, field: &FieldStats) -> String {
     told.extend(field.width.map(|width| format!(" of {width} bytes")));
     told.extend(field.decimals.filter(|n| *n > 0).map(|n| format!(" with {n} decimals")));
     let nulls = own.features.saturating_sub(field.values);
-    told.extend((nulls > 0).then(|| format!(", none in {} features", text::count(nulls))));
+    told.extend((nulls > 0).then(|| format!(", null in {} features", text::count(nulls))));
     told
 }

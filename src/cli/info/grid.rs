@@ -1,4 +1,4 @@
-//! `terrane info` of grids, for people.
+//! Summary of `terrane info` for grids.
 
 use crate::cli::info::details;
 use crate::cli::shared::text;
@@ -44,11 +44,11 @@ fn cost_rows(plan: &TinCost) -> Vec<(String, String)> {
     let threads = if plan.threads == 1 { "thread" } else { "threads" };
     let [least, memory] = [plan.least_memory, plan.memory].map(text::bytes);
     let mut rows = vec![
-        ("tin memory", format!("{least} at least, {memory} allowed (--memory)")),
+        ("tin memory", format!("at least {least}, {memory} allowed (--memory)")),
         (
             "tin time",
             format!(
-                "about {coarse} to {fine} on {} {threads} (a sample and thread: {})",
+                "about {coarse} to {fine} on {} {threads} (per sample and thread: {})",
                 plan.threads,
                 rates.join(", ")
             ),

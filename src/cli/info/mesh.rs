@@ -1,4 +1,4 @@
-//! `terrane info` of meshes, for people.
+//! Summary of `terrane info` for meshes.
 
 use crate::cli::info::{details, quality};
 use crate::cli::shared::text;
@@ -8,7 +8,7 @@ use terrane_viewer::info::MeshInfoReport;
 /// Names and values.
 pub(crate) fn rows(mesh: &MeshInfoReport) -> Vec<(String, String)> {
     let corner = |p: Point3| p.map(text::position).join(", ");
-    let sharing = if mesh.indexed { "shared by triangles" } else { "three to each triangle" };
+    let sharing = if mesh.indexed { "shared by triangles" } else { "three per triangle" };
     let stored = if mesh.single_precision { "32-bit" } else { "64-bit" };
     let mut rows = vec![
         ("format", mesh.format.to_owned()),

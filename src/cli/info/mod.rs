@@ -1,4 +1,4 @@
-//! `terrane info`: what a file is, for every format of grids, meshes, clouds and features.
+//! `terrane info`: properties of grids, meshes, point clouds and vector files.
 
 mod cloud;
 mod details;
@@ -48,7 +48,7 @@ pub(crate) struct InfoArgs {
     show: args::ReportDisplay,
 }
 
-/// What is told about.
+/// Kinds of input.
 #[derive(Clone, Debug)]
 struct DescribedInput;
 
@@ -77,14 +77,14 @@ impl Verb for InfoArgs {
     }
 }
 
-/// Tells about each file; a bad one does not keep the others from being told about.
+/// Describes each file, independent of bad ones.
 fn run(args: &InfoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let progress = args.show.progress();
     let (mut is_any_told, mut failures) = (false, Vec::new());
     let at_once = if args.mosaic { args.files.len() } else { 1 };
     if args.options.given().contains(&"picture") && args.files.len() > at_once {
-        return Err(Error::usage("‹picture› is of one cloud, and here are several files")
-            .remedy("take them together with --mosaic, or name one"));
+        return Err(Error::usage("‹picture› is not supported for several inputs")
+            .remedy("merge them with --mosaic, or name one"));
     }
     for files in args.files.chunks(at_once.max(1)) {
         match args.describe(files, progress.as_ref(), cancel) {
@@ -112,7 +112,7 @@ fn run(args: &InfoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     last.map_or(Ok(VerbOutcome::Kept), |(_, error)| Err(error))
 }
 
-/// Tells of files by themselves that are left out.
+/// Reports single files that are skipped.
 fn skip(failures: &[(String, Error)], args: &InfoArgs) -> Result<VerbOutcome> {
     let skipped = failures.iter().map(|(name, error)| Skipped::new(name, error));
     let skipped: Vec<Skipped> = skipped.collect();
@@ -127,7 +127,7 @@ fn told(files: &[String]) -> String {
     Inputs::from(files.to_vec()).to_string()
 }
 
-/// What is known of a file.
+/// Properties of a file.
 #[derive(Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 enum InfoReport {
@@ -149,7 +149,7 @@ impl InfoReport {
     }
 }
 
-/// What is known of files, with those that were left out.
+/// Properties of files, with the skipped ones.
 type Known<R = InfoReport> = (R, Vec<Skipped>);
 
 impl InfoArgs {
@@ -177,13 +177,13 @@ impl InfoArgs {
             Err(error) if error.kind() == ErrorKind::BadInput => error,
             other => return other,
         };
-        // A table of positions may be features.
+        // A table of positions may be a vector file.
         if !files.iter().any(|file| many::are_lines(&path_of(file))) {
             return Err(as_grid);
         }
         match self.features(files, at) {
             Ok((mut facts, skipped)) if facts.is_more_than_positions() => {
-                facts.notes.push(format!("taken for features, because as a grid: {as_grid}"));
+                facts.notes.push(format!("read as features; not a grid: {as_grid}"));
                 Ok((InfoReport::Features(Box::new(facts)), skipped))
             }
             _ => Err(as_grid),
@@ -196,14 +196,13 @@ impl InfoArgs {
         at: (&dyn Progress, &Cancel),
     ) -> Result<Known<FeaturesInfoReport>> {
         if files.len() > 1 {
-            return Err(
-                Error::usage("features are told about file by file").remedy("leave --mosaic out")
-            );
+            return Err(Error::usage("--mosaic is not supported for feature files")
+                .remedy("leave --mosaic out"));
         }
         self.inspect::<FeaturesInfoOptions, FeatureInput>(self.of(files)?, files, at)
     }
 
-    /// What is known of grids or a mesh.
+    /// Properties of grids or of a mesh.
     fn surface(&self, files: &[String], at: (&dyn Progress, &Cancel)) -> Result<Known> {
         if let [one] = files {
             check::input(one)?;
@@ -230,13 +229,13 @@ impl InfoArgs {
         }
     }
 
-    /// The options for files of one kind.
+    /// Options for files of one kind.
     fn of<O: Inspection>(&self, files: &[String]) -> Result<O> {
         let options = self.options.of(&told(files))?;
         check_given(&options, self.options.given()).map(|()| options)
     }
 
-    /// What is known of the files that are taken.
+    /// Properties of the selected files.
     fn inspect<O: Inspection + HasGroup<I>, I: OperationInput>(
         &self,
         mut options: O,

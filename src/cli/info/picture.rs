@@ -1,11 +1,11 @@
-//! `terrane info CLOUD --picture`: a cloud from above, for people.
+//! Summary of `terrane info CLOUD --picture`.
 
 use terrane_options::Choice;
 
 use crate::cli::shared::text;
 use terrane_viewer::cloud_picture::PictureReport;
 
-/// Names and values for people; areas are in squares of `unit`.
+/// Names and values; areas are in squared `unit`.
 pub(super) fn rows(report: &PictureReport, unit: &str) -> Vec<(String, String)> {
     let cells = format!(
         "{} x {} of {} {unit}, {} with points",

@@ -1,11 +1,11 @@
-//! `terrane info --quality`: what a mesh is worth as a triangulation, for people.
+//! Summary of `terrane info --quality`: triangulation quality of a mesh.
 
 use crate::cli::shared::text;
 use terrane_verify::{
     AngleReport, AspectReport, DegreeReport, GridLocation, QualityReport, SlopeReport,
 };
 
-/// What was measured, for people.
+/// Measured values.
 pub(crate) fn rows(quality: &QualityReport) -> Vec<(String, String)> {
     let mut rows = vec![
         ("edges", edges(quality)),
@@ -28,24 +28,22 @@ fn edges(q: &QualityReport) -> String {
     let [all, inside, border] = [q.edges, q.interior_edges, q.border_edges].map(text::count);
     let [least, most] = [q.shortest_edge, q.longest_edge].map(text::height);
     let sum = text::number(q.edge_length_sum);
-    format!(
-        "{all}, {inside} inside and {border} at the border; {least} to {most} long, in all {sum}"
-    )
+    format!("{all}: {inside} inner, {border} on the border; length {least} to {most}, total {sum}")
 }
 
 fn delaunay(q: &QualityReport) -> String {
-    let Some(share) = q.delaunay_share else { return "no edges inside".to_owned() };
+    let Some(share) = q.delaunay_share else { return "no inner edges".to_owned() };
     let [cocircular, not] =
         [q.cocircular_edges, q.interior_edges - q.delaunay_edges].map(text::count);
     let share = percent(share);
     format!(
-        "{share} of the edges inside in x and y, {cocircular} of them with four corners on a circle; {not} are not"
+        "{share} of inner edges in x and y, {cocircular} of them cocircular; {not} not Delaunay"
     )
 }
 
 fn degrees(d: &DegreeReport) -> String {
     let [least, most] = [d.min, d.max].map(|n| n.map_or("-".to_owned(), text::count));
-    format!("{least} to {most} edges at a vertex, {} in the mean", text::height(d.mean))
+    format!("{least} to {most} edges per vertex, mean {}", text::height(d.mean))
 }
 
 fn angles(a: &AngleReport) -> String {
@@ -54,23 +52,23 @@ fn angles(a: &AngleReport) -> String {
     let below = a.below.iter().map(|b| format!("{}: {}", text::number(b.angle), percent(b.share)));
     let below: Vec<String> = below.collect();
     format!(
-        "the smallest of a triangle: {min} degrees, 1 % up to {one}, 5 % up to {five}, half up to {half}; \
+        "smallest per triangle: minimum {min} degrees, 1st percentile {one}, 5th {five}, median {half}; \
          below {}",
         below.join(", ")
     )
 }
 
 fn aspects(a: &AspectReport) -> String {
-    format!("{} in the mean, {} at the most", text::height(a.mean), text::height(a.max))
+    format!("mean {}, maximum {}", text::height(a.mean), text::height(a.max))
 }
 
-/// What a surface does not have.
+/// Defects of a surface.
 fn odd(q: &QualityReport) -> Option<String> {
     let counts = [
         (q.broken_triangles, "triangles with an unusable vertex"),
         (q.empty_triangles, "triangles without area"),
-        (q.inverted_triangles, "triangles clockwise"),
-        (q.folded_edges, "edges with both triangles on one side"),
+        (q.inverted_triangles, "clockwise triangles"),
+        (q.folded_edges, "folded edges"),
         (q.non_manifold_edges, "non-manifold edges"),
     ];
     let told = counts.into_iter().filter(|(count, _)| *count > 0);
@@ -85,15 +83,13 @@ fn slopes(s: &SlopeReport) -> String {
     let [rms, max] = [s.rms, s.max].map(text::height);
     let missing = match s.uncovered_cells {
         0 => String::new(),
-        n => format!("; {} more are not covered", text::count(n)),
+        n => format!("; {} cells not covered", text::count(n)),
     };
     let cells = text::count(s.cells);
-    format!(
-        "{rms} degrees off (root mean square of {cells} cells), {max} at the most{place}{missing}"
-    )
+    format!("RMS error {rms} degrees over {cells} cells, maximum {max}{place}{missing}")
 }
 
-/// To a hundredth, but never all of what is not all, or none of what is some.
+/// Rounded to a hundredth, but never to 100 % or 0 % unless exact.
 fn percent(share: f64) -> String {
     let hundredths = (share * 10_000.0).round();
     match hundredths {

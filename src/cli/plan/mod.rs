@@ -1,4 +1,4 @@
-//! `terrane plan`: work on a large input is written down as tasks for many machines or many nights.
+//! `terrane plan`: division of a large job into tasks for many machines or several runs.
 
 pub(crate) mod run;
 pub(crate) mod status;
@@ -66,7 +66,7 @@ struct TinArgs {
     /// points in a task, at least 131,072 [default: about 17 million]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Method")]
     task_size: Option<u32>,
-    /// What the size of tasks was called for grids
+    /// Former name of the task size for grids
     #[arg(long, hide = true, conflicts_with = "task_size", value_parser = clap::value_parser!(u32).range(1..))]
     strip_rows: Option<u32>,
     /// The same for clouds
@@ -102,7 +102,7 @@ impl TinArgs {
     }
 }
 
-/// Fails for a size of tasks of other inputs.
+/// Fails for the task size of another kind of input.
 fn refuse_size(option: &str, given: Option<u32>, of: &str) -> Result<()> {
     match given {
         None => Ok(()),
@@ -128,7 +128,7 @@ struct PlanCommandOptions<O: Divisible<Input: OperationInput>> {
     show: args::ReportDisplay,
 }
 
-/// What the size of tasks was called.
+/// Former name of the task size.
 fn task_size_alias(operation: &str) -> &'static str {
     if operation == GridOptions::NAME { "tile" } else { "cut" }
 }
@@ -152,7 +152,7 @@ impl<O: Divisible<Input: OperationInput>> PlanCommandOptions<O> {
     }
 }
 
-/// Writes down what options say, in a folder, and tells of it.
+/// Writes a plan to a folder, and prints its status.
 fn plan<O: Divisible<Input: OperationInput>>(
     mut options: O,
     frame: &RunArguments<'_>,

@@ -1,4 +1,4 @@
-//! `terrane plan run` and `terrane plan finish`: the work of a plan is done, all of it or one task.
+//! `terrane plan run` and `terrane plan finish`: runs all tasks of a plan, or one.
 
 use std::path::{Path, PathBuf};
 
@@ -75,11 +75,11 @@ pub(crate) fn run(args: &PlanRunArgs, cancel: &Cancel) -> Result<VerbOutcome> {
 pub(crate) fn finish(args: &FinishArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let mut options = args.how.options.0.clone();
     if options.task.is_some() {
-        return Err(Error::usage("‹task› cannot act: it is the last task that is done")
+        return Err(Error::usage("‹task› is not supported by `terrane plan finish`")
             .remedy("leave ‹task› out, or pass it to terrane plan run"));
     }
     if args.file.is_some() && options.output.is_some() {
-        return Err(Error::usage("the output is named twice").remedy("leave ‹output› out"));
+        return Err(Error::usage("the output is given twice").remedy("leave ‹output› out"));
     }
     options.task = Some("finish".to_owned());
     options.output = args.file.clone().or(options.output);
@@ -95,7 +95,7 @@ fn work(
     let job = options.job(folder.to_path_buf())?;
     let kind = kind(folder)?;
     if let (PlanKind::Tin, Some(output)) = (kind, &job.output) {
-        // Whether it exists is asked later: it may be the mesh of this very plan.
+        // Existence is checked later: it may be the mesh of this plan.
         match job.form.split {
             Some(_) => check::folder(output)?,
             None => check::new_file(output, true)?,
@@ -155,13 +155,13 @@ fn summary(r: &RunReport<MeshRun>) -> String {
     told(r, &rows, r.of.mesh.as_ref().map(Summarize::summary))
 }
 
-/// What a run of any plan did; `made` of what, and the time of its stages in threads.
+/// Summary of a run of any plan: `made` is the result, `stages` the thread time of its stages.
 fn rows<R: DescribesRun>(
     r: &RunReport<R>,
     made: String,
     stages: Option<String>,
 ) -> Vec<(&'static str, String)> {
-    // The task that writes the result counts, too, as it does in what is to do.
+    // The final task counts as well, as in the open tasks.
     let is_there = r.of.written().is_some() && !r.finished;
     let done = r.found + u64::from(is_there);
     let (found, tasks) = (text::count(done), text::count(r.tasks));
@@ -169,7 +169,7 @@ fn rows<R: DescribesRun>(
         0 => "none".to_owned(),
         _ => format!("{found} of {tasks}, {} checked", text::bytes(r.found_bytes)),
     };
-    let mut rows = vec![("found done", all)];
+    let mut rows = vec![("reused", all)];
     if !r.damaged.is_empty() {
         rows.push(("damaged", format!("{}; made anew", r.damaged.join(", "))));
     }
@@ -178,14 +178,14 @@ fn rows<R: DescribesRun>(
     if count > 0 {
         let (tasks, bytes) = (text::count(count), text::bytes(r.made_bytes));
         rows.push(("made", format!("{tasks} tasks, {made}, {bytes}")));
-        rows.extend(stages.map(|stages| ("in threads", stages)));
+        rows.extend(stages.map(|stages| ("thread time", stages)));
     }
     rows.push(("time", text::seconds(r.wall_seconds)));
-    rows.extend(r.peak_memory.map(|peak| ("memory", format!("{} at the peak", text::bytes(peak)))));
+    rows.extend(r.peak_memory.map(|peak| ("memory", format!("peak {}", text::bytes(peak)))));
     rows
 }
 
-/// The rows of a run, and what was written.
+/// Rows of a run, with the written output.
 fn told<R>(r: &RunReport<R>, rows: &[(&'static str, String)], written: Option<String>) -> String {
     let tasks = format!("{}\n{}", r.folder, text::table(rows));
     written.map_or(tasks.clone(), |written| format!("{tasks}\n{written}"))

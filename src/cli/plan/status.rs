@@ -1,4 +1,4 @@
-//! `terrane plan status`: how far the work on a plan has come.
+//! `terrane plan status`: progress of a plan.
 
 use std::path::PathBuf;
 
@@ -57,7 +57,7 @@ fn tell<O: Divisible>(
     Ok(VerbOutcome::Kept)
 }
 
-/// The plan of a grid for people.
+/// Summary of a plan of a grid.
 pub(crate) fn grid_summary(r: &StatusReport<CellStatus>) -> String {
     let [width, height, tile] =
         [r.of.width, r.of.height, r.tile_cells].map(|n| text::count(n.into()));
@@ -68,7 +68,7 @@ pub(crate) fn grid_summary(r: &StatusReport<CellStatus>) -> String {
     table("grid", of, r)
 }
 
-/// The plan of a mesh for people.
+/// Summary of a plan of a mesh.
 pub(crate) fn summary(r: &StatusReport<MeshStatus>) -> String {
     let error = text::number(r.of.max_error);
     let of = [
@@ -78,7 +78,7 @@ pub(crate) fn summary(r: &StatusReport<MeshStatus>) -> String {
     table("mesh", of, r)
 }
 
-/// The plan of a mesh of a cloud for people.
+/// Summary of a plan of a mesh of a point cloud.
 pub(crate) fn cloud_summary(r: &StatusReport<PointStatus>) -> String {
     let (points, error) = (text::count(r.of.points), text::number(r.of.max_error));
     let of = [
@@ -88,20 +88,20 @@ pub(crate) fn cloud_summary(r: &StatusReport<PointStatus>) -> String {
     table("mesh", of, r)
 }
 
-/// The plan of squares of points for people.
+/// Summary of a plan of point tiles.
 pub(crate) fn points_summary(r: &StatusReport<SquareStatus>) -> String {
     let [columns, rows] = r.of.squares.map(text::count);
     let (side, cut) = (text::number(r.of.side), text::count(r.tile_cells.into()));
     let squares =
-        format!("{columns} x {rows} of {side}, {cut} x {cut} to a task, written as {}", r.format);
+        format!("{columns} x {rows} of {side}, {cut} x {cut} per task, written as {}", r.format);
     table(
         "points",
-        [("cloud", format!("{} points", text::count(r.of.points))), ("squares", squares)],
+        [("cloud", format!("{} points", text::count(r.of.points))), ("tiles", squares)],
         r,
     )
 }
 
-/// The plan of tiles for people.
+/// Summary of a plan of terrain tiles.
 pub(crate) fn tiles_summary(r: &StatusReport<TilesStatus>) -> String {
     let of = [
         ("samples", text::count(r.of.samples)),
@@ -110,12 +110,12 @@ pub(crate) fn tiles_summary(r: &StatusReport<TilesStatus>) -> String {
     table("tiles", of, r)
 }
 
-/// Files that were left out of the input of a plan, as rows of a table.
+/// Skipped input files of a plan, as rows of a table.
 pub(crate) fn skipped(skipped: &[Skipped]) -> impl Iterator<Item = (&'static str, String)> {
     skipped.iter().map(|Skipped { file, reason }| ("skipped", format!("{file}: {reason}")))
 }
 
-/// What is told of any plan: that of a `kind`, and of what it is.
+/// Summary of any plan of a `kind`, with its specific rows.
 fn table<S>(kind: &'static str, of: [(&'static str, String); 2], r: &StatusReport<S>) -> String {
     let (done, left) = (text::count(r.done), text::count(r.to_do.len() as u64));
     let mut rows = vec![("plan", r.plan_id[..16].to_owned())];
@@ -124,12 +124,12 @@ fn table<S>(kind: &'static str, of: [(&'static str, String); 2], r: &StatusRepor
     if !r.to_do.is_empty() {
         rows.push(("time", time(&r.forecast)));
     }
-    rows.push(("memory", format!("at least {} for a task", text::bytes(r.forecast.least_memory))));
+    rows.push(("memory", format!("at least {} per task", text::bytes(r.forecast.least_memory))));
     let Forecast { disk_needed, output_bytes, .. } = r.forecast;
     let [used, more, output] = [r.object_bytes, disk_needed, output_bytes].map(text::bytes);
     rows.push((
         "disk",
-        format!("{used} in use, about {more} more, and about {output} for the {kind}"),
+        format!("{used} used, about {more} more needed, about {output} for the {kind}"),
     ));
     if !r.damaged.is_empty() {
         rows.push(("damaged", r.damaged.join(", ")));

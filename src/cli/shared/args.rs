@@ -9,7 +9,7 @@ use terrane_engine::Progress;
 use terrane_engine::input::is_mesh;
 use terrane_files::{is_made, path_of};
 
-/// Fails when `input` is no grid file, because `option` is about those.
+/// Fails if `input` is not a grid file, for an `option` of grid files.
 pub(crate) fn only_grid_files(option: &str, input: &str) -> Result<()> {
     if is_made(input) {
         return Err(refusal(option, input, "a synthetic terrain"));
@@ -17,15 +17,15 @@ pub(crate) fn only_grid_files(option: &str, input: &str) -> Result<()> {
     only_grids(option, input)
 }
 
-/// Fails when `input` is a mesh, because `option` is about grids.
+/// Fails if `input` is a mesh, for an `option` of grids.
 pub(crate) fn only_grids(option: &str, input: &str) -> Result<()> {
-    // What cannot be told from a grid is told of when it is opened.
+    // Unreadable files are reported when they are opened.
     if is_mesh(input).unwrap_or(false) { Err(refusal(option, input, "a mesh")) } else { Ok(()) }
 }
 
-/// The error of an option that is for grid files, given with `what`.
+/// Error of an option of grid files, given with `what`.
 pub(crate) fn refusal(option: &str, input: &str, what: &str) -> Error {
-    Error::usage(format!("{option} is for grid files, and this is {what}"))
+    Error::usage(format!("{option} is for grid files, not for {what}"))
         .in_file(&path_of(input))
         .remedy(format!("leave {option} out"))
 }
@@ -43,13 +43,13 @@ pub(crate) struct ReportDisplay {
     /// Print no progress and no summary
     #[arg(short, long)]
     pub(crate) quiet: bool,
-    /// True where stdout has the result itself.
+    /// True if stdout has the result itself.
     #[arg(skip)]
     is_taken: bool,
 }
 
 impl ReportDisplay {
-    /// The progress display asked for.
+    /// The requested progress display.
     pub(crate) fn progress(&self) -> Box<dyn Progress> {
         let shown = progress::display(if self.quiet { ProgressMode::None } else { self.progress });
         #[cfg(feature = "tracing")]
@@ -57,12 +57,12 @@ impl ReportDisplay {
         shown
     }
 
-    /// The same, on stderr where stdout has the result itself.
+    /// The same on stderr if stdout has the result.
     pub(crate) fn beside(&self, is_taken: bool) -> Self {
         Self { is_taken, ..self.clone() }
     }
 
-    /// Tells a result, as JSON or for people, unless nothing is wanted; returns whether it was told.
+    /// Prints a result as JSON or text, unless quiet; returns whether it did.
     pub(crate) fn tell<R: serde::Serialize>(
         &self,
         report: &R,

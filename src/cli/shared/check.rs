@@ -1,4 +1,4 @@
-//! What can be known to be wrong before any work: inputs that are missing, outputs that are taken.
+//! Checks before any work: missing inputs, existing outputs.
 
 use std::borrow::Cow;
 use std::io;
@@ -13,28 +13,28 @@ use terrane_files::is_made;
 use terrane_files::{companions, path_of};
 use terrane_raster as raster;
 
-/// As [`input`], for each of `inputs`.
+/// As [`input`], for all `inputs`.
 pub(crate) fn inputs(inputs: &[String]) -> Result<()> {
     all(inputs.iter().map(|name| input(name)).collect()).map(drop)
 }
 
-/// The same of features.
+/// The same for features.
 pub(crate) fn features(inputs: &[String]) -> Result<()> {
     let input = |name: &String| there(name, Some("name a file of lines"));
     all(inputs.iter().map(input).collect()).map(drop)
 }
 
-/// Fails when `input` is neither files that are there nor the name of a synthetic terrain.
+/// Fails if `input` is neither existing files nor the name of a synthetic terrain.
 pub(crate) fn input(input: &str) -> Result<()> {
     there(input, Some("use a synthetic terrain such as synth:rough,size=2049"))
 }
 
-/// Fails when what was written is not there.
+/// Fails for a missing output.
 pub(crate) fn written(file: &str) -> Result<()> {
     there(file, None)
 }
 
-/// Fails when `input` is neither files that are there nor made by a rule; what else to do is told where it is missing.
+/// Fails if `input` is neither existing files nor synthetic; `or` is an alternative remedy for missing files.
 fn there(input: &str, or: Option<&str>) -> Result<()> {
     pipes::refuse_input(input)?;
     let path = &*path_of(raster::file_name(input));
@@ -51,20 +51,19 @@ fn there(input: &str, or: Option<&str>) -> Result<()> {
     })
 }
 
-/// Fails when a file that is read with the inputs is not there.
+/// Fails for a missing auxiliary file.
 pub(crate) fn beside(files: &[String]) -> Result<()> {
     files.iter().try_for_each(|name| pipes::refuse_input(name))?;
     let missing = |file: &&String| !is_made(file) && !path_of(raster::file_name(file)).exists();
     files.iter().find(missing).map_or(Ok(()), |file| Err(Error::missing(&path_of(file))))
 }
 
-/// True where a name leads to nothing; other failures, such as a folder that may not be entered, do
-/// not tell.
+/// True for a missing path; false for other errors, such as missing permissions.
 fn is_nowhere(kind: io::ErrorKind) -> bool {
     matches!(kind, io::ErrorKind::NotFound | io::ErrorKind::NotADirectory)
 }
 
-/// Fails when `path` cannot become a new file: it exists, or its folder does not.
+/// Fails if `path` cannot be a new file: it exists, or its folder is missing.
 pub(crate) fn new_file(path: &Path, overwrite: bool) -> Result<()> {
     atomic::refuse_existing(path, overwrite)?;
     if path.is_dir() {
@@ -75,33 +74,33 @@ pub(crate) fn new_file(path: &Path, overwrite: bool) -> Result<()> {
     if folder.is_some_and(|p| !p.is_dir()) {
         return Err(Error::new(ErrorKind::CannotWrite, "its folder does not exist")
             .in_file(path)
-            .remedy("make the folder first"));
+            .remedy("create the folder first"));
     }
     Ok(())
 }
 
-/// Fails for an address, to which nothing is written.
+/// Fails for an address, which cannot be an output.
 fn refuse_address(path: &Path) -> Result<()> {
     if path.exists() || !is_address(path) {
         return Ok(());
     }
-    Err(Error::new(ErrorKind::CannotWrite, "addresses are not written")
+    Err(Error::new(ErrorKind::CannotWrite, "output addresses are not supported")
         .in_file(path)
-        .remedy("name a file or folder of this machine"))
+        .remedy("name a local file or folder"))
 }
 
-/// Fails when `path` cannot become a folder: a file is there.
+/// Fails if `path` cannot be a folder because it is a file.
 pub(crate) fn folder(path: &Path) -> Result<()> {
     if path.exists() && !path.is_dir() {
-        return Err(Error::usage("is a file, and a folder is to be made")
+        return Err(Error::usage("is a file, not a folder")
             .in_file(path)
-            .remedy("name a folder, which need not exist"));
+            .remedy("name a new or existing folder"));
     }
     refuse_address(path)
 }
 
-/// Fails when `report` cannot become a new file that is none of the files `read`, none of the `results`,
-/// and no part of either: a file that comes with one, or lies in one that is a folder.
+/// Fails if `report` cannot be a new file that is distinct from the files `read`, the `results`, their sidecar
+/// files and the files in them.
 pub(crate) fn report(
     report: Option<&Path>,
     read: &[String],
@@ -111,7 +110,7 @@ pub(crate) fn report(
     let Some(report) = report else { return Ok(()) };
     let report_place = place(report);
     let is_part = |file: &Path| {
-        // To follow every name that might be there takes far longer.
+        // Resolving every possible name would take far longer.
         let may_be =
             |path: &PathBuf| path.file_name() == report_place.file_name() || path.is_symlink();
         report_place.starts_with(place(file))

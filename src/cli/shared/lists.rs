@@ -1,4 +1,4 @@
-//! Lists that the help of a verb ends in, taken from the registries.
+//! Lists at the end of a verb's help, from the registries.
 
 use terrane_base::attribute;
 use terrane_base::parameters::Parameter;
@@ -19,7 +19,7 @@ pub(crate) const EXIT_CODES: &str = "Exit codes: 0 success, 1 a check failed, 2 
 70 internal error, 73 cannot write, 74 read or write failed, 75 out of memory, \
 130 interrupted";
 
-/// What the engine's own way to make meshes of grids is called.
+/// Name of the engine's own meshing method.
 pub(crate) const ENGINE: &str = "greedy";
 
 pub(crate) fn grids() -> String {
@@ -48,10 +48,10 @@ pub(crate) fn features_written() -> String {
     list("Lines written, by --format or ending", &rows)
 }
 
-/// Makes a list.
+/// Function that makes a list.
 type List = fn() -> String;
 
-/// Lists of what values of some options may be.
+/// Lists of values of some options.
 const OF_OPTIONS: &[(&str, List)] = &[
     ("stat", statistics),
     ("ground", grounds),
@@ -60,7 +60,7 @@ const OF_OPTIONS: &[(&str, List)] = &[
     ("thin", thinned),
 ];
 
-/// Those of the options of a table.
+/// Lists for the options of a table.
 pub(crate) fn of_options(table: &'static OptionTable) -> impl Iterator<Item = String> {
     let own = OF_OPTIONS.iter().filter(|(name, _)| table.find(name).is_some());
     own.map(|(_, list)| list())
@@ -97,7 +97,7 @@ fn statistics() -> String {
 fn attributes() -> String {
     let row = |a: &attribute::PointAttribute| (a.name, a.aliases.join(" "), a.about);
     let rows: Vec<_> = attribute::ATTRIBUTES.iter().map(row).collect();
-    list("Attributes of points, beside the names of extra bytes", &rows)
+    list("Attributes of points, in addition to extra bytes", &rows)
 }
 
 fn grounds() -> String {
@@ -117,7 +117,7 @@ fn canopies() -> String {
     with_parameters("--canopy", "spike-free:freeze=1.5", rows)
 }
 
-/// Methods of an option (name, source, what it is, parameters), and their parameters, with an example of these.
+/// Methods of an option (name, source, summary, parameters) and their parameters, with an example.
 fn with_parameters(
     option: &str,
     example: &str,

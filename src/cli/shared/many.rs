@@ -1,4 +1,4 @@
-//! Batches: files in folders below, and bad files among good ones.
+//! Batches: files in subfolders, and skipping of bad files.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use terrane_files::{is_made, path_of};
 use terrane_raster as raster;
 use terrane_vector as vector;
 
-/// Which of many files are taken.
+/// Selection of input files.
 #[derive(Clone, Debug, Default, clap::Args)]
 #[command(next_help_heading = "Many files")]
 #[group(id = "many")]
@@ -26,7 +26,7 @@ pub(crate) struct InputSelection {
     pub(crate) skip_bad: bool,
 }
 
-/// What files hold, and how they are opened.
+/// Kind of files, and how they are opened.
 #[derive(Clone, Copy)]
 pub(crate) enum InputFileKind<'a> {
     Grids(&'a raster::GridOpenOptions),
@@ -51,7 +51,7 @@ impl InputFileKind<'_> {
         }
     }
 
-    /// Fails when one of the files that `names` stand for is not there.
+    /// Fails if one of the files of `names` is missing.
     fn check(self, names: &[String]) -> Result<()> {
         match self {
             Self::Clouds(_) => {
@@ -71,12 +71,12 @@ impl InputFileKind<'_> {
     }
 }
 
-/// True for a file of features.
+/// True for a vector file.
 pub(crate) fn are_lines(path: &Path) -> bool {
     path.is_file() && vector::identify(path).is_ok_and(|format| format.is_some())
 }
 
-/// True for a file of features that is no grid or mesh as well.
+/// True for a vector file that is not a grid or mesh as well.
 pub(crate) fn are_features(input: &str) -> bool {
     are_lines(&path_of(input)) && is_mesh(input).is_err()
 }
@@ -86,7 +86,7 @@ pub(crate) fn are_made_lines(input: &str) -> bool {
     vector::synthetic(&path_of(input)).is_some_and(|lines| lines.is_ok())
 }
 
-/// Fails when a cloud is missing.
+/// Fails for a missing point cloud.
 fn is_there(file: &str) -> Result<()> {
     let path = path_of(file);
     if is_made(file) || path.exists() {
@@ -96,49 +96,49 @@ fn is_there(file: &str) -> Result<()> {
 }
 
 impl InputSelection {
-    /// The first of these options that was given.
+    /// The first given option of this group.
     pub(crate) fn given(&self) -> Option<&'static str> {
         let options = [("--recursive", self.recursive), ("--skip-bad", self.skip_bad)];
         options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
     }
 
-    /// True when `input` is a cloud by its name, or by those of the files it stands for.
+    /// True if `input` is a point cloud by its name, or by those of its files.
     ///
     /// # Errors
-    /// A folder that holds grids as well: one of both would be left out unsaid.
+    /// A folder that contains both grids and point clouds.
     pub(crate) fn is_cloud(&self, input: &str) -> Result<bool> {
         let is_cloud: fn(&str) -> bool =
             if self.recursive { cloud::is_cloud_below } else { cloud::is_cloud };
         let grids = if self.recursive { raster::files_below } else { raster::files };
         let (is_cloud, path) = (is_cloud(input), path_of(input));
         if is_cloud && path.is_dir() && grids(&[input.to_owned()]).is_ok() {
-            return Err(Error::usage("holds point clouds and grids, and it takes one of them")
+            return Err(Error::usage("holds both point clouds and grids")
                 .in_file(&path)
                 .remedy("name files of one kind by a pattern, such as '*.laz'"));
         }
         Ok(is_cloud)
     }
 
-    /// True when the inputs are clouds.
+    /// True if the inputs are point clouds.
     ///
     /// # Errors
-    /// Clouds and grids together.
+    /// Point clouds and grids together.
     pub(crate) fn are_clouds(&self, inputs: &[String]) -> Result<bool> {
         let are = inputs.iter().map(|input| self.is_cloud(input)).collect::<Result<Vec<_>>>()?;
         let all = are.iter().all(|is_cloud| *is_cloud);
         match inputs.iter().zip(&are).find(|(_, is_cloud)| **is_cloud != all) {
-            Some((odd, _)) => Err(Error::usage("clouds and grids cannot be one input")
+            Some((odd, _)) => Err(Error::usage("point clouds and grids cannot be mixed")
                 .in_file(&path_of(odd))
                 .remedy("name files of one kind")),
             None => Ok(all),
         }
     }
 
-    /// The files that are taken of `inputs`, good and bad; the names as they are where nothing is asked
-    /// for. Features have nothing that takes several files for one: theirs are found in any case.
+    /// Selected files of `inputs`, good and bad; the unchanged names without options. Features are always
+    /// expanded, because several files are never one input.
     ///
     /// # Errors
-    /// Folders and patterns without files; files that are not there, unless they are to be sifted.
+    /// Folders and patterns without files; missing files unless bad ones are skipped.
     pub(crate) fn find(&self, inputs: &[String], kind: InputFileKind<'_>) -> Result<Vec<String>> {
         inputs.iter().try_for_each(|input| pipes::refuse_input(input))?;
         let names = match (self.recursive, self.skip_bad, kind) {
@@ -152,8 +152,8 @@ impl InputSelection {
         Ok(names)
     }
 
-    /// The good ones of the files that were found, if bad ones are to be skipped. A file by itself
-    /// is taken as it is: nothing would be left without it.
+    /// The good files of those found, if bad ones are skipped. A single file is not tested, because nothing
+    /// would remain without it.
     pub(crate) fn sift(
         &self,
         names: Vec<String>,
@@ -172,18 +172,16 @@ impl InputSelection {
         self.skip_bad && names.len() > 1
     }
 
-    /// An error with the advice to skip bad files, where that was not asked for and would help.
+    /// Adds advice to skip bad files, if that would help.
     pub(crate) fn advise(&self, error: Error) -> Error {
         match !self.skip_bad && error.spares_some() {
-            true => {
-                error.remedy("mend them, leave them out, or go on without them with --skip-bad")
-            }
+            true => error.remedy("repair them, leave them out, or skip them with --skip-bad"),
             false => error,
         }
     }
 }
 
-/// Names a file that is left out on stderr.
+/// Prints a skipped file on stderr.
 pub(crate) fn tell(Skipped { file, reason }: &Skipped) {
     say::note(&format!("skipped {file}: {reason}"));
 }

@@ -1,4 +1,4 @@
-//! The names that a verb is given: those of inputs and, last of all, that of the output.
+//! Names on the command line: inputs, and the output last.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use clap::error::ErrorKind::MissingRequiredArgument;
 
 use terrane_files::{name_of, path_of};
 
-/// What the names are called in the help.
+/// Names in the help.
 pub(crate) const NAMES: [&str; 2] = ["INPUT", "OUTPUT"];
 
 /// A name of any bytes that the system allows.
@@ -15,8 +15,8 @@ pub(crate) fn any() -> impl TypedValueParser<Value = String> {
     clap::builder::OsStringValueParser::new().try_map(|name| name_of(PathBuf::from(name)))
 }
 
-/// Takes the output off the names. An option may stand between them, so that only at the end of the
-/// command line it is known which name is the last.
+/// Takes the output from the end of the names. Options may stand between them, so the last name is known only
+/// at the end of the command line.
 pub(crate) fn take_output(
     names: &mut Vec<String>,
     output: &mut PathBuf,

@@ -1,19 +1,19 @@
-//! What became of a verb that ran to its end.
+//! Outcome of a verb.
 
-/// Whether a verb found all promises kept.
+/// Whether all guarantees hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum VerbOutcome {
     Kept,
     Broken,
-    /// None is known to be broken, but one could not be judged.
+    /// None is known to fail, but one could not be judged.
     NotJudged,
 }
 
-/// The exit code where nothing wrong was found, and something promised could not be judged.
+/// Exit code if no check failed, but one could not be made.
 pub(crate) const NOT_JUDGED: u8 = 3;
 
 impl VerbOutcome {
-    /// Of a proof that found nothing wrong, and one that judged all that is promised.
+    /// Outcome of a verification without failures, complete or not.
     pub(crate) fn of(passed: bool, judged: bool) -> Self {
         match (passed, judged) {
             (false, _) => Self::Broken,

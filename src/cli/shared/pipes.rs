@@ -1,8 +1,8 @@
-//! `-`: stdin and stdout, for formats that are read and written from front to back.
+//! `-`: stdin and stdout, for formats that are read and written sequentially.
 //!
-//! What comes in is gathered in a temporary file, because everything else here reads by position, and
-//! what goes out is complete before its first byte is written: a failed run writes nothing. These files
-//! have another name each time, which means nothing to anybody: all that is told goes through [`told`].
+//! Input is collected in a temporary file, because readers need random access, and output is complete before
+//! its first byte is written: a failed run writes nothing. These files have arbitrary names, so all messages go
+//! through [`told`].
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -23,42 +23,42 @@ use terrane_vector as vector;
 
 /// The name of stdin.
 const STDIN: &str = "-";
-/// The same, said to be a cloud.
+/// The same as a point cloud.
 const CLOUD: &str = "cloud:-";
 
-/// Bytes of stdin that are read at once.
+/// Bytes of stdin per read.
 const CHUNK: usize = 1 << 18;
-/// Chunks that wait to be written.
+/// Number of buffered chunks.
 const CHUNKS: usize = 4;
-/// How often it is asked whether to stop while nothing comes.
+/// Interval of checks for cancellation while waiting.
 const PATIENCE: Duration = Duration::from_millis(50);
 
-/// What is in a pipe.
+/// Content of a pipe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum PipeContent<'a> {
     /// A grid: XYZ.
     Grid,
     /// Points as text.
     Points,
-    /// Features, in the format of this name or else known by its first bytes.
+    /// Features, in the named format or one detected from the first bytes.
     Features(Option<&'a str>),
 }
 
-/// Stdin as a file; it goes with the value.
+/// Stdin as a temporary file.
 pub(crate) struct StdinFile<'a> {
     file: Option<GatheredStdin>,
     holds: PipeContent<'a>,
 }
 
-/// The file that stdin is gathered in.
+/// The temporary file of stdin.
 struct GatheredStdin {
     _folder: TempDir,
     path: PathBuf,
 }
 
 impl<'a> StdinFile<'a> {
-    /// Makes an empty file where one of `names` stands for stdin, and puts the file's name there. What
-    /// can be wrong with the rest is to be asked before it is [gathered](Self::gather).
+    /// Creates an empty file if one of `names` is stdin, and replaces the name. Other inputs should be checked
+    /// before the data is [gathered](Self::gather).
     pub(crate) fn expect(
         names: &mut [String],
         holds: PipeContent<'a>,
@@ -84,25 +84,24 @@ impl<'a> StdinFile<'a> {
         Ok(Self { file: Some(GatheredStdin { _folder: folder, path }), holds })
     }
 
-    /// True where an input is stdin.
+    /// True if an input is stdin.
     pub(crate) fn is_read(&self) -> bool {
         self.file.is_some()
     }
 
-    /// Fails where an input is stdin, because `option` needs one that can be read again.
+    /// Fails if an input is stdin, for an `option` that reads the input repeatedly.
     pub(crate) fn refuse(&self, option: &str) -> Result<()> {
         if !self.is_read() {
             return Ok(());
         }
         Err(Error::usage(format!(
-            "{option} needs input that can be read again, which stdin is not"
+            "{option} is not supported with stdin (it reads the input twice)"
         ))
         .in_file(Path::new(STDIN))
         .remedy(format!("name a file, or leave {option} out")))
     }
 
-    /// Reads stdin, if it is among `names`. Where its format is known only now, the file gets another
-    /// name, there too.
+    /// Reads stdin if it is among `names`. If the format is detected now, the file is renamed accordingly.
     pub(crate) fn gather(&mut self, names: &mut [String], cancel: &Cancel) -> Result<()> {
         let Some(GatheredStdin { path, .. }) = &mut self.file else { return Ok(()) };
         if fill(path, cancel)? == 0 {
@@ -114,8 +113,8 @@ impl<'a> StdinFile<'a> {
             return Ok(());
         }
         let format = vector::identify(path)?.ok_or_else(|| {
-            Error::usage("nothing says what format stdin has")
-                .remedy(format!("name it with --input-format: {}", known()))
+            Error::usage("format of stdin is unknown")
+                .remedy(format!("pass --input-format: {}", known()))
         })?;
         let named = path.with_extension(streamed(format, "read")?);
         std::fs::rename(&*path, &named).map_err(|e| Error::write(&named, e))?;
@@ -125,7 +124,7 @@ impl<'a> StdinFile<'a> {
         Ok(())
     }
 
-    /// Inputs of a job, told as the user called them.
+    /// Inputs of a job with their names for messages.
     pub(crate) fn inputs(&self, names: Vec<String>) -> Inputs {
         let inputs = Inputs::from(names);
         if !self.is_read() {
@@ -136,7 +135,7 @@ impl<'a> StdinFile<'a> {
     }
 }
 
-/// Writes stdin to the file at `path`; returns its bytes.
+/// Writes stdin to the file at `path`; returns the size.
 fn fill(path: &Path, cancel: &Cancel) -> Result<u64> {
     let fail = |e| Error::write(path, e);
     let mut file = File::create(path).map_err(fail)?;
@@ -147,7 +146,7 @@ fn fill(path: &Path, cancel: &Cancel) -> Result<u64> {
             Ok(chunk) => chunk.map_err(|e| Error::io(ErrorKind::Io, "read stdin", e))?,
             Err(RecvTimeoutError::Timeout) => continue,
             Err(RecvTimeoutError::Disconnected) => {
-                return Err(Error::new(ErrorKind::Internal, "the reader of stdin is gone"));
+                return Err(Error::new(ErrorKind::Internal, "the stdin reader stopped"));
             }
         };
         if chunk.is_empty() {
@@ -158,8 +157,7 @@ fn fill(path: &Path, cancel: &Cancel) -> Result<u64> {
     }
 }
 
-/// What comes from stdin, the last chunk empty: read by a thread, because nothing ends the wait for
-/// bytes that do not come.
+/// Chunks of stdin, the last one empty: read by a thread, because a blocking read cannot be cancelled.
 fn chunks_of_stdin() -> Receiver<io::Result<Vec<u8>>> {
     let (sender, receiver) = sync_channel(CHUNKS);
     std::thread::spawn(move || {
@@ -176,7 +174,7 @@ fn chunks_of_stdin() -> Receiver<io::Result<Vec<u8>>> {
     receiver
 }
 
-/// The ending of a format, unless it cannot come or go through a pipe.
+/// Extension of a format that can be read and written sequentially.
 fn streamed(format: &vector::VectorFormat, done: &str) -> Result<&'static str> {
     if vector::STREAMED.contains(&format.name) {
         return Ok(format.extensions[0]);
@@ -190,14 +188,14 @@ fn known() -> String {
     vector::STREAMED.join(", ")
 }
 
-/// A file of features that is written to stdout once it is complete.
+/// A vector file that is written to stdout when it is complete.
 pub(crate) struct StdoutFile {
     _folder: TempDir,
     path: PathBuf,
 }
 
 impl StdoutFile {
-    /// Where `output` is stdout: puts the name of a temporary file there.
+    /// Replaces `output` by a temporary file if it is stdout.
     pub(crate) fn take(
         output: &mut PathBuf,
         format: Option<&str>,
@@ -224,26 +222,26 @@ impl StdoutFile {
     }
 }
 
-/// Paths, without their endings, of the files that stand for stdin and stdout.
+/// Paths without extensions of the temporary files of stdin and stdout.
 static PLACES: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
-/// A file called `name` in a temporary folder, told as `-` from now on.
+/// A file `name` in a temporary folder, shown as `-` from now on.
 fn place(resources: &Resources, name: &str) -> Result<(TempDir, PathBuf)> {
     let around = resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
-    // Some names are made absolute on their way to where they are told.
+    // Some messages have absolute paths.
     let folder = std::path::absolute(&around)
         .and_then(|around| tempfile::Builder::new().prefix("terrane-").tempdir_in(around))
         .map_err(|e| Error::write(&around, atomic::plain(e)))?;
     let path = folder.path().join(name);
     let shown = path.display().to_string();
-    // As it stands in JSON, where that differs.
+    // As escaped in JSON, if different.
     let quoted = serde_json::Value::from(shown.as_str()).to_string();
     let mut places = terrane_files::lock(&PLACES);
     places.extend([quoted.trim_matches('"').to_owned(), shown]);
     Ok((folder, path))
 }
 
-/// A text for people or programs: files that stand for stdin and stdout are called `-`, as the user calls them.
+/// Replaces temporary files of stdin and stdout by `-` in a text.
 pub(crate) fn told(text: &str) -> Cow<'_, str> {
     let places = terrane_files::lock(&PLACES);
     places.iter().fold(Cow::Borrowed(text), |text, place| match text.contains(place) {
@@ -252,7 +250,7 @@ pub(crate) fn told(text: &str) -> Cow<'_, str> {
     })
 }
 
-/// `text` with a dash for each path that is `place` and an ending.
+/// Replaces each path `place` with an extension by a dash.
 fn without(place: &str, text: &str) -> String {
     let ending = |rest: &str| {
         let behind = rest.strip_prefix('.').unwrap_or(rest);
@@ -268,7 +266,7 @@ pub(crate) fn refuse_input(name: &str) -> Result<()> {
     if name != STDIN && name != CLOUD {
         return Ok(());
     }
-    Err(Error::usage("stdin is not read here").in_file(Path::new(name)).remedy("name a file"))
+    Err(Error::usage("stdin is not supported here").in_file(Path::new(name)).remedy("name a file"))
 }
 
 #[cfg(test)]

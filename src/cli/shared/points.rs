@@ -1,4 +1,4 @@
-//! What became of points, for people.
+//! Summary of point statistics.
 
 use crate::cli::shared::text;
 use terrane_cloud::PointCensus;
@@ -8,7 +8,7 @@ pub(crate) fn census(census: &PointCensus) -> String {
     let left_out = [
         (census.withheld, "withheld"),
         (census.filtered, "filtered out"),
-        (census.outside, "outside the claimed bounds"),
+        (census.outside, "outside the bounds of the header"),
         (census.lost, "lost"),
     ];
     let left_out = left_out.iter().filter(|(count, _)| *count > 0);

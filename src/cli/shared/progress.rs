@@ -25,7 +25,7 @@ pub(crate) enum ProgressMode {
     None,
 }
 
-/// The display for `how`.
+/// Display for `how`.
 pub(crate) fn display(how: ProgressMode) -> Box<dyn Progress> {
     match (how, stderr().is_terminal()) {
         (ProgressMode::Auto | ProgressMode::Bar, true) => Box::new(StageBar::new()),
@@ -35,7 +35,7 @@ pub(crate) fn display(how: ProgressMode) -> Box<dyn Progress> {
     }
 }
 
-/// A bar that shows the current stage and vanishes with it.
+/// A bar of the current stage, removed at its end.
 struct StageBar(Mutex<Option<ProgressBar>>);
 
 const TEMPLATE: &str =
@@ -103,10 +103,10 @@ impl Drop for StageBar {
     }
 }
 
-/// Least time between two lines of one stage.
+/// Shortest time between two lines of a stage.
 const LINE_INTERVAL: Duration = Duration::from_millis(250);
 
-/// Progress as lines, at the beginning and end of each stage and now and then between.
+/// Progress as lines, at the start and end of each stage and at intervals.
 struct ProgressLines {
     stage: Mutex<Option<LoggedStage>>,
     layout: fn(&StageStatus<'_>) -> String,
@@ -121,22 +121,22 @@ struct LoggedStage {
     told: Instant,
 }
 
-/// What a line tells.
+/// Contents of a line.
 #[derive(Debug, Serialize)]
 struct StageStatus<'a> {
     stage: &'a str,
     done: u64,
     total: u64,
     seconds: f64,
-    /// Absent until they can be told.
+    /// Absent until known.
     per_second: Option<f64>,
     seconds_left: Option<f64>,
-    /// Absent where the input is one file.
+    /// Absent for a single input file.
     #[serde(flatten)]
     file: Option<&'a InFile>,
 }
 
-/// The file that is read, its number from 1, and how many there are.
+/// Current input file, its number from 1, and the number of files.
 #[derive(Debug, Serialize)]
 struct InFile {
     file: String,
@@ -242,7 +242,7 @@ fn plain(status: &StageStatus<'_>) -> String {
     format!("{}: {share:.0} %, {:.1} s{rate}{left}{file}", status.stage, status.seconds)
 }
 
-/// Units (samples, points, triangles) by second.
+/// Units (samples, points, triangles) per second.
 fn rate(units: f64) -> String {
     text::rate(units, "").replace(" /s", "/s")
 }

@@ -1,4 +1,4 @@
-//! Reports: what became of a run, for programs and people.
+//! Reports of a run, as JSON and as text.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use terrane_engine::sift::Skipped;
 use terrane_engine::transform::Transformed;
 use terrane_files::atomic::AtomicFile;
 
-/// A report with the files that were left out.
+/// A report with the skipped files.
 #[derive(Serialize)]
 pub(crate) struct WithSkipped<'a, R> {
     #[serde(flatten)]
@@ -21,7 +21,7 @@ pub(crate) struct WithSkipped<'a, R> {
     pub(crate) skipped: &'a [Skipped],
 }
 
-/// Writes a report as a JSON file, whole or not at all.
+/// Writes a report as a JSON file, atomically.
 pub(crate) fn write(path: &Path, overwrite: bool, report: &impl Serialize) -> Result<()> {
     use std::io::Write;
     let mut file = AtomicFile::create(path, overwrite)?;
@@ -29,11 +29,11 @@ pub(crate) fn write(path: &Path, overwrite: bool, report: &impl Serialize) -> Re
     file.commit().map(drop)
 }
 
-/// A report for people.
+/// A report as text.
 pub(crate) trait Summarize: serde::Serialize {
     fn summary(&self) -> String;
 
-    /// What was asked for and is not so.
+    /// Unmet requirements.
     fn unmet(&self) -> Option<String> {
         None
     }
@@ -42,7 +42,7 @@ pub(crate) trait Summarize: serde::Serialize {
 /// A row of a table.
 pub(crate) type Row = (&'static str, String);
 
-/// What a run took, as rows: its time, with how fast it was and where the time went, and its memory.
+/// Rows for time, rate, stages and memory of a run.
 pub(crate) fn took(run: &RunStatistics, rate: Option<String>, stages: &str) -> Vec<Row> {
     let threads =
         if run.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", run.threads) };
@@ -56,7 +56,7 @@ pub(crate) fn took(run: &RunStatistics, rate: Option<String>, stages: &str) -> V
             None | Some(0) => String::new(),
             Some(bytes) => format!(", {} through temporary files", text::bytes(bytes)),
         };
-        rows.push(("memory", format!("{peak} at the peak, {budget} allowed{spilled}")));
+        rows.push(("memory", format!("peak {peak}, {budget} allowed{spilled}")));
     }
     rows
 }
@@ -66,7 +66,7 @@ pub(crate) fn notes(notes: &[String]) -> impl Iterator<Item = Row> {
     notes.iter().map(|note| ("note", note.clone()))
 }
 
-/// All that a report says plainly, for people: a title of what it names first, and a table.
+/// All plain values of a report as text: a title and a table.
 pub(crate) fn plain(report: &impl Serialize) -> String {
     let told = json::to_value(report).unwrap_or_default();
     let name = |key: &str| told[key].as_str().unwrap_or_default().to_owned();
@@ -85,14 +85,14 @@ pub(crate) fn plain(report: &impl Serialize) -> String {
     format!("{title}\n{}", text::table(&rows))
 }
 
-/// What was done to positions, for people.
+/// Transformation of positions, as text.
 pub(crate) fn transformed(done: Option<&Transformed>) -> impl Iterator<Item = Row> {
     done.into_iter().flat_map(|done| {
         let accuracy = match done.accuracy {
             Some(0.0) => String::new(),
-            Some(metres) => format!(", right to {} m", text::number(metres)),
-            None => ", how right is not known".to_owned(),
+            Some(metres) => format!(", accuracy {} m", text::number(metres)),
+            None => ", accuracy unknown".to_owned(),
         };
-        [("written in", done.crs.clone()), ("operation", format!("{}{accuracy}", done.operation))]
+        [("output CRS", done.crs.clone()), ("operation", format!("{}{accuracy}", done.operation))]
     })
 }

@@ -1,5 +1,4 @@
-//! What is said where: results on stdout, messages on stderr, and files as the user calls them. A reader
-//! that has gone away is no error.
+//! Output: results on stdout, messages on stderr, files by the user's names. A closed reader is not an error.
 
 use std::io::{self, Write};
 
@@ -15,7 +14,7 @@ pub(crate) fn result(text: &str) -> Result<()> {
     to_stdout(told(&below_title(text)).as_bytes())
 }
 
-/// A result with its options spelled, but for the names of files that may stand in its first line.
+/// A result with its options spelled, except file names in its first line.
 fn below_title(text: &str) -> String {
     let (title, _) = text.split_once('\n').unwrap_or_default();
     let end = if title.contains(" -> ") { title.len() } else { 0 };
@@ -27,7 +26,7 @@ pub(crate) fn json(value: &impl Serialize) -> Result<()> {
     to_stdout(pretty(value)?.as_bytes())
 }
 
-/// Prints a result as JSON on a line of its own.
+/// Prints a result as one line of JSON.
 pub(crate) fn json_line(value: &impl Serialize) -> Result<()> {
     let text = json::to_string(value).map_err(not_json)?;
     let text = Frontend::CommandLine.spell_report(&text);
@@ -61,20 +60,19 @@ pub(crate) fn aside(text: &str) {
     flushed(io::stderr().write_all(told(&below_title(text)).as_bytes()));
 }
 
-/// Prints an error on stderr, on one line; one that stands for several on a line for each, and the sum
-/// of them on the last.
+/// Prints an error on stderr, on one line; a collection of errors on a line each, with the total last.
 pub(crate) fn error(error: &Error) {
     let door = Frontend::CommandLine;
     error.each().iter().for_each(|inner| failure(&inner.spelled(door).to_string()));
     failure(&error.summary(door));
 }
 
-/// Prints an error message on stderr, on one line whatever file names hold.
+/// Prints an error message on stderr, on one line.
 pub(crate) fn failure(message: &str) {
     flushed(writeln!(io::stderr(), "terrane: error: {}", one_line(message)));
 }
 
-/// Prints what could not be judged on stderr, on one line.
+/// Prints unjudged checks on stderr, on one line.
 pub(crate) fn not_judged(what: &str) {
     flushed(writeln!(
         io::stderr(),
@@ -83,7 +81,7 @@ pub(crate) fn not_judged(what: &str) {
     ));
 }
 
-/// Prints a remark on stderr, on one line.
+/// Prints a note on stderr, on one line.
 pub(crate) fn note(message: &str) {
     flushed(writeln!(io::stderr(), "terrane: {}", one_line(&Frontend::CommandLine.spell(message))));
 }
@@ -92,7 +90,7 @@ fn one_line(message: &str) -> String {
     told(message).chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
-/// For output that nobody may be reading any more.
+/// Ignores a closed reader.
 pub(crate) fn flushed(written: io::Result<()>) {
     let _ = written.and_then(|()| io::stdout().flush());
 }

@@ -1,4 +1,4 @@
-//! The command line of a table of options.
+//! Command line arguments from a table of options.
 
 use std::ffi::OsStr;
 
@@ -15,15 +15,14 @@ use terrane_options::{
 use crate::cli::shared::names;
 use terrane_base::door::Frontend;
 
-/// Options within arguments of clap, and the names of those that were given; of a plan those that say something of the
-/// result alone.
+/// Options as clap arguments, with the names of those given; for a plan only those that affect the result.
 #[derive(Clone, Debug)]
 pub(crate) struct OperationOptionArgs<O, const PLANNED: bool = false>(
     pub(crate) O,
     pub(crate) Vec<&'static str>,
 );
 
-/// The options that are given behind their names.
+/// Given options after their names.
 fn fields<O: Options, const PLANNED: bool>() -> impl Iterator<Item = &'static OptionField> {
     let fields = O::TABLE.fields().into_iter().filter(|field| !field.positional);
     fields.filter(|field| !(PLANNED && field.role == OptionRole::Run))
@@ -65,7 +64,7 @@ impl<O: Options, const PLANNED: bool> clap::FromArgMatches for OperationOptionAr
     }
 }
 
-/// The texts that were given for an option.
+/// Given texts of an option.
 pub(crate) fn given(field: &'static OptionField, matches: &ArgMatches) -> Vec<String> {
     match field.kind {
         OptionKind::Flag if matches.get_flag(field.name) => vec![field.off.is_none().to_string()],
@@ -74,7 +73,7 @@ pub(crate) fn given(field: &'static OptionField, matches: &ArgMatches) -> Vec<St
     }
 }
 
-/// An option as an argument, with what it is.
+/// An option as an argument with its help.
 pub(crate) fn argument<const PLANNED: bool>(
     field: &'static OptionField,
     default: &serde_json::Value,
@@ -84,11 +83,11 @@ pub(crate) fn argument<const PLANNED: bool>(
     let long = if field.off.is_some() { format!("no-{long}") } else { long };
     let mut argument =
         Arg::new(field.name).long(long).help(match PLANNED && field.name == "format" {
-            // The output of a plan is a folder, whose name has no ending that says it.
+            // The output of a plan is a folder without an extension.
             true => about.to_owned(),
             false => help(field, default, about),
         });
-    // Not that of arguments before.
+    // Resets the heading of earlier arguments.
     argument = match field.heading {
         "Options" => argument.help_heading(Resettable::Reset),
         heading => argument.help_heading(heading),
@@ -96,7 +95,7 @@ pub(crate) fn argument<const PLANNED: bool>(
     if let Some(letter) = field.short {
         argument = argument.short(letter);
     }
-    // GDAL's names of some have underscores.
+    // Some of GDAL's names have underscores.
     argument = argument.aliases(field.aliases.iter().copied().filter(|alias| alias.contains('_')));
     let off = if field.off.is_some() { "no-" } else { "" };
     let aliases = field.aliases.iter().map(|alias| format!("{off}{}", alias.replace('_', "-")));
@@ -122,7 +121,7 @@ pub(crate) fn argument<const PLANNED: bool>(
     argument.action(ArgAction::SetTrue)
 }
 
-/// What values an argument takes.
+/// Accepted values of an argument.
 fn of_values(field: &'static OptionField, argument: Arg) -> Arg {
     match field.kind {
         OptionKind::Choice(_) => argument.value_parser(ValueParser::new(ChoiceParser(field))),
@@ -137,7 +136,7 @@ fn of_values(field: &'static OptionField, argument: Arg) -> Arg {
     }
 }
 
-/// One of the names of a choice, as its option reads it.
+/// A name of a choice, as its option reads it.
 #[derive(Clone)]
 struct ChoiceParser(&'static OptionField);
 
@@ -152,7 +151,7 @@ impl TypedValueParser for ChoiceParser {
     ) -> Result<String, clap::Error> {
         match value.to_str().filter(|text| (self.0.read)(text).is_ok()) {
             Some(text) => Ok(text.to_owned()),
-            // Which says what there is, and what is nearest.
+            // Clap's error lists the values and the nearest one.
             None => PossibleValuesParser::new(names_of(self.0)).parse_ref(command, argument, value),
         }
     }
@@ -167,7 +166,7 @@ fn names_of(field: &'static OptionField) -> impl Iterator<Item = PossibleValue> 
     choices.into_iter().map(|own| PossibleValue::new(own.name).help(own.about))
 }
 
-/// A text that is a value of the option.
+/// A valid text of the option.
 fn checked(field: &'static OptionField) -> ValueParser {
     ValueParser::new(StringValueParser::new().try_map(move |text| {
         let range = text.trim().parse().map_or(Ok(()), |number| field.check_range(number));
@@ -176,7 +175,7 @@ fn checked(field: &'static OptionField) -> ValueParser {
     }))
 }
 
-/// What an option means, and its default.
+/// Help of an option with its default.
 fn help(field: &OptionField, default: &serde_json::Value, about: &str) -> String {
     let about = Frontend::CommandLine.spell(about).into_owned();
     let default = match (field.default_text, field.shape, field.kind) {

@@ -1,4 +1,4 @@
-//! Numbers, sizes and durations as people write them.
+//! Numbers, sizes and durations as text.
 
 use std::fmt::Write;
 
@@ -35,7 +35,7 @@ pub(crate) fn number(value: f64) -> String {
     trimmed(&format!("{value:.*}", (5 - magnitude).max(0) as usize))
 }
 
-/// As [`number`], but never below the value, which is not negative.
+/// As [`number`], but never below the non-negative value.
 pub(crate) fn bound(value: f64) -> String {
     let text = number(value);
     if text.parse::<f64>().is_ok_and(|shown| shown < value) {
@@ -45,7 +45,7 @@ pub(crate) fn bound(value: f64) -> String {
     text
 }
 
-/// A height, or a dash where none was measured.
+/// A height, or a dash if not measured.
 pub(crate) fn height(value: Option<f64>) -> String {
     value.map_or("-".to_owned(), number)
 }
@@ -61,7 +61,7 @@ pub(crate) fn position(value: f64) -> String {
     trimmed(&format!("{value:.9}"))
 }
 
-/// Digits without zeros that say nothing.
+/// Digits without trailing zeros.
 fn trimmed(text: &str) -> String {
     match text.contains('.') {
         true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
@@ -156,7 +156,7 @@ fn plain(key: &str, value: &Value) -> Option<String> {
     }
 }
 
-/// What became of points to keep: "1,230 vertices at 1,240 points of a.csv; 4 points are outside of the grid".
+/// Summary of kept points: "1,230 vertices at 1,240 points of a.csv; 4 points are outside of the grid".
 pub(crate) fn kept(kept: &KeptReport, of: &str) -> String {
     let more = |n: u64, what: &str| match n {
         0 => String::new(),
@@ -168,13 +168,13 @@ pub(crate) fn kept(kept: &KeptReport, of: &str) -> String {
     format!("{vertices} vertices at {points} points of {}{outside}{void}", kept.file)
 }
 
-/// The error in a band: "2 (weight 0.5): 19.5 at the most, RMSE 4.1".
+/// The error in a band: "2 (weight 0.5): at most 19.5, RMSE 4.1".
 pub(crate) fn band(r: &MeshBandReport) -> String {
     let [most, rmse] = [r.max_error.map(bound), r.rmse.map(number)].map(Option::unwrap_or_default);
-    format!("{} (weight {}): {most} at the most, RMSE {rmse}", r.band, number(r.weight))
+    format!("{} (weight {}): at most {most}, RMSE {rmse}", r.band, number(r.weight))
 }
 
-/// What became of breaklines: "1,230 segments of a.shp, followed; 4 are outside of the grid".
+/// Summary of breaklines: "1,230 segments of a.shp, followed; 4 are outside of the grid".
 pub(crate) fn breaklines(lines: &BreaklinesReport, of: &str) -> String {
     let outside = match lines.outside {
         0 => String::new(),
@@ -189,7 +189,7 @@ fn many(n: u64, one: &str) -> String {
     format!("{} {one}{}", count(n), if n == 1 { "" } else { "s" })
 }
 
-/// What became of water: "3 lakes and 1 river of a.shp, level from 10.5 to 84".
+/// Summary of water: "3 lakes and 1 river of a.shp, level from 10.5 to 84".
 pub(crate) fn water(water: &WaterReport) -> String {
     let mut line = format!(
         "{} and {} of {}",
@@ -213,11 +213,11 @@ pub(crate) fn water(water: &WaterReport) -> String {
     line
 }
 
-/// How a mesh lies in its file: "in metres; 1 x 1 x 2 to a unit of the data".
+/// Scale of a mesh in its file: "in metres; 1 x 1 x 2 per unit of x, y and z".
 pub(crate) fn placed(placed: &StorageScale) -> String {
     let scale = placed.scale.map(number).join(" x ");
     let unit = placed.unit.as_ref().map(|unit| format!("in {unit}s; ")).unwrap_or_default();
-    format!("{unit}{scale} to a unit of x, y and z")
+    format!("{unit}{scale} per unit of x, y and z")
 }
 
 #[cfg(test)]

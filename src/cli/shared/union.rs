@@ -1,4 +1,4 @@
-//! Options of a verb that takes inputs of several kinds: those of one struct for each, of which the inputs choose one.
+//! Options of a verb with several kinds of inputs: one struct per kind, selected by the inputs.
 
 use std::marker::PhantomData;
 
@@ -12,11 +12,11 @@ use crate::cli::shared::tabled::{argument, given};
 use terrane_base::error::{Error, Result};
 use terrane_files::path_of;
 
-/// The options for one kind of inputs.
+/// Options of one kind of input.
 pub(crate) struct InputKindOptions {
     table: &'static OptionTable,
     defaults: fn() -> Map<String, Value>,
-    /// The inputs, such as "grids".
+    /// Name of the inputs, such as "grids".
     of: &'static str,
 }
 
@@ -26,13 +26,12 @@ impl InputKindOptions {
     }
 }
 
-/// The kinds of inputs that a verb takes.
+/// Kinds of inputs of a verb.
 pub(crate) trait InputKinds: Clone + std::fmt::Debug + Send + Sync + 'static {
     const ALL: &'static [InputKindOptions];
 }
 
-/// The options for all kinds of inputs, each said once, as far as they were given; of a plan those that say something of
-/// the result alone.
+/// Given options of all kinds of inputs, each once; for a plan only those that affect the result.
 #[derive(Clone, Debug)]
 pub(crate) struct InputUnion<K, const PLANNED: bool = false> {
     names: Vec<&'static str>,
@@ -40,7 +39,7 @@ pub(crate) struct InputUnion<K, const PLANNED: bool = false> {
     kinds: PhantomData<K>,
 }
 
-/// The options of all kinds, each of the first one that has it, with the number of that kind.
+/// Options of all kinds, each from the first kind that has it, with the number of that kind.
 fn fields<K: InputKinds, const PLANNED: bool>() -> Vec<(usize, &'static OptionField)> {
     let mut found: Vec<(usize, &OptionField)> = Vec::new();
     for (number, kind) in K::ALL.iter().enumerate() {
@@ -52,7 +51,7 @@ fn fields<K: InputKinds, const PLANNED: bool>() -> Vec<(usize, &'static OptionFi
     found
 }
 
-/// What an option is, of which kinds if it is not of all, and where they differ in it of each; `all` are the options of
+/// Help of an option: its kinds if not all have it, and its differences between kinds; `all` are the options of
 /// each kind.
 fn about<K: InputKinds>(field: &OptionField, all: &[Vec<&'static OptionField>]) -> String {
     let mut told = vec![field.off.unwrap_or(field.about)];
@@ -75,7 +74,7 @@ fn about<K: InputKinds>(field: &OptionField, all: &[Vec<&'static OptionField>]) 
     about
 }
 
-/// True for an option that a plan cannot do without: of several targets, the only one that a plan has.
+/// True for an option required by a plan: the only target of several that plans support.
 fn is_only_one(table: &'static OptionTable, name: &str) -> bool {
     let is_planned = |name: &&&str| table.find(name).is_some_and(|own| own.role != OptionRole::Run);
     table.rules().into_iter().any(|rule| match rule {
@@ -84,7 +83,7 @@ fn is_only_one(table: &'static OptionTable, name: &str) -> bool {
     })
 }
 
-/// A text that goes on after a colon.
+/// A text after a colon.
 fn uncapitalized(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or(String::new(), |first| first.to_lowercase().chain(letters).collect())
@@ -124,15 +123,15 @@ impl<K: InputKinds, const PLANNED: bool> clap::FromArgMatches for InputUnion<K, 
 }
 
 impl<K: InputKinds, const PLANNED: bool> InputUnion<K, PLANNED> {
-    /// The names of options that were given.
+    /// Names of the given options.
     pub(crate) fn given(&self) -> &[&'static str] {
         &self.names
     }
 
-    /// The options of one kind, for an input of that kind.
+    /// Options of one kind, for an input of that kind.
     ///
     /// # Errors
-    /// Usage: an option of other kinds was given.
+    /// Usage: an option of another kind was given.
     pub(crate) fn of<O: Options>(&self, input: &str) -> Result<O> {
         let mut options = O::default();
         for (name, texts) in self.names.iter().zip(&self.texts) {
@@ -144,7 +143,7 @@ impl<K: InputKinds, const PLANNED: bool> InputUnion<K, PLANNED> {
         Ok(options)
     }
 
-    /// The error of an option of other kinds of inputs.
+    /// Error of an option of another kind of input.
     fn refusal(&self, name: &str, input: &str, own: &'static OptionTable) -> Error {
         let having = K::ALL.iter().filter_map(|kind| Some((kind.of, kind.table.find(name)?)));
         let (of, fields): (Vec<_>, Vec<_>) = having.unzip();
@@ -160,9 +159,9 @@ impl<K: InputKinds, const PLANNED: bool> InputUnion<K, PLANNED> {
         Error::usage(format!("{option} is for {of}, not for {kind}"))
             .in_file(&path_of(input))
             .remedy(match (input, in_place) {
-                (_, Some(field)) => format!("pass ‹{}› in its place", field.name),
+                (_, Some(field)) => format!("pass ‹{}› instead", field.name),
                 ("-", None) => {
-                    format!("leave {option} out, or name stdin cloud:- where it has points")
+                    format!("leave {option} out, or pass cloud:- if stdin holds points")
                 }
                 _ => format!("leave {option} out"),
             })

@@ -1,4 +1,4 @@
-//! What a verb is to the command line, and how one of any type becomes a line of the list of them.
+//! Verbs of the command line, and their type-erased list.
 
 use std::ffi::OsStr;
 use std::path::PathBuf;
@@ -15,31 +15,30 @@ use terrane_engine::Cancel;
 pub(crate) trait Verb: clap::Args + 'static {
     const NAME: &'static str;
 
-    /// What else it may be called.
+    /// Aliases.
     const ALIASES: &'static [&'static str] = &[];
 
-    /// Its usage after its name, where the last of its names is that of the output: clap does not know
-    /// that one.
+    /// Usage after the name, if the last name is the output, which clap does not know.
     fn usage() -> Option<String> {
         None
     }
 
-    /// What it does, where that is not said of its arguments: those of several verbs.
+    /// Help of a verb whose arguments are shared by several verbs.
     fn about() -> Option<String> {
         None
     }
 
-    /// The lists that its help ends in.
+    /// Lists at the end of the help.
     fn lists() -> Vec<String> {
         Vec::new()
     }
 
-    /// Its names, and where the last of them belongs: that of the output.
+    /// Names, and the destination of the last one: the output.
     fn names(&mut self) -> Option<(&mut Vec<String>, &mut PathBuf)> {
         None
     }
 
-    /// Which of many files are taken.
+    /// Selection of input files.
     fn many(&self) -> Option<&InputSelection> {
         None
     }
@@ -47,10 +46,10 @@ pub(crate) trait Verb: clap::Args + 'static {
     fn run(&self, call: &VerbCall<'_>) -> Result<VerbOutcome>;
 }
 
-/// What surrounds a run.
+/// Context of a run.
 pub(crate) struct VerbCall<'a> {
     pub(crate) cancel: &'a Cancel,
-    /// The whole command line, for those who write about it.
+    /// The whole command line, for generated documentation.
     pub(crate) command: fn() -> Command,
 }
 
@@ -60,11 +59,11 @@ pub(crate) type Job = Box<dyn Fn(&VerbCall<'_>) -> Result<VerbOutcome>>;
 /// A verb of any type.
 pub(crate) struct VerbEntry {
     pub(crate) name: &'static str,
-    /// What else it may be called.
+    /// Aliases.
     aliases: &'static [&'static str],
-    /// The verb as clap sees it.
+    /// The clap command.
     pub(crate) command: fn() -> Command,
-    /// Takes its arguments from what clap found.
+    /// Takes the arguments from clap.
     pub(crate) parse: fn(&ArgMatches) -> std::result::Result<Job, clap::Error>,
 }
 
@@ -73,12 +72,12 @@ impl VerbEntry {
         Self { name: V::NAME, aliases: V::ALIASES, command: command::<V>, parse: parse::<V> }
     }
 
-    /// True for the word that stands for it.
+    /// True for a name or alias of the verb.
     pub(crate) fn is_called(&self, word: &OsStr) -> bool {
         word == self.name || self.aliases.iter().any(|alias| word == *alias)
     }
 
-    /// One that no help tells of.
+    /// A hidden verb.
     pub(crate) const fn hidden<V: Verb>() -> Self {
         Self { command: || command::<V>().hide(true), ..Self::of::<V>() }
     }
@@ -106,7 +105,7 @@ fn command<V: Verb>() -> Command {
     }
 }
 
-/// Errors of its job come with the advice that only this verb can give.
+/// Adds advice of this verb to errors of its job.
 fn parse<V: Verb>(found: &ArgMatches) -> std::result::Result<Job, clap::Error> {
     let mut verb = V::from_arg_matches(found)?;
     if let Some((names, output)) = verb.names() {

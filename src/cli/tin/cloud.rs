@@ -1,4 +1,4 @@
-//! Reports of meshes of clouds, for people.
+//! Summary of meshes of point clouds.
 
 use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{points, report, text};
@@ -34,7 +34,7 @@ impl Summarize for CloudTinReport {
 fn points(r: &CloudTinReport) -> String {
     let stacked = match r.stacked_points {
         0 => String::new(),
-        n => format!("; {} above another at the same position", text::count(n)),
+        n => format!("; {} stacked (same x and y)", text::count(n)),
     };
     format!("{}, {}{stacked}", points::census(&r.points), r.crs)
 }

@@ -1,4 +1,4 @@
-//! Reports of meshes of grids, for people.
+//! Summary of meshes of grids.
 
 use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{report, text};
@@ -34,7 +34,8 @@ impl Summarize for TinReport {
         rows.extend(self.bands.iter().map(|band| ("band", text::band(band))));
         rows.extend(method(self).map(|method| ("method", method)));
         rows.extend(self.min_angle.zip(self.thin_triangles).map(|(least, thin)| {
-            let held = if thin.count == 0 { "held by all" } else { "missed by some" };
+            let held =
+                if thin.count == 0 { "met by all triangles" } else { "not met by all triangles" };
             ("min angle", format!("{least} degrees, {held}"))
         }));
         rows.extend(self.keep_points.as_ref().map(|kept| ("kept", text::kept(kept, "grid"))));
@@ -51,7 +52,7 @@ impl Summarize for TinReport {
         rows.extend(report::took(
             &self.run,
             Some(rate),
-            &format!("in threads: {}", stages(&self.stages)),
+            &format!("thread time: {}", stages(&self.stages)),
         ));
         rows.extend(report::notes(&self.notes));
         format!("{} -> {}\n{}", self.input, self.output, text::table(&rows))
@@ -62,7 +63,7 @@ impl Summarize for TinReport {
     }
 }
 
-/// The method, where there is something to say of it.
+/// The method, if it is not the default.
 fn method(report: &TinReport) -> Option<String> {
     let (method, triangulation) = (report.method.as_deref(), report.triangulation.as_deref());
     let method = method.or(triangulation.map(|_| GREEDY))?;
@@ -77,7 +78,7 @@ fn samples(r: &TinReport) -> String {
     }
     if r.isolated_samples > 0 {
         let lone = text::count(r.isolated_samples);
-        line += &format!(", {lone} valid without a valid cell beside them (no surface there)");
+        line += &format!(", {lone} isolated (no surface)");
     }
     line
 }

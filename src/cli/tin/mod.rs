@@ -1,4 +1,4 @@
-//! `terrane tin`: a grid or a point cloud becomes a mesh with a proven error bound.
+//! `terrane tin`: meshes of grids and point clouds with a proven error bound.
 
 mod cloud;
 mod grid;
@@ -35,7 +35,7 @@ pub(crate) struct TinVerbArgs {
     /// Output file, if it is not the last name
     #[arg(short = 'o', long = "output", value_name = "FILE", help_heading = "Output")]
     named: Option<PathBuf>,
-    /// Write the report to this JSON file
+    /// Write the report to a JSON file
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
     /// Verify the written mesh against the grid
@@ -49,7 +49,7 @@ pub(crate) struct TinVerbArgs {
     show: args::ReportDisplay,
 }
 
-/// What meshes are made of.
+/// Kinds of input.
 #[derive(Clone, Debug)]
 pub(crate) struct TinSources;
 
@@ -124,7 +124,7 @@ impl TinVerbArgs {
         self.tell((&options, &made), &proof, verify::cloud::summary, call)
     }
 
-    /// Proves what was made, where that is asked for, and tells of both.
+    /// Verifies the mesh if requested, and prints both reports.
     fn tell<R: Summarize, O: MeshOriginal, P: OutputProof<Report = MeshReport<O>>>(
         &self,
         (options, made): (&impl HasGroup<Replacing>, &FinishedRun<R>),
@@ -148,14 +148,14 @@ impl TinVerbArgs {
     }
 }
 
-/// Fails for meshes that cannot be proved against their grid: solids, and those in another reference system.
+/// Fails for meshes that cannot be verified against their grid: solids, and meshes in another CRS.
 fn refuse_proof(options: &TinOptions) -> Result<()> {
     if options.base.is_some() || !options.co.is_empty() {
-        return Err(Error::usage("a solid has walls and a bottom, which are no terrain to verify")
-            .remedy("leave out --verify, or verify the mesh without ‹base› and ‹co› SOLID_BASE"));
+        return Err(Error::usage("--verify is not supported for solids")
+            .remedy("leave --verify out, or ‹base› and ‹co› SOLID_BASE"));
     }
     if options.reprojection.to_crs.is_some() {
-        return Err(Error::usage("a mesh is proved in the system of its grid")
+        return Err(Error::usage("--verify requires the CRS of the grid")
             .remedy("leave --verify out, or ‹to_crs›"));
     }
     Ok(())

@@ -1,4 +1,4 @@
-//! What is told of a made mesh, whatever it was made of.
+//! Reports of meshes of any input.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use terrane_engine::sift::Skipped;
 use terrane_terrain::tin::StageReport;
 use terrane_verify::{MeshOriginal, MeshReport};
 
-/// The report of both steps, as one JSON object.
+/// Report of both steps as one JSON object.
 #[derive(Serialize)]
 #[serde(bound = "T: Serialize")]
 pub(crate) struct MadeMeshReport<'a, T, O: MeshOriginal> {
@@ -21,13 +21,13 @@ pub(crate) struct MadeMeshReport<'a, T, O: MeshOriginal> {
     pub(crate) checked: Option<&'a MeshReport<O>>,
     #[serde(skip_serializing_if = "<[Skipped]>::is_empty")]
     pub(crate) skipped: &'a [Skipped],
-    /// What was asked for and is not so.
+    /// Unmet requirements.
     #[serde(skip)]
     pub(crate) unmet: Option<String>,
 }
 
 impl<T: Serialize, O: MeshOriginal> MadeMeshReport<'_, T, O> {
-    /// Tells of both steps, in a file as well that may be there.
+    /// Prints the report of both steps, and writes it to a file if requested.
     pub(super) fn tell(
         &self,
         (show, file): (&args::ReportDisplay, Option<(&Path, bool)>),
@@ -51,7 +51,7 @@ impl<T: Serialize, O: MeshOriginal> MadeMeshReport<'_, T, O> {
     }
 }
 
-/// The largest error, that allowed, and the RMSE.
+/// Largest error, error bound, and RMSE.
 pub(super) fn errors(most: Option<f64>, allowed: f64, rmse: Option<f64>, unit: &str) -> String {
     let found = most.map(|e| format!("{} {unit}, ", text::bound(e)));
     let allowed = format!("{} {unit} allowed", text::number(allowed));

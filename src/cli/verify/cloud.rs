@@ -1,12 +1,13 @@
-//! Proofs of meshes of point clouds, for people.
+//! Summary of verified meshes of point clouds.
 
 use crate::cli::shared::{points, text};
 use crate::cli::verify::told;
 use terrane_verify::{CloudProofFindings, CloudVerifyReport};
 
-/// A proof for people.
+/// Summary of a verification.
 pub(crate) fn summary(r: &CloudVerifyReport) -> String {
-    let whole = if r.of.breaklines.is_some() { "cloud, or posts of breaklines" } else { "cloud" };
+    let whole =
+        if r.of.breaklines.is_some() { "cloud, or anchor vertices of breaklines" } else { "cloud" };
     let (mut rows, off) = (vec![("points", points(&r.of))], told::off_vertices(r, whole));
     rows.extend(r.of.keep_points.as_ref().map(|kept| ("kept", text::kept(kept, "cloud"))));
     rows.extend(r.of.breaklines.as_ref().map(|lines| {
@@ -21,7 +22,7 @@ fn points(r: &CloudProofFindings) -> String {
     let [covered, judged] = [r.covered_points, r.judged_points].map(text::count);
     let stacked = match r.stacked_points {
         0 => String::new(),
-        n => format!("; {} above another at the same position", text::count(n)),
+        n => format!("; {} stacked (same x and y)", text::count(n)),
     };
-    format!("{covered} covered of {judged}{stacked}; read: {}", points::census(&r.points))
+    format!("{covered} of {judged} covered{stacked}; read: {}", points::census(&r.points))
 }

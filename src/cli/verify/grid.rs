@@ -1,11 +1,11 @@
-//! Proofs of meshes of grids, for people.
+//! Summary of verified meshes of grids.
 
 use crate::cli::shared::text;
 use crate::cli::verify::told;
 use terrane_base::bound::ErrorBound;
 use terrane_verify::{BandProof, OfGrid, VerifyReport};
 
-/// A proof for people.
+/// Summary of a verification.
 pub(crate) fn summary(r: &VerifyReport) -> String {
     let mut rows: Vec<_> = r.of.bands.iter().map(|proof| ("band", band(proof))).collect();
     rows.extend(r.of.bands.is_empty().then(|| ("surface", surface(r))));
@@ -19,35 +19,35 @@ pub(crate) fn summary(r: &VerifyReport) -> String {
     told::summary(r, rows, off, "", text::rate(r.of.samples_per_second, "samples"))
 }
 
-/// The error in a band.
+/// Error in a band.
 fn band(r: &BandProof) -> String {
     let most = r.max_error.map_or("-".to_owned(), text::bound);
     let over = text::count(r.over);
-    let allowed = r
-        .tolerance
-        .map_or(String::new(), |e| format!(", {} allowed, {over} samples over", text::number(e)));
+    let allowed = r.tolerance.map_or(String::new(), |e| {
+        format!(", {} allowed, {over} samples above it", text::number(e))
+    });
     let rmse = r.rmse.map_or(String::new(), |e| format!("; RMSE {}", text::number(e)));
-    format!("{} (weight {}): {most} at the most{allowed}{rmse}", r.band, text::number(r.weight))
+    format!("{} (weight {}): at most {most}{allowed}{rmse}", r.band, text::number(r.weight))
 }
 
-/// The error on the lines between samples.
+/// Error on the lines between samples.
 fn surface(r: &VerifyReport) -> String {
     let [over, breaks] = [r.of.over_between_samples.count, r.of.breaks].map(text::count);
     let judged = match (r.of.bound, r.tolerance) {
-        (ErrorBound::Samples, _) => "; no promise of this mesh",
+        (ErrorBound::Samples, _) => "; not promised by this mesh",
         (ErrorBound::Surface, None) => "; not judged",
         (ErrorBound::Surface, Some(_)) => "",
     };
     let most = r.of.surface_error.map_or("-".to_owned(), text::bound);
-    let over = r.tolerance.map_or(String::new(), |_| format!(", {over} of them over"));
-    format!("error {most} at the most, {breaks} places between samples{over}{judged}")
+    let over = r.tolerance.map_or(String::new(), |_| format!(", {over} above the bound"));
+    format!("error at most {most}, {breaks} breaks between samples{over}{judged}")
 }
 
 fn samples(r: &OfGrid) -> String {
     let mut line =
-        format!("{} covered of {}", text::count(r.covered_samples), text::count(r.surface_samples));
+        format!("{} of {} covered", text::count(r.covered_samples), text::count(r.surface_samples));
     if r.isolated_samples > 0 {
-        line += &format!("; {} valid ones have no surface", text::count(r.isolated_samples));
+        line += &format!("; {} isolated (no surface)", text::count(r.isolated_samples));
     }
     line
 }

@@ -1,11 +1,11 @@
-//! Proofs of simplified lines, for people.
+//! Summary of verified lines.
 
 use crate::cli::shared::{report, text};
 use crate::cli::verify::told;
 use terrane_simplify::DistanceKind;
 use terrane_verify::LineVerifyReport;
 
-/// A proof for people: the verdict, what failed, and the figures.
+/// Summary of a verification: verdict, failures, and figures.
 pub(super) fn summary(r: &LineVerifyReport) -> String {
     let verdict = told::in_words(&r.verdict);
     let unit = if r.measure == DistanceKind::Geographic { " m" } else { "" };
@@ -15,7 +15,7 @@ pub(super) fn summary(r: &LineVerifyReport) -> String {
         Some(tolerance) => format!(" of {}{unit} allowed", text::number(tolerance)),
         None => String::new(),
     };
-    let only = if r.topology { "" } else { " (not judged: --topology)" };
+    let only = if r.topology { "" } else { " (not judged without --topology)" };
     let [before, after] = r.vertices.map(text::count);
     let [had, has, new] = r.crossings.map(text::count);
     let (features, parts) = (text::count(r.features), text::count(r.parts));
@@ -24,18 +24,18 @@ pub(super) fn summary(r: &LineVerifyReport) -> String {
         (
             "features",
             format!(
-                "{features}; {} gone, {} added, {} with other properties, {} with other points",
+                "{features}; {} missing, {} added, {} with other properties, {} with other points",
                 text::count(r.gone_features),
                 text::count(r.added_features),
                 text::count(r.changed_attributes),
                 text::count(r.changed_points)
             ),
         ),
-        ("lines", format!("{parts} lines and rings, {} gone", text::count(r.dropped))),
-        ("heights", format!("{} changed, measures among them", text::count(r.changed_heights))),
+        ("lines", format!("{parts} lines and rings, {} missing", text::count(r.dropped))),
+        ("heights", format!("{} changed, including measures", text::count(r.changed_heights))),
         ("vertices", format!("{after} of {before}")),
         ("distance", format!("{far}{unit}{allowed}{place}")),
-        ("crossings", format!("{has}, of which {new} are new; {had} before{only}")),
+        ("crossings", format!("{has}, {new} of them new; {had} before{only}")),
         (
             "rings",
             format!(

@@ -1,5 +1,5 @@
-//! `terrane verify`: a written mesh is proved against its grid or cloud, simplified lines against their
-//! original, terrain tiles against their grid or cloud.
+//! `terrane verify`: verifies a mesh or terrain tiles against their grid or point cloud, and simplified lines
+//! against their original.
 
 pub(crate) mod cloud;
 mod grid;
@@ -52,7 +52,7 @@ pub(crate) struct VerifyArgs {
     options: InputUnion<Proofs>,
     #[command(flatten)]
     many: many::InputSelection,
-    /// Write the report to this JSON file
+    /// Write the report to a JSON file
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
     /// Overwrite an existing report
@@ -62,7 +62,7 @@ pub(crate) struct VerifyArgs {
     show: args::ReportDisplay,
 }
 
-/// What is proved.
+/// Kinds of verification.
 #[derive(Clone, Debug)]
 struct Proofs;
 
@@ -103,7 +103,7 @@ fn run(args: &VerifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
         };
     }
     if let Some(set) = one_of_sets(&args.mesh) {
-        return Err(Error::usage("holds sets of tiles of several formats")
+        return Err(Error::usage("holds tilesets of several formats")
             .in_file(&args.mesh)
             .remedy(format!("name one of them, such as {}", set.display())));
     }
@@ -119,7 +119,7 @@ fn run(args: &VerifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
         }
         return args.prove::<CloudMeshProof, CloudInput>(cancel, cloud::summary);
     }
-    // One of many that is not there may be skipped.
+    // A missing file among several may be skipped.
     let is_skipped =
         |name: &String| args.many.skip_bad && args.source.len() > 1 && check::input(name).is_err();
     for grid in args.source.iter().filter(|name| !is_skipped(name)) {
@@ -129,14 +129,14 @@ fn run(args: &VerifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     args.prove::<MeshProof, GridInput>(cancel, grid::summary)
 }
 
-/// The first set of tiles in a folder that is none itself.
+/// The first tileset in a folder that is not one itself.
 fn one_of_sets(folder: &Path) -> Option<PathBuf> {
     let mut sets = TilesFormat::names().into_iter().map(|format| folder.join(format.name));
     sets.find(|set| set.is_dir() && is_tiles(set))
 }
 
 impl VerifyArgs {
-    /// The options of a proof.
+    /// Options of a verification.
     fn of<P: OutputProof>(&self) -> Result<P> {
         let options = self.options.of(&name_of(self.mesh.clone())?)?;
         check_given(&options, self.options.given()).map(|()| options)
@@ -159,7 +159,7 @@ impl VerifyArgs {
         let options: LineProof = self.of()?;
         if let Some(option) = self.many.given() {
             return Err(Error::usage(format!(
-                "{option} is for many files, and lines are proved against one"
+                "{option} is not supported for lines (they have one original)"
             ))
             .remedy(format!("leave {option} out")));
         }
@@ -168,7 +168,7 @@ impl VerifyArgs {
         self.tell(&options, self.source.clone(), &[], cancel, line::summary)
     }
 
-    /// Fails where a file beside the originals is not there, or the report would be one that is read.
+    /// Fails for a missing auxiliary file, or a report that is also an input.
     fn check_files(&self, options: &impl Options, originals: Vec<String>) -> Result<()> {
         let beside = read_beside(options)?;
         check::beside(&beside)?;
@@ -176,7 +176,7 @@ impl VerifyArgs {
         check::report(self.report.as_deref(), &read, &[], self.overwrite)
     }
 
-    /// Does the proof and tells of it as it was asked for.
+    /// Verifies, and prints the report.
     fn tell<P: OutputProof>(
         &self,
         options: &P,
@@ -199,7 +199,7 @@ impl VerifyArgs {
     }
 }
 
-/// Fails unless there is a mesh and a grid, in this order.
+/// Fails unless the inputs are a mesh and a grid, in this order.
 fn check_kinds(mesh: &Path, raster: &str) -> Result<()> {
     let name = name_of(mesh.to_path_buf())?;
     match (is_mesh(&name)?, is_mesh(raster)?) {
@@ -218,8 +218,8 @@ fn no_mesh(path: &Path) -> Error {
         .remedy("name a mesh, such as one made by ‹terrane tin›")
 }
 
-/// The error of a mesh and its original that have changed places.
+/// Error of a mesh and its original in the wrong order.
 fn wrong_way_round(what: &str, first: &str, second: &str) -> Error {
-    Error::usage(format!("mesh and {what} are the wrong way round"))
+    Error::usage(format!("mesh and {what} are swapped"))
         .remedy(format!("write `terrane verify {second} {first}`"))
 }

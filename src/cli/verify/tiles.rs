@@ -1,10 +1,10 @@
-//! Proofs of terrain tiles, for people.
+//! Summary of verified terrain tiles.
 
 use crate::cli::shared::{report, text};
 use crate::cli::verify::told;
 use terrane_verify::tiles::{CheckReport, LevelProofReport, TilesVerifyReport};
 
-/// A proof for people: the verdict, what failed, and the figures.
+/// Summary of a verification: verdict, failures, and figures.
 pub(super) fn summary(r: &TilesVerifyReport) -> String {
     let verdict = told::in_words(&r.verdict);
     let failures: String = r.verdict.failures.iter().map(|f| format!("  - {f}\n")).collect();
@@ -24,7 +24,7 @@ pub(super) fn summary(r: &TilesVerifyReport) -> String {
 fn judged(check: &CheckReport) -> String {
     let faults: u64 = check.faults.iter().map(|fault| fault.count).sum();
     let verdict = match faults {
-        0 => "nothing wrong".to_owned(),
+        0 => "no faults".to_owned(),
         count => format!("{} faults", text::count(count)),
     };
     format!("{verdict}; {}", check.looked_at)

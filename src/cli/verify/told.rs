@@ -1,4 +1,4 @@
-//! What is told of a proof, whatever it is of.
+//! Summary of a verification of any kind.
 
 use crate::cli::shared::report::{self, Row};
 use crate::cli::shared::{VerbOutcome, say, text};
@@ -6,29 +6,29 @@ use terrane_base::door::Frontend;
 use terrane_engine::proof::ProofVerdict;
 use terrane_verify::{MeshOriginal, MeshReport};
 
-/// Names the broken promises on stderr, and those not judged, for those who asked for no result.
+/// Prints failures and unjudged checks on stderr, in quiet mode.
 pub(crate) fn tell(verdict: &ProofVerdict) {
     verdict.failures.iter().for_each(|failure| say::failure(&Frontend::CommandLine.spell(failure)));
     verdict.not_judged.iter().for_each(|what| say::not_judged(what));
 }
 
-/// Whether all promises were kept.
+/// Whether all guarantees hold.
 pub(crate) fn outcome(verdict: &ProofVerdict) -> VerbOutcome {
     VerbOutcome::of(verdict.passed, verdict.judged)
 }
 
-/// What came of a proof.
+/// The verdict in words.
 pub(super) fn in_words(verdict: &ProofVerdict) -> String {
     match (verdict.passed, verdict.not_judged.as_slice()) {
         (true, []) => "verified: every promise is kept".to_owned(),
-        (true, not) => format!("nothing wrong is found, but not judged: {}", not.join("; ")),
+        (true, not) => format!("no failure found, but not judged: {}", not.join("; ")),
         (false, _) => "NOT verified".to_owned(),
     }
 }
 
-/// A proof of a mesh for people: the verdict, what failed, and the figures. Of the original come rows
-/// of its own, and one about vertices that it does not have (`off`); `unit` is that of errors, and `rate`
-/// how fast the proof was.
+/// Summary of a verified mesh: verdict, failures, and figures. `own` are rows of the original, `off` is a row
+/// about vertices that are not in the original; `unit` is that of errors, and `rate` the speed of the
+/// verification.
 pub(super) fn summary<O: MeshOriginal>(
     r: &MeshReport<O>,
     own: Vec<Row>,
@@ -43,7 +43,7 @@ pub(super) fn summary<O: MeshOriginal>(
     rows.extend(own);
     rows.extend([("mesh", sizes), off, ("edges", edges(r)), ("angles", angles(r))]);
     rows.extend(
-        r.source.as_ref().map(|name| ("source", format!("{name}, by its header; not judged"))),
+        r.source.as_ref().map(|name| ("source", format!("{name} (from the header, not judged)"))),
     );
     rows.extend(report::took(&r.run, Some(rate), ""));
     format!("{}\n{failures}{}", in_words(&r.verdict), text::table(&rows))
@@ -52,21 +52,20 @@ pub(super) fn summary<O: MeshOriginal>(
 fn errors<O: MeshOriginal>(r: &MeshReport<O>) -> String {
     let most = r.max_error.map_or("-".to_owned(), text::bound);
     let allowed = match r.tolerance {
-        Some(tolerance) => format!("{most} at the most, {} allowed", text::number(tolerance)),
-        None => format!("{most} at the most; not judged, because no bound is known (--max-error)"),
+        Some(tolerance) => format!("at most {most}, {} allowed", text::number(tolerance)),
+        None => format!("at most {most}; not judged (pass --max-error)"),
     };
     let [rmse, mean] = [r.rmse, r.mean_error].map(text::height);
     format!("{allowed}; measured: RMSE {rmse}, mean {mean}")
 }
 
-/// The smallest angle of a mesh, which is judged elsewhere where there is a promise of one.
+/// Smallest angle of a mesh; a guaranteed angle is judged separately.
 fn angles<O: MeshOriginal>(r: &MeshReport<O>) -> String {
-    let told = |a: f64| format!("{} degrees {} at the least (measured)", text::number(a), O::PLANE);
+    let told = |a: f64| format!("at least {} degrees {} (measured)", text::number(a), O::PLANE);
     r.smallest_angle.map_or("none".to_owned(), told)
 }
 
-/// What is told of `off` vertices that are no points of the original: a failure only where terrane made
-/// them.
+/// Summary of vertices that are not points of the original: a failure only for meshes of terrane.
 pub(super) fn off_vertices<O: MeshOriginal>(r: &MeshReport<O>, of: &str) -> Row {
     let (source, off) = (O::POINTS, r.of.off_vertices().count);
     let told = match (text::count(off), r.made_by_terrane) {
@@ -75,23 +74,23 @@ pub(super) fn off_vertices<O: MeshOriginal>(r: &MeshReport<O>, of: &str) -> Row 
         }
         _ if off == 0 => format!("all are {source} of the {of}"),
         (off, _) if r.of.may_be_off() => {
-            format!("{off} off the {source}: posts of breaklines that were not given")
+            format!("{off} off the {source} (anchor vertices of missing breaklines)")
         }
         (off, true) => format!("{off} off the {source}"),
         (off, false) => {
-            format!("{off} off the {source}; no failure, because terrane did not write this mesh")
+            format!("{off} off the {source} (not a failure: not written by terrane)")
         }
     };
     ("vertices", told)
 }
 
-/// What is told of edges: whether they are Delaunay is judged where the mesh promises it.
+/// Summary of edges: the Delaunay property is judged only if the mesh guarantees it.
 fn edges<O: MeshOriginal>(r: &MeshReport<O>) -> String {
     let [inner, outer] = [r.interior_edges, r.open_edges].map(text::count);
     let delaunay = match r.non_delaunay_edges.count {
-        0 => format!("all of them Delaunay {}", O::PLANE),
-        count => format!("{} of them not Delaunay {}", text::count(count), O::PLANE),
+        0 => format!("all Delaunay {}", O::PLANE),
+        count => format!("{} not Delaunay {}", text::count(count), O::PLANE),
     };
-    let promise = if r.delaunay { "" } else { " (no promise of this mesh)" };
-    format!("{inner} inside, {delaunay}{promise}; {outer} on the outline")
+    let promise = if r.delaunay { "" } else { " (not promised by this mesh)" };
+    format!("{inner} inner, {delaunay}{promise}; {outer} on the outline")
 }

@@ -1,4 +1,4 @@
-//! `terrane view`: a picture of a grid or a mesh, or a page to look at these, at lines and at clouds in.
+//! `terrane view`: pictures of grids and meshes, and pages of these, of lines and of point clouds.
 
 mod serve;
 mod told;
@@ -58,7 +58,7 @@ pub(super) struct ViewArgs {
     show: args::ReportDisplay,
 }
 
-/// What is shown.
+/// Kinds of output.
 #[derive(Clone, Debug)]
 struct ViewSources;
 
@@ -84,10 +84,11 @@ impl Verb for ViewArgs {
     }
 
     fn run(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
-        // What --serve excludes would lift a requirement of the parser's.
+        // A clap conflict with --serve would lift a requirement of the parser.
         if self.port.is_some() && !self.serve {
-            return Err(Error::usage("--port is for pages that are served")
-                .remedy("pass --serve, or leave --port out"));
+            return Err(
+                Error::usage("--port requires --serve").remedy("pass --serve, or leave --port out")
+            );
         }
         let input = &self.input;
         input.iter().try_for_each(|name| pipes::refuse_input(name))?;
@@ -102,11 +103,9 @@ impl Verb for ViewArgs {
         }
         match (self.many.are_clouds(input)?, is_page) {
             (true, true) => self.page::<CloudPageOptions>(call),
-            (true, false) => {
-                Err(Error::usage("there is a page of a point cloud, but no shaded relief")
-                    .in_file(&path_of(&input[0]))
-                    .remedy("pass --html, or draw it from above with terrane info --picture"))
-            }
+            (true, false) => Err(Error::usage("shaded relief is not supported for point clouds")
+                .in_file(&path_of(&input[0]))
+                .remedy("pass --html, or use terrane info --picture")),
             (false, true) => self.page::<PageOptions>(call),
             (false, false) => {
                 let options: PictureOptions = self.options.of(&input[0])?;
@@ -123,14 +122,14 @@ impl ViewArgs {
         RunArguments { input, output, given: self.options.given(), report: None, many, show }
     }
 
-    /// Fails where many files are spoken of, as the page is of one.
+    /// Fails for options of several files, because a page shows one.
     fn refuse_many(&self, what: &str) -> Result<()> {
         let Some(option) = self.many.given() else { return Ok(()) };
         Err(Error::usage(format!("{option} is not for a page of {what}"))
             .remedy(format!("leave {option} out")))
     }
 
-    /// Makes a page, or serves it.
+    /// Writes a page, or serves it.
     fn page<O>(&self, call: &VerbCall<'_>) -> Result<VerbOutcome>
     where
         O: Operation<Input: OperationInput, Report = PageReport> + HasGroup<Replacing>,
@@ -146,13 +145,13 @@ impl ViewArgs {
         })
     }
 
-    /// Serves tiles, which a page by itself does not hold.
+    /// Serves tiles, which do not fit in a page.
     fn tiles(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         let folder = path_of(&self.input[0]);
         if !self.serve {
-            return Err(Error::usage("a folder of tiles is looked at as a server sends it")
+            return Err(Error::usage("a folder of tiles requires --serve")
                 .in_file(&folder)
-                .remedy("pass --serve, in place of -o or --html"));
+                .remedy("pass --serve instead of -o or --html"));
         }
         let options: TilesPageOptions = self.options.of(&self.input[0])?;
         self.refuse_many("tiles")?;

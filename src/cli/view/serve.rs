@@ -1,4 +1,4 @@
-//! `terrane view --serve`: a page for browsers on this machine, until a signal comes.
+//! `terrane view --serve`: serves a page to browsers on this machine until a signal.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ use terrane_files::folder_for;
 use terrane_viewer::page::PageReport;
 use terrane_viewer::serve::{ServedSite, Server};
 
-/// What is told once browsers can come.
+/// Message when the server is ready.
 #[derive(Serialize)]
 struct ServeReport<'a> {
     url: &'a str,
@@ -24,8 +24,8 @@ struct ServeReport<'a> {
 }
 
 impl ViewArgs {
-    /// Makes a page, and serves it with what is in a folder until it is cancelled. The page is a file until then: it may be
-    /// large.
+    /// Makes a page, and serves it with the files of a folder until it is cancelled. The page is a temporary
+    /// file, because it may be large.
     pub(super) fn serve(
         &self,
         temp_dir: Option<&Path>,

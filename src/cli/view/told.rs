@@ -1,4 +1,4 @@
-//! Pictures and pages, for people.
+//! Summary of pictures and pages.
 
 use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{points, report, text};
@@ -11,7 +11,7 @@ impl Summarize for ViewReport {
             (Some(low), Some(high)) => {
                 format!("{} to {}", text::number(low.into()), text::number(high.into()))
             }
-            _ => "none: there is no surface in this picture".to_owned(),
+            _ => "none (no surface in this picture)".to_owned(),
         };
         let mut rows = vec![
             (
@@ -67,7 +67,7 @@ impl Summarize for PageReport {
             rows.push(("heights", format!("{} to {}", text::number(low), text::number(high))));
         }
         if let Some(error) = self.max_error {
-            rows.push(("error", format!("{} at the most", text::number(error))));
+            rows.push(("error", format!("at most {}", text::number(error))));
         }
         rows.extend(report::took(&self.run, None, ""));
         format!("{} -> {}\n{}", self.input, self.output, text::table(&rows))

@@ -6,7 +6,7 @@ use numpy::{Element, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// The elements of an array, in C order, which lives as long as this.
+/// Elements of an array in C order, kept alive by this value.
 pub(crate) struct NumpyElements<T> {
     /// Keeps the memory.
     _array: Py<PyArrayDyn<T>>,
@@ -21,7 +21,7 @@ unsafe impl<T: Sync> Send for NumpyElements<T> {}
 unsafe impl<T: Sync> Sync for NumpyElements<T> {}
 
 impl<T: Element> NumpyElements<T> {
-    /// Those of an array that is contiguous in C order.
+    /// Elements of a contiguous array in C order.
     pub(crate) fn of(array: &Bound<'_, PyArrayDyn<T>>) -> PyResult<Self> {
         if !array.is_c_contiguous() {
             return Err(PyValueError::new_err("the array is not contiguous"));
@@ -43,7 +43,7 @@ impl<T> AsRef<[T]> for NumpyElements<T> {
     }
 }
 
-/// `rows` of three as an array that may not be written to, in the memory of `owner`, which never changes them.
+/// `rows` of three as a read-only array in the memory of `owner`, which never changes them.
 pub(crate) fn view<'py, T: Element + bytemuck::Pod>(
     rows: &[[T; 3]],
     owner: Bound<'py, PyAny>,

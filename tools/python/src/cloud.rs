@@ -1,4 +1,4 @@
-//! Point clouds, in files and in memory, and what is made of them.
+//! Point clouds in files and in memory, and jobs on them.
 
 use std::path::PathBuf;
 
@@ -19,7 +19,7 @@ pub(crate) struct Cloud(pub(crate) terrane::Cloud);
 
 #[pymethods]
 impl Cloud {
-    /// The cloud in some files, or a synthetic one.
+    /// Opens files, or a synthetic point cloud.
     #[staticmethod]
     fn open(py: Python<'_>, names: Vec<PathBuf>, reading: &Bound<'_, PyDict>) -> PyResult<Self> {
         let reading = options_of(CloudInput::TABLE, reading)?;
@@ -27,7 +27,7 @@ impl Cloud {
         told(py, py.detach(open)).map(Self)
     }
 
-    /// The cloud of points in an array of three columns, with classes, and numbers of returns.
+    /// A point cloud from an array of three columns, with classes and returns.
     #[staticmethod]
     #[allow(clippy::too_many_arguments)]
     fn array(
@@ -64,7 +64,7 @@ impl Cloud {
         told(py, py.detach(open)).map(Self)
     }
 
-    /// What the cloud is.
+    /// Properties of the point cloud.
     #[getter]
     fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (info, told) = (self.0.info(), PyDict::new(py));

@@ -5,7 +5,7 @@ use pyo3::sync::PyOnceLock;
 use terrane::{Error, ErrorKind};
 use terrane_base::door::Frontend;
 
-/// The Python exception for an error; `terrane._errors` knows which class its kind has.
+/// The Python exception of an error; `terrane._errors` selects its class by kind.
 pub(crate) fn exception(py: Python<'_>, error: &Error) -> PyErr {
     static MAKE: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
     let make = || -> PyResult<Bound<'_, PyAny>> {

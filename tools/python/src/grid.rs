@@ -1,4 +1,4 @@
-//! Grids, in files and in memory, and what is made of them.
+//! Grids in files and in memory, and jobs on them.
 
 use std::path::PathBuf;
 
@@ -23,7 +23,7 @@ use crate::work::{BuilderSettings, JobSettings, run};
 #[pyclass(frozen, module = "terrane._terrane")]
 pub(crate) struct Grid(pub(crate) terrane::Grid);
 
-/// How a grid is read, as Python has it.
+/// Input options of a grid from Python.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 struct GridReading {
@@ -33,7 +33,7 @@ struct GridReading {
     water: Option<PathBuf>,
 }
 
-/// The inputs that names stand for.
+/// Inputs of names.
 pub(crate) fn inputs(mut names: Vec<PathBuf>) -> terrane::Result<Inputs> {
     match names.len() {
         1 => Ok(Inputs::from(names.remove(0))),
@@ -41,14 +41,14 @@ pub(crate) fn inputs(mut names: Vec<PathBuf>) -> terrane::Result<Inputs> {
     }
 }
 
-/// The reference system that a text says.
+/// The CRS of a text.
 pub(crate) fn crs_of(text: Option<&str>) -> terrane::Result<Crs> {
     let Some(text) = text else { return Ok(Crs::default()) };
     let crs = wkt::of_srs(text);
     match crs.epsg.is_some() || crs.wkt.is_some() {
         true => Ok(crs),
-        false => Err(terrane::Error::usage(format!("{text:?} is no reference system"))
-            .remedy("give a code such as \"EPSG:32631\", or well-known text")),
+        false => Err(terrane::Error::usage(format!("{text:?} is not a CRS"))
+            .remedy("pass a code such as \"EPSG:32631\", or WKT")),
     }
 }
 
@@ -61,7 +61,7 @@ impl Grid {
     ) -> PyResult<terrane::Grid> {
         let py = array.py();
         let &[height, width] = array.shape() else {
-            return Err(PyValueError::new_err("the array has not two dimensions"));
+            return Err(PyValueError::new_err("the array is not two-dimensional"));
         };
         let most = u32::MAX as usize;
         let [width, height] = [width, height].map(|side| side.min(most) as u32);
@@ -78,7 +78,7 @@ impl Grid {
 
 #[pymethods]
 impl Grid {
-    /// The grid in some files, or a synthetic one.
+    /// Opens files, or a synthetic terrain.
     #[staticmethod]
     fn open(py: Python<'_>, names: Vec<PathBuf>, reading: GridReading) -> PyResult<Self> {
         let open = || {
@@ -91,7 +91,7 @@ impl Grid {
         told(py, py.detach(open)).map(Self)
     }
 
-    /// The grid in an array, where `place` has GDAL's six numbers.
+    /// A grid from an array, with GDAL's geotransform `place`.
     #[staticmethod]
     fn array(
         array: &Bound<'_, PyAny>,
@@ -111,10 +111,10 @@ impl Grid {
             )*};
         }
         of_type!(f32 f64 i16 u16 u8 i8 i32 u32);
-        Err(PyValueError::new_err("no array of heights"))
+        Err(PyValueError::new_err("unsupported type of array"))
     }
 
-    /// Size, place and the like.
+    /// Size, georeference and other properties.
     #[getter]
     fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (info, told) = (self.0.info(), PyDict::new(py));
@@ -130,7 +130,7 @@ impl Grid {
         Ok(told)
     }
 
-    /// What is odd about it, or easily overlooked: the kind of each note, and its text.
+    /// Notes about problems: kind and text of each.
     #[getter]
     fn notes(&self) -> Vec<(&'static str, String)> {
         self.0
@@ -179,7 +179,7 @@ impl Grid {
     }
 }
 
-/// An error of the usage of Python's own options.
+/// Usage error of a Python option.
 pub(crate) fn usage(py: Python<'_>, message: &str, remedy: &str) -> PyErr {
     exception(py, &terrane::Error::new(ErrorKind::Usage, message).remedy(remedy))
 }

@@ -1,16 +1,14 @@
-//! Which interpreter of the process this is.
+//! The interpreter of the process.
 #![allow(unsafe_code)]
 
 use pyo3::exceptions::PyImportError;
 use pyo3::{PyResult, Python, ffi};
 
-/// Fails in any interpreter but the first one of the process: classes of errors are those of one.
+/// Fails in subinterpreters: error classes belong to one interpreter.
 pub(crate) fn refuse_others(_py: Python<'_>) -> PyResult<()> {
     // SAFETY: both only read the state of the interpreter that this thread is attached to, which `_py` proves.
     match unsafe { ffi::PyInterpreterState_GetID(ffi::PyInterpreterState_Get()) } {
         0 => Ok(()),
-        _ => Err(PyImportError::new_err(
-            "terrane works in the first interpreter of a process alone, and in no subinterpreter",
-        )),
+        _ => Err(PyImportError::new_err("terrane does not support subinterpreters")),
     }
 }

@@ -1,5 +1,5 @@
-//! `terrane._terrane`: the library's front door for Python. All that is public in Python, and how it takes what
-//! Python has, is in `python/terrane`; here are classes over the library's own, arrays, and errors.
+//! `terrane._terrane`: Python bindings. The public Python API and conversions of Python objects are in
+//! `python/terrane`; this module has the classes, arrays and errors.
 
 mod array;
 mod cloud;
@@ -16,7 +16,7 @@ mod work;
 
 use pyo3::prelude::*;
 
-/// Runs the command line with these arguments, the name of the program first, and returns its exit code.
+/// Runs the command line with these arguments (program name first) and returns its exit code.
 #[pyfunction]
 fn command_line(py: Python<'_>, args: Vec<std::ffi::OsString>) -> u8 {
     // What an exit code is, only a process can tell: codes are compared by how they are shown.

@@ -1,4 +1,4 @@
-//! Lines: those of files as arrays, arrays made simpler, files made simpler.
+//! Lines: vector files as arrays, and simplification of arrays and files.
 
 use std::path::PathBuf;
 
@@ -16,7 +16,7 @@ use crate::grid::{crs_of, usage};
 use crate::mesh::{crs_text, rows};
 use crate::work::{JobSettings, run};
 
-/// Methods by the names of the command line.
+/// Methods by their names on the command line.
 const METHODS: [(&str, Method); 5] = [
     ("cone", Method::Cone),
     ("rdp", Method::Rdp),
@@ -29,12 +29,12 @@ fn method_of(py: Python<'_>, name: &str) -> PyResult<Method> {
     let found = METHODS.iter().find(|(known, _)| *known == name);
     let names = METHODS.map(|(name, _)| name).join(", ");
     let unknown =
-        || usage(py, &format!("there is no method {name:?}"), &format!("choose one of {names}"));
+        || usage(py, &format!("unknown method {name:?}"), &format!("choose one of {names}"));
     found.map(|(_, method)| *method).ok_or_else(unknown)
 }
 
-/// The lines of a file of features: positions, where each line begins and the end of the last one, a number of each, and the
-/// reference system. What is no line is left out.
+/// Lines of a vector file: positions, offsets of lines, a number per line, and the CRS. Other geometries are
+/// omitted.
 #[pyfunction]
 pub(crate) fn read_lines<'py>(
     py: Python<'py>,
@@ -65,8 +65,8 @@ pub(crate) fn read_lines<'py>(
     (rows(py, &flat, 2)?, offsets, values, crs).into_pyobject(py)
 }
 
-/// Lines or rings, one after the other in an array of positions, made simpler each on its own: which positions are
-/// left, the first one of a ring at its end again, and where each line begins among those.
+/// Simplifies lines or rings of an array of positions, each independently: returns the kept positions, with
+/// rings closed, and the offsets of lines.
 #[pyfunction]
 pub(crate) fn simplify_places<'py>(
     py: Python<'py>,
@@ -85,12 +85,12 @@ pub(crate) fn simplify_places<'py>(
         && offsets.last() == Some(&(count as i64))
         && offsets.is_sorted();
     if !is_sound {
-        let message = "the offsets are not those of the positions";
-        return Err(usage(py, message, "let them rise from 0 to the number of positions"));
+        let message = "offsets do not match the positions";
+        return Err(usage(py, message, "pass ascending offsets from 0 to the number of positions"));
     }
     if !matches!(width, 2 | 3) {
-        let message = "positions have two or three coordinates";
-        return Err(usage(py, message, "give an array of 2 or 3 columns"));
+        let message = "positions need 2 or 3 coordinates";
+        return Err(usage(py, message, "pass an array of 2 or 3 columns"));
     }
     let (places, ends) = run(py, settings, |machine| {
         let how = LineSimplification { tolerance, method, rings, cancel: &machine.cancel };
@@ -103,7 +103,7 @@ pub(crate) fn simplify_places<'py>(
     (PyArray1::from_vec(py, places), PyArray1::from_vec(py, ends)).into_pyobject(py)
 }
 
-/// How lines are made simpler.
+/// Settings of a simplification.
 #[derive(Clone, Copy)]
 struct LineSimplification<'a> {
     tolerance: f64,
@@ -112,11 +112,11 @@ struct LineSimplification<'a> {
     cancel: &'a Cancel,
 }
 
-/// Positions that are left, and where each line ends among them.
+/// Kept positions, and the end of each line among them.
 type Left = (Vec<i64>, Vec<i64>);
 
 impl LineSimplification<'_> {
-    /// All lines, by so many threads; what is left does not depend on those.
+    /// All lines on several threads; the result does not depend on their number.
     fn side_by_side<const N: usize>(
         self,
         positions: &[[f64; N]],
@@ -156,7 +156,7 @@ impl LineSimplification<'_> {
         Ok((places, ends))
     }
 
-    /// Some lines, one after the other.
+    /// Lines of a range, one after the other.
     fn each<const N: usize>(self, positions: &[[f64; N]], offsets: &[i64]) -> terrane::Result<Left>
     where
         [f64; N]: Coordinates,
@@ -185,11 +185,11 @@ impl LineSimplification<'_> {
     }
 }
 
-/// Geometries of one kind, as ragged arrays of shapely have them: the kind, positions, and where parts begin in those,
-/// polygons in parts, and geometries in these.
+/// Geometries of one type as ragged arrays of shapely: type, positions, and offsets of parts, polygons and
+/// geometries.
 type Group<'py> = (String, Bound<'py, PyArray2<f64>>, Vec<Bound<'py, PyArray1<i64>>>);
 
-/// Writes groups of geometries into a file, one feature each, in their order and to the last bit.
+/// Writes groups of geometries to a file, one feature each, in order and bit by bit.
 #[pyfunction]
 pub(crate) fn write_geometries(
     py: Python<'_>,
@@ -202,7 +202,8 @@ pub(crate) fn write_geometries(
     let options = VectorWriteOptions::default();
     let mut sink = told(py, terrane_vector::create(&path, format, &layer, &options))?;
     for (kind, positions, offsets) in groups {
-        let unknown = || usage(py, &format!("{kind:?} are no lines"), "pass lines or polygons");
+        let unknown =
+            || usage(py, &format!("{kind:?} is not a type of lines"), "pass lines or polygons");
         let kind = GeometryType::by_name(&kind).ok_or_else(unknown)?;
         let (width, positions) = (positions.shape()[1], positions.readonly());
         let mut levels = Vec::with_capacity(offsets.len());
@@ -211,9 +212,9 @@ pub(crate) fn write_geometries(
         }
         let ragged = RaggedArrays { positions: positions.as_slice()?, width, levels };
         for number in 0..ragged.len() {
-            let geometry = ragged
-                .places(kind, number)
-                .ok_or_else(|| usage(py, "offsets do not fit together", "pass those of shapely"))?;
+            let geometry = ragged.places(kind, number).ok_or_else(|| {
+                usage(py, "offsets are inconsistent", "pass the offsets from shapely")
+            })?;
             let feature = Geometry::new(kind, geometry)
                 .map(|geometry| Feature { geometry, ..Feature::default() });
             let written = feature.and_then(|feature| sink.write(&feature));
@@ -231,18 +232,18 @@ struct RaggedArrays<'a> {
 }
 
 impl RaggedArrays<'_> {
-    /// How many geometries there are.
+    /// Number of geometries.
     fn len(&self) -> usize {
         self.levels.last().map_or(0, |ends| ends.len().saturating_sub(1))
     }
 
-    /// What an entry of a level holds of the level below.
+    /// Range of an entry in the next lower level.
     fn range(&self, level: usize, number: usize) -> Option<std::ops::Range<usize>> {
         let ends = self.levels.get(level)?.get(number..number + 2)?;
         Some(usize::try_from(ends[0]).ok()?..usize::try_from(ends[1]).ok()?)
     }
 
-    /// The coordinates of a geometry.
+    /// Coordinates of a geometry.
     fn places(&self, kind: GeometryType, number: usize) -> Option<CoordinateSequence> {
         let mut places = CoordinateSequence::default();
         let polygons = match kind {

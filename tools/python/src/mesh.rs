@@ -12,7 +12,7 @@ use terrane_mesh::{MeshHeader, Promises};
 use crate::array::{NumpyElements, view};
 use crate::error::told;
 
-/// A mesh in memory, which never changes.
+/// An immutable mesh in memory.
 #[pyclass(frozen, module = "terrane._terrane")]
 pub(crate) struct Mesh {
     tin: Arc<Tin>,
@@ -62,7 +62,7 @@ impl Mesh {
         crs_text(self.tin.crs())
     }
 
-    /// Heights at places, an array of x and one of y of the same shape.
+    /// Heights at positions, for arrays x and y of the same shape.
     fn heights<'py>(
         &self,
         py: Python<'py>,
@@ -78,7 +78,7 @@ impl Mesh {
         Ok(PyArray1::from_vec(py, heights))
     }
 
-    /// The bound that a file of it at `path` keeps.
+    /// Error bound of the mesh in a file at `path`.
     fn tolerance_in(&self, py: Python<'_>, path: PathBuf) -> PyResult<f64> {
         told(py, py.detach(|| self.tin.tolerance_in(path)))
     }
@@ -91,7 +91,7 @@ impl Mesh {
         told(py, written)
     }
 
-    /// All but the arrays, for pickles.
+    /// State without arrays, for pickles.
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let TinParts { tolerance, max_error, rmse, unmet, header, .. } =
             Tin::clone(&self.tin).into_parts();
@@ -105,7 +105,7 @@ impl Mesh {
         Ok(state)
     }
 
-    /// The mesh of two arrays and a state.
+    /// A mesh from two arrays and a state.
     #[staticmethod]
     fn restore(
         py: Python<'_>,
@@ -139,7 +139,7 @@ impl Mesh {
     }
 }
 
-/// What [`Mesh::state`] gives.
+/// State of [`Mesh::state`].
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 struct MeshState {
@@ -150,7 +150,7 @@ struct MeshState {
     promises: Vec<String>,
 }
 
-/// A reference system as other packages read it: its code, or its text.
+/// CRS for other packages: its code, or its text.
 pub(crate) fn crs_text(crs: &Crs) -> Option<String> {
     match (crs.epsg, crs.vertical_epsg) {
         (Some(code), Some(vertical)) => Some(format!("EPSG:{code}+{vertical}")),
@@ -159,7 +159,7 @@ pub(crate) fn crs_text(crs: &Crs) -> Option<String> {
     }
 }
 
-/// Rows of three, or of any other number.
+/// Rows of three, or of another number.
 pub(crate) fn rows<'py>(
     py: Python<'py>,
     values: &[f64],

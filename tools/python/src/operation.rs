@@ -1,4 +1,4 @@
-//! Operations on grids: what their tables say of options, and options from what Python has.
+//! Operations on grids: option tables for Python, and options from Python objects.
 
 use std::path::PathBuf;
 
@@ -13,13 +13,13 @@ use terrane_options::{OptionArity, OptionField, OptionKind, OptionRole, OptionTa
 use crate::error::told;
 use crate::report::{REPORTS, dictionary, report_named};
 
-/// The operation of a name.
+/// The operation `name`.
 pub(crate) fn named(name: &str) -> PyResult<&'static AnyOperation> {
     let found = OPERATIONS.iter().find(|operation| operation.name == name);
-    found.ok_or_else(|| PyValueError::new_err(format!("there is no operation {name:?}")))
+    found.ok_or_else(|| PyValueError::new_err(format!("unknown operation {name:?}")))
 }
 
-/// All operations, proofs and inspections, by name: what each is for, and its options in their order.
+/// All operations, verifications and inspections by name: summary and options in order.
 #[pyfunction]
 pub(crate) fn operations(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
     let operations = OPERATIONS
@@ -48,7 +48,7 @@ fn described(
     json!({ "about": table.about, "reads": reads, "options": fields, "task_size": task_size })
 }
 
-/// Options of runs that plans have, too.
+/// Options of runs that plans share.
 const OF_MACHINES: [&str; 3] = ["threads", "memory", "temp_dir"];
 
 fn option(field: &OptionField, default: &Json) -> Json {
@@ -78,13 +78,13 @@ fn option(field: &OptionField, default: &Json) -> Json {
     })
 }
 
-/// The names that there are to choose from, with what they mean.
+/// Names of choices with their summaries.
 fn choices_of(kind: OptionKind) -> Vec<(&'static str, &'static str)> {
     let OptionKind::Choice(choices) = kind else { return Vec::new() };
     choices().iter().map(|own| (own.name, own.about)).collect()
 }
 
-/// The type of values, as Python's annotations have it.
+/// Type annotation of values in Python.
 fn type_of(kind: OptionKind) -> String {
     match kind {
         OptionKind::Flag => "bool".to_owned(),
@@ -102,7 +102,7 @@ fn type_of(kind: OptionKind) -> String {
     }
 }
 
-/// Fails where it can be known before anything is opened that an operation or a proof cannot be done; without a path a mesh
+/// Validates the options of an operation or a verification before any file is opened; without a path a mesh
 /// stays in memory.
 #[pyfunction]
 pub(crate) fn check_operation(
@@ -156,12 +156,12 @@ pub(crate) fn options_of(
     Ok(Ok(options))
 }
 
-/// Lists in lists that an option may have: pairs of keys and values.
+/// Nested lists of an option: pairs of keys and values.
 const MOST_NESTED: u32 = 2;
-/// Most values of a list.
+/// Largest number of values of a list.
 const MOST_VALUES: usize = 1 << 20;
 
-/// A value as JSON, in which numbers that are none are texts; `None` for what cannot be an option.
+/// A value as JSON, with non-finite numbers as text; `None` for unsupported types.
 fn json_of(value: &Bound<'_, PyAny>, is_name: bool, nested: u32) -> PyResult<Option<Json>> {
     if value.is_none() {
         return Ok(Some(Json::Null));
@@ -208,7 +208,7 @@ fn json_of(value: &Bound<'_, PyAny>, is_name: bool, nested: u32) -> PyResult<Opt
     let all = all.collect::<PyResult<Option<Vec<_>>>>()?;
     if all.as_ref().is_some_and(|all| all.len() > MOST_VALUES) {
         let error = Error::usage(format!("a list has more than {MOST_VALUES} values"));
-        return told(value.py(), Err(error.remedy("pass fewer")));
+        return told(value.py(), Err(error.remedy("pass fewer values")));
     }
     Ok(all.map(Json::from))
 }

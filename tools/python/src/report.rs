@@ -1,4 +1,4 @@
-//! Reports as dictionaries: those of jobs, of proofs, and of what things are.
+//! Reports as dictionaries: of jobs, verifications and inspections.
 
 use std::path::PathBuf;
 
@@ -16,7 +16,7 @@ use terrane_options::{OptionTable, Options, fill, to_map};
 
 use crate::work::BuilderSettings;
 
-/// What `--json` tells of a job.
+/// Report of a job as from `--json`.
 pub(crate) fn dictionary<'py>(
     py: Python<'py>,
     report: &impl Serialize,
@@ -25,7 +25,7 @@ pub(crate) fn dictionary<'py>(
     py.import("json")?.getattr("loads")?.call1((Frontend::Python.spell_report(&text),))
 }
 
-/// A proof or an inspection by its name, beside the operations.
+/// A verification or an inspection by name.
 pub(crate) struct AnyReport {
     pub(crate) name: &'static str,
     pub(crate) reads: Reads,
@@ -35,7 +35,7 @@ pub(crate) struct AnyReport {
     pub(crate) run: Run,
 }
 
-/// Reports on data, or on a file that was made of it, with options by name.
+/// Reports on data, or on a file made of it, with options by name.
 type Run =
     fn(&dyn Data, Option<PathBuf>, &Map<String, Json>, &BuilderSettings) -> terrane::Result<Json>;
 
@@ -63,7 +63,7 @@ impl AnyReport {
 
 fn json(report: &impl Serialize) -> terrane::Result<Json> {
     serde_json::to_value(report)
-        .map_err(|e| Error::new(ErrorKind::Internal, format!("the report is no JSON: {e}")))
+        .map_err(|e| Error::new(ErrorKind::Internal, format!("the report is not valid JSON: {e}")))
 }
 
 pub(crate) const REPORTS: [AnyReport; 8] = [
@@ -77,8 +77,8 @@ pub(crate) const REPORTS: [AnyReport; 8] = [
     AnyReport::inspection::<FeaturesInfoOptions>("info-features", Reads::Features),
 ];
 
-/// The proof or inspection of a name.
+/// The verification or inspection `name`.
 pub(crate) fn report_named(name: &str) -> PyResult<&'static AnyReport> {
     let found = REPORTS.iter().find(|report| report.name == name);
-    found.ok_or_else(|| PyValueError::new_err(format!("there is no report {name:?}")))
+    found.ok_or_else(|| PyValueError::new_err(format!("unknown report {name:?}")))
 }

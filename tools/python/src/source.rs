@@ -1,4 +1,4 @@
-//! What work is done on, whatever it is.
+//! Inputs of jobs of any kind.
 
 use std::path::PathBuf;
 
@@ -15,7 +15,7 @@ use crate::plan::Plan;
 use crate::report::{dictionary, report_named};
 use crate::work::{BuilderSettings, JobSettings, run};
 
-/// A grid or a cloud that is open, or the file of a mesh or of features.
+/// An open grid or point cloud, or the file of a mesh or of features.
 #[derive(FromPyObject)]
 pub(crate) enum PySource<'py> {
     Grid(PyRef<'py, Grid>),
@@ -24,7 +24,7 @@ pub(crate) enum PySource<'py> {
 }
 
 impl PySource<'_> {
-    /// Does work on it.
+    /// Runs a job on the input.
     fn run<T: Send>(
         &self,
         py: Python<'_>,
@@ -90,7 +90,7 @@ pub(crate) fn plan_operation(
     Ok(Plan(planned))
 }
 
-/// A proof by its name of a file or folder, against what it was made from; or what something is. Options are by name.
+/// A verification by name of a file or folder against its original, or an inspection. Options are by name.
 #[pyfunction]
 pub(crate) fn report_on<'py>(
     py: Python<'py>,
@@ -108,7 +108,7 @@ pub(crate) fn report_on<'py>(
     dictionary(py, &report)
 }
 
-/// True for the file of a mesh, or a folder of its pieces.
+/// True for a mesh file, or a folder of its pieces.
 #[pyfunction]
 pub(crate) fn is_mesh(path: PathBuf) -> bool {
     name_of(path).and_then(|name| terrane::is_mesh(&name)).unwrap_or(false)

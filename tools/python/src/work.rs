@@ -1,5 +1,5 @@
-//! How long work runs: on a thread of its own, without the interpreter, which is asked for signals meanwhile and
-//! told of progress.
+//! Long jobs: run on a separate thread without the interpreter lock, with checks for signals and progress
+//! callbacks.
 
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -11,10 +11,10 @@ use terrane::{Cancel, Memory, Progress, Result};
 
 use crate::error::told;
 
-/// Time between two looks at signals, and two calls for progress.
+/// Interval of checks for signals, and of progress callbacks.
 const TICK: Duration = Duration::from_millis(30);
 
-/// What a job may use and whom to tell of it, as Python has it.
+/// Resources and progress callback from Python.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct JobSettings {
@@ -37,7 +37,7 @@ pub(crate) struct BuilderSettings {
     pub(crate) cancel: Cancel,
 }
 
-/// Gives a builder what `machine` says.
+/// Applies `machine` to a builder.
 macro_rules! with_machine {
     ($builder:expr, $machine:expr) => {{
         let machine = $machine;
@@ -53,7 +53,7 @@ macro_rules! with_machine {
 }
 pub(crate) use with_machine;
 
-/// The stage a job is in; written by its threads, read between ticks.
+/// Current stage of a job; written by its threads, read at intervals.
 #[derive(Clone, Default)]
 pub(crate) struct SharedStage(Arc<Mutex<StageProgress>>);
 
@@ -85,8 +85,8 @@ impl Progress for SharedStage {
     }
 }
 
-/// Does `work` on a thread of its own. A signal (Ctrl-C), or an exception of the callback for progress, stops it,
-/// and is what is raised once it has stopped.
+/// Runs `work` on a separate thread. A signal (Ctrl-C), or an exception of the progress callback, stops it, and
+/// is raised after it has stopped.
 pub(crate) fn run<T: Send>(
     py: Python<'_>,
     settings: JobSettings,
@@ -135,7 +135,8 @@ pub(crate) fn run<T: Send>(
     if let Some(stopped) = stopped {
         return Err(stopped);
     }
-    let done = done.map_err(|_| PyRuntimeError::new_err("the job failed: a fault of terrane"))?;
+    let done =
+        done.map_err(|_| PyRuntimeError::new_err("the job failed: internal error of terrane"))?;
     let done = told(py, done)?;
     look(py)?;
     Ok(done)

@@ -107,6 +107,6 @@ def test_a_plan_is_of_files(tmp_path: Path) -> None:
     for name, value in FEATURES.items():
         given: dict[str, Any] = {name: value}
         with pytest.raises(
-            terrane.InputError, match=f"{name} is a .* in memory, and a plan is run later"
+            terrane.InputError, match=f"{name} is a .* in memory, but a plan requires a file"
         ):
             terrane.plan("synth:rough,size=65", tmp_path / "work", 5.0, **given)

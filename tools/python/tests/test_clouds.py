@@ -152,13 +152,13 @@ def test_meshes_of_points(tmp_path: Path, points: NDArray[np.float64]) -> None:
 @pytest.mark.parametrize(
     ("points", "options", "told"),
     [
-        (np.zeros((5, 2)), {}, "no list of points"),
-        (np.zeros(5), {}, "no list of points"),
+        (np.zeros((5, 2)), {}, "not an array of points"),
+        (np.zeros(5), {}, "not an array of points"),
         (np.full((5, 3), np.nan), {}, "not finite"),
         (np.zeros((5, 3)), {"cell": 0.0}, "."),
         (np.zeros((5, 3)), {"cell": 1.0, "stat": "median of all"}, "."),
         (np.zeros((5, 3)), {"cell": 1.0, "returns": "second"}, "returns is"),
-        (np.zeros(5, [("a", "f8")]), {}, "no x, y and z"),
+        (np.zeros(5, [("a", "f8")]), {}, "lacks x, y and z"),
         ("nowhere.laz", {}, "."),
     ],
 )

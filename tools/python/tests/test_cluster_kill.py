@@ -112,4 +112,4 @@ def test_a_task_that_kills_its_worker_stops_the_job(large: Work, processes: Proc
     how = ["--workers", 2, "--terrane", program, "--retries", 1]
     driver = processes.driver(large.folder, *how)
     _, err = driver.communicate(timeout=120)
-    assert driver.returncode == 69 and "strip-9: its worker died, again and again" in err
+    assert driver.returncode == 69 and "strip-9: its worker died repeatedly" in err

@@ -143,7 +143,7 @@ def test_what_a_callback_raises_ends_the_job() -> None:
 
     with pytest.raises(LookupError):
         terrane.tin(LONG, max_error=0.5, progress=tell)
-    with pytest.raises(terrane.Error, match="called"):
+    with pytest.raises(terrane.Error, match="callable"):
         terrane.tin("synth:rough,size=65", max_error=1.0, progress=5)
 
 

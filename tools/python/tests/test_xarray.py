@@ -77,7 +77,7 @@ def test_dimensions_without_coordinates_are_rows_and_columns() -> None:
 
 
 def test_a_grid_mapping_that_is_not_there_is_told() -> None:
-    with pytest.warns(UserWarning, match="'utm', which is not among the coordinates"):
+    with pytest.warns(UserWarning, match="'utm' is not among the coordinates"):
         made = terrane.tin(xarrays.array(attrs={"grid_mapping": "utm"}), max_error=5.0)
     assert made.crs is None
 

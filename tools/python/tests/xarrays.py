@@ -254,7 +254,7 @@ def refused() -> Iterator[tuple[str, Callable[[], Any], str]]:
     yield "two grids", lambda: xarray.Dataset({"a": base, "b": base}), "2 variables that are grids"
     yield "no grid", lambda: base.mean("y").to_dataset(), "0 variables that are grids"
     yield "scaled", lambda: array(attrs={"scale_factor": 0.5}), "scale_factor"
-    yield "no system", lambda: array(attrs={"crs": "nowhere"}), "no reference system"
+    yield "no system", lambda: array(attrs={"crs": "nowhere"}), "is not a CRS"
     yield (
         "bad transform",
         lambda: xarray.DataArray(

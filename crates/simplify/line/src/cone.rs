@@ -8,27 +8,26 @@
 //! the longest segment that is known to hold, so lines that keep running back on themselves, and
 //! tolerances below what rounding makes of a line, cost O(n log n) too.
 //!
-//! The furthest end is not always the best: where the next segment begins decides how far that goes.
-//! So two ends are looked at, the furthest and the last one an eighth of the segment before it, and
-//! taken is the one whose own segment ends further on. That segment is looked for once, as it is the
-//! next to be ended: twice the work of one end, for a third to two thirds less of what is kept above the
-//! fewest vertices.
+//! The furthest end is not always the best, because the next segment starts there. So two ends are tested, the
+//! furthest and the last one at least an eighth of the segment before it, and the one whose next segment ends
+//! further is taken. That segment is computed once, because it is needed next: twice the work of one end, for a
+//! third to two thirds fewer vertices above the minimum.
 
 use super::metric::DistanceMetric;
 use super::regions::first_beyond;
 use super::scratch::{SimplifyScratch, keep_short};
 use super::wedge::{Wedge, WedgeStep};
 
-/// How far to look at least.
+/// Smallest look-ahead.
 const LOOK: usize = 64;
 
-/// How far to look, in lengths of the longest segment known to hold.
+/// Look-ahead in lengths of the longest valid segment.
 const PATIENCE: usize = 4;
 
-/// How many vertices are tested one after the other before the steps are doubled.
+/// Vertices tested one by one before steps are doubled.
 const TRIES: usize = 8;
 
-/// Appends to `kept` the vertices at which the double cone ends its segments.
+/// Appends the segment ends of the double cone to `kept`.
 pub fn cone<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],
@@ -44,7 +43,7 @@ pub fn cone<V: Copy, M: DistanceMetric<V>>(
         look_ahead(metric, points, anchor, tolerance, ends);
         last_valid(metric, points, anchor, tolerance * tolerance, ends)
     };
-    // Those of the segment at hand, of one from its furthest end, and of one from the other end.
+    // Candidates of the current segment, of one from its furthest end, and of one from the other end.
     let [ends, from_furthest, from_nearer] = &mut scratch.candidates;
     let (mut anchor, mut furthest) = (0, reach(0, ends));
     kept.push(0);
@@ -65,7 +64,7 @@ pub fn cone<V: Copy, M: DistanceMetric<V>>(
     kept.push(end as u32);
 }
 
-/// The last end of a segment that holds, at least an eighth of it before the furthest one.
+/// Last valid end at least an eighth of the segment before the furthest one.
 fn nearer_end<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],
@@ -79,8 +78,7 @@ fn nearer_end<V: Copy, M: DistanceMetric<V>>(
     (!candidates.is_empty()).then(|| last_valid(metric, points, anchor, tolerance2, candidates))
 }
 
-/// Fills `candidates` with the vertices at which a segment from `anchor` may end: all at which one can,
-/// as far as it looks.
+/// Fills `candidates` with possible segment ends from `anchor` within the look-ahead.
 fn look_ahead<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],
@@ -92,7 +90,7 @@ fn look_ahead<V: Copy, M: DistanceMetric<V>>(
     let from = &points[anchor];
     let mut wedge = M::Wedge::new(from, tolerance);
     let tolerance2 = tolerance * tolerance;
-    // The vertex farthest from the anchor is the likeliest to lie beyond an end.
+    // The vertex farthest from the anchor is the most likely to lie beyond an end.
     let (mut outermost, mut span2) = (anchor, 0.0);
     let (mut limit, mut proof) = (anchor + LOOK, anchor + LOOK / 2);
     for (i, p) in points.iter().enumerate().skip(anchor + 1) {
@@ -120,8 +118,8 @@ fn look_ahead<V: Copy, M: DistanceMetric<V>>(
     }
 }
 
-/// The last of the candidates that holds against all vertices it passes. The first candidate always
-/// does, as it follows the anchor.
+/// The last candidate that is valid for all vertices it passes. The first candidate always is, because it
+/// follows the anchor.
 fn last_valid<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],

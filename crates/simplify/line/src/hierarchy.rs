@@ -14,31 +14,31 @@ use super::metric::DistanceMetric;
 use super::rdp::VertexSplits;
 use terrane_base::error::{Error, Result};
 
-/// What a stored hierarchy begins with.
+/// Magic bytes of a stored hierarchy.
 const MAGIC: [u8; 8] = *b"TRNLINH2";
 
-/// Bytes before the squared distances: magic, number of vertices, checksum.
+/// Size of the header in bytes: magic, number of vertices, checksum.
 const HEADER: usize = 8 + 8 + 8;
 
 /// Vertices of a block.
 const BLOCK: usize = 64;
 
-/// The splits of a line by the distances at which they are made.
+/// Splits of a line by the distances at which they occur.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hierarchy {
     /// Vertices of the line.
     count: u32,
-    /// Squared distances of all vertices but the two ends; 0 for those that lie on their segments.
+    /// Squared distances of all inner vertices; 0 for vertices on their segments.
     squares: Vec<f64>,
     /// The largest of each block.
     largest: Vec<f64>,
 }
 
-/// A part of the line to be split.
+/// A part of the line to split.
 struct UnsplitRange {
     start: u32,
     end: u32,
-    /// The squared distance at which it came to be.
+    /// Squared distance at which it was created.
     square: f64,
 }
 
@@ -59,15 +59,15 @@ impl Hierarchy {
         self.count as usize
     }
 
-    /// Appends the vertices that [`super::rdp::rdp`] keeps at `tolerance`. Linear in the blocks that
-    /// hold one of them, but for a look at the largest distance of each other block.
+    /// Appends the vertices that [`super::rdp::rdp`] keeps at `tolerance`. Linear in the blocks with kept
+    /// vertices, plus one comparison for each other block.
     pub fn filter(&self, tolerance: f64, kept: &mut Vec<u32>) {
         let square = tolerance * tolerance;
         kept.extend((self.count > 0).then_some(0));
         for (first, block) in self.above(square) {
             let (mut found, mut count) = ([0; BLOCK], 0);
             for (vertex, own) in (first..).zip(block) {
-                // No branch: which vertices are kept cannot be foreseen.
+                // Branch-free: kept vertices are unpredictable.
                 found[count % BLOCK] = vertex;
                 count += usize::from(*own > square);
             }
@@ -76,7 +76,7 @@ impl Hierarchy {
         kept.extend((self.count > 1).then(|| self.count - 1));
     }
 
-    /// How many vertices [`filter`](Self::filter) appends, in no more time.
+    /// Number of vertices that [`filter`](Self::filter) appends, at the same cost.
     pub fn kept(&self, tolerance: f64) -> usize {
         let square = tolerance * tolerance;
         let above = |block: &[f64]| block.iter().filter(|own| **own > square).count();
@@ -84,20 +84,19 @@ impl Hierarchy {
         inner + self.count().min(2)
     }
 
-    /// Squared distances at which the inner vertices appear; 0 for those that lie on their segments.
+    /// Squared distances at which inner vertices appear; 0 for vertices on their segments.
     pub fn squares(&self) -> &[f64] {
         &self.squares
     }
 
-    /// Blocks of which something is kept, each with its first vertex.
+    /// Blocks with kept vertices, each with its first vertex.
     fn above(&self, square: f64) -> impl Iterator<Item = (u32, &[f64])> {
         let blocks = (1..).step_by(BLOCK).zip(self.squares.chunks(BLOCK)).zip(&self.largest);
         blocks.filter(move |(_, largest)| **largest > square).map(|(block, _)| block)
     }
 
-    /// Appends the `count` vertices that appear first, at least the two ends; fewer where the others lie
-    /// on their segments. Of those that appear at one distance the first ones. Linear in the line, but for
-    /// sorting what is kept.
+    /// Appends the first `count` vertices by distance, at least the two ends; fewer if the others lie on their
+    /// segments. Ties go by index. Linear in the line, plus sorting of the kept vertices.
     pub fn keep_count(&self, count: usize, kept: &mut Vec<u32>) {
         let mut order: Vec<u32> = (0..self.squares.len() as u32).collect();
         order.retain(|i| self.squares[*i as usize] > 0.0);
@@ -115,8 +114,8 @@ impl Hierarchy {
         kept.extend((self.count > 1).then(|| self.count - 1));
     }
 
-    /// A tolerance at which no more than `count` vertices are kept (or the two ends, if `count` is less):
-    /// the smallest, but for rounding. Linear in the line.
+    /// A tolerance that keeps at most `count` vertices (at least the two ends): the smallest, except for
+    /// rounding. Linear in the line.
     pub fn tolerance_for(&self, count: usize) -> f64 {
         let mut squares: Vec<f64> = self.squares.iter().copied().filter(|own| *own > 0.0).collect();
         let most = count.saturating_sub(2);
@@ -128,8 +127,7 @@ impl Hierarchy {
         square.sqrt().next_up()
     }
 
-    /// Distances at which the inner vertices appear, falling: as many as there are vertices off their
-    /// segments. O(n log n).
+    /// Distances at which inner vertices appear, descending, for vertices off their segments. O(n log n).
     pub fn distances(&self) -> impl ExactSizeIterator<Item = f64> + use<> {
         let mut squares: Vec<f64> = self.squares.iter().copied().filter(|own| *own > 0.0).collect();
         squares.sort_unstable_by(|a, b| b.total_cmp(a));
@@ -151,8 +149,8 @@ impl Hierarchy {
     /// A hierarchy from its bytes.
     ///
     /// # Errors
-    /// When they are not those of a hierarchy: another beginning or length, another checksum, or numbers
-    /// that are no squares. Nothing is allocated before the length is known to be right.
+    /// Bytes of another format: wrong magic, length or checksum, or invalid squared distances. Nothing is
+    /// allocated before the length is checked.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         let count = header(bytes)?;
         let eight = |at: &[u8]| at.try_into().map(f64::from_le_bytes).unwrap_or(f64::NAN);
@@ -160,12 +158,12 @@ impl Hierarchy {
         // False for NaN, too.
         match squares.iter().all(|square| *square >= 0.0) {
             true => Ok(Self::of(count, squares)),
-            false => Err(damaged("its distances are none")),
+            false => Err(damaged("a distance is negative or not a number")),
         }
     }
 }
 
-/// The squared distance at which each inner vertex of a line appears; 0 for those that never do.
+/// Squared distance at which each inner vertex of a line appears; 0 for vertices that never do.
 fn squares<V: Copy, M: DistanceMetric<V>>(metric: &M, points: &[V]) -> Vec<f64> {
     let mut squares = vec![0.0; points.len().saturating_sub(2)];
     if squares.is_empty() {
@@ -188,16 +186,16 @@ fn squares<V: Copy, M: DistanceMetric<V>>(metric: &M, points: &[V]) -> Vec<f64> 
     squares
 }
 
-/// Number of vertices, once magic, length and checksum are right.
+/// Number of vertices, after checks of magic, length and checksum.
 fn header(bytes: &[u8]) -> Result<u32> {
     if bytes.len() < HEADER || bytes[..8] != MAGIC {
-        return Err(damaged("it does not begin like one"));
+        return Err(damaged("its signature is missing"));
     }
     let word = |at: usize| u64::from_le_bytes([0, 1, 2, 3, 4, 5, 6, 7].map(|i| bytes[at + i]));
     let inner = (bytes.len() - HEADER) as u64;
     let count = u32::try_from(word(8)).ok();
     let count = count.filter(|count| u64::from(count.saturating_sub(2)) * 8 == inner);
-    let count = count.ok_or_else(|| damaged("its length is not the one it states"))?;
+    let count = count.ok_or_else(|| damaged("its length differs from the header"))?;
     match checksum(bytes) == word(HEADER - 8) {
         true => Ok(count),
         false => Err(damaged("its checksum differs")),
@@ -206,10 +204,10 @@ fn header(bytes: &[u8]) -> Result<u32> {
 
 fn damaged(why: &str) -> Error {
     Error::bad_input(format!("not a hierarchy of a line: {why}"))
-        .remedy("make the hierarchy again from the line")
+        .remedy("build the hierarchy again from the line")
 }
 
-/// FNV-1a, by words of eight bytes, of all but the checksum itself.
+/// FNV-1a over 8-byte words of all bytes except the checksum.
 fn checksum(bytes: &[u8]) -> u64 {
     let mut sum = 0xCBF2_9CE4_8422_2325_u64;
     let mut add = |word: &[u8]| {

@@ -1,30 +1,26 @@
-//! Imai-Iri: the fewest vertices for a tolerance.
+//! Imai-Iri: the minimum number of vertices for a tolerance.
 //!
-//! Imai & Iri, "Polygonal approximations of a curve" (1988): a shortest path, by breadth-first search,
-//! in the graph of all segments between two vertices of the line that pass those between them within the
-//! tolerance. The segments from a vertex are found with a wedge of directions that is narrowed until
-//! nothing is left (Chan & Chin 1996, with the stop). What keeps that from being done for every vertex to
-//! the end:
+//! Imai & Iri, "Polygonal approximations of a curve" (1988): a shortest path by breadth-first search in the
+//! graph of all segments between two vertices of the line that pass the vertices between them within the
+//! tolerance. Segments from a vertex are found with a wedge of directions that is narrowed until it is empty
+//! (Chan & Chin 1996, with early termination). Most of this work is avoided:
 //!
-//! - A vertex needs no look when nothing unvisited is in its reach. Where the wedge of one vertex ended,
-//!   the few vertices that cut it usually end that of its neighbours as well: a bound on the reach for
-//!   the price of three steps.
-//! - A wedge narrowed by some of the vertices has all directions that pass all of them. Those few narrow
-//!   it nearly as far as all would, so of the unvisited vertices within the bound hardly one is left in
-//!   it, and directions are compared side by side. What is left is tested for itself, first against
-//!   the vertex that spoiled the last segment to it; what spoils it narrows the wedge, and tells how
-//!   far off a segment must end at least.
+//! - A vertex is skipped if nothing unvisited is in its reach. The few vertices that end the wedge of one
+//!   vertex usually end those of its neighbours as well, which bounds the reach in three steps.
+//! - A wedge narrowed by a subset of the vertices contains the directions that pass all. A few vertices narrow
+//!   it almost completely, so hardly any unvisited vertex within the bound is left in it, and directions are
+//!   compared in parallel. Each remaining vertex is tested separately, first against the vertex that blocked the
+//!   last segment to it; a blocking vertex narrows the wedge, and gives a minimum distance of the segment end.
 //! - Long segments are tested against regions of vertices.
 //!
-//! Segments whose ends are as far apart as anything they pass are taken on the word of the wedge; when
-//! the path is found, each of its segments is held against the formula of [`super::metric`], and if one
-//! fails by rounding, the search is made again with all segments held against it before they are
-//! taken. So the result is that of an exhaustive search by the formula, with one exception: where that
-//! second search takes more than 2000 looks a vertex, which happens when the tolerance is below
-//! what rounding makes of long straight lines, the failing segments of the first are replaced by those of
-//! the [cone](super::cone).
+//! Segments whose ends are as far apart as anything they pass are accepted by the wedge alone. When the path is
+//! found, each of its segments is checked with the formula of [`super::metric`]; if one fails because of
+//! rounding, the search is repeated with all segments checked before they are accepted. So the result is that
+//! of an exhaustive search by the formula, with one exception: if the second search takes more than 2000 tests
+//! per vertex, which happens for tolerances below the rounding error of long straight lines, the failing
+//! segments of the first are replaced by those of the [cone](super::cone).
 //!
-//! Memory O(n); O(n^2) at worst, near-linear on lines that wander off.
+//! Memory O(n); time O(n^2) at worst, almost linear on irregular lines.
 
 use super::cone::cone;
 use super::metric::DistanceMetric;
@@ -42,10 +38,10 @@ const NEAR: usize = 4;
 /// Segments over more vertices are tested against regions of them.
 const LONG: usize = 128;
 
-/// Vertices looked at, for each of the line's, before the second search is given up.
+/// Tests per vertex of the line before the second search is abandoned.
 const LOOKS: u64 = 2000;
 
-/// The least number of looks.
+/// Smallest number of tests.
 const FEWEST_LOOKS: u64 = 1 << 20;
 
 /// Appends to `kept` the fewest vertices whose segments pass all others within `tolerance`.
@@ -87,15 +83,15 @@ pub fn imai_iri<V: Copy, M: DistanceMetric<V>>(
     }
 }
 
-/// Vertices that leave no direction from some vertex, ascending: the last to cut each side, and the one
-/// after which nothing was left.
+/// Vertices that empty the wedge of a vertex, ascending: the last to cut each side, and the one that emptied
+/// it.
 #[derive(Clone, Copy)]
 struct DirectionWitness([u32; MOST_SIDES + 1]);
 
 impl DirectionWitness {
     const NONE: Self = Self([NONE; MOST_SIDES + 1]);
 
-    /// Notes who cut which sides.
+    /// Records the vertices that cut each side.
     #[inline(always)]
     fn note(&mut self, mut cuts: u32, by: usize) {
         while cuts != 0 {
@@ -105,14 +101,14 @@ impl DirectionWitness {
     }
 }
 
-/// What may be seen from a vertex past some others.
+/// The view from a vertex past some others.
 struct VisibilityWedge<W> {
     wedge: W,
-    /// The least squared distance of what may be seen.
+    /// Smallest squared distance of visible vertices.
     least_span2: f64,
-    /// Who narrowed the wedge.
+    /// Vertices that narrowed the wedge.
     witness: DirectionWitness,
-    /// True when others than the last witness did.
+    /// True if others than the last witness did.
     is_new: bool,
 }
 
@@ -129,7 +125,7 @@ impl<W> VisibilityWedge<W> {
     }
 }
 
-/// A breadth-first search under way.
+/// A breadth-first search in progress.
 struct ShortcutSearch<'a, V: Copy, M: DistanceMetric<V>> {
     metric: &'a M,
     points: &'a [V],
@@ -139,16 +135,16 @@ struct ShortcutSearch<'a, V: Copy, M: DistanceMetric<V>> {
     /// Vertices of the next layer.
     found: &'a mut Vec<u32>,
     witness: DirectionWitness,
-    /// A vertex that spoiled segments, farther off than others.
+    /// A distant vertex that blocked segments.
     outermost: usize,
-    /// Made for the first long segment.
+    /// Built for the first long segment.
     tree: Option<VertexRegions<M::Region>>,
-    /// Looks left, when every segment is held against the formula.
+    /// Remaining tests, if every segment is checked with the formula.
     looks: Option<u64>,
 }
 
 impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
-    /// Searches, and appends the path: `false`, and nothing is appended, when it ran out of looks.
+    /// Searches and appends the path; returns `false` without a path if the tests run out.
     fn run(
         metric: &'a M,
         points: &'a [V],
@@ -187,12 +183,12 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
         is_found
     }
 
-    /// Visits layer after layer until `last` is visited.
+    /// Visits layers until `last` is visited.
     fn reach(&mut self, last: usize, layer: &mut Vec<u32>) {
         while !self.found.is_empty() {
             std::mem::swap(layer, self.found);
             self.found.clear();
-            // The farthest first: they leave the least to the others.
+            // The farthest first: they leave the least to test.
             layer.sort_unstable_by(|a, b| b.cmp(a));
             for from in layer.iter() {
                 self.expand(*from as usize);
@@ -255,8 +251,8 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
         }
     }
 
-    /// Visits what `from` can reach of the unvisited vertices, `first` and later, with a wedge that only
-    /// the last witness narrows, and what spoils a segment; and beyond the witness all of them.
+    /// Visits the unvisited vertices from `first` that are reachable from `from`, with a wedge narrowed only by
+    /// the last witness and by blocking vertices; beyond the witness by all vertices.
     fn seek(&mut self, from: usize, first: usize) {
         let mut view = self.view(from, first);
         let mut at = first;
@@ -295,8 +291,7 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
         VisibilityWedge { wedge, least_span2, witness: DirectionWitness::NONE, is_new: false }
     }
 
-    /// Tries the segments to the unvisited vertices of `at..end` that are in view: `false` when nothing
-    /// is in view after that.
+    /// Tries the segments to visible unvisited vertices of `at..end`: `false` if nothing is visible after that.
     fn try_all(
         &mut self,
         from: usize,
@@ -321,7 +316,7 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
         }
     }
 
-    /// Tries the segment to `to`: `false` when what spoils it leaves no direction.
+    /// Tries the segment to `to`: `false` if its blocking vertex empties the wedge.
     fn try_one(&mut self, from: usize, to: usize, view: &mut VisibilityWedge<M::Wedge>) -> bool {
         if self.is_valid(from, to) {
             self.visit(to, from);
@@ -341,14 +336,14 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
         is_left
     }
 
-    /// Keeps the witness of a wedge of which `killer` left nothing.
+    /// Records the witness of a wedge emptied by `killer`.
     fn stop(&mut self, mut witness: DirectionWitness, killer: usize) {
         witness.0[MOST_SIDES] = killer as u32;
         witness.0.sort_unstable();
         self.witness = witness;
     }
 
-    /// Narrows the wedge of `from` until nothing is left.
+    /// Narrows the wedge of `from` until it is empty.
     fn sweep(&mut self, from: usize) {
         let mut wedge = M::Wedge::new(&self.points[from], self.tolerance);
         let mut witness = DirectionWitness::NONE;
@@ -373,7 +368,7 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
         }
     }
 
-    /// True when the segment passes all vertices between within the tolerance.
+    /// True if the segment passes all vertices between within the tolerance.
     fn is_valid(&mut self, from: usize, to: usize) -> bool {
         let (points, tolerance2) = (self.points, self.tolerance2);
         let segment = self.metric.segment(&points[from], &points[to]);

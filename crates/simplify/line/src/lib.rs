@@ -1,11 +1,10 @@
 //! Line simplification: pure functions on slices of vertices.
 //!
-//! Every method bounds, or reports, the distance from each vertex of the input to the *segment* that
-//! replaces it, in a [`DistanceMetric`]; [`metric`] has the formula. A method takes the vertices of one line and
-//! a tolerance and gives the ascending indices of the vertices it keeps, the first and the last among
-//! them. Coordinates must be finite and a line has fewer than 2^32 vertices; duplicates are vertices
-//! like others, lines of two vertices or fewer are kept as they are, and a tolerance of 0 drops what
-//! lies on its segment. Nothing recurses.
+//! Every method bounds, or reports, the distance from each input vertex to the *segment* that replaces it, in a
+//! [`DistanceMetric`]; [`metric`] has the formula. A method takes the vertices of one line and a tolerance and
+//! returns the ascending indices of the kept vertices, including the first and the last. Coordinates must be
+//! finite, and a line has fewer than 2^32 vertices; duplicates are ordinary vertices, lines of two vertices or
+//! fewer are unchanged, and a tolerance of 0 drops vertices on their segment. Nothing recurses.
 
 pub mod arcs;
 pub mod cone;

@@ -1,44 +1,42 @@
-//! A tree of convex hulls over a line: the farthest vertex where boxes do not tell.
+//! A tree of convex hulls over a line: finds the farthest vertex where bounding boxes are not sufficient.
 //!
-//! Hershberger & Snoeyink, "Speeding Up the Douglas-Peucker Line-Simplification Algorithm" (1992), find
-//! the vertex farthest from an infinite line on two hulls that grow from a vertex between them and shrink
-//! as their history is undone: O(n log n) for all splits, of lines that do not cross themselves (their
-//! hulls are Melkman's). Here the hulls are those of runs of 32 vertices, of four runs, and so on: one
-//! logarithm more, but any line, distances from segments, and the first of equals. A hull gives the
-//! extremes across the segment and along it. Runs that hold nothing farther than a vertex known are
-//! passed over, the others opened, down to their vertices, which are compared as in a plain scan. So the
-//! result is that of a plain scan, bit for bit.
+//! Hershberger & Snoeyink, "Speeding Up the Douglas-Peucker Line-Simplification Algorithm" (1992), find the
+//! vertex farthest from an infinite line on two hulls that grow from a vertex between them and shrink as their
+//! history is undone: O(n log n) for all splits of lines without self-intersections (Melkman's hulls). Here the
+//! hulls are those of runs of 32 vertices, of four runs, and so on: one logarithm more, but for any line, with
+//! distances from segments, and the first of equals. A hull gives the extremes across and along the segment.
+//! Runs without anything farther than the current maximum are skipped, the others are opened down to their
+//! vertices, which are compared as in a plain scan. So the result equals that of a plain scan.
 //!
-//! What holds, for `n` vertices, crossing or not: all splits take O(n log^2 n + K + R), K and R below.
+//! Complexity for `n` vertices, with or without self-intersections: all splits take O(n log^2 n + K + R), K and
+//! R below.
 //!
-//! - *Making the tree*, O(n log n): both chains of a hull ascend, so sorting those of four is merging
-//!   eight sorted runs.
-//! - *Bounding a run*, O(log n): nothing in a hull is farther from the segment than its corners, as
-//!   distances are convex. Corners that lie beside the segment are no farther than the extreme across, and
-//!   searching for that takes O(log n). The corners beyond an end follow one another around the hull and
-//!   are walked: K.
-//! - *Opening runs*, O(log^2 n) a query: all O(log n) runs of the query are bounded before the first is
-//!   opened, and corners raise the limit to just below what they reach. So a run is opened only if its
-//!   bound is that of the farthest vertex, which is charged to the vertex split at: it lies in the first
-//!   such run, and once it is known, equal bounds are not above it. Opened are its O(log n) ancestors, and
-//!   what rounding leaves in doubt: R.
+//! - *Construction*, O(n log n): both chains of a hull are sorted, so the hull of four runs merges eight sorted
+//!   chains.
+//! - *Bound of a run*, O(log n): nothing in a hull is farther from the segment than its corners, as distances
+//!   are convex. Corners beside the segment are bounded by the extreme across it, found by binary search. Corners
+//!   beyond an end are consecutive on the hull and are walked: K.
+//! - *Opening of runs*, O(log^2 n) per query: all O(log n) runs of the query are bounded before the first is
+//!   opened, and corners raise the limit to just below their reach. So a run is opened only if its bound is that
+//!   of the farthest vertex, which is charged to the split vertex: it lies in the first such run, and afterwards
+//!   equal bounds are not above it. Opened are its O(log n) ancestors, and runs that are ambiguous because of
+//!   rounding: R.
 //!
-//! **R**, runs opened in vain. None where the coordinates of run and segment are whole multiples of a power
-//! of two below 2^26 of it apart and nothing lies beyond an end, or below 2^12 of it apart: nothing is
-//! rounded then, so bounds are what the formula gives; nor in runs with 32 positions or fewer,
-//! which are all looked at. So collinear vertices on a lattice and positions taken again and again cost
-//! nothing. Elsewhere all runs with a vertex within rounding (about 2^-49 of the products in it) of the
-//! farthest are opened, as what rounding makes of each of their vertices decides: that is quadratic for lines
-//! with a share of all vertices that near to one line at every split, as a slanted zigzag of rounded
-//! coordinates has.
+//! **R**, runs opened in vain. None if the coordinates of run and segment are multiples of a power of two, less
+//! than 2^26 of it apart, and nothing lies beyond an end (or less than 2^12 of it apart): then nothing is
+//! rounded, and bounds are exact; nor in runs with 32 positions or fewer, which are all tested. So collinear
+//! vertices on a lattice and repeated positions cost nothing. Otherwise all runs with a vertex within rounding
+//! error (about 2^-49 of the products) of the farthest are opened, as the rounding of each vertex decides: this
+//! is quadratic for lines with a share of all vertices that close to one line at every split, such as a slanted
+//! zigzag of rounded coordinates.
 //!
-//! **K**, corners beyond ends. None where nothing lies beyond an end. As soon as walks of a run from one
-//! end have taken a quarter of its corners, the farthest of it from that end is remembered, and it is not
-//! walked where that is within the limit: ends that stay while vertices are taken off one by one cost
-//! O(n log n) in all, as long as nothing beside the segment is farther from them than the farthest vertex is.
-//! If ends are new each time, and many corners lie beyond them nearly as far as the farthest, nothing
-//! bounds K but the corners of the hulls: the vertex farthest from a point is not found by binary search,
-//! and diagrams that tell it would have to be kept for parts of hulls, too.
+//! **K**, corners beyond ends. None if nothing lies beyond an end. When walks of a run from one end have taken
+//! a quarter of its corners, the corner farthest from that end is stored, and the run is not walked if it is
+//! within the limit: a fixed end with vertices removed one by one costs O(n log n) in all, as long as nothing
+//! beside the segment is farther from the end than the farthest vertex. If ends are always new, and many
+//! corners lie beyond them almost as far as the farthest, K is bounded only by the corners of the hulls: the
+//! vertex farthest from a point cannot be found by binary search, and the required diagrams would have to be
+//! stored for parts of hulls, too.
 
 use std::cell::Cell;
 use std::cmp::Ordering;
@@ -53,26 +51,26 @@ use terrane_base::geom::plane::orient;
 /// Vertices in a run of the lowest level.
 const LEAF: usize = 32;
 
-/// Runs in one of the next level.
+/// Runs in a run of the next level.
 const FAN: usize = 4;
 
-/// In fewer vertices than this every one is looked at.
+/// Number of vertices below which all are tested.
 const SHORTEST: usize = 3 * LEAF;
 
-/// Corners of a hull for each that was walked from one end, up to which all are looked at and the
-/// farthest from that end is remembered.
+/// Corners of a hull per walked corner of one end; beyond that all are tested, and the farthest from that end
+/// is stored.
 const WORTH: usize = 4;
 
-/// Positions of a run up to which all are kept, beside the hull.
+/// Number of positions of a run below which all are kept beside the hull.
 const FEW: usize = LEAF;
 
-/// Below so many units, differences of coordinates and sums of two products of them are not rounded.
+/// Limit in units below which differences of coordinates and sums of two products are exact.
 const EXACT: f64 = 67_108_864.0;
 
-/// Below so many units, reaches are not rounded: sums of two squares of sums of two products.
+/// Limit in units below which reaches (sums of two squares of sums of two products) are exact.
 const WHOLE: f64 = 4096.0;
 
-/// Hulls of the runs of a line, level by level.
+/// Hulls of the runs of a line by level.
 #[derive(Clone, Debug)]
 pub(super) struct Hulls {
     /// The lowest level first.
@@ -87,7 +85,7 @@ struct HullLevel {
     hulls: Vec<RunHull>,
     /// The vertices of all their chains.
     chains: Vec<u32>,
-    /// One vertex at each position of those runs that have few.
+    /// One vertex per position, for runs with few positions.
     few: Vec<u32>,
 }
 
@@ -95,19 +93,19 @@ struct HullLevel {
 #[derive(Clone, Debug)]
 struct RunHull {
     around: PlaneBox,
-    /// The coordinates of the run are whole multiples of this power of two.
+    /// Unit: the coordinates of the run are multiples of this power of two.
     unit: i32,
-    /// What is known of the farthest from a begin and from an end.
+    /// Stored farthest corners from a start and from an end.
     far: [Cell<FarthestBound>; 2],
-    /// Where the lower chain begins, the upper one, and where that ends.
+    /// Start of the lower chain, of the upper chain, and its end.
     lower: usize,
     upper: usize,
     end: usize,
-    /// Where its positions begin among those of the level, and end: none, if they are not few.
+    /// Range of its positions in the level; empty if there are many.
     few: [usize; 2],
 }
 
-/// How far the vertices of a run are from an end, squared, at most, and how many corners were walked.
+/// Largest squared distance of a run's vertices from an end, and number of walked corners.
 #[derive(Clone, Copy, Debug)]
 struct FarthestBound {
     from: Xy,
@@ -116,23 +114,22 @@ struct FarthestBound {
 }
 
 impl FarthestBound {
-    /// Nothing is known.
+    /// Unknown.
     const fn new(from: Xy) -> Self {
         Self { from, square: f64::INFINITY, walked: 0 }
     }
 }
 
-/// What rounding may do to what is computed of the vertices of a run.
+/// Rounding errors of a run.
 #[derive(Clone, Copy, Debug)]
 struct RoundingBound {
-    /// To products.
+    /// Of products.
     slack: f64,
-    /// Not even reaches are rounded.
+    /// Reaches are exact.
     is_whole: bool,
 }
 
-/// A run that a query has yet to look at: its level, its place there, and the most that its vertices
-/// reach.
+/// A pending run of a query: level, index, and upper bound of its reach.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PendingRun {
     level: usize,
@@ -140,16 +137,16 @@ pub(super) struct PendingRun {
     most: f64,
 }
 
-/// A query: the farthest from `segment`, of vertices that reach above `limit`.
+/// A query: the vertex farthest from `segment` with a reach above `limit`.
 struct FarthestQuery<'a> {
     hulls: &'a Hulls,
     segment: &'a PlaneSegment,
     points: &'a [Xy],
     limit: f64,
-    /// The ends of the segment, and the unit of both.
+    /// Ends of the segment, and their common unit.
     ends: [Xy; 2],
     unit: i32,
-    /// Runs bounded, steps of searches, corners and vertices looked at.
+    /// Number of bounded runs, search steps, and tested corners and vertices.
     looks: u64,
 }
 
@@ -173,13 +170,13 @@ impl Hulls {
         Self { levels }
     }
 
-    /// Corners of all hulls.
+    /// Number of corners of all hulls.
     pub(super) fn corners(&self) -> u64 {
         self.levels.iter().map(|level| level.chains.len() as u64).sum()
     }
 
-    /// As [`scan`]; `open` is memory kept between calls. `vertices` are those between the ends of the
-    /// segment. Returns how much was looked at.
+    /// As [`scan`]; `open` is reused memory. `vertices` are those between the ends of the segment. Returns the
+    /// number of tests.
     pub(super) fn farthest(
         &self,
         segment: &PlaneSegment,
@@ -211,7 +208,7 @@ impl Hulls {
         query.looks
     }
 
-    /// The largest runs that make up `within`, whose ends are multiples of [`LEAF`].
+    /// Largest runs that compose `within`, whose ends are multiples of [`LEAF`].
     fn runs(&self, within: Range<usize>) -> impl Iterator<Item = (usize, usize)> + '_ {
         let mut at = within.start;
         std::iter::from_fn(move || {
@@ -233,8 +230,8 @@ impl Hulls {
 }
 
 impl FarthestQuery<'_> {
-    /// Looks at the vertices of a run of the lowest level, or puts off those of which another is made
-    /// up, unless nothing in it is farther.
+    /// Tests the vertices of a run of the lowest level, or queues its children, unless nothing in it is
+    /// farther.
     fn open(&mut self, run: PendingRun, open: &mut Vec<PendingRun>, farthest: &mut FarthestVertex) {
         self.limit = larger(self.limit, farthest.reach);
         if run.most <= self.limit {
@@ -257,7 +254,7 @@ impl FarthestQuery<'_> {
         }
     }
 
-    /// A run with the most that its vertices reach, or anything not above the limit.
+    /// A run with its upper bound, or anything not above the limit.
     fn run(&mut self, level: usize, place: usize) -> PendingRun {
         let hulls = &self.hulls.levels[level];
         let hull = &hulls.hulls[place];
@@ -291,7 +288,7 @@ impl FarthestQuery<'_> {
         most.min(larger(square, larger(beyond[0], beyond[1])))
     }
 
-    /// As [`FarthestQuery::most`], where the run has few positions: what they reach, as it is computed.
+    /// As [`FarthestQuery::most`] for a run with few positions: their computed reach.
     fn most_of_few(&mut self, level: &HullLevel, hull: &RunHull) -> f64 {
         let few = &level.few[hull.few[0]..hull.few[1]];
         self.looks += few.len() as u64;
@@ -301,7 +298,7 @@ impl FarthestQuery<'_> {
         if few.is_empty() { f64::INFINITY } else { reach }
     }
 
-    /// What rounding may do, by the run and the segment together.
+    /// Rounding error of run and segment together.
     fn doubt(&self, hull: &RunHull) -> RoundingBound {
         let span = self.segment.span(&hull.around);
         // A run of zeros has the unit i32::MAX; beyond 1000 the power would be 0 or infinite.
@@ -310,8 +307,8 @@ impl FarthestQuery<'_> {
         RoundingBound { slack, is_whole: units < WHOLE }
     }
 
-    /// The most that vertices of a run reach that lie beyond the begin (`side` 0) or the end (1), where
-    /// none is beyond the one at `place`. These corners follow one another around the hull.
+    /// Upper bound of a run's vertices beyond the start (`side` 0) or the end (1), if none is beyond the one at
+    /// `place`. These corners are consecutive on the hull.
     fn beyond(
         &mut self,
         level: &HullLevel,
@@ -346,8 +343,7 @@ impl FarthestQuery<'_> {
         wider(reach)
     }
 
-    /// The farthest reach of the corners beyond an end, both ways from the one at `place`, and how many
-    /// were looked at.
+    /// Largest reach of the corners beyond an end, in both directions from `place`, and number of tests.
     fn walk(&self, level: &HullLevel, hull: &RunHull, side: usize, place: usize) -> (f64, usize) {
         let mut reach = PlaneMetric::reach(self.segment, &self.corner(level, place));
         let (mut count, corners) = (1, hull.end - hull.lower);
@@ -368,7 +364,7 @@ impl FarthestQuery<'_> {
         (reach, count)
     }
 
-    /// The largest squared distance of a corner from `place`.
+    /// Largest squared distance of a corner from `place`.
     fn farthest_from(&mut self, level: &HullLevel, hull: &RunHull, place: Xy) -> f64 {
         let corners = &level.chains[hull.lower..hull.end];
         self.looks += corners.len() as u64;
@@ -380,22 +376,21 @@ impl FarthestQuery<'_> {
         corners.iter().map(square).fold(0.0, larger)
     }
 
-    /// The places of the vertices of a hull that are farthest against and along `direction`; what they
-    /// reach raises the limit.
+    /// Extreme vertices of a hull against and along `direction`; their reach raises the limit.
     fn extremes(&mut self, level: &HullLevel, hull: &RunHull, direction: Xy) -> [usize; 2] {
         let (lower, upper) = (hull.lower..hull.upper, hull.upper..hull.end);
         let back = [-direction[0], -direction[1]];
         let (with, against) = if direction[1] >= 0.0 { (upper, lower) } else { (lower, upper) };
         let extremes = [self.extreme(level, against, back), self.extreme(level, with, direction)];
         for place in extremes {
-            // Not itself, so that the first that is as far as it is found.
+            // Excludes the region itself, so that the first of equals is found.
             let reach = PlaneMetric::reach(self.segment, &self.corner(level, place));
             self.limit = larger(self.limit, reach.next_down());
         }
         extremes
     }
 
-    /// The place of the vertex of a chain that is farthest in `direction`, which is the chain's own side.
+    /// Extreme vertex of a chain in `direction`, on the chain's side.
     fn extreme(&mut self, level: &HullLevel, chain: Range<usize>, direction: Xy) -> usize {
         let (mut low, mut high) = (chain.start, chain.end - 1);
         while low < high {
@@ -417,7 +412,7 @@ impl FarthestQuery<'_> {
 }
 
 impl RunHull {
-    /// The place that follows one around the hull: along the lower chain and back along the upper.
+    /// Next place around the hull: along the lower chain and back along the upper.
     fn after(&self, place: usize) -> usize {
         match place < self.upper {
             true if place + 1 < self.upper => place + 1,
@@ -427,7 +422,7 @@ impl RunHull {
         }
     }
 
-    /// The place before one.
+    /// Previous place.
     fn before(&self, place: usize) -> usize {
         match place < self.upper {
             true if place > self.lower => place - 1,
@@ -443,7 +438,7 @@ impl HullLevel {
         Self { length, hulls: Vec::new(), chains: Vec::new(), few: Vec::new() }
     }
 
-    /// The level above one: hulls of the corners of hulls.
+    /// Next level: hulls of the corners of hulls.
     fn above(points: &[Xy], below: &Self) -> Self {
         let mut level = Self::new(below.length * FAN);
         let mut sorted = Vec::new();
@@ -465,7 +460,7 @@ impl HullLevel {
         level
     }
 
-    /// Adds the hull of the vertices in `run`, which it sorts; `unit` is that of the whole run.
+    /// Adds the hull of the vertices in `run`, which is sorted; `unit` is that of the whole run.
     fn push(&mut self, points: &[Xy], run: &mut [u32], unit: i32) {
         let at = |i: &u32| points[*i as usize];
         // Stable: chains come sorted, and are merged in linear time.
@@ -483,7 +478,7 @@ impl HullLevel {
         self.hulls.push(RunHull { around, unit, far, lower, upper, end, few });
     }
 
-    /// Keeps one vertex at each position of `run` for the last hull, if they are few.
+    /// Keeps one vertex per position of `run` for the last hull, if they are few.
     fn push_few(&mut self, points: &[Xy], run: &mut Vec<u32>) {
         let at = |i: &u32| points[*i as usize];
         run.sort_by(|i, j| at(i).partial_cmp(&at(j)).unwrap_or(Ordering::Equal));
@@ -514,12 +509,12 @@ impl HullLevel {
     }
 }
 
-/// The exponent of the largest power of two of which all coordinates are whole multiples.
+/// Exponent of the largest power of two that divides all coordinates.
 fn coarsest<'a>(places: impl Iterator<Item = &'a Xy>) -> i32 {
     places.flatten().map(|v| unit(*v)).min().unwrap_or(i32::MAX)
 }
 
-/// The exponent of the largest power of two of which a number is a whole multiple.
+/// Exponent of the largest power of two that divides a number.
 fn unit(value: f64) -> i32 {
     let bits = value.to_bits();
     let (exponent, fraction) = (bits >> 52 & 0x7FF, bits & ((1 << 52) - 1));

@@ -18,7 +18,7 @@ use super::regions::{LOOK, SHORTEST, VertexRegions, beyond};
 use super::scratch::{SimplifyScratch, keep_short};
 use terrane_base::geom::plane::Xy;
 
-/// Regions looked at, by vertex and doubling of the line, after which boxes are given up.
+/// Regions tested per vertex and doubling of the line before boxes are replaced by hulls.
 const ENOUGH: u64 = 3;
 
 /// Appends to `kept` the vertices that Ramer-Douglas-Peucker keeps at `tolerance`.
@@ -32,7 +32,7 @@ pub fn rdp<V: Copy, M: DistanceMetric<V>>(
     counted(metric, points, tolerance, scratch, kept);
 }
 
-/// As [`rdp`]. Returns how many vertices, regions, runs and corners were looked at, in tests.
+/// As [`rdp`]. In tests, returns the number of tested vertices, regions, runs and corners.
 pub(super) fn counted<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],
@@ -55,8 +55,8 @@ pub(super) fn counted<V: Copy, M: DistanceMetric<V>>(
     splits.looks
 }
 
-/// Calls `keep` with the vertices strictly between `start` and `end` that are kept, in order: where
-/// `split` divides a stretch, and both halves again. `ends` is room to work in.
+/// Calls `keep` with the kept vertices strictly between `start` and `end`, in order: `split` divides a range,
+/// and both halves recursively. `ends` is a reused buffer.
 pub fn refine(
     start: usize,
     end: usize,
@@ -83,16 +83,16 @@ pub fn refine(
     }
 }
 
-/// Finds the vertices at which a line is split.
+/// Finds split vertices of a line.
 pub(super) struct VertexSplits<'a, V: Copy, M: DistanceMetric<V>> {
     metric: &'a M,
     points: &'a [V],
     tree: VertexRegions<M::Region>,
-    /// Regions that may still be looked at before the hulls are made.
+    /// Remaining region tests before hulls are built.
     left: u64,
     hulls: Option<Hulls>,
     open: Vec<PendingRun>,
-    /// Vertices, regions, runs and corners looked at; those of the boxes in tests only.
+    /// Number of tested vertices, regions, runs and corners; those of boxes in tests only.
     pub(super) looks: u64,
 }
 
@@ -104,8 +104,8 @@ impl<'a, V: Copy, M: DistanceMetric<V>> VertexSplits<'a, V, M> {
         Self { metric, points, tree, left, hulls: None, open: Vec::new(), looks: 0 }
     }
 
-    /// The vertex strictly between `start` and `end` that is farthest from their segment, and its
-    /// squared distance, if that is above `tolerance2`.
+    /// The vertex strictly between `start` and `end` farthest from their segment, and its squared distance, if
+    /// above `tolerance2`.
     pub(super) fn split(
         &mut self,
         start: usize,
@@ -127,7 +127,7 @@ impl<'a, V: Copy, M: DistanceMetric<V>> VertexSplits<'a, V, M> {
         found
     }
 
-    /// Counts what one query of the boxes looked at, and makes the hulls when it was enough.
+    /// Counts the tests of a box query, and builds the hulls at the limit.
     #[inline]
     fn count(&mut self, looks: u64, vertices: usize) {
         // Only there: it costs plain lines a tenth.
@@ -142,7 +142,7 @@ impl<'a, V: Copy, M: DistanceMetric<V>> VertexSplits<'a, V, M> {
         }
     }
 
-    /// As [`VertexSplits::split`], once there are hulls.
+    /// As [`VertexSplits::split`], with hulls.
     #[inline(never)]
     fn split_by_hulls(
         &mut self,

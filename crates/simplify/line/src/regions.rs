@@ -1,8 +1,8 @@
-//! A tree of regions over a line: the farthest vertex from a segment without looking at all of them.
+//! A tree of regions over a line: finds the vertex farthest from a segment without testing all.
 //!
-//! Regions of 16 vertices, then of eight times as many, and so on. A region whose most distant place is
-//! not farther than what is known is passed over as a whole. [`DistanceMetric::reach_most`] bounds distances as
-//! they are computed, so the vertex found is that of a plain scan, ties included.
+//! Regions of 16 vertices, then of eight times as many, and so on. A region is skipped if its upper bound does
+//! not exceed the current maximum. [`DistanceMetric::reach_most`] bounds distances as computed, so the result
+//! equals that of a plain scan, ties included.
 
 use super::metric::DistanceMetric;
 use super::metric::range::larger;
@@ -10,34 +10,33 @@ use super::metric::range::larger;
 /// Vertices in a region of the lowest level.
 const LEAF: usize = 16;
 
-/// Regions in one of the next level.
+/// Regions in a region of the next level.
 const FAN: usize = 8;
 
-/// Fewer vertices than this are looked at one by one.
+/// Number of vertices below which a plain scan is used.
 pub(super) const SHORTEST: usize = 6 * LEAF;
 
-/// Vertices scanned for a region looked at, at most.
+/// Vertices scanned per tested region, at most.
 pub(super) const LOOK: u64 = LEAF as u64;
 
-/// In ranges of at least this many vertices, a far one is looked for first.
+/// Smallest range for which a distant vertex is searched first.
 const LONG: usize = 4 * LEAF * FAN;
 
-/// The farthest vertex known.
+/// The farthest vertex so far.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FarthestVertex {
     pub(super) index: usize,
-    /// Its distance, as [`DistanceMetric::reach`] has it.
+    /// Its distance as from [`DistanceMetric::reach`].
     pub(super) reach: f64,
 }
 
 /// Vertices whose distances are computed side by side.
 const LANES: usize = 8;
 
-/// Updates `farthest` with the vertices `from..to`: only larger distances count, so the lowest index
-/// among equals is found when ranges come in order.
+/// Updates `farthest` with vertices `from..to`. Only larger distances count, so the lowest index among equals
+/// is found if ranges come in order.
 ///
-/// Eight vertices side by side, no branch for any of them: the lane of the largest is looked up at the
-/// end.
+/// Eight vertices at a time without branches; the lane of the maximum is determined at the end.
 #[inline]
 pub(super) fn scan<V: Copy, M: DistanceMetric<V>>(
     segment: &M::Segment,
@@ -104,8 +103,7 @@ pub(super) fn first_above<V: Copy, M: DistanceMetric<V>>(
     rest.iter().position(|p| M::reach(segment, p) > limit).map(|i| rest_at + i)
 }
 
-/// The first vertex between `from` and `to` that is beyond the tolerance from the segment that joins
-/// them.
+/// The first vertex between `from` and `to` beyond the tolerance from their segment.
 pub(super) fn first_beyond<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],
@@ -140,7 +138,7 @@ pub(super) fn farthest_beyond<V: Copy, M: DistanceMetric<V>>(
     })
 }
 
-/// The farthest vertex that `find` finds, and its squared distance, if that is above `tolerance2`.
+/// The farthest vertex found by `find`, and its squared distance, if above `tolerance2`.
 #[inline(always)]
 pub(super) fn beyond<V: Copy, M: DistanceMetric<V>>(
     segment: &M::Segment,
@@ -184,7 +182,7 @@ impl<R: Copy> VertexRegions<R> {
         Self { levels }
     }
 
-    /// As [`scan`]. Returns how many regions were looked at or passed over.
+    /// As [`scan`]. Returns the number of regions tested or skipped.
     pub(super) fn farthest<V: Copy, M: DistanceMetric<V, Region = R>>(
         &self,
         segment: &M::Segment,
@@ -198,7 +196,7 @@ impl<R: Copy> VertexRegions<R> {
             return 0;
         }
         let start = from.next_multiple_of(LEAF);
-        // Regions that hold nothing as far as a vertex known to be there are of no interest.
+        // Regions below a known distance are skipped.
         let likely = match to - from < LONG {
             true => f64::NEG_INFINITY,
             false => self.likely::<V, M>(segment, points, start, to).next_down(),
@@ -220,7 +218,7 @@ impl<R: Copy> VertexRegions<R> {
         looks
     }
 
-    /// The largest reach in the lowest region that promises most, from the largest regions down.
+    /// Largest reach in the lowest region with the largest bound, descending from the top.
     fn likely<V: Copy, M: DistanceMetric<V, Region = R>>(
         &self,
         segment: &M::Segment,
@@ -255,7 +253,7 @@ impl<R: Copy> VertexRegions<R> {
         farthest.reach
     }
 
-    /// The level of the largest region that begins at `at` and ends within `to`, and its vertices.
+    /// Level of the largest region that starts at `at` and ends within `to`, and its vertices.
     #[inline(always)]
     fn largest_at(&self, at: usize, to: usize) -> (usize, usize) {
         let (mut size, mut top) = (LEAF, 0);
@@ -267,7 +265,7 @@ impl<R: Copy> VertexRegions<R> {
         (top, size)
     }
 
-    /// The end of the largest region from `at` on, within `to`, that holds nothing above `limit`.
+    /// End of the largest region from `at` within `to` with nothing above `limit`.
     #[inline(always)]
     fn passed_over<V: Copy, M: DistanceMetric<V, Region = R>>(
         &self,

@@ -1,8 +1,8 @@
-//! Closed rings: no vertex is an end that has to stay.
+//! Simplification of closed rings, which have no fixed end vertex.
 //!
-//! A ring comes with its closing vertex (the first again) and goes without it: the ascending indices of
-//! the vertices kept, each once. Every method starts from the vertex that is lowest in x, then y, then
-//! z: it is on the convex hull, and it is the same one wherever the ring was cut open.
+//! A ring is given with its closing vertex, and returned without it as ascending indices of kept vertices.
+//! Every method starts from the vertex that is lowest in x, then y, then z: it is on the convex hull, and does
+//! not depend on the given start.
 //!
 //! - Ramer-Douglas-Peucker splits first at the vertex farthest from that one, so it is anchored at two
 //!   vertices far apart.
@@ -10,11 +10,11 @@
 //!   is done again, from a vertex kept before it to one kept after it. The result never has more vertices,
 //!   and where it was the fewest between those two, it is now the fewest that pass through them: near the
 //!   fewest of all, which would need a search from every vertex that one segment can pass over.
-//! - Visvalingam-Whyatt knows no start.
+//! - Visvalingam-Whyatt needs no start.
 //!
-//! A ring of which fewer than three vertices would be left *collapses*. It is then given as the start, the
-//! vertex farthest from it, the one farthest from the segment between them, and what the tolerance asks for
-//! besides; what to do with it is for the caller to say.
+//! A ring *collapses* if fewer than three vertices would be left. The result is then the start, the vertex
+//! farthest from it, the vertex farthest from the segment between them, and the vertices required by the
+//! tolerance; the caller decides about its use.
 
 use super::metric::DistanceMetric;
 use super::rdp::rdp;
@@ -22,22 +22,22 @@ use super::regions::{VertexRegions, farthest_beyond};
 use super::scratch::SimplifyScratch;
 use super::visvalingam::{AreaWeight, EffectiveAreas};
 
-/// What became of a ring.
+/// Result of a ring.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RingFate {
-    /// At least three vertices were needed.
+    /// At least three vertices are required.
     Kept,
-    /// Fewer would do; the ring given is a minimal one. It has fewer than three vertices only where the
-    /// input had fewer that differ in place.
+    /// Fewer would suffice; the returned ring is minimal. It has fewer than three vertices only if the input
+    /// had fewer distinct positions.
     Collapsed,
 }
 
-/// Vertices kept on either side of the start between which the ring is done again.
+/// Kept vertices on either side of the start between which the ring is simplified again.
 const AROUND: usize = 64;
 
 /// Simplifies a ring, first and last vertex the same, with a method for lines.
 ///
-/// `can_move` says that the start may be dropped too: true for all methods but those that split.
+/// `can_move` allows dropping the start: true for all methods except those that split.
 pub fn simplify<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     ring: &[V],
@@ -76,7 +76,7 @@ pub fn simplify<V: Copy, M: DistanceMetric<V>>(
 
 /// Visvalingam-Whyatt on a ring: drops vertices with an effective area of at most `area`.
 ///
-/// A ring collapses when three are left and the triangle they make has no more area than that.
+/// A ring collapses when three vertices are left and their triangle has at most that area.
 pub fn visvalingam<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     ring: &[V],
@@ -114,7 +114,7 @@ fn unrolled<V: Copy>(ring: &[V], from: usize, to: usize) -> Vec<V> {
     (from..=to).map(|i| ring[i % count]).collect()
 }
 
-/// Does the part around the start again: from a vertex kept before it to one kept after it.
+/// Simplifies the part around the start again, from a kept vertex before it to one after it.
 fn around_start<V: Copy>(
     line: &[V],
     chosen: &[u32],
@@ -133,8 +133,8 @@ fn around_start<V: Copy>(
     moved
 }
 
-/// The start of a closed line, the vertex farthest from it, the one farthest from their segment, and
-/// what the tolerance asks for between them.
+/// The start of a closed line, the vertex farthest from it, the vertex farthest from their segment, and the
+/// vertices required by the tolerance between them.
 fn minimal<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     line: &[V],

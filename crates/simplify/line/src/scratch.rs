@@ -1,31 +1,31 @@
-//! Memory that methods reuse between calls, and lines too short for any method.
+//! Reused memory of methods, and lines too short to simplify.
 
-/// Memory that methods keep between calls, so that many short lines cost no allocation.
+/// Memory that methods reuse between calls, so that short lines need no allocation.
 #[derive(Clone, Debug, Default)]
 pub struct SimplifyScratch {
-    /// Ends of ranges still to be looked at.
+    /// Ends of pending ranges.
     pub(super) ends: Vec<usize>,
     /// Vertices at which three segments may end.
     pub(super) candidates: [Vec<u32>; 3],
-    /// What the shortest path knows of each vertex.
+    /// State of the shortest path per vertex.
     pub(super) nodes: Vec<PathNode>,
-    /// Vertices of one layer of the search, and of the next.
+    /// Vertices of the current and the next layer of the search.
     pub(super) layer: Vec<u32>,
     pub(super) next_layer: Vec<u32>,
 }
 
-/// What a search for the shortest path knows of a vertex.
+/// State of a vertex in the shortest path search.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PathNode {
-    /// The vertex it was reached from.
+    /// Predecessor.
     pub(super) parent: u32,
     /// A vertex that was beyond the tolerance from the last segment tried.
     pub(super) spoiler: u32,
-    /// A vertex from which on to look for the next unvisited one: itself while it is unvisited.
+    /// Start of the search for the next unvisited vertex: itself while unvisited.
     pub(super) next: u32,
 }
 
-/// Appends all indices of a line that is too short to lose any: `true` if it was.
+/// Appends all indices of a line too short to simplify; `true` if it was.
 pub(super) fn keep_short(count: usize, kept: &mut Vec<u32>) -> bool {
     if count <= 2 {
         kept.extend(0..count as u32);

@@ -1,11 +1,9 @@
-//! Visvalingam-Whyatt: again and again drop the vertex that makes the smallest triangle with its
-//! neighbours.
+//! Visvalingam-Whyatt: repeatedly removes the vertex with the smallest triangle.
 //!
-//! Visvalingam & Whyatt, "Line generalisation by repeated elimination of points" (1993). The effective
-//! area of a vertex is that of its triangle when it goes, or the largest before it if that is more, so a
-//! threshold and a number of vertices are both filters. Ties go by index, the lowest first. The method
-//! bounds no distance: measure it with [`super::metric::largest_distance2`]. O(n log n), with a queue of
-//! buckets and a heap.
+//! Visvalingam & Whyatt, "Line generalisation by repeated elimination of points" (1993). The effective area of
+//! a vertex is that of its triangle at removal, or the largest area removed before, so a threshold and a number
+//! of vertices are both filters. Ties go by index, lowest first. Distances are not bounded: measure with
+//! [`super::metric::largest_distance2`]. O(n log n), with a bucket queue and a heap.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -13,17 +11,16 @@ use std::collections::BinaryHeap;
 use super::metric::DistanceMetric;
 use super::scratch::{SimplifyScratch, keep_short};
 
-/// How the area of a triangle is weighted.
+/// Weight of a triangle's area.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AreaWeight {
-    /// Not at all.
+    /// No weight.
     Plain,
-    /// By `1 - 0.7 cos(angle at the vertex)`, as mapshaper does unless told otherwise: spikes go sooner,
-    /// wide bends later.
+    /// `1 - 0.7 cos(angle at the vertex)`, the default of mapshaper: spikes go sooner, wide bends later.
     Angle,
 }
 
-/// Share of the cosine in [`AreaWeight::Angle`].
+/// Factor of the cosine in [`AreaWeight::Angle`].
 const ANGLE: f64 = 0.7;
 
 /// Appends to `kept` the vertices whose effective area is more than `area`.
@@ -52,17 +49,17 @@ pub fn weighted_visvalingam<V: Copy, M: DistanceMetric<V>>(
     }
 }
 
-/// Effective areas of a line's vertices, and the order in which they go.
+/// Effective areas of a line's vertices, and the order of removal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EffectiveAreas {
-    /// One a vertex; infinite for those that never go.
+    /// One per vertex; infinite for vertices that stay.
     areas: Vec<f64>,
-    /// Vertices that go, in that order.
+    /// Removed vertices in order.
     order: Vec<u32>,
 }
 
 impl EffectiveAreas {
-    /// The areas of a line, whose ends stay.
+    /// Areas of a line with fixed ends.
     pub fn of_line<V: Copy, M: DistanceMetric<V>>(
         metric: &M,
         points: &[V],
@@ -74,7 +71,7 @@ impl EffectiveAreas {
         }
     }
 
-    /// The areas of a ring, given without its closing vertex; its last three vertices stay.
+    /// Areas of a ring without its closing vertex; the last three vertices stay.
     pub fn of_ring<V: Copy, M: DistanceMetric<V>>(
         metric: &M,
         points: &[V],
@@ -86,7 +83,7 @@ impl EffectiveAreas {
         }
     }
 
-    /// The effective area of each vertex, in squared units of distance (weighted, if they are).
+    /// Effective area of each vertex, in squared units of distance, weighted if requested.
     pub fn areas(&self) -> &[f64] {
         &self.areas
     }
@@ -97,7 +94,7 @@ impl EffectiveAreas {
         kept.extend(above.map(|(_, i)| i));
     }
 
-    /// Appends the `count` vertices that stay longest, at least those that never go; linear in the line.
+    /// Appends the last `count` vertices to be removed, at least those that stay; linear in the line.
     pub fn keep_count(&self, count: usize, kept: &mut Vec<u32>) {
         let gone = self.areas.len().saturating_sub(count).min(self.order.len());
         let mut stays = vec![true; self.areas.len()];
@@ -114,16 +111,16 @@ fn by_angle<V: Copy, M: DistanceMetric<V>>(metric: &M) -> impl Fn(&V, &V, &V) ->
     |a, b, c| metric.area(a, b, c) * (1.0 - ANGLE * metric.cosine(a, b, c))
 }
 
-/// In place of neighbours, when a vertex went.
+/// Marker for removed vertices instead of neighbours.
 const GONE: u32 = u32::MAX;
 
-/// The vertices still there, each with its neighbours.
+/// Remaining vertices with their neighbours.
 struct VertexChain {
     neighbours: Vec<[u32; 2]>,
     /// Vertices before this one stay, and those from `end` on.
     start: u32,
     end: u32,
-    /// How many of the others stay at last.
+    /// Number of others that stay.
     least: usize,
 }
 
@@ -141,7 +138,7 @@ impl VertexChain {
         Self { neighbours: (0..n).map(around).collect(), start: 0, end: n, least: 3 }
     }
 
-    /// Takes away vertex after vertex.
+    /// Removes vertices one by one.
     fn dissolve<V>(mut self, points: &[V], area: impl Fn(&V, &V, &V) -> f64) -> EffectiveAreas {
         let of = |i: u32, [before, after]: [u32; 2]| {
             area(&points[before as usize], &points[i as usize], &points[after as usize])
@@ -157,15 +154,15 @@ impl VertexChain {
         let mut order = Vec::with_capacity(gone);
         let mut most = 0.0_f64;
         while order.len() < gone {
-            // All of a bucket are looked at first, which fetches what they need from memory side by
-            // side; one after the other, the removals would wait for each.
+            // Tests the whole bucket first, so that memory is fetched in parallel; one by one, the removals
+            // would wait for each.
             let is_present = |entry: &VertexArea| {
                 let near = self.neighbours[entry.i as usize];
                 near[0] != GONE && of(entry.i, near) == entry.key
             };
             let Some(VertexArea { key, i }) = queue.pop(is_present) else { break };
             let [before, after] = self.neighbours[i as usize];
-            // Left behind when the area changed, or the vertex went.
+            // Stale: the area changed, or the vertex was removed.
             if before == GONE || areas[i as usize] != key {
                 continue;
             }
@@ -214,22 +211,22 @@ impl PartialOrd for VertexArea {
 }
 
 impl Ord for VertexArea {
-    /// The smallest area is the greatest entry, the lowest index among equals.
+    /// The smallest area is the greatest entry, with the lowest index among equals.
     fn cmp(&self, other: &Self) -> Ordering {
         other.key.total_cmp(&self.key).then(other.i.cmp(&self.i))
     }
 }
 
-/// Entries for a bucket, about.
+/// Approximate number of entries per bucket.
 const CROWD: usize = 256;
 
-/// Entries by area, the smallest first: a heap of those at hand, and buckets of the others by the first
-/// bits of their areas. The heap stays small, so it stays in the cache.
+/// Entries by area, smallest first: a heap of the smallest, and buckets of the others by the leading bits of
+/// their areas. The heap stays small enough for the cache.
 struct AreaQueue {
     heap: BinaryHeap<VertexArea>,
-    /// Bits of the smallest area above 0, which is that of the first bucket.
+    /// Bits of the smallest positive area, that of the first bucket.
     least: u64,
-    /// Bits that a bucket spans.
+    /// Bits per bucket.
     shift: u32,
     /// The buckets before this one are in the heap.
     at: usize,
@@ -238,7 +235,7 @@ struct AreaQueue {
 
 impl AreaQueue {
     fn new(entries: impl ExactSizeIterator<Item = VertexArea> + Clone) -> Self {
-        // The bits of floats that are not negative are ordered as the floats are.
+        // Bits of non-negative floats have the order of the floats.
         let bits = entries.clone().map(|entry| entry.key.to_bits()).filter(|bits| *bits > 0);
         let (least, most) = (bits.clone().min().unwrap_or(0), bits.max().unwrap_or(0));
         let wanted = (entries.len() / CROWD).max(1) as u64;
@@ -250,7 +247,7 @@ impl AreaQueue {
         queue
     }
 
-    /// Adds an entry: to the heap if it is not above what is at hand.
+    /// Adds an entry, to the heap if it is small enough.
     #[inline]
     fn push(&mut self, entry: VertexArea) {
         let bits = entry.key.to_bits();
@@ -263,7 +260,7 @@ impl AreaQueue {
         }
     }
 
-    /// Takes the smallest entry; of a new bucket, only those present come to the heap.
+    /// Removes the smallest entry; from a new bucket, only valid entries enter the heap.
     #[inline]
     fn pop(&mut self, is_present: impl Fn(&VertexArea) -> bool) -> Option<VertexArea> {
         while self.heap.is_empty() {

@@ -1,16 +1,16 @@
 //! Wedges: the directions from a vertex whose rays pass others within a tolerance.
 //!
-//! A ray from the anchor passes a vertex within the tolerance when it meets the disc of that radius
-//! around it; the rays that meet a disc which does not hold the anchor form a wedge narrower than a
-//! half turn, and the wedges of several vertices have a wedge in common, or nothing. A segment passes
-//! all its vertices within the tolerance when the ray from either end does (Chan & Chin, "Approximation
-//! of polygonal curves with minimum number of line segments or minimum error", 1996).
+//! A ray from the anchor passes a vertex within the tolerance if it meets the disc of that radius around it.
+//! The rays that meet a disc without the anchor form a wedge narrower than a half turn, and the wedges of
+//! several vertices intersect in a wedge, or not at all. A segment passes all its vertices within the tolerance
+//! if the ray from either end does (Chan & Chin, "Approximation of polygonal curves with minimum number of line
+//! segments or minimum error", 1996).
 //!
-//! Wedges here err on the side of directions: they allow for more than rounding can do, so that what
-//! they turn away is beyond the tolerance by the formula of [`super::metric`], and what they let pass has
-//! to be held against it. Where the tolerance is below that allowance nothing could be turned away; there,
-//! the first vertex outside ends the wedge. With a tolerance of 0 in the plane, directions are compared
-//! without an allowance: a vertex is in the wedge when its cross product with the first is 0.
+//! Wedges here are conservative: they include an allowance for rounding, so rejected directions are beyond the
+//! tolerance by the formula of [`super::metric`], and accepted ones have to be checked with it. If the
+//! tolerance is below the allowance nothing could be rejected; there the first vertex outside ends the wedge.
+//! With a tolerance of 0 in the plane, directions are compared exactly: a vertex is in the wedge if its cross
+//! product with the first is 0.
 
 use std::marker::PhantomData;
 
@@ -18,14 +18,14 @@ use super::metric::located::LocatedVertex;
 use super::metric::range::{larger, smaller};
 use terrane_base::geom::plane::Xy;
 
-/// What a vertex does to a wedge.
+/// Effect of a vertex on a wedge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WedgeStep {
-    /// Its direction was in the wedge: the segment may end here.
+    /// Its direction is in the wedge: the segment may end here.
     Ends,
-    /// Its direction was not, but some directions pass it.
+    /// Its direction is outside, but some directions pass it.
     Passes,
-    /// No direction is left.
+    /// The wedge is empty.
     Stops,
 }
 
@@ -34,30 +34,28 @@ pub trait Wedge<V>: Copy {
     /// All directions from `anchor`.
     fn new(anchor: &V, tolerance: f64) -> Self;
 
-    /// Keeps the directions that pass `p`, and says what it did.
+    /// Keeps the directions that pass `p`, and returns its effect.
     fn step(&mut self, p: &V) -> WedgeStep;
 
-    /// How far `p` is beside the wedge, in no unit: not above 0 where [`Wedge::step`] would say
-    /// [`WedgeStep::Ends`], and hardly anywhere else.
+    /// Distance of `p` beside the wedge, without unit: at most 0 where [`Wedge::step`] returns
+    /// [`WedgeStep::Ends`], and almost nowhere else.
     fn outside(&self, p: &V) -> f64;
 
-    /// Which of its sides the last step cut, as bits below [`MOST_SIDES`].
+    /// Sides cut by the last step, as bits below [`MOST_SIDES`].
     fn cuts(&self) -> u32;
 
-    /// The least [`Wedge::span2`] of the end of a segment that passes `p`: what ends nearer to the anchor
-    /// leaves `p` beyond its end by more than the tolerance. 0 where that is not known.
+    /// Smallest [`Wedge::span2`] of the end of a segment that passes `p`: an end closer to the anchor leaves
+    /// `p` beyond it by more than the tolerance. 0 if unknown.
     fn least_span2(&self, p: &V) -> f64;
 
-    /// The squared distance of `p` from the anchor, or 0 where no vertex can lie beyond the end of a
-    /// segment.
+    /// Squared distance of `p` from the anchor, or 0 if no vertex can lie beyond the end of a segment.
     fn span2(&self, p: &V) -> f64;
 }
 
-/// Vertices whose directions are looked at side by side.
+/// Vertices whose directions are compared in parallel.
 const LANES: usize = 8;
 
-/// The first vertex of `points` that is not beside the wedge, and whose [`Wedge::span2`] is not below
-/// `least_span2`.
+/// The first vertex of `points` not beside the wedge, with [`Wedge::span2`] of at least `least_span2`.
 #[inline]
 pub(super) fn first_inside<V, W: Wedge<V>>(
     wedge: &W,
@@ -79,19 +77,19 @@ pub(super) fn first_inside<V, W: Wedge<V>>(
     rest.iter().position(|p| outside(p) <= 0.0).map(|i| points.len() - rest.len() + i)
 }
 
-/// Most sides a wedge has.
+/// Largest number of sides of a wedge.
 pub const MOST_SIDES: usize = 6;
 
 /// Allowance for rounding, relative to the distance from the anchor (and to the tolerance).
 const SLACK: f64 = 1e-14;
 
-/// How a vertex looks from another.
+/// View of a vertex from another.
 pub trait WedgeView<V>: Copy {
-    /// True when all scales are 1.
+    /// True if all scales are 1.
     const IS_UNIFORM: bool;
 
-    /// The vector from `anchor` to `p` in units of distance, and units of distance for a unit of
-    /// either coordinate at `p`.
+    /// Vector from `anchor` to `p` in units of distance, and units of distance per unit of either coordinate at
+    /// `p`.
     fn look(anchor: &V, p: &V) -> (Xy, Xy);
 }
 
@@ -108,7 +106,7 @@ impl WedgeView<Xy> for PlaneView {
     }
 }
 
-/// In space, on the plane of axes `I` and `J`: a distance in space is at least that of its image.
+/// In space, projected on axes `I` and `J`: a distance in space is at least that of its projection.
 #[derive(Clone, Copy, Debug)]
 pub struct ProjectedView<const I: usize, const J: usize>;
 
@@ -141,12 +139,12 @@ pub type PlaneWedge = DiscWedge<Xy, PlaneView>;
 /// The wedge in longitude and latitude.
 pub type EllipseWedge = DiscWedge<LocatedVertex, EllipsoidView>;
 
-/// A wedge between two rays, tangents to discs.
+/// A wedge between two tangents of discs.
 #[derive(Clone, Copy, Debug)]
 pub struct DiscWedge<V, L> {
     anchor: V,
     tolerance: f64,
-    /// Unit vectors (in coordinates), the left one first; `None` while every direction is left.
+    /// Unit vectors in coordinates, the left one first; `None` for all directions.
     rays: Option<[Xy; 2]>,
     /// Sides cut by the last step: 1 the left, 2 the right.
     cuts: u32,
@@ -178,8 +176,8 @@ pub(super) fn difference<const N: usize>(p: &[f64; N], from: &[f64; N]) -> [f64;
     std::array::from_fn(|i| p[i] - from[i])
 }
 
-/// The left and the right tangent from the anchor to the disc around `v`, which does not hold the
-/// anchor, as unit vectors of coordinates scaled by `k`.
+/// Left and right tangent from the anchor to the disc around `v`, which does not contain the anchor, as unit
+/// vectors of coordinates scaled by `k`.
 #[inline]
 fn tangents(v: Xy, k: Xy, tolerance: f64) -> [Xy; 2] {
     let square = dot(v, v);
@@ -251,15 +249,15 @@ impl<V, L: WedgeView<V>> DiscWedge<V, L> {
     }
 }
 
-/// The square of the distance of a vertex, less the tolerance and what rounding may do: by the triangle
-/// inequality, no place nearer to the anchor is within the tolerance of it.
+/// Squared distance of a vertex minus the tolerance and rounding: by the triangle inequality, no position
+/// closer to the anchor is within the tolerance of it.
 #[inline(always)]
 fn least_square(span2: f64, tolerance: f64) -> f64 {
     let least = (span2.sqrt() * (1.0 - SLACK) - tolerance * (1.0 + SLACK)).max(0.0);
     least * least * (1.0 - SLACK)
 }
 
-/// True when a direction lies between two rays, rounding allowed for.
+/// True if a direction lies between two rays, up to rounding.
 fn is_between(direction: Xy, [left, right]: [Xy; 2]) -> bool {
     let bisector = [left[0] + right[0], left[1] + right[1]];
     cross(direction, left) >= -SLACK
@@ -348,7 +346,7 @@ impl<V: Copy, L: WedgeView<V>> Wedge<V> for DiscWedge<V, L> {
     }
 }
 
-/// The wedge in space: those of the three images, which hold all directions that pass, and others.
+/// The wedge in space, from three projections; it contains all directions that pass, and others.
 #[derive(Clone, Copy, Debug)]
 pub struct SpaceWedge {
     xy: DiscWedge<[f64; 3], ProjectedView<0, 1>>,
@@ -389,8 +387,8 @@ impl Wedge<[f64; 3]> for SpaceWedge {
     }
 }
 
-/// The wedge of a profile: a range of slopes. The faster special case for monotone chains: no root,
-/// and nothing can lie beyond an end.
+/// The wedge of a profile: a range of slopes, a faster special case for monotone chains without square roots or
+/// vertices beyond an end.
 #[derive(Clone, Copy, Debug)]
 pub struct SlopeWedge {
     anchor: Xy,

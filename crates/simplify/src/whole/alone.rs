@@ -1,4 +1,5 @@
-//! Each feature by itself, all of them held: what comes of a threshold is made before it is judged.
+//! Features held in memory and simplified independently: the result of a threshold is complete before it is
+//! judged.
 
 use rayon::prelude::*;
 
@@ -12,7 +13,7 @@ use terrane_files::on_threads;
 use terrane_vector::{Feature, Geometry};
 
 impl OpenedLineJob<'_> {
-    /// Simplifies all features and writes them, if that is what is wanted; else tells what came.
+    /// Simplifies all features and writes them if the result is wanted; otherwise returns its size.
     pub(super) fn alone(
         &self,
         input: &mut CoverageInput<'_>,
@@ -48,7 +49,7 @@ fn simplified(file: &ReadFile, rule: &SimplifyRule) -> Result<Vec<(Geometry, Par
         .collect()
 }
 
-/// What was made of features that are still to come.
+/// Results of the remaining features.
 struct SimplifiedInOrder<'a>(std::slice::Iter<'a, (Geometry, PartCounts)>);
 
 impl SimplifiedSource for SimplifiedInOrder<'_> {

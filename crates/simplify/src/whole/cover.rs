@@ -1,26 +1,24 @@
-//! Features as a coverage, square by square: what does not fit into memory is sorted into squares
-//! first, and what is kept is put together again as the features are read once more.
+//! Features as a coverage, tile by tile: data larger than memory is first sorted into tiles, and the result is
+//! assembled when the features are read again.
 //!
-//! Up to `SQUARE` (2^20) vertices are one square. Where all files have more, a first pass counts vertices
-//! by the cells of a grid, a quadtree is divided until no square has more, and each part is cut into
-//! runs, where a segment goes from one square to another. What is kept of a square is a bit by vertex, in
-//! the order in which the input comes by them: the features are read once more, each part is cut again,
-//! takes the next bits of its squares, and is written. Features are held in memory instead where there is
-//! room, and read anew where there is not: the bytes are the same, as squares follow from the vertices
-//! alone.
+//! Up to `SQUARE` (2^20) vertices are one tile. For larger inputs a first pass counts vertices in the cells of
+//! a grid, a quadtree is divided until every tile is below the limit, and each part is cut into runs where a
+//! segment crosses from one tile to another. The result of a tile is one bit per vertex, in input order:
+//! features are read again, each part is cut again, takes the next bits of its tiles, and is written. Features
+//! are held in memory if they fit, otherwise they are read again: the output is the same, because tiles depend
+//! on vertices only.
 //!
-//! Of rings that cross themselves the sign is looked at before anything appears; one that has turned over
-//! is kept whole, and its squares are done again. So is an outer ring that would be dropped while one of
-//! its holes would not. Such rings do not collapse either: whatever the policy says, they keep the
-//! vertices at the borders that they cross.
+//! For rings with self-intersections the sign of the area is checked before output; a ring that has changed
+//! orientation is kept whole, and its tiles are processed again. The same applies to an outer ring that would
+//! be dropped while one of its holes remains. Such rings do not collapse either: under any policy they keep the
+//! vertices at tile borders that they cross.
 //!
-//! **Why segments that cross over stay**, and are not simplified in a second round over the borders: a
-//! second round would need its own squares around the borders, and a third around their corners. A square
-//! has so many vertices that those at its border are few: of the coastlines' 10.6 million vertices, 893
-//! more are kept than without squares, beside 1.07 million.
+//! **Why segments that cross tile borders stay**, and are not simplified in a second round along the borders: a
+//! second round would need tiles around the borders, and a third tiles around their corners. Vertices at
+//! borders are few: of the coastlines' 10.6 million vertices, 893 more are kept than without tiles, beside 1.07
+//! million.
 //!
-//! **Why the number of vertices of a square is fixed** and does not follow the memory: what comes out
-//! depends on it.
+//! **Why the number of vertices of a tile is fixed** and does not follow the memory: the result depends on it.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -52,7 +50,7 @@ use terrane_line::squares::{LastTile, VertexQuadtree};
 use terrane_line::topology::{RingCollapse, conflict};
 use terrane_vector::{self as vector, VectorOpenOptions};
 
-/// Bytes for each segment that comes by a square.
+/// Memory in bytes per segment that crosses a tile.
 const OBSTACLE: u64 = 320;
 /// A job on all features.
 pub(super) struct CoverageJob<'a> {
@@ -65,8 +63,7 @@ pub(super) struct CoverageJob<'a> {
 }
 
 impl CoverageJob<'_> {
-    /// Simplifies all features together and writes them; unless something else is wanted: then tells what
-    /// came.
+    /// Simplifies all features together and writes them if the result is wanted; otherwise returns its size.
     pub(super) fn run(
         &self,
         input: &mut CoverageInput<'_>,
@@ -83,7 +80,7 @@ impl CoverageJob<'_> {
             let (squares, rounded) = (&squares, rounded.as_ref());
             let now = FinishedSquares { squares, whole: &whole, kept: &kept, rounded };
             let total = self.solve_all(input, &now, report)?;
-            // A file that is written cannot be taken back.
+            // A finished file cannot be undone.
             let may_turn = squares.count() > 1 || self.rule.collapse == RingCollapse::Drop;
             if wanted.is_some() || (input.all.len() > 1 && may_turn) {
                 let left = self.look(input, &now)?;
@@ -121,8 +118,7 @@ impl CoverageJob<'_> {
         self.job.resources.memory
     }
 
-    /// Bytes beside features and squares: bits by vertex, where vertices are moved to (from before they are
-    /// moved), and the rest.
+    /// Memory in bytes beside features and tiles: bits per vertex, snapped positions, and the rest.
     fn others(&self, input: &CoverageInput<'_>) -> u64 {
         let moved = match self.topology.snap > 0.0 {
             true => (input.vertices * size_of::<Xy>() as u64).min(moves::most_held(self.memory())),
@@ -131,24 +127,23 @@ impl CoverageJob<'_> {
         self.bits(input) + moved + REST
     }
 
-    /// Bytes of what is known of each vertex: whether it is kept, and rounded.
+    /// Memory in bytes for the bits per vertex: kept and rounded.
     fn bits(&self, input: &CoverageInput<'_>) -> u64 {
         input.vertices / 8 * (1 + u64::from(self.job.decimals.is_some()))
     }
 
-    /// There is too little memory. Told is what is enough for a square that takes `square` bytes, whatever
-    /// is kept of it: features are held as long as they take no more than half, and so much of the rest
-    /// waits for its square.
+    /// Error for too little memory, with an amount sufficient for a tile of `square` bytes whatever is kept:
+    /// held features take at most half, and as much of the rest waits for its tile.
     fn too_little(&self, input: &CoverageInput<'_>, square: u64) -> Error {
         let rest = square + self.others(input);
         let needed = rest + input.bytes.min(rest);
         let mib = ((needed + needed / 7) >> 20) + 1;
-        let message = format!("neighbours are looked at in memory, which takes {mib} MiB");
-        let error = short(message, mib << 20).or("leave ‹topology› out");
+        let message = format!("topology requires {mib} MiB of memory");
+        let error = short(message, mib << 20).or("leave out ‹topology›");
         error.in_file(&self.files.pairs[0].input)
     }
 
-    /// Where what does not fit into memory goes: beside the output unless told otherwise.
+    /// Folder for temporary files: beside the output by default.
     fn folder(&self) -> PathBuf {
         let beside = || {
             let mut folders = self.job.output.ancestors().skip(1);
@@ -158,7 +153,7 @@ impl CoverageJob<'_> {
         self.job.resources.temp_dir.clone().unwrap_or_else(beside)
     }
 
-    /// Divides space so that a square fits into the memory, beside the features or without them.
+    /// Divides space so that a tile fits in memory, with or without held features.
     fn squares(&self, input: &mut CoverageInput<'_>) -> Result<VertexQuadtree> {
         let most = self.topology.square.clamp(1, spool::MOST);
         let mut squares = VertexQuadtree::new(&input.seen.census, most)?;
@@ -180,7 +175,7 @@ impl CoverageJob<'_> {
         Ok(squares)
     }
 
-    /// Makes vertices one that are nearly so, in all features.
+    /// Snaps vertices of all features.
     fn snap(&self, input: &mut CoverageInput<'_>) -> Result<()> {
         if self.topology.snap == 0.0 || input.moves.snapped.is_some() {
             return Ok(());
@@ -195,13 +190,13 @@ impl CoverageJob<'_> {
         input.snap(snapped, self.cancel)
     }
 
-    /// What users have to know of the input, which is read again for it: before anything is written.
+    /// Notes about the input, which is read again before anything is written.
     fn notes(&self, input: &mut CoverageInput<'_>, total: &TileTotals) -> Result<Vec<String>> {
         let mut notes: Vec<String> = total.gaps.note().into_iter().collect();
         let pairs = self.made_by_moving(input, &total.pairs)?;
         let harm = [
             (pairs, "pairs of segments cross, touch or overlap"),
-            (input.seen.harm.rings, "rings turn over or lose their area"),
+            (input.seen.harm.rings, "rings change orientation or lose their area"),
             (input.seen.harm.touching, "features have rings that touch themselves or each other"),
         ];
         let told = harm.iter().filter(|(count, _)| *count > 0);
@@ -209,29 +204,26 @@ impl CoverageJob<'_> {
         let snap = self.topology.snap;
         if !told.is_empty() {
             let told = told.join(", ");
-            notes.push(format!(
-                "with ‹snap› {snap:?}, {told} that did not before; pass a smaller ‹snap›"
-            ));
+            notes.push(format!("new with ‹snap› {snap:?}: {told}; pass a smaller ‹snap›"));
         }
         let (looked, all) = (total.pairs.len() as u64, total.crossings);
         if snap > 0.0 && looked < all {
             notes.push(format!(
-                "{all} pairs of segments meet; whether they did before ‹snap› {snap:?} is known of \
-                 {looked} only"
+                "{all} pairs of segments meet; the state before ‹snap› {snap:?} is known for \
+                 {looked} of them"
             ));
         }
         if let Some(decimals) = self.job.decimals.filter(|_| total.unrounded > 0) {
             notes.push(format!(
-                "{} vertices keep their digits: rounded to {decimals} decimals they would make lines \
-                 touch, cross or change sides, or lie at the border of a square",
+                "{} vertices are not rounded to {decimals} decimals: lines would touch, cross or \
+                 change sides, or the vertex lies on the border of a tile",
                 total.unrounded
             ));
         }
         Ok(notes)
     }
 
-    /// How many of these pairs of segments, which meet, are of some that did not before their vertices were
-    /// moved.
+    /// Number of these pairs of segments that come from pairs that did not meet before snapping.
     fn made_by_moving(&self, input: &mut CoverageInput<'_>, pairs: &[[[Xy; 2]; 2]]) -> Result<u64> {
         if pairs.is_empty() || input.moves.is_none() {
             return Ok(0);
@@ -253,14 +245,14 @@ impl CoverageJob<'_> {
             Ok(())
         })?;
         let old = |segment: &[Xy; 2]| old.get(&key(segment)).map_or(&[][..], Vec::as_slice);
-        // Segments that have become one were several: some may have met the other one, and some not.
+        // Merged segments had several originals: some may have met the other segment, and some not.
         let was_apart = |[s, t]: &&[[Xy; 2]; 2]| {
             old(s).iter().any(|s| old(t).iter().any(|t| !conflict(*s, *t)))
         };
         Ok(pairs.iter().filter(was_apart).count() as u64)
     }
 
-    /// Finds out what is kept of all squares.
+    /// Computes the kept vertices of all tiles.
     fn solve_all(
         &self,
         input: &mut CoverageInput<'_>,
@@ -313,7 +305,7 @@ impl CoverageJob<'_> {
         Ok(total)
     }
 
-    /// All parts as they are held, as one square.
+    /// All held parts as one tile.
     fn flat(
         &self,
         input: &mut CoverageInput<'_>,
@@ -331,24 +323,24 @@ impl CoverageJob<'_> {
                 Ok(())
             })
         })?;
-        // There are as many as fit into one square.
+        // One tile holds fewer than 2^32 parts.
         let whole = now.whole.iter().map(|part| *part as u32).collect();
         Ok(SquareContent { flat, whole, ..SquareContent::default() })
     }
 
-    /// Bytes of the square that takes most, if all of its vertices are kept.
+    /// Memory in bytes of the largest tile if all its vertices are kept.
     fn most_bytes(&self, squares: &VertexQuadtree) -> u64 {
         let sizes = (0..squares.count()).map(|square| squares.vertices(square) * KEPT_VERTEX);
         sizes.max().unwrap_or(0)
     }
 
-    /// Memory for squares that are worked on and for what waits for them.
+    /// Memory for tiles in progress and for data waiting for them.
     fn room(&self, input: &CoverageInput<'_>) -> u64 {
         let held = input.held().unwrap_or(0) + input.moves.held();
         beside(self.memory()).saturating_sub(held + self.bits(input))
     }
 
-    /// Sorts all parts into squares.
+    /// Sorts all parts into tiles.
     fn spool<'s>(
         &self,
         input: &mut CoverageInput<'_>,
@@ -380,7 +372,7 @@ impl CoverageJob<'_> {
         self.job.resources.threads.min(fitting).max(1)
     }
 
-    /// Squares by so many threads as have room, those that take longest first.
+    /// Tiles on as many threads as memory allows, longest first.
     fn solve_spooled(
         &self,
         input: &CoverageInput<'_>,
@@ -408,12 +400,12 @@ impl CoverageJob<'_> {
         workers::run(threads, order.len() as u64, self.cancel, || (), work, Ok)
     }
 
-    /// What is left of all features, from the first one on.
+    /// Results of all features, from the first.
     fn left<'k>(&self, now: FinishedSquares<'k>) -> AssembledFeatures<'k> {
         AssembledFeatures::new(now, self.rule.collapse, self.job.decimals)
     }
 
-    /// Looks at what is left of all features.
+    /// Checks the results of all features.
     fn look<'k>(
         &self,
         input: &mut CoverageInput<'_>,
@@ -424,8 +416,7 @@ impl CoverageJob<'_> {
         Ok(left)
     }
 
-    /// Writes all features with what is kept of them; or, if rings have to stay whole that do not, which
-    /// they are, and nothing is written.
+    /// Writes the results of all features; if more rings have to stay whole, returns them and writes nothing.
     fn write(
         &self,
         input: &mut CoverageInput<'_>,
@@ -441,7 +432,7 @@ impl CoverageJob<'_> {
     }
 }
 
-/// Sums over squares.
+/// Sums over tiles.
 #[derive(Debug, Default)]
 struct TileTotals {
     arcs: u64,
@@ -462,7 +453,7 @@ impl TileTotals {
         self.collapsed += solved.collapsed;
         self.unrounded += solved.unrounded;
         self.square = self.square.max(solved.square);
-        // Segments that meet come by a square together, maybe by several: the first one counts them.
+        // Segments that meet may share several tiles: the first tile counts them.
         let mut near = [Vec::new(), Vec::new()];
         let is_own = |pair: &&[[Xy; 2]; 2]| {
             (0..2).for_each(|i| squares.meeting(pair[i], &mut near[i]));
@@ -478,7 +469,7 @@ impl TileTotals {
     }
 }
 
-/// The points of a file, wherever they are in it.
+/// Points of a file, whatever their position.
 pub fn positions(path: &Path, options: &VectorOpenOptions) -> Result<Vec<Xy>> {
     let mut source = vector::open(path, options)?;
     let mut all = Vec::new();

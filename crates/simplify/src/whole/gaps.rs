@@ -1,19 +1,19 @@
-//! How near the ends of segments that meet are to each other: borders that almost match meet all along.
+//! Distances between segment ends that meet, to detect borders that almost match.
 
 use std::collections::BTreeMap;
 
 use terrane_line::Xy;
 
-/// Ends nearer than this share of the shorter segment are taken for one that was meant.
+/// Ends closer than this share of the shorter segment are considered identical.
 const NEAR: f64 = 1e-3;
-/// Fewer such pairs are no border.
+/// Smallest number of such pairs.
 const FEWEST: u64 = 10;
 
-/// Pairs of segments that meet, and those of them with ends that are nearly the same.
+/// Pairs of segments that meet, and those with almost identical ends.
 #[derive(Clone, Debug, Default)]
 pub(super) struct MeetingGaps {
     all: u64,
-    /// By the power of ten just above the distance of the ends.
+    /// Count by the power of ten above the distance of the ends.
     near: BTreeMap<i32, u64>,
 }
 
@@ -35,7 +35,7 @@ impl MeetingGaps {
         near.for_each(|(power, count)| *self.near.entry(*power).or_default() += count);
     }
 
-    /// What to tell of them, if most are near: a distance that makes their ends one, but for the odd ones.
+    /// Note for mostly close pairs, with a snap distance that merges almost all of their ends.
     pub(super) fn note(&self) -> Option<String> {
         let all: u64 = self.near.values().sum();
         let mut sum = 0;
@@ -45,8 +45,8 @@ impl MeetingGaps {
         });
         let (power, _) = power.filter(|_| all >= FEWEST && all * 2 >= self.all)?;
         Some(format!(
-            "borders almost match: {sum} pairs of segments that cross, touch or overlap have ends no \
-             farther apart than 1e{power}, and keep their vertices; try ‹snap› 1e{power}"
+            "borders almost match: {sum} pairs of segments that cross, touch or overlap have ends within \
+             1e{power} and keep their vertices; try ‹snap› 1e{power}"
         ))
     }
 }

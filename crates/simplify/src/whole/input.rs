@@ -1,4 +1,4 @@
-//! The features of all files: in memory where they fit, else read anew each time.
+//! Features of all files: held in memory if they fit, otherwise read again each time.
 
 use super::moves::{RingDamage, SnappedPositions, VertexMoves};
 use crate::files::{LineFilePair, LineFiles};
@@ -13,21 +13,21 @@ use terrane_line::Xy;
 use terrane_line::squares::{LastTile, TileRun, VertexHistogram, VertexQuadtree, cut};
 use terrane_vector::{Feature, Geometry, JsonMember, LayerHeader};
 
-/// Bytes for each feature beside its vertices, about.
+/// Approximate memory in bytes per feature beside its vertices.
 const FEATURE: u64 = 400;
-/// Bytes for each vertex of which there is a hierarchy.
+/// Memory in bytes per vertex with a hierarchy.
 const SPLIT: u64 = 24;
 
-/// Bytes that are in use beside features, squares, and what waits for its square: the program, the census,
-/// and the buffers of sinks.
+/// Memory in bytes beside features, tiles and waiting data: the program, the histogram, and the buffers of
+/// sinks.
 pub(super) const REST: u64 = 24 << 20;
 
-/// What is left of `memory` for features, squares, and what waits for them.
+/// Memory left for features, tiles and waiting data.
 pub(super) fn beside(memory: u64) -> u64 {
     memory.saturating_sub(REST)
 }
 
-/// Bytes for features and what is made of them.
+/// Memory in bytes for features and their results.
 pub(super) fn room(job: &LineJob) -> u64 {
     match job.topology {
         Some(_) => beside(job.resources.memory),
@@ -35,27 +35,27 @@ pub(super) fn room(job: &LineJob) -> u64 {
     }
 }
 
-/// A file that has been read.
+/// A file after reading.
 pub(super) struct ReadFile {
-    /// What it says of itself at its beginning.
+    /// Header at the beginning.
     pub(super) layer: LayerHeader,
-    /// And after its features.
+    /// Header after the features.
     pub(super) foreign: Vec<JsonMember>,
     pub(super) notes: Vec<String>,
-    /// Its features, if they are held.
+    /// Its features, if held.
     pub(super) features: Vec<Feature>,
-    /// How each of them is simplified, and where it was, until hierarchies are made.
+    /// How each is simplified, and its location, until hierarchies exist.
     pub(super) orders: Vec<(HierarchyUse, String)>,
-    /// The hierarchies of each; none without `--hierarchy`.
+    /// Hierarchies of each feature; none without `--hierarchy`.
     pub(super) trees: Vec<FeatureHierarchies>,
 }
 
-/// What is known of all features where they are moved to.
+/// Statistics of all features after snapping.
 #[derive(Default)]
 pub(super) struct CoverageSummary {
-    /// Where they are.
+    /// Their bounds.
     pub(super) census: VertexHistogram,
-    /// What moving has done.
+    /// Effects of snapping.
     pub(super) harm: RingDamage,
 }
 
@@ -75,18 +75,18 @@ pub(super) struct CoverageInput<'a> {
     files: &'a LineFiles,
     pub(super) all: Vec<ReadFile>,
     pub(super) vertices: u64,
-    /// Where they go when they are shown.
+    /// Snapped positions, once known.
     pub(super) moves: VertexMoves,
-    /// What is known of them then.
+    /// Statistics after snapping.
     pub(super) seen: CoverageSummary,
-    /// Bytes that all features take when they are held.
+    /// Memory in bytes of all features when held.
     pub(super) bytes: u64,
-    /// Whether they are.
+    /// Whether features are held.
     is_held: bool,
 }
 
 impl<'a> CoverageInput<'a> {
-    /// Reads all files and holds their features as long as they take no more than `most` bytes.
+    /// Reads all files, and holds features up to `most` bytes.
     pub(super) fn read(
         job: &'a LineJob,
         files: &'a LineFiles,
@@ -157,14 +157,14 @@ impl<'a> CoverageInput<'a> {
     }
 
     fn look(&mut self, feature: &Feature, bytes: u64) -> Result<()> {
-        // One that is moved is there twice, with what is looked at of both.
+        // A moved feature is held twice, with the data of both.
         let topology = self.job.topology.as_ref();
         let moves = topology.is_some_and(|t| t.snap > 0.0 || self.job.decimals.is_some());
         let copies = if moves { 4 } else { 2 };
         let room = room(self.job);
         if bytes > room / copies {
             let count = feature.geometry.vertices();
-            let message = format!("a feature of {count} vertices is more than memory holds");
+            let message = format!("a feature of {count} vertices does not fit in memory");
             return Err(short(message, copies * bytes + self.job.resources.memory - room));
         }
         self.vertices += feature.geometry.parts().map(|part| part.xy.len() as u64).sum::<u64>();
@@ -175,7 +175,7 @@ impl<'a> CoverageInput<'a> {
         self.seen.add(&feature.geometry, moved.as_ref())
     }
 
-    /// From now on shows features snapped.
+    /// Provides snapped features from now on.
     pub(super) fn snap(&mut self, snapped: SnappedPositions, cancel: &Cancel) -> Result<()> {
         self.moves = VertexMoves { snapped: Some(snapped) };
         let mut seen = CoverageSummary::default();
@@ -184,19 +184,19 @@ impl<'a> CoverageInput<'a> {
         Ok(())
     }
 
-    /// Bytes of the features in memory; `None` when they are not held.
+    /// Memory in bytes of held features; `None` if not held.
     pub(super) fn held(&self) -> Option<u64> {
         self.is_held.then_some(self.bytes)
     }
 
-    /// Holds the features no longer.
+    /// Releases the held features.
     pub(super) fn release(&mut self) {
         self.is_held = false;
         self.all.iter_mut().for_each(|file| file.features = Vec::new());
     }
 
-    /// Shows all features of a file, moved, one after the other, and each geometry as it was if any of
-    /// them is moved; the files have to come in order. Held features may be changed.
+    /// Passes on all features of a file after snapping, and each original geometry if it was moved; files have
+    /// to come in order. Held features may be changed.
     fn show(
         &mut self,
         file: usize,
@@ -228,7 +228,7 @@ impl<'a> CoverageInput<'a> {
         Ok(())
     }
 
-    /// Shows all features of a file where they are moved to. The files have to come in order.
+    /// Passes on all snapped features of a file. Files have to come in order.
     pub(super) fn visit(
         &mut self,
         file: usize,
@@ -238,7 +238,7 @@ impl<'a> CoverageInput<'a> {
         self.show(file, cancel, |feature, _| each(feature))
     }
 
-    /// Shows all features of all files where they are moved to.
+    /// Passes on all snapped features of all files.
     pub(super) fn visit_all(
         &mut self,
         cancel: &Cancel,
@@ -247,7 +247,7 @@ impl<'a> CoverageInput<'a> {
         (0..self.all.len()).try_for_each(|file| self.visit(file, cancel, &mut each))
     }
 
-    /// Sorts all vertices by square.
+    /// Sorts all vertices by tile.
     pub(super) fn sort(
         &mut self,
         squares: &VertexQuadtree,
@@ -266,7 +266,7 @@ impl<'a> CoverageInput<'a> {
         })
     }
 
-    /// Shows all geometries that are moved, before and after.
+    /// Passes on all moved geometries, before and after.
     pub(super) fn visit_moves(
         &mut self,
         cancel: &Cancel,

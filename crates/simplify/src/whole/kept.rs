@@ -1,5 +1,4 @@
-//! Which vertices are kept, as bits: one for each vertex of a square, in the order in which the
-//! input comes by them.
+//! Kept vertices as bits: one per vertex of a tile, in input order.
 
 use std::path::Path;
 
@@ -11,10 +10,10 @@ use terrane_files::Buckets;
 use terrane_line::squares::TileRun;
 use terrane_vector as vector;
 
-/// Records of a square that are held at a time.
+/// Records of a tile held at a time.
 const RECORDS: usize = 128;
 
-/// Adds what is kept of `count` vertices, of which the first has number `first`, to `bits`.
+/// Appends to `bits` the kept flags of `count` vertices, the first with number `first`.
 pub(super) fn add(bits: &mut BitSet, kept: &vector::KeptVertices, first: usize, count: usize) {
     let mut insert = |at| {
         bits.insert(at);
@@ -26,7 +25,7 @@ pub(super) fn add(bits: &mut BitSet, kept: &vector::KeptVertices, first: usize, 
     }
 }
 
-/// The bits of all squares, in memory or in a nameless file.
+/// Bits of all tiles, in memory or in an unnamed file.
 pub(super) struct KeptBits {
     bits: Buckets<u64>,
     squares: usize,
@@ -37,7 +36,7 @@ impl KeptBits {
         Self { bits: Buckets::new(folder, squares, memory), squares }
     }
 
-    /// Sets the bits of a square, once.
+    /// Sets the bits of a tile, once.
     pub(super) fn set(&self, square: usize, bits: &BitSet) -> Result<()> {
         self.bits.push(square, bits.words())
     }
@@ -51,17 +50,17 @@ impl KeptBits {
     }
 }
 
-/// The next records of a square.
+/// Next records of a tile.
 #[derive(Clone, Debug)]
 struct TileCursor<T> {
     records: Vec<T>,
-    /// The number of the first of them.
+    /// Number of the first record.
     first: usize,
-    /// The next record.
+    /// Next record.
     next: usize,
 }
 
-/// Records read square by square, each from its beginning: 128 of them for each square.
+/// Reads the records of each tile in order, in blocks of 128.
 #[derive(Debug)]
 pub(super) struct TileCursors<T>(Vec<TileCursor<T>>);
 
@@ -70,7 +69,7 @@ impl<T: Pod> TileCursors<T> {
         Self((0..squares).map(|_| TileCursor { records: Vec::new(), first: 0, next: 0 }).collect())
     }
 
-    /// The next record of a square; `None` after its last.
+    /// Next record of a tile; `None` at the end.
     pub(super) fn next(&mut self, all: &Buckets<T>, square: usize) -> Result<Option<T>> {
         let cursor = &mut self.0[square];
         if cursor.next >= cursor.first + cursor.records.len() {
@@ -85,17 +84,16 @@ impl<T: Pod> TileCursors<T> {
     }
 }
 
-/// Bits read square by square, each from its beginning.
+/// Reads the bits of each tile in order.
 pub(super) struct KeptBitsReader<'a> {
     bits: &'a Buckets<u64>,
     words: TileCursors<u64>,
-    /// What is left of each square's last word, and of how many bits.
+    /// Rest of each tile's last word, and its number of bits.
     open: Vec<(u64, u32)>,
 }
 
 impl KeptBitsReader<'_> {
-    /// What is kept of a part of `count` vertices, with these runs, the next ones of their squares:
-    /// indices, ascending.
+    /// Kept indices, ascending, of a part of `count` vertices with these runs, the next of their tiles.
     pub(super) fn part(
         &mut self,
         runs: &[TileRun],
@@ -110,7 +108,7 @@ impl KeptBitsReader<'_> {
                 }
             }
         }
-        // The last run of a ring goes on from its beginning.
+        // The last run of a ring may wrap around to its start.
         if found.last() < found.first() {
             found.sort_unstable();
         }

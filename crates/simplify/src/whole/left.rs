@@ -1,4 +1,4 @@
-//! What is left of features, put together again from the bits of their squares as they are read once more.
+//! Results of features, assembled from the bits of their tiles when the features are read again.
 
 use std::collections::BTreeSet;
 
@@ -13,18 +13,18 @@ use terrane_line::squares::{LastTile, TileRun, VertexQuadtree, cut};
 use terrane_line::topology::RingCollapse;
 use terrane_vector::{self as vector, Feature, GeometryPart, PartRole};
 
-/// Numbers of parts.
+/// Part numbers.
 pub(super) type Parts = BTreeSet<u64>;
 
-/// What is known when all squares are done: twice, if rings have turned over.
+/// Results of all tiles; computed twice if rings have changed orientation.
 #[derive(Clone, Copy)]
 pub(super) struct FinishedSquares<'a> {
     pub(super) squares: &'a VertexQuadtree,
     /// Parts that stay whole.
     pub(super) whole: &'a Parts,
-    /// What is kept.
+    /// Kept vertices.
     pub(super) kept: &'a KeptBits,
-    /// What is rounded of it, where anything is to be.
+    /// Rounded vertices, if rounding applies.
     pub(super) rounded: Option<&'a KeptBits>,
 }
 
@@ -33,7 +33,7 @@ pub(super) struct RunCutting<'a> {
     squares: &'a VertexQuadtree,
     place: LastTile,
     pub(super) runs: Vec<TileRun>,
-    /// Parts so far.
+    /// Number of parts so far.
     pub(super) number: u64,
 }
 
@@ -50,7 +50,7 @@ impl<'a> RunCutting<'a> {
     }
 }
 
-/// What is left of features, one after the other.
+/// Results of features, one after the other.
 pub(super) struct AssembledFeatures<'a> {
     pub(super) parts: RunCutting<'a>,
     whole: &'a Parts,
@@ -58,9 +58,9 @@ pub(super) struct AssembledFeatures<'a> {
     rounded: Option<(KeptBitsReader<'a>, u8)>,
     collapse: RingCollapse,
     indices: Vec<u32>,
-    /// The last outer ring, if nothing is kept of it.
+    /// The last outer ring, if it is dropped.
     gone: Option<u64>,
-    /// Parts that have to stay whole, and do not.
+    /// Parts that have to stay whole but were simplified.
     pub(super) turned: Parts,
     pub(super) features: u64,
     pub(super) vertices: u64,
@@ -107,7 +107,7 @@ impl<'a> AssembledFeatures<'a> {
         Ok(kept)
     }
 
-    /// Appends the positions of the part that was cut last that are rounded: all vertices at one are.
+    /// Appends the rounded positions of the last cut part; all vertices at a position are rounded.
     fn rounded(&mut self, part: &GeometryPart<'_>, positions: &mut Vec<[u64; 2]>) -> Result<()> {
         let Some((rounded, _)) = &mut self.rounded else { return Ok(()) };
         let count = part.xy.len() - usize::from(self.parts.runs.len() > 1 && part.is_ring());
@@ -116,8 +116,8 @@ impl<'a> AssembledFeatures<'a> {
         Ok(())
     }
 
-    /// A polygon without its outer ring is nothing: that ring stays whole where a hole does not go, as one
-    /// that lies outside of it may not.
+    /// Keeps an outer ring whole if a hole of it remains (a hole outside its outer ring may): a polygon without
+    /// an outer ring is invalid.
     fn note_outer(&mut self, role: PartRole, number: u64, is_gone: bool) {
         match (role, self.gone) {
             (PartRole::Hole, Some(outer)) if !is_gone => {

@@ -1,10 +1,9 @@
-//! Vertices that are nearly one made one, before all else.
+//! Snapping of almost identical vertices, before all other steps.
 //!
-//! Snapping is done to features as they are read, before squares and arcs. It is greedy, so it is done
-//! square after square: what has stayed near a border is an anchor for squares to come, and where each
-//! vertex went is spooled in the order in which the input comes by it. What the moves themselves spoil
-//! cannot be mended by keeping more; it is counted, from the segments that meet and what they were
-//! before, and told.
+//! Features are snapped as they are read, before tiles and arcs. Snapping is greedy and runs tile after tile:
+//! fixed vertices near a border are anchors for later tiles, and snapped positions are spooled in input order.
+//! Damage by snapping cannot be repaired by keeping more vertices; it is counted by comparing the segments that
+//! meet before and after, and reported.
 
 use std::cmp::Ordering;
 use std::path::Path;
@@ -18,26 +17,26 @@ use terrane_line::squares::{LastTile, VertexQuadtree};
 use terrane_line::{Xy, arcs};
 use terrane_vector::{Geometry, GeometryPart};
 
-/// Where vertices go.
+/// Snapped positions.
 #[derive(Default)]
 pub(super) struct VertexMoves {
     pub(super) snapped: Option<SnappedPositions>,
 }
 
 impl VertexMoves {
-    /// Begins with the first feature again.
+    /// Restarts at the first feature.
     pub(super) fn restart(&mut self) {
         if let Some(snapped) = &mut self.snapped {
             snapped.cursors = TileCursors::new(snapped.squares.count());
         }
     }
 
-    /// Whether vertices stay where they are.
+    /// Whether snapping is off.
     pub(super) fn is_none(&self) -> bool {
         self.snapped.is_none()
     }
 
-    /// The next geometry with its vertices where they go; `None` where none is moved.
+    /// Next geometry after snapping; `None` if no vertex moves.
     pub(super) fn apply(&mut self, geometry: &Geometry) -> Result<Option<Geometry>> {
         let Some(snapped) = &mut self.snapped else { return Ok(None) };
         let mut places = Vec::with_capacity(geometry.vertices());
@@ -48,18 +47,18 @@ impl VertexMoves {
         Ok(Some(moved))
     }
 
-    /// Bytes in memory.
+    /// Memory in bytes.
     pub(super) fn held(&self) -> u64 {
         self.snapped.as_ref().map_or(0, |snapped| snapped.places.held())
     }
 }
 
-/// Most bytes of the positions after snapping that are held of so much memory.
+/// Largest share of memory for snapped positions.
 pub(super) fn most_held(memory: u64) -> u64 {
     memory / 16
 }
 
-/// Positions after snapping: of each square in the order in which the input comes by them.
+/// Snapped positions of each tile in input order.
 pub(super) struct SnappedPositions {
     squares: VertexQuadtree,
     places: Buckets<Xy>,
@@ -68,9 +67,9 @@ pub(super) struct SnappedPositions {
 }
 
 impl SnappedPositions {
-    /// Snaps all vertices, sorted by square, square after square: what has stayed in one is not moved by those to come, so
-    /// in all of them no two positions are left that are nearer than `distance`, and none has moved
-    /// farther. In a square the rule is that of [`arcs::snap`].
+    /// Snaps all vertices tile after tile: vertices fixed in one tile are not moved by later ones, so no two
+    /// positions closer than `distance` are left, and no vertex moves farther. Within a tile the rule is
+    /// [`arcs::snap`].
     pub(super) fn new(
         old: Buckets<Xy>,
         squares: VertexQuadtree,
@@ -114,17 +113,17 @@ impl SnappedPositions {
     }
 }
 
-/// What moving vertices has done to rings.
+/// Effects of snapping on rings.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct RingDamage {
-    /// Rings that have turned over, or lost their area.
+    /// Rings that changed orientation or lost their area.
     pub(super) rings: u64,
-    /// Features whose rings touch themselves or each other where they did not.
+    /// Features whose rings touch themselves or each other only after snapping.
     pub(super) touching: u64,
 }
 
 impl RingDamage {
-    /// Adds what has happened to a geometry.
+    /// Adds the changes of a geometry.
     pub(super) fn add(&mut self, before: &Geometry, after: &Geometry) {
         let pairs = before.parts().zip(after.parts()).filter(|(part, _)| part.is_ring());
         let sign = |part: &GeometryPart<'_>| area_sign(part.xy.iter().copied());
@@ -137,9 +136,9 @@ impl RingDamage {
     }
 }
 
-/// Whether rings come by a position several times now that did not all come by one position before.
+/// Whether rings now pass a position several times at vertices that were distinct.
 fn touches_anew(before: &Geometry, after: &Geometry) -> bool {
-    // Where each vertex is, how often its rings have moved on since the first one, and where it was.
+    // Position of each vertex, number of its run of equal positions, and original position.
     let mut all: Vec<([u64; 2], usize, [u64; 2])> = Vec::new();
     let mut passage = 0_usize;
     for (old, new) in before.parts().zip(after.parts()).filter(|(part, _)| part.is_ring()) {
@@ -149,7 +148,7 @@ fn touches_anew(before: &Geometry, after: &Geometry) -> bool {
             passage += usize::from(all.last().is_some_and(|(at, ..)| *at != key(*new)));
             all.push((key(*new), passage, key(*old)));
         }
-        // Where it begins it may be in the middle of a passage.
+        // The start may be in the middle of a passage.
         let first = all.get(own).map(|(at, passage, _)| (*at, *passage));
         if let Some((at, first)) = first {
             let last = all[own..].iter_mut().rev();

@@ -1,4 +1,4 @@
-//! What is left of a ring among its own vertices, and whether it is still that ring.
+//! Result of a ring from its own vertices, with a check of its orientation.
 
 use std::cmp::Ordering;
 
@@ -8,12 +8,12 @@ use terrane_line::Xy;
 use terrane_line::topology::RingCollapse;
 use terrane_vector::KeptVertices;
 
-/// What is written of a ring that keeps `left` of its own vertices; `None` where it has to stay whole, as
-/// it has turned over, or lost what area it had.
+/// Output of a ring that keeps the vertices `left`; `None` if it has to stay whole because it changed
+/// orientation or lost its area.
 pub(super) fn ring(own: &[Xy], left: &[u32], collapse: RingCollapse) -> Option<KeptVertices> {
     let kept = left.iter().map(|at| own[*at as usize]);
     if is_flat(own.iter().copied()) {
-        // It had no area to begin with.
+        // The input ring had no area.
         return Some(if collapse == RingCollapse::Drop {
             KeptVertices::Nothing
         } else {
@@ -25,7 +25,7 @@ pub(super) fn ring(own: &[Xy], left: &[u32], collapse: RingCollapse) -> Option<K
     (is_ring || left.is_empty()).then(|| chosen(left))
 }
 
-/// Whether there are fewer than three different positions.
+/// Whether there are fewer than three distinct positions.
 fn is_flat(mut ring: impl Iterator<Item = Xy>) -> bool {
     let Some(first) = ring.next() else { return true };
     let Some(second) = ring.find(|p| *p != first) else { return true };

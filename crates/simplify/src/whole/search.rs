@@ -1,4 +1,4 @@
-//! The threshold that meets a number of vertices, or a size of the files: judged by what is written.
+//! Search for the threshold of a number of vertices or a file size, judged by the written result.
 
 use std::sync::Mutex;
 
@@ -18,8 +18,7 @@ use terrane_line::topology::RingCollapse;
 use terrane_vector::{Feature, GeometryPart};
 
 impl OpenedLineJob<'_> {
-    /// Simplifies all features by a rule and writes them; unless something else is wanted: then tells
-    /// what came.
+    /// Simplifies all features by a rule and writes them if the result is wanted; otherwise returns its size.
     pub(super) fn make(
         &self,
         input: &mut CoverageInput<'_>,
@@ -32,12 +31,12 @@ impl OpenedLineJob<'_> {
             (Some(topology), _) => CoverageJob { job, files, topology, rule, progress, cancel }
                 .run(input, wanted, report),
             (None, Some(wanted)) => self.alone(input, rule, wanted, report),
-            (None, None) => Err(Error::new(ErrorKind::Internal, "nothing is looked for")),
+            (None, None) => Err(Error::new(ErrorKind::Internal, "the search has no goal")),
         }
     }
 }
 
-/// Meets a goal of so many vertices or bytes.
+/// Searches the threshold for a number of vertices or bytes.
 pub(super) fn run(
     whole: &OpenedLineJob<'_>,
     input: &mut CoverageInput<'_>,
@@ -76,23 +75,22 @@ fn too_few(whole: &OpenedLineJob<'_>, (most, unit): (u64, GoalUnit), least: u64)
         (_, GoalUnit::Bytes) => ", or pass ‹collapse› drop, or fewer ‹decimals› in a text format",
     };
     let stays = match whole.job.topology {
-        Some(_) => "ends of lines, corners of the smallest rings and what keeps neighbours apart",
-        None => "ends of lines and corners of the smallest rings",
+        Some(_) => "line ends, smallest rings and topology",
+        None => "line ends and smallest rings",
     };
-    let message = format!("so little cannot be met: {most} {what}; the least found is {least}");
-    Error::usage(format!("{message}, as {stays} stay"))
+    let message = format!("{most} {what} cannot be reached; the minimum found is {least}");
+    Error::usage(format!("{message} ({stays} are kept)"))
         .in_file(&whole.files.pairs[0].input)
-        .remedy(format!("ask for {least} or more{others}"))
+        .remedy(format!("pass {least} or more{others}"))
 }
 
-/// Which thresholds vertices are kept at, each line and ring by itself, and the larger side of the box
-/// around all of them.
+/// Thresholds of all vertices, each line and ring independently, and the larger side of the bounding box.
 fn profile(
     whole: &OpenedLineJob<'_>,
     input: &mut CoverageInput<'_>,
     rule: &SimplifyRule,
 ) -> Result<(ThresholdHistogram, f64)> {
-    // Thresholds of all sizes are asked for, so coordinates may be as small as they are.
+    // All thresholds are needed, so tiny coordinates matter.
     let rule = &SimplifyRule { threshold: f64::MAX, ..*rule };
     let state = Mutex::new((ThresholdHistogram::default(), None));
     let add = |feature: &Feature, own: Option<&trees::FeatureHierarchies>| {
@@ -108,7 +106,7 @@ fn profile(
         whole.cancel.check()
     };
     match input.held() {
-        // Those that are moved are shown where they go, and have no hierarchies.
+        // Snapped features have no hierarchies.
         Some(_) if input.moves.is_none() => on_threads(whole.job.resources.threads, || {
             whole.files.pairs.iter().zip(&input.all).try_for_each(|(pair, file)| {
                 let features = file.features.par_iter().enumerate();
@@ -123,7 +121,7 @@ fn profile(
     Ok((profile, extent))
 }
 
-/// Vertices of a part that stay at any threshold.
+/// Vertices of a part kept at any threshold.
 fn stay(part: &GeometryPart<'_>) -> u64 {
     part.xy.len().min(if part.is_ring() { 4 } else { 2 }) as u64
 }

@@ -1,4 +1,4 @@
-//! Runs of parts, and the segments between them, sorted by square: in memory or in nameless files.
+//! Runs of parts, and the segments between them, sorted by tile: in memory or in unnamed files.
 
 use std::cmp::Ordering;
 use std::path::Path;
@@ -10,31 +10,31 @@ use terrane_line::Xy;
 use terrane_line::squares::{LastTile, TileRun, VertexQuadtree, cross_overs};
 use terrane_vector::GeometryPart;
 
-/// What the bits of a run's word say beside the number of its vertices.
+/// Flags of a run's word beside its number of vertices.
 const RING: u32 = 1;
 const CUT: u32 = 2;
 const WHOLE: u32 = 4;
 const FLAGS: u32 = 3;
 
-/// Most vertices of a square, for all of its runs to have a word.
+/// Largest number of vertices of a tile, so that each of its runs fits in a word.
 pub(super) const MOST: u64 = (1 << (u32::BITS - FLAGS)) - 1;
 
-/// What the squares hold.
+/// Contents of the tiles.
 pub(super) struct TileSpool<'a> {
     squares: &'a VertexQuadtree,
     runs: Buckets<u32>,
     points: Buckets<Xy>,
-    /// Nothing where no distance asks for heights.
+    /// Heights; empty if distances do not use them.
     heights: Option<Buckets<f64>>,
-    /// Segments that cross over, for each square that they come by.
+    /// Segments that cross tile borders, for each tile that they pass.
     obstacles: Buckets<[Xy; 2]>,
-    /// How many, by square.
+    /// Counts by tile.
     counts: Vec<u64>,
     near: Vec<u32>,
 }
 
 impl<'a> TileSpool<'a> {
-    /// Of about `memory` bytes, and the rest in `folder`.
+    /// Uses about `memory` bytes, and a file in `folder` for the rest.
     pub(super) fn new(
         squares: &'a VertexQuadtree,
         has_z: bool,
@@ -53,7 +53,7 @@ impl<'a> TileSpool<'a> {
         }
     }
 
-    /// Adds a part with its runs; one that is to stay whole keeps all of its vertices.
+    /// Adds a part with its runs; a part that stays whole keeps all vertices.
     pub(super) fn push(
         &mut self,
         part: &GeometryPart<'_>,
@@ -67,7 +67,7 @@ impl<'a> TileSpool<'a> {
         for run in runs {
             let square = run.square as usize;
             self.runs.push(square, &[(run.count as u32) << FLAGS | flags])?;
-            // A run of a ring may go on from its beginning.
+            // A run of a ring may wrap around to its start.
             let end = (run.first + run.count).min(count.max(run.first));
             let again = run.first + run.count - end;
             for range in [run.first..end, 0..again].into_iter().filter(|range| !range.is_empty()) {
@@ -87,18 +87,18 @@ impl<'a> TileSpool<'a> {
         Ok(())
     }
 
-    /// Bytes in memory.
+    /// Memory in bytes.
     pub(super) fn held(&self) -> u64 {
         let heights = self.heights.as_ref().map_or(0, Buckets::held);
         self.runs.held() + self.points.held() + self.obstacles.held() + heights
     }
 
-    /// Segments that come by a square, some of them twice.
+    /// Segments that pass a tile, some of them twice.
     pub(super) fn obstacles(&self, square: usize) -> u64 {
         self.counts[square]
     }
 
-    /// Takes out what a square holds.
+    /// Takes the contents of a tile.
     pub(super) fn take(&self, square: usize) -> Result<SquareContent> {
         let mut world = SquareContent::default();
         let flat = &mut world.flat;
@@ -131,9 +131,9 @@ impl<'a> TileSpool<'a> {
     }
 }
 
-/// A segment from its lower end to its upper one.
+/// A segment from its lower end to its upper end.
 fn in_order(segment: &[Xy; 2]) -> [Xy; 2] {
-    // 0 and -0 are the same.
+    // Normalizes -0 to 0.
     let [a, b] = segment.map(|p| p.map(|c| c + 0.0));
     if a <= b { [a, b] } else { [b, a] }
 }
@@ -143,7 +143,7 @@ fn by_place(p: &[Xy; 2], q: &[Xy; 2]) -> Ordering {
     pairs.fold(Ordering::Equal, |order, (a, b)| order.then(a.total_cmp(b)))
 }
 
-/// Given points by square, in the order of the squares.
+/// Fixed points by tile, in the order of the tiles.
 pub(super) fn by_square(points: Vec<Xy>, squares: &VertexQuadtree) -> Vec<(u32, Xy)> {
     let mut place = LastTile::default();
     let known = points.into_iter().filter_map(|p| Some((squares.of(p, &mut place)?, p)));

@@ -1,10 +1,10 @@
-//! A square: its runs are cut into arcs where they meet, arcs are simplified once and untangled
-//! among the segments that come by, and what is left is found in the runs again.
+//! A tile: its runs are cut into arcs where they meet, arcs are simplified once and untangled among the passing
+//! segments, and the result is mapped back to the runs.
 //!
-//! What is kept is mapped back to each part's own vertices, step by step along its arcs: attributes,
-//! heights and measures are never those of a neighbour, and a vertex that a part comes by twice is the
-//! right one of the two. A closed arc keeps the sign of its area by itself; a ring of several arcs that
-//! has turned over, as one that touches or crosses itself may, is kept whole, and its square done again.
+//! Kept vertices are mapped back to each part's own vertices step by step along its arcs: attributes, heights
+//! and measures never come from a neighbour, and a vertex that a part passes twice is mapped correctly. A
+//! closed arc keeps its orientation by itself; a ring of several arcs that has changed orientation, which is
+//! possible if it touches or crosses itself, is kept whole, and its tile is processed again.
 
 use super::gaps::MeetingGaps;
 use super::{kept, own};
@@ -22,14 +22,14 @@ use terrane_line::topology::{
 use terrane_line::{DistanceMetric, SimplifyScratch, Xy};
 use terrane_vector::{self as vector, KeptVertices};
 
-/// Most pairs of segments that are remembered, of those that meet.
+/// Largest number of recorded pairs of segments that meet.
 pub(super) const MOST_PAIRS: usize = 1 << 16;
 
-/// Lines and rings, flat.
+/// Lines and rings in flat arrays.
 #[derive(Debug)]
 pub(super) struct FlatChains {
     pub(super) points: Vec<Xy>,
-    /// Heights; empty where no distance asks for them.
+    /// Heights; empty if distances do not use them.
     pub(super) z: Vec<f64>,
     starts: Vec<usize>,
     pub(super) closed: Vec<bool>,
@@ -57,68 +57,68 @@ impl FlatChains {
     }
 }
 
-/// What a square holds.
+/// Contents of a tile.
 #[derive(Debug, Default)]
 pub(super) struct SquareContent {
-    /// Runs of parts, some of which are whole parts.
+    /// Runs of parts, or whole parts.
     pub(super) flat: FlatChains,
-    /// Numbers of those that go on in other squares: both of their ends stay.
+    /// Runs that continue in other tiles: both of their ends stay.
     pub(super) cut: Vec<u32>,
-    /// Numbers of those of which all vertices stay.
+    /// Runs of which all vertices stay.
     pub(super) whole: Vec<u32>,
-    /// Segments that cross over, once each.
+    /// Segments that cross tile borders, once each.
     pub(super) obstacles: Vec<[Xy; 2]>,
-    /// Points that stay on their side.
+    /// Points that keep their side.
     pub(super) sides: Vec<Xy>,
 }
 
-/// What became of it.
+/// Result of a tile.
 #[derive(Debug, Default)]
 pub(super) struct SolvedSquare {
-    /// The vertices that are kept.
+    /// Kept vertices.
     pub(super) bits: BitSet,
-    /// Those of them that are rounded; of no length where none is to be.
+    /// Rounded vertices; empty without rounding.
     pub(super) rounded: BitSet,
-    /// How many keep digits that they were not to keep.
+    /// Number of vertices that could not be rounded.
     pub(super) unrounded: u64,
     pub(super) arcs: u64,
     pub(super) refined: u64,
     pub(super) collapsed: u64,
-    /// Pairs of segments that meet in the input and still do, but for pairs of obstacles.
+    /// Pairs of segments that meet in the input and in the output, without pairs of obstacles.
     pub(super) crossings: u64,
     /// The first of these pairs.
     pub(super) pairs: Vec<[[Xy; 2]; 2]>,
-    /// How near they come to share an end.
+    /// Distances of their ends.
     pub(super) gaps: MeetingGaps,
     /// Pairs of obstacles that meet.
     pub(super) meeting: Vec<[[Xy; 2]; 2]>,
-    /// The largest squared distance.
+    /// Largest squared distance.
     pub(super) square: f64,
 }
 
-/// Bytes for each vertex of a square that is worked on, beside what becomes of those that are kept: itself,
-/// its arc, and the vertex in its metric.
+/// Memory in bytes per vertex of a tile in progress without kept vertices: the vertex, its arc, and the vertex
+/// in its metric.
 pub(super) const VERTEX: u64 = 112;
-/// Bytes for each vertex where all of them are kept.
+/// Memory in bytes per vertex if all are kept.
 pub(super) const KEPT_VERTEX: u64 = VERTEX + PIECES * PIECE_BYTES;
 
-/// How what is kept is rounded.
+/// Rounding of kept vertices.
 pub(super) struct TileRounding<'a> {
-    /// Digits behind the point.
+    /// Decimals.
     pub(super) decimals: u8,
-    /// Whether a position is in the square: vertices do not leave it.
+    /// Whether a position is in the tile: vertices do not leave it.
     pub(super) holds: &'a dyn Fn(Xy) -> bool,
 }
 
-/// How a square is simplified.
+/// Settings for a tile.
 pub(super) struct TileSettings<'a> {
     pub(super) strategy: Strategy,
     pub(super) rule: &'a SimplifyRule,
     pub(super) rounding: Option<TileRounding<'a>>,
 }
 
-/// Simplifies what a square holds. A ring of several arcs that turns over, as one that crosses itself may,
-/// keeps all of its vertices: then all is done again. Fails where `room` bytes are too little.
+/// Simplifies the contents of a tile. A ring of several arcs that changes orientation keeps all vertices, and
+/// the tile is processed again. Fails if `room` bytes are too few.
 pub(super) fn solve(
     world: &SquareContent,
     how: &TileSettings<'_>,
@@ -153,7 +153,7 @@ fn with_obstacles(world: &SquareContent) -> Result<CoverageArcs> {
     let mut arcs = CoverageArcs::new(&world.flat.chains(), 0.0)?;
     for segment in &world.obstacles {
         arcs.points.extend(segment);
-        // Without heights: nothing of it is left out.
+        // Heights are not needed: obstacles are never simplified.
         arcs.sources.extend([0, 0]);
         arcs.starts.push(arcs.points.len());
         arcs.closed.push(false);
@@ -162,29 +162,29 @@ fn with_obstacles(world: &SquareContent) -> Result<CoverageArcs> {
     Ok(arcs)
 }
 
-/// Arcs to be simplified together.
+/// Arcs simplified together.
 struct SharedArcs<'a> {
     arcs: CoverageArcs,
     world: &'a SquareContent,
-    /// Numbers of the runs of which all vertices stay, ascending.
+    /// Runs of which all vertices stay, ascending.
     whole: &'a [u32],
     strategy: Strategy,
     rule: &'a SimplifyRule,
-    /// Most pieces that there is room for.
+    /// Largest number of pieces that fit in memory.
     pieces: usize,
     cancel: &'a Cancel,
 }
 
-/// What became of them.
+/// Result of the arcs.
 struct TileOutcome {
     arcs: CoverageArcs,
     outcome: UntangledChains,
-    /// The largest squared distance.
+    /// Largest squared distance.
     square: f64,
 }
 
 impl TileOutcome {
-    /// What there is to tell of it.
+    /// Statistics.
     fn solved(&self, world: &SquareContent) -> SolvedSquare {
         let own = self.arcs.closed.len() - world.obstacles.len();
         let first = self.arcs.starts[own] as u32;
@@ -211,7 +211,7 @@ impl TileOutcome {
         solved
     }
 
-    /// Sets the bits of what is kept of all runs; returns the rings that have to stay whole and do not.
+    /// Sets the bits of kept vertices of all runs; returns rings that have to stay whole but were simplified.
     fn own_bits(
         &self,
         world: &SquareContent,
@@ -226,7 +226,7 @@ impl TileOutcome {
             let (points, is_ring) = (flat.part(run), flat.closed[run]);
             self.arcs.own(run, points, is_ring, &self.outcome.kept, &mut left);
             let kept = match is_ring {
-                // Vertices that arcs leave out, too: those that repeat the one before them.
+                // Includes consecutive duplicates, which arcs omit.
                 _ if rule.keeps_everything() => Some(KeptVertices::All),
                 true if whole.binary_search(&(run as u32)).is_ok() => Some(KeptVertices::All),
                 true => own::ring(points, &left, rule.collapse),
@@ -242,7 +242,7 @@ impl TileOutcome {
 }
 
 impl TileOutcome {
-    /// Sets the bits of what is rounded. The ends of segments that cross over stay.
+    /// Sets the bits of rounded vertices. Ends of segments that cross tile borders are not rounded.
     fn round(
         &self,
         world: &SquareContent,
@@ -306,8 +306,8 @@ impl MetricTask for SharedArcs<'_> {
 }
 
 impl SharedArcs<'_> {
-    /// What the method keeps of each arc by itself. Rings without a junction are opened at a vertex that
-    /// is kept; of one that collapsed it is only that vertex.
+    /// Vertices of each arc kept by the method. Rings without a junction are opened at a kept vertex; a
+    /// collapsed ring keeps that vertex only.
     fn plain<V: MetricVertex, M: DistanceMetric<V> + Copy>(
         &mut self,
         tool: &MetricTool<V, M>,
@@ -341,7 +341,7 @@ impl SharedArcs<'_> {
         all
     }
 
-    /// The arcs of runs that stay whole, ascending.
+    /// Arcs of runs that stay whole, ascending.
     fn whole(&self) -> Vec<usize> {
         let mut arcs: Vec<_> =
             self.whole.iter().flat_map(|run| self.arcs_of(*run as usize)).collect();
@@ -350,13 +350,13 @@ impl SharedArcs<'_> {
         arcs
     }
 
-    /// The arcs that a run passes.
+    /// Arcs of a run.
     fn arcs_of(&self, run: usize) -> impl Iterator<Item = usize> {
         let passages = self.arcs.parts[run]..self.arcs.parts[run + 1];
         self.arcs.passages[passages].iter().map(|passage| passage.arc())
     }
 
-    /// Which arcs are but loops of a run: of a line, or of a ring that touches itself.
+    /// Arcs that are loops of a run: of a line, or of a ring that touches itself.
     fn loops(&self) -> Vec<bool> {
         let mut loops = vec![false; self.arcs.closed.len()];
         for (run, is_ring) in self.world.flat.closed.iter().enumerate() {
@@ -378,7 +378,7 @@ impl SharedArcs<'_> {
     }
 }
 
-/// The largest squared distance of what was left out of chains that are still there.
+/// Largest squared distance of omitted vertices of the remaining chains.
 fn largest<V: MetricVertex, M: DistanceMetric<V> + Copy>(
     tool: &MetricTool<V, M>,
     points: &[V],

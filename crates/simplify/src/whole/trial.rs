@@ -1,4 +1,4 @@
-//! What comes of a threshold: judged before it appears.
+//! Result of a threshold, judged before output.
 
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -20,26 +20,25 @@ pub(super) struct OpenedLineJob<'a> {
     pub(super) cancel: &'a Cancel,
 }
 
-/// What may come of a threshold.
+/// Limits for the result of a threshold.
 pub(super) struct TrialGoal {
     pub(super) unit: GoalUnit,
     pub(super) range: RangeInclusive<u64>,
 }
 
-/// What is left of features, one after the other.
+/// Results of features, one after the other.
 pub(super) trait SimplifiedSource {
-    /// What is left of the next feature.
+    /// Result of the next feature.
     fn of(&mut self, feature: &Feature) -> Result<Geometry>;
 
-    /// False once it is known that none of it may appear.
+    /// False once the result is known to be rejected.
     fn may_appear(&self) -> bool {
         true
     }
 }
 
 impl OpenedLineJob<'_> {
-    /// What came of a threshold, where it is not what is wanted: `vertices`, or the bytes that `leaves`
-    /// take.
+    /// Size of the result of a threshold if it is rejected: `vertices`, or the bytes of `leaves`.
     pub(super) fn unwanted(
         &self,
         input: &mut CoverageInput<'_>,
@@ -54,7 +53,7 @@ impl OpenedLineJob<'_> {
         Ok(Some(came).filter(|came| !wanted.range.contains(came)))
     }
 
-    /// Bytes of all files, written under their names in a folder that is taken away again.
+    /// Size of all files in bytes, written under their names to a temporary folder.
     fn size(
         &self,
         input: &mut CoverageInput<'_>,
@@ -69,8 +68,8 @@ impl OpenedLineJob<'_> {
         Ok(written.iter().map(|written| written.bytes).sum())
     }
 
-    /// Writes all features with what is left of them, to the outputs or into a folder for a trial. Files
-    /// appear as long as `leaves` allows it; those that did are returned.
+    /// Writes all features to the outputs, or to a folder for a trial. Files appear as long as `leaves` allows;
+    /// the finished ones are returned.
     pub(super) fn write(
         &self,
         input: &mut CoverageInput<'_>,
@@ -81,7 +80,7 @@ impl OpenedLineJob<'_> {
         self.progress.begin("write", input.all.len() as u64);
         for (file, pair) in self.files.pairs.iter().enumerate() {
             let layer = &input.all[file].layer;
-            // What is wrong with a trial is wrong with the output.
+            // Errors of a trial name the output.
             let named = |e: Error| if trial.is_some() { e.renamed(&pair.output) } else { e };
             let created = match trial {
                 Some(folder) => pair.create_in(folder, job, layer),
@@ -104,7 +103,7 @@ impl OpenedLineJob<'_> {
         Ok(all)
     }
 
-    /// Tells in a report what was written.
+    /// Adds the written data to a report.
     pub(super) fn note(
         &self,
         input: &CoverageInput<'_>,

@@ -1,7 +1,7 @@
-//! Borders of tiles: chosen from what lies on the border alone, so that the tiles on both sides choose alike.
+//! Tile borders, computed from data on the border only, so both neighbours get the same border.
 //!
-//! Borders of two levels do not nest, as a border is refined from its corners on. They differ by no more than the
-//! errors of both.
+//! Borders of two levels are not nested, because a border is refined from its corners. They differ by at most
+//! the errors of both levels.
 
 use crate::globe::{EllipsoidNormal, Vector};
 use crate::ground::GroundSampler;
@@ -19,10 +19,10 @@ pub(crate) enum TileSide {
 }
 
 impl TileSide {
-    /// All of them, in the order in which files list them.
+    /// All sides, in the order of files.
     pub(crate) const ALL: [Self; 4] = [Self::West, Self::South, Self::East, Self::North];
 
-    /// The position so many steps along it, from the south or from the west.
+    /// Position at a number of steps from the south or the west.
     pub(crate) fn position(self, along: i32) -> [i32; 2] {
         match self {
             Self::West => [0, along],
@@ -32,7 +32,7 @@ impl TileSide {
         }
     }
 
-    /// Steps along it, of a position on it.
+    /// Steps of a position along the side.
     pub(crate) fn along(self, [u, v]: [i32; 2]) -> Option<i32> {
         let [across, along, side] = match self {
             Self::West => [u, v, 0],
@@ -44,23 +44,24 @@ impl TileSide {
     }
 }
 
-/// A place on a border where a vertex may be.
+/// A candidate vertex on a border.
 struct BorderStop {
     along: i32,
     /// Always a vertex.
     is_post: bool,
-    /// Steps of the level.
+    /// Position in steps of the level.
     height: i32,
-    /// The height in metres before it is rounded.
+    /// Height in metres before rounding.
     metres: f64,
     upright: EllipsoidNormal,
     point: Vector,
 }
 
-/// The vertices of a side: steps along it and heights in steps of the level, from the south or from the west. The
-/// furthest place becomes a vertex until none is beyond the goal of borders, and none below a straight part is further
-/// from one above it than the goal of tiles. Vertices a step beside the border may be joined with the ends of the part
-/// from anywhere along it, and a sample on the way there is off by what it is off from the part and what the vertex is.
+/// Vertices of a side: steps along it and heights in steps of the level, from the south or the west. The
+/// candidate with the largest error becomes a vertex until all are within the goal of borders, and no candidate
+/// below a straight part is further than the goal of tiles from one above it. Vertices one step inside the
+/// border may be joined with the ends of the part from anywhere along it; a sample there is off by its distance
+/// from the part plus the error of the vertex.
 pub(crate) fn vertices(
     tile: GlobeTileId,
     side: TileSide,
@@ -80,15 +81,15 @@ pub(crate) fn vertices(
     kept.into_iter().map(|i| [stops[i].along, stops[i].height]).collect()
 }
 
-/// Steps to the begin of a part.
+/// Steps to the start of a part.
 pub(crate) fn along(part: u32, parts: u32) -> i32 {
     // In whole numbers, as the tile on the other side has to find the same steps.
     let double = 2 * u64::from(part) * STEPS as u64 + u64::from(parts);
     (double / (2 * u64::from(parts))) as i32
 }
 
-/// Places where the ground bends, and posts. Where nothing is known, what stands for it counts alike and goes on in
-/// the same straight lines, so that borders of different levels are as near to each other there as elsewhere.
+/// Breaks of the ground, and anchor vertices. In voids the fill is used and continues along the same straight
+/// lines, so borders of different levels are as close to each other there as elsewhere.
 fn stops(
     tile: GlobeTileId,
     side: TileSide,
@@ -114,7 +115,7 @@ fn stops(
         let height = height.unwrap_or_else(|| ground.filled(place));
         stops.push(stop(along.clamp(0, STEPS), height, false));
     });
-    // Of those at one position a post counts, or else the first.
+    // At one position an anchor vertex has priority, otherwise the first stop.
     let sort = |stops: &mut Vec<BorderStop>| {
         stops.sort_by_key(|stop| (stop.along, !stop.is_post));
         stops.dedup_by_key(|stop| stop.along);
@@ -129,8 +130,8 @@ fn stops(
     stops
 }
 
-/// Where ground that falls beyond a grid reaches the ellipsoid: between two stops both the height at the edge and how
-/// far it has fallen grow or shrink evenly.
+/// Where ground that descends beyond a grid reaches the ellipsoid: between two stops both the height at the
+/// edge and the descent change linearly.
 fn feet(stops: &[BorderStop], fallen: impl Fn(&BorderStop) -> Option<[f64; 2]>) -> Vec<i32> {
     let found: Vec<_> = stops.iter().map(fallen).collect();
     let mut feet = Vec::new();
@@ -147,8 +148,8 @@ fn feet(stops: &[BorderStop], fallen: impl Fn(&BorderStop) -> Option<[f64; 2]>) 
     feet
 }
 
-/// The stop between two that is furthest from the straight line between them, where it is further than one goal, or
-/// stops on both sides of the line are further apart than the other.
+/// The stop between two others that is furthest from the straight line between them, if it exceeds one goal, or
+/// if stops on both sides of the line are further apart than the other.
 fn worst(stops: &[BorderStop], [from, to]: [usize; 2], [most, apart]: [f64; 2]) -> Option<usize> {
     let (a, b) = (&stops[from], &stops[to]);
     let chord = b.point - a.point;

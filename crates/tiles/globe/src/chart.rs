@@ -1,9 +1,10 @@
-//! Where the samples of a grid are on the globe, and between which samples a place lies.
+//! Mapping between columns and rows of a grid and positions on the globe.
 //!
-//! Rows and columns that are parallels and meridians are straight; those of any other system are bent: they are known
-//! at nodes, and in between by polynomials of the third degree, which follow a projection to less than a hair.
+//! Grids whose rows and columns are parallels and meridians are mapped linearly; all others are bent: positions
+//! are known at nodes, and interpolated by cubic polynomials in between, which follow a projection closely.
 //!
-//! So no sample costs a projection, and no triangle is torn. The proof computes each sample by the operation itself.
+//! So samples need no projection, and triangles do not tear. The proof computes each sample by the operation
+//! itself.
 
 #[cfg(test)]
 mod tests;
@@ -18,38 +19,38 @@ use crate::tiling::GeodeticBounds;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
 
-/// Samples that a place may be beside one and still be on it.
+/// Tolerance in samples for a position on a sample.
 pub(crate) const HAIR: f64 = 1e-7;
-/// Samples between nodes, where there are not too many: fewer where a projection bends more.
+/// Samples between nodes, for small grids; fewer where a projection bends more.
 const BETWEEN: [u32; 3] = [16, 4, 1];
-/// Most parts between nodes along an axis, and the fewest that a polynomial needs.
+/// Largest number of parts between nodes along an axis, and the minimum for a polynomial.
 const PARTS: [u32; 2] = [3, 1023];
-/// Metres that a place between nodes may be off by, and samples that the way back may.
+/// Largest error of an interpolated position in metres, and of the inverse in samples.
 const OFF: f64 = 1e-4;
 const OFF_BACK: f64 = 1e-3;
-/// Points along each side of a rectangle that tell where its samples are.
+/// Points along each side of a rectangle used to find its samples.
 const ALONG: u32 = 4;
 
-/// Where the samples of a grid are on the globe.
+/// Positions of the samples of a grid on the globe.
 #[derive(Clone, Debug)]
 pub struct GridGeolocation {
     whole: [u32; 2],
     way: ChartMapping,
-    /// Metres that heights fall for each metre beyond the grid.
+    /// Descent of heights beyond the grid, in metres per metre.
     slope: f64,
 }
 
-/// A place among the samples of a grid; beyond it, the nearest one at its edge.
+/// A position in columns and rows; beyond the grid, the nearest position on its edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ChartSpot {
     /// Columns and rows.
     pub(crate) at: [f64; 2],
-    /// Metres that heights have come nearer to the ellipsoid.
+    /// Descent towards the ellipsoid in metres.
     pub(crate) fall: f64,
 }
 
 impl ChartSpot {
-    /// The height at the place, of that at the edge.
+    /// Height at the position, from the height at the edge.
     pub(crate) fn lower(&self, height: f64) -> f64 {
         if self.fall == 0.0 {
             height
@@ -65,45 +66,46 @@ enum ChartMapping {
     Bent(Arc<CurvedLattice>),
 }
 
-/// Rows and columns that are no parallels and meridians.
+/// Rows and columns that are not parallels and meridians.
 #[derive(Debug)]
 struct CurvedLattice {
-    /// From columns and rows to what is upright there, nearly of length 1.
+    /// From columns and rows to the vertical there, nearly of length 1.
     upright: CubicTable<3>,
-    /// From longitudes and latitudes to columns and rows; not a number where they have none.
+    /// From longitudes and latitudes to columns and rows; NaN outside.
     samples: CubicTable<2>,
     bounds: GeodeticBounds,
     spacing: f64,
-    /// Degrees between the places on a border that are looked at.
+    /// Sampling distance along the border in degrees.
     stop: f64,
-    /// Metres that places between nodes are off by, at the most.
+    /// Largest error of positions between nodes in metres.
     off: OnceLock<f64>,
 }
 
 impl GridGeolocation {
-    /// Of a grid of columns and rows, which `map` takes to longitudes and latitudes without turning it.
+    /// For a grid of columns and rows that `map` transforms to longitudes and latitudes without rotation.
     pub fn straight(map: Affine, whole: [u32; 2]) -> Self {
         debug_assert!(map.b == 0.0 && map.d == 0.0);
         Self { whole, way: ChartMapping::Straight(map), slope: 0.0 }
     }
 
-    /// The same with ground beyond the grid that falls to the ellipsoid, so many metres for each metre along the
-    /// meridian and the parallel; level where that is 0.
+    /// The same with ground beyond the grid that descends to the ellipsoid by this many metres per metre along
+    /// the meridian and the parallel; level for 0.
     #[must_use]
     pub fn sloping(self, slope: f64) -> Self {
         Self { slope, ..self }
     }
 
-    /// How steep the ground falls beyond the grid.
+    /// Descent of the ground beyond the grid.
     pub fn slope(&self) -> f64 {
         self.slope
     }
 
-    /// Of a grid of columns and rows, which `to` takes to longitudes and latitudes in degrees, and `back` from there.
+    /// For a grid of columns and rows that `to` transforms to longitudes and latitudes in degrees, with inverse
+    /// `back`.
     ///
     /// # Errors
-    /// Those of `to`; a grid across 180 degrees or around a pole, or one that is too bent for what is known at a
-    /// thousand times a thousand nodes.
+    /// Errors of `to`; a grid across 180 degrees or with a pole, or one too bent for a thousand by a thousand
+    /// nodes.
     pub fn bent(
         whole: [u32; 2],
         to: impl Fn([f64; 2]) -> Result<[f64; 2]>,
@@ -113,10 +115,10 @@ impl GridGeolocation {
         let is_in =
             |at: [f64; 2]| (0..2).all(|axis| (0.0..=f64::from(ends[axis])).contains(&at[axis]));
         if [-90.0, 90.0].into_iter().any(|pole| back([0.0, pole]).is_ok_and(is_in)) {
-            return Err(Error::unsupported("lies around a pole")
-                .remedy("take it in parts that do not hold the pole"));
+            return Err(Error::unsupported("contains a pole")
+                .remedy("split it into parts without the pole"));
         }
-        let mut found = Err(Error::bad_input("has no sample"));
+        let mut found = Err(Error::bad_input("is empty"));
         for between in BETWEEN {
             let parts = ends.map(|end| end.div_ceil(between).clamp(PARTS[0], PARTS[1]));
             let chart = Self::of_parts(whole, parts, &to, &back)?;
@@ -134,7 +136,7 @@ impl GridGeolocation {
         found
     }
 
-    /// A bent one whose nodes are so many parts apart.
+    /// A bent grid with nodes this many parts apart.
     fn of_parts(
         whole: [u32; 2],
         parts: [u32; 2],
@@ -147,25 +149,25 @@ impl GridGeolocation {
             CubicTable::new(sides, parts, |at| Ok(EllipsoidNormal::at(to(at)?).normal.0))?;
         let spacing = spacing(&upright);
         let bounds = outline(whole, &upright, spacing)?;
-        // Beside what the samples lie in, so that it is known at its border.
+        // With a margin, so that the table covers the border of the samples.
         let known = bounds.grown(2.0 * spacing);
         let sides = [[known.west, known.east], [known.south, known.north]];
         let samples = CubicTable::new(sides, parts, |at| Ok(back(at).unwrap_or([f64::NAN; 2])))?;
-        // Half of what a sample takes at the most, and a part of every tile's side.
+        // At most half the sample spacing, and a divisor of every tile's side.
         let stop = 180.0 / (360.0 / spacing).log2().ceil().exp2();
         let bent = CurvedLattice { upright, samples, bounds, spacing, stop, off: OnceLock::new() };
         Ok(Self { whole, way: ChartMapping::Bent(Arc::new(bent)), slope: 0.0 })
     }
 
-    /// Fails where places between nodes are not where they should be. Metres that they are off by, at the most.
+    /// Fails if positions between nodes are inaccurate; returns their largest error in metres.
     fn check(&self, parts: [u32; 2], to: impl Fn([f64; 2]) -> Result<[f64; 2]>) -> Result<f64> {
-        /// Places that are looked at along an axis, at most.
+        /// Largest number of test positions along an axis.
         const MOST: u32 = 64;
         let too_bent = |off: f64, unit: &str| {
             Error::unsupported(format!(
-                "is too large for its projection: places are off by {off:.1e} {unit}"
+                "is too large for its projection: positions are off by {off:.1e} {unit}"
             ))
-            .remedy("take it in parts, or transform it with gdalwarp -t_srs EPSG:4326")
+            .remedy("split it, or transform it with gdalwarp -t_srs EPSG:4326")
         };
         let mut most = 0.0_f64;
         for row in (0..parts[1]).step_by(parts[1].div_ceil(MOST) as usize) {
@@ -193,7 +195,7 @@ impl GridGeolocation {
         Ok(most)
     }
 
-    /// Metres that places of samples may be off by.
+    /// Largest error of sample positions in metres.
     pub fn doubt(&self) -> f64 {
         /// Rounding: some places of a number of the size of the earth.
         const ROUNDED: f64 = 5e-8;
@@ -208,7 +210,7 @@ impl GridGeolocation {
         self.whole
     }
 
-    /// The map to longitudes and latitudes, where rows are parallels and columns meridians.
+    /// Affine map to longitudes and latitudes, if rows are parallels and columns meridians.
     pub(crate) fn map(&self) -> Option<&Affine> {
         match &self.way {
             ChartMapping::Straight(map) => Some(map),
@@ -216,12 +218,12 @@ impl GridGeolocation {
         }
     }
 
-    /// Whether rows are other lines than parallels, or columns than meridians.
+    /// Whether rows are not parallels, or columns not meridians.
     pub fn is_bent(&self) -> bool {
         matches!(self.way, ChartMapping::Bent(_))
     }
 
-    /// What all samples lie in.
+    /// Bounds of all samples.
     pub fn bounds(&self) -> GeodeticBounds {
         match &self.way {
             ChartMapping::Straight(map) => {
@@ -238,7 +240,7 @@ impl GridGeolocation {
         }
     }
 
-    /// Degrees between samples, along the finer axis: of longitude or latitude, or as along the equator.
+    /// Degrees between samples along the finer axis: of longitude, latitude, or along the equator.
     pub fn spacing(&self) -> f64 {
         match &self.way {
             ChartMapping::Straight(map) => map.a.abs().min(map.e.abs()),
@@ -246,7 +248,7 @@ impl GridGeolocation {
         }
     }
 
-    /// Bytes that it takes.
+    /// Memory in bytes.
     pub fn bytes(&self) -> u64 {
         match &self.way {
             ChartMapping::Straight(_) => 0,
@@ -254,7 +256,7 @@ impl GridGeolocation {
         }
     }
 
-    /// What is upright at a column and row.
+    /// Vertical at a column and row.
     fn upright(&self, at: [f64; 2]) -> EllipsoidNormal {
         match &self.way {
             ChartMapping::Straight(map) => EllipsoidNormal::at(map.apply(at[0], at[1])),
@@ -262,7 +264,7 @@ impl GridGeolocation {
         }
     }
 
-    /// Longitude and latitude of a column and row.
+    /// Longitude and latitude at a column and row.
     pub fn place(&self, at: [f64; 2]) -> [f64; 2] {
         match &self.way {
             ChartMapping::Straight(map) => map.apply(at[0], at[1]),
@@ -270,7 +272,7 @@ impl GridGeolocation {
         }
     }
 
-    /// A sample so many columns and rows from the first.
+    /// Sample at a column and row.
     pub(crate) fn sample(&self, at: [f64; 2], height: f64) -> GroundSample {
         match &self.way {
             ChartMapping::Straight(map) => {
@@ -289,13 +291,13 @@ impl GridGeolocation {
         }
     }
 
-    /// Columns and rows from the first sample to a place. Of a bent grid, to the nearest place of the rectangle that
-    /// all samples lie in; not a number where there is none.
+    /// Columns and rows of a position. For a bent grid, the nearest position in the bounds of all samples; NaN
+    /// if there is none.
     pub(crate) fn at(&self, place: [f64; 2]) -> [f64; 2] {
         self.columns(self.on_one_side(place))
     }
 
-    /// The same, of the side of 180 degrees that a place says.
+    /// The same, on the side of 180 degrees of the given position.
     fn columns(&self, place: [f64; 2]) -> [f64; 2] {
         match &self.way {
             ChartMapping::Straight(map) => map.invert(place[0], place[1]),
@@ -303,7 +305,7 @@ impl GridGeolocation {
         }
     }
 
-    /// 180 degrees is one meridian: it is on the side of it that the samples are nearer to.
+    /// 180 degrees is one meridian: assigned to the side nearer to the samples.
     fn on_one_side(&self, place: [f64; 2]) -> [f64; 2] {
         let GeodeticBounds { west, east, .. } = self.bounds();
         if place[0].abs() != 180.0 || (west..=east).contains(&place[0]) {
@@ -312,7 +314,7 @@ impl GridGeolocation {
         [if 180.0 - east < west + 180.0 { 180.0 } else { -180.0 }, place[1]]
     }
 
-    /// The same; a hair beside a sample is on it. Where there are no columns and rows it is as at the first sample.
+    /// The same, snapped to samples within the tolerance. Outside of columns and rows, as at the first sample.
     pub(crate) fn within(&self, place: [f64; 2]) -> ChartSpot {
         let at = self.at(place);
         if at[0].is_nan() || at[1].is_nan() {
@@ -333,8 +335,8 @@ impl GridGeolocation {
         ChartSpot { at, fall }
     }
 
-    /// The place so many metres out from a sample at the edge, along the columns or rows that end there; `inwards` is 1
-    /// where these begin with it and -1 where they end.
+    /// Position this many metres outside a sample at the edge, along the columns or rows that end there;
+    /// `inwards` is 1 where these start and -1 where they end.
     pub(crate) fn outside(&self, at: [f64; 2], axis: usize, inwards: f64, far: f64) -> [f64; 2] {
         let (edge, mut inner) = (self.place(at), at);
         inner[axis] += inwards;
@@ -343,7 +345,7 @@ impl GridGeolocation {
         [0, 1].map(|axis: usize| edge[axis] + (edge[axis] - inner[axis]) * share)
     }
 
-    /// The lowest and the highest column and row that places of a rectangle may have, in parts of samples.
+    /// Range of columns and rows for positions in a rectangle, in fractions of samples.
     pub fn range(&self, bounds: &GeodeticBounds) -> [[f64; 2]; 2] {
         let GeodeticBounds { west, south, east, north } = *bounds;
         if let ChartMapping::Straight(map) = &self.way {
@@ -378,8 +380,8 @@ impl GridGeolocation {
         [0, 1].map(|axis: usize| [ends[axis][0] - bow[axis], ends[axis][1] + bow[axis]])
     }
 
-    /// Metres that the middle of a rectangle of samples is from a flat surface through its corners, at the most;
-    /// nothing where rows are parallels, whose bend is the earth's.
+    /// Largest distance of the middle of a rectangle of samples from a flat surface through its corners, in
+    /// metres; 0 where rows are parallels, whose curvature is that of the earth.
     pub(crate) fn bow(&self, [left, top]: [f64; 2], [right, bottom]: [f64; 2]) -> f64 {
         if let ChartMapping::Straight(_) = &self.way {
             return 0.0;
@@ -394,8 +396,8 @@ impl GridGeolocation {
         along + down
     }
 
-    /// Hands on the places along the straight line between two on one meridian or parallel that tell how a bent
-    /// grid goes there: the same, whatever part of the line is asked for. None of a straight one.
+    /// Passes on positions along the straight line between two positions on one meridian or parallel that
+    /// describe the course of a bent grid: the same for any part of the line. None for a straight grid.
     pub(crate) fn stops(&self, [from, to]: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2])) {
         let ChartMapping::Bent(bent) = &self.way else { return };
         let axis = usize::from(from[0] == to[0]);
@@ -408,7 +410,7 @@ impl GridGeolocation {
             place[axis] = at;
             found(place);
         };
-        // Where the samples end, what goes on beyond them begins.
+        // The ground beyond the samples begins at their bounds.
         [low, high].into_iter().filter(|end| (a..=b).contains(end)).for_each(&mut stop);
         let [first, last] = [a, b].map(|value| (value - origin) / bent.stop);
         let mut i = first.ceil();
@@ -416,7 +418,7 @@ impl GridGeolocation {
             stop(origin + i * bent.stop);
             i += 1.0;
         }
-        // Where it crosses a row or a column of samples the ground may have a peak.
+        // Crossings with rows or columns of samples may be breaks of the ground.
         let at = |along: f64| {
             let mut place = from;
             place[axis] = along;

@@ -1,6 +1,6 @@
-//! The bytes of a tile as quantized-mesh 1.0 (github.com/CesiumGS/quantized-mesh): positions and heights in 32,767
-//! steps, triangles by how long ago a vertex was new, the vertices of each border, and, if wanted, normals; and
-//! what is proven of the tile, in the extension for metadata.
+//! A tile as quantized-mesh 1.0 (github.com/CesiumGS/quantized-mesh): positions and heights in 32,767 steps,
+//! triangles with high-water-mark indices, edge indices, and optional normals; with the proven error in the
+//! metadata extension.
 
 use crate::border::TileSide;
 use crate::globe::{EQUATOR, EllipsoidNormal, Vector};
@@ -11,45 +11,44 @@ use crate::tile::{TerrainTile, TileVertex};
 use crate::tiling::{self, STEPS};
 use terrane_base::error::{Error, ErrorKind, Result};
 
-/// Number of the extension with a normal for each vertex.
+/// Extension number of vertex normals.
 const NORMALS: u8 = 1;
-/// Number of the extension with which pixels are water.
+/// Extension number of the water mask.
 const WATER: u8 = 2;
-/// Pixels along a side of the mask of water, whose rows come from the north; of one kind, one byte stands for all.
+/// Pixels along a side of the water mask, with rows from the north; a uniform mask is one byte.
 pub const MASK_SIDE: u32 = 256;
-/// What a pixel of water is; one of land is 0.
+/// Value of a water pixel; land is 0.
 pub const MASK_WATER: u8 = 255;
-/// Number of the extension with text about the tile.
+/// Extension number of metadata.
 const METADATA: u8 = 4;
-/// Vertices that two bytes can number.
+/// Largest number of vertices with 16-bit indices.
 const SHORT: usize = 1 << 16;
-/// Halvings of a level's step that a tile's own may have.
+/// Largest number of halvings of a level's step for a tile's own step.
 const MOST_HALVINGS: u32 = 14;
-/// Part of the way along a meridian that one along a parallel has to be for slopes to be told of it.
+/// Smallest ratio of a distance along a parallel to one along a meridian for slopes.
 const NARROWEST: f64 = 0.01;
-/// How steep the ground may be that a normal tells of: two bytes turn it by up to a degree, and it has to point outwards
-/// still.
+/// Steepest slope of a normal: two bytes turn it by up to a degree, and it has to point outwards.
 const STEEPEST: f64 = 32.0;
-/// Places that the error is told to.
+/// Decimals of the error.
 const PLACES: i32 = 3;
 
-/// The heights that a tile can hold: from the lowest one on, in its own steps.
+/// Quantization of a tile's heights: from the lowest height, in its own steps.
 pub(crate) struct QuantizedHeights {
     /// Steps of the level.
     lowest: i32,
-    /// Own steps in a step of the level.
+    /// Own steps per step of the level.
     fineness: i32,
     /// Metres.
     range: [f32; 2],
 }
 
 impl QuantizedHeights {
-    /// The finest steps that reach from the lowest height to the highest, so that clients know the range of
-    /// heights as well as they can.
+    /// The finest steps that cover the range of heights, so that clients know the range as precisely as
+    /// possible.
     pub(crate) fn of(tile: &TerrainTile) -> Result<Self> {
         Self::fitting(tile).ok_or_else(|| {
             let tiling::GlobeTileId { level, x, y } = tile.id;
-            let message = format!("tile {level}/{x}/{y} is higher than its steps can tell");
+            let message = format!("heights of tile {level}/{x}/{y} exceed its quantization");
             Error::new(ErrorKind::Internal, message)
         })
     }
@@ -65,7 +64,7 @@ impl QuantizedHeights {
         let halvings = (0..=MOST_HALVINGS).rev().find(fits)?;
         let own = tile.step / f64::from(1_u32 << halvings);
         let low = f64::from(lowest) * tile.step;
-        // Both are whole numbers of steps below 2^24, so they are exact.
+        // Both are integer steps below 2^24, so they are exact.
         let range = [low as f32, (low + own * f64::from(STEPS)) as f32];
         Some(Self { lowest, fineness: 1 << halvings, range })
     }
@@ -75,19 +74,19 @@ impl QuantizedHeights {
     }
 }
 
-/// What a tile says beside its surface.
+/// Data of a tile beside its surface.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TileExtensions<'a> {
-    /// What tiles there are below it, as JSON.
+    /// Available tiles below, as JSON.
     pub available: Option<&'a str>,
-    /// The mask of water: a byte for each of [`MASK_SIDE`] times as many pixels, or one for all.
+    /// Water mask: a byte for each of [`MASK_SIDE`] squared pixels, or one for all.
     pub water: Option<&'a [u8]>,
 }
 
-/// The bytes of a tile; with `normals`, those of the ground at its vertices.
+/// The encoded tile; with `normals`, those of the ground at its vertices.
 ///
 /// # Errors
-/// A tile whose heights have too large a range.
+/// A tile with too large a range of heights.
 pub fn quantized_mesh<G: GroundSampler>(
     tile: &TerrainTile,
     normals: Option<(&TileLevel, &G)>,
@@ -154,7 +153,7 @@ fn header(tile: &TerrainTile, heights: &QuantizedHeights, out: &mut Vec<u8>) {
     doubles(out, &occlusion.0);
 }
 
-/// Differences from one to the next, small ones of either sign as small numbers.
+/// Differences of successive values, zigzag-encoded.
 fn differences(values: impl Iterator<Item = i32>, out: &mut Vec<u8>) {
     let mut last = 0;
     for value in values {
@@ -164,8 +163,7 @@ fn differences(values: impl Iterator<Item = i32>, out: &mut Vec<u8>) {
     }
 }
 
-/// Triangles in an order in which neighbours follow each other, and vertices in the order in which these name
-/// them.
+/// Triangles reordered so that neighbours follow each other, and vertices in order of first use.
 pub(crate) fn in_order(tile: &TerrainTile) -> (Vec<TileVertex>, Vec<[u32; 3]>) {
     let mut numbers = vec![u32::MAX; tile.vertices.len()];
     let mut vertices = Vec::with_capacity(tile.vertices.len());
@@ -185,7 +183,7 @@ pub(crate) fn in_order(tile: &TerrainTile) -> (Vec<TileVertex>, Vec<[u32; 3]>) {
     (vertices, triangles)
 }
 
-/// Triangles, each with the corner to begin at, so that most share an edge with the one before.
+/// Triangles with their first corner, so that most share an edge with the one before.
 fn walk(triangles: &[[u32; 3]]) -> Vec<(usize, usize)> {
     let mut edges: Vec<([u32; 2], u32)> = Vec::with_capacity(triangles.len() * 3);
     for (number, corners) in (0..).zip(triangles) {
@@ -205,7 +203,7 @@ fn walk(triangles: &[[u32; 3]]) -> Vec<(usize, usize)> {
         }
         order.push((triangle, first));
         let corners = triangles[triangle];
-        // Across the edge that it came over there is nothing left.
+        // Nothing is left across the edge that it came from.
         for k in [(first + 2) % 3, (first + 1) % 3, first] {
             let [from, to] = [corners[k], corners[(k + 1) % 3]];
             if let Some(next) = beyond(from, to).filter(|next| !is_done[*next]) {
@@ -217,8 +215,7 @@ fn walk(triangles: &[[u32; 3]]) -> Vec<(usize, usize)> {
     order
 }
 
-/// What is at right angles to the ground at a place: a function of the ground alone, so that tiles beside each
-/// other are lit alike.
+/// Normal of the ground at a position: a function of the ground only, so that neighbouring tiles are lit alike.
 pub(crate) fn normal(place: [f64; 2], level: &TileLevel, ground: &impl GroundSampler) -> Vector {
     let by = level.slope;
     let upright = EllipsoidNormal::at(place);
@@ -247,7 +244,7 @@ pub(crate) fn normal(place: [f64; 2], level: &TileLevel, ground: &impl GroundSam
     (upright.normal - east * (slopes[0] * share) - north * (slopes[1] * share)).unit()
 }
 
-/// A direction in two bytes: its octahedron, unfolded (Cigolle et al. 2014, "A Survey of Efficient Representations
+/// A direction in two bytes: octahedral encoding (Cigolle et al. 2014, "A Survey of Efficient Representations
 /// for Independent Unit Vectors").
 fn octants(direction: Vector) -> [u8; 2] {
     let [x, y, z] = direction.0;
@@ -260,14 +257,14 @@ fn octants(direction: Vector) -> [u8; 2] {
     [x, y].map(|value| ((value.clamp(-1.0, 1.0) * 0.5 + 0.5) * 255.0).round() as u8)
 }
 
-/// The error of a tile, rounded up, but not beyond what clients assume.
+/// Error of a tile, rounded up, but not above the geometric error of the level.
 fn stated(tile: &TerrainTile) -> f64 {
     let (error, scale) = (tile.measure.largest, 10_f64.powi(PLACES));
     let rounded = (error * scale).ceil() / scale;
     if rounded <= tiling::level_error(tile.id.level) { rounded } else { error }
 }
 
-/// Tells the error, and what tiles there are below.
+/// Metadata: error, and available tiles below.
 fn metadata(error: f64, available: Option<&str>, out: &mut Vec<u8>) {
     let below = available.map_or(String::new(), |text| format!(r#","available":{text}"#));
     let text = format!(r#"{{"error":{error}{below}}}"#);

@@ -1,28 +1,28 @@
-//! A triangle of the surface of a tile, and how it is seen from a sample.
+//! A triangle of a tile's surface, and its view from a sample.
 
 use crate::globe::{EastNorthUpFrame, Vector};
 
 /// A triangle of the surface.
 pub(crate) struct TileFacet {
     pub(crate) corners: [Vector; 3],
-    /// At right angles to it; its length is twice the area.
+    /// Normal; its length is twice the area.
     pub(crate) across: Vector,
     area: f64,
-    /// Those across from each corner.
+    /// Neighbours opposite each corner.
     pub(crate) twins: [u32; 3],
-    /// Whether the side across from each corner lies on a parallel.
+    /// Whether the side opposite each corner lies on a parallel.
     pub(crate) on_parallel: [bool; 3],
 }
 
 impl TileFacet {
-    /// Of corners, their positions in the tile, and the triangles across from each.
+    /// From corners, their positions in the tile, and the opposite neighbours.
     pub(crate) fn new(corners: [Vector; 3], at: [[i32; 2]; 3], twins: [u32; 3]) -> Self {
         let across = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         let on_parallel = [0, 1, 2].map(|k| at[(k + 1) % 3][1] == at[(k + 2) % 3][1]);
         Self { corners, across, area: across.length(), twins, on_parallel }
     }
 
-    /// As it is seen from a sample.
+    /// View from a sample.
     #[inline]
     pub(crate) fn seen_from(&self, frame: &EastNorthUpFrame) -> FacetView {
         let corners = self.corners.map(|corner| frame.look(corner));
@@ -39,11 +39,11 @@ impl TileFacet {
     }
 }
 
-/// A triangle as it is seen from a sample.
+/// A triangle viewed from a sample.
 pub(crate) struct FacetView {
-    /// As [`EastNorthUpFrame::look`] has them.
+    /// Corners, as from [`EastNorthUpFrame::look`].
     pub(crate) corners: [[f64; 3]; 3],
-    /// Of each corner, twice the area between the sample and the side across from it, from above, times `square`.
+    /// For each corner, twice the area between the sample and the opposite side, from above, times `square`.
     pub(crate) parts: [f64; 3],
     square: f64,
     /// Twice the area of the triangle.
@@ -51,20 +51,20 @@ pub(crate) struct FacetView {
 }
 
 impl FacetView {
-    /// How far the sample is from the plane, along what is upright there, and metres up the plane for one along it.
+    /// Vertical distance of the sample from the plane, and slope of the plane in metres per metre.
     pub(crate) fn plane(&self) -> [f64; 2] {
         let ([a, b, c], [p, q, r]) = (self.corners, self.parts);
         let flat = (p + q + r).abs();
         [(p * a[2] + q * b[2] + r * c[2]).abs() / flat, self.area * self.square / flat]
     }
 
-    /// How far the sample, whose place may be off by so many metres, is from the plane.
+    /// Distance of the sample from the plane, for a position uncertain by this many metres.
     pub(crate) fn off(&self, doubt: f64) -> f64 {
         let [off, steep] = self.plane();
         off + steep * doubt
     }
 
-    /// Whether the sample is nearer to the side across from a corner than its place may be off by.
+    /// Whether the sample is closer to the side opposite a corner than its position is certain.
     pub(crate) fn is_beside(&self, corner: usize, doubt: f64) -> bool {
         let [[ax, ay, _], [bx, by, _]] = [1, 2].map(|k| self.corners[(corner + k) % 3]);
         let [x, y] = [bx - ax, by - ay];

@@ -1,22 +1,23 @@
-//! Triangles above each other: a flat one may be turned over, as parallels bend and its sides do not; and clients that
-//! decode earth-centred coordinates put vertices on a lattice, whose steps may be larger than a triangle. A sample there
-//! has several distances.
+//! Overlapping triangles: a flat triangle may be reversed, because parallels are curved and its sides are not;
+//! and clients that decode earth-centred coordinates round vertices to a lattice whose step may exceed a
+//! triangle. A sample there has several distances.
 
 use crate::facet::TileFacet;
 use crate::globe::{EQUATOR, EastNorthUpFrame, EllipsoidNormal};
 use crate::tiling::{GlobeTileId, STEPS, degrees};
 
-/// Part of a triangle's length that it has to reach up, so that it is not turned over whatever is exactly upright.
+/// Smallest vertical component of a triangle's normal, relative to its length, for a triangle that is not
+/// reversed.
 const SURELY: f64 = 0.02;
 
-/// Triangles by the squares of positions that they reach into.
+/// Triangles by the cells of positions that they touch.
 pub(crate) struct FoldedTriangles {
     lists: Vec<Vec<u32>>,
     squares: usize,
 }
 
 impl TileFacet {
-    /// Whether the line upright at a point meets it, from above or from below.
+    /// Whether the vertical at a point meets it, from above or below.
     pub(crate) fn is_met(&self, frame: &EastNorthUpFrame) -> bool {
         let sides = self.seen_from(frame).parts;
         let is_over =
@@ -24,7 +25,7 @@ impl TileFacet {
         is_over && sides.iter().sum::<f64>() != 0.0
     }
 
-    /// How far a sample is from it, where it is no plane: no further than from one of its corners.
+    /// Distance of a sample if it is not a plane: at most that from one of its corners.
     pub(crate) fn within(&self, frame: &EastNorthUpFrame, doubt: f64) -> f64 {
         let seen = self.seen_from(frame);
         let highest = seen.corners.iter().fold(0.0_f64, |most, corner| most.max(corner[2].abs()));
@@ -42,8 +43,8 @@ impl TileFacet {
 }
 
 impl FoldedTriangles {
-    /// Of triangles by number, with the positions of their corners, on a lattice of so many metres, 0 where there is none;
-    /// `None` where none is turned over.
+    /// For triangles by number, with corner positions, on a lattice of this many metres (0 for none); `None` if
+    /// no triangle is reversed.
     pub(crate) fn of(
         (id, lattice): (GlobeTileId, f64),
         facets: &[TileFacet],
@@ -82,7 +83,7 @@ impl FoldedTriangles {
         square.clamp(0.0, self.squares as f64 - 1.0) as usize
     }
 
-    /// The triangles that may lie above or below a position.
+    /// Triangles that may lie above or below a position.
     pub(crate) fn near(&self, [u, v]: [f64; 2]) -> &[u32] {
         &self.lists[self.square(v) * self.squares + self.square(u)]
     }

@@ -1,4 +1,4 @@
-//! The ellipsoid WGS 84: where places on it are, and what is upright there.
+//! The ellipsoid WGS 84: positions and verticals.
 
 use std::ops::{Add, Mul, Sub};
 
@@ -11,20 +11,20 @@ const FLATTENING: f64 = 1.0 / 298.257_223_563;
 /// The square of the first eccentricity.
 const ECCENTRICITY: f64 = FLATTENING * (2.0 - FLATTENING);
 
-/// A direction, or a place in metres from the centre of the earth: x to longitude 0, y to 90 degrees east, z to
-/// the north pole.
+/// A direction, or a position in metres from the centre of the earth: x towards longitude 0, y towards 90
+/// degrees east, z towards the north pole.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Vector(pub [f64; 3]);
 
 impl Vector {
-    /// The product that is 0 where two are at right angles.
+    /// Dot product.
     #[inline]
     pub fn dot(self, other: Self) -> f64 {
         let ([a, b, c], [x, y, z]) = (self.0, other.0);
         a * x + b * y + c * z
     }
 
-    /// What is at right angles to two.
+    /// Cross product.
     #[inline]
     pub fn cross(self, other: Self) -> Self {
         let ([a, b, c], [x, y, z]) = (self.0, other.0);
@@ -37,13 +37,13 @@ impl Vector {
         self.dot(self).sqrt()
     }
 
-    /// The nearest place whose coordinates are whole numbers of a step.
+    /// Nearest position with coordinates that are multiples of a step.
     pub(crate) fn rounded(self, step: f64) -> Self {
-        // No zero of another sign than what a client adds up to.
+        // Adding 0 removes negative zeros, as in clients.
         Self(self.0.map(|value| (value / step).round() * step + 0.0))
     }
 
-    /// The same direction with a length of 1; what has no length stays as it is.
+    /// Normalized direction; a zero vector is unchanged.
     pub fn unit(self) -> Self {
         let length = self.length();
         if length > 0.0 { self * (1.0 / length) } else { self }
@@ -94,7 +94,7 @@ impl SinCos {
     }
 }
 
-/// The line that is upright at a place of the ellipsoid.
+/// Vertical at a position of the ellipsoid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EllipsoidNormal {
     /// Up, of length 1.
@@ -110,7 +110,7 @@ impl EllipsoidNormal {
         Self::of(SinCos::of(lon), lat, bend(lat))
     }
 
-    /// At a longitude and a latitude, whose distance from the axis is known.
+    /// At a longitude and a latitude with known distance from the axis.
     #[inline]
     pub fn of(lon: SinCos, lat: SinCos, bend: f64) -> Self {
         Self { normal: Vector([lat.cos * lon.cos, lat.cos * lon.sin, lat.sin]), bend }
@@ -129,7 +129,7 @@ impl EllipsoidNormal {
         [y.atan2(x), z.atan2(x.hypot(y))].map(f64::to_degrees)
     }
 
-    /// The place so many metres above the ellipsoid.
+    /// Position at a height above the ellipsoid.
     #[inline]
     pub fn point(&self, height: f64) -> Vector {
         let [x, y, z] = self.normal.0;
@@ -148,18 +148,18 @@ impl EllipsoidNormal {
     }
 }
 
-/// A sample, and the directions to the east, to the north and up from there. What is near it is seen without the
-/// rounding of coordinates that count from the centre of the earth.
+/// A sample with its local directions east, north and up. Positions near it are computed without the rounding
+/// of earth-centred coordinates.
 pub(crate) struct EastNorthUpFrame {
     at: Vector,
-    /// The first two have the cosine of the latitude for their length, so that no root is taken for each sample.
+    /// The first two have the length cos(latitude), which avoids a square root per sample.
     axes: [Vector; 3],
-    /// The square of that.
+    /// Its square.
     pub(crate) square: f64,
 }
 
 impl EastNorthUpFrame {
-    /// At so many metres above the ellipsoid.
+    /// At a height above the ellipsoid.
     #[inline]
     pub(crate) fn new(upright: &EllipsoidNormal, height: f64) -> Self {
         let up = upright.normal;
@@ -168,7 +168,7 @@ impl EastNorthUpFrame {
         Self { at: upright.point(height), axes: [east, up.cross(east), up], square: x * x + y * y }
     }
 
-    /// Where a place is: to the east and to the north in metres times the cosine of the latitude, and metres up.
+    /// Local coordinates of a position: east and north in metres times cos(latitude), and metres up.
     #[inline]
     pub(crate) fn look(&self, place: Vector) -> [f64; 3] {
         let from = place - self.at;
@@ -176,13 +176,13 @@ impl EastNorthUpFrame {
     }
 }
 
-/// Metres from the ellipsoid to the axis of the earth at a latitude, along what is upright there.
+/// Metres from the ellipsoid to the axis of the earth at a latitude, along the vertical.
 #[inline]
 pub(crate) fn bend(lat: SinCos) -> f64 {
     EQUATOR / (1.0 - ECCENTRICITY * lat.sin * lat.sin).sqrt()
 }
 
-/// Metres north of the centre at which the line that is upright at a latitude meets the axis of the earth.
+/// Metres north of the centre at which the vertical of a latitude meets the axis of the earth.
 #[inline]
 pub(crate) fn beneath(lat: SinCos, bend: f64) -> f64 {
     -bend * ECCENTRICITY * lat.sin

@@ -1,12 +1,12 @@
-//! The bytes of a tile as binary glTF 2.0, the content of 3D Tiles 1.1: one mesh in earth-centred metres from its
-//! middle, in single precision; and what the set has to tell of it.
+//! A tile as binary glTF 2.0, the content of 3D Tiles 1.1: one mesh in earth-centred metres relative to its
+//! centre, in single precision; with the metadata of the tileset.
 //!
-//! Vertices lie on the lattice of the level ([`TileLevel::on_lattice`]), and so does the middle that they are counted
-//! from: single precision is exact, and what was measured is what clients decode.
+//! Vertices and the centre lie on the lattice of the level ([`TileLevel::on_lattice`]), so single precision is
+//! exact, and clients decode exactly the measured surface.
 //!
-//! **Why compressed tiles have a coarser lattice.** Two bytes do not hold a coordinate on that lattice. On one 512
-//! times coarser they hold nearly all tiles exactly, and it is still a quarter of a step of heights. Compressed
-//! positions in single precision save 22 % of the bytes, in two bytes 61 % (a degree of SRTM, with gzip).
+//! **Why compressed tiles have a coarser lattice.** Coordinates on that lattice exceed 16 bits. A lattice 512
+//! times coarser fits nearly all tiles exactly, and is still a quarter of a height step. Compression saves 22 %
+//! of the bytes with single-precision positions, and 61 % with 16-bit positions (a degree of SRTM, with gzip).
 
 use crate::border::TileSide;
 use crate::encode::{QuantizedHeights, in_order, normal};
@@ -20,25 +20,25 @@ use crate::tile::{TerrainTile, TileVertex};
 use crate::tiling::{GlobeTileId, STEPS};
 use terrane_base::error::{Error, ErrorKind, Result};
 
-/// The least radius of the ellipsoid's bend: that of a meridian at the equator.
+/// Smallest radius of curvature of the ellipsoid: that of a meridian at the equator.
 const BEND: f64 = POLE * POLE / EQUATOR;
-/// Vertices that two bytes can number: the last number stands for none.
+/// Largest number of vertices with 16-bit indices; the last index is reserved.
 const SHORT: usize = u16::MAX as usize;
 
 const MAGIC: &[u8; 4] = b"glTF";
 const EDGES: &str = "CESIUM_tile_edges";
 const QUANTIZED: &str = "KHR_mesh_quantization";
-/// Whole numbers of two bytes.
+/// Number of 16-bit values.
 const SHORTS: f64 = u16::MAX as f64;
-/// Single precision has 24 bits on either side of the middle of a tile, and two bytes 16 from one end to the other.
+/// Single precision has 24 bits on either side of the centre of a tile; 16-bit values span the whole tile.
 const COARSER: f64 = 512.0;
 
-/// How a tile is written.
+/// Encoding options of a tile.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GlbTileOptions {
-    /// With the vertices of its sides (CESIUM_tile_edges).
+    /// Writes the vertices of its sides (CESIUM_tile_edges).
     pub edges: bool,
-    /// Compressed (EXT_meshopt_compression), of a level of [`in_shorts`].
+    /// Compresses (EXT_meshopt_compression); requires a level of [`in_shorts`].
     pub meshopt: bool,
     /// Steps of heights that its skirt hangs down; none where it has none.
     pub skirt: i32,
@@ -55,18 +55,18 @@ pub fn in_shorts(level: TileLevel) -> TileLevel {
     TileLevel { lattice: level.lattice.map(coarser), ..level }
 }
 
-/// What a set of tiles tells of one.
+/// Metadata of a tile in a tileset.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TileMetadata {
-    /// Which.
+    /// Tile.
     pub id: GlobeTileId,
-    /// Metres from the ellipsoid that no place of its triangles is below or above.
+    /// Range of heights of its triangles in metres above the ellipsoid.
     pub heights: [f64; 2],
-    /// Middle and radius of a sphere around its triangles.
+    /// Centre and radius of a bounding sphere of its triangles.
     pub sphere: (Vector, f64),
-    /// The point that is below the horizon only where all of the tile is, in radii of the ellipsoid.
+    /// Horizon occlusion point in radii of the ellipsoid: below the horizon only if the whole tile is.
     pub occlusion: Vector,
-    /// Metres that no sample is further from it.
+    /// Largest error of a sample in metres.
     pub error: f64,
 }
 
@@ -75,7 +75,7 @@ impl TileMetadata {
         let (centre, radius) = horizon::sphere(points);
         let lowest = tile.triangles.iter().map(|corners| lowest(tile, points, *corners));
         let highest = tile.vertices.iter().map(|vertex| vertex.height).max().unwrap_or(0);
-        // The ellipsoid is convex, so nothing of a triangle is higher than its corners.
+        // The ellipsoid is convex, so a triangle is nowhere higher than its corners.
         let highest = f64::from(highest) * tile.step + lattice;
         let heights = [lowest.fold(f64::INFINITY, f64::min) - lattice, highest];
         let occlusion = horizon::occlusion(centre, points, heights[0]);
@@ -83,22 +83,22 @@ impl TileMetadata {
         Self { id: tile.id, heights, sphere: (centre, radius), occlusion, error }
     }
 
-    /// All but the tile, as numbers.
+    /// All values but the tile.
     pub fn numbers(&self) -> [f64; 10] {
         let ([low, high], ([x, y, z], radius)) = (self.heights, (self.sphere.0.0, self.sphere.1));
         let [u, v, w] = self.occlusion.0;
         [low, high, x, y, z, radius, u, v, w, self.error]
     }
 
-    /// Those of a tile, of such numbers.
+    /// Metadata of a tile from these values.
     pub fn of_numbers(id: GlobeTileId, numbers: [f64; 10]) -> Self {
         let [low, high, x, y, z, radius, u, v, w, error] = numbers;
         let (sphere, occlusion) = ((Vector([x, y, z]), radius), Vector([u, v, w]));
         Self { id, heights: [low, high], sphere, occlusion, error }
     }
 
-    /// Makes the sphere of a tile hold that of one of its parts, and its error no smaller than that of the part, as
-    /// clients expect of them. Heights stay its own: the occlusion point is one for them.
+    /// Extends the sphere and the error of a tile to those of a child, as clients require. Heights are
+    /// unchanged: the occlusion point depends on them.
     pub fn hold(&mut self, part: &Self) {
         let ((centre, radius), (beside, least)) = (self.sphere, part.sphere);
         self.sphere.1 = radius.max(((beside - centre).length() + least) * (1.0 + f64::EPSILON));
@@ -106,8 +106,8 @@ impl TileMetadata {
     }
 }
 
-/// A height that no place of a triangle is below. Heights bend along a line by no more than the ellipsoid does, so a
-/// place is lower than its corners by L^2 / 6 R at the most, of the longest side.
+/// Lower bound of heights in a triangle. Heights bend along a line at most as the ellipsoid does, so a position
+/// is at most L^2 / 6 R lower than the corners, for the longest side L.
 fn lowest(tile: &TerrainTile, points: &[Vector], corners: [u32; 3]) -> f64 {
     let heights =
         corners.map(|corner| f64::from(tile.vertices[corner as usize].height) * tile.step);
@@ -117,7 +117,7 @@ fn lowest(tile: &TerrainTile, points: &[Vector], corners: [u32; 3]) -> f64 {
     low - longest / (6.0 * (BEND + low.min(0.0)))
 }
 
-/// Earth-centred points as numbers that are counted from a place, in metres each.
+/// Earth-centred points relative to an origin, in metres.
 struct QuantizedPositions {
     from: Vector,
     metres: f64,
@@ -126,19 +126,19 @@ struct QuantizedPositions {
 
 enum PositionNumbers {
     Single(Vec<[f32; 3]>),
-    /// Whole steps; if told so, as parts of the largest number of two bytes.
+    /// Integer steps, normalized on request.
     Short(Vec<[u16; 3]>, bool),
 }
 
 impl QuantizedPositions {
-    /// From a middle on, which is on the lattice.
+    /// Relative to a centre on the lattice.
     fn single(points: &[Vector], from: Vector) -> Self {
         let offset = |point: &Vector| (*point - from).0.map(|value| value as f32);
         let numbers = PositionNumbers::Single(points.iter().map(offset).collect());
         Self { from, metres: 1.0, numbers }
     }
 
-    /// In steps of the lattice from the lowest coordinates on, if two bytes hold them.
+    /// In lattice steps from the lowest coordinates, if they fit in 16 bits.
     fn short(points: &[Vector], lattice: f64, is_part: bool) -> Option<Self> {
         let lowest = |axis: usize| points.iter().map(|p| p.0[axis]).fold(f64::INFINITY, f64::min);
         let from = Vector(std::array::from_fn(lowest));
@@ -152,21 +152,21 @@ impl QuantizedPositions {
     }
 }
 
-/// A tile as binary glTF, and what the set tells of it; with `normals`, those of the ground at its vertices.
+/// A tile as binary glTF with its metadata; with `normals`, those of the ground at its vertices.
 ///
-/// Compressed positions are whole steps of the lattice. With edges they are parts of 65,535, as the terrain of
-/// CesiumJS takes no others.
+/// Compressed positions are integer lattice steps. With edges they are fractions of 65,535, the only form
+/// supported by the terrain of CesiumJS.
 ///
 /// # Errors
-/// A tile whose heights have too large a range.
+/// A tile with too large a range of heights.
 pub fn glb<G: GroundSampler>(
     tile: &TerrainTile,
     normals: Option<(&TileLevel, &G)>,
     form: GlbTileOptions,
 ) -> Result<(Vec<u8>, TileMetadata)> {
-    let lattice = tile.lattice.ok_or_else(|| {
-        Error::new(ErrorKind::Internal, "vertices of a tile are on no lattice of coordinates")
-    })?;
+    let lattice = tile
+        .lattice
+        .ok_or_else(|| Error::new(ErrorKind::Internal, "vertices of a tile are not quantized"))?;
     let skirted = (form.skirt > 0).then(|| skirted(tile, form.skirt));
     let tile = skirted.as_ref().unwrap_or(tile);
     QuantizedHeights::of(tile)?;
@@ -213,13 +213,13 @@ pub fn glb<G: GroundSampler>(
     Ok((chunks(json, parts.bytes), facts))
 }
 
-/// Adds positions and places in the tile; what is said of the attributes.
+/// Adds positions and tile coordinates; returns the attributes.
 fn placed(
     vertices: &[TileVertex],
     counted: &QuantizedPositions,
     parts: &mut TileBufferBuilder,
 ) -> Result<String> {
-    // From the top, as images have them.
+    // From the top, as in images.
     let steps = |v: &TileVertex| [v.at[0], STEPS - v.at[1]];
     let [position, place] = match &counted.numbers {
         PositionNumbers::Single(offsets) => {
@@ -236,7 +236,7 @@ fn placed(
     Ok(format!(r#""POSITION":{position},"TEXCOORD_0":{place}"#))
 }
 
-/// What is said of the extensions that a file uses, and of those that it needs.
+/// Used and required extensions of a file.
 fn extensions(edges: bool, is_packed: bool) -> String {
     let edges = edges.then_some(EDGES);
     let needed = [MESHOPT, QUANTIZED].into_iter().filter(|_| is_packed);
@@ -248,8 +248,8 @@ fn extensions(edges: bool, is_packed: bool) -> String {
         + &list(needed.collect(), "extensionsRequired")
 }
 
-/// The vertices of a side in the order of a walk around the tile with the tile on the right, as clients hang skirts;
-/// of a vertex and what hangs from it, the one above.
+/// Vertices of a side in the order of a walk around the tile with the tile on the right, as clients build
+/// skirts; of a vertex and its skirt vertex, the upper one.
 fn around(vertices: &[TileVertex], side: TileSide) -> Vec<u32> {
     let on_side = |(i, v): (u32, &TileVertex)| side.along(v.at).map(|along| (along, -v.height, i));
     let mut found: Vec<(i32, i32, u32)> = (0..).zip(vertices).filter_map(on_side).collect();

@@ -1,5 +1,4 @@
-//! The ground that tiles are made of: samples of a grid, what lies between them, and what stands for them where
-//! there are none.
+//! The ground of tiles: samples of a grid, interpolation, and fill of voids.
 
 use std::collections::BTreeMap;
 
@@ -9,30 +8,30 @@ use crate::run::{GroundSample, GroundSampleRun, SampleMeridian, SampleParallel, 
 use crate::tiling::GeodeticBounds;
 use terrane_base::geom::{Affine, Rect};
 
-/// What is known of the ground. Everything is a function of the grid and the place alone, so that tiles that share
-/// a border agree on it.
+/// Access to the ground. All results depend only on grid and position, so that neighbouring tiles agree on a
+/// border.
 pub trait GroundSampler {
-    /// The height at a place, between the four samples around it; `None` where one of them is void. Beyond the grid
-    /// that of its edge goes on, or falls.
+    /// Interpolated height from the four surrounding samples; `None` if one of them is void. Beyond the grid
+    /// the edge continues, or descends.
     fn height(&self, place: [f64; 2]) -> Option<f64>;
 
-    /// The same where some of the four are void: what stands for a void counts as its height. So it goes on without a
-    /// step from what is known to what is not, and along a meridian or parallel of samples in straight lines.
+    /// The same with voids: the fill is used as their height. So the surface is continuous between samples and
+    /// voids, and linear along meridians and parallels of samples.
     fn filled(&self, place: [f64; 2]) -> f64;
 
-    /// Hands on where the ground bends along the straight line between two places on one meridian or parallel, and
-    /// the heights there, as [`height`](Self::height) has them: in between it is straight.
+    /// Passes on breaks of the ground along the straight line between two positions on one meridian or
+    /// parallel, with heights as from [`height`](Self::height): linear in between.
     fn bends(&self, ends: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2], Option<f64>));
 
-    /// Beyond a grid where heights fall, the height at the nearest place of its edge, and by how many metres it has
-    /// fallen.
+    /// Beyond a grid where heights descend: the height at the nearest position on the edge, and the descent in
+    /// metres.
     fn beyond(&self, place: [f64; 2]) -> Option<[f64; 2]>;
 
-    /// Hands on places in a rectangle where the ground beyond the grid reaches the ellipsoid, one for every
-    /// `stride`-th sample of its edge.
+    /// Passes on positions in a rectangle where the ground beyond the grid reaches the ellipsoid, one per
+    /// `stride` samples of the edge.
     fn feet(&self, bounds: &GeodeticBounds, stride: u32, found: &mut impl FnMut(GroundSample));
 
-    /// Hands on every `stride`-th sample in a rectangle, its border included; near ones one after another.
+    /// Passes on every `stride`-th sample in a rectangle, border included, near samples in sequence.
     fn runs(
         &self,
         bounds: &GeodeticBounds,
@@ -40,7 +39,7 @@ pub trait GroundSampler {
         found: &mut impl FnMut(GroundSampleRun<'_>),
     );
 
-    /// The same, of valid ones, each for itself.
+    /// The same for valid samples, one by one.
     fn each(&self, bounds: &GeodeticBounds, stride: u32, found: &mut impl FnMut(GroundSample)) {
         self.runs(bounds, stride, &mut |run| run.each(found));
     }
@@ -56,22 +55,22 @@ pub struct HeightPatch<'a> {
     fill: &'a VoidFill,
 }
 
-/// Where samples of a patch are.
+/// Positions of a patch's samples.
 #[derive(Clone, Debug)]
 enum PatchPlaces {
     /// Where columns are meridians and rows parallels.
     Straight { cols: Vec<SampleMeridian>, rows: Vec<SampleParallel> },
     /// Found once, row by row.
     Found(Vec<([f64; 2], EllipsoidNormal)>),
-    /// Found for each that is asked for.
+    /// Computed on request.
     Asked,
 }
 
 impl<'a> HeightPatch<'a> {
-    /// Bytes that are kept of each sample's place, of samples that are looked at again and again.
+    /// Memory in bytes per sample for cached positions.
     pub const PLACE_BYTES: u64 = size_of::<([f64; 2], EllipsoidNormal)>() as u64;
 
-    /// The heights of `rect`, row by row, NaN where void.
+    /// Heights of `rect`, row by row, NaN for voids.
     pub fn new(
         heights: &'a [f64],
         rect: Rect,
@@ -92,7 +91,7 @@ impl<'a> HeightPatch<'a> {
         Self { heights, rect, chart, places, fill }
     }
 
-    /// The same, to be looked at more than once.
+    /// The same with cached positions.
     #[must_use]
     pub fn kept(mut self) -> Self {
         if matches!(self.places, PatchPlaces::Asked) {
@@ -108,7 +107,7 @@ impl<'a> HeightPatch<'a> {
         self
     }
 
-    /// True when a valid sample lies in a rectangle, its border included.
+    /// True if a rectangle, border included, contains a valid sample.
     pub fn holds_any(&self, bounds: &GeodeticBounds) -> bool {
         let [[left, right], [top, bottom]] = self.ranges(bounds);
         let is_one = |col: u32, row: u32| {
@@ -145,8 +144,7 @@ impl<'a> HeightPatch<'a> {
         between(spot.at, self.fill, |[col, row]| self.at(col, row))
     }
 
-    /// Columns and rows that hold all samples in a rectangle, the last ones excluded; where rows are parallels, no
-    /// others.
+    /// Columns and rows of all samples in a rectangle, ends excluded; exact where rows are parallels.
     fn ranges(&self, bounds: &GeodeticBounds) -> [[u32; 2]; 2] {
         if let Some(map) = self.chart.map() {
             let GeodeticBounds { west, south, east, north } = *bounds;
@@ -160,7 +158,7 @@ impl<'a> HeightPatch<'a> {
         })
     }
 
-    /// The samples along an axis that lie from `low` to `high`, both included.
+    /// Samples along an axis from `low` to `high`, both included.
     fn range(&self, map: &Affine, axis: usize, [low, high]: [f64; 2]) -> [u32; 2] {
         let [first, count] = match axis {
             0 => [self.rect.col, self.rect.width],
@@ -263,7 +261,7 @@ impl GroundSampler for HeightPatch<'_> {
     }
 }
 
-/// The samples around a place in columns and rows, and what each counts for; none that counts for nothing.
+/// Samples around a position in columns and rows with their weights; zero weights are omitted.
 pub(crate) fn around([col, row]: [f64; 2]) -> impl Iterator<Item = ([u32; 2], f64)> {
     let ends = |at: f64| {
         let first = at as u32;
@@ -275,7 +273,7 @@ pub(crate) fn around([col, row]: [f64; 2]) -> impl Iterator<Item = ([u32; 2], f6
         .flat_map(move |(row, down)| ends(col).map(move |(col, along)| ([col, row], down * along)))
 }
 
-/// The height at a place in columns and rows, between samples or what stands for them.
+/// Height at a position in columns and rows, from samples or fill.
 pub(crate) fn between(
     at: [f64; 2],
     fill: &VoidFill,
@@ -285,8 +283,8 @@ pub(crate) fn between(
     around(at).map(|(at, part)| part * known(at)).sum()
 }
 
-/// Hands on, for every `stride`-th sample in `rect` at the edge of the grid, the place outside where the ground reaches
-/// the ellipsoid.
+/// Passes on, for every `stride`-th sample in `rect` at the edge of the grid, the position outside where the
+/// ground reaches the ellipsoid.
 pub(crate) fn feet(
     ground: &impl GroundSampler,
     (chart, rect): (&GridGeolocation, Rect),
@@ -297,7 +295,7 @@ pub(crate) fn feet(
         return;
     }
     let parts = [rect.col..rect.end_col(), rect.row..rect.end_row()];
-    // Where rows are parallels feet are on the meridian or parallel of their samples.
+    // Where rows are parallels, these positions are on the meridian or parallel of their samples.
     let near = |axis: usize| match chart.is_bent() {
         true => parts[axis].clone(),
         false => {
@@ -328,51 +326,51 @@ pub(crate) fn feet(
     }
 }
 
-/// Heights that stand for those of voids and of what lies beyond the grid: means of squares of samples, and where
-/// a square has none, of ever larger ones around it. Between the lowest and the highest sample everywhere.
+/// Fill of voids and of the area beyond the grid: means of cells of samples, and for cells without samples,
+/// means of larger cells around. Always between the lowest and the highest sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VoidFill {
     means: Vec<f64>,
     width: u32,
     height: u32,
-    /// Samples along the side of a square.
+    /// Samples along the side of a cell.
     square: u32,
 }
 
-/// The nearest whole number, without a call for what 64 bits hold.
+/// Nearest integer, inlined for 64-bit values.
 #[inline(always)]
 fn whole(value: f64) -> i128 {
     let nearest = value.round();
     if nearest.abs() < 9.2e18 { i128::from(nearest as i64) } else { nearest as i128 }
 }
 
-/// Sums for a [`VoidFill`], of samples in any order.
+/// Sums for a [`VoidFill`], independent of the order of samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VoidFillSums {
-    /// By square: sum in steps of 2^-20 m, so that order does not matter, and count.
+    /// By cell: sum in steps of 2^-20 m (independent of order), and count.
     sums: BTreeMap<u32, (i128, u64)>,
     width: u32,
     height: u32,
     square: u32,
 }
 
-/// Squares along a side, at most.
+/// Largest number of cells along a side.
 const SQUARES: u32 = 128;
-/// Steps that sums of heights are counted in.
+/// Step of summed heights.
 const FRACTION: f64 = (1 << 20) as f64;
 
 impl VoidFillSums {
-    /// Bytes that they take at the most, with those that stand for voids.
+    /// Largest memory in bytes, including the fill.
     pub(crate) const BYTES: u64 = (SQUARES * SQUARES) as u64 * 48;
 
-    /// Of a grid of so many columns and rows.
+    /// For a grid of this many columns and rows.
     pub fn new([width, height]: [u32; 2]) -> Self {
         let square = width.max(height).div_ceil(SQUARES).max(1);
         let [width, height] = [width, height].map(|side| side.div_ceil(square));
         Self { sums: BTreeMap::new(), width, height, square }
     }
 
-    /// Adds a run of samples of a row; those that are not finite are none.
+    /// Adds a run of samples of a row; non-finite values are skipped.
     pub fn add(&mut self, first: u32, row: u32, heights: &[f64]) {
         let (mut col, mut left) = (first, heights);
         while !left.is_empty() {
@@ -400,7 +398,7 @@ impl VoidFillSums {
         other.sums().for_each(|(square, sum, count)| self.sum(square, sum, count));
     }
 
-    /// Squares that have samples in a rectangle.
+    /// Cells with samples in a rectangle.
     pub(crate) fn squares_in(&self, rect: Rect) -> u64 {
         let along = |from: u32, count: u32| match count {
             0 => 0,
@@ -409,18 +407,18 @@ impl VoidFillSums {
         along(rect.col, rect.width) * along(rect.row, rect.height)
     }
 
-    /// What there is: squares, sums and counts.
+    /// Cells with their sums and counts.
     pub(crate) fn sums(&self) -> impl Iterator<Item = (u32, i128, u64)> {
         self.sums.iter().map(|(square, (sum, count))| (*square, *sum, *count))
     }
 
-    /// Adds a sum; `None` where there is no such square, or no such sum.
+    /// Adds a sum; `None` for an invalid cell or sum.
     pub(crate) fn put(&mut self, square: u32, sum: i128, count: u64) -> Option<()> {
         let is_one = square < self.width * self.height && sum.unsigned_abs() >> 100 == 0;
         is_one.then(|| self.sum(square, sum, count))
     }
 
-    /// What stands for voids; `None` without a sample.
+    /// The fill; `None` without samples.
     pub fn fill(&self) -> Option<VoidFill> {
         let sum = |square| self.sums.get(&square).copied().unwrap_or_default();
         let sums: Vec<_> = (0..self.width * self.height).map(sum).collect();
@@ -429,7 +427,7 @@ impl VoidFillSums {
     }
 }
 
-/// The means of sums, those without samples from the sums of four at a time.
+/// Means of sums; empty cells use sums of two by two cells.
 fn filled(sums: &[(i128, u64)], [width, height]: [usize; 2]) -> Option<Vec<f64>> {
     let mean = |(sum, count): &(i128, u64)| *sum as f64 / *count as f64 / FRACTION;
     if sums.iter().all(|(_, count)| *count > 0) {
@@ -453,7 +451,7 @@ fn filled(sums: &[(i128, u64)], [width, height]: [usize; 2]) -> Option<Vec<f64>>
 }
 
 impl VoidFill {
-    /// The lowest and the highest that it may have in a rectangle of samples.
+    /// Range of the fill in a rectangle of samples.
     pub(crate) fn ends(&self, rect: Rect) -> [f64; 2] {
         let along = |first: u32, count: u32, most: u32| {
             let last = (first + count - 1) / self.square + 1;
@@ -468,7 +466,7 @@ impl VoidFill {
         })
     }
 
-    /// At a place of the grid, in samples; beyond the grid as at its border.
+    /// At a position in samples; beyond the grid as at its border.
     pub fn at(&self, place: [f64; 2]) -> f64 {
         let along = |axis: usize, count: u32| {
             let place = (place[axis] + 0.5) / f64::from(self.square) - 0.5;

@@ -1,14 +1,13 @@
-//! What clients need to know of a tile before they draw it: a sphere around it, and the point that is below the
-//! horizon when all of it is.
+//! Culling data of a tile: bounding sphere and horizon occlusion point.
 
 use crate::globe::{EQUATOR, POLE, Vector};
 
-/// Part of the radius of a sphere that covers rounding.
+/// Relative margin of a radius for rounding.
 const SLACK: f64 = 1e-12;
-/// How far out the occlusion point of what can always be seen is, in radii of the earth.
+/// Distance of the occlusion point of an always visible tile, in radii of the earth.
 const ALWAYS: f64 = 1e6;
 
-/// The middle of the box around points, and the distance of the furthest of them from it.
+/// Centre of the bounding box of points, and the largest distance from it.
 pub(crate) fn sphere(points: &[Vector]) -> (Vector, f64) {
     let end = |start: f64, choose: fn(f64, f64) -> f64| {
         let far = |end: [f64; 3], p: &Vector| std::array::from_fn(|i| choose(end[i], p.0[i]));
@@ -19,9 +18,9 @@ pub(crate) fn sphere(points: &[Vector]) -> (Vector, f64) {
     (centre, radius + EQUATOR * SLACK)
 }
 
-/// The point above the middle of a tile that is hidden by the earth only where all points are, in radii of the
-/// ellipsoid. Where the lowest height is below it, clients shrink the ellipsoid by as much, though not all do: it is
-/// below the horizon of both.
+/// Point above the centre of a tile that is hidden by the earth only if all points are, in radii of the
+/// ellipsoid. If the lowest height is below the ellipsoid, some clients shrink the ellipsoid accordingly: the
+/// point is below the horizon of both.
 ///
 /// A point at distance `m` is hidden where the line from the eye to it touches the unit sphere at an angle of
 /// acos(1 / m) from it or later; so what lies over the middle must be as far out as that line is there.
@@ -38,7 +37,7 @@ pub(crate) fn occlusion(centre: Vector, points: &[Vector], lowest: f64) -> Vecto
         let [cos, sin] = [direction.dot(towards), direction.cross(towards).length()];
         let (near, far) = (1.0 / length, (length * length - 1.0).sqrt() / length);
         let down = cos * near - sin * far;
-        // Beyond a quarter of the earth there is no such place.
+        // There is no such point beyond a quarter of the earth.
         if down > 1.0 / ALWAYS { 1.0 / down } else { ALWAYS }
     };
     let both = points.iter().flat_map(|point| [below, 0.0].map(|by| scaled(*point, by)));

@@ -1,45 +1,43 @@
-//! What all tiles of a level have in common: the error that is allowed, the lattice of heights, and how finely
-//! the ground is looked at.
+//! Properties of all tiles of a level: error bound, lattice of heights, and sampling of the ground.
 
 use crate::globe::EQUATOR;
 use crate::tiling;
 
-/// Samples that a tile has along a side when it is first made, at least, where there are as many.
+/// Smallest number of samples along a side of a new tile, if available.
 const FINENESS: f64 = 256.0;
-/// Steps of heights in the error of a level, at least.
+/// Smallest number of height steps in the error of a level.
 const STEPS_OF_ERROR: f64 = 32.0;
-/// Units that the kernel counts in, in a step of heights.
+/// Kernel units per height step.
 const UNITS: f64 = 64.0;
-/// Part of a level's error that a triangle may be off by because it is flat and the earth is not, where nothing
-/// is known that could tell.
+/// Share of a level's error for flat triangles on the curved earth, where no data constrain it.
 const SAG: f64 = 0.25;
-/// Part of a level's error that borders of tiles may take, as what is beside them adds to it.
+/// Share of a level's error for borders, because errors beside them add up.
 const OF_BORDERS: f64 = 0.75;
-/// Part of a level's error that goes into rounding positions to steps.
+/// Share of a level's error for the rounding of positions.
 const OF_ROUNDING: f64 = 0.01;
-/// Whole numbers that single precision holds, less what rounding and the rounded centre of a tile take.
+/// Integers in single precision, minus the rounding of a tile and its centre.
 const SINGLE: f64 = ((1_u32 << 24) - 4) as f64;
-/// Steps of positions in the error of a level, at least.
+/// Smallest number of position steps in the error of a level.
 const STEPS_OF_POSITION: f64 = 32.0;
-/// Steps of heights up or down, so that single precision holds the lowest and the highest of each tile.
+/// Largest number of height steps up or down, so that single precision holds the range of each tile.
 const MOST_STEPS: f64 = 8_000_000.0;
-/// Metres for a metre from which on the ground is steep.
+/// Slope in metres per metre above which the ground is steep.
 const STEEP: f64 = 16.0;
-/// Steps of heights in a tile, less those of skirts.
+/// Height steps of a tile, minus those of skirts.
 const STEPS_OF_TILE: f64 = 32_000.0;
 
-/// What a level has to hold of the ground.
+/// Requirements of the ground on a level.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LevelRelief {
-    /// Metres up or down from the ellipsoid, at the most.
+    /// Largest magnitude of a height in metres.
     pub reach: f64,
-    /// Metres between the lowest and the highest vertex of a tile, at the most.
+    /// Largest range of vertex heights of a tile in metres.
     pub range: f64,
-    /// Metres of error below which tiles would have too many vertices.
+    /// Error in metres below which tiles would have too many vertices.
     pub rough: f64,
-    /// Metres that places of samples may be off by.
+    /// Error of sample positions in metres.
     pub doubt: f64,
-    /// Metres between the heights of two neighbouring samples, at the most.
+    /// Largest height difference of neighbouring samples in metres.
     pub jump: f64,
 }
 
@@ -48,32 +46,32 @@ pub struct LevelRelief {
 pub struct TileLevel {
     /// Its number.
     pub level: u8,
-    /// Metres that clients assume it to be off by.
+    /// Geometric error in metres, as assumed by clients.
     pub assumed: f64,
-    /// Metres that samples are brought within, as far as positions tell them apart: what clients assume, or more where
-    /// the ground is so rough that tiles would have too many vertices, or so high that steps are too large.
+    /// Error bound of samples in metres: the geometric error, or more where rough ground would need too many
+    /// vertices, or where the height range needs larger steps.
     pub tolerance: f64,
-    /// Metres of a step of heights: a power of two. All heights of the level are whole numbers of it.
+    /// Height step in metres, a power of two. All heights of the level are multiples of it.
     pub step: f64,
-    /// Every how manieth sample, of columns and of rows, a tile is first made of.
+    /// Stride of columns and rows for the first vertices of a tile.
     pub stride: u32,
-    /// Parts that the sides of each tile are divided into, so that triangles follow the bend of the earth.
+    /// Subdivision of a tile's sides, to follow the curvature of the earth.
     pub posts: u32,
-    /// Degrees across which slopes are told.
+    /// Distance in degrees for slopes.
     pub slope: f64,
-    /// Metres that all earth-centred coordinates of vertices are whole numbers of, where clients decode such: a power
+    /// Step in metres of earth-centred vertex coordinates, a power of two, for clients that decode them.
     /// of two.
     pub lattice: Option<f64>,
-    /// Steps of heights that skirts hang down, where tiles have such.
+    /// Depth of skirts in height steps, if any.
     pub skirt: i32,
-    /// Metres that places of samples may be off by: the steeper a triangle, the more a sample may be further from it.
+    /// Error of sample positions in metres: it adds to the vertical error on steep triangles.
     pub doubt: f64,
-    /// The ground is so steep that vertices lie next to each other.
+    /// The ground is so steep that adjacent positions may both be vertices.
     pub is_steep: bool,
 }
 
 impl TileLevel {
-    /// Level `level` of a ground whose samples are so many degrees apart.
+    /// Level `level` for a sample spacing in degrees.
     pub fn new(level: u8, spacing: f64, relief: &LevelRelief) -> Self {
         let assumed = tiling::level_error(level);
         let step = power_below(assumed / STEPS_OF_ERROR)
@@ -87,8 +85,8 @@ impl TileLevel {
         let posts = power_above(arc / chord).max(1.0) as u32;
         let slope = spacing * f64::from(stride);
         let tolerance = assumed.max(relief.rough).max(2.0 * step);
-        // Neighbours become vertices where they are a good part of the error apart, or where the place of a sample is
-        // rounded by more than that.
+        // Neighbouring samples become vertices if they differ by a large share of the error, or if rounding of
+        // positions changes heights by more than that.
         let samples = tiling::degrees(level) / f64::from(tiling::STEPS) / spacing;
         let is_high = relief.jump * (4.0 * samples).max(1.0) > assumed / 4.0;
         let is_steep = is_high && relief.jump > STEEP * spacing.to_radians() * EQUATOR;
@@ -108,33 +106,33 @@ impl TileLevel {
         }
     }
 
-    /// Metres that a border may differ by from one of the next coarser level, less those of that one.
+    /// Largest difference in metres of a border from that of the next coarser level, without its own error.
     pub fn apart(&self) -> f64 {
         self.assumed.max(self.step)
     }
 
-    /// The same level with skirts as deep as borders of it and the next coarser level may differ.
+    /// The same level with skirts as deep as the largest difference from borders of the next coarser level.
     #[must_use]
     pub fn with_skirts(self, coarser: Option<&Self>) -> Self {
         let apart = self.apart() + coarser.map_or(0.0, Self::apart);
         Self { skirt: (apart / self.step).ceil() as i32, ..self }
     }
 
-    /// Metres that skirts hang down.
+    /// Depth of skirts in metres.
     pub fn skirt_depth(&self) -> f64 {
         f64::from(self.skirt) * self.step
     }
 
-    /// The same level for clients that decode earth-centred coordinates, of heights in a range: on the finest lattice
-    /// on which those of a tile, counted from its middle, are exact in single precision. Vertices of two tiles that
-    /// are at one place are then decoded to one point, bit by bit.
+    /// The same level for clients that decode earth-centred coordinates, for heights in a range: on the finest
+    /// lattice that is exact in single precision relative to the centre of a tile. Identical vertices of two
+    /// tiles then decode to identical points.
     ///
-    /// Where that is coarse, steps of heights and the tolerance are, too.
+    /// A coarse lattice also makes height steps and tolerance coarse.
     #[must_use]
     pub fn on_lattice(self, range: [f64; 2]) -> Self {
         let [low, high] = [range[0] - self.skirt_depth(), range[1]];
         let earth = EQUATOR + high.max(0.0);
-        // A tile lies within a square as wide as it is at the equator, and within the earth.
+        // A tile fits in a square as wide as at the equator, and in the earth.
         let arc = tiling::degrees(self.level).to_radians() * earth;
         let across = (arc * 2_f64.sqrt()).min(2.0 * earth) + (high - low) + 2.0 * self.step;
         let lattice = power_above(across / 2.0 / SINGLE);
@@ -144,17 +142,17 @@ impl TileLevel {
         Self { lattice: Some(lattice), step, tolerance, skirt, ..self }
     }
 
-    /// Metres that the kernel counts in.
+    /// Kernel unit in metres.
     pub(crate) fn unit(&self) -> f64 {
         self.step / UNITS
     }
 
-    /// Metres that the kernel may be off by, so that what it makes is within the tolerance once it is rounded.
+    /// Tolerance of the kernel in metres, so that the rounded result is within the tolerance.
     pub(crate) fn goal(&self) -> f64 {
         self.off(self.tolerance)
     }
 
-    /// The same along borders, which are no further off than clients assume, so that they meet those of other levels.
+    /// The same along borders, at most the geometric error, so that they meet those of other levels.
     pub(crate) fn border_goal(&self) -> f64 {
         (self.off(self.assumed) * OF_BORDERS).max(0.0)
     }
@@ -169,14 +167,14 @@ impl TileLevel {
     }
 }
 
-/// The deepest level that shows more than a coarser one would: where a tile has no more than 64 samples, so many
-/// degrees apart, along a side.
+/// Deepest level with more detail than a coarser one: tiles have at most 64 samples, this many degrees apart,
+/// along a side.
 pub fn deepest_for(spacing: f64) -> u8 {
     let is_fine = |level: &u8| tiling::degrees(*level) <= 64.0 * spacing * (1.0 + 1e-9);
     (0..tiling::DEEPEST).find(is_fine).unwrap_or(tiling::DEEPEST)
 }
 
-/// The nearest whole number, without the call that rounding takes on processors of all kinds.
+/// Nearest integer, inlined on all processors.
 pub(crate) fn nearest(value: f64) -> i32 {
     /// Makes all values positive that are in reach.
     const UP: f64 = (1_u64 << 31) as f64;

@@ -1,19 +1,19 @@
-//! Tiles of a globe's terrain at every level of detail, each with a proven error.
+//! Terrain tiles of a globe at all levels of detail, each with a proven error.
 //!
-//! A tile is a mesh of places in degrees and heights in metres, rounded to a lattice; a client draws flat triangles
-//! between them, on the bent earth. The error of a tile is the largest vertical distance of any sample under it
-//! from what is drawn: rounding and bend are in it. No tile is further off than clients take its level to be, where
-//! positions can tell its samples apart.
+//! A tile is a mesh of positions in degrees and heights in metres, rounded to a lattice; clients draw flat
+//! triangles between them on the curved earth. The error of a tile is the largest vertical distance of a sample
+//! in it from the drawn surface, including rounding and curvature. It is at most the geometric error of the
+//! level, where positions can distinguish the samples.
 //!
-//! - Borders are chosen from what lies on them alone, and heights of a level are on one lattice, so tiles beside
-//!   each other have the same border, bit by bit ([`TileLevel`], `border`).
-//! - Within, the sample that is furthest off becomes a vertex (Garland & Heckbert 1995) until all are near enough;
-//!   the kernel counts heights from a plane, so it knows of the bend ([`build`]).
-//! - Then every sample is measured against the surface as it is decoded, along what is upright there ([`TileShell`]);
-//!   those beyond the error become vertices, and all are measured again.
+//! - Borders depend only on data on the border, and heights of a level are on one lattice, so neighbouring
+//!   tiles have identical borders ([`TileLevel`], `border`).
+//! - Inside, the sample with the largest error becomes a vertex (Garland & Heckbert 1995) until all errors are
+//!   small enough; the kernel uses heights above a plane, which accounts for curvature ([`build`]).
+//! - Then every sample is measured against the decoded surface, along its vertical ([`TileShell`]); samples
+//!   beyond the error become vertices, and all are measured again.
 //!
-//! Voids are spanned by triangles between what is known and means of what is around ([`VoidFill`]); beyond the grid the
-//! ground falls from its edge to the ellipsoid, or goes on level ([`GridGeolocation::sloping`]).
+//! Voids are bridged by triangles between known samples and local means ([`VoidFill`]); beyond the grid the
+//! ground descends from its edge to the ellipsoid, or continues level ([`GridGeolocation::sloping`]).
 
 mod border;
 mod chart;

@@ -1,5 +1,5 @@
-//! How far samples are from the surface of a tile as a client decodes it: flat triangles between places on and
-//! above the ellipsoid, looked at along what is upright at each sample.
+//! Distance of samples from the decoded surface of a tile: flat triangles between positions on and above the
+//! ellipsoid, measured along the vertical of each sample.
 
 use std::collections::BTreeMap;
 
@@ -11,36 +11,36 @@ use crate::run::{GroundSample, GroundSampleRun, SampleMeridian, SampleParallel, 
 use crate::tile::{TileErrorMeasure, TileVertex};
 use crate::tiling::{GlobeTileId, STEPS};
 
-/// Degrees from the equator beyond which meridians are too close to each other for planes.
+/// Latitude beyond which meridians are too close to each other for planes.
 const FAR_NORTH: f64 = 80.0;
-/// Triangles that are looked at for a block, at most.
+/// Largest number of triangles for a block.
 const MOST_FACETS: usize = 24;
 
-/// Metres from the axis of the earth within which a vertex is a pole.
+/// Distance from the axis of the earth in metres below which a vertex is a pole.
 const POLAR: f64 = 1e-6;
 
 /// No triangle.
 const NONE: u32 = u32::MAX;
 
-/// Metres that all that is rounded is far below.
+/// Bound of all rounding errors in metres.
 const HAIR: f64 = 1e-6;
 
-/// A triangle above a parallel. A sample there lies on the line through it along what is upright, which meets the axis
-/// of the earth at one place for all of the parallel. Seen from there, each side and the triangle itself are planes
-/// through the origin or beside it: which side of them a sample is on is a sum of three products.
+/// A triangle for samples of a parallel. A sample lies on its vertical, and the verticals of a parallel meet
+/// the axis of the earth in one point. Seen from there, each side and the triangle are planes through or near
+/// the origin: the side test of a sample is a sum of three products.
 struct ParallelFacet {
     /// What the cosine and the sine of a longitude are multiplied by, and what is added: of each side, where samples
     /// within are positive by more than is rounded; and of the triangle, how steep it is.
     along: [[f64; 4]; 3],
-    /// How far the triangle is from the place on the axis, by how steep it is.
+    /// Distance of the triangle from the point on the axis, times its slope.
     plane: f64,
-    /// What may be rounded of that.
+    /// Rounding error of that distance.
     doubt: f64,
     bend: f64,
 }
 
 impl ParallelFacet {
-    /// Of samples that are within `tolerance` metres of the triangle.
+    /// For samples within `tolerance` metres of the triangle.
     fn new(facet: &TileFacet, parallel: &SampleParallel, tolerance: f64) -> Self {
         let TileFacet { corners, across, .. } = facet;
         let SampleParallel { turn: lat, bend, .. } = *parallel;
@@ -60,7 +60,7 @@ impl ParallelFacet {
         Self { along, plane, doubt: HAIR * across.length(), bend }
     }
 
-    /// Whether a sample surely lies in the triangle and less than `limit` metres from it.
+    /// Whether a sample certainly lies in the triangle and within `limit` metres of it.
     #[inline]
     fn is_near(&self, lon: SinCos, height: f64, limit: f64) -> bool {
         let [x, y, z] = &self.along;
@@ -71,26 +71,26 @@ impl ParallelFacet {
     }
 }
 
-/// The surface of a tile.
+/// Surface of a tile.
 pub struct TileShell {
     id: GlobeTileId,
     facets: Vec<TileFacet>,
-    /// A triangle for each square of positions, to start from.
+    /// Start triangle for each cell of positions.
     starts: Vec<u32>,
     squares: usize,
     last: u32,
-    /// Where triangles lie above each other, as some of them are turned over.
+    /// Overlapping triangles, if some are reversed.
     folds: Option<FoldedTriangles>,
     doubt: f64,
-    /// The lowest and the highest vertex at the south pole, and at the north pole.
+    /// Lowest and highest vertex at the south pole, and at the north pole.
     poles: [[f64; 2]; 2],
     measure: TileErrorMeasure,
-    /// By triangle, the sample that is furthest off, of those beyond the tolerance.
+    /// By triangle, the sample with the largest error beyond the tolerance.
     beyond: BTreeMap<u32, (f64, GroundSample)>,
 }
 
 impl TileShell {
-    /// Of vertices, where they are, and triangles with those across from each corner.
+    /// From vertices, their points, and triangles with neighbours opposite each corner.
     pub(crate) fn new(
         id: GlobeTileId,
         level: &TileLevel,
@@ -121,7 +121,7 @@ impl TileShell {
         Self { id, facets, starts, squares, last, folds, doubt, poles, measure, beyond }
     }
 
-    /// Measures a sample, and notes it where it is further off than the tolerance.
+    /// Measures a sample, and records it if its error exceeds the tolerance.
     pub fn add(&mut self, sample: GroundSample, tolerance: f64) {
         let frame = EastNorthUpFrame::new(&sample.upright, sample.height);
         let (facet, seen) = self.facet(&sample, &frame);
@@ -130,7 +130,7 @@ impl TileShell {
             false => {
                 let here = &self.facets[facet as usize];
                 match &self.folds {
-                    // On a side it is as far from both triangles: a wall on one of them says nothing.
+                    // On a side both triangles have the same distance: a vertical one gives none.
                     None => {
                         let twins = (0..3).zip(here.twins).filter(|(_, twin)| *twin != NONE);
                         let beside =
@@ -149,7 +149,7 @@ impl TileShell {
                 }
             }
         };
-        // What is no number must not count for none.
+        // NaN must not count as 0.
         let off = if off.is_nan() { f64::INFINITY } else { off };
         self.measure.samples += 1;
         self.measure.largest = self.measure.largest.max(off);
@@ -158,7 +158,7 @@ impl TileShell {
         }
     }
 
-    /// Measures samples, each as [`add`](Self::add) does.
+    /// Measures samples, each as by [`add`](Self::add).
     pub fn add_run(&mut self, run: &GroundSampleRun<'_>, tolerance: f64) {
         match run {
             GroundSampleRun::Row(row) if row.stride == 1 => self.add_row(row, tolerance),
@@ -166,7 +166,8 @@ impl TileShell {
         }
     }
 
-    /// Most samples lie in the triangle of the one before and are nearer to it than another was: they are only counted.
+    /// Most samples lie in the triangle of the previous sample and have a smaller error than another: they are
+    /// only counted.
     fn add_row(&mut self, row: &SampleRow<'_>, tolerance: f64) {
         let mut from = 0;
         while let Some(column) = row.columns.get(from) {
@@ -182,7 +183,7 @@ impl TileShell {
         }
     }
 
-    /// How many samples after the last one need not be looked at.
+    /// Number of samples after the last one that need no test.
     fn near(
         &self,
         parallel: &SampleParallel,
@@ -199,15 +200,15 @@ impl TileShell {
         samples.take_while(|(column, height)| strip.is_near(column.turn, **height, limit)).count()
     }
 
-    /// A pole is one place with as many heights as there are vertices: the furthest counts.
+    /// A pole is one position with the heights of several vertices: the largest distance counts.
     fn off_pole(&self, sample: &GroundSample) -> f64 {
         let [low, high] = self.poles[usize::from(sample.place[1] > 0.0)];
         (sample.height - low).abs().max((sample.height - high).abs())
     }
 
-    /// Measures a block of so many samples at once, none of which is further than `off` from the plane through
-    /// `corners`, whose places are within `bow` of a flat surface: where none can be beyond the tolerance, they count
-    /// with what they are off by at the most. `false` where that is not so.
+    /// Measures a block of samples at once. All are within `off` of the plane through `corners`, whose
+    /// positions are within `bow` of a flat surface. If none can exceed the tolerance, they count with their
+    /// upper bound; `false` otherwise.
     pub fn add_block(
         &mut self,
         corners: &[GroundSample; 4],
@@ -217,7 +218,7 @@ impl TileShell {
     ) -> bool {
         let points = corners.each_ref().map(|corner| corner.upright.point(corner.height));
         let Some((most, steep)) = self.furthest(corners, &points) else { return false };
-        // The earth bends between the corners, which a plane does not.
+        // Between the corners the earth is curved, unlike a plane.
         let across = (points[2] - points[0]).length().max((points[3] - points[1]).length());
         let most = most + off + across * across / (4.0 * POLE) + bow * steep;
         let is_far = most > tolerance || corners[0].place[1].abs() > FAR_NORTH;
@@ -229,9 +230,9 @@ impl TileShell {
         true
     }
 
-    /// The largest vertical distance of any corner from the plane of any triangle that reaches below a block, and how
-    /// far up one of them goes along a step in any direction; `None` where there are many, or a corner is beyond the
-    /// border: parallels bend, and the sides of triangles on them do not.
+    /// Largest vertical distance of a corner from the plane of a triangle that touches a block, and the
+    /// steepest slope per step in any direction; `None` for many triangles, or a corner outside the border:
+    /// parallels are curved, sides of triangles are not.
     fn furthest(
         &mut self,
         corners: &[GroundSample; 4],
@@ -256,7 +257,7 @@ impl TileShell {
         while let Some(number) = open.pop() {
             let facet = &self.facets[number as usize];
             let TileFacet { corners: ends, twins, .. } = facet;
-            // The first one has a corner in it, whatever is rounded.
+            // The first triangle contains a corner, up to rounding.
             if number != first && !meets(ends.map(flat), &quad) {
                 continue;
             }
@@ -276,7 +277,7 @@ impl TileShell {
         Some((most, steep))
     }
 
-    /// Of each triangle the furthest sample is noted, so that few become vertices.
+    /// Records the sample with the largest error of each triangle, so that few become vertices.
     fn note(&mut self, facet: u32, off: f64, sample: GroundSample) {
         let noted = self.beyond.entry(facet).or_insert((off, sample));
         if noted.0 < off {
@@ -284,8 +285,7 @@ impl TileShell {
         }
     }
 
-    /// The triangle that the line upright at a sample goes through: a walk over the edges that it is beyond; at
-    /// the border of the tile it ends.
+    /// Triangle on the vertical of a sample: a walk across edges, which ends at the border of the tile.
     fn facet(&mut self, sample: &GroundSample, frame: &EastNorthUpFrame) -> (u32, FacetView) {
         let mut now = self.last;
         let mut steps = 0;
@@ -350,7 +350,7 @@ impl TileShell {
     ) -> Option<(u32, usize)> {
         let here = &self.facets[facet as usize];
         let [a, b] = [1, 2].map(|k| here.corners[(corner + k) % 3]);
-        // Above zero where the sample is before the first end, and beyond the other one.
+        // Positive if the sample is before the first end, and past the other one.
         let [before, beyond] = if here.on_parallel[corner] {
             let turn = |Vector([ax, ay, _]): Vector, Vector([bx, by, _]): Vector| ax * by - ay * bx;
             let (east, normal) = (turn(a, b), sample.upright.normal);
@@ -359,7 +359,7 @@ impl TileShell {
             let [from, to] = [a, b].map(|end| frame.look(end)[1]);
             [from * (to - from), to * (from - to)]
         };
-        // Of a corner: those that come after it, counter-clockwise, of the side at hand and of the next one.
+        // For a corner: its counter-clockwise successors on the current side and on the next.
         let (pivot, [first, next]) = if beyond > 0.0 {
             (b, [1, 2])
         } else if before > 0.0 {
@@ -376,7 +376,7 @@ impl TileShell {
                 side = (corners.iter().position(|at| *at == pivot)? + next) % 3;
                 continue;
             }
-            // Beyond a corner of the tile, the side on a parallel counts before that on a meridian.
+            // Beyond a corner of the tile, the side on a parallel has priority over the one on a meridian.
             let is_same = there.on_parallel[side] == here.on_parallel[corner];
             let is_first = there.on_parallel[side] && self.holds(now, frame);
             return (is_same || is_first).then_some((now, side));
@@ -401,15 +401,16 @@ impl TileShell {
         self.starts[square(v) * self.squares + square(u)]
     }
 
-    /// What was measured, and the samples that are beyond the tolerance: of each triangle the furthest.
+    /// Measured errors, and for each triangle the sample with the largest error beyond the tolerance.
     pub fn end(self) -> (TileErrorMeasure, Vec<GroundSample>) {
         let beyond = self.beyond.into_values().map(|(_, sample)| sample).collect();
         (self.measure, beyond)
     }
 }
 
-/// At a pole all of a border is one place, and a triangle with two corners there is a line: it is taken out from
-/// between those beside it. The lowest and the highest vertex at both poles, and which triangles were taken out.
+/// At a pole a whole border is one position, and a triangle with two corners there is degenerate: it is
+/// unlinked from its neighbours. Returns the lowest and the highest vertex at both poles, and the unlinked
+/// triangles.
 fn flatten(
     points: &[Vector],
     triangles: &mut [([u32; 3], [u32; 3])],
@@ -446,14 +447,14 @@ fn flatten(
     (poles, is_flat)
 }
 
-/// Whether a triangle, counter-clockwise, may have a place in common with a quadrilateral: no edge of the triangle
-/// has all of it on its right, and the boxes around both meet.
+/// Whether a counter-clockwise triangle may intersect a quadrilateral: no edge of the triangle has it entirely
+/// on the right, and the bounding boxes intersect.
 fn meets(triangle: [[f64; 2]; 3], quad: &[[f64; 2]; 4]) -> bool {
     let ends = |points: &[[f64; 2]], axis: usize| {
         let all = points.iter().map(|point| point[axis]);
         all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
     };
-    // Part of the size, so that rounding and what the earth bends never part them.
+    // Margin for rounding and for the curvature of the earth.
     let [width, height] = [0, 1].map(|axis| ends(quad, axis)).map(|[low, high]| high - low);
     let slack = width.max(height) * SLACK;
     let apart = |axis: usize| {
@@ -469,7 +470,7 @@ fn meets(triangle: [[f64; 2]; 3], quad: &[[f64; 2]; 4]) -> bool {
     !(apart(0) || apart(1) || (0..3).any(beside))
 }
 
-/// Part of a block's size by which triangles may be beside it and still count as meeting it.
+/// Tolerance for triangles beside a block, relative to its size.
 const SLACK: f64 = 0.05;
 
 #[cfg(test)]

@@ -1,11 +1,11 @@
-//! What the samples of a bent grid lie in, how far apart they are, and where lines cross them.
+//! Bounds of a bent grid's samples, their spacing, and crossings of lines with rows and columns.
 
 use crate::globe::{EQUATOR, EllipsoidNormal, SinCos, Vector};
 use crate::table::CubicTable;
 use crate::tiling::GeodeticBounds;
 use terrane_base::error::{Error, Result};
 
-/// Degrees, as along the equator, between samples that are nearest to each other.
+/// Smallest spacing of samples in degrees along the equator.
 pub(crate) fn spacing(upright: &CubicTable<3>) -> f64 {
     let [cols, rows] = upright.parts.map(|parts| parts as usize);
     let mut least = f64::INFINITY;
@@ -23,7 +23,7 @@ pub(crate) fn spacing(upright: &CubicTable<3>) -> f64 {
     least.to_degrees()
 }
 
-/// What all samples lie in.
+/// Bounds of all samples.
 ///
 /// # Errors
 /// Samples on both sides of 180 degrees.
@@ -40,8 +40,8 @@ pub(crate) fn outline(
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     for side in [across(0), across(height - 1), down(0), down(width - 1)] {
         if side.windows(2).any(|two| (two[0][0] - two[1][0]).abs() > 180.0) {
-            return Err(Error::unsupported("lies across 180 degrees, or around a pole")
-                .remedy("take what lies on either side for itself"));
+            return Err(Error::unsupported("crosses 180 degrees or contains a pole")
+                .remedy("split it there"));
         }
         for place in side {
             for axis in 0..2 {
@@ -49,7 +49,7 @@ pub(crate) fn outline(
             }
         }
     }
-    // Sides bow out a little between samples, and those within may lie behind that.
+    // Sides bulge a little between samples, and inner samples may lie behind them.
     let bow = 1e-11 + spacing * spacing / 10.0;
     Ok(GeodeticBounds {
         west: (low[0] - bow).max(-180.0),
@@ -59,15 +59,15 @@ pub(crate) fn outline(
     })
 }
 
-/// Where whole numbers are along a part of a line, if numbers grow or shrink evenly from one end to the other; few.
+/// Integer crossings along a part of a line, for a linear function; few.
 pub(crate) fn crossings([a, b]: [f64; 2], [from, to]: [f64; 2]) -> impl Iterator<Item = f64> {
     let (first, last) = (from.min(to).floor() + 1.0, from.max(to).ceil() - 1.0);
-    // Numbers of places that have none are no numbers.
+    // NaN positions have no crossings.
     let count = if last - first < 4.0 { (last - first + 1.0).max(0.0) as u32 } else { 0 };
     (0..count).map(move |i| a + (b - a) * ((first + f64::from(i) - from) / (to - from)))
 }
 
-/// Metres from one place to another, along the meridian and then along the parallel of the second.
+/// Metres between two positions, along the meridian and then along the parallel of the second.
 pub(crate) fn metres(from: [f64; 2], to: [f64; 2]) -> f64 {
     let [x, y] = [0, 1].map(|axis: usize| (from[axis] - to[axis]).abs().to_radians());
     (x * SinCos::of(to[1]).cos + y) * EQUATOR

@@ -1,10 +1,9 @@
-//! The buffer of a file of glTF and what is said of its parts: as they are, or compressed
-//! (EXT_meshopt_compression, of which every number comes back as it was).
+//! The buffer of a glTF file and its views: uncompressed, or compressed losslessly (EXT_meshopt_compression).
 
 use meshoptimizer_rs::{self as meshopt, codec};
 use terrane_base::error::{Error, ErrorKind, Result};
 
-/// The name of the extension.
+/// Name of the extension.
 pub(crate) const MESHOPT: &str = "EXT_meshopt_compression";
 
 pub(crate) const ARRAYS: u32 = 34962;
@@ -15,21 +14,21 @@ const U16: u32 = 5123;
 const U32: u32 = 5125;
 const FLOAT: u32 = 5126;
 
-/// Bits of a number of a normal.
+/// Bits of a normal's component.
 const NORMAL_BITS: u32 = 8;
 
-/// The buffer, and what is said of its parts.
+/// The buffer and its views.
 #[derive(Default)]
 pub(crate) struct TileBufferBuilder {
     is_packed: bool,
     pub(crate) bytes: Vec<u8>,
-    /// Bytes of all parts once they are unpacked.
+    /// Size in bytes of all views after decompression.
     unpacked: usize,
     pub(crate) views: Vec<String>,
     pub(crate) accessors: Vec<String>,
 }
 
-/// Elements of a part: their bytes one after another, and how these are compressed.
+/// Elements of a view: their bytes, and how these are compressed.
 struct BufferElements<'a> {
     bytes: &'a [u8],
     stride: usize,
@@ -44,12 +43,12 @@ enum TilePartMode<'a> {
 }
 
 impl TileBufferBuilder {
-    /// With nothing in it; what is added is compressed if `is_packed`.
+    /// Empty; added data is compressed if `is_packed`.
     pub(crate) fn new(is_packed: bool) -> Self {
         Self { is_packed, ..Self::default() }
     }
 
-    /// What is said of the buffers.
+    /// JSON of the buffers.
     pub(crate) fn buffers(&self) -> String {
         let (bytes, unpacked) = (self.bytes.len(), self.unpacked);
         let fallback = format!(
@@ -58,7 +57,7 @@ impl TileBufferBuilder {
         format!(r#"{{"byteLength":{bytes}}}{}"#, if self.is_packed { &fallback } else { "" })
     }
 
-    /// Adds an accessor of all of a new view; its number.
+    /// Adds a view and an accessor for all of it; returns its index.
     fn add(&mut self, elements: &BufferElements<'_>, target: u32, what: &str) -> Result<usize> {
         let target = if target == 0 { String::new() } else { format!(r#","target":{target}"#) };
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
@@ -76,7 +75,7 @@ impl TileBufferBuilder {
         Ok(number)
     }
 
-    /// Compresses elements; what is said of their view.
+    /// Compresses elements; returns the JSON of their view.
     fn pack(&mut self, elements: &BufferElements<'_>, at: usize, target: &str) -> Result<String> {
         let BufferElements { bytes, stride, mode } = elements;
         let packed = mode.pack(bytes, *stride).map_err(|error| {
@@ -101,7 +100,7 @@ impl TileBufferBuilder {
         ))
     }
 
-    /// Adds attributes as they are; with `has_ends`, the least and the greatest of them are said.
+    /// Adds attributes; with `has_ends`, with minimum and maximum.
     pub(crate) fn floats<const N: usize>(
         &mut self,
         kind: &str,
@@ -116,7 +115,7 @@ impl TileBufferBuilder {
         self.add(&BufferElements { bytes: &bytes, stride: 4 * N, mode }, ARRAYS, &what)
     }
 
-    /// Adds positions in whole numbers; if `is_part`, they stand for parts of the largest one.
+    /// Adds integer positions; normalized if `is_part`.
     pub(crate) fn positions(&mut self, values: &[[u16; 3]], is_part: bool) -> Result<usize> {
         let bytes: Vec<u8> = values
             .iter()
@@ -130,7 +129,7 @@ impl TileBufferBuilder {
         self.add(&BufferElements { bytes: &bytes, stride: 8, mode }, ARRAYS, &what)
     }
 
-    /// Adds parts of 32,767.
+    /// Adds fractions of 32,767.
     pub(crate) fn shares(&mut self, values: &[[i16; 2]]) -> Result<usize> {
         let bytes: Vec<u8> = values.as_flattened().iter().flat_map(|v| v.to_le_bytes()).collect();
         let count = values.len();
@@ -140,7 +139,7 @@ impl TileBufferBuilder {
         self.add(&BufferElements { bytes: &bytes, stride: 4, mode }, ARRAYS, &what)
     }
 
-    /// Adds directions, of which a byte holds each number.
+    /// Adds directions with one byte per component.
     pub(crate) fn directions(&mut self, values: &[[f32; 3]]) -> Result<usize> {
         let four: Vec<f32> = values.iter().flat_map(|[x, y, z]| [*x, *y, *z, 0.0]).collect();
         let count = values.len();
@@ -195,7 +194,7 @@ impl TilePartMode<'_> {
     }
 }
 
-/// The least and the greatest of elements along each axis, as an accessor says them.
+/// Minimum and maximum of elements along each axis, for an accessor.
 fn ends<T: Copy + PartialOrd + std::fmt::Display, const N: usize>(values: &[[T; N]]) -> String {
     let along = |axis: usize, is_before: fn(&T, &T) -> bool| {
         let found = values.iter().map(|value| value[axis]);

@@ -1,4 +1,4 @@
-//! Samples of the ground, and those that are handed on together, so that what they have in common is found once.
+//! Samples of the ground, grouped so that common values are computed once.
 
 use crate::globe::{EllipsoidNormal, SinCos, bend};
 
@@ -9,7 +9,7 @@ pub struct GroundSample {
     pub place: [f64; 2],
     /// Metres.
     pub height: f64,
-    /// What is upright there.
+    /// Vertical at the sample.
     pub upright: EllipsoidNormal,
 }
 
@@ -34,7 +34,7 @@ pub(crate) struct SampleParallel {
     /// Degrees.
     pub(crate) lat: f64,
     pub(crate) turn: SinCos,
-    /// Metres from the ellipsoid to the axis of the earth, along what is upright there.
+    /// Metres from the ellipsoid to the axis of the earth, along the vertical.
     pub(crate) bend: f64,
 }
 
@@ -50,7 +50,7 @@ impl SampleParallel {
         Self { lat, turn, bend: bend(turn) }
     }
 
-    /// The sample of a column.
+    /// Sample of a column.
     #[inline]
     pub(crate) fn sample(&self, column: &SampleMeridian, height: f64) -> GroundSample {
         let upright = EllipsoidNormal::of(column.turn, self.turn, self.bend);
@@ -58,19 +58,19 @@ impl SampleParallel {
     }
 }
 
-/// Samples along a parallel, void ones among them.
+/// Samples along a parallel, including voids.
 #[derive(Clone, Copy, Debug)]
 pub struct SampleRow<'a> {
     pub(crate) parallel: SampleParallel,
-    /// Of the first sample and those after it.
+    /// First sample and those after it.
     pub(crate) columns: &'a [SampleMeridian],
     pub(crate) heights: &'a [f64],
-    /// From one sample to the next.
+    /// Step between samples.
     pub(crate) stride: usize,
 }
 
 impl<'a> SampleRow<'a> {
-    /// How many samples there are.
+    /// Number of samples.
     pub(crate) fn len(&self) -> usize {
         self.heights.len().div_ceil(self.stride)
     }
@@ -82,7 +82,7 @@ impl<'a> SampleRow<'a> {
     }
 }
 
-/// Samples that are near each other.
+/// Samples near each other.
 #[derive(Clone, Copy, Debug)]
 pub enum GroundSampleRun<'a> {
     /// Some along a parallel.
@@ -92,7 +92,7 @@ pub enum GroundSampleRun<'a> {
 }
 
 impl GroundSampleRun<'_> {
-    /// Hands on the valid ones.
+    /// Passes on the valid samples.
     #[inline]
     pub fn each(&self, found: &mut impl FnMut(GroundSample)) {
         match self {

@@ -1,14 +1,13 @@
-//! Skirts: from each side of a tile a wall hangs straight down, so that nothing is seen between tiles of different
-//! levels.
+//! Skirts: a vertical wall below each side of a tile hides gaps between tiles of different levels.
 //!
-//! A tile with a skirt is a tile with more vertices, so lattice, spheres and bytes are made as those of any tile.
+//! A tile with a skirt is an ordinary tile with more vertices, so lattice, spheres and encoding are the same.
 
 use std::collections::BTreeMap;
 
 use crate::tile::{TerrainTile, TileVertex};
 
-/// The tile with its skirt, which hangs so many steps of heights down: below each vertex of its rim one more, and two
-/// triangles below each edge of it, seen from outside.
+/// The tile with a skirt this many height steps deep: one vertex below each border vertex, and two triangles
+/// below each border edge, facing outwards.
 pub(crate) fn skirted(tile: &TerrainTile, depth: i32) -> TerrainTile {
     let mut whole = tile.clone();
     let mut below = BTreeMap::new();
@@ -26,7 +25,7 @@ pub(crate) fn skirted(tile: &TerrainTile, depth: i32) -> TerrainTile {
     whole
 }
 
-/// Edges that a triangle is on the left of and none on the right.
+/// Edges with a triangle on the left and none on the right.
 fn rim(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
     let edges = |&[a, b, c]: &[u32; 3]| [[a, b], [b, c], [c, a]];
     let mut all: Vec<[u32; 2]> = triangles.iter().flat_map(edges).collect();

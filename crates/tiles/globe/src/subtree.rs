@@ -1,7 +1,7 @@
-//! Subtrees of 3D Tiles 1.1: which tiles there are below one, for so many levels, and what is told of each.
+//! Subtrees of 3D Tiles 1.1: available tiles below a tile for a number of levels, with their metadata.
 //!
-//! Bits are by level, and within one along a Morton curve; what is told is in a table, a row for each tile that there
-//! is, in the same order.
+//! Bits are ordered by level and along a Morton curve within a level; metadata is a table with a row per
+//! available tile, in the same order.
 
 use crate::gltf::TileMetadata;
 use crate::tiling::GlobeTileId;
@@ -9,7 +9,7 @@ use crate::tiling::GlobeTileId;
 /// Levels of a subtree.
 pub const SUBTREE_LEVELS: u8 = 7;
 
-/// The class of what is told of a tile, as the schema of a set has it: each property, its type and its meaning.
+/// Metadata class of a tile in the schema: properties with type and meaning.
 pub const CLASS: [(&str, &str, &str); 5] = [
     ("minimumHeight", r#""type":"SCALAR""#, "TILE_MINIMUM_HEIGHT"),
     ("maximumHeight", r#""type":"SCALAR""#, "TILE_MAXIMUM_HEIGHT"),
@@ -18,17 +18,16 @@ pub const CLASS: [(&str, &str, &str); 5] = [
     ("geometricError", r#""type":"SCALAR""#, "TILE_GEOMETRIC_ERROR"),
 ];
 
-/// The tile at the top of the subtree that a tile is in.
+/// Root of the subtree of a tile.
 pub fn subtree_of(id: GlobeTileId) -> GlobeTileId {
     let by = id.level % SUBTREE_LEVELS;
     GlobeTileId { level: id.level - by, x: id.x >> by, y: id.y >> by }
 }
 
-/// What is told of a tile, as numbers.
+/// Metadata of a tile as values.
 type Column = fn(&TileMetadata) -> Vec<f64>;
 
-/// The bytes of the subtree of which `root` is the top: of tiles in it, in any order, and the tops of the subtrees
-/// below it.
+/// The subtree with root `root`: its tiles in any order, and the roots of child subtrees.
 pub fn subtree(root: GlobeTileId, tiles: &[TileMetadata], below: &[GlobeTileId]) -> Vec<u8> {
     let first = |level: u8| ((1_usize << (2 * level)) - 1) / 3;
     let number = |id: GlobeTileId| first(id.level - root.level) + along_curve(root, id);
@@ -72,21 +71,21 @@ pub fn subtree(root: GlobeTileId, tiles: &[TileMetadata], below: &[GlobeTileId])
     file(json, &views.bytes)
 }
 
-/// The number of a tile along the curve of its level below `root`: bits of its column and its row in turn.
+/// Morton index of a tile in its level below `root`: interleaved bits of column and row.
 fn along_curve(root: GlobeTileId, id: GlobeTileId) -> usize {
     let by = id.level - root.level;
     let [x, y] = [id.x - (root.x << by), id.y - (root.y << by)].map(|at| at as usize);
     (0..by).map(|bit| (x >> bit & 1) << (2 * bit) | (y >> bit & 1) << (2 * bit + 1)).sum()
 }
 
-/// So many bits, some of them set.
+/// A bit array.
 fn bits(count: usize, set: impl Iterator<Item = usize>) -> Vec<u8> {
     let mut bits = vec![0; count.div_ceil(8)];
     set.for_each(|bit| bits[bit / 8] |= 1 << (bit % 8));
     bits
 }
 
-/// The buffer, and its parts.
+/// The buffer and its views.
 #[derive(Default)]
 struct SubtreeBuffer {
     bytes: Vec<u8>,
@@ -94,7 +93,7 @@ struct SubtreeBuffer {
 }
 
 impl SubtreeBuffer {
-    /// Adds a part; its number.
+    /// Adds a view; returns its index.
     fn add(&mut self, bytes: &[u8]) -> usize {
         let (offset, length) = (self.bytes.len(), bytes.len());
         self.told.push(format!(r#"{{"buffer":0,"byteOffset":{offset},"byteLength":{length}}}"#));

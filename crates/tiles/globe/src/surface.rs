@@ -1,5 +1,5 @@
-//! The surface of a tile: its borders, the posts that follow the bend of the earth, and the samples that are
-//! furthest off, until all are within the error of the level as a client decodes the tile.
+//! Surface of a tile: borders, anchor vertices that follow the curvature of the earth, and samples with the
+//! largest errors, until all decoded errors are within the level's error.
 
 use std::cell::RefCell;
 
@@ -15,18 +15,18 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
 use terrane_tin::scatter::{InsertUntilWithin, ScatterMesh};
 
-/// Rounds in which samples that are found beyond the error are put into the mesh.
+/// Rounds in which samples beyond the error are added to the mesh.
 const MOST_ROUNDS: u32 = 48;
 
-/// Points that a thread keeps room for from one tile to the next: more than most tiles have.
+/// Capacity kept by a thread from tile to tile: more points than most tiles have.
 const MOST_KEPT: usize = 1 << 17;
 
 thread_local! {
-    /// Room for the points of a tile: to have it anew for each costs more than to fill it.
+    /// Reused buffer for the points of a tile: allocation costs more than filling.
     static POINTS: RefCell<Vec<Point>> = const { RefCell::new(Vec::new()) };
 }
 
-/// Where the samples of a column are in a tile.
+/// Positions of a column's samples in a tile.
 struct TileMeridian {
     lon: f64,
     /// Steps from the west.
@@ -35,12 +35,12 @@ struct TileMeridian {
     cosine: f64,
 }
 
-/// The nearest position that is not on a border, which is not this tile's alone.
+/// Nearest position inside the borders, which are shared with neighbours.
 fn inner(place: [f64; 2]) -> [i32; 2] {
     place.map(|at| nearest(at).clamp(1, STEPS - 1))
 }
 
-/// A tile that is being made.
+/// A tile in progress.
 pub struct TileBuilder<'a> {
     id: GlobeTileId,
     level: &'a TileLevel,
@@ -49,10 +49,10 @@ pub struct TileBuilder<'a> {
 }
 
 impl<'a> TileBuilder<'a> {
-    /// The borders and the posts of a tile.
+    /// Borders and anchor vertices of a tile.
     ///
     /// # Errors
-    /// None but of a broken tile, which is a mistake of the program.
+    /// Only for an invalid tile, which is an internal error.
     pub fn new(id: GlobeTileId, level: &'a TileLevel, ground: &impl GroundSampler) -> Result<Self> {
         let mut drop = HorizonDrop::new(id, level);
         let mut first = Vec::new();
@@ -84,8 +84,7 @@ impl<'a> TileBuilder<'a> {
         Ok(Self { id, level, drop, mesh })
     }
 
-    /// Takes samples for vertices until all that are handed on, each with its place rounded, are within the
-    /// level's error.
+    /// Adds samples as vertices until all given samples, with rounded positions, are within the level's error.
     pub fn fit(&mut self, samples: impl FnOnce(&mut dyn FnMut(GroundSampleRun<'_>))) {
         let mut points = POINTS.take();
         points.clear();
@@ -103,9 +102,8 @@ impl<'a> TileBuilder<'a> {
         }
     }
 
-    /// The tile with all samples within the level's error, as far as positions tell samples apart: those that are
-    /// beyond it are put in, round by round, until none is or none can be. `measure` measures all samples, exactly where
-    /// they are beyond the error.
+    /// The tile with all samples within the level's error, where positions can distinguish samples: samples
+    /// beyond it are added round by round. `measure` measures all samples, exactly if they exceed the error.
     ///
     /// # Errors
     /// Those of `measure`.
@@ -126,11 +124,12 @@ impl<'a> TileBuilder<'a> {
                 break;
             }
         }
-        best.ok_or_else(|| Error::new(ErrorKind::Internal, "a tile was never measured"))
+        best.ok_or_else(|| Error::new(ErrorKind::Internal, "a tile has no error"))
     }
 
-    /// Takes samples for vertices, however far off they seem; whether one became one. Where one is a vertex already,
-    /// its place was rounded into a triangle that is steep there: another of the places around it becomes one, too.
+    /// Adds samples as vertices, however small their error seems; returns whether one was added. If a sample is
+    /// a vertex already, its position was rounded into a steep triangle: another position around it becomes a
+    /// vertex, too.
     pub fn insert(&mut self, samples: &[GroundSample]) -> bool {
         let before = self.mesh.points().len();
         for sample in samples {
@@ -152,8 +151,8 @@ impl<'a> TileBuilder<'a> {
         self.drop.lift(TileVertex { at: inner(place), height: self.level.steps(height) })
     }
 
-    /// The candidates of a row of samples, as if each were taken for itself. `columns` is what was found of those of
-    /// the row before, which are mostly the same.
+    /// Candidates of a row of samples, as if each were added alone. `columns` caches results of the previous
+    /// row, which are mostly the same.
     fn candidates(
         &mut self,
         row: &SampleRow<'_>,
@@ -171,7 +170,7 @@ impl<'a> TileBuilder<'a> {
             columns.extend(row.iter().map(meridian));
         }
         let [_, v] = steps(first);
-        // Both are powers of two, so that a product is what a quotient would be.
+        // Both are powers of two, so the product equals the quotient.
         let [by_step, by_unit] = [self.level.step, self.level.unit()].map(|size| 1.0 / size);
         let units = self.level.step * by_unit;
         let [add, by] = self.drop.along(v);
@@ -183,7 +182,7 @@ impl<'a> TileBuilder<'a> {
         }));
     }
 
-    /// The surface as it is, to measure samples against.
+    /// The current surface, to measure samples against.
     pub fn shell(&self) -> TileShell {
         let (vertices, numbers) = self.vertices();
         let decoding = (self.level.step, self.level.lattice);
@@ -191,7 +190,7 @@ impl<'a> TileBuilder<'a> {
         TileShell::new(self.id, self.level, (&vertices, points.collect()), self.triangles(&numbers))
     }
 
-    /// The tile as it is, with what was measured of it.
+    /// The current tile with its measured errors.
     pub fn finish(&self, measure: TileErrorMeasure) -> TerrainTile {
         let (vertices, numbers) = self.vertices();
         let triangles = self.triangles(&numbers).iter().map(|(corners, _)| *corners).collect();
@@ -201,7 +200,7 @@ impl<'a> TileBuilder<'a> {
 
     fn vertices(&self) -> (Vec<TileVertex>, Vec<u32>) {
         let vertices = self.mesh.points().iter().map(|point| self.drop.lower(*point)).collect();
-        // Ghosts have no number.
+        // Ghost triangles have no index.
         let is_inner = |i: &u32| self.mesh.corners(*i).is_some();
         let mut numbers = vec![u32::MAX; self.mesh.triangles().len()];
         let inner = (0..self.mesh.triangles().len() as u32).filter(is_inner);
@@ -211,17 +210,17 @@ impl<'a> TileBuilder<'a> {
         (vertices, numbers)
     }
 
-    /// Corners, and the triangles across from each: [`u32::MAX`] beyond the borders.
+    /// Corners, and neighbours opposite each corner: [`u32::MAX`] beyond the borders.
     fn triangles(&self, numbers: &[u32]) -> Vec<([u32; 3], [u32; 3])> {
         let inner = self.mesh.triangles().iter().zip(numbers).filter(|(_, n)| **n != u32::MAX);
         inner.map(|(t, _)| (t.corners, t.twins.map(|twin| numbers[twin as usize]))).collect()
     }
 }
 
-/// Makes a tile of samples that can be handed on as often as it takes.
+/// Makes a tile of samples that can be passed on repeatedly.
 ///
 /// # Errors
-/// None but of a broken tile, which is a mistake of the program.
+/// Only for an invalid tile, which is an internal error.
 pub fn build(
     id: GlobeTileId,
     level: &TileLevel,
@@ -239,8 +238,8 @@ pub fn build(
     })
 }
 
-/// How far the ellipsoid lies below a plane that touches it in the middle of a tile: heights counted from there
-/// make flat triangles what they are for a client, nearly. In units of the kernel.
+/// Depth of the ellipsoid below the tangent plane at the centre of a tile, in kernel units: triangles that are
+/// flat relative to the plane are almost flat for a client.
 struct HorizonDrop {
     id: GlobeTileId,
     step: f64,
@@ -248,7 +247,7 @@ struct HorizonDrop {
     middle: SinCos,
     centre: f64,
     lon: f64,
-    /// The last row that was asked for: what it adds, and what is multiplied by the cosine along it.
+    /// Cached values of the last row: a sum, and a factor of the cosine along it.
     row: (i32, [f64; 2]),
 }
 
@@ -277,13 +276,13 @@ impl HorizonDrop {
         [up[2] * self.middle.sin, up[0] * self.middle.cos]
     }
 
-    /// Units that the ellipsoid lies above the plane, which is never more than none.
+    /// Height of the ellipsoid above the plane in units, never positive.
     fn of(&mut self, at: [i32; 2]) -> f64 {
         let ([add, by], cosine) = (self.along(at[1]), self.cosine(at[0]));
         ((add + by * cosine) - self.centre) / self.unit
     }
 
-    /// What a row adds, and what is multiplied by the cosine along it.
+    /// Sum of a row, and factor of the cosine along it.
     fn along(&mut self, v: i32) -> [f64; 2] {
         if self.row.0 != v {
             let [_, lat] = self.id.place([0, v]);
@@ -292,7 +291,7 @@ impl HorizonDrop {
         self.row.1
     }
 
-    /// The cosine of how far a column is from the middle.
+    /// Cosine of a column's distance from the centre.
     fn cosine(&self, u: i32) -> f64 {
         let [lon, _] = self.id.place([u, 0]);
         cosine((lon - self.lon).to_radians())
@@ -312,7 +311,7 @@ impl HorizonDrop {
     }
 }
 
-/// A cosine, fast where angles are small.
+/// Cosine, fast for small angles.
 fn cosine(angle: f64) -> f64 {
     let square = angle * angle;
     if square > 0.01 {

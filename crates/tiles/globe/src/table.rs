@@ -2,7 +2,7 @@
 
 use terrane_base::error::Result;
 
-/// Values at nodes of a lattice, and between them by polynomials of the third degree through four nodes each way.
+/// Values at nodes of a lattice, interpolated by cubic polynomials through four nodes along each axis.
 #[derive(Debug)]
 pub(crate) struct CubicTable<const N: usize> {
     from: [f64; 2],
@@ -12,7 +12,7 @@ pub(crate) struct CubicTable<const N: usize> {
 }
 
 impl<const N: usize> CubicTable<N> {
-    /// Of a function on a rectangle that is divided into parts.
+    /// Tabulates a function on a rectangle divided into parts.
     pub(crate) fn new(
         sides: [[f64; 2]; 2],
         parts: [u32; 2],
@@ -53,7 +53,7 @@ impl<const N: usize> CubicTable<N> {
     }
 }
 
-/// What four nodes count for at a place, in steps from the first.
+/// Weights of four nodes at a position, in steps from the first.
 fn weights(at: f64) -> [f64; 4] {
     let [a, b, c, d] = [at, at - 1.0, at - 2.0, at - 3.0];
     [-b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0]

@@ -1,4 +1,4 @@
-//! Tiles of small grounds, looked at by ways of their own.
+//! Tiles of small grids, checked independently.
 
 use proptest::prelude::*;
 
@@ -7,7 +7,7 @@ use crate::border::TileSide;
 use crate::globe::{EQUATOR, Vector};
 use terrane_base::geom::{Affine, Rect};
 
-/// A grid of a second of arc, with noise of so many metres on a slope, and voids.
+/// A grid of one arc second with noise in metres on a slope, and voids.
 struct Land {
     heights: Vec<f64>,
     side: u32,
@@ -36,7 +36,7 @@ impl Land {
         Self::of(heights, side, [10.0, south])
     }
 
-    /// Of heights, row by row from the north.
+    /// From heights, row by row from the north.
     fn of(heights: Vec<f64>, side: u32, [west, south]: [f64; 2]) -> Self {
         let step = 1.0 / 3600.0;
         let north = south + step * f64::from(side - 1);
@@ -82,7 +82,7 @@ impl Land {
     }
 }
 
-/// The distance of a sample from the surface, by all triangles: the nearest hit of the line upright there.
+/// Distance of a sample from the surface, by all triangles: the nearest hit of its vertical.
 fn distance(tile: &TerrainTile, sample: &GroundSample) -> Option<f64> {
     let (point, [east, north]) = (sample.upright.point(sample.height), sample.upright.across());
     let look =
@@ -137,7 +137,7 @@ fn check(land: &Land, level: u8) -> usize {
         let (mut count, mut most) = (0, 0.0_f64);
         patch.each(&tile.id.bounds(), 1, &mut |sample| {
             count += 1;
-            // At a border the line may pass beside the tile.
+            // At a border the vertical may pass beside the tile.
             let off = distance(tile, &sample).unwrap_or(0.0);
             assert!(off <= level.tolerance, "{:?} {off}", tile.id);
             most = most.max(off);
@@ -182,7 +182,7 @@ proptest! {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 
-    /// To the bit, whatever a tolerance leaves beyond, voids and poles included.
+    /// Bit-identical, with samples beyond the tolerance, voids and poles.
     #[test]
     fn rows_are_measured_and_taken_as_their_samples_are(
         side in 12_u32..120, south in -90.0..89.9_f64, relief in 0.0..3000.0_f64, seed: u32,
@@ -222,7 +222,7 @@ proptest! {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(16))]
 
-    /// However rough, where no position is left: a tile is made, borders are one, and nothing is further off than is told.
+    /// Rough ground without free positions: a tile is made, borders match, and the stated error holds.
     #[test]
     fn rough_land_is_made_and_measured(
         across in 2_u32..60, south in -89.0..88.0_f64, relief in 0.0..60_000.0_f64, seed: u32,
@@ -262,8 +262,8 @@ proptest! {
     }
 }
 
-/// Beyond the grid the ground falls evenly to the ellipsoid, from depths as from heights, and stays there; and where it
-/// meets it a border has a vertex.
+/// Beyond the grid the ground descends evenly to the ellipsoid, from below as from above, and stays there;
+/// where it reaches it a border has a vertex.
 #[test]
 fn the_ground_beyond_a_grid_falls_to_the_ellipsoid() {
     for height in [800.0, -300.0] {
@@ -277,7 +277,7 @@ fn the_ground_beyond_a_grid_falls_to_the_ellipsoid() {
             let expected = height.signum() * (height.abs() - far / 2.0).max(0.0);
             assert!((at(far) - expected).abs() < 1e-6, "{far} {}", at(far));
         }
-        // Of both sides together.
+        // Both sides together.
         let corner = patch.height([10.0 - 100.0 * metre, 46.0 - 100.0 * metre]).unwrap();
         let along = 100.0 * 46_f64.to_radians().cos();
         assert!((corner.abs() - (height.abs() - 50.0 - along / 2.0)).abs() < 1e-3, "{corner}");
@@ -298,8 +298,8 @@ fn the_ground_beyond_a_grid_falls_to_the_ellipsoid() {
     }
 }
 
-/// The ground lies above a border and then below it by what it may. Vertices a step beside it are joined with its ends,
-/// far away: a sample between is in a triangle that goes from where it is below to where it is above.
+/// The ground lies above a border and then below it by the tolerance. Vertices one step inside are joined with
+/// its distant ends: a sample between is in a triangle from the lower to the upper side.
 #[test]
 fn samples_between_a_border_and_what_is_a_step_beside_it_are_held() {
     let (id, side) = (GlobeTileId { level: 10, x: 1081, y: 776 }, 633);
@@ -336,7 +336,7 @@ fn samples_between_a_border_and_what_is_a_step_beside_it_are_held() {
     }
 }
 
-/// Borders belong to two tiles: a sample at one, however far off, becomes a vertex beside it.
+/// Borders belong to two tiles: a sample on one, whatever its error, becomes a vertex beside it.
 #[test]
 fn samples_at_borders_do_not_become_vertices_of_them() {
     let land = Land::new(101, 46.0, 900.0, 3, 0);
@@ -389,7 +389,7 @@ fn bytes_are_those_of_the_format() {
     );
 }
 
-/// Also where meridians meet, far beyond the land.
+/// Also where meridians converge, far beyond the land.
 #[test]
 fn normals_point_outwards_everywhere() {
     let land = Land::new(101, 46.0, 900.0, 3, 0);
@@ -409,7 +409,7 @@ fn normals_point_outwards_everywhere() {
     }
 }
 
-/// The vertices of binary glTF as a client decodes them: the offsets are the first of the buffer.
+/// Vertices of binary glTF as decoded by a client: the offsets are first in the buffer.
 fn decoded(bytes: &[u8], count: usize) -> Vec<Vector> {
     let number = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
     assert_eq!((&bytes[..4], number(4), number(8) as usize), (&b"glTF"[..], 2, bytes.len()));
@@ -424,7 +424,7 @@ fn decoded(bytes: &[u8], count: usize) -> Vec<Vector> {
     (0..count).map(vertex).collect()
 }
 
-/// On all levels: what is decoded is what was measured, and is the same on both sides of each border, bit by bit.
+/// On all levels: the decoded surface is the measured one, and identical on both sides of each border.
 #[test]
 fn tiles_of_earth_centred_coordinates_are_decoded_as_they_were_measured() {
     let none: Option<(&TileLevel, &HeightPatch<'_>)> = None;
@@ -478,7 +478,7 @@ fn tiles_of_earth_centred_coordinates_are_decoded_as_they_were_measured() {
     assert!(borders > 20, "{borders}");
 }
 
-/// Spheres hold those of what is below, and heights all of each triangle, however large it is.
+/// Spheres contain those of children, and the height range covers each triangle of any size.
 #[test]
 fn volumes_hold_triangles_and_what_is_below() {
     let land = Land::new(101, 46.0, 900.0, 5, 0);
@@ -515,7 +515,7 @@ fn volumes_hold_triangles_and_what_is_below() {
     }
 }
 
-/// Metres above the ellipsoid, by halves: the latitude whose upright line goes through a place.
+/// Metres above the ellipsoid, by bisection: the latitude whose vertical passes through a position.
 fn height(place: Vector) -> f64 {
     let [x, y, _] = place.0;
     let lon = y.atan2(x).to_degrees();
@@ -535,7 +535,7 @@ fn height(place: Vector) -> f64 {
     above((low + high) / 2.0).0
 }
 
-/// All of the northern border is one place there, and two corners of a triangle may be.
+/// The whole northern border is one position there, and two corners of a triangle may be.
 #[test]
 fn tiles_at_a_pole_are_measured_there_too() {
     // Of the second ones, many a sample is south of a vertex at the pole, to the bit.

@@ -1,21 +1,20 @@
-//! How the globe is divided: at level 0 two tiles of 180 degrees, at each further one four of each.
+//! Tiling of the globe: two tiles of 180 degrees at level 0, each divided into four at every further level.
 
-/// Steps from one border of a tile to the other, of positions and of heights.
+/// Steps of positions and heights across a tile.
 pub const STEPS: i32 = 32_767;
 
-/// Metres that clients take the error of level 0 for: a quarter of the equator over 65 samples, for each of two
-/// tiles.
+/// Geometric error of level 0 in metres: a quarter of the equator over 65 samples, for each of two tiles.
 const LEVEL_ZERO: f64 = 77_067.339_879_863_53;
 
 /// The deepest level; tiles are 19 m wide there.
 pub const DEEPEST: u8 = 20;
 
-/// Metres that clients assume a tile of a level to be off by.
+/// Geometric error of a level in metres.
 pub fn level_error(level: u8) -> f64 {
     LEVEL_ZERO / f64::from(1_u32 << level)
 }
 
-/// Degrees that a tile of a level is wide and high.
+/// Width and height of a tile in degrees.
 pub fn degrees(level: u8) -> f64 {
     180.0 / f64::from(1_u32 << level)
 }
@@ -48,12 +47,12 @@ impl GeodeticBounds {
         self.west <= lon && lon <= self.east && self.south <= lat && lat <= self.north
     }
 
-    /// The place in it that is nearest to one, along both axes.
+    /// Nearest position inside, along both axes.
     pub(crate) fn nearest(&self, [lon, lat]: [f64; 2]) -> [f64; 2] {
         [lon.clamp(self.west, self.east), lat.clamp(self.south, self.north)]
     }
 
-    /// The rectangle so many degrees larger on each side.
+    /// The rectangle enlarged by this many degrees on each side.
     pub fn grown(&self, degrees: f64) -> Self {
         Self {
             west: self.west - degrees,
@@ -65,33 +64,33 @@ impl GeodeticBounds {
 }
 
 impl GlobeTileId {
-    /// Where it lies; exact.
+    /// Bounds; exact.
     pub fn bounds(self) -> GeodeticBounds {
         let width = degrees(self.level);
         let [west, south] = [-180.0 + f64::from(self.x) * width, -90.0 + f64::from(self.y) * width];
         GeodeticBounds { west, south, east: west + width, north: south + width }
     }
 
-    /// The place of so many steps from the west and the south.
+    /// Position at steps from the west and the south.
     #[inline]
     pub fn place(self, [u, v]: [i32; 2]) -> [f64; 2] {
         let (bounds, width) = (self.bounds(), degrees(self.level));
         let along = |from: f64, to: f64, steps: i32| match steps {
-            // To the bit what it is for the tile beside.
+            // Bit-identical to the neighbouring tile.
             STEPS => to,
             _ => from + width * (f64::from(steps) / f64::from(STEPS)),
         };
         [along(bounds.west, bounds.east, u), along(bounds.south, bounds.north, v)]
     }
 
-    /// Steps from the west and the south to a place.
+    /// Steps of a position from the west and the south.
     #[inline]
     pub fn steps(self, [lon, lat]: [f64; 2]) -> [f64; 2] {
         let (bounds, steps) = (self.bounds(), f64::from(STEPS) / degrees(self.level));
         [(lon - bounds.west) * steps, (lat - bounds.south) * steps]
     }
 
-    /// The four tiles of the next level that it is divided into.
+    /// The four children.
     pub fn children(self) -> [Self; 4] {
         let [x, y] = [2 * self.x, 2 * self.y];
         [[x, y], [x + 1, y], [x, y + 1], [x + 1, y + 1]].map(|[x, y]| Self {
@@ -101,13 +100,13 @@ impl GlobeTileId {
         })
     }
 
-    /// The tile of the level before that it is a quarter of.
+    /// The parent.
     pub fn parent(self) -> Option<Self> {
         let level = self.level.checked_sub(1)?;
         Some(Self { level, x: self.x / 2, y: self.y / 2 })
     }
 
-    /// The tiles of a level whose closed rectangles meet `bounds`: first and last column and row.
+    /// Tiles of a level whose closed rectangles intersect `bounds`: first and last column and row.
     pub fn meeting(level: u8, bounds: &GeodeticBounds) -> [[u32; 2]; 2] {
         let width = degrees(level);
         let range = |low: f64, high: f64, from: f64, count: u32| {

@@ -1,28 +1,27 @@
-"""Terrain that does not fit into memory, made small with a proven bound on the error.
+"""Terrain larger than memory, reduced to small meshes with a proven error bound.
 
     import numpy as np
     import terrane
 
     mesh = terrane.tin(heights, max_error=1.0)      # an array, a file, many files, a dataset
     mesh.vertices, mesh.triangles                   # (n, 3) float64, (m, 3) uint32
-    terrane.verify(mesh, heights).ok                # proved by code of its own
+    terrane.verify(mesh, heights).ok                # verified by independent code
 
 | function | what it makes |
 |---|---|
 | `tin` | a mesh of a grid of heights, in memory; `write_tin` of any size, in a file |
 | `grid`, `dtm`, `dsm`, `chm` | grids of point clouds |
-| `points` | files of points: merged, thinned, classified, in squares |
+| `points` | point cloud files: merged, thinned, classified, tiled |
 | `contour` | contour lines of a grid |
-| `tiles` | terrain for viewers of the globe, at every level of detail |
+| `tiles` | terrain tiles for globe viewers, at all levels of detail |
 | `simplify` | lines and polygons with fewer vertices |
-| `verify` | a proof of a mesh |
-| `info`, `info_mesh`, `info_cloud`, `info_features` | what something is |
+| `verify` | verification of a mesh |
+| `info`, `info_mesh`, `info_cloud`, `info_features` | properties of data |
 | `picture`, `page`, `cloud_page`, `line_page` | pictures, and pages for browsers |
-| `plan` | work for many processes, which may be killed |
-| `Delatin` | a mesh by the interface of pydelatin |
+| `plan` | resumable jobs for many processes |
+| `Delatin` | meshes with the interface of pydelatin |
 
-Everything that reads grids takes a path, a list of paths, a numpy array, a rasterio dataset or an xarray
-DataArray. Errors are `terrane.Error`. `python -m terrane` is the command line.
+Functions that read grids take a path, a list of paths, a numpy array, a rasterio dataset or an xarray DataArray. Errors are `terrane.Error`. `python -m terrane` is the command line.
 """
 
 from __future__ import annotations
@@ -90,7 +89,7 @@ if TYPE_CHECKING:
     from terrane._report import Report
     from terrane.delatin import Delatin
 
-# Where each name is; a module is imported when a name of it is first asked for.
+# Modules of names; a module is imported at the first use of one of its names.
 _WHERE = {
     "_clouds": "GridResult",
     "_errors": "Error ExistsError FileError InputError Interrupted MissingFileError OutputError ResourceError",

@@ -1,5 +1,5 @@
-"""Features beside a grid or a cloud (polygons to clip to, water, breaklines, points to keep): files of them, or geometries in
-memory, which are written into files that last as long as the work."""
+"""Features for a grid or a point cloud (clip polygons, water, breaklines, points to keep): files, or geometries in
+memory, which are written to temporary files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from terrane._errors import Error, usage
 from terrane._settings import Features
 
 REMEDY = "pass a path, a geometry of shapely or several, a GeoSeries or a GeoDataFrame"
-# Packages whose objects hold geometries.
+# Packages with geometry objects.
 PACKAGES = ("shapely", "geopandas", "numpy")
 
 
@@ -23,8 +23,8 @@ PACKAGES = ("shapely", "geopandas", "numpy")
 def files(
     crs_of: Callable[[], str | None], **given: Features | None
 ) -> Iterator[dict[str, str | None]]:
-    """The names of the files that `given` are, or are written into, by the names of the options. Geometries without a
-    reference system are in that of `crs_of`. Errors about what was written name the option.
+    """File names by option, for the values in `given`; geometries are written to temporary files. Geometries without
+    a CRS have that of `crs_of`. Errors about temporary files name the option.
 
     >>> import shapely
     >>> with files(lambda: "EPSG:32631", clip="area.gpkg", water=shapely.box(0, 0, 1, 1)) as found:
@@ -48,27 +48,27 @@ def files(
 
 
 def settle(options: dict[str, Any]) -> None:
-    """Calls polygons to clip to `clip`, which have another name, too."""
+    """Resolves aliases of `clip`."""
     if "polygon" in options and options.get("clip") is None:
         options["clip"] = options.pop("polygon")
 
 
 def is_path(value: Any) -> bool:
-    """True for what names a file, or nothing."""
+    """True for a path or None."""
     return value is None or isinstance(value, str | os.PathLike)
 
 
 def paths(reason: str, **given: Features | None) -> dict[str, str | None]:
-    """The names of the files that `given` are; for `reason` geometries in memory are refused."""
+    """File names of `given`; geometries in memory raise an error with `reason`."""
     for name, value in given.items():
         if not is_path(value):
-            told = f"{name} is a {type(value).__name__} in memory, and {reason}"
-            raise usage(told, "write it into a file, and pass its name")
+            told = f"{name} is a {type(value).__name__} in memory, but {reason}"
+            raise usage(told, "write it to a file and pass the path")
     return {name: None if value is None else os.fspath(value) for name, value in given.items()}
 
 
 def written_into(folder: str, name: str, value: Any, crs_of: Callable[[], str | None]) -> str:
-    """The file that holds the geometries of an option."""
+    """Writes the geometries of an option to a file."""
     from terrane._source import crs_text
 
     texts, crs = geometries_of(name, value)
@@ -83,7 +83,7 @@ def written_into(folder: str, name: str, value: Any, crs_of: Callable[[], str | 
 
 
 def geometries_of(name: str, value: Any) -> tuple[list[str], Any]:
-    """The geometries that `value` holds as well-known text, and their reference system where it has one."""
+    """Geometries of `value` as WKT, and their CRS if any."""
     package = type(value).__module__.partition(".")[0]
     if package not in PACKAGES and not isinstance(value, list | tuple):
         raise usage(f"{name} is a {type(value).__name__}", REMEDY)
@@ -98,6 +98,6 @@ def geometries_of(name: str, value: Any) -> tuple[list[str], Any]:
     array = array[known]
     array = array[~shapely.is_empty(array)]
     if len(array) == 0:
-        raise usage(f"{name} holds no geometry", "leave it out, or pass some")
-    # With so many decimals coordinates come back as they are.
+        raise usage(f"{name} holds no geometry", "leave it out")
+    # Enough decimals for a lossless round trip.
     return list(shapely.to_wkt(array, rounding_precision=20)), getattr(held, "crs", None)

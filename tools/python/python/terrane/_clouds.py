@@ -1,4 +1,4 @@
-"""Point clouds, and what is made of them."""
+"""Point clouds, and grids made of them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from terrane._errors import refuse_existing, usage
 from terrane._settings import Path, settings
 from terrane._source import crs_text, names_of
 
-# The dimensions of records of laspy and PDAL that filters ask for, by their names there.
+# Dimensions of laspy and PDAL records used by filters.
 MARKS = {
     "classes": ("classification", "Classification"),
     "numbers": ("return_number", "ReturnNumber"),
@@ -30,12 +30,12 @@ FLAGS = {
 }
 
 
-# Without these options of how clouds are read some cannot be opened.
+# Input options that some point clouds require to be opened.
 OPENING = ("crs", "salvage")
 
 
 def cloud_of(points: Any, reading: dict[str, Any]) -> _terrane.Cloud:
-    """The cloud that `points` stands for, read as `reading` says."""
+    """Opens the point cloud `points` with the input options `reading`."""
     reading = {**reading, "crs": crs_text(reading.get("crs"))}
     names = names_of(points)
     if names is not None:
@@ -48,7 +48,7 @@ def cloud_of(points: Any, reading: dict[str, Any]) -> _terrane.Cloud:
 
 
 def columns(points: Any) -> tuple[NDArray[np.float64], dict[str, NDArray[np.uint8]], Any]:
-    """Positions (n, 3), what else is known of points, and the reference system."""
+    """Positions (n, 3), other attributes of points, and the CRS."""
     if hasattr(points, "point_format"):
         header = getattr(points, "header", None)
         crs = None if header is None else header.parse_crs()
@@ -61,19 +61,19 @@ def columns(points: Any) -> tuple[NDArray[np.float64], dict[str, NDArray[np.uint
             return points[name] if name in names else None
 
         if any(of(axis) is None for axis in axes):
-            raise usage(f"an array with the columns {', '.join(names)} has no x, y and z")
+            raise usage(f"an array with the columns {', '.join(names)} lacks x, y and z")
         return (*record(points, of, *axes), None)
     array = np.asarray(points)
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "fiu":
         raise usage(
-            f"an array of {array.dtype} of shape {array.shape} is no list of points",
-            "pass paths, an array of three columns, or records of laspy or PDAL",
+            f"an array of {array.dtype} of shape {array.shape} is not an array of points",
+            "pass paths, an array of three columns, or points of laspy or PDAL",
         )
     return np.require(array, "f8", ("C", "A")), {}, None
 
 
 def of_laspy(points: Any) -> Callable[[str], Any]:
-    """What records of laspy hold by a name, None where they do not."""
+    """A field of laspy records, None if missing."""
     known = {"x", "y", "z", *points.point_format.dimension_names}
     return lambda name: getattr(points, name) if name in known else None
 
@@ -81,7 +81,7 @@ def of_laspy(points: Any) -> Callable[[str], Any]:
 def record(
     points: Any, of: Any, *axes: str
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[np.uint8]]]:
-    """Positions and marks of records."""
+    """Positions and attributes of records."""
     positions = np.column_stack([np.asarray(of(axis), "f8") for axis in axes])
     marks = {}
     for name, spelled in MARKS.items():
@@ -99,14 +99,14 @@ def record(
 
 
 def first(of: Callable[[str], Any], names: Iterable[str]) -> NDArray[Any] | None:
-    """What there is by the first of some names that there is."""
+    """The value of the first existing name."""
     found = next((values for values in map(of, names) if values is not None), None)
     return None if found is None else np.asarray(found)
 
 
 class GridResult:
-    """A grid made of points: `data` is (bands, rows, columns) float64, NaN where there is nothing; `names` has what
-    each band is; `transform` six numbers in rasterio's order, `crs` text that pyproj reads, `report` what was done."""
+    """A grid made of points: `data` is (bands, rows, columns) float64 with NaN for voids, `names` are the bands,
+    `transform` is six numbers in rasterio's order, `crs` is text for pyproj, `report` is the report of the job."""
 
     def __init__(self, folder: tempfile.TemporaryDirectory[str], report: dict[str, Any]) -> None:
         self._folder, self.report = folder, report
@@ -125,13 +125,13 @@ class GridResult:
         self._wkt: str | None = info["wkt"]
 
     def write(self, path: Path, overwrite: bool = False) -> None:
-        """Writes it into a file, whole or not at all: all bands as a GeoTIFF; one in any format that
-        `terrane convert` writes."""
+        """Writes the grid to a file atomically: several bands as GeoTIFF, one band in any format of `terrane
+        convert`."""
         name = os.fspath(path)
         refuse_existing(name, overwrite)
         if not name.lower().endswith((".tif", ".tiff")):
             if len(self.names) > 1:
-                raise usage(f"{len(self.names)} bands are for a GeoTIFF", "write a .tif")
+                raise usage(f"{len(self.names)} bands require a GeoTIFF", "write a .tif")
             reading = {"band": 1, "nodata": None, "clip": None, "water": None}
             grid = _terrane.Grid.open([self._path], reading)
             _terrane.run_operation("convert", grid, name, {"overwrite": overwrite}, settings(None, None))
@@ -145,13 +145,13 @@ class GridResult:
                 os.unlink(new)
 
     def to_xarray(self) -> Any:
-        """The same as an `xarray.DataArray` with band, y and x, its transform and its reference system in the coordinate
-        `spatial_ref`, as CF and rioxarray have it."""
+        """The grid as an `xarray.DataArray` with dimensions band, y and x, and its transform and CRS in the
+        coordinate `spatial_ref`, as in CF and rioxarray."""
         import xarray
 
         a, b, x, d, e, y = self.transform
         if b or d:
-            raise usage("a grid that is turned has no coordinates of columns and rows")
+            raise usage("a rotated grid has no coordinates along rows and columns")
         _, rows, cols = self.data.shape
         system = {} if self._wkt is None else {"crs_wkt": self._wkt, "spatial_ref": self._wkt}
         place = {"GeoTransform": " ".join(map(repr, (x, a, b, y, d, e)))}
@@ -170,7 +170,7 @@ class GridResult:
             return unpacked, (file.read(), self.report)
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
-        """A band by its name, (rows, columns)."""
+        """A band by name, (rows, columns)."""
         band: NDArray[np.float64] = self.data[self.names.index(name)]
         return band
 
@@ -180,7 +180,7 @@ class GridResult:
 
 
 def unpacked(file: bytes, report: dict[str, Any]) -> GridResult:
-    """A grid out of a pickle."""
+    """Restores a pickled grid."""
     folder = tempfile.TemporaryDirectory(prefix="terrane-")
     with open(os.path.join(folder.name, "grid.tif"), "wb") as new:
         new.write(file)

@@ -1,4 +1,4 @@
-"""Errors: one class, with a subclass for what Python has a class for, too."""
+"""Errors: one class, with subclasses that match Python's own."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 class Error(Exception):
-    """What went wrong: `kind` is a word for it, `file` and `place` say where, `remedy` what to do about it;
-    the last three may be None. As text it is what the command line says.
+    """An error of terrane: its `kind`, `file`, `place` and `remedy`; the last three may be None. The text is that of
+    the command line.
 
     >>> import terrane
     >>> try:
@@ -41,7 +41,7 @@ class Error(Exception):
         return self.message
 
     def about(self, path: str, name: str) -> Error:
-        """The same error, with `name` in place of the path of a temporary file."""
+        """The same error with `name` instead of the path of a temporary file."""
         texts = [self.message, self.file, self.place, self.remedy]
         message, file, place, remedy = (text and text.replace(path, name) for text in texts)
         return type(self)(message or "", self.kind, file, place, remedy)
@@ -51,7 +51,7 @@ class Error(Exception):
 
 
 class InputError(Error, ValueError):
-    """An option, or an input, that cannot be used: also a ValueError."""
+    """An invalid option or input: also a ValueError."""
 
 
 class FileError(Error, OSError):
@@ -59,7 +59,7 @@ class FileError(Error, OSError):
 
 
 class MissingFileError(InputError, FileNotFoundError):
-    """A file that is not there: also a FileNotFoundError."""
+    """A missing file: also a FileNotFoundError."""
 
 
 class OutputError(FileError):
@@ -67,7 +67,7 @@ class OutputError(FileError):
 
 
 class ExistsError(OutputError, FileExistsError):
-    """An output that is there already: also a FileExistsError."""
+    """An existing output: also a FileExistsError."""
 
 
 class ResourceError(Error, MemoryError):
@@ -104,7 +104,7 @@ def make(
 
 
 def refuse_existing(path: str, overwrite: bool) -> None:
-    """Fails where an output is there that may not be replaced."""
+    """Raises an error for an existing output without `overwrite`."""
     if not overwrite and os.path.lexists(path):
         remedy = "choose another name, or pass overwrite=True"
         told = f"{path}: output already exists; {remedy}"
@@ -113,7 +113,7 @@ def refuse_existing(path: str, overwrite: bool) -> None:
 
 @contextmanager
 def in_memory(path: str) -> Iterator[None]:
-    """Errors about a temporary file are about what it stands for.
+    """Replaces the path of a temporary file in errors.
 
     >>> with in_memory("/tmp/mesh.ply"):
     ...     raise usage("/tmp/mesh.ply: no mesh")
@@ -128,18 +128,18 @@ def in_memory(path: str) -> Iterator[None]:
 
 
 def usage(message: str, remedy: str | None = None) -> Error:
-    """The error of an option or argument that makes no sense."""
+    """An error for an invalid option or argument."""
     told = message if remedy is None else f"{message}; {remedy}"
     return InputError(told, "usage", remedy=remedy)
 
 
 def warn(text: str) -> None:
-    """Warns the code that called this package."""
+    """Issues a warning at the caller of this package."""
     names, frame = [], sys._getframe()
     while frame.f_back is not None:
         names.append(frame.f_code.co_filename)
         frame = frame.f_back
-    # Frames of other modules may lie between those of this package.
+    # Frames of other modules may be between those of this package.
     ours = [level for level, name in enumerate(names) if name.startswith(FOLDER)]
     warnings.warn(text, stacklevel=ours[-1] + 2)
 

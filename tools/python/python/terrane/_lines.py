@@ -1,4 +1,4 @@
-"""Lines: contours of grids, and geometries made simpler."""
+"""Lines: contours of grids, and line simplification."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from terrane._source import crs_text
 
 METRICS = ("plane", "space", "metres")
 GOALS = ("area", "keep_count", "keep_ratio")
-# Options of files of lines that geometries have, too.
+# Options of vector files that geometries support, too.
 OF_GEOMETRIES = (
     "area",
     "collapse",
@@ -31,7 +31,7 @@ OF_GEOMETRIES = (
 
 
 class Lines:
-    """Lines in memory: line i is `coordinates[offsets[i]:offsets[i + 1]]` and lies at `levels[i]`."""
+    """Lines in memory: line i is `coordinates[offsets[i]:offsets[i + 1]]` at height `levels[i]`."""
 
     def __init__(
         self,
@@ -101,33 +101,33 @@ def simplify(
     progress: Any = None,
     **options: Any,
 ) -> Any:
-    """Lines and polygons with fewer vertices: no vertex that is left out is further than `tolerance` from the segment in its place.
+    """Simplifies lines and polygons: every omitted vertex is within `tolerance` of the segment that replaces it.
 
     Parameters
     ----------
     geometry
-        A shapely geometry or an array of them, a GeoSeries or GeoDataFrame, an array of positions (n, 2 or 3), which is one
-        line, or with `offsets` many; or anything with the Arrow C interface that geopandas reads. What is no line or
-        polygon stays as it is.
+        A shapely geometry or an array of them, a GeoSeries or GeoDataFrame, an array of positions (n, 2 or 3) of one
+        line, or of many with `offsets`; or an object with the Arrow C interface that geopandas reads. Other geometry
+        types are unchanged.
     tolerance
-        In units of the coordinates; with `metric="metres"` in metres on the ellipsoid; of methods that go by area, an
-        area.
+        In units of the coordinates; in metres on the ellipsoid with `metric="metres"`; an area for methods that use
+        areas.
     method
-        "cone" (near the fewest vertices, in one pass), "rdp", "imai-iri" (the fewest there can be), "visvalingam",
+        "cone" (near the fewest vertices, in one pass), "rdp", "imai-iri" (the fewest vertices), "visvalingam",
         "weighted-visvalingam".
     topology
-        Look at neighbours: no line comes to cross itself or another, and borders that are shared stay so.
+        Keep topology: no new crossings, and shared borders stay shared.
     metric
-        "plane": in x and y; "space": in x, y and z; "metres": on the ellipsoid, of longitudes and latitudes.
+        "plane": x and y; "space": x, y and z; "metres": on the ellipsoid, for longitudes and latitudes.
     options
-        Of geometries, as for `simplify_file`: `snap`, `sides`, `strategy`, `collapse` and `decimals`; `area`, `keep_ratio` or
-        `keep_count` in place of the tolerance.
+        For geometries, as for `simplify_file`: `snap`, `sides`, `strategy`, `collapse` and `decimals`; `area`,
+        `keep_ratio` or `keep_count` instead of the tolerance.
     offsets, rings
-        Of positions: where each line begins, and the end of the last one; whether lines are rings.
+        For positions: start of each line and end of the last; whether lines are rings.
 
     Returns
     -------
-    The same kind of thing; of positions the positions that are left, with `offsets` both.
+    The same type; for positions the kept positions, and their offsets if `offsets` was passed.
 
     Examples
     --------
@@ -138,7 +138,7 @@ def simplify(
     """
     method = method or "cone"
     if metric not in METRICS:
-        raise usage(f"there is no metric {metric!r}", f"choose one of {', '.join(METRICS)}")
+        raise usage(f"unknown metric {metric!r}", f"choose one of {', '.join(METRICS)}")
     if tolerance is not None or not any(key in options for key in GOALS):
         tolerance = needed("tolerance", tolerance)
     asked = None
@@ -149,7 +149,7 @@ def simplify(
             f"pass one of {', '.join(OF_GEOMETRIES)}, or call simplify_file",
         )
     if metric == "metres" and tolerance is None:
-        raise usage("metres are those of a tolerance, and none is given", "leave the metric out")
+        raise usage('metric="metres" requires a tolerance', "pass one, or leave metric out")
     if topology or metric == "metres" or options:
         asked = {**goal_of(tolerance, method, metric), "topology": topology, **options}
         _terrane.check_operation("simplify", asked, "lines.wkt")
@@ -157,14 +157,14 @@ def simplify(
     plain = isinstance(geometry, np.ndarray) and geometry.dtype.kind in "fiu"
     if plain or offsets is not None:
         if asked is not None or crs is not None:
-            raise usage("positions have no neighbours and no system", "pass geometries of shapely")
+            raise usage(
+                "topology and crs are not supported for positions", "pass geometries of shapely"
+            )
         return of_positions(geometry, offsets, tolerance, method, metric, rings, run)
     if rings:
-        raise usage("geometries say themselves whether they are rings", "leave rings out")
+        raise usage("rings is not supported for geometries", "leave rings out")
     if topology and metric == "space":
-        raise usage(
-            "what crosses what is seen in the plane", 'leave metric="space" or topology out'
-        )
+        raise usage('topology is not supported with metric="space"', "leave one of them out")
     import shapely
 
     if hasattr(geometry, "geometry") and hasattr(geometry, "set_geometry"):
@@ -198,7 +198,10 @@ def simplify(
         )
     array = np.atleast_1d(np.asarray(geometry, dtype=object))
     if not all(shapely.is_geometry(array.ravel()) | shapely.is_missing(array.ravel())):
-        raise usage(f"a {type(geometry).__name__} holds no lines", "pass geometries of shapely")
+        raise usage(
+            f"a {type(geometry).__name__} is not a geometry or an array of geometries",
+            "pass geometries of shapely",
+        )
     done = of_geometries(array.ravel(), tolerance, method, asked, metric, crs, run)
     return done[0] if isinstance(geometry, shapely.Geometry) else done.reshape(array.shape)
 
@@ -215,7 +218,7 @@ def of_positions(
     """Positions of one line, or of many."""
     array = np.require(positions, "f8", ("C", "A"))
     if array.ndim != 2:
-        raise usage(f"an array of shape {array.shape} is no list of positions")
+        raise usage(f"an array of shape {array.shape} is not an array of positions")
     wide = array[:, :2] if metric == "plane" and array.shape[1] == 3 else array
     wide = np.require(wide, "f8", ("C", "A"))
     starts = [0, len(array)] if offsets is None else offsets
@@ -233,7 +236,7 @@ def of_geometries(
     crs: Any,
     run: Any,
 ) -> NDArray[Any]:
-    """Geometries of shapely, kind by kind and in bulk; by way of files where options ask for that."""
+    """Shapely geometries in bulk by type; through files if options require it."""
     import shapely
 
     if asked is not None:
@@ -267,7 +270,7 @@ def of_geometries(
 
 
 def goal_of(tolerance: float | None, method: str, metric: str) -> dict[str, Any]:
-    """What is asked of a file of lines: the tolerance of a method that goes by area is one."""
+    """Goal options for a file of lines: a tolerance is an area for methods that use areas."""
     goal = "area" if method.endswith("visvalingam") else "tolerance"
     in_metres = metric == "metres" and goal == "tolerance" and tolerance is not None
     return {
@@ -280,7 +283,7 @@ def goal_of(tolerance: float | None, method: str, metric: str) -> dict[str, Any]
 def through_files(
     geometries: NDArray[Any], asked: dict[str, Any], crs: Any, run: Any
 ) -> NDArray[Any]:
-    """Geometries that are looked at together, by way of files; those in collections as if each were alone."""
+    """Geometries simplified together through files; parts of collections are separate features."""
     import shapely
 
     kind_of = shapely.GeometryType
@@ -310,7 +313,7 @@ def through_files(
                 some, name = shapely.polygons(some), "Polygon"
             found, positions, offsets = shapely.to_ragged_array(some, include_z=has_z)
             if found != kind and kind != kind_of.LINEARRING:
-                raise usage(f"{name}s are not all of one kind")
+                raise usage(f"{name}s differ in kind")
             levels = [np.require(level, "i8", ("C", "A")) for level in offsets]
             groups.append((name, np.require(positions, "f8", ("C", "A")), levels))
             order.append(places)
@@ -325,7 +328,10 @@ def through_files(
             found = shapely.from_wkt([line.rstrip("\n") for line in file if line.strip()])
     places = np.concatenate(order)
     if len(found) != len(places):
-        raise usage(f"{len(places) - len(found)} geometries came to nothing", "lower the tolerance")
+        raise usage(
+            f"{len(places) - len(found)} geometries are empty after simplification",
+            "lower the tolerance",
+        )
     rings = kinds[places] == kind_of.LINEARRING
     found[rings] = shapely.get_exterior_ring(found[rings])
     done[places] = found

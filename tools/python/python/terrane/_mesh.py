@@ -16,10 +16,10 @@ from terrane._source import lattice_of
 
 
 class Mesh:
-    """A triangle mesh in memory, which never changes: what `terrane.tin` makes.
+    """An immutable triangle mesh in memory, as made by `terrane.tin`.
 
-    Vertices are samples of the grid it was made from, unless it was made with `fit`; triangles refer to them by index and
-    are counter-clockwise seen from above.
+    Vertices are samples of the grid, except with `fit`; triangles are vertex indices, counter-clockwise seen from
+    above.
 
     >>> import numpy as np, terrane
     >>> heights = np.fromfunction(lambda row, col: np.sin(col / 5) * 10, (64, 64))
@@ -35,12 +35,12 @@ class Mesh:
 
     @property
     def vertices(self) -> NDArray[np.float64]:
-        """Positions, x, y and z in units of the grid: (n, 3) float64, the mesh's own memory, read-only."""
+        """Positions (x, y, z) in units of the grid: (n, 3) float64, a read-only view."""
         return self._mesh.vertices
 
     @property
     def triangles(self) -> NDArray[np.uint32]:
-        """Corners as indices of vertices: (m, 3) uint32, the mesh's own memory, read-only."""
+        """Vertex indices: (m, 3) uint32, a read-only view."""
         return self._mesh.triangles
 
     @property
@@ -50,33 +50,33 @@ class Mesh:
 
     @property
     def rmse(self) -> float:
-        """The root of the mean square of these distances."""
+        """Root mean square of these distances."""
         return self._mesh.rmse
 
     @property
     def tolerance(self) -> float:
-        """The bound that was kept: the one asked for, or that which a number of vertices or triangles allowed."""
+        """The error bound: as requested, or as achieved for a number of vertices or triangles."""
         return self._mesh.tolerance
 
     @property
     def unmet(self) -> str | None:
-        """What was asked for and is not so, in words: triangles with small angles, or breaklines without edges."""
+        """Requirements that are not met, in words: triangles with small angles, or breaklines without edges."""
         return self._mesh.unmet
 
     @property
     def crs(self) -> str | None:
-        """The reference system as pyproj reads it: "EPSG:32631", or well-known text."""
+        """CRS for pyproj: "EPSG:32631", or WKT."""
         return self._mesh.crs
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
-        """The least x and y, and the largest."""
+        """Smallest x and y, and largest x and y."""
         low, high = self.vertices[:, :2].min(axis=0), self.vertices[:, :2].max(axis=0)
         return (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
 
     def interpolate(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
-        """Heights of the surface at places: `x` and `y` are numbers or arrays, of shapes that fit together. NaN
-        where the mesh has none. At vertices it is their own.
+        """Heights of the surface at positions: `x` and `y` are numbers or arrays that broadcast. NaN outside the
+        mesh; exact at vertices.
 
         >>> import numpy as np, terrane
         >>> mesh = terrane.tin(np.arange(25.0).reshape(5, 5), max_error=0)
@@ -88,50 +88,49 @@ class Mesh:
         return self._mesh.heights(*flat).reshape(all_x.shape)
 
     def sample_like(self, like: Any) -> NDArray[np.float64]:
-        """Heights at the centres of the cells of another grid, (rows, columns), NaN where there are none. `like` is
-        a dataset of rasterio, a DataArray or Dataset of xarray, an array, or a pair of a shape and a transform. Where that
-        lies nowhere, x is the column and y the row with its sign changed, as in a mesh of it."""
+        """Heights at the cell centres of another grid, (rows, columns), NaN outside the mesh. `like` is a rasterio
+        dataset, an xarray DataArray or Dataset, an array, or a pair of a shape and a transform. Without a transform,
+        x is the column and y the negative row, as in a mesh of an array."""
         (height, width), place = lattice_of(like)
-        # Six numbers of the outer corner of the first cell.
+        # Geotransform of the outer corner of the first cell.
         x0, a, b, y0, d, e = (-0.5, 1.0, 0.0, 0.5, 0.0, -1.0) if place is None else place
         rows, cols = np.arange(height)[:, None] + 0.5, np.arange(width)[None, :] + 0.5
         return self.interpolate(x0 + a * cols + b * rows, y0 + d * cols + e * rows)
 
     def write(self, path: Path, overwrite: bool = False) -> int:
-        """Writes it into a file, whole or not at all, in the format of its ending (PLY, OBJ, STL, GLB, 3MF and others), and
-        returns its size in bytes. GLB, STL and 3MF hold heights in 32 bits: where that takes them beyond the tolerance,
-        a warning says by how much, and the file states the bound that holds of it (`write_tin` keeps the tolerance)."""
+        """Writes the mesh to a file atomically, in the format of its ending (PLY, OBJ, STL, GLB, 3MF and others), and
+        returns the size in bytes. GLB, STL and 3MF hold float32 heights: if rounding exceeds the tolerance, a warning
+        is issued and the file states the larger bound (`write_tin` keeps the tolerance)."""
         name = os.fspath(path)
         refuse_existing(name, overwrite)
         bound = self._mesh.tolerance_in(name)
         if bound > self.tolerance:
             warn(
-                f"{name}: heights of 32 bits are up to {bound:.9g} from the samples, where {self.tolerance:.9g} is allowed, and "
+                f"{name}: float32 heights are up to {bound:.9g} from the samples ({self.tolerance:.9g} is allowed), and "
                 "the file states that; pass float32 heights, or use write_tin, which rounds first"
             )
         return self._mesh.write(name, overwrite)
 
     def to_trimesh(self) -> Any:
-        """The same as a `trimesh.Trimesh`, its vertices in their order."""
+        """The mesh as a `trimesh.Trimesh` with the same vertex order."""
         import trimesh
 
         return trimesh.Trimesh(self.vertices, self.triangles, process=False)
 
     def to_pyvista(self) -> Any:
-        """The same as a `pyvista.PolyData`."""
+        """The mesh as a `pyvista.PolyData`."""
         import pyvista
 
         return pyvista.PolyData.from_regular_faces(self.vertices, self.triangles.astype("i8"))
 
     def to_meshio(self) -> Any:
-        """The same as a `meshio.Mesh`."""
+        """The mesh as a `meshio.Mesh`."""
         import meshio
 
         return meshio.Mesh(self.vertices, [("triangle", self.triangles)])
 
     def plot(self, ax: Any = None, **options: Any) -> Any:
-        """Draws it from above, coloured by height, with matplotlib: options are those of `tripcolor`. Returns the
-        axes."""
+        """Plots the mesh coloured by height with matplotlib; options are passed to `tripcolor`. Returns the axes."""
         from matplotlib import pyplot
 
         ax = pyplot.gca() if ax is None else ax
@@ -160,5 +159,5 @@ class Mesh:
 def restored(
     vertices: NDArray[np.float64], triangles: NDArray[np.uint32], state: dict[str, Any]
 ) -> Mesh:
-    """A mesh out of a pickle."""
+    """Restores a pickled mesh."""
     return Mesh(_terrane.Mesh.restore(vertices, triangles, state))

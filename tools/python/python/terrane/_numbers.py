@@ -1,4 +1,4 @@
-"""Numbers that functions are given: which option may be what."""
+"""Validation of numeric arguments."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from terrane._errors import usage
 
 
 class Range(NamedTuple):
-    """What an option may be: from `least` on, or above `over`; whole or not; infinite or not."""
+    """Range of an option: at least `least`, or above `over`; integer or not; finite or not."""
 
     least: float | None = None
     over: float | None = None
@@ -19,7 +19,7 @@ class Range(NamedTuple):
     infinite: bool = False
 
     def words(self) -> str:
-        """What to pass, in words."""
+        """Description of valid values."""
         kind = "a whole number" if self.whole else "a number"
         ends = [
             (self.least, f"from {self.least} on"),
@@ -29,7 +29,7 @@ class Range(NamedTuple):
         return " ".join([kind, *(text for end, text in ends if end is not None)])
 
     def holds(self, value: float) -> bool:
-        """True where `value` is in the range, which NaN never is."""
+        """True if `value` is in the range; false for NaN."""
         return (
             not math.isnan(value)
             and (self.least is None or value >= self.least)
@@ -44,7 +44,7 @@ LENGTH = Range(over=0)
 TOLERANCE = Range(least=0)
 ANY = Range()
 
-# All numeric options, by their names, which mean the same in all functions.
+# All numeric options by name, with the same meaning in all functions.
 OPTIONS = {
     "max_error": TOLERANCE,
     "max_vertices": COUNT,
@@ -74,8 +74,8 @@ OPTIONS = {
 
 
 def number(name: str, value: Any, called: str | None = None) -> Any:
-    """The number that `value` is, as option `name` may have it: an int where it is whole, else a float; None stays None.
-    `called` is what the function calls the option where others mean something else by that.
+    """Validates `value` for option `name`: returns an int for integer options, otherwise a float; None stays None.
+    `called` is the argument's name in the function if it differs.
 
     >>> number("max_error", 2), number("tile", 64.0)
     (2.0, 64)
@@ -90,19 +90,19 @@ def number(name: str, value: Any, called: str | None = None) -> Any:
 
 
 def needed(name: str, value: Any, called: str | None = None) -> Any:
-    """The number that `value` is, which must be one."""
+    """As `number`, but None is an error."""
     if value is None:
         raise usage(f"{called or name} is None", f"pass {OPTIONS[name].words()}")
     return number(name, value, called)
 
 
 def checked(**options: Any) -> dict[str, Any]:
-    """The numbers that options are, by their names."""
+    """Validated numeric options by name."""
     return {name: number(name, value) for name, value in options.items()}
 
 
 def real(value: Any) -> float | int | None:
-    """The number that `value` is, of Python, numpy or any other package; None for text, truth and all else."""
+    """The number `value` of Python, numpy or another package; None for strings, booleans and others."""
     if isinstance(value, bool | str | bytes | bytearray) or type(value).__name__ in (
         "bool",
         "bool_",

@@ -1,5 +1,5 @@
-"""Operations that write a file: a function for each, made from the table of its options, which the command line and
-Rust read, too. What editors and type checkers see is in `_operations.pyi`, which `stub` writes."""
+"""Operations that write a file: one function each, generated from the option tables shared with the command line and
+Rust. Signatures for editors and type checkers are in `_operations.pyi`, written by `stub`."""
 
 from __future__ import annotations
 
@@ -26,30 +26,30 @@ from terrane._report import Report
 from terrane._settings import Path, settings
 from terrane._source import crs_text, opened
 
-# Features beside what is read, which may be in memory.
+# Options with features, which may be in memory.
 BESIDE = ("clip", "water", "keep_points", "breaklines")
-# What says how the grid is read, with what only Python has; all else is an option of the operation.
+# Input options of grids, with Python's own; all others are options of the operation.
 SOURCE = ("band", "nodata", "transform", "crs", "clip", "water")
-# Operations that take meshes in place of grids.
+# Operations that accept meshes instead of grids.
 OF_SURFACES = ("picture", "page")
 OF_SOURCE = {
     "transform": "Affine transform of an array, in rasterio's order",
     "crs": "CRS of an array: text, an EPSG code, or a CRS of pyproj or rasterio",
     "progress": "Progress callback (stage, done, total), or tqdm",
 }
-# What Python has in place of texts.
+# Python types used instead of text.
 TYPES = {"crs": "Any", "band": "int | None", "clip": "Features | None", "water": "Features | None", "keep_points": "Features | None", "breaklines": "Features | None", "to_crs": "Any", "output": "Path | None"}
 
 
 @cache
 def tables() -> dict[str, Any]:
-    """All operations by name, with what is said of their options."""
+    """All operations by name, with their option tables."""
     told: dict[str, Any] = _terrane.operations()
     return told
 
 
 def run(name: str, src: Any, path: Any, options: dict[str, Any]) -> dict[str, Any]:
-    """Runs an operation with all keywords that were given; what can be wrong with these is told before anything is opened."""
+    """Runs an operation with keywords, which are validated before any file is opened."""
     output = os.fsdecode(path)
     with ready(name, src, options, output) as (source, progress):
         return _terrane.run_operation(name, source, output, options, progress)
@@ -59,10 +59,10 @@ def run(name: str, src: Any, path: Any, options: dict[str, Any]) -> dict[str, An
 def ready(
     name: str, src: Any, options: dict[str, Any], output: str | None, is_plan: bool = False
 ) -> Iterator[tuple[Any, Any]]:
-    """What an operation reads (the path of features and meshes), where its options are right; what only Python has is taken
-    out of them. Nothing without an output is written but plans, and these need files that stay."""
+    """Validates options and returns the input of an operation (a path for features and meshes), without the
+    Python-only options. Plans require permanent files."""
     reads = "mesh" if is_mesh(name, src) else tables()[name]["reads"]
-    # What can be looked at once is looked at twice.
+    # Iterators are used twice.
     options |= {key: list(value) for key, value in options.items() if isinstance(value, Iterator)}
     _beside.settle(options)
     reading = {key: options.pop(key) for key in SOURCE if reads == "grid" and key in options}
@@ -73,7 +73,7 @@ def ready(
             options[key] = crs_text(options[key])
     is_kept = options.get("workdir") is not None
     if is_plan or is_kept:
-        why = "work in a folder goes on later" if is_kept else "a plan is run later"
+        why = "work in a folder requires a file" if is_kept else "a plan requires a file"
         for of in (reading, options):
             of |= _beside.paths(why, **{key: of[key] for key in BESIDE if key in of})
     if not is_plan:
@@ -104,7 +104,7 @@ def ready(
 
 
 def is_mesh(name: str, src: Any) -> bool:
-    """True where a mesh is read, which some operations take in place of a grid."""
+    """True if the input is a mesh, which some operations accept instead of a grid."""
     is_path = isinstance(src, str | os.PathLike)
     is_one = isinstance(src, Mesh) or (is_path and _terrane.is_mesh(os.fspath(src)))
     return name == "info-mesh" or (name in OF_SURFACES and is_one)
@@ -112,7 +112,7 @@ def is_mesh(name: str, src: Any) -> bool:
 
 @contextmanager
 def mesh_file(mesh: Any) -> Iterator[str]:
-    """The file of a mesh; that of one in memory lasts as long as this."""
+    """The file of a mesh; a temporary file for a mesh in memory."""
     if not isinstance(mesh, Mesh):
         yield os.fspath(mesh)
         return
@@ -124,12 +124,12 @@ def mesh_file(mesh: Any) -> Iterator[str]:
 
 
 def is_true(value: Any) -> bool:
-    """True for what asks for something to be done."""
+    """True for a set flag."""
     return isinstance(value, bool | np.bool_) and bool(value)
 
 
 def written(name: str) -> Callable[..., dict[str, Any]]:
-    """The function of an operation that writes a file."""
+    """Makes the function of an operation that writes a file."""
     needed = ["src", *(own["name"] for own in tables()[name]["options"] if own["positional"]), "path"]
     names = [*needed, *FIRST.get(name, {})]
 
@@ -145,7 +145,7 @@ def written(name: str) -> Callable[..., dict[str, Any]]:
 
 
 def planned(name: str) -> Callable[..., Plan]:
-    """The function that plans an operation."""
+    """Makes the function that plans an operation."""
 
     first = FIRST.get(name, {})
 
@@ -174,7 +174,7 @@ def planned_name(name: str) -> str:
 
 
 def proved(name: str) -> Callable[..., Report]:
-    """The function of a proof."""
+    """Makes the function of a verification."""
     names = [*PROVED[name], *FIRST.get(name, {})]
 
     def function(*values: Any, **options: Any) -> Report:
@@ -189,7 +189,7 @@ def proved(name: str) -> Callable[..., Report]:
         if not isinstance(file, str | os.PathLike):
             of = PROVED[name][0]
             remedy = "pass a terrane.Mesh or a path" if name == "verify" else "pass a path"
-            raise usage(f"a {type(file).__name__} is no path of {'a mesh' if of == 'mesh' else of}", remedy)
+            raise usage(f"a {type(file).__name__} is not a path of {'a mesh' if of == 'mesh' else of}", remedy)
         return prove(name, os.fspath(file), src, given)
 
     function.__name__ = function.__qualname__ = called(name)
@@ -200,13 +200,13 @@ def proved(name: str) -> Callable[..., Report]:
 
 
 def prove(name: str, file: str, src: Any, options: dict[str, Any]) -> Report:
-    """What a proof of a file or folder finds."""
+    """Verifies a file or folder."""
     with ready(name, src, options, None) as (source, progress):
         return Report(_terrane.report_on(name, source, file, options, progress))
 
 
 def inspected(name: str) -> Callable[..., dict[str, Any]]:
-    """The function that tells what something is."""
+    """Makes an `info` function."""
 
     def function(src: Any, **options: Any) -> dict[str, Any]:
         with ready(name, src, options, None) as (source, progress):
@@ -215,16 +215,16 @@ def inspected(name: str) -> Callable[..., dict[str, Any]]:
     return documented(function, name, signature=inspected_parameters(name))
 
 
-# What is told of without writing anything.
+# Inspections, which write nothing.
 INSPECTED = ("info", "info-mesh", "info-cloud", "info-features")
 
 
 def inspected_parameters(name: str) -> list[inspect.Parameter]:
-    """The parameters of the function that tells what something is."""
+    """Parameters of an `info` function."""
     return [own for own in parameters(name) if own.name != "path"]
 
 
-# What proofs are of, and what it was made from.
+# Subjects and originals of verifications.
 PROVED = {
     "verify": ("mesh", "src"),
     "verify-cloud": ("mesh", "src"),
@@ -234,7 +234,7 @@ PROVED = {
 
 
 def proved_parameters(name: str) -> list[inspect.Parameter]:
-    """The parameters of the function of a proof."""
+    """Parameters of a verification function."""
     kinds = inspect.Parameter
     file, _ = PROVED[name]
     annotation = "Mesh | Path" if name == "verify" else "Path"
@@ -243,7 +243,7 @@ def proved_parameters(name: str) -> list[inspect.Parameter]:
 
 
 def planned_parameters(name: str) -> list[inspect.Parameter]:
-    """The parameters of the function that plans an operation: those of the operation that say something of the result."""
+    """Parameters of a planning function: those of the operation that affect the result."""
     kinds = inspect.Parameter
     of_runs = [option["name"] for option in tables()[name]["options"] if option["of_runs"]]
     kept = [own for own in parameters(name) if own.kind == own.KEYWORD_ONLY and own.name not in of_runs]
@@ -256,7 +256,7 @@ def planned_parameters(name: str) -> list[inspect.Parameter]:
 
 
 def planned_documentation(name: str) -> str:
-    """What a plan of an operation is."""
+    """Documentation of a planning function."""
     size = tables()[name]["task_size"]
     return textwrap.dedent(f"""\
         Plans the result of `{called(name)}` as tasks in a folder, with the same options; the result is the same, byte for
@@ -266,20 +266,20 @@ def planned_documentation(name: str) -> str:
         """)
 
 
-# What lines in memory do not have.
+# Options of files, not of lines in memory.
 OF_FILES = ("index", "with_z", "3d", "format", "overwrite")
 
 
 def contour(
     src: Any, interval: float | None = None, *, output: Any = None, **options: Any
 ) -> Lines | dict[str, Any]:
-    """Lines in memory, unless there is an output."""
+    """Contour lines in memory, or in a file with `output`."""
     options["interval"] = interval
     if output is not None:
         return run("contour", src, output, options)
     for key in OF_FILES:
         if options.get(key):
-            raise usage(f"{key} is for files, and the lines stay in memory", "pass output, too")
+            raise usage(f"{key} is for files only", "pass output")
     with tempfile.TemporaryDirectory(prefix="terrane-") as folder:
         path = os.path.join(folder, "lines.fgb")
         with in_memory(path):
@@ -293,29 +293,29 @@ def contour(
 
 
 class Usual(float):
-    """A number that nobody asked for."""
+    """A default number."""
 
 
-# The cells of grids, unless something else says what they are.
+# Cell options, unless another option defines the cells.
 CELL = Usual(1.0)
 
 
 def with_cells(options: dict[str, Any]) -> dict[str, Any]:
-    """The options of a grid; where another says what cells are, only those asked for."""
+    """Options of a grid; without cell defaults if another option defines the cells."""
     if isinstance(options.get("cell"), Usual):
         options["cell"] = None if options.get("like") is not None else 1.0
     return options
 
 
 def is_asked(value: Any) -> bool:
-    """True for the value of an option that asks for something."""
+    """True for an option value that has an effect."""
     return value is not None and value is not False
 
 
 def tin(
     src: Any, max_error: float | None = None, *, output: Any = None, **options: Any
 ) -> Mesh | dict[str, Any]:
-    """A mesh in memory, unless there is an output."""
+    """A mesh in memory, or in a file with `output`."""
     options["max_error"] = max_error
     if output is not None:
         return run("tin", src, output, options)
@@ -323,7 +323,7 @@ def tin(
         return Mesh(grid.tin(options, progress))
 
 
-# What grids in memory do not have.
+# Options of files, not of grids in memory.
 OF_GRIDS = ("format", "overwrite", "co")
 
 
@@ -335,13 +335,13 @@ def grid(
     output: Any = None,
     **options: Any,
 ) -> GridResult | dict[str, Any]:
-    """A grid in memory, unless there is an output."""
+    """A grid in memory, or in a file with `output`."""
     options = with_cells({**options, "cell": cell, "stat": stat})
     if output is not None:
         return run("grid", src, output, options)
     for key in OF_GRIDS:
         if is_asked(options.get(key)):
-            raise usage(f"{key} is for files, and the grid stays in memory", "pass output, too")
+            raise usage(f"{key} is for files only", "pass output")
     folder = tempfile.TemporaryDirectory(prefix="terrane-")
     path = os.path.join(folder.name, "grid.tif")
     with in_memory(path):
@@ -388,22 +388,22 @@ def chm(src: Any, cell: float | Sequence[float] | None = CELL, **options: Any) -
 
 
 def called(name: str) -> str:
-    """The function of an operation. That which takes geometries is called `simplify`."""
+    """Name of an operation's function; `simplify` is the one for geometries."""
     own = {"simplify": "simplify_file", "cloud-tin": "write_cloud_tin"}
     return own.get(name, name.replace("-", "_"))
 
 
-# Functions that write what others keep in memory.
+# Functions that write results that others keep in memory.
 WRITTEN = {"tin": "write_tin"}
 
 
 def keyword_of(option: dict[str, Any]) -> str:
-    """What an option is called where its name is a word of the language: by another name of it."""
+    """Keyword of an option; an alias if its name is a Python keyword."""
     names = [option["name"], *option["aliases"]]
     return next(name for name in names if not keyword.iskeyword(name))
 
 
-# Parameters before others, of functions whose result may stay in memory, and their defaults.
+# First parameters of functions with results in memory, and their defaults.
 FIRST: dict[str, dict[str, Any]] = {
     "cloud-tin": {"max_error": None},
     "contour": {"interval": None},
@@ -412,20 +412,19 @@ FIRST: dict[str, dict[str, Any]] = {
     "verify": {"max_error": None},
     "verify-cloud": {"max_error": None},
 }
-# What functions return that keep their result in memory where there is no output.
+# Results in memory of functions without `output`.
 RESULTS = {"contour": "Lines", "grid": "GridResult", "tin": "Mesh"}
 
 
 def parameters(name: str, is_file: bool = False) -> list[inspect.Parameter]:
-    """The parameters of the function of an operation, or of that which writes its result into a file always: the source,
-    names, and keywords."""
+    """Parameters of an operation's function, or of its variant that always writes a file: source, names and keywords."""
     kinds = inspect.Parameter
     options = {keyword_of(option): option for option in tables()[name]["options"]}
 
     def parameter(name: str, kind: Any, default: Any = None) -> inspect.Parameter:
         option = options.pop(name, {"type": "Any"})
         annotation = TYPES.get(name, option["type"])
-        # That no band is named is another thing than that the first one is.
+        # No band differs from the first band.
         default = None if name == "band" else option.get("default", default)
         return kinds(name, kind, default=default, annotation=annotation)
 
@@ -451,7 +450,7 @@ def documented(
     called_so: str | None = None,
     signature: list[inspect.Parameter] | None = None,
 ) -> Any:
-    """The function with its name, signature and documentation."""
+    """Sets name, signature and documentation of a function."""
     function.__name__ = function.__qualname__ = called_so or called(name)
     function.__module__ = __name__
     function.__signature__ = inspect.Signature(signature or parameters(name))
@@ -460,7 +459,7 @@ def documented(
 
 
 def documentation(name: str) -> str:
-    """What an operation is for, what its options are, and an example."""
+    """Documentation of an operation: summary, options and an example."""
     table = tables()[name]
     lines = [table["about"], "", "Parameters", "----------"]
     source = SOURCES["mesh" if name == "info-mesh" else table["reads"]]
@@ -511,7 +510,7 @@ def stub() -> str:
 
 
 def signatures(name: str, found: list[inspect.Parameter], held: str | None) -> list[str]:
-    """A function as stubs have it, one that may keep its result in memory by both of its results."""
+    """Stub of a function, with an overload for results in memory."""
     if held is None:
         return signature(name, found, "dict[str, Any]")
     places = {True: "None", False: "Path"}
@@ -526,7 +525,7 @@ def signatures(name: str, found: list[inspect.Parameter], held: str | None) -> l
 
 
 def signature(name: str, found: list[inspect.Parameter], result: str) -> list[str]:
-    """A function as stubs have it."""
+    """Stub of a function."""
     lines = [f"def {name}("]
     first = [own.kind for own in found].index(inspect.Parameter.KEYWORD_ONLY)
     for place, own in enumerate(found):
@@ -537,7 +536,7 @@ def signature(name: str, found: list[inspect.Parameter], result: str) -> list[st
 
 
 def about_of(option: dict[str, Any]) -> str:
-    """What an option is, with what there is to choose from."""
+    """Description of an option with its choices."""
     choices = [f"{name} ({about})" for name, about in option["choices"]]
     return "; ".join([option["about"], *choices])
 

@@ -17,7 +17,7 @@ SIDE = 240
 
 
 def shaded(mesh: Mesh) -> bytes:
-    """A PNG of the mesh seen from above, lit from the north-west."""
+    """Shaded relief of a mesh as PNG, lit from the north-west."""
     west, south, east, north = mesh.bounds
     step = max(east - west, north - south) / SIDE or 1.0
     x = np.arange(west, east + step / 2, step)
@@ -26,7 +26,7 @@ def shaded(mesh: Mesh) -> bytes:
     if min(heights.shape) < 2:
         return png(np.full((1, 1, 2), 255, "u1"))
     down, right = np.gradient(heights, step)
-    # As steep as a slope of a half looks well.
+    # A slope of 1/2 gives good contrast.
     steep = np.nanpercentile(np.hypot(right, down), 90) if np.isfinite(right).any() else 1.0
     right, down = (part / (2 * steep or 1.0) for part in (right, down))
     light = (1 - right - down) / np.sqrt(3 * (1 + right**2 + down**2))
@@ -36,7 +36,7 @@ def shaded(mesh: Mesh) -> bytes:
 
 
 def png(pixels: NDArray[np.uint8]) -> bytes:
-    """A PNG of gray and opacity, (rows, columns, 2)."""
+    """PNG of grey and alpha, (rows, columns, 2)."""
     rows, columns, _ = pixels.shape
     lines = np.zeros((rows, 1 + 2 * columns), "u1")
     lines[:, 1:] = pixels.reshape(rows, -1)

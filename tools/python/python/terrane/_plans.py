@@ -1,4 +1,4 @@
-"""Work for many processes, which may be killed."""
+"""Plans: resumable jobs for many processes."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from terrane._settings import Path, settings
 
 
 class Plan:
-    """A plan in a folder: what is to be made, of what, by which tasks. Any number of processes and machines that see the
-    folder may run it, or its tasks, at the same time and as often as they like."""
+    """A plan in a folder: output, input and tasks. Any number of processes and machines with access to the folder may
+    run it, or its tasks, concurrently and repeatedly."""
 
     def __init__(self, plan: _terrane.Plan) -> None:
         self._plan = plan
@@ -24,8 +24,7 @@ class Plan:
         return str(self._plan.folder)
 
     def status(self) -> dict[str, Any]:
-        """How far the work has come: `to_do` has the tasks that are not done, each with those it comes after; `written`
-        where the result is."""
+        """Status of the plan: `to_do` has the open tasks with their dependencies, `written` the path of the result."""
         return self._plan.status()
 
     def run(
@@ -41,9 +40,9 @@ class Plan:
         progress: Any = None,
         **options: Any,
     ) -> dict[str, Any]:
-        """Does what is not done, here or on a cluster: `client` is one of `dask.distributed`, and further options are those
-        of `terrane.dask.run`. `split` writes a mesh of a grid as a folder with a mesh for every so many by so many tiles.
-        Returns what was done."""
+        """Runs the open tasks, here or on a cluster: `client` is a `dask.distributed` client, and further options are
+        those of `terrane.dask.run`. `split` writes a mesh of a grid as a folder with one mesh per `split` by `split`
+        tiles. Returns the report."""
         name = None if output is None else os.fspath(output)
         if name is not None:
             refuse_existing(name, overwrite)
@@ -52,13 +51,13 @@ class Plan:
                 raise TypeError(f"run() got an unexpected keyword argument {min(options)!r}")
             if not isinstance(task, str | None):
                 first = next((task for task, _ in self.status()["to_do"]), "finish")
-                raise usage(f"task is {task!r}, and tasks have names", f"pass one such as {first!r}")
+                raise usage(f"task is {task!r}, expected a name", f"pass one such as {first!r}")
             parts = number("split", split)
             return self._plan.run(task, name, parts, overwrite, settings(threads, memory, progress))
         if task is not None or progress is not None or split is not None:
             raise usage(
-                "a cluster does all tasks that are not done, and tells of it itself",
-                "leave out task, split and progress, or client",
+                "task, split and progress are not supported with client",
+                "leave them out, or leave out client",
             )
         from dataclasses import asdict
 
@@ -77,5 +76,5 @@ class Plan:
 
 
 def open_plan(folder: Path) -> Plan:
-    """The plan in a folder."""
+    """Opens the plan in a folder."""
     return Plan(_terrane.Plan.open(os.fspath(folder)))

@@ -1,4 +1,4 @@
-"""What a proof found."""
+"""Reports of verifications."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from typing import Any
 
 
 class Report:
-    """What a proof found. True where it is `ok`."""
+    """Report of a verification; true if `ok`."""
 
     def __init__(self, told: dict[str, Any]) -> None:
         self._told = told
 
     @property
     def ok(self) -> bool:
-        """All that was promised was looked at, and is kept."""
+        """True if every check was made and passed."""
         return bool(self._told["passed"] and self._told["judged"])
 
     @property
@@ -24,22 +24,22 @@ class Report:
 
     @property
     def surface_error(self) -> float | None:
-        """The largest distance of any point of the lines between neighbouring samples; None of clouds."""
+        """The largest distance of the lines between neighbouring samples; None for point clouds."""
         error: float | None = self._told.get("surface_error")
         return error
 
     @property
     def failures(self) -> list[str]:
-        """What is broken, and where."""
+        """Failed checks, with positions."""
         return list(self._told["failures"])
 
     @property
     def not_judged(self) -> list[str]:
-        """What was promised and not looked at."""
+        """Checks that could not be made."""
         return list(self._told["not_judged"])
 
     def as_dict(self) -> dict[str, Any]:
-        """All of it, as `terrane verify --json` tells it."""
+        """The report as from `terrane verify --json`."""
         return dict(self._told)
 
     def __bool__(self) -> bool:

@@ -1,4 +1,4 @@
-"""What all jobs may be told: threads, memory, a folder for temporary files, and whom to tell of progress."""
+"""Settings of all jobs: threads, memory, temporary folder and progress."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any, TypedDict
 
 Progress = Callable[[str, int, int], object]
 Path = str | os.PathLike[str]
-# The path of a file of features, or geometries: of shapely, one or several, a GeoSeries or a GeoDataFrame.
+# Path of a vector file, or geometries: one or several of shapely, a GeoSeries or a GeoDataFrame.
 Features = Any
 
 
 class Settings(TypedDict):
-    """As the library takes it."""
+    """Settings for the library."""
 
     threads: int | None
     memory: int | str | None
@@ -25,8 +25,8 @@ def settings(
     memory: int | str | None,
     progress: Any = None,
 ) -> Settings:
-    """Settings from the arguments that functions have for them. `progress` is a function of the stage, what is
-    done and the total, or tqdm's class, or True for it."""
+    """Settings from function arguments. `progress` is a function of stage, done and total, the tqdm class, or True
+    for tqdm."""
     from terrane._numbers import number
 
     return {
@@ -37,7 +37,7 @@ def settings(
 
 
 def told_by(progress: Any) -> Progress | None:
-    """A function to tell of progress."""
+    """Progress callback."""
     if progress is None or progress is False:
         return None
     if progress is True:
@@ -50,7 +50,7 @@ def told_by(progress: Any) -> Progress | None:
         from terrane._errors import usage
 
         raise usage(
-            f"progress is a {type(progress).__name__}, which cannot be called",
+            f"progress is a {type(progress).__name__}, which is not callable",
             "pass a function of stage, done and total, or tqdm",
         )
     told: Progress = progress
@@ -58,7 +58,7 @@ def told_by(progress: Any) -> Progress | None:
 
 
 class Bars:
-    """A bar for each stage of a job, of a class such as tqdm."""
+    """Progress bars, one per stage, of a class such as tqdm."""
 
     def __init__(self, cls: type[Any]) -> None:
         self.cls = cls
@@ -66,7 +66,7 @@ class Bars:
         self.bar: Any = None
 
     def __call__(self, stage: str, done: int, total: int) -> None:
-        """Moves the bar of this stage."""
+        """Updates the bar of a stage."""
         if stage != self.stage or self.bar is None:
             if self.bar is not None:
                 self.bar.close()

@@ -1,4 +1,4 @@
-"""Where grids come from: paths, arrays, and datasets of other packages, none of which is imported here."""
+"""Sources of grids: paths, arrays, and datasets of other packages, which are not imported here."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from terrane._errors import ResourceError, usage, warn
 from terrane._numbers import number, real
 from terrane._settings import Features
 
-# Types of samples that the library reads as they are.
+# Sample types supported by the library without conversion.
 NATIVE = {np.dtype(name) for name in ("f4", "f8", "i1", "u1", "i2", "u2", "i4", "u4")}
-# Whole numbers beyond this are not all exact in float64.
+# Integers above this are not exact in float64.
 EXACT = 2**53
-# The transform of columns and rows.
+# Transform of an array without georeference.
 IDENTITY = (1, 0, 0, 0, 1, 0)
-# What bands of a picture show.
+# Colour interpretation of image bands.
 COLOURS = {"red", "green", "blue"}
-# What of a grid's notes is told, unless a band is chosen.
+# Notes of a grid that become warnings, unless a band is chosen.
 TOLD = {"several bands", "impossible nodata"}
 
-# Opens a grid, clipped to the polygons of a file and with the water of another one.
+# Opens a grid, clipped to polygons of a file, with water of another file.
 Opener = Callable[[str | None, str | None], _terrane.Grid]
 
 
@@ -43,7 +43,7 @@ def opened(
     water: Features | None = None,
     **features: Features | None,
 ) -> Iterator[tuple[_terrane.Grid, dict[str, str | None]]]:
-    """The grid that `src` stands for, and the files of the features beside it, which last as long as this."""
+    """Opens the grid `src` and the files of its features for the duration of a context."""
     make = opener_of(src, number("band", band), nodata_of(nodata), transform, crs)
 
     def system() -> str | None:
@@ -57,19 +57,17 @@ def opened(
 
 
 def opener_of(src: Any, band: int | None, nodata: float | None, transform: Any, crs: Any) -> Opener:
-    """What opens the grid that `src` stands for."""
+    """Opener of the grid `src`."""
     names = names_of(src)
     if names is not None:
         for name, given in (("transform", transform), ("crs", crs)):
             if given is not None:
-                raise usage(
-                    f"files say themselves where they lie, without a {name}", "leave it out"
-                )
+                raise usage(f"{name} is not supported for files", "leave it out")
         return of_files(names, band, nodata)
     if is_dataset(src):
         return of_dataset(src, band, nodata, transform, crs)
     if band not in (None, 1):
-        raise usage(f"band {band} of an array, which has one", "pass the part of it that is meant")
+        raise usage(f"band {band} of an array with one band", "pass a two-dimensional part")
     if _xarray.is_data_array(src) or _xarray.is_xarray_dataset(src):
         held = _xarray.held_of(src)
         fills = held.fills if nodata is None else [nodata]
@@ -79,14 +77,14 @@ def opener_of(src: Any, band: int | None, nodata: float | None, transform: Any, 
 
 
 def tell(grid: _terrane.Grid, is_chosen: bool) -> None:
-    """Warns of what is odd about a grid and changes what is read of it."""
+    """Warns of problems of a grid that change its values."""
     for kind, text in grid.notes:
         if kind in TOLD and not (is_chosen and kind == "several bands"):
             warn(text)
 
 
 def nodata_of(value: Any) -> float | None:
-    """The value for voids that an option says; any number will do."""
+    """Nodata value of an option; any number."""
     given = None if value is None else real(value)
     if value is not None and given is None:
         raise usage(f"nodata is {value!r}", "pass a number")
@@ -94,7 +92,7 @@ def nodata_of(value: Any) -> float | None:
 
 
 def names_of(src: Any) -> list[str] | None:
-    """The paths that `src` is or lists, None if it is something else."""
+    """The paths in `src`, None for other sources."""
     if isinstance(src, str | os.PathLike):
         return [os.fspath(src)]
     is_list = isinstance(src, list | tuple) and len(src) > 0
@@ -104,14 +102,14 @@ def names_of(src: Any) -> list[str] | None:
 
 
 def of_files(names: list[str], band: int | None, nodata: float | None) -> Opener:
-    """What opens files."""
+    """Opener of files."""
     return lambda clip, water: _terrane.Grid.open(
         names, {"band": band, "nodata": nodata, "clip": clip, "water": water}
     )
 
 
 def of_array(src: Any, fills: Sequence[float], transform: Any, crs: Any) -> Opener:
-    """What opens an array."""
+    """Opener of an array."""
     array, fill = native(src, fills)
     place, text = place_of(transform), crs_text(crs)
     return lambda clip, water: _terrane.Grid.array(
@@ -120,22 +118,22 @@ def of_array(src: Any, fills: Sequence[float], transform: Any, crs: Any) -> Open
 
 
 def native(src: Any, fills: Sequence[float]) -> tuple[NDArray[Any], float | None]:
-    """An array of two dimensions, contiguous and of a type that is read as it is, with at most one copy; and the
-    value that stands for voids. Where several do, or a mask, they are NaN in it."""
+    """A contiguous two-dimensional array of a supported type, with at most one copy, and its nodata value. Several
+    nodata values, or a mask, become NaN."""
     try:
         array = np.ma.getdata(src) if isinstance(src, np.ma.MaskedArray) else np.asarray(src)
     except ValueError as error:
-        raise usage(f"a {type(src).__name__} is no grid of heights: {error}") from error
+        raise usage(f"a {type(src).__name__} is not a grid of heights: {error}") from error
     mask = np.ma.getmask(src) if isinstance(src, np.ma.MaskedArray) else np.ma.nomask
     if array.ndim != 2:
         raise usage(
-            f"a {type(src).__name__} of shape {array.shape} is no grid of heights",
-            "pass an array of two dimensions, rows and columns",
+            f"a {type(src).__name__} of shape {array.shape} is not a grid of heights",
+            "pass a two-dimensional array (rows, columns)",
         )
     if array.dtype.kind not in "fiu":
         raise usage(f"an array of {array.dtype} holds no heights", "convert it to numbers")
     if array.size == 0:
-        raise usage(f"an array of shape {array.shape} holds no sample")
+        raise usage(f"an array of shape {array.shape} is empty")
     for fill in (fill for fill in fills if not holds(array.dtype, fill)):
         warn(f"declared nodata value {fill:g} is not a valid {array.dtype} and has no effect")
     fills = [fill for fill in fills if holds(array.dtype, fill)]
@@ -149,13 +147,13 @@ def native(src: Any, fills: Sequence[float]) -> tuple[NDArray[Any], float | None
     try:
         return np.require(array, wanted, ("C", "A")), fills[0] if fills else None
     except MemoryError as error:
-        told = f"a copy of an array of shape {array.shape} takes too much memory"
-        remedy = "write it into a file, and pass its name"
+        told = f"a copy of an array of shape {array.shape} does not fit in memory"
+        remedy = "write it to a file and pass the path"
         raise ResourceError(f"{told}; {remedy}", "resource", remedy=remedy) from error
 
 
 def voided(array: NDArray[Any], masks: Sequence[Any]) -> NDArray[Any]:
-    """A copy in floats that is NaN where a mask is set."""
+    """A float copy with NaN where the mask is set."""
     exact(array)
     kind = {2: "f4", 4: "f4"}.get(array.dtype.itemsize, "f8") if array.dtype.kind == "f" else "f8"
     copy = array.astype(kind, order="C")
@@ -165,7 +163,7 @@ def voided(array: NDArray[Any], masks: Sequence[Any]) -> NDArray[Any]:
 
 
 def holds(dtype: np.dtype[Any], value: float) -> bool:
-    """True where samples of a type can have a value."""
+    """True if a type can hold a value."""
     if dtype.kind == "f":
         return not np.isfinite(value) or bool(np.isfinite(np.asarray(value).astype(dtype)))
     limits = np.iinfo(dtype)
@@ -173,33 +171,33 @@ def holds(dtype: np.dtype[Any], value: float) -> bool:
 
 
 def exact(array: NDArray[Any]) -> None:
-    """Fails where numbers are not exact in float64."""
+    """Raises an error if numbers are not exact in float64."""
     if array.dtype.kind not in "iu" or array.dtype.itemsize < 8:
         return
     if int(array.max()) > EXACT or int(array.min()) < -EXACT:
-        raise usage("whole numbers above 2^53 are not exact as heights", "scale them")
+        raise usage("integers above 2^53 are not exact as heights", "scale them")
 
 
 def place_of(transform: Any) -> list[float] | None:
-    """GDAL's six numbers of a transform in rasterio's order: x = a col + b row + c, y = d col + e row + f, of the
-    corners of cells."""
+    """GDAL's geotransform from a transform in rasterio's order: x = a col + b row + c, y = d col + e row + f, for
+    cell corners."""
     if transform is None:
         return None
     try:
         numbers = [float(number) for number in tuple(transform)[:6]]
     except (TypeError, ValueError):
         numbers = []
-    remedy = "pass rasterio's, or its six numbers"
+    remedy = "pass an affine transform of six numbers"
     if len(numbers) != 6 or not np.isfinite(numbers).all():
-        raise usage(f"the transform {transform!r} is none", remedy)
+        raise usage(f"{transform!r} is not a transform", remedy)
     a, b, c, d, e, f = numbers
     if a * e == b * d:
-        raise usage(f"the transform {transform!r} turns cells into lines", remedy)
+        raise usage(f"the transform {transform!r} is singular", remedy)
     return [c, a, b, f, d, e]
 
 
 def crs_text(crs: Any) -> str | None:
-    """A reference system as text: a code or well-known text."""
+    """A CRS as text: a code or WKT."""
     if crs is None:
         return None
     if hasattr(crs, "__index__") and not isinstance(crs, bool):
@@ -208,9 +206,7 @@ def crs_text(crs: Any) -> str | None:
         return crs
     if hasattr(crs, "to_wkt"):
         return str(crs.to_wkt())
-    raise usage(
-        f"{crs!r} is no reference system", "pass text, a code, or one of pyproj or rasterio"
-    )
+    raise usage(f"{crs!r} is not a CRS", "pass text, an EPSG code, or a CRS of pyproj or rasterio")
 
 
 def is_dataset(src: Any) -> bool:
@@ -221,18 +217,18 @@ def is_dataset(src: Any) -> bool:
 def of_dataset(
     src: Any, band: int | None, nodata: float | None, transform: Any, crs: Any
 ) -> Opener:
-    """What opens the file of a dataset of rasterio, where it is one; else what it reads."""
+    """Opener of a rasterio dataset: its file if possible, otherwise its array."""
     colours = [colour.name for colour in getattr(src, "colorinterp", ())]
     if band is None and COLOURS <= set(colours):
         raise usage(
-            f"the dataset is a picture, its bands are {', '.join(colours)}",
-            "pass the band that has heights in it, as band=1",
+            f"the dataset is an image with the bands {', '.join(colours)}",
+            "pass the band of heights, such as band=1",
         )
     is_plain = transform is None and crs is None and type(src).__name__ == "DatasetReader"
     if is_plain and os.path.isfile(src.name) and src.driver == "GTiff":
         of_file = of_files([src.name], band, nodata)
         info = of_file(None, None).info
-        # An overview of a file, opened as a dataset, is not what is in the file.
+        # An overview opened as a dataset differs from the file.
         if (info["width"], info["height"]) == (src.width, src.height):
             return of_file
     band = band or 1
@@ -247,14 +243,14 @@ def of_dataset(
 
 
 def transform_of(dataset: Any) -> Any:
-    """The transform of a dataset of rasterio, None where it lies nowhere: it has that of its columns and rows then."""
+    """The transform of a rasterio dataset, None without a georeference."""
     lies_nowhere = dataset.crs is None and tuple(dataset.transform)[:6] == IDENTITY
     return None if lies_nowhere else dataset.transform
 
 
 def lattice_of(like: Any) -> tuple[tuple[int, int], list[float] | None]:
-    """Rows and columns of another grid (a dataset of rasterio, a DataArray or Dataset of xarray, an array, or a pair of a shape and
-    a transform), and GDAL's six numbers of its transform, None where it has none."""
+    """Shape of another grid (a rasterio dataset, an xarray DataArray or Dataset, an array, or a pair of a shape and a
+    transform), and its GDAL geotransform or None."""
     shape: tuple[int, ...]
     if _xarray.is_data_array(like) or _xarray.is_xarray_dataset(like):
         shape, transform = _xarray.lattice_of(like)
@@ -270,7 +266,7 @@ def lattice_of(like: Any) -> tuple[tuple[int, int], list[float] | None]:
             shape, transform = (), None
     if len(shape) != 2:
         raise usage(
-            f"a {type(like).__name__} is no grid",
+            f"a {type(like).__name__} is not a grid",
             "pass a dataset, a DataArray, an array of two dimensions, or a pair of a shape and a transform",
         )
     return (shape[0], shape[1]), place_of(transform)

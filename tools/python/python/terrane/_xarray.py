@@ -1,6 +1,5 @@
-"""DataArrays and Datasets of xarray as grids. What they say is found by the conventions for climate and forecast metadata (CF)
-and those of GDAL and rioxarray, in attributes, encodings and coordinates alone: which packages happen to be imported
-changes nothing."""
+"""DataArrays and Datasets of xarray as grids. Metadata is read from attributes, encodings and coordinates by the CF,
+GDAL and rioxarray conventions, independent of the imported packages."""
 
 from __future__ import annotations
 
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from terrane._errors import usage, warn
 
-# What CF says of coordinates along x and along y (sections 4.1, 4.2 and 5.6), and THREDDS.
+# CF attributes of coordinates along x and y (sections 4.1, 4.2 and 5.6), and those of THREDDS.
 STANDARD_NAMES = {
     "projection_x_coordinate": "x",
     "projection_y_coordinate": "y",
@@ -41,18 +40,18 @@ NAMES = {
         re.IGNORECASE,
     ),
 }
-# What counts rows, from the top: y is such a number with its sign changed.
+# Names of row numbers, from the top: y is the negative row.
 ROWS = re.compile(r"(rows?|lines?)_?\d*|dim_0", re.IGNORECASE)
 FILLS = ("_FillValue", "missing_value", "fill_value", "nodata", "nodatavals")
 TEXTS = ("crs_wkt", "spatial_ref", "proj4", "proj4text", "epsg_code")
-# Of a step: coordinates that are further off are not evenly spaced.
+# Share of a step: larger deviations are uneven spacing.
 UNEVEN = 1e-3
 PLACE_REMEDY = "pass a transform"
 DIMS_REMEDY = 'rename them to "y" and "x", give their coordinates a standard_name or an axis, or pass the values as an array'
 
 
 class Held(NamedTuple):
-    """What a DataArray says."""
+    """Contents of a DataArray."""
 
     values: Any
     fills: list[float]
@@ -71,7 +70,7 @@ def is_xarray_dataset(src: Any) -> bool:
 
 
 def variable_of(dataset: Any) -> Any:
-    """The one variable of a Dataset that is a grid, with the variable that its grid mapping is in."""
+    """The only grid variable of a Dataset, with its grid mapping."""
     grids = [name for name, held in dataset.data_vars.items() if is_grid(held)]
     if len(grids) != 1:
         told = ", ".join(map(repr, grids)) or "none"
@@ -87,18 +86,18 @@ def variable_of(dataset: Any) -> Any:
 
 
 def is_grid(array: Any) -> bool:
-    """True for an array of numbers of two sides, however many others of length 1."""
+    """True for a numeric array with two dimensions longer than 1."""
     return array.dtype.kind in "fiu" and sides(array) is not None
 
 
 def held_of(src: Any) -> Held:
-    """What a DataArray or a Dataset holds, rows first."""
+    """Contents of a DataArray or a Dataset, rows first."""
     array = variable_of(src) if is_xarray_dataset(src) else src
     for name, plain in (("scale_factor", 1.0), ("add_offset", 0.0)):
         if array.attrs.get(name, plain) != plain:
             raise usage(
-                f"the DataArray has a {name} of {array.attrs[name]}, which its values are without",
-                "open it with mask_and_scale=True, or apply it and drop the attribute",
+                f"the {name} of {array.attrs[name]} is not applied to the DataArray",
+                "open it with mask_and_scale=True, or apply it and delete the attribute",
             )
     y, x = sides_of(array)
     grid = array.isel({dim: 0 for dim in array.dims if dim not in (y, x)}).transpose(y, x)
@@ -118,7 +117,7 @@ def lattice_of(src: Any) -> tuple[tuple[int, int], tuple[float, ...] | None]:
 
 
 def sides(array: Any) -> tuple[str, str] | None:
-    """The dimensions along y and x, None where they are not known or there are others that are longer than 1."""
+    """The dimensions along y and x, None if unknown or if others are longer than 1."""
     found: dict[str, list[Any]] = {"x": [], "y": []}
     for dim in array.dims:
         axis = axis_of(array, dim)
@@ -132,7 +131,7 @@ def sides(array: Any) -> tuple[str, str] | None:
 
 
 def sides_of(array: Any) -> tuple[str, str]:
-    """The dimensions along y and x; those that cannot be told are refused by name."""
+    """The dimensions along y and x; an error names ambiguous ones."""
     found = sides(array) or sides_of_accessor(array)
     if found is not None:
         return found
@@ -145,12 +144,12 @@ def sides_of(array: Any) -> tuple[str, str]:
             f"choose one of {others[0]!r}, as by .isel({others[0]}=0)",
         )
     raise usage(
-        f"which of the dimensions {told} of a DataArray are y and x is not known", DIMS_REMEDY
+        f"cannot tell which of the dimensions {told} of a DataArray are y and x", DIMS_REMEDY
     )
 
 
 def sides_of_accessor(array: Any) -> tuple[str, str] | None:
-    """The dimensions along y and x as they were set for the rio accessor, None where they were not."""
+    """The dimensions along y and x set in the rio accessor, or None."""
     rio = getattr(array, "rio", None)
     y, x = (getattr(rio, name, None) for name in ("_y_dim", "_x_dim"))
     long = {dim for dim in array.dims if array.sizes[dim] > 1}
@@ -158,8 +157,8 @@ def sides_of_accessor(array: Any) -> tuple[str, str] | None:
 
 
 def axis_of(array: Any, dim: Any) -> str | None:
-    """What runs along a dimension, "x" or "y": as the attributes of its coordinates say, or else its name, or else
-    theirs; None where that is not known."""
+    """Axis of a dimension, "x" or "y": by the attributes of its coordinates, its name, or their names; None if
+    unknown."""
     along = [array.coords[name] for name in array.coords if array.coords[name].dims == (dim,)]
     named = [
         name for name in (axis_of_name(dim), *(axis_of_name(held.name) for held in along)) if name
@@ -167,14 +166,14 @@ def axis_of(array: Any, dim: Any) -> str | None:
     stated = {axis for held in along for axis in axes_of_attributes(held.attrs)}
     for found in (sorted(stated), named[:1]):
         if len(found) > 1:
-            raise usage(f"the coordinates of {dim!r} say that it is both x and y", DIMS_REMEDY)
+            raise usage(f"the coordinates of {dim!r} are marked as both x and y", DIMS_REMEDY)
         if found:
             return found[0]
     return None
 
 
 def axes_of_attributes(attrs: Mapping[str, Any]) -> Iterator[str]:
-    """Which axis each attribute of a coordinate says."""
+    """Axes stated by the attributes of a coordinate."""
     for name in ("axis", "_CoordinateAxisType"):
         axis = AXES.get(str(attrs.get(name, "")).lower())
         if axis:
@@ -190,14 +189,14 @@ def axes_of_attributes(attrs: Mapping[str, Any]) -> Iterator[str]:
 
 
 def axis_of_name(name: Any) -> str | None:
-    """The axis that coordinates of this name run along."""
+    """Axis of coordinates of this name."""
     found = [axis for axis, known in NAMES.items() if known.fullmatch(str(name))]
     return found[0] if found else None
 
 
 def mapping_name(array: Any, dims: tuple[str, str]) -> str | None:
-    """The name of the variable that says the reference system. Of several, as CF 1.7 has them ("utm: x y wgs84: lat lon"),
-    the one of the dimensions."""
+    """Name of the grid mapping variable. Of several, as in CF 1.7 ("utm: x y wgs84: lat lon"), the one of the
+    dimensions."""
     told = array.encoding.get("grid_mapping", array.attrs.get("grid_mapping"))
     if told is None:
         return None
@@ -209,7 +208,7 @@ def mapping_name(array: Any, dims: tuple[str, str]) -> str | None:
 
 
 def mapping_of(array: Any, dims: tuple[str, str]) -> Mapping[str, Any]:
-    """The attributes of the variable that says the reference system and the transform, none where there is none."""
+    """Attributes of the grid mapping variable; empty without one."""
     name = mapping_name(array, dims)
     if name is not None and name in array.coords:
         return dict(array.coords[name].attrs)
@@ -222,18 +221,17 @@ def mapping_of(array: Any, dims: tuple[str, str]) -> Mapping[str, Any]:
     if len(telling) == 1:
         return dict(telling[0])
     if len(telling) > 1:
-        raise usage("several coordinates of a DataArray say a reference system", "pass crs")
+        raise usage("several coordinates of a DataArray state a CRS", "pass crs")
     if name is not None:
         warn(
-            f"the reference system is that of {name!r}, which is not among the coordinates of the DataArray: it is "
-            'not known; pass the Dataset that it is from, open it with decode_coords="all", or pass crs',
+            f"CRS is unknown: the grid mapping {name!r} is not among the coordinates of the DataArray; "
+            'pass its Dataset, open it with decode_coords="all", or pass crs',
         )
     return {}
 
 
 def crs_of(array: Any, mapping: Mapping[str, Any]) -> Any:
-    """The reference system that a grid mapping or the attributes of a DataArray say; else what was set for it by its rio
-    accessor."""
+    """CRS of a grid mapping or of the attributes of a DataArray; otherwise that of its rio accessor."""
     for attrs, names in ((mapping, TEXTS), (array.attrs, ("crs", *TEXTS))):
         text = next((attrs[name] for name in names if attrs.get(name)), None)
         if text is not None:
@@ -246,7 +244,7 @@ def crs_of(array: Any, mapping: Mapping[str, Any]) -> Any:
 
 
 def known_text(text: Any) -> Any:
-    """A text of a reference system; one of PROJ ("+proj=utm +zone=31") as well-known text."""
+    """A CRS as text; PROJ strings ("+proj=utm +zone=31") are converted to WKT."""
     if isinstance(text, str) and text.lstrip().startswith("+"):
         return by_pyproj(text, lambda pyproj: pyproj.CRS.from_user_input(text))
     if isinstance(text, int | np.integer):
@@ -255,27 +253,23 @@ def known_text(text: Any) -> Any:
 
 
 def by_pyproj(told: Any, make: Any) -> str:
-    """What `make` makes with pyproj of a reference system that is told in terms of PROJ."""
+    """WKT of a CRS made by `make` with pyproj."""
     try:
         import pyproj
     except ImportError as error:
         remedy = "install pyproj, or pass crs"
-        raise usage(
-            f"the reference system {told!r} is not given as well-known text", remedy
-        ) from error
+        raise usage(f"the CRS {told!r} is not WKT", remedy) from error
     try:
         return str(make(pyproj).to_wkt())
     except (pyproj.exceptions.CRSError, KeyError) as error:
-        raise usage(
-            f"{told!r} is no reference system that pyproj knows: {error}", "pass crs"
-        ) from error
+        raise usage(f"pyproj does not know the CRS {told!r}: {error}", "pass crs") from error
 
 
 def place_of(
     array: Any, dims: tuple[str, str], mapping: Mapping[str, Any]
 ) -> tuple[float, ...] | None:
-    """The transform in rasterio's order that the coordinates along y and x make, or else that of the grid mapping; None where
-    there are none."""
+    """The transform in rasterio's order from the coordinates along y and x, or from the grid mapping; None without
+    either."""
     stated = stated_transform(mapping)
     y, x = (positions(array, dim, axis) for dim, axis in zip(dims, "yx", strict=True))
     if y is None and x is None:
@@ -287,13 +281,13 @@ def place_of(
     if y is None or x is None:
         lacking = dims[0] if y is None else dims[1]
         raise usage(
-            f"the dimension {lacking!r} has no coordinates, and the other one has", PLACE_REMEDY
+            f"the dimension {lacking!r} has no coordinates, but the other one has", PLACE_REMEDY
         )
     if 1 in (len(y), len(x)):
         return stated
     (top, down), (left, across) = even(dims[0], y), even(dims[1], x)
     found = (across, 0.0, left - across / 2, 0.0, down, top - down / 2)
-    # Coordinates are rounded; the transform they were made of is not.
+    # Coordinates are rounded; the original transform is not.
     close = stated is not None and all(
         math.isclose(a, b, rel_tol=0, abs_tol=UNEVEN * min(abs(across), abs(down)) / size)
         for a, b, size in zip(found, stated, (len(x), 1, 1, 1, len(y), 1), strict=True)
@@ -302,7 +296,7 @@ def place_of(
 
 
 def stated_transform(mapping: Mapping[str, Any]) -> tuple[float, ...] | None:
-    """The transform of a grid mapping, which has GDAL's order, in rasterio's."""
+    """The GeoTransform of a grid mapping in rasterio's order."""
     told = mapping.get("GeoTransform")
     if told is None:
         return None
@@ -319,8 +313,7 @@ def stated_transform(mapping: Mapping[str, Any]) -> tuple[float, ...] | None:
 
 
 def positions(array: Any, dim: Any, axis: str) -> NDArray[np.float64] | None:
-    """Positions along a dimension, from its own coordinate or the one along it that is known to be of the axis; None where
-    there are none."""
+    """Positions along a dimension, from its own coordinate or from the coordinate of the axis; None without either."""
     names = [name for name in array.coords if array.coords[name].dims == (dim,)]
     known = [
         name
@@ -342,7 +335,7 @@ def positions(array: Any, dim: Any, axis: str) -> NDArray[np.float64] | None:
 
 
 def even(dim: Any, along: NDArray[Any]) -> tuple[float, float]:
-    """The first one of some positions, and the step between them, which must be the same everywhere."""
+    """First position and constant step."""
     rounding = np.spacing(np.abs(along).max()) if along.dtype.kind == "f" else 0.0
     along = along.astype("f8")
     step = (along[-1] - along[0]) / (along.size - 1)
@@ -353,7 +346,7 @@ def even(dim: Any, along: NDArray[Any]) -> tuple[float, float]:
 
 
 def fills_of(array: Any, values: NDArray[Any]) -> list[float]:
-    """The values that stand for voids, as attributes and encoding say."""
+    """Nodata values of attributes and encoding."""
     found = [*told_fills(array.attrs), *encoded_fills(array.encoding, values)]
     if not found:
         nodata = getattr(getattr(array, "rio", None), "nodata", None)
@@ -362,7 +355,7 @@ def fills_of(array: Any, values: NDArray[Any]) -> list[float]:
 
 
 def told_fills(told: Mapping[str, Any]) -> list[float]:
-    """The values for voids that attributes name."""
+    """Nodata values of attributes."""
     given = [np.ravel(told[name]) for name in FILLS if told.get(name) is not None]
     return [
         float(value)
@@ -374,8 +367,8 @@ def told_fills(told: Mapping[str, Any]) -> list[float]:
 
 
 def encoded_fills(encoding: Mapping[str, Any], values: NDArray[Any]) -> list[float]:
-    """The values for voids of an encoding. They are of the numbers as they are stored; decoded they are NaN, but for those
-    that came in later, scaled or not."""
+    """Nodata values of an encoding. They refer to stored numbers, which decode to NaN; values set later may remain,
+    scaled or not."""
     stored = told_fills(encoding)
     scale, offset = (
         float(encoding.get(name, plain))
@@ -391,14 +384,14 @@ def encoded_fills(encoding: Mapping[str, Any], values: NDArray[Any]) -> list[flo
         if count > 0:
             kept.append(fill)
             warn(
-                f"{count} samples are {fill:g}, which stands for voids before the scale factor {scale:g} is applied: "
-                "they are taken for voids",
+                f"{count} samples are {fill:g}, the nodata value before the scale factor {scale:g}: "
+                "they are read as voids",
             )
     return [*kept, *(fill * scale + offset for fill in stored)]
 
 
 def is_beyond(fill: float, encoding: Mapping[str, Any], scale: float, offset: float) -> bool:
-    """True where no stored number decodes to a number that is as large as the one for voids is before it is decoded."""
+    """True if no stored number decodes to the undecoded nodata value."""
     kind = np.dtype(encoding.get("dtype", "f8"))
     if kind.kind not in "iu" or scale == 0:
         return True

@@ -1,26 +1,26 @@
-//! Positions binned by place: which of them are the same.
+//! Positions in grid cells, to find identical ones.
 
 use terrane_base::geom::plane::Xy;
 
-/// Positions to a cell, at the mean.
+/// Average number of positions per cell.
 const LOAD: usize = 4;
 
-/// Positions by the cells of a uniform grid over all of them.
+/// Positions in the cells of a uniform grid.
 #[derive(Debug)]
 pub(super) struct PositionBins {
     low: Xy,
-    /// Cells by unit of x and of y.
+    /// Cells per unit of x and of y.
     scale: Xy,
     /// Cells along x and along y.
     size: [usize; 2],
-    /// Where each cell begins in `order`.
+    /// Start of each cell in `order`.
     starts: Vec<u32>,
-    /// Numbers of positions, cell by cell, ascending in each.
+    /// Indices of positions by cell, ascending in each.
     order: Vec<u32>,
 }
 
 impl PositionBins {
-    /// Of fewer than 2^32 finite positions, with cells at least `side` wide and high. O(n).
+    /// For fewer than 2^32 finite positions, with cells at least `side` wide and high. O(n).
     pub(super) fn new(points: &[Xy], side: f64) -> Self {
         let mut low = [f64::INFINITY; 2];
         let mut high = [f64::NEG_INFINITY; 2];
@@ -66,7 +66,7 @@ impl PositionBins {
         row * self.size[0] + column
     }
 
-    /// For each position, the lowest number of those that are the same. O(n log n) at worst.
+    /// For each position, the lowest index of identical positions. O(n log n) at worst.
     pub(super) fn same(mut self, points: &[Xy]) -> Vec<u32> {
         let mut lowest = vec![0; points.len()];
         let mut order = std::mem::take(&mut self.order);
@@ -85,8 +85,8 @@ impl PositionBins {
         lowest
     }
 
-    /// The numbers of the positions that have a different one within `reach`, which is no more than
-    /// the `side` of the cells; ascending.
+    /// Indices of positions with a different one within `reach`, which is at most the `side` of the cells;
+    /// ascending.
     pub(super) fn close(&self, points: &[Xy], reach: f64) -> Vec<u32> {
         let near = |p: Xy, q: Xy| p != q && within(p, q, reach);
         let has_near = |&v: &u32| {
@@ -102,14 +102,14 @@ impl PositionBins {
     }
 }
 
-/// Whether two positions are no farther apart than `reach`.
+/// Whether two positions are within `reach`.
 #[inline(always)]
 pub(super) fn within(p: Xy, q: Xy, reach: f64) -> bool {
     let (x, y) = (p[0] - q[0], p[1] - q[1]);
     x * x + y * y <= reach * reach
 }
 
-/// How many cells, and how many by unit, for so many in all; none narrower than `side`.
+/// Number of cells, and cells per unit, for a number of positions; none narrower than `side`.
 fn shape(wide: Xy, count: usize, side: f64) -> ([usize; 2], Xy) {
     let count = count.max(1) as f64;
     let [w, h] = wide;

@@ -7,13 +7,13 @@ use crate::topology::Chains;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::plane::Xy;
 
-/// No neighbour is known yet; or no arc.
+/// No known neighbour, or no arc.
 const NONE: u32 = u32::MAX;
 
-/// What a line has before its first vertex and after its last one: never a neighbour.
+/// Neighbour before the first and after the last vertex of a line; equals no real neighbour.
 const END: u32 = u32::MAX - 1;
 
-/// An arc as part of a ring or line: which, and in which direction.
+/// An arc of a ring or line, with its direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ArcPassage(u32);
 
@@ -27,28 +27,28 @@ impl ArcPassage {
         (self.0 >> 1) as usize
     }
 
-    /// Whether it is passed from its last vertex to its first.
+    /// Whether it is traversed from its last vertex to its first.
     pub fn is_backward(self) -> bool {
         self.0 & 1 == 1
     }
 }
 
-/// The arcs of a coverage, and the parts that are made of them.
+/// Arcs of a coverage, and the parts composed of them.
 #[derive(Clone, Debug, Default)]
 pub struct CoverageArcs {
     /// The vertices of all arcs, arc by arc.
     pub points: Vec<Xy>,
-    /// For each of them the input's first vertex at its position: where z and m are to be found.
+    /// For each of them the first input vertex at its position, for z and m.
     pub sources: Vec<u32>,
-    /// The number of each arc's first vertex, and at the end the number of all.
+    /// First vertex of each arc, and the number of all vertices.
     pub starts: Vec<usize>,
-    /// Which arcs end where they begin.
+    /// Whether each arc is closed.
     pub closed: Vec<bool>,
-    /// Which of these have no junction: they may begin anywhere.
+    /// Whether a closed arc has no junction and may start anywhere.
     pub free: Vec<bool>,
-    /// The arcs of each part, part by part, in the order in which it passes them.
+    /// Arcs of each part in the order of traversal.
     pub passages: Vec<ArcPassage>,
-    /// Where each part's begin in `passages`, and at the end how many there are.
+    /// Start of each part in `passages`, and the total number.
     pub parts: Vec<usize>,
 }
 
@@ -61,20 +61,20 @@ pub(super) fn cut(parts: &Chains<'_>) -> Result<CoverageArcs> {
     Ok(cutter.finish())
 }
 
-/// Parts in the course of being cut. Positions are known by the lowest vertex there.
+/// Parts while they are cut. A position is identified by its lowest vertex.
 #[derive(Debug)]
 struct ArcCutter<'a> {
     parts: &'a Chains<'a>,
     /// The position of each vertex.
     position: &'a [u32],
-    /// The neighbours of each position, the lower first; once all parts are seen, the first is the
-    /// arc that has the position next to one of its ends.
+    /// Neighbours of each position, the lower first; after all parts are known, the first is the arc whose end
+    /// is next to the position.
     near: Vec<[u32; 2]>,
     junction: Vec<bool>,
     /// Arcs of two vertices, the lower first.
     short: HashMap<[u32; 2], u32>,
     arcs: CoverageArcs,
-    /// The positions of the part at hand; a ring's first is not repeated.
+    /// Positions of the current part, without the closing vertex of a ring.
     part: Vec<u32>,
 }
 
@@ -100,7 +100,7 @@ impl<'a> ArcCutter<'a> {
         is_ring
     }
 
-    /// Learns the junctions of a part.
+    /// Finds the junctions of a part.
     fn look(&mut self, part: usize) {
         let is_ring = self.take(part);
         let Some(last) = self.part.len().checked_sub(1) else { return };
@@ -121,7 +121,7 @@ impl<'a> ArcCutter<'a> {
         }
     }
 
-    /// Cuts a part into arcs; all parts have been seen.
+    /// Cuts a part into arcs, after all parts are known.
     fn cut(&mut self, part: usize) -> Result<()> {
         if part == 0 {
             self.near.fill([NONE; 2]);
@@ -148,7 +148,7 @@ impl<'a> ArcCutter<'a> {
         Ok(())
     }
 
-    /// Lets a ring begin at its first junction, or else at its lowest position, and end there.
+    /// Rotates a ring to start and end at its first junction, or at its lowest position.
     fn close(&self, ring: &mut Vec<u32>) {
         let at = |i: usize| self.parts.points[ring[i] as usize];
         let below = |p: Xy, q: Xy| p[0] < q[0] || (p[0] == q[0] && p[1] < q[1]);
@@ -160,7 +160,7 @@ impl<'a> ArcCutter<'a> {
         ring.push(ring[0]);
     }
 
-    /// Adds the arc of these positions to the part at hand: a new one, or one that is there.
+    /// Adds the arc of these positions to the current part, new or existing.
     fn pass(&mut self, arc: &[u32]) -> Result<()> {
         let known = match *arc {
             [v] => self.near[v as usize][0],
@@ -175,7 +175,7 @@ impl<'a> ArcCutter<'a> {
         Ok(())
     }
 
-    /// Adds a new arc. What lies next to its ends is no junction, so it is in no other arc.
+    /// Adds a new arc. Positions next to its ends are not junctions, so they belong to no other arc.
     fn add(&mut self, arc: &[u32]) -> Result<u32> {
         let id = u32::try_from(self.arcs.closed.len())
             .ok()

@@ -1,13 +1,12 @@
-//! Coverages: borders that parts share, found, cut where they meet, and kept once.
+//! Coverages: detection of shared borders, which are cut at junctions and stored once.
 //!
-//! Parts are rings and lines of any number of layers. Vertices at one position are one. A *junction* is
-//! a position that parts do not all pass in the same way: not with the same two neighbours before and
-//! after it, in either direction; where one turns back on itself; and each end of a line. This is the rule
-//! of TopoJSON (Bostock 2013), but for the turning points, of which it makes nothing.
-//! An *arc* is what lies between two junctions of a part; arcs of the same vertices, forward or
-//! backward, are one. A ring without a junction is an arc by itself that begins at its lowest vertex
-//! (x, then y), so rings that are the same from different starts are one arc. What is simplified are
-//! arcs, each once; junctions stay, and neighbours have the same border, bit for bit.
+//! Parts are rings and lines of any number of layers. Vertices at one position are identical. A *junction* is a
+//! position that parts do not all pass in the same way (with the same two neighbours, in either direction), a
+//! position where a part turns back on itself, or an end of a line. This is the rule of TopoJSON (Bostock
+//! 2013), extended by turning points. An *arc* is the part between two junctions; arcs with the same vertices,
+//! forward or backward, are identical. A ring without a junction is one arc that starts at its lowest vertex
+//! (x, then y), so equal rings with different starts are one arc. Each arc is simplified once; junctions stay,
+//! and neighbours have identical borders.
 
 mod bins;
 mod cut;
@@ -23,39 +22,38 @@ use terrane_base::geom::plane::Xy;
 use super::topology::{Chains, KeptChainVertices, open_at};
 use cut::cut;
 
-/// Parts put together again.
+/// Reassembled parts.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct JoinedParts {
-    /// Numbers of vertices of [`CoverageArcs`], part by part; rings end with the vertex they begin with.
+    /// Vertices of [`CoverageArcs`], part by part; rings end with their first vertex.
     pub vertices: Vec<u32>,
-    /// Where each part's begin in `vertices`, and at the end how many there are.
+    /// Start of each part in `vertices`, and the total number.
     pub starts: Vec<usize>,
 }
 
-/// Moves positions onto others no farther than `distance`, as [`CoverageArcs::new`] does; `anchors` have stayed
-/// before all of them.
+/// Snaps positions within `distance`, as [`CoverageArcs::new`]; `anchors` are fixed and have priority.
 ///
 /// # Errors
-/// `Usage` for a distance that is not above 0 and finite.
+/// `Usage` for a distance that is not positive and finite.
 pub fn snap(points: &mut [Xy], anchors: &[Xy], distance: f64) -> Result<()> {
     if !(distance > 0.0 && distance.is_finite()) {
-        return Err(Error::usage(format!("snap distance {distance} is not one")));
+        return Err(Error::usage(format!("snap distance {distance} is not positive and finite")));
     }
     snap::snap(points, anchors, distance);
     Ok(())
 }
 
 impl CoverageArcs {
-    /// Cuts parts into arcs. A vertex that repeats the one before it is dropped. With a `snap`
-    /// distance above 0, positions no farther apart are made the same first: taken from the lowest on
-    /// (x, then y), one moves to the lowest before it that stayed, if any is so near.
+    /// Cuts parts into arcs. Consecutive duplicate vertices are dropped. With a positive `snap` distance,
+    /// positions are snapped first: in order of x, then y, a position moves to the lowest fixed position before
+    /// it within the distance, if any.
     ///
-    /// O(n log n) at worst and O(n) for positions that are spread out; about 40 bytes a vertex in
-    /// passing, and 20 a vertex of an arc.
+    /// O(n log n) at worst and O(n) for spread positions; about 40 bytes per vertex temporarily, and 20 per
+    /// vertex of an arc.
     ///
     /// # Errors
-    /// Those of [`Chains::check`]; `Usage` for a snap distance that is negative or not finite; `Limit`
-    /// for 2^31 arcs and more.
+    /// Errors of [`Chains::check`]; `Usage` for a negative or infinite snap distance; `Limit` for 2^31 arcs or
+    /// more.
     pub fn new(parts: &Chains<'_>, snap: f64) -> Result<Self> {
         parts.check()?;
         if snap == 0.0 {
@@ -66,19 +64,19 @@ impl CoverageArcs {
         cut(&Chains { points: &points, ..*parts })
     }
 
-    /// The arcs as chains to be simplified.
+    /// The arcs as chains for simplification.
     pub fn chains(&self) -> Chains<'_> {
         Chains { points: &self.points, starts: &self.starts, closed: &self.closed }
     }
 
-    /// Lets an arc that is [free](Self::free) begin at another of its vertices, `at` from its first.
+    /// Rotates a [free](Self::free) arc to start at vertex `at`.
     pub fn open_at(&mut self, arc: usize, at: usize) {
         let range = self.starts[arc]..self.starts[arc + 1];
         open_at(&mut self.points[range.clone()], at);
         open_at(&mut self.sources[range], at);
     }
 
-    /// The parts, of what is kept of the arcs. A ring begins with its first arc. O(output).
+    /// Parts from the kept vertices of arcs. A ring starts with its first arc. O(output).
     pub fn rebuild(&self, kept: &KeptChainVertices) -> JoinedParts {
         let mut parts =
             JoinedParts { vertices: Vec::with_capacity(kept.vertices.len()), starts: vec![0] };
@@ -98,9 +96,9 @@ impl CoverageArcs {
         parts
     }
 
-    /// Fills `out` with what a part keeps of its `own` vertices, of a ring without the last one, which
-    /// is its first again: indices, ascending. Of vertices that repeat each other it is the first, but
-    /// at the end of a line the last. O(vertices of the part).
+    /// Fills `out` with the kept indices, ascending, of a part's `own` vertices (a ring without its closing
+    /// vertex). Of consecutive duplicates the first index is used, at the end of a line the last. O(vertices of
+    /// the part).
     pub fn own(
         &self,
         part: usize,
@@ -138,7 +136,7 @@ impl CoverageArcs {
     }
 }
 
-/// The indices of a part's vertices, one of each run at one position, without a ring's last.
+/// Indices of a part's vertices, one per run of duplicates, without the closing vertex of a ring.
 fn without_repeats(own: &[Xy], is_ring: bool) -> Vec<u32> {
     let is_new = |at: &u32| *at == 0 || own[*at as usize] != own[*at as usize - 1];
     let mut way: Vec<u32> = (0..own.len() as u32).filter(is_new).collect();

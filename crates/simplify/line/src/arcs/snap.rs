@@ -1,20 +1,19 @@
-//! Positions that are nearly the same made the same.
+//! Snapping of almost identical positions.
 
 use std::collections::HashMap;
 
 use super::bins::{PositionBins, within};
 use terrane_base::geom::plane::Xy;
 
-/// Cells of anchors are so much wider than the distance, that rounding cannot put two positions within
-/// it two cells apart.
+/// Width of a cell relative to the distance: rounding cannot place two positions within the distance two cells
+/// apart.
 const SLACK: f64 = 1.0 + 1.0 / 1_048_576.0;
 
 /// Moves positions onto others no farther than `distance`.
 ///
-/// The positions are taken from the lowest on, by x, then y. One that is within the distance of
-/// `stayed`, or of positions before it that have stayed, moves to the lowest of them; otherwise it stays.
-/// So those that stay are farther than the distance from each other, none moves farther than it, and
-/// the order of the positions makes no difference.
+/// Positions are processed in order of x, then y. A position within the distance of `stayed`, or of fixed
+/// positions before it, moves to the lowest of them; otherwise it is fixed. So fixed positions are farther
+/// apart than the distance, no position moves farther, and the input order does not matter.
 pub(super) fn snap(points: &mut [Xy], stayed: &[Xy], distance: f64) {
     let all = [stayed, points].concat();
     let mut order = PositionBins::new(&all, distance * SLACK).close(&all, distance);
@@ -35,7 +34,7 @@ pub(super) fn snap(points: &mut [Xy], stayed: &[Xy], distance: f64) {
     }
 }
 
-/// The lowest anchor within the distance of `p`, which lies in `cell`.
+/// Lowest anchor within the distance of `p`, which lies in `cell`.
 fn lowest(
     anchors: &HashMap<[i64; 2], Vec<Xy>>,
     cell: [i64; 2],

@@ -1,4 +1,4 @@
-//! Arcs against their definition, and coverages simplified by them.
+//! Arcs against their definition, and simplified coverages.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -20,7 +20,7 @@ impl Dice {
     }
 }
 
-/// Rings (those that end where they begin) and lines, flat.
+/// Rings (closed parts) and lines in flat arrays.
 #[derive(Clone, Debug)]
 struct Flat {
     points: Vec<Xy>,
@@ -48,7 +48,7 @@ fn cell(p: &Xy) -> Cell {
     p.map(|v| v as i64)
 }
 
-/// The parts that arcs make, of what is kept.
+/// Parts composed of the kept vertices of arcs.
 fn rebuilt(arcs: &CoverageArcs, kept: &KeptChainVertices) -> Vec<Vec<Cell>> {
     let parts = arcs.rebuild(kept);
     let of = |pair: &[usize]| {
@@ -58,7 +58,7 @@ fn rebuilt(arcs: &CoverageArcs, kept: &KeptChainVertices) -> Vec<Vec<Cell>> {
     parts.starts.windows(2).map(of).collect()
 }
 
-/// A ring or line without repeated vertices, a ring from its lowest vertex on.
+/// A ring or line without repeated vertices, a ring starting at its lowest vertex.
 fn canonical(part: &[Cell]) -> Vec<Cell> {
     let mut part = part.to_vec();
     let is_ring = part.len() > 1 && part.first() == part.last();
@@ -72,7 +72,7 @@ fn canonical(part: &[Cell]) -> Vec<Cell> {
     part
 }
 
-/// Any rings and lines on few positions, some of them twice and from another start.
+/// Random rings and lines on few positions, some repeated with another start.
 fn tangle(dice: &mut Dice) -> Vec<Vec<Cell>> {
     let size = 2 + dice.below(6);
     let mut parts: Vec<Vec<Cell>> = Vec::new();
@@ -98,7 +98,7 @@ fn tangle(dice: &mut Dice) -> Vec<Vec<Cell>> {
     parts
 }
 
-/// Junctions by definition: from the pairs of neighbours at each position.
+/// Junctions by definition: from pairs of neighbours at each position.
 fn junctions(parts: &[Vec<Cell>]) -> BTreeSet<Cell> {
     let mut seen: BTreeMap<Cell, BTreeSet<[Option<Cell>; 2]>> = BTreeMap::new();
     for part in parts {
@@ -160,7 +160,7 @@ fn arcs_are_as_defined() {
     }
 }
 
-/// The rings of the cells of a jittered grid with rough borders, one layer or two, from any start
+/// Rings of the cells of a jittered grid with rough borders, in one or two layers, with random start
 /// and in either direction.
 fn subdivision(dice: &mut Dice) -> Vec<Vec<Cell>> {
     let (across, down) = (1 + dice.below(4) as usize, 1 + dice.below(4) as usize);
@@ -221,7 +221,7 @@ fn area(ring: &[Cell]) -> i64 {
     ring.windows(2).map(|w| w[0][0] * w[1][1] - w[0][1] * w[1][0]).sum()
 }
 
-/// Each directed segment of the rings, with how often it is there.
+/// Directed segments of the rings with their counts.
 fn segments(rings: &[Vec<Cell>]) -> BTreeMap<[Cell; 2], u32> {
     let mut all = BTreeMap::new();
     for pair in rings.iter().flat_map(|ring| ring.windows(2)) {
@@ -266,7 +266,7 @@ fn neighbours_keep_their_borders() {
         let chains = arcs.chains();
         let mut kept = KeptChainVertices::new();
         for arc in 0..chains.count() {
-            // Nothing but ends: all that is needed for the topology is added back.
+            // Ends only: topology restores all that is needed.
             let range = chains.range(arc);
             kept.vertices.extend([range.start as u32, range.end as u32 - 1]);
             kept.close();
@@ -280,12 +280,12 @@ fn neighbours_keep_their_borders() {
             untangle(&chains, &kept, &[], &UntangleOptions::default(), &mut refine).unwrap();
         let result = rebuilt(&arcs, &outcome.kept);
         simplified += usize::from(outcome.kept.vertices.len() < arcs.points.len());
-        // The outline may change, but no cell gains what its neighbour does not lose.
+        // The outline may change, but every gain of a cell is a loss of its neighbour.
         let (before, after) = (segments(&rings), segments(&result));
         let is_shared =
             |all: &BTreeMap<[Cell; 2], u32>, s: [Cell; 2]| all.contains_key(&[s[1], s[0]]);
         for &s in after.keys() {
-            // A segment is shared if the arc it stands for was: both ends were on a shared border.
+            // A segment is shared if the arc it replaces was: both ends were on a shared border.
             let ends_shared =
                 s.iter().all(|p| before.keys().any(|t| t.contains(p) && is_shared(&before, *t)));
             let outline = before.keys().any(|t| t[0] == s[0] && !is_shared(&before, *t));
@@ -335,7 +335,7 @@ fn a_ring_that_goes_around_twice_has_its_arc_twice() {
     assert_eq!((arcs.points.len(), arcs.passages.len()), (4, 3));
 }
 
-/// What every part keeps of its own vertices, where `kept` is kept of the arcs.
+/// Kept vertices of every part, for `kept` vertices of the arcs.
 fn own(flat: &Flat, arcs: &CoverageArcs, kept: &KeptChainVertices) -> Vec<Vec<u32>> {
     let of = |part: usize| {
         let mut own = Vec::new();
@@ -382,7 +382,7 @@ fn parts_know_what_is_kept_of_their_own_vertices() {
     }
 }
 
-/// Its vertices repeat each other, and a line has two ends.
+/// Duplicate vertices, and a line with two ends.
 #[test]
 fn a_line_that_stays_where_it_is_keeps_its_first_and_last_vertex() {
     for count in [1, 2, 5] {
@@ -405,7 +405,7 @@ fn minus_zero_is_zero() {
     assert_eq!(arcs.sources, [0, 1, 1, 2]);
 }
 
-/// The rule of snapping, word by word.
+/// The snapping rule, literally.
 fn snap_twin(points: &[Xy], anchors: &[Xy], distance: f64) -> Vec<Xy> {
     let mut order: Vec<Xy> = points.to_vec();
     order.sort_by(|p, q| p.partial_cmp(q).unwrap());
@@ -462,7 +462,7 @@ fn bad_snap_distances_are_turned_away() {
         assert!(CoverageArcs::new(&flat.chains(), snap).is_err());
     }
     assert!(CoverageArcs::new(&Flat::new(&[]).chains(), 0.0).is_ok());
-    // Nothing to be snapped is not a distance: whoever snaps has one.
+    // No snapping is not a distance: callers have one.
     for distance in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         assert!(snap(&mut [[0.0, 0.0]], &[], distance).is_err());
     }

@@ -1,7 +1,7 @@
-//! Distances from a vertex to the segment that replaces it: one trait, one file for each metric.
+//! Distances from a vertex to the segment that replaces it: one trait, one file per metric.
 //!
-//! All methods of this room decide by the formula given here and no other. With `a` and `b` the ends
-//! of the segment, `p` the vertex, `d = b - a` and `q = p - a`, each operation rounded to `f64`:
+//! All methods of this crate use this formula. With `a` and `b` the ends of the segment, `p` the vertex, `d = b
+//! - a` and `q = p - a`, each operation rounded to `f64`:
 //!
 //! ```text
 //! along = q.x * d.x + q.y * d.y
@@ -19,8 +19,8 @@
 //! tolerance of 0 drops exactly the vertices on their segments; elsewhere it drops those whose
 //! computed distance is 0.
 //!
-//! The products are of the fourth degree: lengths must lie between 1e-75 and 1e75, metres where degrees
-//! are given. They do where coordinates are 0 or between [`LEAST`] and [`MOST`].
+//! The products are of the fourth degree: lengths must lie between 1e-75 and 1e75 (in metres for degrees). This
+//! holds for coordinates that are 0 or between [`LEAST`] and [`MOST`].
 
 mod geographic;
 pub(crate) mod located;
@@ -42,7 +42,7 @@ use terrane_base::geom::plane::Xy;
 pub trait DistanceMetric<V: Copy>: Sync {
     /// A segment, prepared for many vertices.
     type Segment: Copy;
-    /// A region that holds a run of vertices.
+    /// A region of a run of vertices.
     type Region: Copy;
     /// Directions from a vertex that pass others within a tolerance.
     type Wedge: Wedge<V>;
@@ -50,26 +50,24 @@ pub trait DistanceMetric<V: Copy>: Sync {
     /// The segment from `a` to `b`.
     fn segment(&self, a: &V, b: &V) -> Self::Segment;
 
-    /// A measure of the distance of `p` that orders vertices by their distance from one segment;
-    /// [`DistanceMetric::squared`] makes it a distance.
+    /// A value that orders vertices by their distance from a segment; [`DistanceMetric::squared`] converts it.
     fn reach(segment: &Self::Segment, p: &V) -> f64;
 
-    /// The squared distance that `reach` stands for; never decreases as `reach` grows.
+    /// Squared distance of a `reach`; monotone.
     fn squared(segment: &Self::Segment, reach: f64) -> f64;
 
-    /// A reach which is surely within: [`DistanceMetric::squared`] of it, or less, is at most `tolerance2`.
-    /// A reach above it has to be squared to know.
+    /// A reach that is certainly within: [`DistanceMetric::squared`] of it, or less, is at most `tolerance2`.
+    /// Larger reaches have to be squared.
     fn within(segment: &Self::Segment, tolerance2: f64) -> f64;
 
-    /// The region of one vertex.
+    /// Region of one vertex.
     fn region(p: &V) -> Self::Region;
 
-    /// The region of two regions.
+    /// Union of two regions.
     fn join(a: &Self::Region, b: &Self::Region) -> Self::Region;
 
-    /// At least the [`DistanceMetric::reach`] of every vertex in a region, as it is computed. The region is
-    /// treated with interval arithmetic in the order of operations of `reach`; as rounding never
-    /// changes the order of two numbers, no allowance is needed.
+    /// Upper bound of the computed [`DistanceMetric::reach`] of every vertex in a region, by interval
+    /// arithmetic in the same order of operations; rounding is monotone, so no allowance is needed.
     fn reach_most(segment: &Self::Segment, region: &Self::Region) -> f64;
 
     /// Area of a triangle, in squared units of distance.
@@ -84,10 +82,10 @@ pub trait DistanceMetric<V: Copy>: Sync {
         Self::squared(&segment, Self::reach(&segment, p))
     }
 
-    /// The coordinates, 0 where there is none.
+    /// Coordinates, 0 if missing.
     fn coordinates(p: &V) -> [f64; 3];
 
-    /// The line itself, if this is the distance in the plane.
+    /// The line itself, for the distance in the plane.
     fn in_plane(_points: &[V]) -> Option<&[Xy]> {
         None
     }
@@ -100,7 +98,7 @@ pub const MOST: f64 = 1e70;
 /// 2^-53 of it at least.
 pub const LEAST: f64 = 1e-59;
 
-/// A coordinate as it is measured: one below [`LEAST`] is 0.
+/// A coordinate for measuring: below [`LEAST`] it is 0.
 #[inline(always)]
 pub fn measurable(c: f64) -> f64 {
     if c.abs() < LEAST { 0.0 } else { c }
@@ -110,13 +108,13 @@ pub fn measurable(c: f64) -> f64 {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PlaneMetric;
 
-/// A segment in the plane. One without length has the direction (1, 0) and ends where it begins, so
-/// that the one formula gives the distance from its point.
+/// A segment in the plane. A degenerate one has the direction (1, 0) and ends at its start, so that the same
+/// formula gives the distance from a point.
 #[derive(Clone, Copy, Debug)]
 pub struct PlaneSegment {
     from: Xy,
     along: Xy,
-    /// Where it ends, in units of `along`'s squared length.
+    /// End, in units of `along`'s squared length.
     limit: f64,
     /// Squared length of `along`.
     scale: f64,

@@ -1,15 +1,15 @@
-//! Intervals of numbers, and the larger and the smaller of two numbers.
+//! Intervals, and minimum and maximum of two numbers.
 
-/// Leaves room for the rounding of a product or a quotient.
+/// Margin for the rounding of a product or a quotient.
 pub(super) const SURELY: f64 = 1.0 - 1e-14;
 
-/// The larger of two numbers that are not NaN, as one instruction.
+/// Maximum of two numbers that are not NaN, as one instruction.
 #[inline(always)]
 pub(crate) fn larger(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// The smaller of two numbers that are not NaN, as one instruction.
+/// Minimum of two numbers that are not NaN, as one instruction.
 #[inline(always)]
 pub(crate) fn smaller(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
@@ -54,21 +54,21 @@ impl ClosedInterval {
         Self { low: self.low - other.high, high: self.high - other.low }
     }
 
-    /// The product with a range of numbers that are not negative.
+    /// Product with a non-negative interval.
     #[inline(always)]
     pub(super) fn times_range(self, factor: Self) -> Self {
         let (a, b) = (self.times(factor.low), self.times(factor.high));
         a.join(b)
     }
 
-    /// The largest square of its numbers.
+    /// Largest square.
     #[inline(always)]
     pub(super) fn most_squared(self) -> f64 {
         let most = larger(-self.low, self.high);
         most * most
     }
 
-    /// The largest square of how far its numbers lie outside of 0 to `limit`.
+    /// Largest squared distance of its numbers from 0 to `limit`.
     #[inline(always)]
     pub(super) fn most_over(self, limit: f64) -> f64 {
         let over = larger(larger(-self.low, self.high - limit), 0.0);
@@ -76,7 +76,7 @@ impl ClosedInterval {
     }
 }
 
-/// How far `along` lies outside of 0 to `limit`, squared.
+/// Squared distance of `along` from 0 to `limit`.
 #[inline(always)]
 pub(super) fn over(along: f64, limit: f64) -> f64 {
     let over = larger(larger(-along, along - limit), 0.0);

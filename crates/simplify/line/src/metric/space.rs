@@ -1,4 +1,4 @@
-//! The Euclidean distance in space: heights take part.
+//! Euclidean distance in space, including heights.
 
 use super::range::{ClosedInterval, SURELY, over};
 use super::{DistanceMetric, cosine};

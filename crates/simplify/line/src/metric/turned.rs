@@ -11,9 +11,8 @@ impl PlaneSegment {
         self.along
     }
 
-    /// How far the positions of vertices in a box, across and along the segment, may be off for
-    /// rounding: what is computed for one of them, and for the extreme that a search by computed
-    /// products finds, are off by 12 units of 2^-53 of the product at most.
+    /// Rounding error of positions of vertices in a box, across and along the segment: computed values, and the
+    /// extreme of a search by computed products, are off by at most 12 units of 2^-53 of the product.
     #[inline(always)]
     pub(crate) fn rounding(&self, around: &PlaneBox) -> f64 {
         let (x, y) = (around.x.minus(self.from[0]), around.y.minus(self.from[1]));
@@ -21,7 +20,7 @@ impl PlaneSegment {
         (self.along[0].abs() + self.along[1].abs()) * reach * (8.0 * f64::EPSILON)
     }
 
-    /// Whether a vertex lies beyond the begin (0) or the end (1).
+    /// Whether a vertex lies beyond the start (0) or the end (1).
     #[inline(always)]
     pub(crate) fn is_beyond(&self, p: &Xy, side: usize) -> bool {
         let (q, d) = ([p[0] - self.from[0], p[1] - self.from[1]], self.along);
@@ -29,13 +28,13 @@ impl PlaneSegment {
         if side == 0 { along < 0.0 } else { along > self.limit }
     }
 
-    /// The reach of a vertex beyond an end, from its squared distance to it.
+    /// Reach of a vertex beyond an end, from its squared distance to it.
     #[inline(always)]
     pub(crate) fn reach_from_end(&self, square: f64) -> f64 {
         square * self.scale
     }
 
-    /// The largest difference of a coordinate among both ends and a box.
+    /// Largest difference of a coordinate among both ends and a box.
     pub(crate) fn span(&self, around: &PlaneBox) -> f64 {
         let axis = |range: ClosedInterval, i: usize| {
             let range = range.minus(self.from[i]);
@@ -45,7 +44,7 @@ impl PlaneSegment {
         larger(axis(around.x, 0), axis(around.y, 1))
     }
 
-    /// The part of [`super::DistanceMetric::reach_most`] that is due to lying beyond an end.
+    /// Part of [`super::DistanceMetric::reach_most`] from vertices beyond an end.
     #[inline(always)]
     pub(crate) fn most_over(&self, around: &PlaneBox) -> f64 {
         let (x, y) = (around.x.minus(self.from[0]), around.y.minus(self.from[1]));
@@ -53,8 +52,8 @@ impl PlaneSegment {
         along.most_over(self.limit)
     }
 
-    /// The part of a reach that is due to lying beside the segment, at most, of vertices no farther
-    /// to either side than two are, and `slack`.
+    /// Upper bound of the reach from vertices beside the segment, no farther to either side than two vertices,
+    /// plus `slack`.
     #[inline(always)]
     pub(crate) fn most_across(&self, extremes: &[Xy; 2], slack: f64) -> f64 {
         let across = |p: &Xy| {
@@ -64,8 +63,8 @@ impl PlaneSegment {
         wider(across(&extremes[0]).join(across(&extremes[1])), slack).most_squared()
     }
 
-    /// The part of a reach that is due to lying beyond an end, at most, of vertices no farther to
-    /// either end than two are, and `slack`.
+    /// Upper bound of the reach from vertices beyond an end, no farther to either end than two vertices, plus
+    /// `slack`.
     #[inline(always)]
     pub(crate) fn most_along(&self, extremes: &[Xy; 2], slack: f64) -> f64 {
         let along = |p: &Xy| {
@@ -75,8 +74,8 @@ impl PlaneSegment {
         wider(along(&extremes[0]).join(along(&extremes[1])), slack).most_over(self.limit)
     }
 
-    /// The largest reach of vertices in a convex hull of which no corner reaches more than `reach`:
-    /// distances are convex, so nothing inside is farther but for rounding, and `slack`.
+    /// Upper bound of vertices in a convex hull whose corners reach at most `reach`: distances are convex, so
+    /// only rounding and `slack` are added.
     #[inline(always)]
     pub(crate) fn most_around(&self, reach: f64, slack: f64) -> f64 {
         let distance = reach.sqrt() + 2.0 * slack;

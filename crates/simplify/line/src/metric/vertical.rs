@@ -1,22 +1,22 @@
 //! The vertical distance of a profile.
 //!
-//! Monotone chains need no root and no circle where distances are vertical, which is what `line::wedge`
-//! has a wedge of slopes for. In the plane they gain nothing: a vertex is as far from a segment whichever
-//! way the chain runs. Rims of tiles are refined by the loop that refines lines (`line::rdp::refine`);
-//! their distance is decided without rounding.
+//! For vertical distances monotone chains need no square root and no circle, so `line::wedge` has a wedge of
+//! slopes. In the plane monotone chains gain nothing: the distance from a segment does not depend on the
+//! direction of the chain. Tile borders are refined by the same loop as lines (`line::rdp::refine`) with exact
+//! distances.
 
 use super::range::{ClosedInterval, SURELY};
 use super::{DistanceMetric, cosine};
 use crate::wedge::SlopeWedge;
 use terrane_base::geom::plane::Xy;
 
-/// The vertical distance of a profile: x, strictly monotone, is where, y the height.
+/// Vertical distance of a profile: x, strictly monotone, is the position, y the height.
 ///
 /// `distance = |q.y * d.x - q.x * d.y| / |d.x|`, compared as squares. See [`is_monotone`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct VerticalMetric;
 
-/// True when x grows, or falls, from each vertex to the next.
+/// True if x strictly increases, or decreases.
 pub fn is_monotone(points: &[Xy]) -> bool {
     points.windows(2).all(|pair| pair[0][0] < pair[1][0])
         || points.windows(2).all(|pair| pair[0][0] > pair[1][0])

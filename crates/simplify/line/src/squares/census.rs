@@ -1,43 +1,43 @@
-//! How many vertices there are where, by cells whose sides are powers of two.
+//! Histogram of vertices by cells whose sides are powers of two.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::plane::{MOST, Xy};
 
-/// Most cells along x and along y.
+/// Largest number of cells along x and along y.
 const SIDE: i64 = 1024;
 
-/// Fraction bits of a float: cells are no smaller than what it leaves of the largest coordinate.
+/// Fraction bits of a float, which limit the smallest cell relative to the largest coordinate.
 const BITS: i32 = 52;
 
-/// 2 to the power of `exponent`, which is within the range of normal floats.
+/// 2^`exponent`, within the range of normal floats.
 pub(super) fn power(exponent: i32) -> f64 {
     f64::from_bits(((1023 + i64::from(exponent)) as u64) << 52)
 }
 
-/// The cell of side 2^level that a position is in.
+/// Cell of side 2^level of a position.
 #[inline(always)]
 pub(super) fn cell(p: Xy, level: i32) -> [i64; 2] {
     let scale = power(-level);
     p.map(|c| (c * scale).floor() as i64)
 }
 
-/// The lowest level for positions of magnitude up to `most`: their cells are whole numbers of 53 bits.
+/// Lowest level for positions of magnitude up to `most`, with cell numbers of at most 53 bits.
 fn lowest_level(most: f64) -> i32 {
-    // Coordinates beyond 1e140 are refused, and those below 1e-130 are as good as 0.
+    // Coordinates above 1e140 are rejected, and those below 1e-130 count as 0.
     let exponent = (most.max(1e-130).to_bits() >> 52) as i32 - 1022;
     exponent - BITS
 }
 
-/// Vertices counted by the cells of a grid over all of them, as fine as 1024 x 1024 allow.
+/// Vertex counts in the cells of a grid of at most 1024 x 1024 cells.
 ///
-/// The grid grows with what is added, by making two by two cells one: what comes out does not depend
-/// on the order. 8 MiB, and 2 more while it grows.
+/// The grid grows by merging two by two cells: the result does not depend on the order. 8 MiB, and 2 more while
+/// it grows.
 #[derive(Clone, Debug)]
 pub struct VertexHistogram {
     /// The lowest and highest coordinates.
     bounds: [Xy; 2],
     level: i32,
-    /// Counts, row by row; a cell's column and row are the last ten bits of its numbers.
+    /// Counts, row by row; column and row are the last ten bits of a cell's numbers.
     counts: Vec<u64>,
     total: u64,
 }
@@ -61,7 +61,7 @@ impl VertexHistogram {
                 // False for NaN, too.
                 let is_sound = p[axis].abs() <= MOST;
                 if !is_sound {
-                    let message = format!("position {p:?} is not finite, or too large");
+                    let message = format!("position {p:?} is not finite or too large");
                     return Err(Error::bad_input(message).remedy("remove or repair the vertex"));
                 }
                 bounds[0][axis] = bounds[0][axis].min(p[axis]);
@@ -79,12 +79,12 @@ impl VertexHistogram {
         Ok(())
     }
 
-    /// How many vertices were counted.
+    /// Number of counted vertices.
     pub fn total(&self) -> u64 {
         self.total
     }
 
-    /// Makes room for positions within `bounds`.
+    /// Extends the grid to `bounds`.
     fn grow(&mut self, bounds: [Xy; 2]) {
         let mut level = self.level.max(lowest_level(magnitude(bounds)));
         while !fits(bounds.map(|p| cell(p, level))) {
@@ -94,7 +94,7 @@ impl VertexHistogram {
             let up = (level - self.level).min(63);
             let old = self.bounds.map(|p| cell(p, self.level));
             let new = old.map(|at| at.map(|c| c >> up));
-            // A quarter of all cells and those along two sides, at most.
+            // At most a quarter of all cells, and those along two sides.
             let width = new[1][0] - new[0][0] + 1;
             let index = |at: [i64; 2]| ((at[1] - new[0][1]) * width + at[0] - new[0][0]) as usize;
             let mut sums = vec![0; index(new[1]) + 1];
@@ -108,12 +108,12 @@ impl VertexHistogram {
         (self.level, self.bounds) = (level, bounds);
     }
 
-    /// The level of the smallest cells there may be.
+    /// Lowest possible level of cells.
     pub(super) fn lowest_level(&self) -> i32 {
         lowest_level(magnitude(self.bounds))
     }
 
-    /// The counts, of which there have to be some, for sums over many cells: up to 8 MiB more.
+    /// Non-empty counts for prefix sums: up to 8 MiB more.
     pub(super) fn counts(&self) -> SummedVertexCounts {
         let range = self.bounds.map(|p| cell(p, self.level));
         SummedVertexCounts::new(self.level, range, |at| self.counts[place(at)])
@@ -132,12 +132,12 @@ fn place(cell: [i64; 2]) -> usize {
     ((cell[1] & (SIDE - 1)) * SIDE + (cell[0] & (SIDE - 1))) as usize
 }
 
-/// All cells from one to another, row by row.
+/// All cells of a range, row by row.
 fn cells([low, high]: [[i64; 2]; 2]) -> impl Iterator<Item = [i64; 2]> {
     (low[1]..=high[1]).flat_map(move |y| (low[0]..=high[0]).map(move |x| [x, y]))
 }
 
-/// Counts by cells, as sums over all cells before one in x and y.
+/// Prefix sums of counts in x and y.
 #[derive(Clone, Debug)]
 pub(super) struct SummedVertexCounts {
     pub(super) level: i32,
@@ -147,7 +147,7 @@ pub(super) struct SummedVertexCounts {
 }
 
 impl SummedVertexCounts {
-    /// Of the cells in a range, both ends included.
+    /// Sum over cells of a range, both ends included.
     pub(super) fn new(level: i32, range: [[i64; 2]; 2], count: impl Fn([i64; 2]) -> u64) -> Self {
         let low = range[0];
         let size = [0, 1].map(|axis| range[1][axis] - low[axis] + 1);
@@ -160,12 +160,12 @@ impl SummedVertexCounts {
         Self { level, low, size, sums }
     }
 
-    /// The cells that are counted.
+    /// Counted cells.
     pub(super) fn range(&self) -> [[i64; 2]; 2] {
         [self.low, [0, 1].map(|axis| self.low[axis] + self.size[axis] - 1)]
     }
 
-    /// How many there are in a cell of this level or a higher one.
+    /// Count in a cell of this level or a higher one.
     pub(super) fn of(&self, cell: [i64; 2], level: i32) -> u64 {
         let up = level - self.level;
         let clamp = |c: i64, axis: usize| (c - self.low[axis]).clamp(0, self.size[axis]);

@@ -1,33 +1,29 @@
-//! Space divided into squares that hold few vertices each, so that each can be untangled by itself.
+//! Division of space into tiles with few vertices each, which are untangled independently.
 //!
-//! A vertex is in the square that its position is in, so vertices at one position share a square. A
-//! segment from one square to another *crosses over*; it is part of every result, and both of its
-//! ends are kept. What lies between two such segments is a [`TileRun`]: all of its vertices are in one
-//! square.
+//! A vertex is in the tile of its position, so vertices at one position share a tile. A segment between tiles
+//! *crosses over*; it is part of every result, and both of its ends are kept. The part between two such
+//! segments is a [`TileRun`]: all of its vertices are in one tile.
 //!
-//! **Why squares are independent.** Squares are half-open, so the convex hulls of the vertices of
-//! different squares have no point in common. A piece of a run, the segment in its place, and the
-//! region between them lie within the hull of one square. So a new segment can cross nothing but
-//! segments of its own square and segments that cross over, and a region can hold no vertices but
-//! those of its own square. Segments that cross over never change: for each square that one
-//! passes through it is an obstacle ([`VertexQuadtree::meeting`]), and two of them that meet have met in
-//! the input. What holds for [`super::topology`] in each square, obstacles among the chains, holds for
-//! all squares together.
+//! **Why tiles are independent.** Tiles are half-open, so the convex hulls of vertices of different tiles are
+//! disjoint. A piece of a run, the segment that replaces it, and the region between them lie within the hull of
+//! one tile. So a new segment can cross only segments of its own tile and segments that cross over, and a
+//! region contains only vertices of its own tile. Segments that cross over never change: each is an obstacle in
+//! every tile that it passes ([`VertexQuadtree::meeting`]), and two of them that meet have met in the input.
+//! The guarantees of [`super::topology`] in each tile, with obstacles among the chains, therefore hold for all
+//! tiles together.
 //!
-//! **Rings across squares.** Such a ring R becomes a ring R' that has the segments that cross over
-//! and the winding numbers of R wherever no hull is, as the curves in which they differ lie in hulls.
-//! Hulls are closed and disjoint, so a segment that crosses over has a stretch outside of them all, on
-//! both sides of which the winding numbers are the same before and after. If R crosses nothing, neither
-//! does R': all of its segments are new, which cross nothing, or R's. It has three different
-//! vertices at least, as two segments that cross over would be the same otherwise. So it has an area,
-//! and of the sign of R's, which those winding numbers tell. (Of a ring that crosses itself the sign of
-//! the sum of its areas may change: that has to be looked at.)
+//! **Rings across tiles.** Such a ring R becomes a ring R' that has the segments that cross over and the
+//! winding numbers of R outside all hulls, because the curves in which they differ lie in hulls. Hulls are
+//! closed and disjoint, so a segment that crosses over has a part outside all of them, with unchanged winding
+//! numbers on both sides. If R does not cross itself, neither does R': its segments are those of R, or new
+//! ones, which cross nothing. It has at least three distinct vertices, because two segments that cross over
+//! would coincide otherwise. So it has an area with the orientation of R, as these winding numbers show. (For a
+//! ring that crosses itself the sign of the total area may change: this has to be checked.)
 //!
-//! **The squares** are those of a quadtree over powers of two, whatever the extent, so a
-//! position's cell is exact: a multiplication by a power of two and a floor. Vertices are counted
-//! by the cells of a grid ([`VertexHistogram`]), and a square of the tree that has too many is divided, in
-//! cells that have too many by finer counts ([`RefinedCounts`]). The division depends on nothing but how many
-//! vertices there are in which cell.
+//! **The tiles** are those of a quadtree over powers of two, independent of the extent, so the cell of a
+//! position is exact: a multiplication by a power of two and a floor. Vertices are counted in the cells of a
+//! grid ([`VertexHistogram`]). A tile with too many vertices is divided, with finer counts for cells with too
+//! many ([`RefinedCounts`]). The division depends only on the number of vertices per cell.
 
 mod census;
 mod runs;

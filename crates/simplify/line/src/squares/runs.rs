@@ -1,24 +1,23 @@
-//! Lines and rings cut where they go from one square to another.
+//! Cuts lines and rings at tile borders.
 
 use super::tree::{LastTile, VertexQuadtree};
 use terrane_base::geom::plane::Xy;
 
-/// Vertices of a line or ring that follow each other in one square.
+/// Consecutive vertices of a line or ring in one tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TileRun {
-    /// The square.
+    /// The tile.
     pub square: u32,
-    /// The first vertex, and how many there are; those of a ring go on from its beginning.
+    /// First vertex and count; runs of a ring may wrap around.
     pub first: usize,
     /// How many.
     pub count: usize,
 }
 
-/// Fills `runs` with those of a part, in order. A part that stays in one square is one run with all of
-/// its vertices. A ring that does not begins with the first run that begins within it, and its last
-/// vertex, which is its first again, is left out. O(n).
+/// Fills `runs` with the runs of a part in order. A part in one tile is one run with all vertices. Otherwise a
+/// ring starts with the first run that starts inside it, without the closing vertex. O(n).
 ///
-/// Every position has to be in a square.
+/// Every position has to be in a tile.
 pub fn cut(
     part: &[Xy],
     is_ring: bool,
@@ -39,13 +38,13 @@ pub fn cut(
         }
     }
     if let (true, [first, .., last]) = (is_ring, &mut runs[..]) {
-        // Both are in the square of the vertex that they share.
+        // Both are in the tile of the shared vertex.
         last.count += first.count - 1;
         runs.remove(0);
     }
 }
 
-/// The segments between runs of a part that go from square to square, in order.
+/// Segments between the runs of a part, in order.
 pub fn cross_overs<'a>(
     part: &'a [Xy],
     is_ring: bool,

@@ -1,10 +1,10 @@
-//! Squares against slow twins.
+//! Tiles against slow reference implementations.
 
 use super::*;
 use proptest::prelude::*;
 use terrane_base::geom::plane::Xy;
 
-/// Positions of a few magnitudes, most of them crowded together.
+/// Positions of a few magnitudes, most of them clustered.
 fn positions() -> impl Strategy<Value = Vec<Xy>> {
     let one = (-20i32..20, -20i32..20, 0i32..4, -30i32..30).prop_map(|(x, y, far, fine)| {
         let scale = [1.0, 1.0, 300.0, 1e-3][far as usize];
@@ -15,7 +15,7 @@ fn positions() -> impl Strategy<Value = Vec<Xy>> {
 
 fn divided(points: &[Xy], most: u64) -> Result<VertexQuadtree, terrane_base::error::Error> {
     let mut census = VertexHistogram::default();
-    // As features come, a few at a time.
+    // In batches, as features are read.
     for some in points.chunks(7) {
         census.add(some).unwrap();
     }
@@ -32,7 +32,7 @@ fn all_of(points: &[Xy], squares: &VertexQuadtree) -> Vec<u32> {
     points.iter().map(|p| squares.of(*p, &mut place).unwrap()).collect()
 }
 
-/// The most positions that are the same.
+/// Largest number of identical positions.
 fn crowd(points: &[Xy]) -> u64 {
     let same = |p: &&Xy| points.iter().filter(|q| p == q).count() as u64;
     points.iter().map(|p| same(&p)).max().unwrap()
@@ -51,7 +51,7 @@ proptest! {
             prop_assert!(count <= most);
         }
         prop_assert_eq!(squares.count() == 1, points.len() as u64 <= most);
-        // Squares are apart: boxes around their vertices do not meet.
+        // Tiles are disjoint: bounding boxes of their vertices do not intersect.
         let around = |square: u32| {
             let own = points.iter().zip(&of).filter(|(_, s)| **s == square).map(|(p, _)| *p);
             own.fold([[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]], |[low, high], p| {
@@ -74,7 +74,7 @@ proptest! {
         prop_assert_eq!(all_of(&points, &one), all_of(&points, &other));
     }
 
-    /// Positions along a segment, exact on this lattice, are in squares that it is known to meet.
+    /// Positions along a segment, exact on this lattice, are in tiles that the segment intersects.
     #[test]
     fn segments_meet_the_squares_that_they_go_through(
         cells in proptest::collection::vec((-40i32..40, -40i32..40), 2..200),
@@ -149,7 +149,7 @@ fn a_segment_meets_no_square_beside_it() {
     assert_eq!(meets([10.0, 10.0], [90.0, 10.0]), [low, east]);
     assert_eq!(meets([10.0, 10.0], [90.0, 89.0]), [low, east, high]);
     assert_eq!(meets([10.0, 90.0], [20.0, 90.0]), [north]);
-    // A corner is a point in common with all four.
+    // A corner belongs to all four.
     assert_eq!(meets([0.0, 0.0], [100.0, 100.0]), [low, east, north, high]);
 }
 
@@ -165,13 +165,13 @@ fn a_crowd_far_from_the_rest_is_divided_by_finer_counts() {
 fn too_many_in_one_place_are_told() {
     let points = [&[[3.5, 4.5]; 9][..], &[[0.0, 0.0], [-1e5, 1e5]]].concat();
     let error = divided(&points, 8).unwrap_err();
-    assert!(error.to_string().contains("in one place"), "{error}");
+    assert!(error.to_string().contains("at one position"), "{error}");
     assert!(divided(&points, 9).is_ok());
     assert!(VertexHistogram::default().add(&[[f64::NAN, 0.0]]).is_err());
     assert!(VertexHistogram::default().add(&[[0.0, 1e141]]).is_err());
 }
 
-/// What is below a border belongs to the square there, what is on it to the next.
+/// Positions below a border belong to the tile there, those on it to the next.
 #[test]
 fn squares_are_half_open() {
     let corners = [[-100.0, -100.0], [100.0, -100.0], [-100.0, 100.0], [100.0, 100.0]];
@@ -183,7 +183,7 @@ fn squares_are_half_open() {
     assert_eq!(of([0.0, -f64::MIN_POSITIVE]), east);
     assert_eq!(of([-f64::MIN_POSITIVE, -f64::MIN_POSITIVE]), low);
     assert_eq!([of([1e9, 0.0]), of([0.0, -1e9])], [None; 2]);
-    // The square found before is of no matter.
+    // The previous tile must not matter.
     for (from, to) in
         [(low, [0.0, -5.0]), (low, [-5.0, 0.0]), (high, [-0.1, 5.0]), (high, [5.0, -0.1])]
     {
@@ -198,7 +198,7 @@ fn squares_are_half_open() {
         squares.meeting([a, b], &mut found);
         found
     };
-    // A segment that ends on a border meets what is beyond it.
+    // A segment that ends on a border intersects the next tile.
     let all = [low, east, north, high].map(Option::unwrap);
     for (a, b, want) in [
         ([-5.0, 9.0], [0.0, 9.0], [all[2], all[3]]),
@@ -215,7 +215,7 @@ fn squares_are_half_open() {
         found
     };
     assert_eq!(around([3.0, 5.0], 2.0), all[3..]);
-    // What lies below a border does not reach it.
+    // Positions below a border do not reach it.
     assert_eq!([around([3.0, 5.0], 3.0), around([5.0, 3.0], 3.0)], [[all[3]], [all[3]]]);
     assert_eq!(around([3.0, 5.0], 3.5), [all[2], all[3]]);
     assert_eq!(around([5.0, 3.0], 3.5), [all[1], all[3]]);
@@ -230,7 +230,7 @@ fn squares_are_half_open() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
 
-    /// The square found last leaves no trace, and what is near is found.
+    /// The previous tile leaves no trace, and close tiles are found.
     #[test]
     fn a_place_is_a_short_cut_only(points in positions(), most in 2u64..40, reach in 0.0..30.0) {
         let squares = divided(&points, most.max(crowd(&points))).unwrap();
@@ -248,7 +248,7 @@ proptest! {
     }
 }
 
-/// Cells that are a whole grid apart are two: when the grid grows, and when it need not.
+/// Cells a whole grid apart are distinct, with and without growth.
 #[test]
 fn cells_at_both_ends_of_a_grid_are_two() {
     for far in [1023.0, 1024.0, 1025.0, 4096.0] {
@@ -268,7 +268,7 @@ fn cells_at_both_ends_of_a_grid_are_two() {
     }
 }
 
-/// One by one, far and farther: the grid grows with all that was counted before.
+/// One by one, increasingly distant: the grid grows with all earlier counts.
 #[test]
 fn counts_survive_growth() {
     let mut wide = vec![[0.25, 0.0]];
@@ -290,7 +290,7 @@ fn counts_survive_growth() {
     }
 }
 
-/// No more squares than the vertices ask for.
+/// No more tiles than required.
 #[test]
 fn squares_begin_with_those_that_hold_all() {
     for (a, b) in [([0.5, 0.5], [1023.5, 0.5]), ([0.5, 0.5], [0.5, 1023.5])] {

@@ -1,4 +1,4 @@
-//! The quadtree of squares: which square a position is in, and through which ones a segment goes.
+//! Quadtree of tiles: lookup of positions and segments.
 
 use std::cmp::Ordering;
 
@@ -6,32 +6,32 @@ use super::census::{SummedVertexCounts, VertexHistogram, cell, power};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::plane::{Xy, orient};
 
-/// Levels between a cell that has too many vertices and the cells of its finer count.
+/// Levels between a crowded cell and the cells of its finer count.
 const FINER: i32 = 6;
 
-/// What a node of the tree is.
+/// State of a tree node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum QuadtreeNodeState {
-    /// Not known yet.
+    /// Unknown.
     Open,
-    /// The square of this number.
+    /// A tile, by number.
     Square(u32),
-    /// Divided: its first of four children, which follow each other.
+    /// Divided: index of the first of four consecutive children.
     Divided(u32),
-    /// It has too many vertices, and will be divided once they are counted: which of those it is.
+    /// Too many vertices; divided after counting, by index in the crowded cells.
     Crowded(u32),
 }
 
 #[derive(Clone, Copy, Debug)]
 struct QuadtreeNode {
-    /// The cell of side 2^level that it is.
+    /// Its cell of side 2^level.
     cell: [i64; 2],
     level: i32,
     kind: QuadtreeNodeState,
 }
 
 impl QuadtreeNode {
-    /// Its lowest position. All corners and centres are exact.
+    /// Its lowest position. Corners and centres are exact.
     fn low(&self) -> Xy {
         self.cell.map(|c| c as f64 * power(self.level))
     }
@@ -45,7 +45,7 @@ impl QuadtreeNode {
         (0..2).all(|axis| low[axis] <= p[axis] && p[axis] < high[axis])
     }
 
-    /// Whether a segment has a point in common with the closed square. Exact.
+    /// Whether a segment intersects the closed cell. Exact.
     fn meets(&self, [a, b]: [Xy; 2]) -> bool {
         let (low, high) = (self.low(), self.high());
         let apart = |axis: usize| {
@@ -61,23 +61,23 @@ impl QuadtreeNode {
     }
 }
 
-/// Squares with at most so many vertices each, known by number. Some have none: segments may meet there.
+/// Tiles with a limited number of vertices, by number. Some may be empty; segments may meet there.
 #[derive(Clone, Debug)]
 pub struct VertexQuadtree {
     /// Up to four roots, then children.
     nodes: Vec<QuadtreeNode>,
     roots: usize,
-    /// The cells that have too many vertices, and their levels.
+    /// Crowded cells with their levels.
     crowded: Vec<([i64; 2], i32)>,
-    /// Vertices of each square.
+    /// Number of vertices of each tile.
     counts: Vec<u64>,
-    /// Most vertices of a square.
+    /// Largest number of vertices of a tile.
     most: u64,
-    /// The lowest level that cells may have.
+    /// Lowest level of cells.
     lowest: i32,
 }
 
-/// The square that was found last, which is the next one's, too, more often than not.
+/// The tile found last, usually the next one as well.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LastTile {
     square: u32,
@@ -86,11 +86,11 @@ pub struct LastTile {
 }
 
 impl VertexQuadtree {
-    /// Squares with up to `most` vertices each: one, if there are no more in all. Some may have
-    /// more as long as there are [`finer`](Self::finer) counts to be made.
+    /// Tiles with up to `most` vertices each: one tile if all fit. Some may exceed the limit until
+    /// [`finer`](Self::finer) counts are made.
     ///
     /// # Errors
-    /// `Limit` where more than `most` vertices are nearly in one place.
+    /// `Limit` if more than `most` vertices are almost at one position.
     pub fn new(census: &VertexHistogram, most: u64) -> Result<Self> {
         let mut all = Self {
             nodes: Vec::new(),
@@ -117,16 +117,16 @@ impl VertexQuadtree {
         Ok(all)
     }
 
-    /// What has to be counted before all squares are known, if anything.
+    /// Cells to count before all tiles are known, if any.
     pub fn finer(&self) -> Option<RefinedCounts<'_>> {
         let levels = self.crowded.iter().map(|(_, level)| *level);
         (!self.crowded.is_empty()).then(|| RefinedCounts::new(self, levels))
     }
 
-    /// These squares with those divided that had too many vertices, as far as the counts tell.
+    /// Tiles with crowded cells divided as far as the counts allow.
     ///
     /// # Errors
-    /// `Limit` where too many vertices are nearly in one place.
+    /// `Limit` if too many vertices are almost at one position.
     pub fn refined(finer: RefinedCounts<'_>, squares: &Self) -> Result<Self> {
         let counts = finer.into_counts(&squares.crowded);
         let mut all = squares.clone();
@@ -139,7 +139,7 @@ impl VertexQuadtree {
         Ok(all)
     }
 
-    /// Divides nodes as far as counts tell.
+    /// Divides nodes as far as the counts allow.
     fn divide(&mut self, mut open: Vec<usize>, counts: &SummedVertexCounts) -> Result<()> {
         // Popped from the end in the order of cells, so squares get the numbers that a recursion would give.
         open.reverse();
@@ -166,25 +166,29 @@ impl VertexQuadtree {
                 QuadtreeNodeState::Crowded(self.crowded.len() as u32 - 1)
             } else {
                 let at = self.nodes[at].low();
-                return Err(Error::limit("the number of vertices in one place", count, self.most)
-                    .at(format!("near {}, {}", at[0], at[1]))
-                    .remedy("remove vertices that repeat others"));
+                return Err(Error::limit(
+                    "the number of vertices at one position",
+                    count,
+                    self.most,
+                )
+                .at(format!("near {}, {}", at[0], at[1]))
+                .remedy("remove duplicate vertices"));
             };
         }
         Ok(())
     }
 
-    /// How many there are.
+    /// Number of tiles.
     pub fn count(&self) -> usize {
         self.counts.len()
     }
 
-    /// The vertices of a square.
+    /// Number of vertices of a tile.
     pub fn vertices(&self, square: usize) -> u64 {
         self.counts[square]
     }
 
-    /// The node without children that a position is in.
+    /// Leaf node of a position.
     fn leaf(&self, p: Xy) -> Option<&QuadtreeNode> {
         let mut node = self.nodes[..self.roots].iter().find(|node| node.holds(p))?;
         while let QuadtreeNodeState::Divided(first) = node.kind {
@@ -196,7 +200,7 @@ impl VertexQuadtree {
         Some(node)
     }
 
-    /// Which crowded cell a position is in, and its level.
+    /// Crowded cell of a position, and its level.
     fn crowded_at(&self, p: Xy) -> Option<(usize, i32)> {
         let node = self.leaf(p)?;
         match node.kind {
@@ -205,8 +209,7 @@ impl VertexQuadtree {
         }
     }
 
-    /// The square that a position is in; `None` beyond all vertices. O(depth) where it is not that
-    /// of `place`.
+    /// Tile of a position; `None` outside all vertices. O(depth) unless it is that of `place`.
     #[inline]
     pub fn of(&self, p: Xy, place: &mut LastTile) -> Option<u32> {
         let (low, high) = (place.low, place.high);
@@ -226,7 +229,7 @@ impl VertexQuadtree {
         Some(square)
     }
 
-    /// Fills `found` with the squares that a position within `reach` of `p` may be in, ascending.
+    /// Fills `found` with the tiles of positions within `reach` of `p`, ascending.
     pub fn around(&self, p: Xy, reach: f64, found: &mut Vec<u32>) {
         found.clear();
         let is_near = |node: &QuadtreeNode| {
@@ -236,14 +239,14 @@ impl VertexQuadtree {
         self.find_all(is_near, found);
     }
 
-    /// Fills `found` with the squares that a segment has a point in common with, their borders
-    /// included, ascending. Exact; O(squares found and their parents).
+    /// Fills `found` with the tiles that a segment intersects, borders included, ascending. Exact; O(tiles
+    /// found and their parents).
     pub fn meeting(&self, segment: [Xy; 2], found: &mut Vec<u32>) {
         found.clear();
         self.find_all(|node| node.meets(segment), found);
     }
 
-    /// Appends the squares for which, and for whose parents, something holds; ascending.
+    /// Appends the tiles for which, and for whose parents, a predicate holds; ascending.
     fn find_all(&self, holds: impl Fn(&QuadtreeNode) -> bool, found: &mut Vec<u32>) {
         let mut open: Vec<usize> = (0..self.roots).collect();
         while let Some(at) = open.pop() {
@@ -261,12 +264,11 @@ impl VertexQuadtree {
     }
 }
 
-/// Counts by finer cells, where squares would have too many vertices and cannot be divided by the
-/// counts that are known. 32 KiB for each.
+/// Counts in finer cells for tiles with too many vertices. 32 KiB each.
 #[derive(Clone, Debug)]
 pub struct RefinedCounts<'a> {
     squares: &'a VertexQuadtree,
-    /// For each square that is to be divided: the level of its finer cells, and their counts.
+    /// For each crowded cell: the level of its finer cells, and their counts.
     counts: Vec<(i32, Vec<u64>)>,
 }
 
@@ -280,7 +282,7 @@ impl<'a> RefinedCounts<'a> {
         Self { squares, counts: levels.map(room).collect() }
     }
 
-    /// Counts vertices; those that lie elsewhere are left out.
+    /// Counts vertices; others are ignored.
     pub fn add(&mut self, points: &[Xy]) {
         for &p in points {
             if let Some((crowded, level)) = self.squares.crowded_at(p) {
@@ -292,7 +294,7 @@ impl<'a> RefinedCounts<'a> {
         }
     }
 
-    /// The counts of each crowded cell, given with its level.
+    /// Counts of each crowded cell, with its level.
     fn into_counts(self, cells: &[([i64; 2], i32)]) -> Vec<SummedVertexCounts> {
         let counts = self.counts.into_iter().zip(cells);
         let made = counts.map(|((finer, counts), (cell, level))| {

@@ -3,8 +3,8 @@
 use super::*;
 use crate::cone::cone;
 
-/// From each anchor to the last vertex that a segment may go to, or to one an eighth before it from which the next
-/// segment goes further, by trying all.
+/// From each anchor the last valid segment end, or one an eighth before it whose next segment goes further, by
+/// exhaustive search.
 fn greedy<V: Copy, M: DistanceMetric<V>>(metric: &M, points: &[V], tolerance: f64) -> Vec<u32> {
     let holds = |from: usize, to: usize| {
         let square = |i: usize| metric.distance2(&points[i], &points[from], &points[to]);
@@ -34,11 +34,11 @@ impl Check for SameAsGreedy {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
-    /// So short that all vertices at which a segment may end are tried.
+    /// Short lines, so that all segment ends are tested.
     #[test]
     fn short_segments_go_as_far_as_any(line in short_line(), tolerance in tolerance()) {
         let line = &line[..line.len().min(10)];
-        // Below that, what rounding does to a wedge is not what it does to a distance.
+        // Below that, rounding affects wedges and distances differently.
         SameAsGreedy.everywhere(line, tolerance.max(1e-3));
         if line.iter().flatten().all(|v| v.fract() == 0.0) {
             SameAsGreedy.check(&PlaneMetric, line, 0.0);
@@ -48,7 +48,7 @@ proptest! {
     }
 }
 
-/// Up and down again, so many vertices each way, no more than 0.25 beside the way.
+/// Up and down, this many vertices each way, within 0.25 of the path.
 fn roof(count: u32) -> Vec<Xy> {
     let vertex = |i: u32| {
         let off = f64::from(i % 3) * 0.1;
@@ -66,8 +66,8 @@ fn long_straight_segments_are_found_whole() {
     }
 }
 
-/// The farthest vertex is near enough to all ends, but another one is not: of many ends only the first
-/// holds, however many are tried before it.
+/// The farthest vertex is close enough to all ends, but another one is not: of many ends only the first is
+/// valid, however many are tested before it.
 #[test]
 fn of_many_ends_only_the_first_holds() {
     for count in 1..60 {
@@ -79,8 +79,8 @@ fn of_many_ends_only_the_first_holds() {
     }
 }
 
-/// No direction is ever turned away here, and hardly a segment holds: looking to the end each time would
-/// take minutes.
+/// No direction is ever rejected here, and hardly any segment is valid: an unlimited look-ahead would take
+/// minutes.
 #[test]
 fn running_back_and_forth_takes_no_long_looks() {
     let count = 300_000;
@@ -89,8 +89,8 @@ fn running_back_and_forth_takes_no_long_looks() {
     assert!(run(cone, &PlaneMetric, &line, 1.0).len() > line.len() - 10);
 }
 
-/// Vertices that turn back before the farthest are no ends, and none of them is tried: there would be no
-/// tries left for the farthest.
+/// Vertices that turn back before the farthest are not ends, and none of them is tested: otherwise no tests
+/// would be left for the farthest.
 #[test]
 fn ends_that_leave_the_farthest_behind_are_not_tried() {
     for back in [5, 20, 60] {
@@ -110,7 +110,7 @@ fn level(ends: &[u32]) -> Vec<Xy> {
         1 => 0.999,
         i if i == last => 500.0,
         i if ends.contains(&i) => 0.0,
-        // Beside the directions that are left, and near enough to them.
+        // Outside the remaining directions, and close enough to them.
         _ => -0.9,
     };
     let way = [[0.0, 0.0], [500.0, 0.0]].into_iter();

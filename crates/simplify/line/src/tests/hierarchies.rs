@@ -1,4 +1,4 @@
-//! Hierarchies against direct runs, and their bytes.
+//! Hierarchies against direct runs, and their encoding.
 
 use super::*;
 use crate::Hierarchy;
@@ -92,7 +92,7 @@ fn lines_of_few_vertices_keep_their_ends_once() {
     }
 }
 
-/// Distances fall, a tolerance is the smallest that does, and of equals the first are kept.
+/// Distances descend, a tolerance is the smallest possible, and ties go by index.
 #[test]
 fn counts_take_the_farthest_first() {
     let teeth: Vec<Xy> = (0..9).map(|i| [f64::from(i), f64::from(i % 2) * 3.0]).collect();
@@ -116,7 +116,7 @@ fn counts_take_the_farthest_first() {
     }
 }
 
-/// As it is stored: other code must be able to read it.
+/// The stored format, which other programs must be able to read.
 #[test]
 fn bytes_are_a_header_and_squares() {
     let hierarchy = Hierarchy::new(&PlaneMetric, &[[0.0, 0.0], [1.0, 2.0], [2.0, 0.0]]);

@@ -1,4 +1,4 @@
-//! The hulls against plain scans.
+//! Hulls against plain scans.
 
 use super::methods::plain_rdp;
 use super::*;
@@ -6,7 +6,7 @@ use crate::path_hull::Hulls;
 use crate::rdp::rdp;
 use crate::regions::{FarthestVertex, scan};
 
-/// Zigzags between two slanted lines, parallel or not: boxes tell nothing of them.
+/// Zigzags between two slanted lines, parallel or not: bounding boxes do not help.
 fn zigzag(count: u32, slant: Xy, growth: f64) -> Vec<Xy> {
     let vertex = |i: u32| {
         let width = 1.0 + growth * f64::from(i);
@@ -16,7 +16,7 @@ fn zigzag(count: u32, slant: Xy, growth: f64) -> Vec<Xy> {
     (0..count).map(vertex).collect()
 }
 
-/// Around and around towards the middle, so that what is farthest lies beyond an end.
+/// A spiral towards the centre, so that the farthest vertices lie beyond an end.
 fn whirl(count: u32, turn: f64) -> Vec<Xy> {
     let vertex = |i: u32| {
         let (sine, cosine) = (f64::from(i) * turn).sin_cos();
@@ -26,7 +26,7 @@ fn whirl(count: u32, turn: f64) -> Vec<Xy> {
     (0..count).map(vertex).collect()
 }
 
-/// Around and around at nearly the same distance from the last vertex.
+/// A spiral at almost constant distance from the last vertex.
 fn crown(count: u32, fall: f64) -> Vec<Xy> {
     let vertex = |i: u32| {
         let (sine, cosine) = (f64::from(i) * 2.4).sin_cos();
@@ -36,8 +36,8 @@ fn crown(count: u32, fall: f64) -> Vec<Xy> {
     (0..count).map(vertex).collect()
 }
 
-/// Lines of a few hundred vertices: walks, zigzags, whirls, few positions taken again and again, and
-/// the same far away from the origin, where differences are rounded.
+/// Lines of a few hundred vertices: walks, zigzags, spirals, few repeated positions, and the same far from the
+/// origin, where differences are rounded.
 fn line() -> impl Strategy<Value = Vec<Xy>> {
     let slants = prop_oneof![Just([4.0, 3.0]), Just([0.6, 0.8]), Just([1.0, 0.0])];
     let growth = prop_oneof![Just(0.0), Just(1.0), Just(-0.001)];
@@ -81,8 +81,8 @@ proptest! {
     }
 }
 
-/// Stretches with few positions each, or one position a vertex, far from those of the next: what is known
-/// of one tells nothing of another.
+/// Sections with few positions each, or one position per vertex, far from those of the next, so that one
+/// section gives no information about another.
 #[test]
 fn runs_of_few_positions_know_their_own() {
     for seed in 0..40 {
@@ -136,7 +136,7 @@ fn hulls_take_over_from_boxes_without_a_trace() {
     }
 }
 
-/// Hulls are for the plane: where boxes do not tell in another metric, there is nothing else.
+/// Hulls are for the plane: other metrics have bounding boxes only.
 #[test]
 fn other_metrics_stay_with_boxes() {
     struct SameAsPlain;

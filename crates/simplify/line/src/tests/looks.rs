@@ -1,10 +1,10 @@
-//! How much Ramer-Douglas-Peucker looks at on lines made to defeat it: counts, not seconds.
+//! Number of tests of Ramer-Douglas-Peucker on adversarial lines: counts, not seconds.
 
 use super::methods::plain_rdp;
 use super::*;
 use crate::rdp::{counted, rdp};
 
-/// A line of so many vertices, and a tolerance.
+/// A line of this many vertices, and a tolerance.
 type Line = (fn(u32) -> Vec<Xy>, f64);
 
 fn line(count: u32, vertex: impl Fn(u32) -> Xy) -> Vec<Xy> {
@@ -15,12 +15,12 @@ fn sign(i: u32) -> f64 {
     if i.is_multiple_of(2) { 1.0 } else { -1.0 }
 }
 
-/// Radius and angle as a position.
+/// Polar coordinates as a position.
 fn polar(radius: f64, turn: f64) -> Xy {
     [radius * turn.cos(), radius * turn.sin()]
 }
 
-/// Between two slanted lines, exact: every second split has half of all vertices equally far.
+/// Between two slanted lines, exact: every second split has half of all vertices at equal distance.
 fn slanted(count: u32) -> Vec<Xy> {
     line(count, |i| {
         let (x, y) = (f64::from(i), sign(i));
@@ -28,7 +28,7 @@ fn slanted(count: u32) -> Vec<Xy> {
     })
 }
 
-/// The same, but for one vertex that is on no lattice.
+/// The same, except for one vertex off the lattice.
 fn slanted_with_one_odd(count: u32) -> Vec<Xy> {
     let mut line = slanted(count);
     line[count as usize / 2][0] += 0.1;
@@ -47,7 +47,7 @@ fn growing(count: u32) -> Vec<Xy> {
     })
 }
 
-/// Teeth with the farthest always next to the end.
+/// A comb whose farthest vertex is always next to the end.
 fn sawtooth(count: u32) -> Vec<Xy> {
     line(count, |i| [f64::from(i), sign(i) * f64::from(i)])
 }
@@ -60,7 +60,7 @@ fn whirl(count: u32) -> Vec<Xy> {
     line(count, |i| polar(f64::from(count - i), 2.4 * f64::from(i)))
 }
 
-/// All on nearly one circle around the end, the next always the farthest: half of the corners of every
+/// Almost on a circle around the end, the next vertex always the farthest: half of the corners of every
 /// hull lie beyond the end, nearly as far.
 fn crown(count: u32) -> Vec<Xy> {
     line(count, |i| match i + 1 == count {
@@ -73,12 +73,12 @@ fn arc(count: u32) -> Vec<Xy> {
     line(count, |i| (3.0 * f64::from(i) / f64::from(count)).sin_cos().into())
 }
 
-/// A convex chain whose farthest is next to the begin.
+/// A convex chain whose farthest vertex is next to the start.
 fn hook(count: u32) -> Vec<Xy> {
     line(count, |i| [(-12.0 * f64::from(i) / f64::from(count)).exp(), f64::from(i) * 1e-9])
 }
 
-/// Three positions again and again.
+/// Three positions repeated.
 fn triangle(count: u32) -> Vec<Xy> {
     let corners = [[0.0, 0.0], [5.0, 0.0], [2.0, 3.0]];
     line(count, |i| corners[i as usize % 3])
@@ -89,8 +89,8 @@ fn collinear(count: u32) -> Vec<Xy> {
     line(count, |i| [f64::from(i) * sign(i), 0.0])
 }
 
-/// Points far away on an arc around the vertices near the end, in turn: each split looks for the
-/// farthest from an end that is new.
+/// Distant points on an arc around the vertices near the end, alternating: each split searches the vertex
+/// farthest from a new end.
 fn shuttle(count: u32) -> Vec<Xy> {
     let n = f64::from(count);
     line(count, |i| match i {
@@ -104,7 +104,7 @@ fn shuttle(count: u32) -> Vec<Xy> {
     })
 }
 
-/// Three positions that are on no lattice.
+/// Three positions off any lattice.
 fn triangle_rounded(count: u32) -> Vec<Xy> {
     let corners = [[0.1, 0.0], [5.3, 0.7], [2.0, 3.3]];
     line(count, |i| corners[i as usize % 3])
@@ -126,10 +126,10 @@ const LINES: &[(&str, Line)] = &[
     ("triangle rounded", (triangle_rounded, 0.0)),
 ];
 
-/// Looks for each vertex and doubling of the line, at most: 48 of them the boxes are allowed.
+/// Tests per vertex and doubling of the line, at most: 48 of them for bounding boxes.
 const MOST: f64 = 90.0;
 
-/// Looks at a line, for each vertex and doubling.
+/// Tests of a line, per vertex and doubling.
 fn looks(line: &[Xy], tolerance: f64) -> f64 {
     let mut kept = Vec::new();
     let looks = counted(&PlaneMetric, line, tolerance, &mut SimplifyScratch::default(), &mut kept);
@@ -161,7 +161,7 @@ fn looks_are_few_at_a_million_vertices() {
     }
 }
 
-/// What rounding leaves in doubt is not bounded: no lattice holds these vertices.
+/// Ambiguity by rounding is not bounded: no lattice contains these vertices.
 #[test]
 fn rounded_vertices_near_one_line_take_more() {
     assert!(looks(&slanted_and_rounded(10_000), 0.5) < MOST);

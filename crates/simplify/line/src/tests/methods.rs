@@ -1,4 +1,4 @@
-//! The methods that bound a distance.
+//! Methods that bound a distance.
 
 use super::*;
 use crate::cone::cone;
@@ -7,7 +7,7 @@ use crate::metric::is_monotone;
 use crate::rdp::rdp;
 use crate::registry::{METHODS, method};
 
-/// Ramer-Douglas-Peucker as in the book, one distance at a time.
+/// Textbook Ramer-Douglas-Peucker, one distance at a time.
 pub(super) fn plain_rdp<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],
@@ -33,7 +33,7 @@ pub(super) fn plain_rdp<V: Copy, M: DistanceMetric<V>>(
     kept
 }
 
-/// The fewest vertices, by trying all segments; each from the last vertex that has it by one fewer.
+/// The minimum number of vertices by exhaustive search; each from the last vertex that needs one fewer.
 fn fewest<V: Copy, M: DistanceMetric<V>>(metric: &M, points: &[V], tolerance: f64) -> Vec<u32> {
     let holds = |from: usize, to: usize| {
         let within = |i: usize| {
@@ -131,7 +131,7 @@ proptest! {
         FewestVertices.everywhere(&walk(seed, 150, is_lattice), tolerance);
     }
 
-    /// So large a tolerance that segments are held against regions of vertices.
+    /// A tolerance so large that segments are tested against regions of vertices.
     #[test]
     fn imai_iri_keeps_the_fewest_for_long_segments(
         seed: u64,
@@ -184,7 +184,7 @@ fn spaces_and_profiles_measure_their_own_distances() {
 #[test]
 fn degrees_are_metres() {
     let place = |lon: f64, lat: f64| LocatedVertex::new([lon, lat]);
-    // Lengths of a degree on WGS 84, from tables: at the equator, and at 60 degrees north.
+    // Lengths of a degree on WGS 84 from tables: at the equator, and at 60 degrees north.
     let [east, north] = place(0.0, 0.0).scale;
     assert!((east - 111_319.49).abs() < 0.01 && (north - 110_574.28).abs() < 0.02);
     let [east, north] = place(0.0, 60.0).scale;

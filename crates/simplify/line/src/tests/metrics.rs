@@ -3,7 +3,7 @@
 use super::*;
 use crate::metric::is_monotone;
 
-/// Bounds are no less than what they bound; that of one vertex is no more.
+/// Bounds are not below the bounded value; for one vertex they are exact.
 struct BoundsHold;
 
 impl Check for BoundsHold {
@@ -29,7 +29,7 @@ impl Check for BoundsHold {
     }
 }
 
-/// Distances of vertices that have a scale, by components.
+/// Distances of vertices with a scale, by components.
 fn scaled_distance2(p: &LocatedVertex, a: &LocatedVertex, b: &LocatedVertex) -> f64 {
     let seen = |q: &LocatedVertex| [0, 1].map(|i| (q.at[i] - p.at[i]) * p.scale[i]);
     let (from, to) = (seen(a), seen(b));
@@ -110,7 +110,7 @@ fn coordinates_are_those_given() {
     assert_eq!(GeographicMetric::coordinates(&LocatedVertex::new([1.0, 2.0])), [1.0, 2.0, 0.0]);
 }
 
-/// Of vertices that were dropped the first of the farthest, and none of those kept.
+/// The first of the farthest omitted vertices; kept vertices do not count.
 #[test]
 fn the_largest_distance_is_that_of_a_dropped_vertex() {
     let line = [[0.0, 0.0], [1.0, 0.0], [2.0, 2.0], [3.0, -2.0], [4.0, 0.0], [4.0, 0.0]];
@@ -122,7 +122,7 @@ fn the_largest_distance_is_that_of_a_dropped_vertex() {
     assert_eq!(largest(&[0, 2, 4, 5]).map(|(at, _)| at), Some(3));
 }
 
-/// What a hull says of vertices: extremes across and along, and what lies beyond the ends.
+/// Extremes of a hull across and along, and vertices beyond the ends.
 #[test]
 fn a_segment_knows_its_sides() {
     let segment = PlaneMetric.segment(&[1.0, 2.0], &[4.0, 6.0]);
@@ -165,7 +165,7 @@ fn a_segment_knows_its_sides() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(1000))]
 
-    /// Distances by the nearest place, not by the formula of the metric.
+    /// Distances by the nearest point, not by the formula of the metric.
     #[test]
     fn distances_are_those_to_the_nearest_place(v in prop::array::uniform9(-5_i32..5)) {
         let at = |i: usize| [0, 1, 2].map(|k| f64::from(v[3 * i + k]));

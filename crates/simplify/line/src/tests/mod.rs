@@ -1,4 +1,4 @@
-//! Tests of the methods against slow obvious twins.
+//! Tests of the methods against slow reference implementations.
 
 mod cones;
 mod hierarchies;
@@ -52,8 +52,8 @@ fn walk(seed: u64, count: usize, is_lattice: bool) -> Vec<Xy> {
         .collect()
 }
 
-/// Short lines: on a small lattice, so that duplicates, collinear and equally far vertices abound; on one
-/// line, back and forth; anywhere.
+/// Short lines: on a small lattice, with many duplicate, collinear and equidistant vertices; on one line, back
+/// and forth; anywhere.
 fn short_line() -> impl Strategy<Value = Vec<Xy>> {
     let lattice = |x: i32, y: i32| {
         prop::collection::vec((0..x, 0..y), 0..28).prop_map(|line| {
@@ -75,7 +75,7 @@ fn long_line() -> impl Strategy<Value = Vec<Xy>> {
         .prop_map(|(seed, count, is_lattice)| walk(seed, count, is_lattice))
 }
 
-/// Tolerances at which ties happen on a lattice, and others.
+/// Tolerances with ties on a lattice, and others.
 fn tolerance() -> impl Strategy<Value = f64> {
     prop_oneof![Just(0.0), Just(0.5), Just(1.0), Just(2.0), Just(0.5_f64.sqrt()), 0.0..4.0]
 }
@@ -96,7 +96,7 @@ fn in_space(line: &[Xy]) -> Vec<[f64; 3]> {
     line.iter().map(|p| [p[0], p[1], (p[0] * 3.0 + p[1]) % 4.0]).collect()
 }
 
-/// The line on the ellipsoid, steps of about 100 m, from 60 degrees north on.
+/// The line on the ellipsoid, in steps of about 100 m, starting at 60 degrees north.
 fn on_ellipsoid(line: &[Xy]) -> Vec<LocatedVertex> {
     line.iter().map(|p| LocatedVertex::new([p[0] * 1e-3, 60.0 + p[1] * 1e-3])).collect()
 }
@@ -113,7 +113,7 @@ trait Check {
     }
 }
 
-/// What a method keeps.
+/// Vertices kept by a method.
 fn run<V: Copy, M: DistanceMetric<V>>(
     method: impl Fn(&M, &[V], f64, &mut SimplifyScratch, &mut Vec<u32>),
     metric: &M,

@@ -7,13 +7,13 @@ use crate::rdp::rdp;
 use crate::ring::{RingFate, simplify, visvalingam};
 use crate::visvalingam::AreaWeight;
 
-/// The line, closed.
+/// The line as a closed ring.
 fn closed(mut line: Vec<Xy>) -> Vec<Xy> {
     line.extend(line.first().copied());
     line
 }
 
-/// What is kept of a ring by a method.
+/// Vertices of a ring kept by a method.
 fn kept_of(name: &str, ring: &[Xy], tolerance: f64) -> (RingFate, Vec<u32>) {
     let method = match name {
         "rdp" => rdp,
@@ -30,7 +30,7 @@ fn kept_of(name: &str, ring: &[Xy], tolerance: f64) -> (RingFate, Vec<u32>) {
     (fate, kept)
 }
 
-/// All vertices, those around the closing one too, are within the tolerance.
+/// All vertices, including those around the closing one, are within the tolerance.
 fn assert_ring_holds(ring: &[Xy], tolerance: f64, kept: &[u32]) {
     let count = ring.len() - 1;
     assert!(kept.is_sorted_by(|a, b| a < b) && kept.iter().all(|i| (*i as usize) < count));
@@ -41,7 +41,7 @@ fn assert_ring_holds(ring: &[Xy], tolerance: f64, kept: &[u32]) {
     assert_holds(&PlaneMetric, &line, tolerance, &turned);
 }
 
-/// A star-shaped ring whose vertices all differ.
+/// A star-shaped ring of distinct vertices.
 fn star(seed: u64, count: usize) -> Vec<Xy> {
     let mut dice = Dice(seed);
     let turn = |i: usize| i as f64 * std::f64::consts::TAU / count as f64;
@@ -149,8 +149,8 @@ fn a_triangle_is_kept_and_less_is_none() {
     assert_eq!(dissolved(&[], 0.0), (RingFate::Collapsed, vec![9]));
 }
 
-/// The start, the vertex farthest from it, the one farthest from both, and what lies beyond the tolerance
-/// of these three.
+/// The start, the vertex farthest from it, the vertex farthest from both, and vertices beyond the tolerance of
+/// these three.
 #[test]
 fn a_collapsed_ring_is_given_by_its_widest_corners() {
     let long = vec![[0.0, 0.0], [5.0, -0.5], [10.0, 0.0], [7.0, 2.0], [3.0, 1.0]];
@@ -172,7 +172,7 @@ fn a_collapsed_ring_is_given_by_its_widest_corners() {
     assert_eq!((fate, kept), (RingFate::Collapsed, vec![0, 1, 2]));
 }
 
-/// Far from the start a ring is what the line from there is.
+/// Far from the start a ring equals the line from there.
 #[test]
 fn rings_are_done_again_around_their_start_alone() {
     for name in ["cone", "imai-iri"] {
@@ -196,7 +196,7 @@ fn rings_are_done_again_around_their_start_alone() {
     }
 }
 
-/// Of vertices at the lowest position the first is the start.
+/// The first of the vertices at the lowest position is the start.
 #[test]
 fn rings_start_with_the_first_of_the_lowest() {
     let ring = vec![[4.0, 1.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [1.0, 3.0]];
@@ -209,7 +209,7 @@ fn rings_start_with_the_first_of_the_lowest() {
     }
 }
 
-/// Nothing lies beside the one way to the farthest vertex, and little beside the other.
+/// Nothing lies beside one path to the farthest vertex, and little beside the other.
 #[test]
 fn a_flat_collapsed_ring_has_its_one_corner() {
     for near in [[5.0, 0.5], [5.0, -0.5]] {

@@ -46,7 +46,7 @@ proptest! {
     }
 }
 
-/// One spike in a plain: few regions have to be looked at to find it.
+/// One spike in a flat line: few regions have to be tested to find it.
 #[test]
 fn trees_pass_over_what_is_near() {
     let mut line: Vec<Xy> = (0..40_000).map(|i| [f64::from(i), f64::from(i % 7)]).collect();
@@ -63,6 +63,6 @@ fn trees_pass_over_what_is_near() {
     };
     assert!(looks(1, 39_999) < 60, "{}", looks(1, 39_999));
     assert!(looks(23_001, 23_999) < 30, "{}", looks(23_001, 23_999));
-    // Where fewer are asked for, there is no first look for a far one.
+    // Short ranges skip the first search for a distant vertex.
     assert!(looks(23_201, 23_501) < 20, "{}", looks(23_201, 23_501));
 }

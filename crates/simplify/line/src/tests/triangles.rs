@@ -1,9 +1,9 @@
-//! Visvalingam-Whyatt against a search of all triangles.
+//! Visvalingam-Whyatt against an exhaustive search.
 
 use super::*;
 use crate::visvalingam::{AreaWeight, EffectiveAreas, visvalingam};
 
-/// Effective areas by looking at all triangles each time.
+/// Effective areas by exhaustive search at each step.
 fn plain_areas(line: &[Xy], is_ring: bool, weight: AreaWeight) -> Vec<f64> {
     let mut areas = vec![f64::INFINITY; line.len()];
     let mut left: Vec<usize> = (0..line.len()).collect();
@@ -62,8 +62,7 @@ fn longer_walks_too() {
     }
 }
 
-/// So many that they come in buckets, each with those that changed since: of triangles of all sizes, and
-/// with many as large as others.
+/// Enough entries for buckets, each with stale ones: triangles of all sizes, and many of equal size.
 #[test]
 fn lines_of_many_buckets_too() {
     for is_lattice in [true, false] {

@@ -6,20 +6,20 @@ use crate::wedge::{
 };
 use std::f64::consts::{PI, TAU};
 
-/// The angles that are left, in units of the coordinates: right and left; none while all are.
+/// Remaining angles, in units of the coordinates: right and left; none for all directions.
 #[derive(Default)]
 struct Angles {
     left: Option<[f64; 2]>,
 }
 
-/// The angle nearest to another, of those that are the same.
+/// The equivalent angle nearest to another.
 fn nearest(angle: f64, to: f64) -> f64 {
     angle - ((angle - to) / TAU).round() * TAU
 }
 
 impl Angles {
-    /// What a vertex at `v` does, scaled by `k`, and which sides it cuts: `None` where it is within
-    /// rounding of doing something else.
+    /// Effect of a vertex at `v`, scaled by `k`, and the sides it cuts: `None` within rounding of another
+    /// effect.
     fn step(&mut self, v: Xy, k: Xy, tolerance: f64) -> Option<(WedgeStep, u32)> {
         let distance = v[0].hypot(v[1]);
         if (distance - tolerance).abs() < 1e-9 {
@@ -66,7 +66,7 @@ impl Angles {
     }
 }
 
-/// Walks that mostly go on in one direction, and some that do not.
+/// Walks that mostly keep one direction, and some that do not.
 fn way() -> impl Strategy<Value = Vec<Xy>> {
     (any::<u64>(), 2..40_usize, 0.0..TAU, prop_oneof![Just(0.0), Just(1.0), Just(3.0)]).prop_map(
         |(seed, count, turn, speed)| {
@@ -84,8 +84,8 @@ fn way() -> impl Strategy<Value = Vec<Xy>> {
     )
 }
 
-/// A vertex is inside where a segment may end, and one that is nearer than another lets one end leaves
-/// that other beyond its end.
+/// A vertex is inside where a segment may end; a segment that ends closer than another vertex leaves that
+/// vertex beyond its end.
 struct LooksLikeSteps;
 
 impl Check for LooksLikeSteps {
@@ -114,7 +114,7 @@ impl Check for LooksLikeSteps {
     }
 }
 
-/// With a radius of 5 at 13, segments end no nearer than 8; but for rounding.
+/// With a radius of 5 at 13, segments end at 8 or farther, except for rounding.
 #[test]
 fn segments_end_no_nearer_than_what_they_pass() {
     let near = |square: f64| (square - 64.0).abs() < 1e-10 && square < 64.0;
@@ -159,7 +159,7 @@ proptest! {
         }
     }
 
-    /// Each vertex with a scale of its own, or none along x, as at a pole.
+    /// Each vertex with a separate scale, or none along x, as at a pole.
     #[test]
     fn a_wedge_on_the_ellipsoid_has_them_too(line in way(), tolerance in 0.05..4.0, seed: u64) {
         let mut dice = Dice(seed);
@@ -263,7 +263,7 @@ fn without_a_tolerance_one_direction_is_left() {
     assert_eq!(wedge.step(&[3.0, 4.0]), WedgeStep::Stops);
 }
 
-/// Where rounding is more than the tolerance, the first vertex outside ends the wedge.
+/// Where rounding exceeds the tolerance, the first vertex outside ends the wedge.
 #[test]
 fn tolerances_below_rounding_end_at_the_first_vertex_outside() {
     let mut wedge = PlaneWedge::new(&[0.0, 0.0], 1e-16);
@@ -274,7 +274,7 @@ fn tolerances_below_rounding_end_at_the_first_vertex_outside() {
     assert_eq!(slopes.step(&[2.0, 2.0 + 6e-13]), WedgeStep::Stops);
 }
 
-/// However slopes are rounded, vertices on one line end segments.
+/// Whatever the rounding of slopes, collinear vertices end segments.
 #[test]
 fn slopes_of_one_line_are_one() {
     for (x, y) in [(3.0, 1.0), (7.0, -3.0), (0.1, 0.7), (11.0, 1e6)] {

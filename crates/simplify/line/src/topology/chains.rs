@@ -1,14 +1,14 @@
-//! Chains of vertices, and which of their vertices are kept.
+//! Chains of vertices, and their kept vertices.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::plane::{LEAST, MOST, Xy};
 
-/// Appends to the last argument, ascending, the vertices that a method keeps strictly between two
-/// vertices of a chain: `(chain, from, to, kept)`.
+/// Appends to the last argument, ascending, the kept vertices strictly between two vertices of a chain:
+/// `(chain, from, to, kept)`.
 pub type Refine<'a> = dyn FnMut(usize, u32, u32, &mut Vec<u32>) + 'a;
 
-/// A method of [`METHODS`](crate::METHODS) as [`Refine`]: `method` appends the indices of what it keeps of a
-/// slice of `vertices`, first and last included.
+/// A method of [`METHODS`](crate::METHODS) as [`Refine`]: `method` appends the kept indices of a slice of
+/// `vertices`, first and last included.
 pub fn refining<'a, V>(
     vertices: &'a [V],
     mut method: impl FnMut(&[V], &mut Vec<u32>) + 'a,
@@ -24,19 +24,19 @@ pub fn refining<'a, V>(
 
 /// Lines, rings or arcs: all vertices in one slice, chain after chain.
 ///
-/// A vertex is known by its number, its place in `points`, everywhere in this module.
+/// A vertex is identified by its index in `points` throughout this module.
 #[derive(Clone, Copy, Debug)]
 pub struct Chains<'a> {
     /// The vertices of all chains. A closed chain has its first vertex again as its last.
     pub points: &'a [Xy],
-    /// The number of each chain's first vertex, and at the end the number of all vertices.
+    /// First vertex of each chain, and the number of all vertices.
     pub starts: &'a [usize],
-    /// Which chains are closed.
+    /// Whether each chain is closed.
     pub closed: &'a [bool],
 }
 
 impl Chains<'_> {
-    /// How many chains there are.
+    /// Number of chains.
     pub fn count(&self) -> usize {
         self.closed.len()
     }
@@ -46,7 +46,7 @@ impl Chains<'_> {
         self.starts[chain]..self.starts[chain + 1]
     }
 
-    /// The chain that has a segment from vertex `from` on.
+    /// Chain with a segment that starts at vertex `from`.
     pub(super) fn chain_of(&self, from: u32) -> usize {
         // Empty chains share their start with the next one, and the last of equals has the vertices.
         self.starts.partition_point(|&start| start <= from as usize) - 1
@@ -57,26 +57,27 @@ impl Chains<'_> {
         &self.points[from as usize..=to as usize]
     }
 
-    /// Turns away what the rest of the module relies on not to be.
+    /// Checks the assumptions of this module.
     ///
     /// # Errors
-    /// `Usage` for starts that are none; `BadInput` for a coordinate that is not finite, beyond [`MOST`]
-    /// or, other than 0, below [`LEAST`], and for a closed chain whose ends differ; `Limit` for 2^32 vertices and more.
+    /// `Usage` for invalid starts; `BadInput` for a coordinate that is not finite, beyond [`MOST`] or, unless
+    /// 0, below [`LEAST`], and for a closed chain with different ends; `Limit` for 2^32 vertices or more.
     pub fn check(&self) -> Result<()> {
         let n = self.points.len();
         if u32::try_from(n).is_err() {
-            return Err(Error::limit("the number of vertices", n, u32::MAX)
-                .remedy("split the input and simplify its parts"));
+            return Err(
+                Error::limit("the number of vertices", n, u32::MAX).remedy("split the input")
+            );
         }
         let ordered = self.starts.windows(2).all(|pair| pair[0] <= pair[1]);
         let whole = self.starts.first() == Some(&0) && self.starts.last() == Some(&n);
         if !ordered || !whole || self.starts.len() != self.closed.len() + 1 {
-            return Err(Error::usage("chains do not begin where the ones before them end"));
+            return Err(Error::usage("chains are not contiguous"));
         }
         let sound = |v: f64| v == 0.0 || (LEAST..=MOST).contains(&v.abs());
         if let Some(at) = self.points.iter().position(|p| !(sound(p[0]) && sound(p[1]))) {
             return Err(Error::bad_input(format!(
-                "position {:?} is not finite, or too large or too small to be told from others",
+                "position {:?} is not finite, too large or too small",
                 self.points[at]
             ))
             .at(format!("vertex {at}"))
@@ -87,36 +88,35 @@ impl Chains<'_> {
             self.closed[chain] && all.first() != all.last()
         };
         match (0..self.count()).find(open) {
-            Some(chain) => Err(Error::bad_input("a ring does not end where it begins")
+            Some(chain) => Err(Error::bad_input("a ring is not closed")
                 .at(format!("ring {chain}"))
-                .remedy("repeat its first vertex at its end")),
+                .remedy("repeat its first vertex at the end")),
             None => Ok(()),
         }
     }
 }
 
-/// The vertices that are kept of each chain.
+/// Kept vertices of each chain.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct KeptChainVertices {
-    /// Numbers of vertices, ascending, chain after chain: none of a chain, or at least its first
-    /// and its last vertex.
+    /// Vertex indices, ascending, chain by chain: none of a chain, or at least its first and last vertex.
     pub vertices: Vec<u32>,
-    /// Where each chain's begin in `vertices`, and at the end how many there are.
+    /// Start of each chain in `vertices`, and the total number.
     pub starts: Vec<usize>,
 }
 
 impl KeptChainVertices {
-    /// Of no chain yet, for [`KeptChainVertices::close`] to add to.
+    /// Empty, to be filled with [`KeptChainVertices::close`].
     pub fn new() -> Self {
         Self { vertices: Vec::new(), starts: vec![0] }
     }
 
-    /// Ends a chain: what was pushed to `vertices` since the last call are its vertices.
+    /// Ends a chain: its vertices were pushed to `vertices` since the last call.
     pub fn close(&mut self) {
         self.starts.push(self.vertices.len());
     }
 
-    /// What a method keeps of every chain, as [`Refine`] has it.
+    /// Kept vertices of every chain by a method as [`Refine`].
     pub fn simplified(chains: &Chains<'_>, method: &mut Refine<'_>) -> Self {
         let mut kept = Self::new();
         for chain in 0..chains.count() {
@@ -140,12 +140,12 @@ impl KeptChainVertices {
         Self { vertices: (0..count).collect(), starts: chains.starts.to_vec() }
     }
 
-    /// What is kept of a chain.
+    /// Kept vertices of a chain.
     pub fn of(&self, chain: usize) -> &[u32] {
         &self.vertices[self.starts[chain]..self.starts[chain + 1]]
     }
 
-    /// Turns away what is no selection from `chains`.
+    /// Fails if it is not a subset of `chains`.
     pub(super) fn check(&self, chains: &Chains<'_>) -> Result<()> {
         let fits = |chain: usize| {
             let (kept, range) = (self.of(chain), chains.range(chain));
@@ -159,13 +159,12 @@ impl KeptChainVertices {
             && self.starts.windows(2).all(|pair| pair[0] <= pair[1]);
         match whole && (0..chains.count()).all(fits) {
             true => Ok(()),
-            false => Err(Error::usage("the kept vertices are not a selection from the chains")),
+            false => Err(Error::usage("the kept vertices are not a subset of the chains")),
         }
     }
 }
 
-/// Lets a closed chain begin, and end, at another of its vertices: one that a method for rings keeps,
-/// where it drops the first.
+/// Rotates a closed chain to a vertex that a method for rings keeps, if it drops the first.
 pub fn open_at<T: Clone>(ring: &mut [T], at: usize) {
     if let Some(last) = ring.len().checked_sub(1) {
         ring[..last].rotate_left(at);

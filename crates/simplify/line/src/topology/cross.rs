@@ -1,4 +1,4 @@
-//! Whether two segments have more in common than an end.
+//! Intersection tests of segments.
 
 use std::cmp::Ordering;
 
@@ -22,20 +22,20 @@ pub fn conflict(s: [Xy; 2], t: [Xy; 2]) -> bool {
     }
 }
 
-/// Whether two segments, either of which may be a point, have a point in common. Exact.
+/// Whether two segments, either of which may be a point, intersect. Exact.
 pub(super) fn touch(s: [Xy; 2], t: [Xy; 2]) -> bool {
     let [[a, b], [c, d]] = [s, t];
     spans_meet(s, t, 0) && spans_meet(s, t, 1) && intersect(a, b, c, d)
 }
 
-/// Whether the extents of two segments along an axis meet.
+/// Whether the extents of two segments along an axis overlap.
 #[inline(always)]
 fn spans_meet(s: [Xy; 2], t: [Xy; 2], axis: usize) -> bool {
     let ([a, b], [c, d]) = (s.map(|p| p[axis]), t.map(|p| p[axis]));
     !((a < c && a < d && b < c && b < d) || (a > c && a > d && b > c && b > d))
 }
 
-/// Whether closed segments with boxes that meet have a point in common.
+/// Whether closed segments with intersecting boxes intersect.
 fn intersect(a: Xy, b: Xy, c: Xy, d: Xy) -> bool {
     let (at_c, at_d) = (orient(a, b, c), orient(a, b, d));
     if at_c == at_d && at_c != Ordering::Equal {

@@ -1,34 +1,31 @@
-//! Simplified chains made free of crossings that the originals did not have.
+//! Removes crossings introduced by simplification.
 //!
-//! What a method of simplification keeps of one chain says nothing about other chains. [`untangle`]
-//! takes chains and their kept vertices, and keeps more of them until
+//! A simplification method considers one chain at a time. [`untangle`] takes chains and their kept vertices,
+//! and keeps more vertices until
 //!
 //! 1. no two segments cross, touch or overlap, but for common end vertices;
 //! 2. no ring has collapsed or turned over;
 //! 3. every kept vertex, and every given point, is on the side of every chain that it was on.
 //!
-//! A *piece* is a chain's part C from one kept vertex a to the next, b. The closed curve of C and
-//! the segment ba must not wind around a kept vertex of any chain or a given point, and none of them
-//! may lie on the segment. This is the consistency of M. de Berg, M. van Kreveld and S. Schirra,
-//! "Topologically correct subdivision simplification using the bandwidth criterion" (1998). A piece
-//! that breaks a rule is split at its vertex farthest from the segment, and the caller's method is
-//! asked for both halves again, so that its tolerance holds for what comes out. Vertices are never
-//! taken away, and a chain with all of its vertices breaks no rule that the input kept: the end is
-//! always reached.
+//! A *piece* is a chain's part C from one kept vertex a to the next, b. The closed curve of C and the segment
+//! ba must not wind around a kept vertex of any chain or a given point, and none of them may lie on the
+//! segment. This is the consistency of M. de Berg, M. van Kreveld and S. Schirra, "Topologically correct
+//! subdivision simplification using the bandwidth criterion" (1998). A piece that violates a rule is split at
+//! its vertex farthest from the segment, and the caller's method simplifies both halves again, so its tolerance
+//! holds for the result. Vertices are never removed, and a chain with all its vertices violates no rule that
+//! the input satisfied: the process always ends.
 //!
-//! **Why this is enough.** The winding number of a ring around a point is that of the simplified ring
-//! plus those of its pieces' curves; as the latter are 0, points stay inside or outside each ring. For
-//! a connected part K of the input without crossings it is enough that one of its points stays: K
-//! crosses neither ring, before or after, so all of it is where that point is. Testing each kept
-//! vertex, and not one for each K, settles in addition which arc is where around a common vertex: if
-//! arc D came to lie on the other side of arc C between common ends, without a crossing, a kept
-//! vertex of one would lie in a region of the other; and were neither to keep one, their segments
-//! would overlap. Vertices that are left out need no test: what is left of their chain is.
+//! **Why this is sufficient.** The winding number of a ring around a point is that of the simplified ring plus
+//! those of its pieces' curves; the latter are 0, so points stay inside or outside each ring. For a connected
+//! part K of the input without crossings it is sufficient that one of its points keeps its side: K crosses the
+//! ring neither before nor after. Testing each kept vertex, and not one for each K, also preserves the order of
+//! arcs around a common vertex: if arc D moved to the other side of arc C between common ends without a
+//! crossing, a kept vertex of one would lie in a region of the other; without kept vertices their segments
+//! would overlap. Omitted vertices need no test: the rest of their chain is tested.
 //!
-//! **What the input had.** Where the original segments themselves cross, touch or overlap, pieces are
-//! refined down to them; then the pair is counted and left. Vertices at one position count as one:
-//! chains that touch in common vertices should be cut there first ([`super::arcs`]), so that these are
-//! kept.
+//! **Violations of the input.** Where original segments cross, touch or overlap, pieces are refined down to
+//! them; then the pair is counted and left. Vertices at one position are identical: chains that touch at common
+//! vertices should be cut there first ([`super::arcs`]), so that these are kept.
 
 mod chains;
 mod cross;
@@ -52,34 +49,34 @@ use scan::SidePoints;
 use terrane_base::error::Result;
 use terrane_base::geom::plane::Xy;
 
-/// Simplified chains that cross nothing, and how they came to be.
+/// Simplified chains without new crossings, and statistics.
 #[derive(Clone, Debug, Default)]
 pub struct UntangledChains {
-    /// What is kept.
+    /// Kept vertices.
     pub kept: KeptChainVertices,
-    /// Pairs of original segments among the result that cross, touch or overlap off a common vertex,
-    /// each known by its first vertex.
+    /// Pairs of original segments in the result that cross, touch or overlap off a common vertex, each
+    /// identified by its first vertex.
     pub crossings: Vec<[u32; 2]>,
-    /// Pieces that were split.
+    /// Number of split pieces.
     pub refined: u64,
-    /// Rings that had collapsed when they came, and were dealt with as the option says.
+    /// Collapsed rings, treated as the option says.
     pub collapsed: u64,
     /// Rings without area in the input.
     pub flat: u64,
-    /// How often what was new was tested.
+    /// Number of rounds.
     pub rounds: u64,
 }
 
-/// Keeps more of `chains` than `kept`, until the rules of this module hold; `points` stay on their
-/// side. `refine` is the method and tolerance that made `kept`.
+/// Keeps more vertices of `chains` than `kept`, until the rules of this module hold; `points` keep their sides.
+/// `refine` is the method and tolerance of `kept`.
 ///
-/// O(n log n) for n vertices, plus the pairs of pieces whose boxes meet, plus what `refine` takes.
-/// Memory is linear: about 60 bytes a kept vertex and a quarter of a byte a vertex, besides the
-/// arguments. The result depends on the arguments only.
+/// O(n log n) for n vertices, plus the pairs of pieces with intersecting boxes, plus the time of `refine`.
+/// Memory is linear: about 60 bytes per kept vertex and a quarter of a byte per vertex, besides the arguments.
+/// The result depends on the arguments only.
 ///
 /// # Errors
-/// Those of [`Chains::check`]; `Usage` for `kept` that is no selection from `chains`; `BadInput` for
-/// a point that is not finite; `Interrupted` where it is cancelled.
+/// Errors of [`Chains::check`]; `Usage` if `kept` is not a subset of `chains`; `BadInput` for a non-finite
+/// point; `Interrupted` on cancellation.
 pub fn untangle(
     chains: &Chains<'_>,
     kept: &KeptChainVertices,
@@ -90,15 +87,15 @@ pub fn untangle(
     untangle_within(chains, kept, points, options, usize::MAX, refine)
 }
 
-/// Bytes that [`untangle`] takes for each piece that it makes, at most, and most pieces for each vertex.
+/// Largest memory in bytes of [`untangle`] per piece, and largest number of pieces per vertex.
 pub const PIECE_BYTES: u64 = 170;
 /// As each is made of one that goes.
 pub const PIECES: u64 = 2;
 
-/// As [`untangle`], with no more than so many pieces.
+/// As [`untangle`], with a limited number of pieces.
 ///
 /// # Errors
-/// `Resource` where there are more; besides those of [`untangle`].
+/// `Resource` for more pieces; otherwise errors of [`untangle`].
 pub fn untangle_within(
     chains: &Chains<'_>,
     kept: &KeptChainVertices,

@@ -1,4 +1,4 @@
-//! Segments tested before they are accepted.
+//! Tests of segments before they are accepted.
 
 use super::chains::{Chains, KeptChainVertices, Refine};
 use super::region::farthest;
@@ -12,7 +12,7 @@ use terrane_base::geom::plane::Xy;
 /// Vertices of a chain that share a box.
 const RUN: usize = 16;
 
-/// Chains in the course of being simplified: which vertices are there at the time.
+/// Chains while they are simplified, with the current vertices.
 ///
 /// As long as the chains cross nothing, and a shortcut's region has no vertex that is there, nothing
 /// crosses the shortcut either: a segment that did would enter the region through it and would have to
@@ -30,7 +30,7 @@ pub(super) struct LivingChains<'a> {
 }
 
 impl<'a> LivingChains<'a> {
-    /// All vertices of the chains of which `kept` has any.
+    /// All vertices of the chains that have any in `kept`.
     fn new(chains: &Chains<'a>, kept: &KeptChainVertices, points: &'a SidePoints<'a>) -> Self {
         let mut there = BitSet::new(chains.points.len());
         let mut runs = Vec::new();
@@ -48,7 +48,7 @@ impl<'a> LivingChains<'a> {
         Self { chains: *chains, there, tree: HilbertRTree::new(&runs), points, groups, near }
     }
 
-    /// Whether nothing that is there lies between a chain's part and the segment of its ends.
+    /// Whether no current vertex lies between a chain's part and the segment of its ends.
     fn is_free(&mut self, from: u32, to: u32) -> bool {
         let chain = self.chains.piece(from, to);
         let bounds = ClosedBox::of(chain);
@@ -78,14 +78,14 @@ impl<'a> LivingChains<'a> {
         first..(first + RUN).min(self.chains.starts[chain + 1])
     }
 
-    /// Takes out the vertices strictly between two.
+    /// Removes the vertices strictly between two others.
     fn remove(&mut self, from: u32, to: u32) {
         (from as usize + 1..to as usize).for_each(|v| self.there.remove(v));
     }
 }
 
-/// Simplifies one chain after the other; `kept` is what the method would keep. Returns what is kept
-/// and how many pieces were split.
+/// Simplifies one chain after the other; `kept` is the result of the method. Returns the kept vertices and the
+/// number of split pieces.
 pub(super) fn accept(
     chains: &Chains<'_>,
     kept: &KeptChainVertices,
@@ -97,7 +97,7 @@ pub(super) fn accept(
     let (mut accepted, mut refined) = (KeptChainVertices::new(), 0);
     let mut halves = Vec::new();
     for chain in 0..chains.count() {
-        // Pieces to be tested are between neighbours on the stack; the next one is on its top.
+        // Pieces to test are between neighbours on the stack; the next one is on top.
         cancel.map_or(Ok(()), Cancel::check)?;
         let mut open: Vec<u32> = kept.of(chain).iter().rev().copied().collect();
         while let [.., to, from] = open[..] {

@@ -1,13 +1,12 @@
-//! The region between a chain and the segment that replaces it, and what lies in it.
+//! The region between a chain and the segment that replaces it, and point-in-region tests.
 
 use std::cmp::Ordering;
 
 use super::tree::ClosedBox;
 use terrane_base::geom::plane::{Xy, orient};
 
-/// Whether `v` lies between `chain` and the segment from its last vertex to its first: the closed
-/// curve of both winds around it, or it lies on the segment. A position on the chain does not: it
-/// had no side. O(n), exact.
+/// Whether `v` lies between `chain` and the segment from its last vertex to its first: their closed curve winds
+/// around it, or it lies on the segment. False for a position on the chain, which had no side. O(n), exact.
 #[inline]
 pub(super) fn holds(chain: &[Xy], v: Xy) -> bool {
     let mut turns = 0;
@@ -21,14 +20,14 @@ pub(super) fn holds(chain: &[Xy], v: Xy) -> bool {
     turn(chain[chain.len() - 1], chain[0], v).is_none_or(|turn| turns + turn != 0)
 }
 
-/// What edge (p, q) adds to the winding number of a curve around `v`, from the crossings of the
-/// ray to the right; `None` when `v` lies on the edge.
+/// Contribution of edge (p, q) to the winding number of a curve around `v`, from crossings of the ray to the
+/// right; `None` if `v` lies on the edge.
 #[inline(always)]
 fn turn(p: Xy, q: Xy, v: Xy) -> Option<i32> {
     // Half-open in y: a vertex at the height of `v` counts with one of its two edges, not with both.
     let (below_p, below_q) = (p[1] <= v[1], q[1] <= v[1]);
     if below_p == below_q {
-        // Only an edge that ends at the height of `v`, or lies in it, can have it.
+        // Only an edge that ends at the height of `v`, or is horizontal at that height, can contain it.
         let on = (p == v) | (q == v) | (p[1] == v[1] && q[1] == v[1] && between(p[0], q[0], v[0]));
         return if on { None } else { Some(0) };
     }
@@ -47,16 +46,16 @@ fn between(a: f64, b: f64, v: f64) -> bool {
     (a <= v && v <= b) || (b <= v && v <= a)
 }
 
-/// The same question for many positions: edges by the bands of y they reach into.
+/// The same test for many positions: edges in bands of y.
 ///
-/// O(n) to make, and a question costs as many edges as its band has.
+/// O(n) construction; a test costs the number of edges in its band.
 #[derive(Debug, Default)]
 pub(super) struct EdgeBands {
     low: f64,
     /// Bands by unit of y.
     scale: f64,
     starts: Vec<u32>,
-    /// First vertices of edges, band by band; the closing segment is the last vertex's.
+    /// First vertices of edges, band by band; the closing segment has the last vertex.
     edges: Vec<u32>,
 }
 
@@ -66,7 +65,7 @@ impl EdgeBands {
         let height = bounds.high[1] - bounds.low[1];
         let edges = || chain.iter().zip(chain[1..].iter().chain(&chain[..1]));
         let climb: f64 = edges().map(|(p, q)| (p[1] - q[1]).abs()).sum();
-        // So many that an edge reaches into 4 bands at the mean.
+        // Bands such that an edge touches 4 of them on average.
         let wished = (3.0 * chain.len() as f64 * height / climb).min(chain.len() as f64);
         let count = if wished >= 1.0 { wished as usize } else { 1 };
         let scale = count as f64 / height;
@@ -119,8 +118,8 @@ impl EdgeBands {
     }
 }
 
-/// The vertex of `chain` between its ends that is farthest from the segment of its ends, the first
-/// of several; the middle one when all lie on it. For chains of three vertices and more.
+/// Vertex of `chain` between its ends farthest from the segment of its ends, the first among equals; the middle
+/// one if all lie on it. For chains of three or more vertices.
 pub(super) fn farthest(chain: &[Xy]) -> usize {
     let last = chain.len() - 1;
     let (a, b) = (chain[0], chain[last]);
@@ -164,7 +163,7 @@ mod tests {
         assert_eq!(farthest(&[[0.0, 0.0], [1.0, 0.0], [9.0, 0.0], [0.0, 0.0]]), 2);
     }
 
-    /// How far a vertex is from the segment of a chain's ends.
+    /// Distance of a vertex from the segment of a chain's ends.
     fn off(chain: &[Xy], i: usize) -> f64 {
         let (a, b, p) = (chain[0], chain[chain.len() - 1], chain[i]);
         let length = (b[0] - a[0]).hypot(b[1] - a[1]);

@@ -1,4 +1,4 @@
-//! Rings that collapse or turn over.
+//! Rings that collapse or change orientation.
 
 use std::cmp::Ordering;
 
@@ -7,19 +7,18 @@ use super::options::{RingCollapse, UntangleOptions};
 use super::region::farthest;
 use terrane_base::geom::plane::{Xy, area_sign, orient};
 
-/// What became of the rings.
+/// Statistics of rings.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct MendedRings {
-    /// Rings that had collapsed.
+    /// Collapsed rings.
     pub(super) collapsed: u64,
     /// Rings without area in the input.
     pub(super) flat: u64,
 }
 
-/// Gives every ring an area of the sign it had, or takes it away where it has collapsed, as the options
-/// say.
+/// Restores the orientation of every ring, or removes collapsed rings, as the options say.
 ///
-/// O(vertices) besides the calls of `refine`.
+/// O(vertices) plus the calls of `refine`.
 pub(super) fn mend(
     chains: &Chains<'_>,
     kept: &KeptChainVertices,
@@ -48,7 +47,7 @@ pub(super) fn mend(
     (result, mended)
 }
 
-/// One ring, and where its kept vertices go.
+/// One ring, and the destination of its kept vertices.
 struct ChainRing<'a, 'b> {
     chains: &'a Chains<'a>,
     chain: usize,
@@ -71,7 +70,7 @@ impl ChainRing<'_, '_> {
         mended.flat += u64::from(is_flat);
     }
 
-    /// The sign of the area of vertices that begin and end with the ring's first.
+    /// Sign of the area of vertices that start and end with the ring's first.
     fn sign(&self, kept: &[u32]) -> Ordering {
         area_sign(kept.iter().map(|&v| self.at(v)))
     }
@@ -85,8 +84,8 @@ impl ChainRing<'_, '_> {
         self.out.extend(range.start as u32..range.end as u32);
     }
 
-    /// Keeps the ring's first vertex, the kept one or the one farthest from it, and the one that
-    /// gives them the largest triangle of the right sign; and what the method keeps between them.
+    /// Keeps the ring's first vertex, the kept vertex or the farthest one, and the vertex of the largest
+    /// triangle with the right sign; and the method's vertices between them.
     fn least(&mut self, kept: &[u32], sign: Ordering) {
         let (first, last) = (kept[0], kept[kept.len() - 1]);
         if last - first == 3 {
@@ -104,7 +103,7 @@ impl ChainRing<'_, '_> {
         self.turn(kept, sign)
     }
 
-    /// The vertex besides `far` that makes the largest triangle of the given sign, if one does.
+    /// Vertex besides `far` of the largest triangle with the given sign, if any.
     fn apex(&self, [first, far, last]: [u32; 3], sign: Ordering) -> Option<u32> {
         let (a, b) = (self.at(first), self.at(far));
         let way = if sign == Ordering::Less { -1.0 } else { 1.0 };
@@ -123,7 +122,7 @@ impl ChainRing<'_, '_> {
         })
     }
 
-    /// `corners` and what the method keeps between them.
+    /// `corners` and the method's vertices between them.
     fn refined(&mut self, corners: &[u32]) -> Vec<u32> {
         let mut all = vec![corners[0]];
         for pair in corners.windows(2) {
@@ -135,7 +134,7 @@ impl ChainRing<'_, '_> {
         all
     }
 
-    /// Refines every piece until the area has the sign; the whole ring has it.
+    /// Refines every piece until the area has the sign, which the whole ring has.
     fn turn(&mut self, mut kept: Vec<u32>, sign: Ordering) {
         while kept.len() < 4 || self.sign(&kept) != sign {
             let mut corners = vec![kept[0]];

@@ -1,15 +1,13 @@
-//! Kept vertices rounded, as far as nothing comes to touch, cross or change sides.
+//! Rounding of kept vertices without touching, crossing or changing sides.
 //!
-//! Vertices move one by one, those nearest to their place first. One that goes from p to q takes the
-//! segments to its neighbours with it; each sweeps a triangle. The vertex goes only where none of these
-//! triangles has anything in common with another segment, but for the neighbour that it ends at. So the
-//! drawing is deformed without ever touching itself: what is inside of a ring stays inside, rings keep
-//! their sense, borders that are shared stay shared. Vertices may come to lie upon each other where a
-//! segment between them shrinks to a point, as nothing else does, and no two junctions meet: then no ring
-//! can be pinched.
+//! Vertices move one by one, those closest to their target first. A vertex that moves from p to q takes the
+//! segments to its neighbours with it; each sweeps a triangle. It moves only if these triangles intersect no
+//! other segment, except at the neighbour where they end. So the drawing is deformed without touching itself:
+//! points stay inside rings, rings keep their orientation, shared borders stay shared. Vertices may coincide
+//! only where a segment between them shrinks to a point and no two junctions meet, so no ring is pinched.
 //!
-//! **Why last**, and not before lines are simplified: what is left is spread out, so hardly any vertex is
-//! in the way of another; and the digits of a vertex that goes spoil nothing.
+//! **Why last**, and not before simplification: the kept vertices are spread out, so they rarely block each
+//! other, and omitted vertices need no rounding.
 
 use std::cmp::Ordering;
 use std::collections::HashSet;
@@ -21,34 +19,34 @@ use terrane_base::Cancel;
 use terrane_base::error::Result;
 use terrane_base::geom::plane::{Xy, key, orient};
 
-/// Segments that are looked at before a vertex is left where it is: many are near only where a whole
-/// cluster of vertices is rounded to few places.
+/// Segments tested before a vertex is left in place: many are near only if a cluster of vertices is rounded to
+/// few positions.
 const MOST_LOOKS: usize = 4096;
-/// How often vertices that were in the way of each other are tried.
+/// Attempts for vertices that block each other.
 const PASSES: usize = 8;
 
-/// Where kept positions are after rounding.
+/// Kept positions after rounding.
 #[derive(Clone, Debug, Default)]
 pub struct RoundedPositions {
-    /// Keys of the positions as they were, ascending.
+    /// Keys of the original positions, ascending.
     old: Vec<[u64; 2]>,
     now: Vec<Xy>,
 }
 
 impl RoundedPositions {
-    /// Where a kept position is now.
+    /// Current position of a kept position.
     pub fn of(&self, at: Xy) -> Xy {
         self.old.binary_search(&key(at)).map_or(at, |node| self.now[node])
     }
 }
 
-/// Moves what is `kept` of `chains` to where `place` says, as far as the rules of this module allow;
-/// `points` stay where they are and on their sides. Vertices at one position move as one.
+/// Moves the `kept` vertices of `chains` to the positions of `place`, as far as the rules of this module allow;
+/// `points` keep their positions and sides. Vertices at one position move together.
 ///
-/// O(n log n) for n kept vertices that are spread out; about 150 bytes for each of them.
+/// O(n log n) for n spread kept vertices; about 150 bytes each.
 ///
 /// # Errors
-/// `Interrupted` where it is cancelled.
+/// `Interrupted` on cancellation.
 pub fn round(
     chains: &Chains<'_>,
     kept: &KeptChainVertices,
@@ -94,19 +92,19 @@ pub fn round(
     Ok(RoundedPositions { old: net.old, now: net.now })
 }
 
-/// Kept positions, and the segments between them.
+/// Kept positions and the segments between them.
 struct KeptSegments {
     old: Vec<[u64; 2]>,
     now: Vec<Xy>,
-    /// Pairs of different positions, and each position by itself that no segment ends at.
+    /// Pairs of distinct positions, and single positions without a segment.
     segments: Vec<[u32; 2]>,
-    /// Boxes around all places that a segment may come to.
+    /// Boxes around all possible positions of a segment.
     tree: HilbertRTree,
-    /// The other ends of the segments of each position, one position after the other.
+    /// Neighbours of each position.
     ends: Vec<u32>,
-    /// Where those of each position begin, and how many there are.
+    /// Start of each position's neighbours, and the total number.
     starts: Vec<u32>,
-    /// Places with more than two segments, now or before.
+    /// Positions with more than two segments, now or before.
     junctions: HashSet<[u64; 2]>,
 }
 
@@ -158,7 +156,7 @@ impl KeptSegments {
         Self { old, segments, tree: HilbertRTree::new(&boxes), ends, starts, junctions, now }
     }
 
-    /// The other ends of the segments of a position.
+    /// Neighbours of a position.
     fn ends(&self, node: u32) -> &[u32] {
         let range = self.starts[node as usize]..self.starts[node as usize + 1];
         &self.ends[range.start as usize..range.end as usize]
@@ -175,7 +173,7 @@ impl KeptSegments {
         self.now[node as usize]
     }
 
-    /// Whether a vertex may go to a place.
+    /// Whether a vertex may move to a position.
     fn is_free(&self, node: u32, to: Xy) -> bool {
         let (ends, from) = (self.ends(node), self.at(node));
         let joins = ends.iter().any(|end| self.at(*end) == to);
@@ -189,7 +187,7 @@ impl KeptSegments {
         }
     }
 
-    /// Whether nothing is in the triangle that a segment of the vertex sweeps.
+    /// Whether the triangle swept by a segment of the vertex is empty.
     fn is_clear(&self, node: u32, swept: &SweptTriangle) -> bool {
         let around = ClosedBox::of(&[swept.apex, swept.from, swept.to]);
         let (mut groups, mut looks) = (Vec::new(), 0);
@@ -213,28 +211,28 @@ impl KeptSegments {
     }
 }
 
-/// The triangle that a segment sweeps: one end stays at its apex, the other one goes.
+/// Triangle swept by a segment: one end is fixed at its apex, the other moves.
 struct SweptTriangle {
     apex: Xy,
     from: Xy,
     to: Xy,
-    /// A neighbour of the vertex is where it goes.
+    /// The vertex moves onto this neighbour.
     joins: bool,
 }
 
 impl SweptTriangle {
-    /// Whether it may be touched here: where the segment ends, or shrinks to a point.
+    /// Whether contact is allowed here: at the end of the segment, or where it shrinks to a point.
     fn is_open(&self, at: Xy) -> bool {
         at == self.apex || (self.joins && at == self.to)
     }
 
-    /// Whether the end of another segment of the vertex is in it.
+    /// Whether it contains the end of another segment of the vertex.
     fn has_end(&self, end: Xy) -> bool {
         !self.is_open(end) && self.holds(end)
     }
 
-    /// Whether it has a point in common with a segment that it should not have. One that the moving segment
-    /// crosses before and after is crossed all the way.
+    /// Whether it has a forbidden intersection with a segment. A segment that the moving one crosses before and
+    /// after is crossed throughout.
     fn meets(&self, [c, d]: [Xy; 2]) -> bool {
         match (self.is_open(c), self.is_open(d)) {
             (true, true) => c != d,
@@ -247,12 +245,12 @@ impl SweptTriangle {
         }
     }
 
-    /// The segment before, the way of its end, and the segment after.
+    /// Segment before, path of its end, and segment after.
     fn sides(&self) -> [[Xy; 2]; 3] {
         [[self.apex, self.from], [self.from, self.to], [self.to, self.apex]]
     }
 
-    /// Whether the way from one of its corners to `end` begins in it or on its border.
+    /// Whether the path from one of its corners to `end` starts in it or on its border.
     fn is_entered(&self, corner: Xy, end: Xy) -> bool {
         let other = if corner == self.apex { self.to } else { self.apex };
         let is_along = |side: Xy| side != corner && same_way(corner, side, end);

@@ -1,4 +1,4 @@
-//! Looking for what is wrong among pieces: crossings, and vertices on another side.
+//! Search for violations among pieces: crossings, and vertices on the wrong side.
 
 use std::ops::Range;
 
@@ -11,7 +11,7 @@ use terrane_base::bits::BitSet;
 use terrane_base::error::Result;
 use terrane_base::geom::plane::Xy;
 
-/// A chain's part from one kept vertex to the next.
+/// Part of a chain between consecutive kept vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct ChainPiece {
     pub(super) from: u32,
@@ -19,19 +19,19 @@ pub(super) struct ChainPiece {
 }
 
 impl ChainPiece {
-    /// True when the piece is a segment of the chain, with nothing left out.
+    /// True if the piece is a segment of the chain without omitted vertices.
     pub(super) fn is_original(self) -> bool {
         self.to - self.from <= 1
     }
 }
 
-/// Pieces with more vertices than this have their candidates tested together.
+/// Size of pieces whose candidates are tested together.
 const LONG: u32 = 48;
 
-/// Candidates of long pieces that are held before they are tested.
+/// Largest number of buffered candidates of long pieces.
 const MOST_HELD: usize = 1 << 20;
 
-/// Given points, and who is near whom.
+/// Fixed points with a spatial index.
 #[derive(Debug)]
 pub(super) struct SidePoints<'a> {
     pub(super) at: &'a [Xy],
@@ -41,24 +41,24 @@ pub(super) struct SidePoints<'a> {
 impl<'a> SidePoints<'a> {
     pub(super) fn new(at: &'a [Xy]) -> Result<Self> {
         let alone = Chains { points: at, starts: &[0, at.len()], closed: &[false] };
-        alone.check().map_err(|e| e.at("points that keep their side"))?;
+        alone.check().map_err(|e| e.at("points with fixed sides"))?;
         let boxes: Vec<_> = (0..).zip(at.iter().map(|&p| ClosedBox { low: p, high: p })).collect();
         Ok(Self { at, tree: HilbertRTree::new(&boxes) })
     }
 }
 
-/// What a scan found.
+/// Result of a scan.
 #[derive(Debug, Default)]
 pub(super) struct ScanConflicts {
     /// Pairs of pieces whose segments meet off a common end.
     pub(super) crossings: Vec<(u32, u32)>,
-    /// Pieces with a kept vertex or a point between chain and segment; may hold one repeatedly.
+    /// Pieces with a kept vertex or a point between chain and segment; possibly repeated.
     pub(super) wrong: Vec<u32>,
-    /// Candidates of long pieces, not tested yet.
+    /// Candidates of long pieces, not yet tested.
     held: Vec<(u32, Xy)>,
 }
 
-/// Pieces of one round: boxes of their chains' parts, and beside them what else a test looks at.
+/// Pieces of one round: boxes of their chains' parts, with the data of tests.
 #[derive(Debug)]
 pub(super) struct PieceLayer {
     pub(super) tree: HilbertRTree,
@@ -98,21 +98,21 @@ struct LayerPiece<'a> {
     span: &'a PieceSegment,
 }
 
-/// All pieces, dead or alive, for reading only: scans of different groups can go on at a time.
+/// All pieces, active or replaced, read-only: groups are scanned concurrently.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PieceView<'a> {
     pub(super) chains: Chains<'a>,
     pub(super) pieces: &'a [ChainPiece],
-    /// Which pieces have not been replaced by finer ones.
+    /// Whether each piece is active (not replaced by finer ones).
     pub(super) alive: &'a [bool],
-    /// The last vertices of open chains: those that no piece begins with.
+    /// Last vertices of open chains, which start no piece.
     pub(super) ends: &'a BitSet,
     /// Cancellation.
     pub(super) cancel: Option<&'a Cancel>,
 }
 
 impl PieceView<'_> {
-    /// Tests every pair of pieces of a layer, all of them alive, once.
+    /// Tests every pair of pieces of a layer, all active, once.
     pub(super) fn within(&self, layer: &PieceLayer, found: &mut ScanConflicts) -> Result<()> {
         let tree = &layer.tree;
         let mut groups = Vec::new();
@@ -133,8 +133,8 @@ impl PieceView<'_> {
         Ok(())
     }
 
-    /// Tests every piece of `fresh` against every living one of `old`. Fresh pieces are few and lie
-    /// here and there, so each looks for itself.
+    /// Tests every piece of `fresh` against every active one of `old`. Fresh pieces are few and scattered, so
+    /// each searches separately.
     pub(super) fn between(
         &self,
         fresh: &PieceLayer,
@@ -154,7 +154,7 @@ impl PieceView<'_> {
         Ok(())
     }
 
-    /// Tests every piece of `fresh` against given points; the ids of `tree` are their numbers.
+    /// Tests every piece of `fresh` against fixed points; the ids of `tree` are their numbers.
     pub(super) fn points(
         &self,
         fresh: &PieceLayer,
@@ -199,7 +199,7 @@ impl PieceView<'_> {
         self.side(q, p.span, found);
     }
 
-    /// Tests the kept vertices that `other` stands for against a piece.
+    /// Tests the kept vertices of `other` against a piece.
     #[inline]
     fn side(&self, item: LayerPiece<'_>, other: &PieceSegment, found: &mut ScanConflicts) {
         self.candidate(item, other.ends[0], found);
@@ -230,7 +230,7 @@ impl PieceView<'_> {
         }
     }
 
-    /// Tests the candidates of long pieces, once there are more than `most` of them; fails where the work is stopped.
+    /// Tests the candidates of long pieces above `most` of them; fails on cancellation.
     pub(super) fn test_held(&self, found: &mut ScanConflicts, most: usize) -> Result<()> {
         self.cancel.map_or(Ok(()), Cancel::check)?;
         if found.held.len() <= most {
@@ -248,7 +248,7 @@ impl PieceView<'_> {
     }
 }
 
-/// Whether any of several positions lies between a chain and its segment, as [`holds`] has it.
+/// Whether any of several positions lies between a chain and its segment, as by [`holds`].
 pub(super) fn any_held(chain: &[Xy], mut candidates: impl ExactSizeIterator<Item = Xy>) -> bool {
     if candidates.len() < 4 {
         return candidates.any(|v| holds(chain, v));

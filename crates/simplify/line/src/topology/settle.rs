@@ -1,4 +1,4 @@
-//! Round by round: test what is new, split what is wrong.
+//! Rounds of tests of new pieces and splits of invalid ones.
 
 use std::cmp::Ordering;
 
@@ -11,26 +11,25 @@ use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::plane::area_sign;
 
-/// Rounds after which pieces are split in the middle: from there on, the number of rounds is
-/// logarithmic, whatever the chains look like.
+/// Rounds after which pieces are split in the middle, which bounds the number of rounds logarithmically.
 const ROUNDS_AT_FARTHEST: u64 = 40;
 
-/// Layers that are kept apart; more are made one.
+/// Largest number of layers; more are merged.
 const MOST_LAYERS: usize = 6;
 
-/// The state of the chains between rounds.
+/// State of the chains between rounds.
 #[derive(Debug)]
 pub(super) struct UntangleState<'a> {
     chains: Chains<'a>,
     /// All kept vertices.
     kept: BitSet,
-    /// The last vertices of open chains.
+    /// Last vertices of open chains.
     ends: BitSet,
     pieces: Vec<ChainPiece>,
     alive: Vec<bool>,
     /// Pieces of earlier rounds.
     layers: Vec<PieceLayer>,
-    /// The first piece made since rings were last looked at whether they turned over.
+    /// First piece made since the orientation of rings was checked.
     pub(super) unturned: usize,
     pub(super) crossings: Vec<[u32; 2]>,
     pub(super) refined: u64,
@@ -38,7 +37,7 @@ pub(super) struct UntangleState<'a> {
 }
 
 impl<'a> UntangleState<'a> {
-    /// `kept` has rings of the sign they had.
+    /// `kept` has rings with their original orientation.
     pub(super) fn new(chains: &Chains<'a>, kept: &KeptChainVertices) -> Self {
         let n = chains.points.len();
         let mut settling = Self {
@@ -63,7 +62,7 @@ impl<'a> UntangleState<'a> {
         settling
     }
 
-    /// Adds the pieces between kept vertices; a chain that is one vertex is a piece, too.
+    /// Adds the pieces between kept vertices; a chain of one vertex is a piece, too.
     fn add(&mut self, kept: &[u32]) {
         for &v in kept {
             self.kept.insert(v as usize);
@@ -76,7 +75,7 @@ impl<'a> UntangleState<'a> {
         self.alive.resize(self.pieces.len(), true);
     }
 
-    /// Goes on until nothing is wrong, or there are more than `most` pieces.
+    /// Continues until no violation is left, or more than `most` pieces exist.
     pub(super) fn run(
         &mut self,
         points: &SidePoints<'_>,
@@ -87,7 +86,7 @@ impl<'a> UntangleState<'a> {
         let mut first = 0;
         while first < self.pieces.len() {
             if self.pieces.len() > most {
-                let message = format!("more than {most} pieces of lines are looked at together");
+                let message = format!("one crossing search holds more than {most} pieces of lines");
                 return Err(Error::new(ErrorKind::Resource, message));
             }
             let fresh = self.layer_from(first);
@@ -119,7 +118,7 @@ impl<'a> UntangleState<'a> {
         PieceLayer::new(&items, &self.pieces, self.chains.points)
     }
 
-    /// Makes all layers but the first one layer.
+    /// Merges all layers except the first.
     fn merge_layers(&mut self) {
         let mut items = Vec::new();
         for PieceLayer { tree, .. } in self.layers.drain(1..) {
@@ -158,8 +157,8 @@ impl<'a> UntangleState<'a> {
         Ok(found)
     }
 
-    /// The pieces to split, ascending, once each. A crossing is blamed on vertices that are on the
-    /// wrong side, where there are some; else on both pieces.
+    /// Pieces to split, ascending, without duplicates. A crossing is attributed to vertices on the wrong side,
+    /// if any; otherwise to both pieces.
     fn judge(&mut self, found: ScanConflicts) -> Vec<u32> {
         let mut wrong = found.wrong;
         wrong.sort_unstable();
@@ -179,7 +178,7 @@ impl<'a> UntangleState<'a> {
         wrong
     }
 
-    /// The pieces to split of rings that have turned over, of those with new pieces.
+    /// Pieces to split of rings with changed orientation, among those with new pieces.
     fn turned(&mut self) -> Vec<u32> {
         let first = std::mem::replace(&mut self.unturned, self.pieces.len());
         let fresh = self.pieces[first..].iter();
@@ -227,7 +226,7 @@ impl<'a> UntangleState<'a> {
         self.refined += 1;
     }
 
-    /// All that is kept; `before` tells the chains of which nothing is.
+    /// All kept vertices; `before` marks the chains without any.
     pub(super) fn into_kept(self, before: &KeptChainVertices) -> KeptChainVertices {
         let mut kept = KeptChainVertices::new();
         for chain in 0..self.chains.count() {

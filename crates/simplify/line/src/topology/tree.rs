@@ -1,8 +1,8 @@
-//! A packed tree of boxes: who meets whom, for boxes of any sizes anywhere.
+//! A packed R-tree of boxes.
 
 use terrane_base::geom::plane::Xy;
 
-/// Boxes of a group, and groups of a group.
+/// Boxes per group, and groups per group.
 const FAN: usize = 16;
 
 /// A closed box.
@@ -52,7 +52,7 @@ impl ClosedBox {
     }
 }
 
-/// The lesser of two numbers, neither NaN.
+/// Smaller of two numbers, neither NaN.
 #[inline(always)]
 fn least(a: f64, b: f64) -> f64 {
     // One instruction; `f64::min` adds a test for NaN, and no coordinate here is NaN.
@@ -62,12 +62,12 @@ fn least(a: f64, b: f64) -> f64 {
 /// Boxes in the order of a Hilbert curve through their centres, in groups of 16, and the groups'
 /// boxes in groups of 16, and so on up (Kamel & Faloutsos, "On packing R-trees", 1993).
 ///
-/// 36 bytes a box and a fifteenth more. O(n log n) to make.
+/// 36 bytes per box and 1/15 more. O(n log n) construction.
 #[derive(Debug, Default)]
 pub(super) struct HilbertRTree {
-    /// What each box belongs to, in the order of the curve.
+    /// Id of each box, in curve order.
     pub(super) ids: Vec<u32>,
-    /// The boxes, in that order; those of their groups; and so on up to one group.
+    /// Boxes in this order; those of their groups; and so on up to one group.
     levels: Vec<Vec<ClosedBox>>,
 }
 
@@ -119,7 +119,7 @@ impl HilbertRTree {
         }
     }
 
-    /// Fills `found` with the groups, from `first` on, some box of which may meet `bounds`.
+    /// Fills `found` with the groups from `first` on that may intersect `bounds`.
     pub(super) fn groups_meeting(&self, bounds: &ClosedBox, first: usize, found: &mut Vec<usize>) {
         found.clear();
         if self.levels.len() == 1 {
@@ -130,7 +130,7 @@ impl HilbertRTree {
         }
         let top = self.levels.len() - 1;
         let mut open: Vec<(usize, usize)> = vec![(top, 0)];
-        // What is open are groups of boxes of a level; those of level 1 stand for groups.
+        // Open entries are groups of boxes of a level; level 1 holds groups.
         while let Some((level, group)) = open.pop() {
             let boxes = &self.levels[level];
             let end = ((group + 1) * FAN).min(boxes.len());
@@ -157,7 +157,7 @@ fn union(boxes: &[ClosedBox]) -> ClosedBox {
     all
 }
 
-/// Where a position lies on the Hilbert curve of 2^16 by 2^16 cells over `all`.
+/// Hilbert index of a position in 2^16 by 2^16 cells over `all`.
 fn curve(all: &ClosedBox, p: Xy) -> u32 {
     let [x, y] = [0, 1].map(|axis| {
         let part = (p[axis] - all.low[axis]) / (all.high[axis] - all.low[axis]);
@@ -167,13 +167,13 @@ fn curve(all: &ClosedBox, p: Xy) -> u32 {
     hilbert(x, y)
 }
 
-/// The number of cell (x, y) on the curve, both below 2^16.
+/// Hilbert index of cell (x, y), both below 2^16.
 fn hilbert(mut x: u32, mut y: u32) -> u32 {
     let mut number = 0;
     for bit in (0..16).rev() {
         let (right, up) = ((x >> bit) & 1, (y >> bit) & 1);
         number = number << 2 | ((3 * right) ^ up);
-        // In the lower quadrants the curve is transposed, in the right one of them mirrored too.
+        // In the lower quadrants the curve is transposed, in the right one of them mirrored, too.
         let mirror = (right & !up & 1).wrapping_neg() & 0xffff;
         let swap = (x ^ y) & (!up & 1).wrapping_neg();
         (x, y) = (x ^ swap ^ mirror, y ^ swap ^ mirror);

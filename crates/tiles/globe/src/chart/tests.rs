@@ -1,4 +1,4 @@
-//! Charts of straight and of turned grids.
+//! Charts of straight and of rotated grids.
 
 use super::*;
 use crate::ground::{GroundSampler, HeightPatch, VoidFillSums};
@@ -7,7 +7,7 @@ use crate::tiling::GlobeTileId;
 use proptest::prelude::*;
 use terrane_base::geom::Rect;
 
-/// A grid in a sinusoidal projection about longitude 7 that is turned by an angle, and where its samples are.
+/// A rotated grid in a sinusoidal projection about longitude 7, with the positions of its samples.
 fn turned(
     whole: [u32; 2],
     step: f64,
@@ -50,7 +50,7 @@ fn places_between_nodes_are_where_they_should_be() {
         }
         assert!(chart.spacing() < least * 1.01 && chart.spacing() > least * 0.95);
     }
-    // The pole is among the samples; and too few nodes for how it bends.
+    // A pole among the samples; too few nodes for the curvature.
     let (chart, _) = turned([100, 100], 0.5, 0.0, 60.0);
     assert!(chart.unwrap_err().to_string().contains("pole"));
     let wave = |[col, row]: [f64; 2]| Ok([col * 0.001 + (row * 1.3).sin() * 0.0001, row * 0.001]);
@@ -60,7 +60,7 @@ fn places_between_nodes_are_where_they_should_be() {
     assert!(told.contains("too large for its projection"), "{told}");
 }
 
-/// Where a ground bends along some lines, to the micrometre.
+/// Breaks of a ground along some lines, to the micrometre.
 fn bends(ground: &impl GroundSampler, lines: &[[[f64; 2]; 2]]) -> Vec<([f64; 2], Option<f64>)> {
     let mut found = Vec::new();
     for line in lines {
@@ -136,7 +136,7 @@ proptest! {
                     RectRelation::Across => (),
                 }
             }
-            // Along its borders, from afar as from near, and by halves.
+            // Along its borders, by the overview and by samples, and in halves.
             let corners = [[bounds.west, bounds.south], [bounds.east, bounds.south], [bounds.east, bounds.north]];
             for [from, to] in [[corners[0], corners[1]], [corners[2], corners[1]]] {
                 let near = bends(&asked, &[[from, to]]);

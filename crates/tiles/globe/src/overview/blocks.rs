@@ -1,22 +1,22 @@
-//! Blocks of samples: a plane for each, and how far its samples are from it.
+//! Blocks of samples: a plane for each, and the distances of its samples.
 
 use terrane_base::geom::Rect;
 
-/// Samples along a block, at least.
+/// Smallest number of samples along a block.
 const LEAST_SIDE: u32 = 16;
-/// Blocks of a grid, at most.
+/// Largest number of blocks of a grid.
 const MOST_BLOCKS: u64 = 1 << 21;
 
-/// What is known of a block of samples.
+/// Statistics of a block of samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SampleBlock {
     /// Valid samples.
     pub count: u32,
-    /// Height at its first sample, and what a column and a row add.
+    /// Height at its first sample, and increments per column and row.
     pub(super) plane: [f64; 3],
-    /// The samples that are furthest below the plane, and above it.
+    /// Samples furthest below and above the plane.
     pub(super) ends: [BlockExtreme; 2],
-    /// Metres between the heights of two of its samples beside each other, at the most.
+    /// Largest height difference of adjacent samples in metres.
     pub(super) jump: f64,
 }
 
@@ -30,7 +30,7 @@ pub(super) struct BlockExtreme {
     pub(super) off: f64,
 }
 
-/// How a grid is divided into blocks.
+/// Division of a grid into blocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampleBlocks {
     /// Samples along the side of a block.
@@ -42,7 +42,7 @@ pub struct SampleBlocks {
 }
 
 impl SampleBlocks {
-    /// Of a grid of so many columns and rows.
+    /// For a grid of this many columns and rows.
     pub fn of(whole: [u32; 2]) -> Self {
         let count =
             |side: u32| whole.map(|end| u64::from(end.div_ceil(side))).iter().product::<u64>();
@@ -61,7 +61,7 @@ impl SampleBlocks {
 }
 
 impl SampleBlock {
-    /// Of heights, `stride` values from one row to the next.
+    /// From heights with row stride `stride`.
     pub(super) fn of(heights: &[f64], stride: usize, [width, height]: [usize; 2]) -> Self {
         let at = |col: usize, row: usize| heights[row * stride + col];
         let valid = || {
@@ -82,7 +82,7 @@ impl SampleBlock {
         let [xx, xy, yy] = [xx - x * x / n, xy - x * y / n, yy - y * y / n];
         let [xz, yz] = [xz - x * z / n, yz - y * z / n];
         let area = xx * yy - xy * xy;
-        // Of less than three samples, or some on a line, the plane is level.
+        // With fewer than three samples, or collinear ones, the plane is level.
         let slopes = match area > 1e-9 * (xx * yy).max(1.0) {
             true => [(xz * yy - yz * xy) / area, (yz * xx - xz * xy) / area],
             false => [0.0; 2],
@@ -105,26 +105,26 @@ impl SampleBlock {
         block
     }
 
-    /// The height of the plane, so many columns and rows from the first sample.
+    /// Height of the plane at a column and row from the first sample.
     pub(super) fn height(&self, [col, row]: [f64; 2]) -> f64 {
         self.plane[0] + self.plane[1] * col + self.plane[2] * row
     }
 
-    /// Metres that no sample is further from the plane.
+    /// Upper bound of the distance of samples from the plane in metres.
     pub fn off(&self) -> f64 {
-        // What was added up is rounded.
+        // Rounding error of the sums.
         let size = self.plane[0].abs() + self.plane[1].abs() * 1e4 + self.plane[2].abs() * 1e4;
         self.ends[0].off.abs().max(self.ends[1].off.abs()) + size * 1e-12
     }
 }
 
-/// Metres between two samples beside each other, at the most.
+/// Largest height difference of adjacent samples in metres.
 fn jump(heights: &[f64], stride: usize, [width, height]: [usize; 2]) -> f64 {
     let mut most = 0.0_f64;
     for row in 0..height {
         let line = &heights[row * stride..][..width];
         let across = line.windows(2).map(|two| (two[1] - two[0]).abs());
-        // What is void compares as no number does.
+        // NaN heights never compare.
         most = across.fold(most, f64::max);
         if row > 0 {
             let above = &heights[(row - 1) * stride..][..width];

@@ -1,4 +1,4 @@
-//! What was seen of a part of a grid, as bytes: to be kept, and gathered elsewhere.
+//! Survey of a part of a grid as bytes, to be stored and merged elsewhere.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use crate::ground::VoidFillSums;
 use terrane_base::geom::Rect;
 
 impl BlockSummary {
-    /// Puts it at the end of `out`, to be read by [`OverviewPlan::read_glance`].
+    /// Appends it to `out`, for [`OverviewPlan::read_glance`].
     pub fn write(&self, out: &mut Vec<u8>) {
         let Rect { col, row, width, height } = self.rect;
         [col, row, width, height].into_iter().for_each(|n| out.extend(n.to_le_bytes()));
@@ -40,12 +40,12 @@ impl BlockSummary {
     }
 }
 
-/// Bytes of a written block, and of a written sum of a square.
+/// Size in bytes of a stored block, and of a stored sum.
 const BLOCK: u64 = 4 + 3 * 8 + 2 * (2 * 2 + 2 * 8) + 8;
 const SUM: u64 = 4 + 16 + 8;
 
 impl OverviewPlan {
-    /// Bytes of a written glance at a rectangle without voids.
+    /// Size in bytes of a survey of a rectangle without voids.
     pub fn written_bytes(&self, rect: Rect) -> u64 {
         let Rect { width, height, .. } = rect;
         let side = self.blocks.side;
@@ -58,7 +58,7 @@ impl OverviewPlan {
         4 * 4 + 2 * 8 + blocks * BLOCK + 2 * 4 + lines + 4 + squares * SUM
     }
 
-    /// Reads a glance from the front of `from`; `None` where there is none of this grid.
+    /// Reads a survey from the front of `from`; `None` if there is none of this grid.
     pub fn read_glance(&self, from: &mut &[u8]) -> Option<BlockSummary> {
         let SampleBlocks { side, whole, .. } = self.blocks;
         let [col, row, width, height] = numbers(from)?.map(u32::from_le_bytes);

@@ -1,14 +1,14 @@
-//! Which samples are kept along the borders of tiles.
+//! Samples kept along the borders of tiles.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::chart::{GridGeolocation, HAIR};
 use terrane_base::geom::Affine;
 
-/// Columns or rows by number, and which samples along them are kept: all of them, if it is not said.
+/// Columns or rows by number, with the kept samples along them: all by default.
 pub(super) type Lines = BTreeMap<u32, Option<Vec<u32>>>;
 
-/// Columns and rows of a place; a hair beside a sample is on it.
+/// Columns and rows of a position, snapped to samples within the tolerance.
 pub(super) fn beside(map: &Affine, place: [f64; 2]) -> [f64; 2] {
     map.invert(place[0], place[1]).map(|at| {
         let near = at.round();
@@ -21,7 +21,7 @@ pub(super) fn whole(chart: &GridGeolocation, lines: [&[f64]; 2]) -> [Lines; 2] {
     let whole = chart.whole();
     [0, 1].map(|axis: usize| {
         let most = f64::from(whole[axis] - 1);
-        // Beyond the grid its edges go on.
+        // Edges of the grid continue beyond it.
         let mut found = BTreeSet::from([0, whole[axis] - 1]);
         for line in lines[axis] {
             let Some(map) = chart.map() else { continue };
@@ -40,7 +40,7 @@ pub(super) fn whole(chart: &GridGeolocation, lines: [&[f64]; 2]) -> [Lines; 2] {
     })
 }
 
-/// The samples around meridians and parallels, by row.
+/// Samples around meridians and parallels, by row.
 pub(super) fn spots(chart: &GridGeolocation, lines: [&[f64]; 2]) -> [Lines; 2] {
     let mut found: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
     let most = chart.whole().map(|count| count - 1);
@@ -49,10 +49,10 @@ pub(super) fn spots(chart: &GridGeolocation, lines: [&[f64]; 2]) -> [Lines; 2] {
             let end = |along: f64| if axis == 0 { [*line, along] } else { [along, *line] };
             chart.stops([end(-180.0), end(180.0)], &mut |place| {
                 let [col, row] = chart.within(place).at.map(|at| at as u32);
-                // Those of the cells on either side, too: the line may go through them to the next place.
+                // Includes the cells on either side: the line may pass through them to the next position.
                 for row in row..=(row + 1).min(most[1]) {
                     let spots = found.entry(row).or_default();
-                    // Those along a row come one after the other.
+                    // Samples along a row are consecutive.
                     for col in col.saturating_sub(1)..=(col + 2).min(most[0]) {
                         if !spots.iter().rev().take(4).any(|spot| *spot == col) {
                             spots.push(col);

@@ -1,5 +1,5 @@
-//! The ground from afar: a plane for each block of samples and how far they are from it, for the levels whose tiles
-//! have too many samples to look at each again and again; and the samples along the lines where these tiles meet.
+//! Overview of the ground: a plane for each block of samples with the distances of the samples, for levels
+//! whose tiles have too many samples; and the samples along the borders of these tiles.
 
 mod blocks;
 mod bytes;
@@ -22,30 +22,30 @@ use terrane_base::geom::Rect;
 /// Metres of a degree along the equator, about.
 const DEGREE: f64 = 111_000.0;
 
-/// How samples lie to a rectangle.
+/// Position of samples relative to a rectangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RectRelation {
-    /// None is in it.
+    /// None inside.
     Beside,
-    /// All are.
+    /// All inside.
     Within,
-    /// That is not known.
+    /// Unknown.
     Across,
 }
 
-/// A grid from afar.
+/// Overview of a grid.
 #[derive(Clone, Debug)]
 pub struct GridOverview {
     plan: OverviewPlan,
     blocks: Vec<SampleBlock>,
     lines: [BTreeMap<u32, Vec<f64>>; 2],
     fill: VoidFill,
-    /// Metres of the lowest and the highest sample.
+    /// Lowest and highest sample in metres.
     pub range: [f64; 2],
 }
 
 impl GatheredOverview {
-    /// The grid from afar, once all was seen; `None` where all of it is void.
+    /// The overview after the first pass; `None` if all samples are void.
     pub fn finish(self) -> Option<GridOverview> {
         let Self { plan, blocks, lines, means, range } = self;
         Some(GridOverview { plan, blocks, lines, fill: means.fill()?, range: range? })
@@ -53,36 +53,36 @@ impl GatheredOverview {
 }
 
 impl GridOverview {
-    /// How the grid is divided.
+    /// Division into blocks.
     pub fn plan(&self) -> &SampleBlocks {
         &self.plan.blocks
     }
 
-    /// What stands for voids.
+    /// Fill of voids.
     pub fn voids(&self) -> &VoidFill {
         &self.fill
     }
 
-    /// A block, by column and row of blocks.
+    /// Block by column and row of blocks.
     pub fn block(&self, [col, row]: [u32; 2]) -> &SampleBlock {
         &self.blocks[row as usize * self.plan.blocks.counts[0] as usize + col as usize]
     }
 
-    /// The first and the last column and row of blocks with samples in a rectangle, the last ones excluded.
+    /// Range of columns and rows of blocks with samples in a rectangle, ends excluded.
     pub fn blocks_in(&self, bounds: &GeodeticBounds) -> [[u32; 2]; 2] {
         let ends = self.plan.chart.range(bounds);
         let side = f64::from(self.plan.blocks.side);
         [0, 1].map(|axis: usize| {
             let [low, high] = ends[axis];
             let count = f64::from(self.plan.blocks.counts[axis]);
-            // A sample more on each side, as places are rounded.
+            // One more sample on each side, because positions are rounded.
             let first = ((low - 1.0) / side).floor().clamp(0.0, count);
             let end = ((high + 1.0) / side).floor() + 1.0;
             [first as u32, end.clamp(first, count) as u32]
         })
     }
 
-    /// The corners of a block's samples, on its plane.
+    /// Corners of a block's samples on its plane.
     pub fn corners(&self, at: [u32; 2]) -> [GroundSample; 4] {
         let rect = self.plan.blocks.rect(at);
         let ends = [[0, 0], [1, 0], [1, 1], [0, 1]];
@@ -93,7 +93,7 @@ impl GridOverview {
         })
     }
 
-    /// How the samples of a block, whose corners are given, lie to a rectangle.
+    /// Position of a block's samples, given by its corners, relative to a rectangle.
     pub fn lie(
         &self,
         at: [u32; 2],
@@ -105,7 +105,7 @@ impl GridOverview {
         if !self.plan.chart.is_bent() {
             return if holds(bounds) { RectRelation::Within } else { RectRelation::Across };
         }
-        // What bows out of a block is beyond its corners; meridians are the nearer to each other the further north.
+        // Parts of a block may bulge beyond its corners; meridians converge towards the poles.
         let furthest = corners.iter().fold(0.0_f64, |most, corner| most.max(corner.place[1].abs()));
         let slack = self.bow(at) / DEGREE / furthest.to_radians().cos().max(1e-3);
         let GeodeticBounds { west, south, east, north } = bounds.grown(slack);
@@ -121,8 +121,8 @@ impl GridOverview {
         }
     }
 
-    /// Metres that a block's samples are from a flat surface through its corners, at the most, beside the heights;
-    /// nothing where columns are meridians.
+    /// Largest distance of a block's samples from a flat surface through its corners in metres, without
+    /// heights; 0 where columns are meridians.
     pub fn bow(&self, at: [u32; 2]) -> f64 {
         let rect = self.plan.blocks.rect(at);
         let ends = [[rect.col, rect.row], [rect.end_col() - 1, rect.end_row() - 1]];
@@ -132,7 +132,7 @@ impl GridOverview {
 }
 
 impl GridOverview {
-    /// The height between samples that are kept; `Err` where they are not.
+    /// Interpolated height from kept samples; `Err` if they are not kept.
     fn kept(&self, [col, row]: [f64; 2]) -> Result<Option<f64>, ()> {
         match self.plan.chart.map() {
             Some(_) => self.on_line([col, row]),
@@ -140,7 +140,7 @@ impl GridOverview {
         }
     }
 
-    /// A sample that is kept, not a number where it is void; `None` where it is not kept.
+    /// A kept sample, NaN if void; `None` if not kept.
     fn sample(&self, at: [u32; 2]) -> Option<f64> {
         (0..2).find_map(|axis| {
             let (line, along) = (at[axis], at[1 - axis]);
@@ -152,7 +152,7 @@ impl GridOverview {
         })
     }
 
-    /// The height between samples of two rows.
+    /// Interpolated height from samples of two rows.
     fn on_spots(&self, at: [f64; 2]) -> Result<Option<f64>, ()> {
         let mut sum = 0.0;
         for (at, part) in around(at) {
@@ -161,7 +161,7 @@ impl GridOverview {
         Ok(sum.is_finite().then_some(sum))
     }
 
-    /// The height on a column or row that is kept, between samples along it; `Err` where it is none of them.
+    /// Height on a kept column or row; `Err` for others.
     fn on_line(&self, [col, row]: [f64; 2]) -> Result<Option<f64>, ()> {
         for (axis, [across, along]) in [(0, [col, row]), (1, [row, col])] {
             let first = across as u32;
@@ -188,7 +188,7 @@ impl GridOverview {
 }
 
 impl GridOverview {
-    /// The height between samples, or on a block's plane.
+    /// Height from samples, or on a block's plane.
     fn at(&self, ChartSpot { at: [col, row], .. }: ChartSpot) -> Option<f64> {
         if let Ok(found) = self.kept([col, row]) {
             return found;
@@ -211,13 +211,13 @@ impl GridOverview {
 }
 
 impl GroundSampler for GridOverview {
-    /// Exact along the lines that were kept; elsewhere that of the block's plane.
+    /// Exact along kept lines; elsewhere the height of the block's plane.
     fn height(&self, place: [f64; 2]) -> Option<f64> {
         let spot = self.plan.chart.within(place);
         self.at(spot).map(|height| spot.lower(height))
     }
 
-    /// Between samples that are kept; elsewhere as the height is.
+    /// From kept samples; elsewhere as the height.
     fn filled(&self, place: [f64; 2]) -> f64 {
         let spot = self.plan.chart.within(place);
         spot.lower(self.between(spot))
@@ -257,7 +257,7 @@ impl GroundSampler for GridOverview {
         }
     }
 
-    /// Of each block the samples furthest from its plane.
+    /// Samples of each block furthest from its plane.
     fn runs(&self, bounds: &GeodeticBounds, _: u32, found: &mut impl FnMut(GroundSampleRun<'_>)) {
         let [cols, rows] = self.blocks_in(bounds);
         for row in rows[0]..rows[1] {

@@ -1,4 +1,4 @@
-//! The first pass over a grid: the samples to read, and the results of its parts.
+//! The first pass over a grid: samples to read, and results of its parts.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -9,7 +9,7 @@ use crate::chart::GridGeolocation;
 use crate::ground::VoidFillSums;
 use terrane_base::geom::Rect;
 
-/// A part of what is looked at in a first pass, to be gathered with the others.
+/// Survey of a part, to be merged with the others.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlockSummary {
     pub(super) rect: Rect,
@@ -19,28 +19,28 @@ pub struct BlockSummary {
     pub(super) range: Option<[f64; 2]>,
 }
 
-/// What is to be looked at: a grid of blocks, and the columns and rows of which samples are kept.
+/// Plan of the first pass: blocks of the grid, and columns and rows with kept samples.
 #[derive(Clone, Debug)]
 pub struct OverviewPlan {
-    /// How it is divided.
+    /// Division into blocks.
     pub blocks: SampleBlocks,
     pub(super) chart: GridGeolocation,
     pub(super) lines: [Lines; 2],
 }
 
 impl OverviewPlan {
-    /// Of a grid. Along the meridians and parallels of `lines` the samples on both sides are kept.
+    /// For a grid; samples on both sides of the meridians and parallels of `lines` are kept.
     pub fn new(chart: GridGeolocation, lines: [&[f64]; 2]) -> Self {
         let lines = if chart.map().is_some() { whole(&chart, lines) } else { spots(&chart, lines) };
         Self { blocks: SampleBlocks::of(chart.whole()), chart, lines }
     }
 
-    /// Where the samples of the grid are.
+    /// Positions of the grid's samples.
     pub fn chart(&self) -> &GridGeolocation {
         &self.chart
     }
 
-    /// The lines that have samples kept in a rectangle, and which of those that are kept along each.
+    /// Lines with kept samples in a rectangle, and the kept samples along each.
     pub(super) fn within(
         &self,
         axis: usize,
@@ -57,12 +57,12 @@ impl OverviewPlan {
         })
     }
 
-    /// Samples that are kept of a line.
+    /// Kept samples of a line.
     fn len(&self, axis: usize, spots: &Option<Vec<u32>>) -> usize {
         spots.as_ref().map_or(self.blocks.whole[1 - axis] as usize, Vec::len)
     }
 
-    /// Looks at the samples of a rectangle whose sides are those of blocks, row by row.
+    /// Surveys the samples of a rectangle of whole blocks, row by row.
     pub fn look(&self, rect: Rect, heights: &[f64]) -> BlockSummary {
         let SampleBlocks { side, whole, .. } = self.blocks;
         let mut means = VoidFillSums::new(whole);
@@ -100,7 +100,7 @@ impl OverviewPlan {
         BlockSummary { rect, blocks, lines, means, range }
     }
 
-    /// Bytes that what is seen of the whole grid takes.
+    /// Memory in bytes of the survey of the whole grid.
     pub fn bytes(&self) -> u64 {
         let SampleBlocks { counts, .. } = self.blocks;
         let blocks = u64::from(counts[0]) * u64::from(counts[1]) * size_of::<SampleBlock>() as u64;
@@ -114,7 +114,7 @@ impl OverviewPlan {
         blocks + line(0) + line(1) + VoidFillSums::BYTES + self.chart.bytes()
     }
 
-    /// Nothing seen yet.
+    /// An empty survey.
     pub fn gather(self) -> GatheredOverview {
         let SampleBlocks { counts, whole, .. } = self.blocks;
         let blocks = vec![SampleBlock::default(); counts[0] as usize * counts[1] as usize];
@@ -127,7 +127,7 @@ impl OverviewPlan {
     }
 }
 
-/// What was seen so far, whatever the order.
+/// Merged surveys, in any order.
 #[derive(Clone, Debug)]
 pub struct GatheredOverview {
     pub(super) plan: OverviewPlan,
@@ -138,12 +138,12 @@ pub struct GatheredOverview {
 }
 
 impl GatheredOverview {
-    /// What is looked at.
+    /// Plan of the pass.
     pub fn plan(&self) -> &OverviewPlan {
         &self.plan
     }
 
-    /// Adds what was seen in a rectangle.
+    /// Merges the survey of a rectangle.
     pub fn add(&mut self, glance: BlockSummary) {
         let SampleBlocks { side, counts, .. } = self.plan.blocks;
         let Rect { col, row, width, .. } = glance.rect;
@@ -166,7 +166,7 @@ impl GatheredOverview {
     }
 }
 
-/// A range that holds two.
+/// Union of two ranges.
 pub(super) fn both(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0].min(b[0]), a[1].max(b[1])]
 }

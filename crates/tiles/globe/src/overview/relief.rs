@@ -1,5 +1,5 @@
-//! What levels have to hold of a ground, told from blocks before any tile is made: how far apart heights in a tile may
-//! be, and how rough the ground is where a tile would have too many vertices.
+//! Requirements of the ground on levels, from blocks before any tile is made: height range of a tile, and
+//! roughness where a tile would have too many vertices.
 
 use super::GridOverview;
 use super::blocks::SampleBlock;
@@ -8,14 +8,14 @@ use crate::globe::EQUATOR;
 use crate::level::LevelRelief;
 use crate::tiling::{degrees, level_error};
 
-/// Vertices of a tile, about, that are not exceeded for the error that clients assume.
+/// Approximate largest number of vertices of a tile at the geometric error.
 const MOST_VERTICES: u64 = 1 << 18;
 
-/// The lowest and the highest of no heights.
+/// Range of no heights.
 const NONE: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
 
 impl GridOverview {
-    /// The lowest and the highest height that a tile may have.
+    /// Range of heights of a tile.
     pub fn ends(&self) -> [f64; 2] {
         match self.plan.chart.slope() > 0.0 {
             true => both(self.range, [0.0; 2]),
@@ -23,7 +23,7 @@ impl GridOverview {
         }
     }
 
-    /// What each level has to hold, down to the last. O(blocks), for each level that is far from the samples.
+    /// Requirements of each level to the last. O(blocks) for each far level.
     pub fn reliefs(&self, last: u8) -> Vec<LevelRelief> {
         let ranges = self.ranges();
         let [low, high] = self.ends();
@@ -38,8 +38,8 @@ impl GridOverview {
         (0..=last).map(relief).collect()
     }
 
-    /// Metres between the heights of two samples beside each other, at the most: of two blocks what their planes are
-    /// sure of, so that no rough ground counts for a cliff.
+    /// Largest height difference of adjacent samples in metres: between two blocks the difference guaranteed by
+    /// their planes, so that rough ground is not taken for a cliff.
     fn jump(&self) -> f64 {
         let [cols, rows] = self.plan.blocks.counts;
         let all = (0..rows).flat_map(|row| (0..cols).map(move |col| [col, row]));
@@ -71,7 +71,7 @@ impl GridOverview {
         step(0.0).max(step(last[1 - axis])) - block.off() - beside.off()
     }
 
-    /// Metres between the heights of a tile, at the most.
+    /// Largest height range of a tile in metres.
     fn range_of(&self, level: u8, ranges: &[f64]) -> f64 {
         let across = degrees(level) / self.plan.chart.spacing() / f64::from(self.plan.blocks.side);
         // Tiles may lie across rows, and begin within a block.
@@ -81,7 +81,7 @@ impl GridOverview {
         ranges[doubled] + fall
     }
 
-    /// Metres between the heights of 1, 2, 4, ... times as many blocks beside each other, at the most, up to all.
+    /// Largest height range of 1, 2, 4, ... times as many adjacent blocks in metres, up to all.
     fn ranges(&self) -> Vec<f64> {
         let [cols, rows] = self.plan.blocks.counts.map(|count| count as usize);
         let all = (0..rows as u32).flat_map(|row| (0..cols as u32).map(move |col| [col, row]));
@@ -107,7 +107,7 @@ impl GridOverview {
         found
     }
 
-    /// The lowest and the highest height that a block may have, its voids included.
+    /// Range of heights of a block, including its voids.
     fn ends_of(&self, at: [u32; 2]) -> [f64; 2] {
         let (block, rect) = (self.block(at), self.plan.blocks.rect(at));
         let of_voids = match u64::from(block.count) == rect.len() as u64 {
@@ -119,8 +119,8 @@ impl GridOverview {
         both([below.max(low), above.min(high)], of_voids)
     }
 
-    /// The error below which tiles of a level would have too many vertices, as they have more samples than that in
-    /// blocks that no plane is near to.
+    /// Error below which tiles of a level would have too many vertices, because they have more samples in
+    /// blocks that no plane approximates.
     fn roughness(&self, level: u8) -> f64 {
         let across = degrees(level) / self.plan.chart.spacing();
         if across * across <= MOST_VERTICES as f64 {
@@ -145,7 +145,7 @@ impl GridOverview {
                 sum += u64::from(*count);
                 sum > MOST_VERTICES
             });
-            // As far as two samples of a block are apart: nearer, each that is taken makes another one.
+            // At least the distance of two samples of a block: below it, each vertex would cause another.
             first.map_or(0.0, |(_, off, _)| 2.0 * off)
         };
         found.chunk_by(|a, b| a.0 == b.0).map(of_tile).fold(0.0, f64::max)
@@ -153,7 +153,7 @@ impl GridOverview {
 }
 
 impl SampleBlock {
-    /// Heights that none of its samples is below or above; it is so many columns and rows large.
+    /// Bounds of the heights of its samples, for a size in columns and rows.
     fn ends_of(&self, [width, height]: [u32; 2]) -> [f64; 2] {
         if self.count == 0 {
             return NONE;

@@ -1,4 +1,4 @@
-"""Which tasks go together in a batch, and when they may."""
+"""Batches of tasks, and their order."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from collections.abc import Container, Iterable
 from dataclasses import dataclass
 
 FINISH = "finish"
-# What the past weighs beside the next measured time: terrain changes along a plan.
+# Weight of the past beside the next measured time: terrain changes along a plan.
 MEMORY = 0.98
 
 
 @dataclass(frozen=True)
 class Task:
-    """A task of a plan: its name, those it waits for, and its work: the samples of a mesh's task, the
-    cells of a grid's."""
+    """A task of a plan: name, dependencies, and work (samples of a mesh, cells of a grid)."""
 
     id: str
     after: tuple[str, ...]
@@ -24,7 +23,7 @@ class Task:
 
 
 class Queue:
-    """The tasks that are not done, in the order of the plan. The task `finish` waits for all."""
+    """Open tasks in the order of the plan. The task `finish` depends on all."""
 
     def __init__(self, tasks: Iterable[Task], batch_seconds: float) -> None:
         self.left = {task.id: task for task in tasks}
@@ -33,7 +32,7 @@ class Queue:
         self._work = self._seconds = 0.0
         self._rank = {id: rank for rank, id in enumerate(self.left)}
         self._followers: dict[str, list[Task]] = defaultdict(list)
-        # Neither ready, nor given out, nor done.
+        # Neither ready, nor submitted, nor done.
         self._waiting = set(self.left)
         self._ready: list[tuple[int, Task]] = []
         self._ready_work = 0
@@ -51,9 +50,9 @@ class Queue:
         return self._batch_seconds <= self._estimate(self._ready_work) < math.inf
 
     def take(self, workers: int) -> list[Task]:
-        """The next batch, in an order in which its tasks can be done; one task at least. Less than
-        a whole batch when there is not as much for each of the `workers`; one task as long as no
-        time was measured. What failed before goes alone, so that it takes nothing else with it."""
+        """The next batch of at least one task, in dependency order. Smaller than a whole batch if there is not enough
+        work for all `workers`; one task until a time is measured. Failed tasks are submitted alone, so a crash loses
+        nothing else."""
         seconds = min(self._batch_seconds, self._estimate(self._ready_work) / workers)
         batch: dict[str, Task] = {}
         while self._ready and (not batch or seconds > 0 and not self.tries[self._ready[0][1].id]):
@@ -69,7 +68,7 @@ class Queue:
         return list(batch.values())
 
     def done(self, task: Task, seconds: float | None) -> None:
-        """Notes that `task` is done, and the time it took unless it was done before."""
+        """Records that `task` is done, with its time unless it was done before."""
         self.left.pop(task.id, None)
         if seconds is not None:
             self._work = self._work * MEMORY + task.work
@@ -79,7 +78,7 @@ class Queue:
             self._release(list(self.left.values()))
 
     def give_back(self, task: Task) -> None:
-        """Takes back a task that was given out and is not done."""
+        """Returns an unfinished task to the queue."""
         self._waiting.add(task.id)
         self._release([task])
 
@@ -100,5 +99,5 @@ class Queue:
         return all(before not in self.left or before in batch for before in task.after)
 
     def _estimate(self, work: int) -> float:
-        """Seconds; infinite when nothing was measured yet."""
+        """Estimated seconds; infinite before the first measurement."""
         return work * self._seconds / self._work if self._work else math.inf

@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     the cluster failed, or with 130."""
     args = parser().parse_args(arguments)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    # Dask tells all that happens to its connections; what matters is said below.
+    # Dask logs every connection event; relevant ones are reported below.
     logging.disable(logging.ERROR)
     try:
         print(json.dumps(asdict(work(args)), indent=2))
@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 
 def work(args: argparse.Namespace) -> Report:
-    """Does the job on the cluster that is asked for."""
+    """Runs the job on the requested cluster."""
     try:
         with Client(args.scheduler) if args.scheduler else local(args) as client:
             return run(
@@ -64,12 +64,12 @@ def work(args: argparse.Namespace) -> Report:
 
 def local(args: argparse.Namespace) -> Client:
     """Worker processes on this machine, which end with this one."""
-    # The memory of the program is its own affair; workers themselves have next to nothing.
+    # The program manages its own memory; workers need almost none.
     return Client(
         n_workers=args.workers or max(1, (os.cpu_count() or 1) // args.threads_per_task),
         threads_per_worker=1,
         memory_limit=None,
-        # Ctrl-C goes to all processes of a terminal; this one cancels in good order.
+        # Ctrl-C reaches all processes of a terminal; this one cancels cleanly.
         preload="import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)",
         dashboard_address=None,
         silence_logs=logging.CRITICAL,
@@ -84,7 +84,7 @@ def parser() -> argparse.ArgumentParser:
         "Prints a report as JSON.",
     )
     add = parser.add_argument
-    add("workdir", metavar="WORKDIR", help="folder of the plan, seen by all workers by this path")
+    add("workdir", metavar="WORKDIR", help="folder of the plan; all workers see it at this path")
     add("--scheduler", metavar="ADDRESS", help="such as tcp://host:8786 [default: this machine]")
     add("--workers", metavar="N", type=at_least(1), help="here [default: cores / threads a task]")
     add("--threads-per-task", metavar="N", type=at_least(1), default=Job.threads)
@@ -94,7 +94,7 @@ def parser() -> argparse.ArgumentParser:
     add("--overwrite", action="store_true", help="replace a file that exists")
     add("--no-finish", dest="finish", action="store_false", help="all tasks, but no mesh or grid")
     add("--batch-seconds", metavar="S", type=float, default=Job.batch_seconds,
-        help="short tasks are done together for about so long [default: %(default)s]")  # fmt: skip
+        help="duration of a batch of short tasks, about [default: %(default)s]")  # fmt: skip
     add("--retries", metavar="N", type=at_least(0), default=Job.retries,
         help="of a task that failed or was lost with its worker [default: %(default)s]")  # fmt: skip
     add("--max-nodes", metavar="N", type=at_least(1), default=Job.most_nodes,
@@ -103,7 +103,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def at_least(least: int) -> Callable[[str], int]:
-    """A parser of whole numbers that are not smaller."""
+    """A parser of integers with a minimum."""
 
     def number(text: str) -> int:
         if int(text) < least:

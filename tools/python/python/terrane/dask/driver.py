@@ -1,4 +1,4 @@
-"""Submits batches of tasks to a Dask cluster, takes their results, tries again what was lost."""
+"""Submits batches of tasks to a Dask cluster, collects results, and retries lost tasks."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from distributed import Client, Future, KilledWorker, as_completed
 from terrane.dask import worker
 from terrane.dask.batches import FINISH, Queue, Task
 
-# Exit codes of the program that another try may mend: not yet, cannot write, disk, interrupted. So
-# may a program that was killed, whose code is below zero. Too little memory (75) stays too little.
+# Exit codes that a retry may fix: not ready, cannot write, disk, interrupted, and negative codes of
+# killed programs. Too little memory (75) is permanent.
 PASSING = {69, 73, 74, 130}
 INTERNAL, TRY_AGAIN = 70, 69
 # Seconds between looks at the number of workers, and between lines of progress.
@@ -30,7 +30,7 @@ AGAIN = "finished tasks are kept, run again to go on"
 
 @dataclass(frozen=True)
 class Job:
-    """What to do and how. Paths are absolute: they are for other machines, too."""
+    """A job with its settings. Paths are absolute, for use on other machines."""
 
     folder: str
     terrane: str = ""
@@ -50,7 +50,7 @@ class Job:
         return [self.terrane, "run", self.folder, "--json", "--progress", "none", *threads, *memory]
 
     def arguments(self, task: Task) -> list[str]:
-        """The name of a task and what else the program is told for it."""
+        """Command line arguments of a task."""
         output = ["--output", self.output] if self.output else []
         overwrite = ["--overwrite"] if self.overwrite else []
         return [task.id, *output, *overwrite] if task.id == FINISH else [task.id]
@@ -58,11 +58,10 @@ class Job:
 
 @dataclass
 class Report:
-    """What was done. Tasks: of the plan and to do at the start; skipped, because they were done
-    before; done by this job, made by it or (found) by a batch whose result was lost; tries that
-    failed. Then batches, and those lost with their worker; graph nodes and worker threads at most;
-    seconds of this job, of the program by its own clock, and worker threads' time beside the work
-    as a share of it; where the mesh or grid is."""
+    """Report of a job. Numbers of tasks: in the plan, open at the start, skipped (done before), done by this job,
+    found (done by a batch whose result was lost), failed attempts. Then batches, and batches lost with their worker;
+    largest number of graph nodes and worker threads; seconds of this job and of the program; overhead of worker
+    threads as a share of the work; path of the mesh or grid."""
 
     tasks: int = 0
     skipped: int = 0
@@ -80,7 +79,7 @@ class Report:
 
 
 class Stop(Exception):
-    """The end of a job that failed, with the exit code that tells why."""
+    """Raised when a job fails, with its exit code."""
 
     def __init__(self, code: int, message: str) -> None:
         super().__init__(message)
@@ -103,7 +102,7 @@ class ByValue:
 
 
 def status(job: Job) -> dict[str, Any]:
-    """How far the plan has come."""
+    """Status of the plan."""
     try:
         command = [*worker.program(job.terrane), "status", job.folder, "--json"]
         told = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -133,7 +132,7 @@ class Driver:
     report: Report = field(default_factory=Report)
 
     def run(self) -> Report:
-        """Does all that is not done. Raises `Stop`; cancels what it submitted however it ends."""
+        """Runs all open tasks. Raises `Stop`; always cancels its submissions at the end."""
         started = time.monotonic()
         plan = status(self.job)
         self.queue = Queue(to_do(self.job, plan), self.job.batch_seconds)
@@ -161,7 +160,7 @@ class Driver:
             self._submit()
 
     def _submit(self) -> None:
-        """Gives each worker something to do, and lets whole batches queue behind."""
+        """Submits work to each worker, with whole batches queued behind."""
         self._tick()
         while self.queue.has_ready() and len(self.out) < self.job.most_nodes:
             if len(self.out) >= self.workers and not self.queue.has_batch():
@@ -183,7 +182,7 @@ class Driver:
             self.report.nodes = max(self.report.nodes, len(self.out))
 
     def _take(self, futures: list[Future]) -> None:
-        """Takes the results of batches that came to an end."""
+        """Collects the results of finished batches."""
         finished = [future for future in futures if future.status == "finished"]
         results = self.client.gather(finished)
         for future, result in zip(finished, results):
@@ -192,7 +191,7 @@ class Driver:
             self._lose(self.out.pop(future), future)
         for future in futures:
             future.release()
-        # The scheduler has to hear of it before others take their place in the graph.
+        # The scheduler must process it before others take their place in the graph.
         self.client.sync(asyncio.sleep, 0)
 
     def _note(self, tasks: list[Task], results: list[worker.Result]) -> None:
@@ -220,7 +219,7 @@ class Driver:
         self.queue.give_back(task)
 
     def _lose(self, tasks: list[Task], future: Future) -> None:
-        """A batch has no result: its workers died, or it raised, or the scheduler is gone."""
+        """Handles a batch without a result: dead workers, an exception, or a lost scheduler."""
         if future.status != "error":
             raise Stop(TRY_AGAIN, f"the cluster is gone; {AGAIN}")
         error = future.exception()
@@ -228,7 +227,7 @@ class Driver:
             raise Stop(INTERNAL, f"{tasks[0].id}: {error}") from error
         self.report.lost += 1
         for task in tasks:
-            self._try_again(task, TRY_AGAIN, f"{task.id}: its worker died, again and again")
+            self._try_again(task, TRY_AGAIN, f"{task.id}: its worker died repeatedly")
 
     def _tick(self) -> None:
         now = time.monotonic()
@@ -256,32 +255,31 @@ def run(
     retries: int = Job.retries,
     most_nodes: int = Job.most_nodes,
 ) -> Report:
-    """Does what is left of the plan of a mesh or a grid on the cluster that `client` is connected to.
+    """Runs the open tasks of a plan of a mesh or a grid on the cluster of `client`.
 
-    `plan` is the folder that `terrane plan` made; the workers have to see it, and the input, by the
-    same paths. Tasks that are done are left alone, so a job that ended early goes on when it is run
-    again. The bytes are those of a run without a plan.
+    `plan` is the folder made by `terrane plan`; workers need it and the input at the same paths. Finished tasks are
+    skipped, so an interrupted job resumes when it is run again. The result is identical to a run without a plan.
 
     Args:
         plan: Folder of the plan.
-        client: A connected `distributed.Client`. It is left open.
-        terrane: The program: on the `PATH` of all workers, or a path that holds on each. Without one it is
-            that of this package where a worker has it, and else `terrane` on its `PATH`.
-        threads: Threads of a task. A Dask worker thread does one task at a time.
-        memory: What a task may take, such as "2GiB"; the program's default when `None`.
-        output: File to write, absolute or from here; in the folder when `None`.
-        overwrite: Replace a file that is there.
+        client: A connected `distributed.Client`, which stays open.
+        terrane: The program: a name on the `PATH` of all workers, or a path valid on each. By default that of this
+        package if installed on the worker, otherwise `terrane` on its `PATH`.
+        threads: Threads per task. A Dask worker thread runs one task at a time.
+        memory: Memory budget per task, such as "2GiB"; the program's default when `None`.
+        output: Output file, absolute or relative to the current folder; in the plan folder when `None`.
+        overwrite: Replace an existing file.
         finish: False leaves the mesh or grid to `terrane plan finish`.
-        batch_seconds: Short tasks are done together for about so long.
-        retries: Of a task that failed in a way that may pass, or was lost with its worker.
-        most_nodes: Nodes in Dask's graph at once.
+        batch_seconds: Approximate duration of a batch of short tasks.
+        retries: Retries of a task after a temporary failure or the loss of its worker.
+        most_nodes: Largest number of nodes in Dask's graph.
 
     Returns:
-        What was done; `report.output` is where the mesh or grid is.
+        The report; `report.output` is the path of the mesh or grid.
 
     Raises:
-        Stop: A task failed for good, or the cluster is gone. `code` is the exit code of the program,
-            or 69 when another try may help; the text names the task and what to do.
+        Stop: A task failed permanently, or the cluster is lost. `code` is the exit code of the program, or 69 if a
+        retry may help; the text names the task and the remedy.
     """
     is_path = os.sep in terrane
     job = Job(

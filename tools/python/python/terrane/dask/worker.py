@@ -1,6 +1,6 @@
-"""What a Dask worker does: it calls the program for each task of a batch.
+"""Dask worker: calls the program for each task of a batch.
 
-The functions travel to the workers by value, so that these need Dask and the program only.
+Functions are sent to the workers by value, so workers need only Dask and the program.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ ctypes.CDLL(None).prctl(1, 15, 0, 0, 0)
 if os.getppid() == int(sys.argv[1]):
     os.execv(sys.argv[2], sys.argv[2:])
 """
-# Exit code for a task whose batch nobody wants any more, as of an interrupted program.
+# Exit code of a task in a cancelled batch, as of an interrupted program.
 INTERRUPTED = 130
 
 
 class Result(TypedDict):
-    """How a task went: the exit code of the program; its seconds by its own clock, and with its
-    start and end; whether it made the task or found it done; its message if it failed."""
+    """Result of a task: exit code of the program; seconds by its own clock, and including start and end; whether the
+    task was made or already done; error message."""
 
     id: str
     code: int
@@ -45,8 +45,8 @@ class Result(TypedDict):
 
 
 def run_batch(command: list[str], tasks: list[list[str]], delay: float) -> list[Result]:
-    """Waits for `delay` seconds, then calls `command` with the arguments of each task, of which the
-    first is its name; stops after the first task that fails."""
+    """Waits `delay` seconds, then calls `command` with the arguments of each task (the first is its name); stops
+    after the first failure."""
     time.sleep(delay)
     called = [*program(command[0]), *command[1:], "--task"]
     results: list[Result] = []
@@ -58,14 +58,13 @@ def run_batch(command: list[str], tasks: list[list[str]], delay: float) -> list[
 
 
 def program(name: str) -> list[str]:
-    """The call of the program of this name. Without a name it is that of this package, or where that is not
-    installed, `terrane`."""
+    """The command of the program `name`. By default that of this package, or `terrane` if it is not installed."""
     with contextlib.suppress(ImportError, ValueError):
         if not name and importlib.util.find_spec("terrane._terrane"):
             return [sys.executable, "-m", "terrane"]
     found = shutil.which(name or "terrane")
     if found is None:
-        told = f"there is no program {name or 'terrane'} on {socket.gethostname()}"
+        told = f"program {name or 'terrane'} not found on {socket.gethostname()}"
         raise FileNotFoundError(errno.ENOENT, told)
     return [found]
 
@@ -87,7 +86,7 @@ def _run_task(command: list[str], task: str) -> Result:
 
 
 def _call(command: list[str]) -> tuple[int, str, str]:
-    """Exit code, output and messages of a program, which is stopped when it is not wanted."""
+    """Exit code, output and messages of a program, which is stopped if its batch is cancelled."""
     if not _is_wanted():
         return INTERRUPTED, "", ""
     if sys.platform == "linux":
@@ -103,15 +102,14 @@ def _call(command: list[str]) -> tuple[int, str, str]:
         with contextlib.suppress(subprocess.TimeoutExpired):
             out, err = process.communicate(timeout=1)
             return process.returncode, out, err
-    # Once only: asked a second time the program leaves at once, without tidying up.
+    # Once only: a second signal makes the program exit without cleanup.
     process.terminate()
     out, err = process.communicate()
     return process.returncode, out, err
 
 
 def _is_wanted() -> bool:
-    """False when this batch was cancelled: by the driver, or by the scheduler when the driver is
-    gone."""
+    """False if this batch was cancelled, by the driver or by the scheduler."""
     worker = get_worker()
     task = worker.state.tasks.get(worker.get_current_task())
     return task is not None and task.state == "executing"

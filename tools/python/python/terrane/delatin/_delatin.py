@@ -13,29 +13,29 @@ from terrane._operations import tin
 
 
 class Delatin:
-    """A mesh of heights in an array, with the parameters and properties of pydelatin's class.
+    """A mesh of an array of heights, with the parameters and properties of pydelatin's class.
 
-    Heights are taken as float32, and errors are in their units, before `z_scale` and `z_exag`. What differs:
-    the same error takes fewer vertices, as those that became redundant are dropped; voids (NaN) become holes; where both an error
-    and a number are given, the number is kept and the error as far as it allows; `blur` is a true Gaussian; the
-    bottom of a solid has the triangles of its top.
+    Heights are converted to float32, and errors are in their units, before `z_scale` and `z_exag`. Differences: the
+    same error needs fewer vertices, because redundant ones are removed; voids (NaN) become holes; if both an error
+    and a number are passed, the number is met and the error as far as possible; `blur` is a true Gaussian; the bottom
+    of a solid has the triangles of its top.
 
     Parameters
     ----------
     arr
-        Heights, (height, width), or flat in C order with both sides given.
+        Heights, (height, width), or flat in C order with `height` and `width`.
     z_scale, z_exag
         Factors of the heights of vertices.
     max_error
         The largest distance of a sample from the mesh.
     max_triangles, max_points
-        The most triangles or vertices.
+        Largest number of triangles or vertices.
     base_height
-        How deep below 0 the bottom of a solid is; 0 for none.
+        Depth of the bottom of a solid below 0; 0 for no solid.
     level, invert, blur, gamma
-        Stretch heights to 0 to 1; take them from 1; blur them with so many cells of standard deviation; raise them to a power.
+        Scale heights to 0 to 1; invert them; blur with this standard deviation in cells; raise to a power.
     border_size, border_height
-        A border of so many samples, of this height.
+        Width of a border in samples, and its height.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class Delatin:
 
     @property
     def vertices(self) -> NDArray[np.float32]:
-        """Positions, (n, 3): x is the column, y counts rows from the last one, z is the height, scaled."""
+        """Positions, (n, 3): x is the column, y the row counted from the last, z the scaled height."""
         return self._vertices
 
     @property
@@ -112,7 +112,7 @@ class Delatin:
 def prepared(
     heights: NDArray[np.float32], level: bool, invert: bool, blur: int, gamma: float
 ) -> NDArray[np.float32]:
-    """Heights that are levelled, inverted, blurred and raised, in this order."""
+    """Heights after `level`, `invert`, `blur` and `gamma`, in this order."""
     if level:
         low, high = np.nanmin(heights), np.nanmax(heights)
         heights = (heights - low) / (high - low) if high > low else heights
@@ -133,7 +133,7 @@ def prepared(
 def solid(
     vertices: NDArray[np.float32], triangles: NDArray[np.uint32], bottom: float
 ) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    """The surface with walls and a bottom at a height."""
+    """The surface closed by walls and a bottom."""
     count = np.uint32(len(vertices))
     below = vertices.copy()
     below[:, 2] = bottom

@@ -1,4 +1,4 @@
-"""Helpers around `Delatin`: pictures to heights, vertices to a place."""
+"""Helpers for `Delatin`: decoding of heights, scaling of vertices."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ENCODINGS = ["mapbox", "terrarium"]
 
 
 def decode_ele(png: Any, encoding: str) -> NDArray[np.float64]:
-    """Heights that a picture holds in its colours, (rows, columns), of an array (rows, columns, 3 or 4) or (3 or 4, columns,
+    """Decodes heights (rows, columns) from the colours of an array (rows, columns, 3 or 4) or (3 or 4, columns,
     rows). `encoding` is "mapbox" (terrain-RGB) or "terrarium".
 
     >>> import numpy as np
@@ -51,7 +51,7 @@ def rescale_positions(
 
 
 def latitude_adjustment(lat: float) -> float:
-    """How much shorter a metre is drawn at a latitude, in degrees, than web-mercator's unit is there: its cosine.
+    """Scale of a web-mercator unit at a latitude in degrees: its cosine.
 
     >>> round(latitude_adjustment(60.0), 3)
     0.5

@@ -1,4 +1,4 @@
-//! Untangled worlds, checked by slow and obvious twins.
+//! Untangled test data, checked by slow reference implementations.
 
 mod twin;
 mod worlds;
@@ -9,7 +9,7 @@ use terrane_base::geom::plane::area_sign;
 use terrane_base::{Cancel, ErrorKind};
 use worlds::{Dice, World};
 
-/// Plain Ramer-Douglas-Peucker: appends what lies strictly between two vertices.
+/// Plain Ramer-Douglas-Peucker: appends the kept vertices strictly between two vertices.
 pub(super) fn rdp(points: &[Xy], from: u32, to: u32, tolerance: f64, out: &mut Vec<u32>) {
     let mut ends = vec![to];
     let mut start = from;
@@ -39,7 +39,7 @@ fn solve(world: &World, tolerance: f64, options: UntangleOptions<'_>) -> Untangl
     untangle(&chains, &kept, &world.fixed, &options, &mut refine).unwrap()
 }
 
-/// Both strategies, and each policy of collapse.
+/// Both strategies, and each collapse policy.
 fn ways<'a>() -> impl Iterator<Item = UntangleOptions<'a>> {
     let policies = [RingCollapse::Minimal, RingCollapse::Drop, RingCollapse::Keep];
     let strategies = [Strategy::Retroactive, Strategy::Proactive];
@@ -52,7 +52,7 @@ fn ways<'a>() -> impl Iterator<Item = UntangleOptions<'a>> {
     })
 }
 
-/// Checks an outcome in every way that is sure to hold for its world.
+/// Checks all guarantees of an outcome.
 fn check(world: &World, is_clean: bool, tolerance: f64, options: UntangleOptions<'_>, name: &str) {
     let outcome = solve(world, tolerance, options);
     let kept = &outcome.kept;
@@ -71,7 +71,7 @@ fn check(world: &World, is_clean: bool, tolerance: f64, options: UntangleOptions
     }
 }
 
-/// Worlds of one kind, at tolerances that simplify some of it, much, and nearly all.
+/// Test data of one kind, at tolerances that simplify little, much, and almost everything.
 fn check_kind(count: u64, make: impl Fn(&mut Dice) -> World, name: &str, clean_at_least: f64) {
     let mut clean = 0;
     for seed in 0..count {
@@ -168,7 +168,7 @@ fn what_is_dropped_first_is_not_in_the_way_later() {
     assert_eq!(kept.vertices, [0, 2, 3, 5]);
 }
 
-/// One by one, a chain has to leave room for what the next one loses.
+/// One by one, a chain has to leave space for vertices that the next one drops.
 #[test]
 fn what_is_dropped_later_is_in_the_way_first() {
     let one = vec![[0, 0], [50, 10], [100, 0]];
@@ -183,7 +183,7 @@ fn what_is_dropped_later_is_in_the_way_first() {
     assert_eq!(with(Strategy::Proactive), (vec![0, 1, 2, 3, 5], 1));
 }
 
-/// Cancelled before it begins, and by the method itself when a piece is split.
+/// Cancelled before the start, and by the method itself when a piece is split.
 #[test]
 fn work_that_is_cancelled_ends() {
     let coast = vec![[0, 0], [400, 90], [800, 0], [1600, 0]];
@@ -210,7 +210,7 @@ fn work_that_is_cancelled_ends() {
     }
 }
 
-/// What is split of a ring is the piece that is wrong, and no other.
+/// Only the invalid piece of a ring is split.
 #[test]
 fn a_ring_that_has_not_turned_over_is_left() {
     let ring = vec![[0, 0], [400, 90], [800, 0], [800, -600], [400, -690], [0, -600], [0, 0]];
@@ -244,13 +244,13 @@ fn policies_of_collapse() {
     assert_eq!(with(RingCollapse::Drop).kept.vertices.len(), 0);
 }
 
-/// Asks for nothing more, and only where there is something between.
+/// Keeps nothing more, and is called only if there are vertices between.
 fn keep_nothing(_: usize, from: u32, to: u32, _: &mut Vec<u32>) {
     assert!(to - from > 1, "nothing lies between {from} and {to}");
 }
 
-/// Of all triangles with the two vertices known the largest of the ring's sign; and what became of rings
-/// is counted.
+/// The largest of all triangles with two given vertices and the ring's orientation; and the statistics of
+/// rings.
 #[test]
 fn a_minimal_ring_has_the_largest_triangle() {
     for seed in 0..500 {
@@ -293,7 +293,7 @@ fn a_minimal_ring_has_the_largest_triangle() {
     }
 }
 
-/// Two squares, one of them the other way around: without area as a whole, it has no sign to keep.
+/// Two squares of opposite orientation: without total area, there is no orientation to keep.
 #[test]
 fn a_ring_without_area_is_left_as_it_is() {
     let ring =
@@ -306,7 +306,7 @@ fn a_ring_without_area_is_left_as_it_is() {
     }
 }
 
-/// The inside of a hook goes around the other way: it is refined until the ring does not.
+/// The inside of a hook has the other orientation: it is refined until the ring keeps its own.
 #[test]
 fn a_ring_of_which_the_inside_is_kept_is_turned_back() {
     let hook = [[10, 2], [2, 2], [2, 8], [10, 8], [10, 10], [0, 10], [0, 0], [10, 0], [10, 2]];
@@ -371,7 +371,7 @@ fn empty_chains_and_points_for_chains() {
     assert_eq!((kept.vertices, kept.starts), (vec![0, 1, 2], vec![0, 0, 1, 3, 3]));
 }
 
-/// A method sees the part alone, and what it keeps between the ends is told by the whole line.
+/// A method receives the part alone, and its result is given in indices of the whole line.
 #[test]
 fn a_method_refines_a_part_of_a_line() {
     let vertices: Vec<_> = (0..20).map(|i| i * i).collect();

@@ -1,4 +1,4 @@
-//! The slow twins: everything against everything, in whole numbers.
+//! Slow reference implementations: exhaustive, in integers.
 
 use std::cmp::Ordering;
 
@@ -13,7 +13,7 @@ pub(super) fn distance(p: Xy, [a, b]: [Xy; 2]) -> f64 {
     (w[0] - t * u[0]).hypot(w[1] - t * u[1])
 }
 
-/// Kept vertices are a selection with the ends of each chain; rings have four entries and more.
+/// Kept vertices are a subset with the ends of each chain; rings have four entries or more.
 pub(super) fn selection(
     world: &World,
     kept: &KeptChainVertices,
@@ -33,7 +33,7 @@ pub(super) fn selection(
     }
 }
 
-/// No vertex is farther than the tolerance from the segment in its place.
+/// No vertex is farther than the tolerance from the segment that replaces it.
 pub(super) fn within(world: &World, kept: &KeptChainVertices, tolerance: f64, name: &str) {
     for chain in 0..world.rings.len() {
         for pair in kept.of(chain).windows(2) {
@@ -46,7 +46,7 @@ pub(super) fn within(world: &World, kept: &KeptChainVertices, tolerance: f64, na
     }
 }
 
-/// Rings that are there have the sign of area they had, if they had an area.
+/// Remaining rings keep their orientation, if they had an area.
 pub(super) fn areas(world: &World, kept: &KeptChainVertices, name: &str) {
     for chain in (0..world.rings.len()).filter(|&c| world.closed[c] && !kept.of(c).is_empty()) {
         let now: Vec<Cell> = kept.of(chain).iter().map(|&v| world.cells[v as usize]).collect();
@@ -83,7 +83,7 @@ pub(super) fn crossings(world: &World, kept: &KeptChainVertices) -> Vec<[[u32; 2
     found
 }
 
-/// Whether two segments meet anywhere but in a common end, by their parameters as fractions.
+/// Whether two segments meet anywhere but at a common end, by rational parameters.
 pub(super) fn meet(s: [Cell; 2], t: [Cell; 2]) -> bool {
     let (u, v, w) = (sub(s[1], s[0]), sub(t[1], t[0]), sub(t[0], s[0]));
     let den = cross(u, v);
@@ -103,9 +103,8 @@ pub(super) fn meet(s: [Cell; 2], t: [Cell; 2]) -> bool {
     common == Ordering::Greater || (common == Ordering::Equal && shared == 0)
 }
 
-/// Kept vertices and given points are inside the rings they were inside of, and no others; and on
-/// the side of each line they were on: the curve of the old line out and the new one back does not
-/// go around them an odd number of times.
+/// Kept vertices and given points stay inside the same rings, and on their side of each line: the curve along
+/// the old line and back along the new one does not wind around them an odd number of times.
 pub(super) fn sides(world: &World, kept: &KeptChainVertices, name: &str) {
     let vertices = kept.vertices.iter().map(|&v| world.cells[v as usize]);
     let positions: Vec<Cell> = vertices.chain(world.fixed_cells.iter().copied()).collect();

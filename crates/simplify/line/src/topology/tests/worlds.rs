@@ -1,4 +1,4 @@
-//! Small worlds from a seed, on whole coordinates.
+//! Small random test data on integer coordinates.
 
 use super::twin;
 use super::{Chains, KeptChainVertices, Xy};
@@ -31,7 +31,7 @@ impl Dice {
     }
 }
 
-/// Chains, a chain being closed when it ends where it begins, and points.
+/// Chains (closed if they end at their start) and points.
 #[derive(Debug)]
 pub(super) struct World {
     pub(super) rings: Vec<Vec<Cell>>,
@@ -69,7 +69,7 @@ impl World {
         self.starts[chain]..self.starts[chain + 1]
     }
 
-    /// Whether nothing crosses, overlaps or touches, and no vertices but ends of chains coincide.
+    /// Whether nothing crosses, overlaps or touches, and no vertices except ends of chains coincide.
     pub(super) fn is_clean(&self) -> bool {
         let mut inner: Vec<Cell> = Vec::new();
         let mut ends = Vec::new();
@@ -86,7 +86,7 @@ impl World {
     }
 }
 
-/// A star-shaped ring of some roughness; counter-clockwise or not.
+/// A star-shaped ring of some roughness, in either orientation.
 fn star(dice: &mut Dice, centre: Cell, radius: f64, rough: f64) -> Vec<Cell> {
     let count = 3 + dice.below(40);
     let mut ring: Vec<Cell> = Vec::new();
@@ -109,7 +109,7 @@ fn points(dice: &mut Dice, size: i64) -> Vec<Cell> {
     (0..dice.below(8)).map(|_| [dice.below(size), dice.below(size)]).collect()
 }
 
-/// Islands that nearly touch.
+/// Islands that almost touch.
 pub(super) fn archipelago(dice: &mut Dice) -> World {
     let size = 4096;
     let mut discs: Vec<(Cell, f64)> = Vec::new();
@@ -144,7 +144,7 @@ pub(super) fn nested(dice: &mut Dice) -> World {
     World::new(rings, fixed)
 }
 
-/// A corridor that winds up, closed to a ring, with rough walls; or left open.
+/// A spiral corridor with rough walls, closed to a ring or open.
 pub(super) fn spiral(dice: &mut Dice) -> World {
     let count = 40 + dice.below(160);
     let turns = 1.0 + (dice.signed() + 1.0) * 2.0;
@@ -196,7 +196,7 @@ pub(super) fn coverage(dice: &mut Dice) -> World {
     World::new(rings, Vec::new())
 }
 
-/// A rough line that bends off the straight one, more in the middle.
+/// A rough line that deviates from a straight one, most in the middle.
 pub(super) fn border(dice: &mut Dice, a: Cell, b: Cell, rough: f64) -> Vec<Cell> {
     let count = 1 + dice.below(30);
     let along = [b[0] - a[0], b[1] - a[1]].map(|v| v as f64);
@@ -214,7 +214,7 @@ pub(super) fn border(dice: &mut Dice, a: Cell, b: Cell, rough: f64) -> Vec<Cell>
     line
 }
 
-/// Lines and rings of few lattice positions: crossings, touches, overlaps and repeated vertices.
+/// Lines and rings on few lattice positions: crossings, touches, overlaps and repeated vertices.
 pub(super) fn lattice(dice: &mut Dice) -> World {
     let size = 3 + dice.below(40);
     let mut rings = Vec::new();
