@@ -16,7 +16,7 @@ terrane_engine::has_within!(PictureOptions: Lighting => [Exaggeration]);
 #[options(setters = group)]
 pub struct Exaggeration {
     /// Factor on heights
-    #[option(value = "FACTOR", range = OptionRange::POSITIVE, default_text = "one that suits the terrain")]
+    #[option(value = "FACTOR", range = OptionRange::POSITIVE, default_text = "chosen from the terrain")]
     pub exaggeration: Option<f64>,
 }
 
