@@ -211,7 +211,7 @@ fn counts_and_voids_are_those_of_the_points() {
         let args = ["info", "cloud:points.csv", "--picture", "b.png"];
         place.fails(&[&args[..], more].concat(), code, told);
     };
-    fails(&["--cell", "0.001"], 2, &["smaller than a step"]);
+    fails(&["--cell", "0.001"], 2, &["below the coordinate scale"]);
     fails(&["--cell", "0.01", "--memory", "16M"], 75, &["--memory", "--cell"]);
     fails(&["--class", "9"], 65, &["no point"]);
     fails(&["--picture-of", "colour"], 2, &["density"]);

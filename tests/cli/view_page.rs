@@ -74,7 +74,7 @@ fn what_a_page_cannot_do_is_refused() {
         (&["mesh.ply", "--html", "a.html", "--band", "1"], &["--band", "mesh"]),
         (&["areas.fgb", "--html", "a.html", "--azimuth", "3"], &["--azimuth", "lines"]),
         (&["areas.fgb", "--html", "a.html", "--skip-bad"], &["--skip-bad", "lines"]),
-        (&["areas.fgb", "areas.fgb", "--html", "a.html"], &["one file"]),
+        (&["areas.fgb", "areas.fgb", "--html", "a.html"], &["one line file"]),
     ];
     for (args, told) in cases {
         place.fails(&[&["view"], args].concat(), 2, told);

@@ -73,7 +73,7 @@ impl SpikeFree {
         let side = |i: usize| i64::from(window.high[i]) - i64::from(window.low[i]) + 1;
         let side = side(0).max(side(1));
         if side > WIDEST {
-            let what = "steps along a square of a spike-free surface";
+            let what = "the extent of a spike-free tile in coordinate steps";
             return Err(Error::limit(what, side as u64, WIDEST as u64));
         }
         let (side, low) = (side as i32, window.low);

@@ -12,7 +12,10 @@ pub struct WorkSpan {
 
 impl WorkSpan {
     /// A span named `work` with the kind and the place of the work, such as a tile and the step it is at.
-    #[cfg_attr(not(feature = "tracing"), expect(unused_variables, reason = "recorded with the feature `tracing`"))]
+    #[cfg_attr(
+        not(feature = "tracing"),
+        expect(unused_variables, reason = "recorded with the feature `tracing`")
+    )]
     #[inline]
     pub fn enter(kind: &str, at: &impl Debug) -> Self {
         Self {

@@ -237,8 +237,7 @@ impl<'a> TinWorker<'a> {
         Ok(self.job.store.reach(tile)?.max(self.job.store.reach(right)?))
     }
 
-    /// True when a patch has left a triangle with too small an angle, or one around a corner would take one in
-    /// if it were wider: there nobody comes after it.
+    /// True when a patch has left a triangle with too small an angle, or a wider patch at a corner would take one in.
     fn is_thin(
         &self,
         seam: SeamPlace,
@@ -575,8 +574,7 @@ pub(super) fn line_bytes(cells: u32) -> u64 {
     tin::TileScratch::line_bytes(cells + 2) + BreaklineFans::bytes(cells)
 }
 
-/// Most bytes a worker holds for tiles of `cells` x `cells`. A mesh that `keeps_all` samples is as large as the
-/// scratch memory, and so is its output; others are far smaller.
+/// Most bytes a worker holds for tiles of `cells` x `cells`; with `keeps_all` the output is as large as the scratch memory.
 pub(super) fn worker_bytes(cells: u32, keeps_all: bool, fit: bool) -> u64 {
     let samples = u64::from(cells + 3).pow(2);
     let face = size_of::<[u64; 3]>() + size_of::<[Point3; 3]>();

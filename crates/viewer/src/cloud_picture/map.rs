@@ -30,7 +30,7 @@ impl PictureCells {
     pub(super) fn new(info: &CloudInfo, bounds: [Point; 2], side: Option<f64>) -> Result<Self> {
         let side = side.unwrap_or_else(|| usual_side(info, bounds));
         if info.frame.scale[..2].iter().any(|step| side < *step) {
-            let message = format!("cells of {side} are smaller than a step of the points");
+            let message = format!("cell size {side} is below the coordinate scale of the points");
             return Err(Error::usage(message).remedy("choose a larger ‹cell›"));
         }
         let lattice = CellLattice::new(&info.frame, [0.0; 2], [side; 2], CellEdgeRule::default());
@@ -38,8 +38,10 @@ impl PictureCells {
         let size = span.map(|[low, high]| high.abs_diff(low).saturating_add(1));
         let most = u64::from(MAX_PICTURE_SIDE);
         if let Some(cells) = size.into_iter().find(|cells| *cells > most) {
-            let message =
-                format!("cells of {side} are {cells} along a side, and a picture has up to {most}");
+            let message = format!(
+                "cell size {side} gives {cells} cells along a side, more than the limit of \
+                     {most}"
+            );
             return Err(Error::usage(message).remedy("choose a larger ‹cell›"));
         }
         Ok(Self { side, lattice, first: span.map(|[low, _]| low), size: size.map(|n| n as usize) })

@@ -110,8 +110,8 @@ pub fn draw(
 }
 
 fn no_points() -> Error {
-    Error::bad_input("there is no point to draw")
-        .remedy("name a cloud that has points, or filter less of it out")
+    Error::bad_input("no points to draw")
+        .remedy("name a point cloud with points, or relax the filters")
 }
 
 /// Threads that fit beside the cells.
@@ -122,8 +122,8 @@ fn threads(cells: &PictureCells, resources: &Resources) -> Result<usize> {
     let Some(rest) = free.checked_sub(need + WORKER) else {
         let enough = need + WORKER + PROGRAM;
         let mib = enough.div_ceil(1 << 20);
-        let message = format!("a picture of {count} cells takes {mib} MiB of memory");
-        return Err(short(message, enough).or("larger cells with ‹cell›"));
+        let message = format!("a picture of {count} cells needs {mib} MiB of memory");
+        return Err(short(message, enough).or("choose a larger ‹cell›"));
     };
     Ok(resources.threads.clamp(1, 1 + (rest / WORKER) as usize))
 }

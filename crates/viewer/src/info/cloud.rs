@@ -76,5 +76,5 @@ fn outside(claimed: Option<[Point3; 2]>, stats: Option<&CloudStats>) -> Option<S
     let slack = |v: f64| 1e-9 * v.abs().max(1.0);
     let is_out =
         (0..3).any(|i| lowest[i] < low[i] - slack(low[i]) || highest[i] > high[i] + slack(high[i]));
-    is_out.then(|| "points lie outside the bounds that the header claims".to_owned())
+    is_out.then(|| "points lie outside the bounds in the header".to_owned())
 }

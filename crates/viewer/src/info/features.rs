@@ -151,16 +151,13 @@ impl FeaturesInfoReport {
         self.measures_are_times = layer.m_is_time;
         self.notes = source.notes();
         if fields.is_more {
-            self.notes
-                .push(format!("more than {} fields: the others are left out", fields.all.len()));
+            self.notes.push(format!("only the first {} fields are listed", fields.all.len()));
         }
         let claimed = layer.features.filter(|claimed| *claimed != self.features);
-        self.notes.extend(claimed.map(|n| format!("the header claims {n} features")));
+        self.notes.extend(claimed.map(|n| format!("the header states {n} features")));
         if let Some(claimed) = layer.extent.filter(|claimed| self.is_beyond(claimed)) {
             let claimed = claimed.map(|bound| bound.to_string()).join(", ");
-            self.notes.push(format!(
-                "positions lie outside the bounds that the header claims: {claimed}"
-            ));
+            self.notes.push(format!("positions lie outside the bounds in the header: {claimed}"));
         }
         self.fields = fields.all;
     }

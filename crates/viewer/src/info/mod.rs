@@ -159,7 +159,9 @@ impl Inspection for MeshInfoOptions {
         cancel: &Cancel,
     ) -> Result<MeshInfoReport> {
         let [name] = inputs.names() else {
-            return Err(Error::usage("meshes are told about one by one").remedy("name one of them"));
+            return Err(
+                Error::usage("only one mesh is supported").remedy("pass one mesh at a time")
+            );
         };
         let file = &*path_of(name);
         let mesh = meshes::open(file)?;
@@ -185,7 +187,7 @@ impl MeshInfoOptions {
         if is_mesh(name)? {
             return Err(Error::bad_input("is a mesh, not a grid")
                 .in_file(&path_of(name))
-                .remedy("name the grid that the mesh was made from"));
+                .remedy("name the source grid of the mesh"));
         }
         open(&Inputs::from(name), &self.grid, &self.resources)
     }

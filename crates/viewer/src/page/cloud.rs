@@ -41,8 +41,8 @@ pub(super) fn page(
         Ok::<_, Error>((points, tally))
     })?;
     if points.is_empty() {
-        return Err(Error::bad_input("there is no point to show")
-            .remedy("name a cloud that has points, or filter less of it out"));
+        return Err(Error::bad_input("no points to show")
+            .remedy("name a point cloud with points, or relax the filters"));
     }
     cancel.check()?;
     put(job, &cloud, points, &tally)
@@ -55,7 +55,7 @@ fn threads(points: u64, resources: &Resources) -> Result<usize> {
     let Some(rest) = free.checked_sub(need + WORKER) else {
         let enough = need + WORKER + PROGRAM;
         let mib = enough.div_ceil(1 << 20);
-        let message = format!("a page of {points} points takes {mib} MiB of memory");
+        let message = format!("a page of {points} points needs {mib} MiB of memory");
         return Err(short(message, enough).or("show fewer with ‹points›"));
     };
     Ok(resources.threads.clamp(1, 1 + (rest / WORKER) as usize))
@@ -68,7 +68,7 @@ fn put(
     points: Vec<Ranked>,
     tally: &PagePointTally,
 ) -> Result<(HtmlPage, PageReport)> {
-    let none = || Error::new(ErrorKind::Internal, "there is no page of clouds");
+    let none = || Error::new(ErrorKind::Internal, "the point cloud page is missing");
     let mut page = HtmlPage::new("cloud", &facts::title(job.input)).ok_or_else(none)?;
     let mut report = PageReport {
         page: "cloud",
@@ -163,24 +163,24 @@ fn notes(cloud: &PointCloud, tally: &PagePointTally, report: &PageReport) -> Vec
     if shown < census.kept {
         let kept = census.kept;
         notes.push(format!(
-            "{shown} of {kept} points are shown, chosen evenly by a hash of their places; counts of classes and \
-             returns are those of all."
+            "{shown} of {kept} points are shown (an even sample by position); class and return \
+             counts cover all points."
         ));
     }
     let left_out = [
-        (census.withheld, "are marked as withheld"),
-        (census.filtered, "were not asked for"),
-        (census.outside, "lie outside of the bounds that their file claims"),
-        (census.lost, "are lost, as they cannot be read"),
+        (census.withheld, "are flagged as withheld"),
+        (census.filtered, "were filtered out"),
+        (census.outside, "lie outside the bounds in the file header"),
+        (census.lost, "cannot be read"),
     ];
     let left_out = left_out.iter().filter(|(count, _)| *count > 0);
     notes.extend(left_out.map(|(count, why)| format!("{count} points are left out: they {why}.")));
     notes.push(match report.rounding > 0.0 {
-        true => format!("Places are within {:.1e} of those in the file.", report.rounding),
-        false => "Places are those in the file, to the last step.".to_owned(),
+        true => format!("Positions are within {:.1e} of the file's positions.", report.rounding),
+        false => "Positions are exact.".to_owned(),
     });
     if tally.brightest > ONE_BYTE {
-        notes.push("Colours are shown with 8 of their 16 bits.".to_owned());
+        notes.push("Colours are reduced from 16 to 8 bits.".to_owned());
     }
     // Who reads a page has no options.
     notes.extend(cloud.notes().iter().map(|note| format!("{}.", Frontend::Python.spell(note))));

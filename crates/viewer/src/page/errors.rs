@@ -97,8 +97,8 @@ impl TriangleErrorTally {
 
     fn errors(self) -> Result<TriangleErrors> {
         if self.samples == 0 {
-            return Err(Error::usage("no sample of the grid lies in a triangle of the mesh")
-                .remedy("pass the grid that the mesh was made from, in the same coordinates"));
+            return Err(Error::usage("the mesh covers no sample of the grid")
+                .remedy("pass the source grid of the mesh, in the same CRS"));
         }
         let largest = self.largest.iter().copied().fold(0.0, f64::max);
         let root_mean_square = (self.squares / self.samples as f64).sqrt();

@@ -118,7 +118,7 @@ pub(super) fn title(inputs: &Inputs) -> String {
 /// What system a page is in, in few words.
 pub(super) fn about(system: &SurfaceSystem) -> String {
     match system.label.as_str() {
-        "unknown" => "no reference system known".to_owned(),
+        "unknown" => "unknown CRS".to_owned(),
         label => label.to_owned(),
     }
 }

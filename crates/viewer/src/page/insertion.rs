@@ -29,8 +29,8 @@ pub(super) fn page(
     let info = grid.info();
     let part = part(info, bounds)?;
     if part.width < 2 || part.height < 2 {
-        return Err(Error::usage("a surface has at least two rows and columns of samples")
-            .remedy("name a larger grid, or another part with ‹bounds›"));
+        return Err(Error::usage("the grid has fewer than two rows or columns")
+            .remedy("use a larger grid, or enlarge ‹bounds›"));
     }
     let need = cache_beside(job.resources.memory) as u64 + 8 * u64::from(part.width) + (4 << 20);
     within_memory(need, "a small grid", job.resources)?;
@@ -40,7 +40,7 @@ pub(super) fn page(
     let (cols, rows) = (along(part.col, part.width), along(part.row, part.height));
     let heights = read(grid, &cols, &rows, cancel)?;
     let axis = coarse(&heights);
-    let none = || Error::new(ErrorKind::Internal, "there is no page of insertions");
+    let none = || Error::new(ErrorKind::Internal, "the insertion page is missing");
     let mut page = HtmlPage::new("insertion", &facts::title(job.input)).ok_or_else(none)?;
     page.fact("width", cols.len());
     page.fact("height", rows.len());
@@ -63,10 +63,10 @@ pub(super) fn page(
 fn notes(report: &PageReport, stride: u32) -> Vec<String> {
     let mut notes = vec![];
     if stride > 1 {
-        notes.push(format!("Every {stride}th sample along rows and columns of the grid."));
+        notes.push(format!("Every {stride}th sample of rows and columns is shown."));
     }
     if report.rounding > 0.0 {
-        notes.push(format!("Heights are those of the file to {:.2e}.", report.rounding));
+        notes.push(format!("Heights are within {:.2e} of the file's heights.", report.rounding));
     }
     notes
 }
@@ -86,9 +86,9 @@ fn read(grid: &dyn GridSource, cols: &[u32], rows: &[u32], cancel: &Cancel) -> R
         for &col in cols {
             let z = line[(col - first) as usize];
             if !z.is_finite() {
-                return Err(Error::usage("this page needs a height at every sample")
+                return Err(Error::usage("this page does not support voids")
                     .at(format!("column {col}, row {row}"))
-                    .remedy("show a part without voids with ‹bounds›"));
+                    .remedy("choose a part without voids with ‹bounds›"));
             }
             heights.push(z);
         }

@@ -51,10 +51,8 @@ fn shown_text(stride: u32) -> String {
 }
 
 fn notes(stride: u32) -> Vec<String> {
-    let all = "Cells with four valid samples are two triangles.".to_owned();
-    let some = format!(
-        "Every {stride}th sample along rows and columns is shown; what lies between is not on this page."
-    );
+    let all = "Each cell with four valid samples is drawn as two triangles.".to_owned();
+    let some = format!("Every {stride}th sample of rows and columns is shown.");
     if stride == 1 { vec![all] } else { vec![some, all] }
 }
 

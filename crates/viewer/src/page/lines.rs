@@ -43,7 +43,9 @@ pub(super) fn page(
     cancel: &Cancel,
 ) -> Result<(HtmlPage, PageReport)> {
     let [input] = job.input.names() else {
-        return Err(Error::usage("a page shows one file of lines").remedy("name one of them"));
+        return Err(
+            Error::usage("a page shows only one line file").remedy("pass one file at a time")
+        );
     };
     let path = path_of(input);
     let options = VectorOpenOptions { layer: layer.cloned() };
@@ -95,11 +97,11 @@ impl PageLines {
     ) -> Result<()> {
         self.vertices += part.xy.len() as u64;
         if self.vertices > MOST_VERTICES {
-            let message = format!("a page holds up to {MOST_VERTICES} vertices, and here are more");
+            let message = format!("the lines exceed the page limit of {MOST_VERTICES} vertices");
             return Err(Error::new(ErrorKind::Limit, message)
-                .remedy("simplify the lines a little first with ‹terrane simplify›"));
+                .remedy("simplify the lines first with ‹terrane simplify›"));
         }
-        within_memory(self.vertices * VERTEX_BYTES, "so many vertices", job.resources)?;
+        within_memory(self.vertices * VERTEX_BYTES, "these vertices", job.resources)?;
         let of = thresholds(part, measure)?;
         let count = of[0].len();
         for (all, own) in self.thresholds.iter_mut().zip(&of) {
@@ -120,11 +122,11 @@ impl PageLines {
         measure: DistanceKind,
     ) -> Result<(HtmlPage, PageReport)> {
         if self.parts.is_empty() {
-            return Err(Error::bad_input("there is no line to show")
+            return Err(Error::bad_input("no lines to show")
                 .in_file(&path_of(&job.input.to_string()))
-                .remedy("name a file of lines or polygons"));
+                .remedy("name a file with lines or polygons"));
         }
-        let none = || Error::new(ErrorKind::Internal, "there is no page of lines");
+        let none = || Error::new(ErrorKind::Internal, "the line page is missing");
         let mut page = HtmlPage::new("lines", &facts::title(job.input)).ok_or_else(none)?;
         let mut report = PageReport {
             page: "lines",
@@ -171,12 +173,12 @@ impl PageLines {
         }];
         if report.rounding > 0.0 {
             notes.push(format!(
-                "Lines are drawn to {:.2e}; thresholds are of the file's own coordinates.",
+                "Lines are drawn to within {:.2e}; thresholds use the file's coordinates.",
                 report.rounding
             ));
         }
         if self.others > 0 {
-            notes.push(format!("{} features have no line.", self.others));
+            notes.push(format!("{} features have no lines.", self.others));
         }
         page.fact("notes", json!(notes));
     }

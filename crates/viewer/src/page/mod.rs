@@ -158,7 +158,7 @@ fn within_memory(need: u64, what: &str, resources: &Resources) -> Result<()> {
     }
     let enough = need + (resources.memory - beside_program(resources.memory));
     let mib = enough.div_ceil(1 << 20);
-    Err(short(format!("a page of {what} takes {mib} MiB of memory"), enough))
+    Err(short(format!("a page of {what} needs {mib} MiB of memory"), enough))
 }
 
 #[cfg(test)]

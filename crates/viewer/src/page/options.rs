@@ -134,8 +134,8 @@ impl PageOptions {
         let opening = whole.options(job.resources, cache_beside(job.resources.memory))?;
         match (input::open(job.input.names(), &opening)?, &self.against) {
             (SurfaceInput::Grid(_), Some(_)) => {
-                Err(Error::usage("‹against› is for a mesh, and this is a grid")
-                    .remedy("leave ‹against› out, or make a mesh of the grid with ‹terrane tin›"))
+                Err(Error::usage("‹against› requires a mesh, not a grid")
+                    .remedy("leave ‹against› out, or make a mesh with ‹terrane tin›"))
             }
             (SurfaceInput::Grid(grid), None) if self.insertion => {
                 insertion::page(grid.as_ref(), part, job, cancel)
@@ -144,8 +144,8 @@ impl PageOptions {
                 lattice::page(grid.as_ref(), part, job, progress, cancel)
             }
             (SurfaceInput::Mesh(_), _) if self.insertion => {
-                Err(Error::usage("samples of a grid are inserted, and this is a mesh")
-                    .remedy("name the grid that it was made from"))
+                Err(Error::usage("the insertion page requires a grid, not a mesh")
+                    .remedy("name the source grid of the mesh"))
             }
             (SurfaceInput::Mesh(mesh), Some(grid)) => {
                 let against = surface::ReferenceGrid { name: Inputs::from(grid.as_str()), opening };

@@ -78,8 +78,8 @@ impl PageMesh {
     /// A surface without a triangle.
     pub(super) fn put(self, page: &mut HtmlPage) -> Result<PageReport> {
         if self.triangles.is_empty() {
-            return Err(Error::bad_input("there is no surface to show")
-                .remedy("name another file, or another part with ‹bounds›"));
+            return Err(Error::bad_input("no surface to show")
+                .remedy("name another file, or change ‹bounds›"));
         }
         let [lowest, highest] = self.range(2);
         let mut report = PageReport {

@@ -65,7 +65,7 @@ pub(super) fn page(
 
 /// An empty page of a surface.
 pub(super) fn new_page(title: &str) -> Result<HtmlPage> {
-    let none = || Error::new(ErrorKind::Internal, "there is no page of surfaces");
+    let none = || Error::new(ErrorKind::Internal, "the surface page is missing");
     HtmlPage::new("surface", title).ok_or_else(none)
 }
 
@@ -73,11 +73,11 @@ fn check_size(info: &MeshInfo, job: &PageJob<'_>) -> Result<()> {
     let vertices = if info.indexed { info.vertices } else { info.triangles.saturating_mul(3) };
     if info.triangles > MOST_TRIANGLES || vertices > 3 * MOST_TRIANGLES {
         let message = format!(
-            "a page holds up to {MOST_TRIANGLES} triangles, and this mesh has {}",
+            "the page limit is {MOST_TRIANGLES} triangles; this mesh has {}",
             info.triangles.max(vertices / 3)
         );
         return Err(Error::new(ErrorKind::Limit, message)
-            .remedy("make a coarser mesh with a larger ‹max_error›, or draw a picture with -o"));
+            .remedy("use a larger ‹max_error›, or draw a picture with -o"));
     }
     // Vertices without an identity are found again by their positions.
     let vertex = VERTEX_BYTES + if info.indexed { 0 } else { 64 };
@@ -100,7 +100,7 @@ fn read(mesh: &dyn MeshSource, progress: &dyn Progress, cancel: &Cancel) -> Resu
         mesh.read_vertices(first, &mut batch)?;
         for (id, position) in (first..).zip(batch) {
             if !position.iter().all(|c| c.is_finite()) {
-                return Err(Error::bad_input(format!("vertex {id} has no position")));
+                return Err(Error::bad_input(format!("vertex {id} lacks a finite position")));
             }
             shape.push(position);
         }
@@ -113,7 +113,7 @@ fn read(mesh: &dyn MeshSource, progress: &dyn Progress, cancel: &Cancel) -> Resu
         mesh.read_triangles(first, &mut batch)?;
         for (id, triangle) in (first..).zip(batch) {
             if let Some(vertex) = triangle.iter().find(|vertex| **vertex >= vertices) {
-                let message = format!("triangle {id} names vertex {vertex}, of {vertices}");
+                let message = format!("triangle {id} refers to vertex {vertex} of {vertices}");
                 return Err(Error::bad_input(message));
             }
             shape.triangles.push(triangle.map(|vertex| vertex as u32));
@@ -156,7 +156,7 @@ fn told(error: f64, system: &SurfaceSystem) -> String {
 fn stated(info: &MeshInfo) -> Vec<(&'static str, Value)> {
     let promises = info.promises().unwrap_or_default();
     let told = promises.statements().filter(|(key, _)| *key == "max error");
-    told.map(|(_, text)| ("Largest error stated", json!(text))).collect()
+    told.map(|(_, text)| ("Declared max error", json!(text))).collect()
 }
 
 /// To what step positions and heights are told.
@@ -175,10 +175,13 @@ fn decade(value: f64) -> f64 {
 fn notes(report: &PageReport) -> Vec<String> {
     let mut notes = vec![];
     if report.rounding > 0.0 {
-        notes.push(format!("Coordinates are those of the file to {:.2e}.", report.rounding));
+        notes.push(format!(
+            "Coordinates are within {:.2e} of the file's coordinates.",
+            report.rounding
+        ));
     }
     if report.max_error.is_some() {
-        notes.push("Errors are vertical, at the samples of the grid.".to_owned());
+        notes.push("Errors are vertical distances at grid samples.".to_owned());
     }
     notes
 }

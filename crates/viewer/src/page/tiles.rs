@@ -103,7 +103,7 @@ pub(super) fn page(job: &PageJob<'_>) -> Result<(HtmlPage, PageReport)> {
     let input = job.input.to_string();
     let folder = path_of(&input);
     let set = ViewedTileset::read(&folder)?;
-    let none = || Error::new(ErrorKind::Internal, "there is no page of tiles");
+    let none = || Error::new(ErrorKind::Internal, "the tile page is missing");
     let mut page = HtmlPage::new("tiles", &name(&folder)).ok_or_else(none)?;
     let [land, water] = crate::render::palette();
     page.fact("format", set.format);
@@ -134,11 +134,9 @@ impl ViewedTileset {
                 let (levels, bounds) = (terrane.levels.len(), terrane.bounds);
                 Ok(Self { format: SETS[1], told: TILESET, levels, tiles, bounds })
             }
-            (false, false) => {
-                Err(Error::usage("holds tiles of several formats, and a page shows one of them")
-                    .in_file(folder)
-                    .remedy(format!("name {}", folder.join(SETS[0]).display())))
-            }
+            (false, false) => Err(Error::usage("holds tiles of several formats")
+                .in_file(folder)
+                .remedy(format!("name {}", folder.join(SETS[0]).display()))),
         }
     }
 }
@@ -151,9 +149,9 @@ fn parsed<T: DeserializeOwned>(path: &Path) -> Result<T> {
     }
     let bytes = file.read_vec(0, file.size())?;
     serde_json::from_slice(&bytes).map_err(|e| {
-        Error::bad_input(format!("it does not tell of terrain tiles as terrane does: {e}"))
+        Error::bad_input(format!("not a terrane tile set description: {e}"))
             .in_file(path)
-            .remedy("name a folder that ‹terrane tiles› made")
+            .remedy("name a folder made by ‹terrane tiles›")
     })
 }
 
@@ -161,25 +159,27 @@ impl PageLayerJson {
     fn check(&self) -> Result<()> {
         let Self { format, scheme, projection, .. } = self;
         let refused = |what: String| {
-            Err(Error::unsupported(what).remedy("name a folder that ‹terrane tiles› made"))
+            Err(Error::unsupported(what).remedy("name a folder made by ‹terrane tiles›"))
         };
         if !format.starts_with("quantized-mesh-1.") {
-            return refused(format!("tiles are {format}, and a page shows quantized-mesh-1.x"));
+            return refused(format!(
+                "unsupported tile format {format}; expected quantized-mesh-1.x"
+            ));
         }
         if scheme != "tms" || projection != "EPSG:4326" {
             return refused(format!(
-                "tiles are in {projection} by {scheme}, and a page shows EPSG:4326 by tms"
+                "unsupported tiling {projection} {scheme}; expected EPSG:4326 tms"
             ));
         }
         if self.parent.is_some() {
-            return refused("tiles go on in another folder (parentUrl)".to_owned());
+            return refused("tiles in another folder (parentUrl) are not supported".to_owned());
         }
         if self.available.is_empty() {
-            return refused("it is not told what tiles there are (available)".to_owned());
+            return refused("the list of available tiles (available) is missing".to_owned());
         }
         match self.tiles.first() {
             Some(name) if is_beside(name) => Ok(()),
-            _ => refused("tiles are not in this folder".to_owned()),
+            _ => refused("the tile address is outside this folder".to_owned()),
         }
     }
 }
@@ -241,9 +241,9 @@ mod tests {
     fn other_tiles_are_refused_by_name() {
         for (from, to, told) in [
             ("quantized-mesh-1.0", "heightmap-1.0", "heightmap-1.0"),
-            ("{z}/", "https://example.org/{z}/", "not in this folder"),
-            ("{z}/", "../{z}/", "not in this folder"),
-            (".terrain", ".png", "not in this folder"),
+            ("{z}/", "https://example.org/{z}/", "outside this folder"),
+            ("{z}/", "../{z}/", "outside this folder"),
+            (".terrain", ".png", "outside this folder"),
             ("\"bounds\"", "\"scheme\":\"slippyMap\",\"bounds\"", "slippyMap"),
             ("\"bounds\"", "\"projection\":\"EPSG:3857\",\"bounds\"", "EPSG:3857"),
             ("\"bounds\"", "\"parentUrl\":\"x\",\"bounds\"", "parentUrl"),

@@ -50,7 +50,7 @@ impl Server {
                 Some(port) => format!("listen on 127.0.0.1:{port}"),
                 None => "listen on 127.0.0.1".to_owned(),
             };
-            Error::io(ErrorKind::Io, &what, e).remedy("leave ‹port› out for a port that is free")
+            Error::io(ErrorKind::Io, &what, e).remedy("leave ‹port› out to use a free port")
         };
         let listener =
             TcpListener::bind((Ipv4Addr::LOCALHOST, port.unwrap_or(0))).map_err(listen)?;

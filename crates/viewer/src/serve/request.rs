@@ -29,19 +29,21 @@ const fn refusal(status: &'static str, told: &'static str) -> RequestRefusal {
     RequestRefusal { status, told }
 }
 
-pub(crate) const BAD: RequestRefusal = refusal("400 Bad Request", "this is no request of HTTP/1.1");
+pub(crate) const BAD: RequestRefusal = refusal("400 Bad Request", "not an HTTP/1.1 request");
 pub(crate) const TOO_LARGE: RequestRefusal =
-    refusal("431 Request Header Fields Too Large", "the head of a request has at most 8,192 bytes");
+    refusal("431 Request Header Fields Too Large", "the request header exceeds 8,192 bytes");
 pub(crate) const NOT_FOUND: RequestRefusal =
-    refusal("404 Not Found", "there is no such file in the folder that is served");
+    refusal("404 Not Found", "no such file in the served folder");
 pub(crate) const NOT_ALLOWED: RequestRefusal =
-    refusal("405 Method Not Allowed", "files are read here, with GET or HEAD");
-const TOO_LONG: RequestRefusal = refusal("414 URI Too Long", "a name has at most 1,024 bytes");
-const BODY: RequestRefusal = refusal("413 Content Too Large", "nothing is taken here");
-const NOT_HERE: RequestRefusal =
-    refusal("421 Misdirected Request", "this server is 127.0.0.1 or localhost, with its port");
+    refusal("405 Method Not Allowed", "only GET and HEAD are supported");
+const TOO_LONG: RequestRefusal = refusal("414 URI Too Long", "the file name exceeds 1,024 bytes");
+const BODY: RequestRefusal = refusal("413 Content Too Large", "request bodies are not supported");
+const NOT_HERE: RequestRefusal = refusal(
+    "421 Misdirected Request",
+    "the host must be 127.0.0.1 or localhost with the port of this server",
+);
 const VERSION: RequestRefusal =
-    refusal("505 HTTP Version Not Supported", "HTTP/1.1 is spoken here");
+    refusal("505 HTTP Version Not Supported", "only HTTP/1.1 is supported");
 
 impl HttpRequest {
     /// Reads a head, without the empty line at its end; `port` is that of the server.

@@ -43,7 +43,7 @@ pub(super) fn frame(job: &ViewJob, data: [f64; 4], geographic: bool) -> Result<P
         let [west, south, east, north] = data;
         return Err(Error::usage("‹bounds› lies outside the data")
             .in_file(Path::new(&job.input.to_string()))
-            .remedy(format!("the data reach from {west},{south} to {east},{north}")));
+            .remedy(format!("choose bounds within {west},{south} to {east},{north}")));
     }
     let frame = PictureFrame::fit(bounds, job.options.width, ground_scale(bounds, geographic));
     within_memory(&frame, PIXEL_BYTES, &job.options.resources)?;

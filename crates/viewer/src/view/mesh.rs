@@ -147,7 +147,7 @@ impl PositionGatherer {
         self.values.clear();
         if let Some(&last) = self.ids.last().filter(|&&last| last >= self.vertices) {
             return Err(Error::bad_input(format!(
-                "a triangle names vertex {last}, but there are only {}",
+                "a triangle refers to vertex {last}, but the mesh has {}",
                 self.vertices
             )));
         }

@@ -71,7 +71,7 @@ fn drawn(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Draw
     match input::open(job.input.names(), &options(job)?)? {
         SurfaceInput::Mesh(mesh) => mesh::draw(mesh.as_ref(), job, progress, cancel),
         SurfaceInput::Grid(_) => Err(Error::usage(format!("{} is a grid, not a mesh", job.input))
-            .remedy("make a mesh of it with ‹terrane tin›")),
+            .remedy("make a mesh with ‹terrane tin›")),
     }
 }
 
@@ -97,7 +97,7 @@ impl ComparisonSheet {
         let need = (size[0] * size[1] * 4) as u64 + (panel[0] * panel[1]) as u64 * PIXEL_BYTES;
         if need > job.each.options.resources.memory {
             let mib = need.div_ceil(1 << 20);
-            let message = format!("the picture of all meshes needs {mib} MiB of memory");
+            let message = format!("the combined picture needs {mib} MiB of memory");
             return Err(short(message, need));
         }
         let pixels = PAPER.repeat(size[0] * size[1]);
