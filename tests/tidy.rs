@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Most lines of a source file.
-const MOST_LINES: usize = 600;
+const MAX_LINES: usize = 600;
 
 /// What a pure room must not name: files, paths, clocks, threads.
 const IMPURE: [&str; 10] = [
@@ -147,8 +147,8 @@ fn plain_faults(text: &str) -> Vec<String> {
         faults.push("does not begin with a //! line".to_owned());
     }
     let lines = text.lines().count();
-    if lines > MOST_LINES {
-        faults.push(format!("has {lines} lines, more than {MOST_LINES}"));
+    if lines > MAX_LINES {
+        faults.push(format!("has {lines} lines, more than {MAX_LINES}"));
     }
     let leftovers = [
         concat!("TO", "DO"),
@@ -354,7 +354,7 @@ fn every_check_can_fail() {
         ("crates/mesh/src/a.rs", "const A: &str = \"pass --memory\";", "spells --memory"),
         ("crates/lidar/tin/src/a.rs", "rayon::join(a, b);", "must not name rayon"),
         ("tests/a.rs", concat!("// TO", "DO"), "says"),
-        ("crates/tin/src/a.rs", &"\n".repeat(MOST_LINES), "lines"),
+        ("crates/tin/src/a.rs", &"\n".repeat(MAX_LINES), "lines"),
     ];
     for (path, body, fault) in bad {
         let found = faults_of(path, body);

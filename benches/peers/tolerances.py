@@ -7,7 +7,7 @@ import measure
 
 SHARES = [0.002, 0.01, 0.05]
 CLOSE_ENOUGH = 0.05
-MOST_STEPS = 8
+MAX_STEPS = 8
 
 
 class Tolerances:
@@ -33,7 +33,7 @@ def search(tools, grid, share):
     tolerance = three_digits(call(tools, grid, f"points={wanted:.0f}")["error"])
     low = high = None
     best = (math.inf, tolerance)
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         kept = call(tools, grid, tolerance)["vertices"]
         best = min(best, (abs(math.log(kept / wanted)), tolerance))
         if best[0] < CLOSE_ENOUGH:

@@ -12,7 +12,7 @@ use terrane_engine::{Cancel, Resources, Silent};
 use terrane_lidar::translate::{self, TranslateJob};
 
 /// Far below what any of the lying headers asks for.
-const MOST_MEMORY: u64 = 512 << 20;
+const MAX_MEMORY: u64 = 512 << 20;
 /// A file that takes longer is one that hangs.
 const PATIENCE: Duration = Duration::from_secs(10);
 
@@ -40,7 +40,7 @@ fn both(name: &str) -> (Found, Found) {
 }
 
 fn peak_is_low() -> bool {
-    terrane_engine::peak_memory().is_none_or(|bytes| bytes < MOST_MEMORY)
+    terrane_engine::peak_memory().is_none_or(|bytes| bytes < MAX_MEMORY)
 }
 
 /// Small files, one of each kind.

@@ -5,13 +5,13 @@ use std::path::Path;
 
 use crate::data;
 use crate::raster_support::formats::{self, Sample};
-use crate::raster_support::hostile::{MOST_MEMORY, Random, guarded, mutate};
+use crate::raster_support::hostile::{MAX_MEMORY, Random, guarded, mutate};
 use crate::raster_support::tiff_builder::{Spec, Value};
 use crate::raster_support::write_anew;
 use terrane_raster::FORMATS;
 
 /// Real files up to this long are damaged too.
-const MOST_BYTES: u64 = 200_000;
+const MAX_BYTES: u64 = 200_000;
 /// A tile of the shortest kind.
 const TILE: (usize, usize) = (601, 1201);
 
@@ -187,7 +187,7 @@ fn real(folders: &[&str], ending: &str) -> Vec<Seed> {
         for entry in std::fs::read_dir(data.join(folder)).unwrap() {
             let entry = entry.unwrap();
             let name = entry.file_name().to_string_lossy().into_owned();
-            if name.ends_with(ending) && entry.metadata().unwrap().len() <= MOST_BYTES {
+            if name.ends_with(ending) && entry.metadata().unwrap().len() <= MAX_BYTES {
                 let bytes = std::fs::read(entry.path()).unwrap();
                 seeds.push(Seed { sound: false, ..Seed::new(&name, bytes) });
             }
@@ -222,7 +222,7 @@ fn damage(name: &str) {
     }
     println!("{name}: {count} mutations, {read} read, {} refused", count - read);
     assert!(read < count, "all {count} read: nothing was damaged");
-    assert!(terrane_engine::peak_memory().is_none_or(|bytes| bytes < MOST_MEMORY));
+    assert!(terrane_engine::peak_memory().is_none_or(|bytes| bytes < MAX_MEMORY));
 }
 
 /// True when the grid was read, false when it was refused in one line.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::data;
-use crate::raster_support::hostile::{MOST_MEMORY, guarded};
+use crate::raster_support::hostile::{MAX_MEMORY, guarded};
 use crate::raster_support::{crc, open_band};
 
 const TABLE: &str = include_str!("hostile.tsv");
@@ -41,7 +41,7 @@ fn every_damaged_file_of_the_corpus() {
     }
     assert!(failures.is_empty(), "{}", failures.join("\n"));
     assert!(rows.len() > 50, "only {} files", rows.len());
-    assert!(terrane_engine::peak_memory().is_none_or(|bytes| bytes < MOST_MEMORY));
+    assert!(terrane_engine::peak_memory().is_none_or(|bytes| bytes < MAX_MEMORY));
 }
 
 #[test]

@@ -6,14 +6,14 @@ pub const POWERS: [f64; 23] = [
     1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
 ];
 /// Integers up to this value are exact in `f64`.
-pub const MOST_EXACT: u64 = 1 << 53;
+pub const MAX_EXACT: u64 = 1 << 53;
 /// This number of digits never overflows `u64`.
-pub const MOST_DIGITS: usize = 19;
+pub const MAX_DIGITS: usize = 19;
 
 /// Digits with an optional decimal point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Digits {
-    /// The digits as an integer without the point; wraps beyond [`MOST_DIGITS`].
+    /// The digits as an integer without the point; wraps beyond [`MAX_DIGITS`].
     pub mantissa: u64,
     /// Number of digits.
     pub count: usize,
@@ -73,7 +73,7 @@ mod tests {
             assert_eq!(Digits::of(text.as_bytes(), 1), expected, "{text}");
         }
         assert_eq!(Digits::of(b"1", 5).end, 5);
-        let most = [b'9'; MOST_DIGITS];
+        let most = [b'9'; MAX_DIGITS];
         assert_eq!(Digits::of(&most, 0).mantissa, 10_u64.pow(19) - 1);
     }
 }

@@ -17,7 +17,7 @@ use std::convert::Infallible;
 /// Maximum nesting of parentheses, signs and negations.
 const DEEPEST: u32 = 64;
 /// Maximum number of steps of an expression.
-const MOST_STEPS: usize = 4096;
+const MAX_STEPS: usize = 4096;
 /// Value of a true condition.
 const TRUE: f64 = 1.0;
 const FALSE: f64 = 0.0;
@@ -281,8 +281,8 @@ impl FormulaParser<'_> {
         step: FormulaStep<String>,
         kind: FormulaType,
     ) -> Result<FormulaType, String> {
-        if self.steps.len() == MOST_STEPS {
-            return Err(format!("the formula has more than {MOST_STEPS} steps"));
+        if self.steps.len() == MAX_STEPS {
+            return Err(format!("the formula has more than {MAX_STEPS} steps"));
         }
         self.steps.push(step);
         Ok(kind)

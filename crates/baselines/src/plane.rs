@@ -111,7 +111,7 @@ impl PlaneOffset {
 
     /// The smallest number that [`is_within`](Self::is_within) holds for: bisected, as doubles that are not
     /// negative are in the order of their bits.
-    pub(crate) fn least_bound(&self) -> f64 {
+    pub(crate) fn min_bound(&self) -> f64 {
         if self.is_within(0.0) {
             return 0.0;
         }
@@ -222,7 +222,7 @@ mod tests {
             let grid = HeightGrid::new(5, 5, &heights, None).unwrap();
             let plane = TrianglePlane::new(&grid, [[0, 0], [4, 1], [2, 4]].map(|[c, r]| PackedSample::new(c, r)));
             for (_, offset) in plane.offsets() {
-                let least = offset.least_bound();
+                let least = offset.min_bound();
                 assert!(offset.is_within(least));
                 assert!(least == 0.0 || !offset.is_within(least.next_down()));
             }

@@ -62,7 +62,7 @@ pub(crate) fn measure(grid: &HeightGrid<'_>, triangles: &[[PackedSample; 3]]) ->
         for (_, offset) in plane.offsets().filter(|(at, _)| seen.insert(grid.index(*at))) {
             sum += offset.error().powi(2);
             if !offset.is_within(worst) {
-                worst = offset.least_bound();
+                worst = offset.min_bound();
             }
         }
     }

@@ -5,7 +5,7 @@ use super::member::CloudFile;
 use super::open::PointCloud;
 
 /// Maximum number of listed VLRs.
-const MOST_VLRS: usize = 12;
+const MAX_VLRS: usize = 12;
 
 impl PointCloud {
     /// Common file format.
@@ -45,13 +45,13 @@ fn of_las(file: &LasFile) -> Vec<(&'static str, String)> {
         let millions = file.header.time_offset;
         details.push(("times", format!("GPS times less {millions} million seconds")));
     }
-    let named = file.vlrs.iter().take(MOST_VLRS).map(|vlr| {
+    let named = file.vlrs.iter().take(MAX_VLRS).map(|vlr| {
         let about = if vlr.description.is_empty() { "" } else { ", " };
         format!("{} {} ({} bytes{about}{})", vlr.user, vlr.id, vlr.bytes, vlr.description)
     });
     let mut named: Vec<_> = named.collect();
-    if file.vlrs.len() > MOST_VLRS {
-        named.push(format!("{} more", file.vlrs.len() - MOST_VLRS));
+    if file.vlrs.len() > MAX_VLRS {
+        named.push(format!("{} more", file.vlrs.len() - MAX_VLRS));
     }
     if !named.is_empty() {
         details.push(("records", named.join("; ")));

@@ -124,7 +124,7 @@ impl PointFormat {
     }
 
     /// The largest class of the format.
-    pub fn most_class(self) -> u8 {
+    pub fn max_class(self) -> u8 {
         if self.is_new() { u8::MAX } else { OLD_CLASS }
     }
 

@@ -18,7 +18,7 @@ pub(super) struct ClaimedExtent {
 /// Tolerance, in steps, for a position on a step: coordinates in `f64` are rounded.
 const SLACK: f64 = 1e-4;
 /// Maximum offset, in steps, between two lattices that count as one.
-const MOST_STEPS: f64 = (1_u64 << 50) as f64;
+const MAX_STEPS: f64 = (1_u64 << 50) as f64;
 
 impl ClaimedExtent {
     /// From bounds in world units.
@@ -136,7 +136,7 @@ impl SharedLatticeAxis {
         let base = claims.iter().map(|c| c.offset[axis]).fold(f64::INFINITY, f64::min);
         let steps = claims.iter().map(|claim| {
             let steps = (claim.offset[axis] - base) / scale;
-            let fits = (steps - steps.round()).abs() <= SLACK && steps.abs() < MOST_STEPS;
+            let fits = (steps - steps.round()).abs() <= SLACK && steps.abs() < MAX_STEPS;
             (claim.scale[axis] == scale && fits).then(|| steps.round() as i64)
         });
         Some(Self { scale, base, steps: steps.collect::<Option<_>>()? })
@@ -212,7 +212,7 @@ fn rounded(claims: &[ClaimedExtent], steps: [i64; 2]) -> Result<CommonFrame> {
         let high = claims.iter().map(|c| c.world(c.high)[axis]).fold(f64::NEG_INFINITY, f64::max);
         let [first, last] = [(low / scale).floor(), (high / scale).ceil()];
         let wide = || too_wide(axis, scale, [low, high], steps);
-        if first.abs().max(last.abs()) >= MOST_STEPS {
+        if first.abs().max(last.abs()) >= MAX_STEPS {
             return Err(wide());
         }
         let origin = origin([first as i64, last as i64], steps).ok_or_else(wide)?;

@@ -6,9 +6,9 @@ use terrane_base::geom::{PointFrame, REACH};
 use super::frame::ClaimedExtent;
 
 /// Maximum number of decimals.
-pub(super) const MOST_DECIMALS: u8 = 9;
+pub(super) const MAX_DECIMALS: u8 = 9;
 /// Maximum number of steps from zero: exact with a margin.
-const MOST_STEPS: f64 = (1_u64 << 50) as f64;
+const MAX_STEPS: f64 = (1_u64 << 50) as f64;
 
 /// Range and decimals of positions along each axis.
 #[derive(Clone, Copy, Debug)]
@@ -39,7 +39,7 @@ impl PositionSpan {
     }
 }
 
-/// The decimals of a number, up to rounding errors of a sum and product; at most [`MOST_DECIMALS`]. At least `least`
+/// The decimals of a number, up to rounding errors of a sum and product; at most [`MAX_DECIMALS`]. At least `least`
 /// are assumed.
 pub(super) fn decimals(value: f64, least: u8) -> u8 {
     let is_told = |decimals: &u8| {
@@ -47,7 +47,7 @@ pub(super) fn decimals(value: f64, least: u8) -> u8 {
         let told = (value * per_unit).round() / per_unit;
         (told - value).abs() <= 4.0 * f64::EPSILON * value.abs()
     };
-    (least..MOST_DECIMALS).find(is_told).unwrap_or(MOST_DECIMALS)
+    (least..MAX_DECIMALS).find(is_told).unwrap_or(MAX_DECIMALS)
 }
 
 /// A lattice for points.
@@ -81,7 +81,7 @@ impl PointLattice {
             })?;
             placed.per_unit[axis] = 10_f64.powi(decimals.into());
             placed.origin[axis] = origin;
-            if decimals < found[axis] || found[axis] == MOST_DECIMALS {
+            if decimals < found[axis] || found[axis] == MAX_DECIMALS {
                 placed.note = Some(format!(
                     "coordinates are rounded to {decimals} decimals in {}",
                     ["x", "y", "z"][axis]
@@ -122,7 +122,7 @@ fn origin(all: &PositionSpan, axis: usize, decimals: u8) -> Option<i64> {
     if low >= -reach && high <= reach {
         return Some(0);
     }
-    let fits = high - low < 2.0 * reach && low.abs().max(high.abs()) < MOST_STEPS;
+    let fits = high - low < 2.0 * reach && low.abs().max(high.abs()) < MAX_STEPS;
     fits.then(|| low as i64 + (high as i64 - low as i64) / 2)
 }
 
@@ -139,7 +139,7 @@ mod tests {
             (500_000.01, 2),
             (123.0 * 0.001 + 500_000.0, 3),
             (0.1 + 0.2, 1),
-            (std::f64::consts::PI, MOST_DECIMALS),
+            (std::f64::consts::PI, MAX_DECIMALS),
         ] {
             assert_eq!(decimals(value, 0), found, "{value}");
             assert_eq!(decimals(value, 4), found.max(4), "{value}");

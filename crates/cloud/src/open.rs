@@ -33,7 +33,7 @@ const CLOUD_PREFIX: &str = "cloud:";
 /// Extensions of point clouds.
 const ENDINGS: [&str; 2] = ["las", "laz"];
 /// Maximum notes on individual files.
-const MOST_NOTES: usize = 20;
+const MAX_NOTES: usize = 20;
 
 /// Files that are listed in folders.
 const CLOUDS: FileKind = FileKind { what: "point cloud", is_member, file_name: |input| input };
@@ -424,9 +424,9 @@ fn notes(
         member.file.notes().iter().map(tell).collect::<Vec<_>>()
     };
     let mut notes: Vec<String> = names.iter().zip(members).flat_map(of).collect();
-    if notes.len() > MOST_NOTES {
-        let more = notes.len() - MOST_NOTES;
-        notes.truncate(MOST_NOTES);
+    if notes.len() > MAX_NOTES {
+        let more = notes.len() - MAX_NOTES;
+        notes.truncate(MAX_NOTES);
         notes.push(format!("{more} more notes on individual files"));
     }
     if moved != [0.0; 3] {

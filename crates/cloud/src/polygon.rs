@@ -45,9 +45,9 @@ fn wherever<S: Serializer>(
 
 /// Maximum number of bands. Fewer are used where long edges would be in many lists: an edge is in at most two lists
 /// on average.
-const MOST_BANDS: usize = 1024;
+const MAX_BANDS: usize = 1024;
 /// Maximum number of edges: indices in lists have 32 bits.
-const MOST_EDGES: usize = (1 << 31) - 1;
+const MAX_EDGES: usize = (1 << 31) - 1;
 
 /// Rings of polygons.
 #[derive(Clone, Debug, Default)]
@@ -82,8 +82,8 @@ impl PolygonRings {
         // Level edges hold no height, as the upper end of an edge is left out: they never count.
         let pairs = ring.iter().zip(next).filter(|(a, b)| a[1] != b[1]);
         self.edges.extend(pairs.map(|(a, b)| if a[1] < b[1] { [*a, *b] } else { [*b, *a] }));
-        if self.edges.len() > MOST_EDGES {
-            return Err(Error::limit("number of polygon edges", "2^31 or more", MOST_EDGES)
+        if self.edges.len() > MAX_EDGES {
+            return Err(Error::limit("number of polygon edges", "2^31 or more", MAX_EDGES)
                 .remedy("simplify them with ‹terrane simplify›"));
         }
         self.features.resize(self.edges.len(), self.begun.saturating_sub(1));
@@ -139,7 +139,7 @@ impl FilterPolygon {
     /// Lists the edges of each band.
     fn fill_bands(&mut self) {
         let most = 2 * self.edges.len();
-        let mut bands = self.edges.len().clamp(1, MOST_BANDS);
+        let mut bands = self.edges.len().clamp(1, MAX_BANDS);
         while bands > 1
             && self.edges.iter().map(|edge| self.touched(edge, bands).len()).sum::<usize>() > most
         {

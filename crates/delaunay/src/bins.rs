@@ -9,7 +9,7 @@ use terrane_base::geom::Point;
 const PER_BIN: u64 = 3;
 
 /// Most bins for each point, where they are not.
-const MOST_BINS: u64 = 2;
+const MAX_BINS: u64 = 2;
 
 /// A uniform grid of bins over the points' own extent. Of points at one (x, y) only the lowest is
 /// kept. About 16 bytes a point; each row of bins is one run of memory.
@@ -59,7 +59,7 @@ impl PointBins {
         let bins =
             bins_along(&self.window, 0, size.max(1)) * bins_along(&self.window, 1, size.max(1));
         let crowded = points as u64 > 4 * PER_BIN * used as u64;
-        (crowded && size > 0 && bins <= MOST_BINS * points as u64).then_some(size)
+        (crowded && size > 0 && bins <= MAX_BINS * points as u64).then_some(size)
     }
 
     /// Counting sort. While points are placed, `starts[bin + 1]` is where the next one goes.

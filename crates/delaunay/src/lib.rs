@@ -42,5 +42,5 @@ pub use query::{Location, TriangleFinder};
 pub use space::{LoadedPoints, NeededWindow, OccupancyGrid, PointIndex};
 pub use spikefree::{FreezeRule, SpikeFree};
 pub use stars::stars;
-pub use triangulation::{MOST_POINTS, Triangulation};
+pub use triangulation::{MAX_POINTS, Triangulation};
 pub use window::SiteWindow;

@@ -45,7 +45,7 @@ pub struct OccupancyGrid {
 }
 
 /// Most squares of a [`OccupancyGrid`].
-const MOST_SQUARES: usize = 1 << 24;
+const MAX_SQUARES: usize = 1 << 24;
 
 impl OccupancyGrid {
     /// An empty map of `window` in squares of `size` steps, or larger ones where those would be more
@@ -54,7 +54,7 @@ impl OccupancyGrid {
         let length = |i: usize| i64::from(window.high[i]) - i64::from(window.low[i]);
         let count = |i: usize, size: i32| (length(i) / i64::from(size)) as usize + 1;
         let mut size = size.max(1);
-        while count(0, size) * count(1, size) > MOST_SQUARES {
+        while count(0, size) * count(1, size) > MAX_SQUARES {
             size = size.saturating_mul(2);
         }
         let (columns, rows) = (count(0, size), count(1, size));

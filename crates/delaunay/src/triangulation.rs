@@ -9,11 +9,11 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 
 /// Most points: their sides are numbered in 32 bits.
-pub const MOST_POINTS: usize = (u32::MAX / 6) as usize;
+pub const MAX_POINTS: usize = (u32::MAX / 6) as usize;
 
 /// Most sides of which a thread keeps the room from one triangulation to the next: as many as those of half a million
 /// points.
-const MOST_KEPT: usize = 3 << 20;
+const MAX_KEPT: usize = 3 << 20;
 
 thread_local! {
     /// Room for sides: to have it anew for each of many parts of a cloud costs more than to fill it.
@@ -34,7 +34,7 @@ fn room(count: usize) -> Vec<HalfEdge> {
 
 impl Drop for Triangulation {
     fn drop(&mut self) {
-        if self.sides.capacity() <= MOST_KEPT {
+        if self.sides.capacity() <= MAX_KEPT {
             SIDES.set(std::mem::take(&mut self.sides));
         }
     }
@@ -56,7 +56,7 @@ impl Triangulation {
     /// Triangulates points; n log n, on one thread.
     ///
     /// # Errors
-    /// More than [`MOST_POINTS`] points.
+    /// More than [`MAX_POINTS`] points.
     pub fn new(points: &[Point]) -> Result<Self> {
         Self::forked(points, &SerialJoin)
     }
@@ -64,13 +64,13 @@ impl Triangulation {
     /// Triangulates points with the threads of the caller.
     ///
     /// # Errors
-    /// More than [`MOST_POINTS`] points.
+    /// More than [`MAX_POINTS`] points.
     pub fn forked(points: &[Point], fork: &impl ForkJoin) -> Result<Self> {
-        if points.len() > MOST_POINTS {
+        if points.len() > MAX_POINTS {
             return Err(Error::limit(
                 "the number of points to triangulate",
                 points.len(),
-                MOST_POINTS,
+                MAX_POINTS,
             ));
         }
         let mut ordered = order(points, fork);

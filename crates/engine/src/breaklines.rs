@@ -66,7 +66,7 @@ impl Breaklines {
     }
 
     /// Most bytes of those of lines with so many vertices, with what a worker lists of them.
-    pub fn most_bytes(vertices: usize) -> u64 {
+    pub fn max_bytes(vertices: usize) -> u64 {
         (vertices * (size_of::<Ends>() + size_of::<SampleSegment>() + size_of::<Part>())) as u64
     }
 

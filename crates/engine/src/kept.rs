@@ -73,7 +73,7 @@ impl ConstraintFeatures {
     pub fn bytes(&self) -> u64 {
         let lines = self.lines.as_ref().map_or(0, |lines| lines.at.len());
         let banks = self.water.as_ref().map_or(0, |water| water.vertices());
-        let lines = Breaklines::most_bytes(lines + banks);
+        let lines = Breaklines::max_bytes(lines + banks);
         self.points.as_ref().map_or(0, |points| bytes(points.at.len())) + lines
     }
 

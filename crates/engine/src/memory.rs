@@ -19,15 +19,15 @@ use terrane_raster::{self as raster, GridOpenOptions, GridSource, Inputs};
 /// Bytes for the program itself.
 pub const PROGRAM: u64 = if cfg!(debug_assertions) { 20 << 20 } else { 16 << 20 };
 /// Least that is left beside the program, however little is allowed.
-const LEAST_BESIDE: u64 = 4 << 20;
+const MIN_BESIDE: u64 = 4 << 20;
 /// Fewest bytes for cache and mesh together.
-const LEAST_SHARED: u64 = 6 << 20;
+const MIN_SHARED: u64 = 6 << 20;
 /// Most bytes for decoded blocks: more than a few rows of them are never read again.
-const MOST_CACHE: u64 = 1 << 30;
+const MAX_CACHE: u64 = 1 << 30;
 
 /// What is left of `memory` beside the program; of less than the program takes, a little all the same.
 pub fn beside_program(memory: u64) -> u64 {
-    memory.saturating_sub(PROGRAM).max(memory.min(LEAST_BESIDE))
+    memory.saturating_sub(PROGRAM).max(memory.min(MIN_BESIDE))
 }
 
 /// Bytes for decoded blocks of a grid that is read beside other work of a job with `memory`.
@@ -57,7 +57,7 @@ pub struct MemoryShares {
 
 /// Bytes that are enough for one worker of `worker` bytes and decoded blocks of `block` bytes.
 pub fn least(worker: u64, block: u64) -> u64 {
-    PROGRAM + worker + LEAST_SHARED.max(2 * block)
+    PROGRAM + worker + MIN_SHARED.max(2 * block)
 }
 
 /// Divides `memory` among up to `threads` workers that take `worker` bytes each. Fails with
@@ -74,10 +74,10 @@ fn divide_beside(memory: u64, held: u64, threads: usize, worker: u64) -> Result<
     }
     let memory = memory - held;
     // No underflow: `least` is the sum of these and one worker, and was compared with the memory.
-    let fitting = (memory - PROGRAM - LEAST_SHARED) / worker.max(1);
+    let fitting = (memory - PROGRAM - MIN_SHARED) / worker.max(1);
     let threads = threads.clamp(1, usize::try_from(fitting).unwrap_or(usize::MAX).max(1));
     let rest = memory - PROGRAM - worker * threads as u64;
-    let cache = (rest / 2).min(MOST_CACHE);
+    let cache = (rest / 2).min(MAX_CACHE);
     let mesh = rest - cache;
     Ok(MemoryShares { threads, cache, mesh: mesh - mesh / SLACK })
 }
@@ -199,7 +199,7 @@ fn enough(
 ) -> Option<Error> {
     let block = look_at(input, options).ok()?.block_bytes();
     let least = least(worker, block).saturating_add(held);
-    let is_enough = block <= MOST_CACHE && least > resources.memory;
+    let is_enough = block <= MAX_CACHE && least > resources.memory;
     let error = is_enough.then(|| too_little(resources.memory, least))?;
     // Where polygons are among what takes it, they are named.
     Some(match &options.clip {
@@ -231,7 +231,7 @@ mod tests {
         for memory in [LEAST, LEAST + 1, 128, 1000, 9000] {
             let MemoryShares { threads, cache, mesh } = shares(memory, 8);
             let left = memory * MIB - PROGRAM - 48 * MIB * threads as u64;
-            assert_eq!(cache, (left / 2).min(MOST_CACHE));
+            assert_eq!(cache, (left / 2).min(MAX_CACHE));
             assert_eq!(mesh + (left - cache) / SLACK, left - cache);
         }
     }

@@ -88,7 +88,7 @@ impl StorageScale {
 }
 
 /// Nearer to a pole than this a degree of longitude is no length to speak of.
-const MOST_LATITUDE: f64 = 89.9;
+const MAX_LATITUDE: f64 = 89.9;
 
 impl Placing {
     /// The option that asks for coordinates of the file's own, if any.
@@ -285,7 +285,7 @@ pub fn spheroid(crs: &Crs, notes: &mut Vec<String>) -> Result<Spheroid> {
 
 /// Metres of a degree of longitude and of one of latitude.
 fn degree(spheroid: &Spheroid, latitude: f64) -> Result<[f64; 2]> {
-    if latitude.abs() > MOST_LATITUDE || !latitude.is_finite() {
+    if latitude.abs() > MAX_LATITUDE || !latitude.is_finite() {
         return Err(Error::usage(format!("latitude {latitude} is outside -90 to 90 degrees"))
             .remedy("pass ‹keep_degrees›, or reproject the data"));
     }

@@ -16,7 +16,7 @@ const LIST_PREFIX: char = '@';
 /// Extensions of text lists without the prefix; point clouds as text have them, too.
 const LIST_ENDINGS: [&str; 2] = ["txt", "csv"];
 /// Maximum line length of a list in bytes.
-const MOST_LINE: u64 = 4096;
+const MAX_LINE: u64 = 4096;
 
 /// A kind of input files.
 pub struct FileKind {
@@ -162,7 +162,7 @@ fn is_list(path: &Path) -> bool {
 }
 
 fn first_line(list: &Path) -> Option<String> {
-    let mut lines = BufReader::new(std::fs::File::open(list).ok()?).take(64 * MOST_LINE);
+    let mut lines = BufReader::new(std::fs::File::open(list).ok()?).take(64 * MAX_LINE);
     loop {
         let line = next_line(&mut lines).ok()??;
         if is_entry(&line) {
@@ -174,7 +174,7 @@ fn first_line(list: &Path) -> Option<String> {
 /// The next line, trimmed; `None` after the last.
 fn next_line(from: &mut impl BufRead) -> std::io::Result<Option<String>> {
     let mut line = Vec::new();
-    let bytes = from.take(MOST_LINE).read_until(b'\n', &mut line)?;
+    let bytes = from.take(MAX_LINE).read_until(b'\n', &mut line)?;
     if line.contains(&0) {
         return Err(std::io::ErrorKind::InvalidData.into());
     }

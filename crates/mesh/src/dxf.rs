@@ -41,7 +41,7 @@ const BINARY: &[u8] = b"AutoCAD Binary DXF";
 /// Group codes of the coordinates of a face, corner by corner.
 const GROUPS: [[u32; 3]; 4] = [[10, 20, 30], [11, 21, 31], [12, 22, 32], [13, 23, 33]];
 /// Maximum number of comments kept.
-const MOST_COMMENTS: usize = 64;
+const MAX_COMMENTS: usize = 64;
 
 /// Units: metres per unit, DXF code, name.
 const UNITS: [(f64, u8, &str); 3] =
@@ -239,7 +239,7 @@ impl DxfSource {
             is_section = pairs.is(0, "SECTION");
             is_over = pairs.is(0, "EOF");
             match pairs.code {
-                999 if comments.len() < MOST_COMMENTS && faces.count() == 0 => {
+                999 if comments.len() < MAX_COMMENTS && faces.count() == 0 => {
                     comments.push(String::from_utf8_lossy(pairs.value()).into_owned());
                 }
                 0 if pairs.is(0, "ENDSEC") => section.clear(),

@@ -165,9 +165,9 @@ fn push_words<T: Copy>(values: &[T; 3], line: &mut Vec<u8>, push: impl Fn(T, &mu
 }
 
 /// Maximum runs of consecutive point ids.
-const MOST_RUNS: u64 = 1 << 20;
+const MAX_RUNS: u64 = 1 << 20;
 /// Maximum number of comments kept, and bytes of each.
-const MOST_COMMENTS: usize = 64;
+const MAX_COMMENTS: usize = 64;
 
 /// Point ids as runs of consecutive numbers, sorted at the end.
 #[derive(Debug, Default)]
@@ -193,7 +193,7 @@ impl LandXmlPointIds {
             Some(run) if run.number.checked_add(run.points) == Some(number) => run.points += 1,
             _ => self.runs.push(LandXmlPointIdRun { number, first, points: 1 }),
         }
-        limits::check("number of runs of point ids", self.runs.len() as u64, MOST_RUNS)
+        limits::check("number of runs of point ids", self.runs.len() as u64, MAX_RUNS)
     }
 
     /// Sorts the runs. Fails if two points have the same id.
@@ -297,7 +297,7 @@ impl LandXmlSummary {
             self.crs = tag.attribute("desc")?.or(code.clone()).or(tag.attribute("name")?);
             self.systems.extend(code.into_iter().chain(tag.attribute("ogcWktCode")?));
         } else if tag.local_name() == "Property"
-            && self.comments.len() < MOST_COMMENTS
+            && self.comments.len() < MAX_COMMENTS
             && tag.attribute("label")?.as_deref() == Some("comment")
         {
             self.comments.extend(tag.attribute("value")?);

@@ -1,7 +1,7 @@
 //! Sparse index of the lines of a text file, in bounded memory.
 
 /// Maximum recorded positions of a kind of line.
-const MOST_MARKS: usize = 1 << 16;
+const MAX_MARKS: usize = 1 << 16;
 
 /// Position of a line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -25,7 +25,7 @@ pub(super) struct SparseIndex {
 
 impl SparseIndex {
     pub(super) fn new() -> Self {
-        Self::with_most(MOST_MARKS)
+        Self::with_most(MAX_MARKS)
     }
 
     fn with_most(most: usize) -> Self {

@@ -21,7 +21,7 @@ const RECENT_BITS: u32 = 14;
 /// Edges of the buffer: 10 MiB.
 const BUFFER_EDGES: usize = 1 << 18;
 /// Runs merged at once.
-const MOST_RUNS: usize = 32;
+const MAX_RUNS: usize = 32;
 
 /// A directed edge of a triangle: the surface lies on its left.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -169,7 +169,7 @@ impl SolidOutline {
             let run = self.spill()?;
             self.runs.push(run);
         }
-        if self.runs.len() >= MOST_RUNS { self.merge_runs() } else { Ok(()) }
+        if self.runs.len() >= MAX_RUNS { self.merge_runs() } else { Ok(()) }
     }
 
     fn spill(&mut self) -> Result<SortedEdgeRun> {
@@ -332,7 +332,7 @@ mod tests {
         let mut outline = SolidOutline::with_capacity(folder.path(), capacity);
         for &ids in triangles {
             outline.push(ids, ids.map(position)).unwrap();
-            assert!(outline.edges.len() < capacity + 3 && outline.runs.len() < MOST_RUNS);
+            assert!(outline.edges.len() < capacity + 3 && outline.runs.len() < MAX_RUNS);
         }
         let mut found = Vec::new();
         let keep = |edge: DirectedEdge| {

@@ -1,6 +1,6 @@
 //! Fast parser of plain decimal numbers that convert in one exact step, as nearly all of a text grid do.
 
-use terrane_base::digits::{Digits, MOST_DIGITS, MOST_EXACT, POWERS};
+use terrane_base::digits::{Digits, MAX_DIGITS, MAX_EXACT, POWERS};
 
 /// The number at the start of `text` and its length, if more text follows, and it has no exponent and few
 /// enough digits; `None` otherwise. The caller checks what follows.
@@ -12,7 +12,7 @@ use terrane_base::digits::{Digits, MOST_DIGITS, MOST_EXACT, POWERS};
 pub(super) fn leading(text: &[u8]) -> Option<(f64, usize)> {
     let negative = text.first() == Some(&b'-');
     let Digits { mantissa, count, decimals, end } = Digits::of(text, usize::from(negative));
-    let is_plain = (1..=MOST_DIGITS).contains(&count) && mantissa <= MOST_EXACT;
+    let is_plain = (1..=MAX_DIGITS).contains(&count) && mantissa <= MAX_EXACT;
     if !is_plain || end == text.len() {
         return None;
     }

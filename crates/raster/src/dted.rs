@@ -24,7 +24,7 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
 
 const LABEL_BYTES: u64 = 80;
 /// Maximum number of tape labels before the user header label.
-const MOST_LABELS: u64 = 8;
+const MAX_LABELS: u64 = 8;
 const DSI_BYTES: u64 = 648;
 const ACC_BYTES: u64 = 2700;
 /// Header of a column: sentinel, block count, longitude and latitude counts.
@@ -122,7 +122,7 @@ impl DtedHeader {
 
 /// Offset of the user header label, after any tape labels.
 fn label_start(file: &RawFile) -> Result<u64> {
-    for i in 0..MOST_LABELS {
+    for i in 0..MAX_LABELS {
         let label = file.read_vec(i * LABEL_BYTES, LABEL_BYTES)?;
         if label.starts_with(b"UHL") {
             return Ok(i * LABEL_BYTES);

@@ -22,7 +22,7 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 /// Maximum header size in bytes; headers of plain arrays take 118.
-const MOST_HEADER: u64 = 64 << 10;
+const MAX_HEADER: u64 = 64 << 10;
 
 fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     let grid = read(path, options).map_err(|e| e.in_file(path))?;
@@ -33,7 +33,7 @@ fn read(path: &Path, options: &GridOpenOptions) -> Result<StridedGrid> {
     only_band(options.band)?;
     let file = RawFile::open(path)?;
     let (start, bytes) = header_range(&file)?;
-    limits::check("header size in bytes", bytes, MOST_HEADER)?;
+    limits::check("header size in bytes", bytes, MAX_HEADER)?;
     let header = file.read_vec(start, bytes)?;
     let header = NpyHeader::read(&String::from_utf8_lossy(&header))?;
     let map = world::beside(path, &["npyw", "wld"])?;

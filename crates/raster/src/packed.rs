@@ -42,7 +42,7 @@ pub(super) const ZIP: RasterFormat = RasterFormat {
 /// Extensions of sidecars.
 const SIDECARS: [&str; 8] = ["hdr", "prj", "wld", "pgw", "pngw", "npyw", "blw", "tfw"];
 /// Maximum number of archive entries that are examined.
-const MOST_ENTRIES: u64 = 65_535;
+const MAX_ENTRIES: u64 = 65_535;
 
 /// Decompresses a file into a folder and returns the path of the grid in it.
 type Unpack = fn(&RawFile, &Path) -> Result<PathBuf>;
@@ -171,7 +171,7 @@ fn copy_file(from: &Path, to: &Path) -> Result<()> {
 
 fn unpack_zip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
     let mut archive = ZipArchive::new(BufReader::new(file.reader())).map_err(damaged_zip)?;
-    limits::check("number of files in the archive", archive.len() as u64, MOST_ENTRIES)?;
+    limits::check("number of files in the archive", archive.len() as u64, MAX_ENTRIES)?;
     let names = archive.file_names().map(|name| name.map(Cow::into_owned));
     let names = names.collect::<std::result::Result<Vec<String>, _>>().map_err(damaged_zip)?;
     let grid = the_grid(&names)?;

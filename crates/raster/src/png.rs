@@ -26,9 +26,9 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
 };
 
 /// Memory limit of the decoder in bytes: a row and its buffers, or a whole interlaced image.
-const MOST_MEMORY: u64 = 256 << 20;
+const MAX_MEMORY: u64 = 256 << 20;
 /// Maximum compression ratio of deflate.
-const MOST_RATIO: u64 = 1032;
+const MAX_RATIO: u64 = 1032;
 /// Value of transparent pixels of an image with an alpha channel, above any encoded height.
 const TRANSPARENT: u32 = u32::MAX;
 const WEB_MERCATOR: u32 = 3857;
@@ -109,7 +109,7 @@ fn decode(
     options: &GridOpenOptions,
 ) -> Result<StridedGrid> {
     let file = RawFile::open(path)?;
-    let memory = Limits { bytes: MOST_MEMORY as usize };
+    let memory = Limits { bytes: MAX_MEMORY as usize };
     let mut decoder = Decoder::new_with_limits(BufReader::new(file.reader()), memory);
     decoder.set_transformations(Transformations::IDENTITY);
     decoder.set_ignore_text_chunk(true);
@@ -232,10 +232,10 @@ fn check_size(picture: &Picture<'_>, file_bytes: u64) -> Result<()> {
     let bytes = row.saturating_mul(u64::from(info.height));
     limits::check("unpacked size in bytes", bytes, limits::MAX_UNPACKED_BYTES)?;
     if info.interlaced {
-        limits::check("size of the interlaced PNG in bytes", bytes, MOST_MEMORY)?;
+        limits::check("size of the interlaced PNG in bytes", bytes, MAX_MEMORY)?;
     }
-    limits::check("row size in bytes", row, MOST_MEMORY)?;
-    if bytes / MOST_RATIO > file_bytes {
+    limits::check("row size in bytes", row, MAX_MEMORY)?;
+    if bytes / MAX_RATIO > file_bytes {
         return Err(Error::bad_input(format!(
             "file is truncated or its header is wrong: {file_bytes} bytes cannot contain {bytes} bytes of samples"
         )));
@@ -272,7 +272,7 @@ fn spool_rows(
 fn damaged(error: DecodingError) -> Error {
     match error {
         DecodingError::LimitsExceeded => {
-            Error::limit("number of bytes to decode", "more", MOST_MEMORY)
+            Error::limit("number of bytes to decode", "more", MAX_MEMORY)
         }
         DecodingError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
             Error::bad_input("file is truncated: image data are incomplete")

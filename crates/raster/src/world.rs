@@ -7,11 +7,11 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
 
 /// Size limit of a world file in bytes.
-const MOST_BYTES: u64 = 4096;
+const MAX_BYTES: u64 = 4096;
 /// Half the width of Web Mercator (EPSG:3857), in metres.
 const HALF_WORLD: f64 = 20_037_508.342_789_244;
 /// Maximum zoom level of a tile address.
-const MOST_ZOOM: u32 = 30;
+const MAX_ZOOM: u32 = 30;
 
 /// Reads the world file of `path`, if there is one: six numbers with the position of the first sample's
 /// centre.
@@ -20,7 +20,7 @@ const MOST_ZOOM: u32 = 30;
 /// A world file without six numbers, or with a singular transform.
 pub(super) fn beside(path: &Path, endings: &[&str]) -> Result<Option<Affine>> {
     let Some(world) = beside::sidecar(path, endings) else { return Ok(None) };
-    let text = beside::small_text(&world, "size of the world file in bytes", MOST_BYTES)?;
+    let text = beside::small_text(&world, "size of the world file in bytes", MAX_BYTES)?;
     let numbers: Option<Vec<f64>> =
         text.split_whitespace().map(|word| word.replace(',', ".").parse().ok()).collect();
     let map = match numbers.as_deref() {
@@ -56,7 +56,7 @@ impl WebMercatorTile {
         let y = digits(file.strip_suffix("@2x").unwrap_or(file))?;
         let x = digits(parts.next()?.to_str()?)?;
         let zoom = digits(parts.next()?.to_str()?)?;
-        let inside = zoom <= MOST_ZOOM && x < 1 << zoom && y < 1 << zoom;
+        let inside = zoom <= MAX_ZOOM && x < 1 << zoom && y < 1 << zoom;
         inside.then_some(Self { zoom, x, y })
     }
 

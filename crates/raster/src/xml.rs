@@ -7,7 +7,7 @@ use terrane_base::limits;
 use terrane_files::xml::{self, XmlEvent};
 
 /// Maximum number of elements of a tree.
-const MOST_NODES: u64 = 4096;
+const MAX_NODES: u64 = 4096;
 
 /// A document being read.
 pub(super) struct RasterXmlReader<R>(xml::XmlReader<R>);
@@ -123,7 +123,7 @@ impl<R: BufRead> RasterXmlReader<R> {
 
     fn branch(&mut self, tag: RasterXmlTag, nodes: &mut u64) -> Result<RasterXmlElement> {
         *nodes += 1;
-        limits::check("number of elements inside one XML element", *nodes, MOST_NODES)?;
+        limits::check("number of elements inside one XML element", *nodes, MAX_NODES)?;
         let mut node = RasterXmlElement { tag, ..RasterXmlElement::default() };
         loop {
             match self.0.next()? {

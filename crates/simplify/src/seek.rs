@@ -17,7 +17,7 @@ use terrane_base::error::Result;
 
 /// Largest number of trials, and number of trials between two bounds before bisection: interpolation fails
 /// where the result is steep.
-const MOST_TRIALS: usize = 24;
+const MAX_TRIALS: usize = 24;
 const ON_LINES: u32 = 6;
 /// Largest unused share of a goal.
 const UNUSED: u64 = 50;
@@ -126,7 +126,7 @@ pub(super) fn seek(
     let mut search = ThresholdSearch::new(target, dial);
     let mut at = search.first(target);
     let mut best: Option<(u64, f64)> = None;
-    for _ in 0..MOST_TRIALS {
+    for _ in 0..MAX_TRIALS {
         let threshold = dial.threshold(at);
         let least = if threshold == EVERYTHING { 0 } else { most - most / UNUSED };
         let Some(came) = attempt(threshold, least..=most)? else { return Ok(None) };

@@ -158,7 +158,7 @@ impl HierarchyReader {
         self.features -= 1;
         let bytes = self.take(LENGTH as u64)?.try_into().map_or(0, u64::from_le_bytes);
         // The bound is of the input's feature, not of the file: a damaged length asks for no memory.
-        if !(Digest::BYTES as u64..=FeatureHierarchies::most_bytes(geometry)).contains(&bytes) {
+        if !(Digest::BYTES as u64..=FeatureHierarchies::max_bytes(geometry)).contains(&bytes) {
             return Err(others("holds a feature of another size than the input").in_file(&path));
         }
         self.take(bytes).map(<[u8]>::to_vec)

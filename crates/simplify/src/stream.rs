@@ -25,7 +25,7 @@ const FEATURE_VERTEX: u64 = 104;
 /// Additional bytes per vertex with a hierarchy.
 const SPLIT: u64 = 60;
 /// Largest number of features of a batch.
-const MOST_FEATURES: usize = 1 << 16;
+const MAX_FEATURES: usize = 1 << 16;
 
 pub(super) fn run(
     job: &LineJob,
@@ -106,7 +106,7 @@ fn read(
     (most, memory): (u64, u64),
 ) -> Result<Vec<Placed>> {
     let (mut batch, mut vertices) = (Vec::new(), 0);
-    while vertices < most && batch.len() < MOST_FEATURES {
+    while vertices < most && batch.len() < MAX_FEATURES {
         let Some(feature) = source.next()? else { break };
         let own = feature.geometry.vertices() as u64;
         let needed = PROGRAM + own * FEATURE_VERTEX;

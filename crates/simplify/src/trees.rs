@@ -57,7 +57,7 @@ impl FeatureHierarchies {
     }
 
     /// Largest record size of a geometry in bytes.
-    pub(super) fn most_bytes(geometry: &Geometry) -> u64 {
+    pub(super) fn max_bytes(geometry: &Geometry) -> u64 {
         let of = |part: GeometryPart<'_>| 2 * (LENGTH + 24) as u64 + 8 * part.xy.len() as u64;
         Digest::BYTES as u64 + geometry.parts().map(of).sum::<u64>()
     }

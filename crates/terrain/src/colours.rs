@@ -17,7 +17,7 @@ use terrane_raster::{GridInfo, GridSource, Inputs, SampleType, write};
 use terrane_window::relief::{ColorInterpolation, ColorTable, Colour, Palette};
 
 /// Largest size of a colour table, in bytes.
-const MOST_BYTES: u64 = 1 << 20;
+const MAX_BYTES: u64 = 1 << 20;
 /// Rows of a block of heights.
 const ROWS: u32 = 64;
 /// Columns and rows of a piece.
@@ -141,9 +141,10 @@ fn run(
 /// Reads a colour table.
 fn read(path: &Path) -> Result<Palette> {
     let file = RawFile::open(path).map_err(|e| e.remedy("check the name"))?;
-    if file.size() > MOST_BYTES {
-        return Err(Error::limit("size of the colour table in bytes", file.size(), MOST_BYTES)
-            .in_file(path));
+    if file.size() > MAX_BYTES {
+        return Err(
+            Error::limit("size of the colour table in bytes", file.size(), MAX_BYTES).in_file(path)
+        );
     }
     let text = file.read_vec(0, file.size())?;
     Palette::parse(&String::from_utf8_lossy(&text)).map_err(|fault| {

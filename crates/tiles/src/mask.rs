@@ -17,7 +17,7 @@ use terrane_raster::{ClipRings, GridInfo, PolygonEdgeIndex, Water};
 /// Largest error of a side, as a fraction of a pixel.
 const OF_PIXEL: f64 = 0.01;
 /// Largest number of halvings of a side.
-const MOST_HALVINGS: u32 = 16;
+const MAX_HALVINGS: u32 = 16;
 
 /// A position (x, y).
 type Xy = [f64; 2];
@@ -138,7 +138,7 @@ fn bring(ring: &[Xy], off: f64, to: impl Fn(Xy) -> Result<Xy>, out: &mut Vec<Xy>
             for part in [0.25, 0.5, 0.75] {
                 worst = worst.max(apart(to(along(ends, part))?, along(brought, part)));
             }
-            if worst > off && halvings < MOST_HALVINGS {
+            if worst > off && halvings < MAX_HALVINGS {
                 let middle = along(ends, 0.5);
                 let there = to(middle)?;
                 open.push(([middle, ends[1]], [there, brought[1]], halvings + 1));

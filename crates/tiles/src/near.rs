@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use super::folder::TileFile;
 use super::ground::SurveyedGrid;
 use super::mask::TileWaterMask;
-use super::opened::{APRON, most_samples};
+use super::opened::{APRON, max_samples};
 use super::spans::KnownTiles;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
@@ -40,7 +40,7 @@ impl SurveyedGrid<'_> {
         if rect.is_empty() {
             return Ok(());
         }
-        if rect.len() as u64 > most_samples(chart) {
+        if rect.len() as u64 > max_samples(chart) {
             return Err(Error::unsupported("has a sample spacing too small for tiles")
                 .in_file(&opened.name())
                 .remedy("clip it, or resample it to a larger cell size"));

@@ -18,7 +18,7 @@ use terrane_globe::{
 use terrane_raster::{GridSource, Water};
 
 /// Largest magnitude of a height in metres.
-const MOST_HEIGHT: f64 = 1e6;
+const MAX_HEIGHT: f64 = 1e6;
 /// Margin of samples around a region, for slopes.
 pub(super) const APRON: u32 = 10;
 
@@ -37,7 +37,7 @@ pub(super) struct OpenedTilesGrid {
 
 /// Largest number of samples of a region with its margin; twice as many for a bent grid, whose rows may cross
 /// it.
-pub(super) fn most_samples(chart: &GridGeolocation) -> u64 {
+pub(super) fn max_samples(chart: &GridGeolocation) -> u64 {
     let side = REGION as u64 + 2 * APRON as u64 + 4;
     if chart.is_bent() { 2 * side * side } else { side * side }
 }
@@ -57,7 +57,7 @@ pub(super) fn worker_bytes(plan: &OverviewPlan) -> u64 {
 /// data.
 fn near_bytes(chart: &GridGeolocation) -> u64 {
     let place = if chart.is_bent() { HeightPatch::PLACE_BYTES } else { 0 };
-    most_samples(chart) * (8 + place) + (24 << 20)
+    max_samples(chart) * (8 + place) + (24 << 20)
 }
 
 impl OpenedTilesGrid {
@@ -125,8 +125,8 @@ impl OpenedTilesGrid {
             refuse(Error::bad_input("the grid has no valid sample"), remedy)
         })?;
         let [lowest, highest] = overview.range;
-        let furthest = if lowest < -MOST_HEIGHT { lowest } else { highest };
-        if furthest.abs() > MOST_HEIGHT {
+        let furthest = if lowest < -MAX_HEIGHT { lowest } else { highest };
+        if furthest.abs() > MAX_HEIGHT {
             // Converted to the stored type, to report the digits of the file.
             let stored = (furthest / self.heights.lift.metres) as f32;
             let remedy = format!("if it is nodata, pass ‹nodata› {stored:e}");

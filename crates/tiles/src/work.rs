@@ -33,7 +33,7 @@ use terrane_globe::{GlobeTileId, GridOverview};
 /// Default number of tiles per task: regions with about 134 million samples.
 const CUT: u32 = 128;
 /// Largest number of tiles per task.
-const MOST_CUT: u32 = 1 << 16;
+const MAX_CUT: u32 = 1 << 16;
 /// Nanoseconds of one thread per sample to make and to write its tiles, as measured on one machine; see
 /// benches/history/2026.md, 27.
 const SAMPLE: [f64; 2] = [650.0, 60.0];
@@ -180,12 +180,12 @@ impl PlannedWork for TilesPlan {
     fn check(&self) -> Result<()> {
         let PlannedGrid { width, height, .. } = self.grid;
         limits::check("columns or rows", width.max(height).into(), limits::MAX_SIDE)?;
-        if !(1..=MOST_CUT).contains(&self.method.cut) {
+        if !(1..=MAX_CUT).contains(&self.method.cut) {
             return Err(Error::usage(format!("task size {} is out of range", self.method.cut))
-                .remedy(format!("pass 1 to {MOST_CUT}")));
+                .remedy(format!("pass 1 to {MAX_CUT}")));
         }
         let tasks = self.counts().into_iter().map(u64::from).sum();
-        limits::check("number of tasks", tasks, plan::MOST_TASKS)
+        limits::check("number of tasks", tasks, plan::MAX_TASKS)
     }
 
     fn tasks(&self) -> Vec<TilesTask> {

@@ -108,7 +108,7 @@ pub struct TileMesh {
 
 impl TileMesh {
     /// Bytes of the mesh of so many samples that keeps all of them.
-    pub fn most_bytes(samples: u64) -> u64 {
+    pub fn max_bytes(samples: u64) -> u64 {
         let each = 2 * size_of::<TileTriangle>() + size_of::<TilePosition>() + size_of::<f64>();
         samples * each as u64
     }

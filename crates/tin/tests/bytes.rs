@@ -42,11 +42,11 @@ fn no_mesh_holds_more_than_one_that_keeps_all_samples() {
     };
     let mesh = triangulate_tile(&input, &spec, &mut TileScratch::default());
     assert!(mesh.vertices.len() as u32 > side * side * 9 / 10);
-    let most = TileMesh::most_bytes(u64::from(side).pow(2));
+    let most = TileMesh::max_bytes(u64::from(side).pow(2));
     let used = 20 * mesh.triangles.len() + 12 * mesh.vertices.len();
     assert!(mesh.bytes() >= used as u64, "room that is not used is held");
     assert!(used as u64 <= most && used as u64 > most * 9 / 10, "{used} of {most}");
-    assert_eq!(TileMesh::most_bytes(0), 0);
+    assert_eq!(TileMesh::max_bytes(0), 0);
     // Beside the result: the heights twice, a triangle of 32 bytes for each of the result, and lists.
     let worker = TileScratch::bytes(side - 1, false) as f64 / most as f64;
     assert!((3.3..3.5).contains(&worker), "{worker}");

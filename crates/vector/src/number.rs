@@ -1,9 +1,9 @@
 //! Exact conversion between numbers and text.
 
-use terrane_base::digits::{Digits, MOST_DIGITS, MOST_EXACT, POWERS, take_digits};
+use terrane_base::digits::{Digits, MAX_DIGITS, MAX_EXACT, POWERS, take_digits};
 
 /// Maximum length of a number in bytes.
-pub(super) const MOST_BYTES: usize = 1100;
+pub(super) const MAX_BYTES: usize = 1100;
 
 /// The number at the start of `text` (sign, digits with an optional point, exponent) and its length; `None`
 /// if there is none, or if it is too long. Rounded to the nearest `f64`; infinite if out of range.
@@ -20,10 +20,10 @@ pub(super) fn leading(text: &[u8]) -> Option<(f64, usize)> {
     if digits == 0 {
         return None;
     }
-    if digits > MOST_DIGITS || matches!(text.get(end), Some(b'e' | b'E')) {
+    if digits > MAX_DIGITS || matches!(text.get(end), Some(b'e' | b'E')) {
         return by_library(text, end);
     }
-    let value = if mantissa <= MOST_EXACT {
+    let value = if mantissa <= MAX_EXACT {
         // Below 2^63, where the faster conversion from signed integers applies.
         mantissa as i64 as f64 / POWERS[decimals]
     } else {
@@ -65,7 +65,7 @@ fn by_library(text: &[u8], mut end: usize) -> Option<(f64, usize)> {
             end = after;
         }
     }
-    if end > MOST_BYTES {
+    if end > MAX_BYTES {
         return None;
     }
     let number = std::str::from_utf8(&text[..end]).ok()?.parse().ok()?;

@@ -5,7 +5,7 @@ use super::tree::{Bounds, NOTHING, PackedRTree, around, hilbert_order};
 use terrane_base::error::{Error, Result};
 
 /// Limit of edges and rectangles examined to find the nesting of rings: some seconds.
-const MOST_LOOKS: u64 = 1 << 30;
+const MAX_LOOKS: u64 = 1 << 30;
 /// Largest relative difference of the areas of identical rings with different start vertices.
 const ROUNDING: f64 = 1e-9;
 /// Number of edges from which a ring gets its own tree, so that a point is tested only against edges at its
@@ -168,7 +168,7 @@ impl<'a> NestedRings<'a> {
     /// Counts examined edges or rectangles against the limit.
     fn look(&mut self, times: usize) -> Result<()> {
         self.looks += times as u64;
-        if self.looks <= MOST_LOOKS {
+        if self.looks <= MAX_LOOKS {
             return Ok(());
         }
         Err(Error::bad_input("rings are too complex to distinguish holes from islands")

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use super::context::{GridProofContext, MeshRequirements};
 use super::report::{VerifyReport, report};
-use super::spread::{MOST_TRIANGLES, MeshSpread};
+use super::spread::{MAX_TRIANGLES, MeshSpread};
 use super::work::ProofResources;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
@@ -20,7 +20,7 @@ use terrane_proof::{
 use terrane_raster::{GridInfo, GridSource};
 
 /// Most samples of a domain: with their errors they should stay near the processor.
-const MOST_SAMPLES: u64 = 1 << 18;
+const MAX_SAMPLES: u64 = 1 << 18;
 /// Most rows of a domain on a grid stored in strips.
 const STRIP_ROWS: u64 = 256;
 /// Domains for each thread, at least, where the grid is large enough.
@@ -59,7 +59,7 @@ fn layout(info: &GridInfo, triangles: u64, memory: u64, threads: usize) -> Domai
     let unit = u64::from(GridDomain::UNIT);
     let across = u64::from(info.width).next_multiple_of(unit);
     let in_strips = info.block.0 >= info.width;
-    let most = if in_strips { MOST_SAMPLES.max(across * STRIP_ROWS) } else { MOST_SAMPLES };
+    let most = if in_strips { MAX_SAMPLES.max(across * STRIP_ROWS) } else { MAX_SAMPLES };
     let density = (1 << 10) * triangles.min(2 * samples) / samples;
     let need = proof::bytes_needed(1 << 10, density + density / 2, density);
     let area = (memory / 2 * (1 << 10) / need)
@@ -171,7 +171,7 @@ impl<J> GridDomainChecker<'_, J> {
         match domain.halves() {
             // Halves read the whole bucket and take their own of it: nothing is spread anew.
             Some(halves) => halves.into_iter().try_for_each(|d| self.check(d, bucket, found)),
-            None if need > self.context.work.memory || triangles > MOST_TRIANGLES => {
+            None if need > self.context.work.memory || triangles > MAX_TRIANGLES => {
                 Err(too_crowded(&self.context.work, domain, [triangles, lines, need]))
             }
             None => {

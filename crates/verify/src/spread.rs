@@ -12,7 +12,7 @@ use terrane_files::{BucketWriter, Buckets, lock};
 use terrane_proof::{DomainLayout, ProofPosition, ProofTriangle, Snap};
 
 /// Triangles of a part are numbered with their corners in `u32`.
-pub(super) const MOST_TRIANGLES: u64 = 1 << 30;
+pub(super) const MAX_TRIANGLES: u64 = 1 << 30;
 
 /// Triangles a worker takes at a time.
 const BATCH: u64 = 2048;

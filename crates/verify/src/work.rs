@@ -14,7 +14,7 @@ use terrane_mesh::MeshSource;
 use terrane_proof::DomainLayout;
 
 /// Least memory a verification can work in, and least for each thread.
-pub(super) const LEAST_MEMORY: u64 = 1 << 20;
+pub(super) const MIN_MEMORY: u64 = 1 << 20;
 
 /// What a proof works with, whatever the mesh is held against.
 pub(super) struct ProofResources<'a> {
@@ -51,10 +51,10 @@ impl<'a> ProofResources<'a> {
         cancel: &Cancel,
     ) -> Result<Self> {
         check_arguments(tolerance, resources)?;
-        let most = usize::try_from(resources.memory / LEAST_MEMORY).unwrap_or(usize::MAX);
+        let most = usize::try_from(resources.memory / MIN_MEMORY).unwrap_or(usize::MAX);
         let threads = resources.threads.clamp(1, most);
         // The least is enough for a domain that keeps all samples.
-        let least = resources.memory.min(LEAST_MEMORY) / 8 * 5;
+        let least = resources.memory.min(MIN_MEMORY) / 8 * 5;
         // An eighth is left to the allocator.
         let half = beside_program(resources.memory) / 2;
         let memory = (half - half / 8).max(least);
@@ -68,7 +68,7 @@ impl<'a> ProofResources<'a> {
         self.aside += bytes;
         self.memory = self.memory.saturating_sub(bytes);
         // Each thread needs some of what is left.
-        let most = usize::try_from(self.memory / LEAST_MEMORY).unwrap_or(usize::MAX).max(1);
+        let most = usize::try_from(self.memory / MIN_MEMORY).unwrap_or(usize::MAX).max(1);
         self.threads = self.threads.min(most);
         self.share = self.memory / self.threads as u64;
     }
@@ -90,7 +90,7 @@ fn check_arguments(tolerance: Option<f64>, resources: &Resources) -> Result<()> 
     if tolerance.is_some_and(|t| !(t >= 0.0 && t.is_finite())) {
         return Err(Error::usage("the tolerance is not a number from 0 up"));
     }
-    if resources.memory < LEAST_MEMORY {
+    if resources.memory < MIN_MEMORY {
         let message = format!("{} bytes of memory are too few", resources.memory);
         return Err(Error::new(ErrorKind::Resource, message).remedy("pass ‹memory› 1M or more"));
     }

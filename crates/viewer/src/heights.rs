@@ -4,14 +4,14 @@
 use serde::Serialize;
 
 /// Most steps that are counted.
-const MOST_STEPS: i64 = 1 << 14;
+const MAX_STEPS: i64 = 1 << 14;
 /// The finest steps, as a power of two, and heights beyond which all are one.
 const FINEST: i32 = -20;
-const MOST_HEIGHT: f64 = (1_u64 << 40) as f64;
+const MAX_HEIGHT: f64 = (1_u64 << 40) as f64;
 /// Sums are of whole parts of a unit, so that their order leaves no trace.
 const PARTS: f64 = (1 << 20) as f64;
 /// Most bars of a histogram, and the share of points that may lie beyond them, below and above.
-const MOST_BARS: i64 = 24;
+const MAX_BARS: i64 = 24;
 const BEYOND: f64 = 0.001;
 /// The percentiles that are told.
 const PERCENTILES: [u64; 7] = [1, 5, 25, 50, 75, 95, 99];
@@ -61,7 +61,7 @@ impl Default for HeightCounts {
 impl HeightCounts {
     /// Counts a height.
     pub(crate) fn add(&mut self, height: f64) {
-        let height = height.clamp(-MOST_HEIGHT, MOST_HEIGHT);
+        let height = height.clamp(-MAX_HEIGHT, MAX_HEIGHT);
         // Whole numbers: the sum is the same in any order of the workers.
         self.sum += (height * PARTS).round() as i128;
         loop {
@@ -88,7 +88,7 @@ impl HeightCounts {
         }
         let last = |spread: &Self| spread.first + spread.counts.len() as i64 - 1;
         while !other.counts.is_empty()
-            && last(&self).max(last(&other)) - self.first.min(other.first) >= MOST_STEPS
+            && last(&self).max(last(&other)) - self.first.min(other.first) >= MAX_STEPS
         {
             self.coarsen();
             other.coarsen();
@@ -114,7 +114,7 @@ impl HeightCounts {
         }
         let (low, last) =
             (self.first.min(step), (self.first + self.counts.len() as i64 - 1).max(step));
-        if last - low >= MOST_STEPS {
+        if last - low >= MAX_STEPS {
             return None;
         }
         let before = (self.first - low) as usize;
@@ -173,8 +173,7 @@ impl HeightCounts {
         let points = self.points();
         let beyond = (points as f64 * BEYOND) as u64;
         let [low, high] = [beyond + 1, points - beyond].map(|rank| self.step_of(rank));
-        let shift =
-            (0..63).find(|shift| (high >> shift) - (low >> shift) < MOST_BARS).unwrap_or(63);
+        let shift = (0..63).find(|shift| (high >> shift) - (low >> shift) < MAX_BARS).unwrap_or(63);
         let [low, high] = [low >> shift, high >> shift];
         let size = self.size() * f64::from(shift).exp2();
         let mut bars: Vec<HistogramBar> = (low..=high)
@@ -224,7 +223,7 @@ mod tests {
             turned.reverse();
             prop_assert_eq!(&spread(&turned), &all);
             // Counted the slow way, in steps of this size.
-            prop_assert!(all.counts.len() as i64 <= MOST_STEPS);
+            prop_assert!(all.counts.len() as i64 <= MAX_STEPS);
             for (step, points) in (all.first..).zip(&all.counts) {
                 let is_in = |height: &&f64| (**height / all.size()).floor() as i64 == step;
                 prop_assert_eq!(heights.iter().filter(is_in).count() as u64, *points);
@@ -243,7 +242,7 @@ mod tests {
             let mean = heights.iter().sum::<f64>() / heights.len() as f64;
             prop_assert!((told.mean - mean).abs() < 1e-6);
             prop_assert_eq!(told.histogram.iter().map(|bar| bar.points).sum::<u64>(), heights.len() as u64);
-            prop_assert!(told.histogram.len() as i64 <= MOST_BARS);
+            prop_assert!(told.histogram.len() as i64 <= MAX_BARS);
             prop_assert!(told.histogram[0].low <= sorted[0]);
             prop_assert!(told.histogram.last().unwrap().high > sorted[sorted.len() - 1]);
             prop_assert!(told.histogram.windows(2).all(|pair| pair[0].high == pair[1].low));

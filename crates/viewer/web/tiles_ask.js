@@ -1,7 +1,7 @@
 // Requests of the server that the page came from: not too many at once, and again after a pause when one fails.
 
 /** Requests under way at once: as many as browsers make of one server. */
-const MOST_REQUESTS = 6;
+const MAX_REQUESTS = 6;
 /** Milliseconds before a request is made again, the first time, the second and so on; then it is given up. */
 const PAUSES = [500, 1000, 2000, 4000, 8000];
 /** Answers below 500 that may be others later: too slow, too early, too many. */
@@ -18,7 +18,7 @@ class Asker {
 
   /** Requests that may be made. */
   get room() {
-    return MOST_REQUESTS - this.under;
+    return MAX_REQUESTS - this.under;
   }
 
   get isIdle() {

@@ -7,7 +7,7 @@ use terrane_base::geom::Rect;
 use terrane_raster::{GridOpenOptions, open};
 
 /// Most samples read at once.
-const MOST_SAMPLES: u64 = 1 << 19;
+const MAX_SAMPLES: u64 = 1 << 19;
 /// Bytes for decoded blocks.
 const CACHE_BYTES: usize = 16 << 20;
 
@@ -18,7 +18,7 @@ pub(crate) fn attempt(path: &Path) -> Result<Vec<f64>> {
     let source = open(&path.to_string_lossy(), &options)?;
     let bounds = source.info().bounds();
     let (width, height) = (bounds.width, bounds.height);
-    if u64::from(width) * u64::from(height) <= MOST_SAMPLES {
+    if u64::from(width) * u64::from(height) <= MAX_SAMPLES {
         let mut out = vec![0.0; bounds.len()];
         source.read_f64(bounds, &mut out)?;
         return Ok(out);

@@ -10,7 +10,7 @@ use terrane_base::error::Result;
 use super::attempt::attempt;
 
 /// Far below what any of the lying headers asks for.
-pub(crate) const MOST_MEMORY: u64 = 512 << 20;
+pub(crate) const MAX_MEMORY: u64 = 512 << 20;
 /// A file that takes longer is one that hangs.
 const PATIENCE: Duration = Duration::from_secs(10);
 

@@ -141,7 +141,7 @@ pub(crate) fn options_of(
             options.insert(name, true.into());
             continue;
         };
-        match json_of(&value, matches!(field.kind, OptionKind::Path), MOST_NESTED)? {
+        match json_of(&value, matches!(field.kind, OptionKind::Path), MAX_NESTED)? {
             Some(value) => options.insert(name, value),
             None => {
                 let kind = value.get_type().name()?;
@@ -157,9 +157,9 @@ pub(crate) fn options_of(
 }
 
 /// Nested lists of an option: pairs of keys and values.
-const MOST_NESTED: u32 = 2;
+const MAX_NESTED: u32 = 2;
 /// Largest number of values of a list.
-const MOST_VALUES: usize = 1 << 20;
+const MAX_VALUES: usize = 1 << 20;
 
 /// A value as JSON, with non-finite numbers as text; `None` for unsupported types.
 fn json_of(value: &Bound<'_, PyAny>, is_name: bool, nested: u32) -> PyResult<Option<Json>> {
@@ -204,10 +204,10 @@ fn json_of(value: &Bound<'_, PyAny>, is_name: bool, nested: u32) -> PyResult<Opt
         return Ok(Some(map.into()));
     }
     let Ok(all) = value.try_iter() else { return Ok(None) };
-    let all = all.take(MOST_VALUES + 1).map(|value| json_of(&value?, false, nested));
+    let all = all.take(MAX_VALUES + 1).map(|value| json_of(&value?, false, nested));
     let all = all.collect::<PyResult<Option<Vec<_>>>>()?;
-    if all.as_ref().is_some_and(|all| all.len() > MOST_VALUES) {
-        let error = Error::usage(format!("a list has more than {MOST_VALUES} values"));
+    if all.as_ref().is_some_and(|all| all.len() > MAX_VALUES) {
+        let error = Error::usage(format!("a list has more than {MAX_VALUES} values"));
         return told(value.py(), Err(error.remedy("pass fewer values")));
     }
     Ok(all.map(Json::from))

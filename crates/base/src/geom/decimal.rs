@@ -1,7 +1,7 @@
 //! Exact decimal numbers: values that people write and formats store in `f64` are decimals, and a step of a lattice
 //! is a multiple of their last digit.
 
-use crate::digits::{MOST_EXACT, POWERS};
+use crate::digits::{MAX_EXACT, POWERS};
 
 /// mantissa / 10^digits.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,7 +47,7 @@ impl Decimal {
     pub fn value(self) -> f64 {
         match POWERS.get(self.digits as usize) {
             // One division of exact numbers rounds once.
-            Some(power) if self.mantissa.unsigned_abs() <= MOST_EXACT.into() => {
+            Some(power) if self.mantissa.unsigned_abs() <= MAX_EXACT.into() => {
                 self.mantissa as f64 / power
             }
             _ => format!("{}e-{}", self.mantissa, self.digits).parse().unwrap_or(f64::NAN),

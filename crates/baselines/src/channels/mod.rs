@@ -135,7 +135,7 @@ impl<'a> WeightedChannels<'a> {
         let (vertices, triangles) = connected(&mut corners);
         let channels: Vec<ChannelErrors> =
             self.channels.iter().map(|c| c.measured(&corners)).collect();
-        let (max_error, census) = (self.least_tolerance(&channels), SampleCensus::of(&grid));
+        let (max_error, census) = (self.min_tolerance(&channels), SampleCensus::of(&grid));
         Ok(MultichannelTin { vertices, triangles, max_error, channels, census })
     }
 
@@ -186,7 +186,7 @@ impl<'a> WeightedChannels<'a> {
     }
 
     /// A tolerance that these errors keep.
-    fn least_tolerance(&self, errors: &[ChannelErrors]) -> f64 {
+    fn min_tolerance(&self, errors: &[ChannelErrors]) -> f64 {
         let pairs = || self.channels.iter().zip(errors);
         let keep = |e: f64| pairs().all(|(channel, found)| found.max_error <= channel.tolerance(e));
         let mut least = pairs().map(|(c, found)| c.weight * found.max_error).fold(0.0, f64::max);

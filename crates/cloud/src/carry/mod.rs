@@ -34,7 +34,7 @@ const WAVES_INSIDE: u16 = 2;
 const WAVES_BESIDE: u16 = 4;
 const MADE_RETURNS: u16 = 8;
 /// Maximum bytes of all copied VLRs.
-const MOST_BYTES: u64 = 64 << 20;
+const MAX_BYTES: u64 = 64 << 20;
 
 /// Requested output format.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -316,7 +316,7 @@ fn of_file(file: &LasFile, format: PointFormat) -> Result<Vec<Vlr>> {
         return Err(Error::unsupported("writing internal waveform data is not supported")
             .remedy("drop waveforms with ‹point_format› 6, or 7 with colours"));
     }
-    let mut left = MOST_BYTES;
+    let mut left = MAX_BYTES;
     let carried = file.vlrs.iter().filter(|vlr| is_carried(vlr));
     let raw = file.reopen()?;
     carried.map(|vlr| data(vlr, &raw, &mut left)).collect()
@@ -325,7 +325,7 @@ fn of_file(file: &LasFile, format: PointFormat) -> Result<Vec<Vlr>> {
 fn data(vlr: &VlrHeader, file: &RawFile, left: &mut u64) -> Result<Vlr> {
     // Before it is read: headers of damaged files may state any length.
     *left = left.checked_sub(vlr.bytes).ok_or_else(|| {
-        Error::unsupported(format!("its VLRs exceed {} MiB", MOST_BYTES >> 20))
+        Error::unsupported(format!("its VLRs exceed {} MiB", MAX_BYTES >> 20))
             .remedy("remove the largest VLRs")
     })?;
     let data = vlr.data(file)?;

@@ -18,7 +18,7 @@ const INFO: u16 = 1;
 const INFO_BYTES: u64 = 160;
 const ENTRY_BYTES: u64 = 32;
 /// Maximum depth of the octree.
-const MOST_LEVELS: i32 = 31;
+const MAX_LEVELS: i32 = 31;
 
 /// A node with points.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -120,7 +120,7 @@ fn take(
 
 /// The cube of a key: level, then indices along x, y, z.
 fn cube(root: &CopcRootCube, [level, key @ ..]: [i32; 4]) -> Result<[[f64; 3]; 2]> {
-    let sound = (0..MOST_LEVELS).contains(&level)
+    let sound = (0..MAX_LEVELS).contains(&level)
         && key.iter().all(|k| (0..1_i64 << level).contains(&i64::from(*k)));
     if !sound {
         return Err(damaged(format!("node {key:?} on level {level}")));

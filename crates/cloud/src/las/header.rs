@@ -10,7 +10,7 @@ use crate::format::PointFormat;
 /// Header bytes of LAS 1.0 to 1.2, of 1.3, of 1.4 and of 1.5.
 pub(crate) const SIZES: [u16; 4] = [227, 235, 375, 393];
 /// Maximum header bytes that are read.
-pub(super) const MOST_BYTES: u64 = 393;
+pub(super) const MAX_BYTES: u64 = 393;
 
 /// The header of a LAS file.
 #[derive(Clone, Debug, PartialEq)]

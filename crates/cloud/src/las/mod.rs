@@ -60,7 +60,7 @@ impl LasFile {
     }
 
     fn read(file: &RawFile, path: &Path, salvage: bool) -> Result<Self> {
-        let header = LasHeader::parse(&file.head(header::MOST_BYTES)?, file.size())?;
+        let header = LasHeader::parse(&file.head(header::MAX_BYTES)?, file.size())?;
         let mut notes = header.notes.clone();
         let vlrs = vlr::all(file, &header, &mut notes)?;
         let crs = crs::read(file, &vlrs, header.encoding)?;

@@ -5,9 +5,9 @@ use super::machine::{InstructionSet, Lanes};
 /// Symbols compared at once.
 const LANES: usize = 16;
 /// Maximum sum of the counts of a model.
-const MOST_COUNTS: u32 = 1 << 15;
+const MAX_COUNTS: u32 = 1 << 15;
 /// Maximum sum of the counts of a bit model.
-const MOST_BITS: u32 = 1 << 13;
+const MAX_BITS: u32 = 1 << 13;
 /// End marker; larger than any position in the interval.
 const NONE: u16 = u16::MAX;
 
@@ -131,7 +131,7 @@ impl<const B: usize> ArithmeticModel<B> {
     #[inline(never)]
     fn learn(&mut self) {
         let mut total = u32::from(self.total) + u32::from(self.cycle);
-        if total > MOST_COUNTS {
+        if total > MAX_COUNTS {
             let counts = &mut self.counts.as_flattened_mut()[..usize::from(self.symbols)];
             // Rounded up: a count of 0 would leave its symbol without a part of the interval.
             counts.iter_mut().for_each(|count| *count = count.div_ceil(2));
@@ -174,7 +174,7 @@ pub(super) struct BitModel {
 impl BitModel {
     /// A model with equally likely bits.
     pub(super) const fn new() -> Self {
-        Self { zero: MOST_BITS / 2, zeros: 1, total: 2, cycle: 4, left: 4 }
+        Self { zero: MAX_BITS / 2, zeros: 1, total: 2, cycle: 4, left: 4 }
     }
 
     /// Counts `bit`.
@@ -191,7 +191,7 @@ impl BitModel {
     #[inline(never)]
     fn learn(&mut self) {
         self.total += self.cycle;
-        if self.total > MOST_BITS {
+        if self.total > MAX_BITS {
             self.total = self.total.div_ceil(2);
             self.zeros = self.zeros.div_ceil(2);
             // Ones keep a part of the interval even where none came.

@@ -2,7 +2,7 @@
 
 use crate::column::{self, ColumnEncoding, PointColumn};
 use crate::format::PointFormat;
-use crate::lattice::MOST_DECIMALS;
+use crate::lattice::MAX_DECIMALS;
 use crate::raw::{Flags, RawPoint};
 
 /// Largest mantissa exact in `f64`, and maximum decimals with an exact power of ten.
@@ -21,7 +21,7 @@ const NAMES: [&[&str]; 6] = [
 /// Number of required columns: x, y and z.
 const NEEDED: usize = 3;
 /// The largest return number of a record.
-const MOST_RETURNS: u8 = 15;
+const MAX_RETURNS: u8 = 15;
 /// Aliases of fields.
 const ALIASES: [(&str, &str); 7] = [
     ("nir", "infrared"),
@@ -38,7 +38,7 @@ const COLOURS: [(&str, &str); 3] = [("r", "red"), ("g", "green"), ("b", "blue")]
 const WIDEST: u8 = 8;
 const RECORD: usize = PointFormat::NEW + 8;
 /// Maximum number of column names in a note.
-const MOST_TOLD: usize = 12;
+const MAX_TOLD: usize = 12;
 
 /// A point of a text file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -218,8 +218,8 @@ impl PointLineGrammar {
     pub(super) fn notes(&self) -> Vec<String> {
         let text = "column classification is missing; all points have class 0";
         let class = self.columns[NEEDED].is_none().then(|| text.to_owned());
-        let mut others = self.others.iter().take(MOST_TOLD).cloned().collect::<Vec<_>>().join(", ");
-        if self.others.len() > MOST_TOLD {
+        let mut others = self.others.iter().take(MAX_TOLD).cloned().collect::<Vec<_>>().join(", ");
+        if self.others.len() > MAX_TOLD {
             others += ", ...";
         }
         let others = match (self.has_heading, self.count.saturating_sub(NEEDED)) {
@@ -264,13 +264,13 @@ impl PointLineGrammar {
                 let text = String::from_utf8_lossy(&field[..field.len().min(40)]);
                 let value = text.parse::<f64>().ok().filter(|v| v.fract() == 0.0);
                 let value = value.filter(|v| (0.0..=f64::from(most)).contains(v)).map(|v| v as u8);
-                let what = if most == MOST_RETURNS { "return number" } else { "class" };
+                let what = if most == MAX_RETURNS { "return number" } else { "class" };
                 value.ok_or_else(|| format!("{text:?} is not a {what} from 0 to {most}"))
             }
         };
         values.class = small(found[3], 0, u8::MAX)?;
-        values.returns[0] = small(found[4], 1, MOST_RETURNS)?;
-        values.returns[1] = small(found[5], values.returns[0], MOST_RETURNS)?;
+        values.returns[0] = small(found[4], 1, MAX_RETURNS)?;
+        values.returns[1] = small(found[5], values.returns[0], MAX_RETURNS)?;
         self.set_fields(line, &mut values.fields)?;
         Ok(values)
     }
@@ -357,7 +357,7 @@ fn plain_number(field: &[u8], comma: bool) -> Option<(f64, u8)> {
         return None;
     }
     let value = sign * (mantissa as f64 / POWERS[decimals]);
-    Some((value, (decimals as u8).min(MOST_DECIMALS)))
+    Some((value, (decimals as u8).min(MAX_DECIMALS)))
 }
 
 const POWERS: [f64; EXACT_DECIMALS + 1] = [
@@ -378,7 +378,7 @@ fn any_number(field: &[u8], comma: bool) -> Option<(f64, u8)> {
         false => text.parse().ok()?,
     };
     let is_whole = |decimals: &u8| (value * POWERS[usize::from(*decimals)]).fract() == 0.0;
-    let decimals = (0..MOST_DECIMALS).find(is_whole).unwrap_or(MOST_DECIMALS);
+    let decimals = (0..MAX_DECIMALS).find(is_whole).unwrap_or(MAX_DECIMALS);
     value.is_finite().then_some((value, decimals))
 }
 

@@ -22,7 +22,7 @@ pub(super) use line::TextPoint;
 /// Bytes of a part; lines belong to the part in which they begin.
 const PART_BYTES: u64 = 1 << 20;
 /// Maximum bytes of a line.
-const MOST_LINE: u64 = 4096;
+const MAX_LINE: u64 = 4096;
 /// Maximum bytes of a header and comments before it.
 const HEADING_BYTES: u64 = 1 << 16;
 /// Seconds per week; larger times are not GPS week times.
@@ -31,7 +31,7 @@ const WEEK: f64 = 604_800.0;
 const BLOCK: usize = 8192;
 
 /// A text file with a point per line. Its lattice has the decimals found, at most
-/// [`MOST_DECIMALS`](super::lattice::MOST_DECIMALS) and within the range of steps; excess decimals are rounded, with
+/// [`MAX_DECIMALS`](super::lattice::MAX_DECIMALS) and within the range of steps; excess decimals are rounded, with
 /// a note.
 pub(super) struct TextFile {
     pub(super) path: PathBuf,
@@ -207,7 +207,7 @@ impl PointTextLayout {
         // A line begins after the end of another.
         let from = if at == self.at { at } else { at - 1 };
         let bytes =
-            file.read_vec(from, (at - from + PART_BYTES + MOST_LINE).min(file.size() - from))?;
+            file.read_vec(from, (at - from + PART_BYTES + MAX_LINE).min(file.size() - from))?;
         let (mut rest, mut place) = (&bytes[..], from);
         let mut lines = 0;
         if from < at {
@@ -216,8 +216,8 @@ impl PointTextLayout {
         }
         while place < at + PART_BYTES && !rest.is_empty() {
             let end = rest.iter().position(|c| *c == b'\n').map_or(rest.len(), |end| end + 1);
-            if end as u64 >= MOST_LINE {
-                return Err(not_points(format!("a line is longer than {MOST_LINE} bytes"))
+            if end as u64 >= MAX_LINE {
+                return Err(not_points(format!("a line is longer than {MAX_LINE} bytes"))
                     .at(format_args!("byte {place}")));
             }
             if let Some(text) = content(&rest[..end]) {

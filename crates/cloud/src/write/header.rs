@@ -3,7 +3,7 @@
 use super::chunk::PointLayout;
 use super::options::CloudWriteOptions;
 use super::tally::{PointTally, RETURNS};
-use super::vlr::{MOST_BYTES, Vlr, text};
+use super::vlr::{MAX_BYTES, Vlr, text};
 use super::{crs, octree};
 use crate::format::PointFormat;
 use crate::las::{IS_WKT, SIZES, WKT};
@@ -175,7 +175,7 @@ fn no_text(crs: &Crs) -> Error {
 fn too_long(vlr: &Vlr) -> Error {
     let (name, length) = (vlr.name(), vlr.data.len());
     let message = format!(
-        "the VLR {name} ({length} bytes) exceeds the limit of {MOST_BYTES} bytes of this LAS version"
+        "the VLR {name} ({length} bytes) exceeds the limit of {MAX_BYTES} bytes of this LAS version"
     );
     Error::new(ErrorKind::CannotWrite, message).remedy("choose point format 6, 7 or 8")
 }

@@ -1,7 +1,7 @@
 //! VLRs as stored in a file.
 
 /// Maximum bytes of a VLR.
-pub(super) const MOST_BYTES: usize = u16::MAX as usize;
+pub(super) const MAX_BYTES: usize = u16::MAX as usize;
 
 /// A VLR, or an EVLR if it is too long for that.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -34,7 +34,7 @@ impl Vlr {
     }
 
     pub(super) fn is_long(&self) -> bool {
-        self.data.len() > MOST_BYTES
+        self.data.len() > MAX_BYTES
     }
 }
 

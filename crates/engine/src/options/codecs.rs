@@ -157,14 +157,14 @@ impl OptionCodec<[f64; 2]> for CellSize {
 pub struct ByteSizeText;
 
 /// No job works in less.
-const LEAST_BYTES: u64 = 1 << 20;
+const MIN_BYTES: u64 = 1 << 20;
 
 impl OptionCodec<u64> for ByteSizeText {
     const KIND: OptionKind = OptionKind::Shaped("int | str");
 
     fn parse(text: &str) -> Result<u64, String> {
         match FileSize::parse(text)? {
-            ..LEAST_BYTES => {
+            ..MIN_BYTES => {
                 Err("expected at least 1M; a number without K, M or G counts bytes".to_owned())
             }
             bytes => Ok(bytes),

@@ -64,4 +64,4 @@ macro_rules! planned_as {
 }
 
 /// Most tasks of a plan.
-pub const MOST_TASKS: u64 = 1 << 22;
+pub const MAX_TASKS: u64 = 1 << 22;

@@ -23,7 +23,7 @@ use terrane_files::atomic::{AtomicFile, is_temporary, refuse_stdout};
 /// Its file in the folder.
 pub const PLAN: &str = "plan.json";
 /// Largest plan that is read: millions of tasks and a million files fit.
-const MOST_BYTES: u64 = 1 << 30;
+const MAX_BYTES: u64 = 1 << 30;
 
 /// What a folder holds a plan of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -116,7 +116,7 @@ fn text_of(folder: &Path) -> Result<Vec<u8>> {
     }
     let fail = |e| Error::read(&path, e);
     let bytes = std::fs::metadata(&path).map_err(fail)?.len();
-    limits::check("the size of the plan in bytes", bytes, MOST_BYTES)
+    limits::check("the size of the plan in bytes", bytes, MAX_BYTES)
         .map_err(|e| e.in_file(&path))?;
     std::fs::read(&path).map_err(fail)
 }

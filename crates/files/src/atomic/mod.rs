@@ -140,12 +140,12 @@ fn refuse_special(path: &Path) -> Result<()> {
 }
 
 /// Limit of symbolic links to follow, as on Linux.
-const MOST_LINKS: usize = 40;
+const MAX_LINKS: usize = 40;
 
 /// `path` with symbolic links resolved; the target need not exist.
 pub fn resolve(path: &Path) -> Result<PathBuf> {
     let mut target = path.to_path_buf();
-    for _ in 0..MOST_LINKS {
+    for _ in 0..MAX_LINKS {
         // `canonicalize` fails for a file that does not exist yet, which is the usual case here.
         match std::fs::read_link(&target) {
             Ok(next) => target = parent(&target).join(next),

@@ -9,7 +9,7 @@ use super::{AtomicFile, refuse_existing, refuse_special};
 use terrane_base::error::{Error, ErrorKind, Result};
 
 /// Size limit, in bytes, of an existing sidecar that is compared with the new one.
-const MOST_BYTES: u64 = 1 << 20;
+const MAX_BYTES: u64 = 1 << 20;
 
 /// A pending sidecar of an output.
 #[derive(Debug)]
@@ -84,7 +84,7 @@ impl Sidecar {
 
 /// The text of a small file.
 fn read(path: &Path) -> Option<String> {
-    let is_small = std::fs::metadata(path).is_ok_and(|meta| meta.len() <= MOST_BYTES);
+    let is_small = std::fs::metadata(path).is_ok_and(|meta| meta.len() <= MAX_BYTES);
     is_small
         .then(|| std::fs::read(path).ok())
         .flatten()

@@ -43,7 +43,7 @@ impl CellLattice {
     /// The unit of distances up to `reach`.
     pub fn unit(&self, reach: f64) -> DistanceUnit {
         let exact = self.x.units.zip(self.y.units).map(|(x, _)| DistanceUnit::exact(x.digits));
-        let fits = |unit: &DistanceUnit| reach / unit.size < MOST_UNITS;
+        let fits = |unit: &DistanceUnit| reach / unit.size < MAX_UNITS;
         exact.filter(fits).unwrap_or(DistanceUnit { size: reach / COARSE_UNITS, digits: None })
     }
 
@@ -80,7 +80,7 @@ pub struct DistanceUnit {
 }
 
 /// Twice the square of this number of units fits into `u128`.
-const MOST_UNITS: f64 = (1_u64 << 61) as f64;
+const MAX_UNITS: f64 = (1_u64 << 61) as f64;
 /// Units of a radius if decimals cannot be used.
 const COARSE_UNITS: f64 = (1_u64 << 48) as f64;
 
@@ -89,7 +89,7 @@ impl DistanceUnit {
         Self { size: Decimal::new(1, digits).value() / 2.0, digits: Some(digits) }
     }
 
-    /// The smallest squared distance that is not below that of `radius`, at most `MOST_UNITS`.
+    /// The smallest squared distance that is not below that of `radius`, at most `MAX_UNITS`.
     pub fn square(&self, radius: f64) -> u128 {
         let exact = self.digits.zip(Decimal::of(radius));
         exact.and_then(|(digits, radius)| square(radius, digits)).unwrap_or_else(|| {
@@ -156,7 +156,7 @@ impl DecimalLattice {
         let twice = |number: Decimal| number.units(digits)?.checked_mul(2);
         let shift = twice(self.offset)?.checked_sub(twice(self.anchor)?)?;
         let (scale, cell) = (twice(self.scale)?, twice(self.cell)?);
-        let fits = scale < MOST_SCALE && cell < MOST_SCALE && shift.abs() < MOST_SHIFT;
+        let fits = scale < MAX_SCALE && cell < MAX_SCALE && shift.abs() < MAX_SHIFT;
         fits.then_some(DecimalAxis { digits, scale, shift, cell })
     }
 }
@@ -174,8 +174,8 @@ struct DecimalAxis {
 }
 
 /// Bounds of units below which no product with a step or the index of a cell overflows.
-const MOST_SCALE: i128 = 1 << 84;
-const MOST_SHIFT: i128 = 1 << 125;
+const MAX_SCALE: i128 = 1 << 84;
+const MAX_SHIFT: i128 = 1 << 125;
 /// Fraction of a cell beside a border where floats are not reliable.
 const DOUBT: f64 = 1e-6;
 
@@ -203,7 +203,7 @@ const WHOLE: f64 = 1e-12;
 /// An anchor within this distance of a step (in steps) is taken to lie on it.
 const NEAR_STEP: f64 = 1e-4;
 /// Cells of more steps than this are measured in world coordinates.
-const MOST_STEPS: f64 = (1_u64 << 31) as f64;
+const MAX_STEPS: f64 = (1_u64 << 31) as f64;
 /// Lattice indices beyond this are cut off: no grid may reach so far.
 pub const FAR: i64 = 1 << 40;
 
@@ -212,7 +212,7 @@ impl LatticeAxis {
         let (scale, offset) = (frame.scale[axis], frame.offset[axis]);
         let steps = (cell / scale).round();
         let is_whole =
-            (1.0..MOST_STEPS).contains(&steps) && (cell / scale / steps - 1.0).abs() < WHOLE;
+            (1.0..MAX_STEPS).contains(&steps) && (cell / scale / steps - 1.0).abs() < WHOLE;
         let at = (anchor - offset) / scale;
         let at = if (at - at.round()).abs() < NEAR_STEP { at.round() } else { at };
         let rule = match is_whole && at.abs() < 1e15 {

@@ -34,7 +34,7 @@ pub use plane::CellHits;
 pub use recipe::{StatisticBand, StatisticRecipe};
 pub use region::{CellNeighborhood, StatisticDefaults};
 pub use statistic::{
-    METHODS, MOST_POWER, Statistic, StatisticMethod, StatisticRequest, SurfaceInterpolation,
+    MAX_POWER, METHODS, Statistic, StatisticMethod, StatisticRequest, SurfaceInterpolation,
     check_power, parse_list,
 };
 pub use subject::{OF_POINTS, SelectedPoints, Subject, SubjectSelector};

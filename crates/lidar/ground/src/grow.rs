@@ -12,7 +12,7 @@ const FEWEST: usize = 6;
 /// Largest distance of ground from the plane, in metres; more with the slope of the plane and its residuals.
 const NEAR: f64 = 0.1;
 const BY_SLOPE: f64 = 0.15;
-const MOST_STRAY: f64 = 0.3;
+const MAX_STRAY: f64 = 0.3;
 /// How far below the plane it may lie at least.
 const BELOW: f64 = 0.3;
 /// Steepest ground, rise over run.
@@ -91,7 +91,7 @@ impl RegionGrowing {
     fn goes_on(&self, at: usize) -> bool {
         let Some(FittedPlane { height, slope, stray }) = self.plane(at) else { return false };
         let slope = slope[0].hypot(slope[1]);
-        let near = NEAR + BY_SLOPE * slope + stray.min(MOST_STRAY);
+        let near = NEAR + BY_SLOPE * slope + stray.min(MAX_STRAY);
         slope <= STEEPEST && -height <= near && height <= near.max(BELOW)
     }
 }

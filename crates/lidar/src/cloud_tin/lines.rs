@@ -23,7 +23,7 @@ use terrane_tin::scatter::{ClippedSegment, ClippedSegments, ScatterMesh};
 type Site = [i32; 2];
 
 /// Most positions in a region where lines cross.
-const MOST_CROSSINGS: usize = 1 << 19;
+const MAX_CROSSINGS: usize = 1 << 19;
 /// No step.
 const NONE: u32 = u32::MAX;
 
@@ -180,7 +180,7 @@ impl<'a> CloudLines<'a> {
     }
 
     /// The most bytes that a worker takes for the lines of a region.
-    pub(super) fn most_bytes(&self) -> u64 {
+    pub(super) fn max_bytes(&self) -> u64 {
         let of_region = self.pieces.chunk_by(|a, b| a.region == b.region);
         of_region.map(|pieces| pieces.len() as u64).max().unwrap_or(0) * CloudLinePiece::BYTES
     }
@@ -276,7 +276,7 @@ impl RegionLines<'_> {
         if self.pieces.is_empty() {
             return Ok(Vec::new());
         }
-        let mut sites = self.courses.crossings(MOST_CROSSINGS).ok_or_else(|| {
+        let mut sites = self.courses.crossings(MAX_CROSSINGS).ok_or_else(|| {
             Error::new(ErrorKind::Resource, "the lines have too many crossings")
                 .remedy("remove overlapping lines")
         })?;

@@ -50,21 +50,21 @@ impl CloudTinMemory {
     }
 
     /// Bytes of a worker on regions with this number of points and bytes of lines.
-    pub(super) fn worker(&self, most_points: u64, most_lines: u64) -> u64 {
-        (most_points * self.point_bytes + most_lines).max(1)
+    pub(super) fn worker(&self, max_points: u64, max_lines: u64) -> u64 {
+        (max_points * self.point_bytes + max_lines).max(1)
     }
 
     /// Least memory for one worker, with `held` bytes throughout.
     pub(super) fn least(&self, worker: u64, held: u64) -> u64 {
         let eighth = (worker + PROGRAM).div_ceil(self.workers);
-        8 * eighth.max(LEAST_SHARED.div_ceil(self.points)) + held
+        8 * eighth.max(MIN_SHARED.div_ceil(self.points)) + held
     }
 
     /// Number of workers that fit beside the points.
     fn workers(&self, worker: u64, held: u64, memory: u64) -> Result<usize> {
         let eighth = memory.saturating_sub(held) / 8;
         let fitting = (eighth * self.workers).saturating_sub(PROGRAM) / worker;
-        if fitting == 0 || eighth * self.points < LEAST_SHARED {
+        if fitting == 0 || eighth * self.points < MIN_SHARED {
             return Err(too_little(memory, self.least(worker, held)));
         }
         Ok(usize::try_from(fitting).unwrap_or(usize::MAX))
@@ -72,7 +72,7 @@ impl CloudTinMemory {
 }
 
 /// Least bytes for stored points and vertices.
-const LEAST_SHARED: u64 = 8 << 20;
+const MIN_SHARED: u64 = 8 << 20;
 
 /// A job after reading the headers: properties of the mesh and its file.
 pub(super) struct PreparedCloudTin<'a> {
@@ -155,7 +155,7 @@ impl<'a> PreparedCloudTin<'a> {
         at: RunControl<'w>,
     ) -> Result<CloudTinContext<'w>> {
         let Resources { threads, memory, .. } = self.job.resources;
-        let worker = self.division.worker(regions.most_points(), lines.most_bytes());
+        let worker = self.division.worker(regions.max_points(), lines.max_bytes());
         Ok(CloudTinContext {
             points,
             regions,

@@ -88,7 +88,7 @@ impl CloudTinRegions {
     }
 
     /// Points and pieces of lines of the fullest region.
-    pub(super) fn most_points(&self) -> u64 {
+    pub(super) fn max_points(&self) -> u64 {
         self.all.iter().map(|region| region.points).max().unwrap_or(0)
     }
 }

@@ -59,7 +59,7 @@ struct SpilledBlock {
 }
 
 /// Parts of one block that lie in the spool at most.
-const MOST_PARTS: usize = 4;
+const MAX_PARTS: usize = 4;
 
 impl<'a> CellBlocks<'a> {
     pub(super) fn new(
@@ -192,7 +192,7 @@ impl<'a> CellBlocks<'a> {
         let Some(mut block) = state.block.take() else { return Ok(()) };
         slot.touched.store(0, Ordering::Relaxed);
         let before = block.held() as u64;
-        if state.spilled.len() >= MOST_PARTS {
+        if state.spilled.len() >= MAX_PARTS {
             self.join(&mut block, &mut state.spilled)?;
         }
         let parts = block.parts();

@@ -25,8 +25,8 @@ const LEAST: u64 = 8 << 20;
 /// Bytes of an entry in the table of blocks.
 const SLOT: u64 = 64;
 /// Blocks have 2^8 x 2^8 cells, or fewer where memory is short, down to 2^4 x 2^4.
-const MOST_SHIFT: u32 = 8;
-const LEAST_SHIFT: u32 = 4;
+const MAX_SHIFT: u32 = 8;
+const MIN_SHIFT: u32 = 4;
 /// Blocks that should fit into memory for each thread.
 const AT_HAND: u64 = 24;
 
@@ -62,18 +62,18 @@ impl GridBudget {
         let left = |threads: u64, shift: u32| {
             memory.checked_sub(PROGRAM + slots(shift))?.checked_sub(threads * worker)
         };
-        let fits = |threads: &u64| left(*threads, MOST_SHIFT).is_some_and(|left| left >= LEAST);
+        let fits = |threads: &u64| left(*threads, MAX_SHIFT).is_some_and(|left| left >= LEAST);
         let threads = (1..=threads.max(1) as u64).rev().find(fits).ok_or_else(|| {
-            let least = PROGRAM + slots(MOST_SHIFT) + worker + LEAST;
+            let least = PROGRAM + slots(MAX_SHIFT) + worker + LEAST;
             too_small(all, if surface_share > 0 { 2 * least } else { least })
         })?;
         let good = |shift: &u32| {
             let room = left(threads, *shift).unwrap_or(0);
             (cell << (2 * shift)).saturating_mul(AT_HAND * threads) <= room && room >= LEAST
         };
-        let shift = (LEAST_SHIFT..=MOST_SHIFT).rev().find(good).unwrap_or_else(|| {
+        let shift = (MIN_SHIFT..=MAX_SHIFT).rev().find(good).unwrap_or_else(|| {
             let held = |shift: &u32| left(threads, *shift).is_some_and(|left| left >= LEAST);
-            (LEAST_SHIFT..=MOST_SHIFT).find(held).unwrap_or(MOST_SHIFT)
+            (MIN_SHIFT..=MAX_SHIFT).find(held).unwrap_or(MAX_SHIFT)
         });
         let blocks = left(threads, shift).unwrap_or(LEAST);
         Ok(Self { threads: threads as usize, blocks, points: surface_share, shift })
@@ -87,7 +87,7 @@ impl GridBudget {
         extent: &GridExtent,
         recipe: &StatisticRecipe,
     ) -> u64 {
-        let slots = cells(extent).div_ceil(1 << (2 * MOST_SHIFT)).saturating_mul(SLOT);
+        let slots = cells(extent).div_ceil(1 << (2 * MAX_SHIFT)).saturating_mul(SLOT);
         let one = PROGRAM + slots + LEAST + worker(format, sink, extent, recipe);
         if recipe.triangulates() { 2 * one } else { one }
     }
@@ -125,7 +125,7 @@ impl GridBudget {
         let least = PROGRAM + LEAST + worker;
         let threads = threads.ok_or_else(|| too_small(resources.memory, least))?;
         let blocks = LEAST + left(threads).unwrap_or(0) / 2;
-        Ok(Self { threads, blocks, points: 0, shift: MOST_SHIFT })
+        Ok(Self { threads, blocks, points: 0, shift: MAX_SHIFT })
     }
 }
 

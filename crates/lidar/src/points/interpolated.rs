@@ -16,9 +16,9 @@ use terrane_gridding::SurfaceInterpolation;
 use terrane_gridding::pitfree::is_short;
 
 /// Most points in memory for adjacent positions, unless a single one needs more.
-pub(crate) const MOST_POINTS: u64 = 1 << 19;
+pub(crate) const MAX_POINTS: u64 = 1 << 19;
 /// The limit if all points are triangulated, which takes eight times the bytes.
-const MOST_TRIANGULATED: u64 = 1 << 16;
+const MAX_TRIANGULATED: u64 = 1 << 16;
 
 /// The surface over the points of a store.
 pub(crate) struct InterpolatedSurface<'a> {
@@ -88,8 +88,8 @@ impl InterpolatedSurface<'_> {
     pub(crate) fn fill(&self, at: ColumnRowPositions<'_>, out: &mut [f64]) -> Result<()> {
         let near = |window| self.store.points_near(window);
         let most = match self.shape {
-            SurfaceInterpolation::Linear { .. } => MOST_POINTS,
-            SurfaceInterpolation::Natural => MOST_TRIANGULATED,
+            SurfaceInterpolation::Linear { .. } => MAX_POINTS,
+            SurfaceInterpolation::Natural => MAX_TRIANGULATED,
         };
         at.in_parts(most, near, |part, window| self.fill_part(at, part, window, out))
     }

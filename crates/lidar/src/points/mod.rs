@@ -16,7 +16,7 @@ mod tiling;
 
 pub(crate) use around::SurroundingPoints;
 pub(crate) use interpolated::{
-    ColumnRowPositions, ColumnRowRange, InterpolatedSurface, MOST_POINTS, reach,
+    ColumnRowPositions, ColumnRowRange, InterpolatedSurface, MAX_POINTS, reach,
 };
 pub(crate) use limits::{PointStoreLimits, parts_in};
 pub(crate) use shelf::{ENTRY, POINT, ShelfWriter, SquareIndexes};

@@ -43,11 +43,11 @@ struct RecordMark {
 const BUCKET_BYTES: u64 = 4 << 20;
 /// Bytes that a group takes while the best of a bucket are found.
 const GROUP_BYTES: u64 = 2 * size_of::<(Group, (Rank, u64))>() as u64;
-const MOST_BUCKETS: u64 = 1 << 14;
+const MAX_BUCKETS: u64 = 1 << 14;
 
 /// Number of buckets for the marks of `points`.
 fn buckets(points: u64) -> u64 {
-    (points * size_of::<RecordMark>() as u64).div_ceil(BUCKET_BYTES).clamp(1, MOST_BUCKETS)
+    (points * size_of::<RecordMark>() as u64).div_ceil(BUCKET_BYTES).clamp(1, MAX_BUCKETS)
 }
 
 /// Bytes of memory for a selection from `points`: a bit for each, and the groups of a bucket with a margin of a

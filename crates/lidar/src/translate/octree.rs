@@ -34,7 +34,7 @@ const DEEPEST: u32 = FINE - CELLS - 1;
 /// Largest average number of points of a column.
 const COLUMN_POINTS: u64 = 50_000;
 /// Most levels of columns to start from.
-const MOST_LEVELS: u32 = 8;
+const MAX_LEVELS: u32 = 8;
 
 /// Maps points to the cube.
 pub(super) struct OctreePlacement {
@@ -148,8 +148,8 @@ impl Octree<'_> {
     ) -> Result<()> {
         let all = total(records);
         self.at.progress.begin("columns", all);
-        let level = (0..MOST_LEVELS).find(|level| all >> (2 * level) <= COLUMN_POINTS);
-        let level = level.unwrap_or(MOST_LEVELS);
+        let level = (0..MAX_LEVELS).find(|level| all >> (2 * level) <= COLUMN_POINTS);
+        let level = level.unwrap_or(MAX_LEVELS);
         let columns = OctreeColumns::new(level, 0, [0; 2], (self.folder, self.memory[1]));
         flow.run(records, self.at, &mut |bytes| columns.take(bytes, self))?;
         self.at.progress.end();

@@ -14,7 +14,7 @@ use terrane_engine::plan::RunControl;
 use terrane_files::Buckets;
 
 /// Most files: the number of 16-bit values, for point source ids.
-const MOST_FILES: usize = 1 << 16;
+const MAX_FILES: usize = 1 << 16;
 /// Longest name of a value; longer ones are written with an exponent.
 const LONGEST: usize = 24;
 /// Part of the file name for points without a value.
@@ -103,7 +103,7 @@ impl SplitColumn {
         (waiting, memory): (&Path, u64),
         at: RunControl<'_>,
     ) -> Result<SplitFiles> {
-        let buckets = Buckets::new(waiting, MOST_FILES, memory);
+        let buckets = Buckets::new(waiting, MAX_FILES, memory);
         let (mut numbers, mut keys) = (HashMap::new(), Vec::new());
         at.progress.begin("values", total(records));
         flow.run(records, at, &mut |bytes| {
@@ -116,7 +116,7 @@ impl SplitColumn {
                     keys.push(key);
                     keys.len() - 1
                 });
-                if number >= MOST_FILES {
+                if number >= MAX_FILES {
                     return Err(self.too_many());
                 }
                 buckets.push(number, record)
@@ -139,7 +139,7 @@ impl SplitColumn {
 
     fn too_many(&self) -> Error {
         let name = self.column.name();
-        Error::usage(format!("‹split›: {name} has more than {MOST_FILES} values (one file each)"))
+        Error::usage(format!("‹split›: {name} has more than {MAX_FILES} values (one file each)"))
             .remedy("split by an attribute with fewer values, such as point_source_id")
     }
 }

@@ -18,9 +18,9 @@ use terrane_files::{Buckets, path_of, shown};
 use terrane_gridding::{CellEdgeRule, CellLattice};
 
 /// Most tiles: each takes some memory.
-const MOST_SQUARES: u64 = 1 << 20;
+const MAX_SQUARES: u64 = 1 << 20;
 /// Widest buffer, in sides of a tile.
-const MOST_SQUARES_BESIDE: f64 = 8.0;
+const MAX_SQUARES_BESIDE: f64 = 8.0;
 
 /// A division of a point cloud into tiles.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -258,19 +258,19 @@ fn times(count: i64, number: f64) -> f64 {
 /// # Errors
 /// Too many tiles; a buffer that is too wide.
 pub(super) fn spans(squares: &SquareSplit, info: &CloudInfo) -> Result<Spans> {
-    if squares.buffer > MOST_SQUARES_BESIDE * squares.side {
+    if squares.buffer > MAX_SQUARES_BESIDE * squares.side {
         return Err(Error::usage(format!(
             "a buffer of {} is too wide for tiles of {}",
             squares.buffer, squares.side
         ))
-        .remedy(format!("pass at most {MOST_SQUARES_BESIDE} times the side of a tile")));
+        .remedy(format!("pass at most {MAX_SQUARES_BESIDE} times the side of a tile")));
     }
     let origin = Point { x: 0, y: 0, z: 0 };
     let spans = squares.lattice(&info.frame).span(info.bounds.unwrap_or([origin; 2]));
     let [columns, rows] = spans.map(|[first, last]| (last - first).unsigned_abs() + 1);
-    if columns.saturating_mul(rows) > MOST_SQUARES {
+    if columns.saturating_mul(rows) > MAX_SQUARES {
         return Err(Error::usage(format!(
-            "tiles of {} would be {columns} x {rows}, which exceeds the limit of {MOST_SQUARES}",
+            "tiles of {} would be {columns} x {rows}, which exceeds the limit of {MAX_SQUARES}",
             squares.side
         ))
         .remedy("raise ‹tile›"));

@@ -11,7 +11,7 @@ use terrane_base::geom::Point3;
 use terrane_files::lock;
 
 /// Maximum blocks in memory.
-const MOST_HELD: usize = 4;
+const MAX_HELD: usize = 4;
 /// Triangles of a block read at a time.
 const BATCH: usize = 1 << 12;
 
@@ -127,7 +127,7 @@ impl SplitSource {
         if let Some((_, open)) = held.iter().find(|(held, _)| *held == part) {
             return Ok(Arc::clone(open));
         }
-        if held.len() >= MOST_HELD {
+        if held.len() >= MAX_HELD {
             held.remove(0);
         }
         let open = Arc::new(self.parts[part].open()?);

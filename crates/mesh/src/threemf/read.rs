@@ -20,12 +20,12 @@ use terrane_files::nameless;
 use terrane_files::xml::{XmlEvent, XmlStartTag};
 
 /// Maximum entries of an archive, and bytes of its relationships.
-const MOST_ENTRIES: u64 = 4096;
-const MOST_RELATION_BYTES: u64 = 1 << 20;
+const MAX_ENTRIES: u64 = 4096;
+const MAX_RELATION_BYTES: u64 = 1 << 20;
 /// Relationship type of the model.
 const MODEL_TYPE: &str = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel";
 /// Maximum number of comments kept.
-const MOST_COMMENTS: usize = 64;
+const MAX_COMMENTS: usize = 64;
 
 /// An open file, and its model.
 pub(super) struct ThreeMfSource {
@@ -77,7 +77,7 @@ fn unpacked(path: &Path) -> Result<MeshFile> {
     drop(MeshFile::open(path)?);
     let file = File::open(path).map_err(|e| Error::read(path, e))?;
     let mut archive = ZipArchive::new(BufReader::new(file)).map_err(damaged)?;
-    limits::check("number of files in the archive", archive.len() as u64, MOST_ENTRIES)?;
+    limits::check("number of files in the archive", archive.len() as u64, MAX_ENTRIES)?;
     let name = model_name(&mut archive)?;
     let mut entry = archive.by_name(&name).map_err(damaged)?;
     let declared = entry.size();
@@ -112,8 +112,8 @@ fn model_name(archive: &mut ZipArchive<BufReader<File>>) -> Result<String> {
     let mut text = Vec::new();
     {
         let entry = archive.by_name(RELATIONS).map_err(damaged)?;
-        limits::check("size of the relationships in bytes", entry.size(), MOST_RELATION_BYTES)?;
-        entry.take(MOST_RELATION_BYTES).read_to_end(&mut text).map_err(damaged)?;
+        limits::check("size of the relationships in bytes", entry.size(), MAX_RELATION_BYTES)?;
+        entry.take(MAX_RELATION_BYTES).read_to_end(&mut text).map_err(damaged)?;
     }
     let text = String::from_utf8_lossy(&text);
     let model =
@@ -171,7 +171,7 @@ impl ThreeMfSummary {
         match name.strip_prefix(PREFIX) {
             Some("origin") => self.origin = numbers(&value),
             Some("scale") => self.scale = numbers(&value).filter(is_scale),
-            Some(_) if self.comments.len() < MOST_COMMENTS => self.comments.push(value),
+            Some(_) if self.comments.len() < MAX_COMMENTS => self.comments.push(value),
             _ => {}
         }
     }

@@ -17,7 +17,7 @@ use terrane_base::limits;
 use terrane_files::AppendWriter;
 
 /// Maximum number of vertices with several loops.
-const MOST_PINCHES: u64 = 1 << 20;
+const MAX_PINCHES: u64 = 1 << 20;
 
 /// Converts a surface to a solid.
 pub(super) struct SolidWalls {
@@ -132,11 +132,7 @@ impl OutlineStarts {
             return Ok(());
         }
         *self.several.entry(id).or_insert(1) += 1;
-        limits::check(
-            "number of corners where voids touch",
-            self.several.len() as u64,
-            MOST_PINCHES,
-        )
+        limits::check("number of corners where voids touch", self.several.len() as u64, MAX_PINCHES)
     }
 
     fn pinches(self) -> impl Iterator<Item = u64> {

@@ -7,7 +7,7 @@ use terrane_files::RawFile;
 /// Bytes read at a time.
 const CHUNK: usize = 64 << 10;
 /// Maximum length of a number.
-const MOST_WORD: usize = 256;
+const MAX_WORD: usize = 256;
 
 /// A reader of whitespace-separated words.
 pub(super) struct AscTokens<'a> {
@@ -70,11 +70,11 @@ impl<'a> AscTokens<'a> {
                 break;
             }
             bytes += rest.len();
-            if bytes > MOST_WORD || !self.refill()? {
+            if bytes > MAX_WORD || !self.refill()? {
                 break;
             }
         }
-        if bytes > MOST_WORD {
+        if bytes > MAX_WORD {
             return Err(Error::bad_input("word is too long for a number").at(self.place()));
         }
         let (offset, start) = (self.offset(), self.next);

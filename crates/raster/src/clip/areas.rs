@@ -16,7 +16,7 @@ pub struct PolygonEdgeIndex {
     /// Highest upper end of each block of edges, and of each block of blocks, up to one.
     tops: Vec<Vec<f64>>,
     /// Maximum number of edges at one height.
-    pub(super) most_at_once: usize,
+    pub(super) max_at_once: usize,
 }
 
 /// Number of edges of a block, and of blocks of the next level.
@@ -34,8 +34,8 @@ impl PolygonEdgeIndex {
     fn of_edges(mut edges: Vec<PolygonEdge>) -> Self {
         edges.sort_unstable_by(|a, b| a.low[1].total_cmp(&b.low[1]));
         edges.shrink_to_fit();
-        let (tops, most_at_once) = (tops(&edges), most_at_once(&edges));
-        Self { edges, tops, most_at_once }
+        let (tops, max_at_once) = (tops(&edges), max_at_once(&edges));
+        Self { edges, tops, max_at_once }
     }
 
     /// True if there are no edges.
@@ -106,7 +106,7 @@ impl PolygonEdgeIndex {
     pub fn held(&self, threads: usize) -> u64 {
         let edges = self.edges.len() as u64;
         let tops = edges / (BLOCK as u64 - 1) * size_of::<f64>() as u64;
-        let at_hand = self.most_at_once as u64 * AT_HAND * threads.max(1) as u64;
+        let at_hand = self.max_at_once as u64 * AT_HAND * threads.max(1) as u64;
         self.bytes() + tops + at_hand
     }
 
@@ -145,7 +145,7 @@ fn tops(edges: &[PolygonEdge]) -> Vec<Vec<f64>> {
 }
 
 /// Maximum number of `edges`, sorted by lower end, that overlap at one height.
-fn most_at_once(edges: &[PolygonEdge]) -> usize {
+fn max_at_once(edges: &[PolygonEdge]) -> usize {
     let mut ends: BinaryHeap<Reverse<i64>> = BinaryHeap::new();
     let mut most = 0;
     for edge in edges {

@@ -210,7 +210,7 @@ proptest! {
         let reach = |edge: &usize| clip.areas.edges[*edge].high[1] >= y.into();
         prop_assert_eq!(found, (0..clip.areas.edges.len()).filter(reach).collect::<Vec<_>>());
         let at = |y: f64| clip.areas.edges.iter().filter(|e| e.low[1] <= y && y <= e.high[1]).count();
-        prop_assert_eq!(clip.areas.most_at_once, (0..40).map(|y| at(f64::from(y))).max().unwrap());
+        prop_assert_eq!(clip.areas.max_at_once, (0..40).map(|y| at(f64::from(y))).max().unwrap());
     }
 }
 
@@ -220,7 +220,7 @@ fn a_window_is_done_with_the_edges_at_its_height() {
     let teeth = (0..40_000).flat_map(|i| [[5.0, f64::from(-i)], [2.0, -f64::from(i) - 0.5]]);
     let ring: Vec<Xy> = teeth.chain([[0.0, -40_000.0], [0.0, 0.0]]).collect();
     let clip = clip_of(&vec![vec![ring]], Crs::default());
-    assert!(clip.areas.most_at_once <= 5, "{}", clip.areas.most_at_once);
+    assert!(clip.areas.max_at_once <= 5, "{}", clip.areas.max_at_once);
     let mut rows = 0;
     let scan = PolygonScan::new(&clip.areas, Affine::LATTICE, Rect::new(0, 30_000, 8, 16));
     let _ = scan.rows(|_, inside| {

@@ -15,7 +15,7 @@ use super::tags;
 
 /// Maximum number of blocks whose offsets are held in memory (16 bytes each); those of larger files are read
 /// on demand.
-const MOST_HELD: u64 = 1 << 18;
+const MAX_HELD: u64 = 1 << 18;
 
 /// Size of the file header, which blocks must not overlap.
 const HEADER_BYTES: u64 = 8;
@@ -24,7 +24,7 @@ const HEADER_BYTES: u64 = 8;
 const PADDING: usize = 64 << 10;
 
 /// Maximum compressed size of a block of `bytes` bytes that is worth reading.
-fn most_packed(plain: u64) -> u64 {
+fn max_packed(plain: u64) -> u64 {
     2 * plain + 4096
 }
 
@@ -44,7 +44,7 @@ enum GeoTiffBlockTable {
 
 impl GeoTiffBlockTable {
     fn of(values: IntArray, file: &RawFile) -> Result<Self> {
-        if values.count > MOST_HELD {
+        if values.count > MAX_HELD {
             return Ok(Self::OnDisk(values));
         }
         values.all(file).map(Self::Held)
@@ -133,7 +133,7 @@ impl GeoTiffBlocks {
             Some(counts) => counts.get(file, number)?,
             None if raw => needed,
             // Without counts no one tells where a block ends: as much is read as it may take.
-            None => most_packed(plain).min(file.size().saturating_sub(offset)),
+            None => max_packed(plain).min(file.size().saturating_sub(offset)),
         };
         // GDAL keeps the offset when it clears the byte count.
         if bytes == 0 || (offset == 0 && self.byte_counts.is_none()) {
@@ -149,7 +149,7 @@ impl GeoTiffBlocks {
         let bytes = if raw { needed } else { bytes };
         file.check_range(offset, bytes)?;
         // A damaged count asks for no more than a block may take packed.
-        Ok(Some(GeoTiffBlockExtent { offset, bytes: bytes.min(most_packed(plain)) }))
+        Ok(Some(GeoTiffBlockExtent { offset, bytes: bytes.min(max_packed(plain)) }))
     }
 
     fn named(&self, error: Error, bx: u32, by: u32) -> Error {

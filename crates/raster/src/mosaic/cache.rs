@@ -10,7 +10,7 @@ use terrane_base::error::Result;
 use terrane_files::{lock, wait};
 
 /// Maximum number of open files.
-const MOST_FILES: usize = 256;
+const MAX_FILES: usize = 256;
 /// Fraction of the process limit of open files for a mosaic: a file may need a second handle (a mask, a
 /// temporary file), and the job has its own files.
 const FILE_SHARE: u64 = 4;
@@ -28,8 +28,8 @@ pub(super) struct OpenMosaicFile {
 
 /// The open files of a mosaic and of all nested mosaics.
 pub(super) struct MosaicFilePool {
-    most_files: usize,
-    most_bytes: usize,
+    max_files: usize,
+    max_bytes: usize,
     share: usize,
     keys: AtomicU64,
     state: Mutex<MosaicPoolState>,
@@ -57,16 +57,16 @@ enum MosaicPoolSlot {
 }
 
 impl MosaicFilePool {
-    /// A pool for a mosaic of `files` files whose blocks take at most `most_bytes` bytes in total.
-    pub(super) fn new(files: usize, most_bytes: usize) -> Self {
-        Self::with(open_files_allowed(), files, most_bytes)
+    /// A pool for a mosaic of `files` files whose blocks take at most `max_bytes` bytes in total.
+    pub(super) fn new(files: usize, max_bytes: usize) -> Self {
+        Self::with(open_files_allowed(), files, max_bytes)
     }
 
-    fn with(most_files: usize, files: usize, most_bytes: usize) -> Self {
+    fn with(max_files: usize, files: usize, max_bytes: usize) -> Self {
         Self {
-            most_files,
-            most_bytes,
-            share: most_bytes / files.clamp(1, SHARES),
+            max_files,
+            max_bytes,
+            share: max_bytes / files.clamp(1, SHARES),
             keys: AtomicU64::new(0),
             state: Mutex::default(),
             changed: Condvar::new(),
@@ -79,8 +79,8 @@ impl MosaicFilePool {
     }
 
     /// Maximum block memory of one file that cannot be read with less.
-    pub(super) fn most_bytes(&self) -> usize {
-        self.most_bytes
+    pub(super) fn max_bytes(&self) -> usize {
+        self.max_bytes
     }
 
     /// An unused key.
@@ -102,11 +102,11 @@ impl MosaicFilePool {
         let _claim = MosaicOpenClaim { pool: self, key };
         // Before the file is opened, as the limit of open files holds then, too. How many bytes its blocks
         // take is known only afterwards.
-        lock(&self.state).make_room(1, 0, self.most_files, self.most_bytes);
+        lock(&self.state).make_room(1, 0, self.max_files, self.max_bytes);
         let opened = open()?;
         let grid = opened.grid.clone();
         let mut state = lock(&self.state);
-        state.make_room(1, opened.bytes, self.most_files, self.most_bytes);
+        state.make_room(1, opened.bytes, self.max_files, self.max_bytes);
         state.insert(key, opened);
         Ok(grid)
     }
@@ -114,8 +114,8 @@ impl MosaicFilePool {
     /// Keeps an open file if there is space for it.
     pub(super) fn offer(&self, key: u64, opened: OpenMosaicFile) {
         let mut state = lock(&self.state);
-        let room = self.most_bytes.saturating_sub(state.bytes);
-        if state.order.len() < self.most_files && opened.bytes <= room {
+        let room = self.max_bytes.saturating_sub(state.bytes);
+        if state.order.len() < self.max_files && opened.bytes <= room {
             state.insert(key, opened);
         }
     }
@@ -159,9 +159,9 @@ impl MosaicPoolState {
     }
 
     /// Closes files until `files` more with `bytes` bytes fit, or none is left.
-    fn make_room(&mut self, files: usize, bytes: usize, most_files: usize, most_bytes: usize) {
+    fn make_room(&mut self, files: usize, bytes: usize, max_files: usize, max_bytes: usize) {
         let is_full = |state: &Self| {
-            state.order.len() + files > most_files || state.bytes.saturating_add(bytes) > most_bytes
+            state.order.len() + files > max_files || state.bytes.saturating_add(bytes) > max_bytes
         };
         while is_full(self) {
             let Some((_, oldest)) = self.order.pop_first() else { return };
@@ -199,7 +199,7 @@ impl Drop for MosaicOpenClaim<'_> {
 /// Number of files that a mosaic may have open.
 fn open_files_allowed() -> usize {
     let share = open_files_limit().unwrap_or(u64::MAX) / FILE_SHARE;
-    (share as usize).clamp(1, MOST_FILES)
+    (share as usize).clamp(1, MAX_FILES)
 }
 
 /// Process limit of open files; `None` if there is none.
@@ -281,6 +281,6 @@ mod tests {
     fn shares_and_limits() {
         assert_eq!(MosaicFilePool::with(2, 3, 90).share(), 30);
         assert_eq!(MosaicFilePool::with(2, 1000, 80).share(), 10);
-        assert!((1..=MOST_FILES).contains(&open_files_allowed()));
+        assert!((1..=MAX_FILES).contains(&open_files_allowed()));
     }
 }

@@ -180,7 +180,7 @@ fn open_file(
         Ok((OpenMosaicFile { grid: grid.into(), bytes }, info))
     };
     let opened: Result<_> = with(pool.share()).or_else(|e: Error| match e.kind() {
-        ErrorKind::Resource => with(pool.most_bytes()),
+        ErrorKind::Resource => with(pool.max_bytes()),
         _ => Err(e),
     });
     opened.map_err(|e| e.in_file(&path_of(file_name(name))))

@@ -25,7 +25,7 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
 };
 
 /// Maximum header size in bytes.
-const MOST_HEADER: u64 = 1 << 20;
+const MAX_HEADER: u64 = 1 << 20;
 
 impl RawRasterHeader {
     fn info(self, path: &Path, options: &GridOpenOptions) -> Result<GridInfo> {
@@ -110,7 +110,7 @@ fn is_header(path: &Path) -> Error {
 }
 
 fn read_header(data: &RawFile, path: &Path) -> Result<RawRasterHeader> {
-    let text = beside::small_text(path, "header size in bytes", MOST_HEADER)?;
+    let text = beside::small_text(path, "header size in bytes", MAX_HEADER)?;
     let text = text.trim_start_matches('\u{feff}');
     let header = if text.trim_start().starts_with("ENVI") {
         envi::read(text)?

@@ -8,7 +8,7 @@ const CHUNK: u64 = 64 << 10;
 /// Field width of a height, alone and with the padding of the preceding record.
 const FIELDS: [usize; 2] = [6, 10];
 /// Maximum length of a number.
-const MOST_WORD: usize = 64;
+const MAX_WORD: usize = 64;
 
 /// Sequential reader of numbers.
 pub(super) struct UsgsDemFieldReader<'a> {
@@ -86,7 +86,7 @@ impl<'a> UsgsDemFieldReader<'a> {
             if is_sign && word.last().is_some_and(|last| !b"DdEe".contains(last)) {
                 return Ok(word);
             }
-            if word.len() == MOST_WORD {
+            if word.len() == MAX_WORD {
                 return Err(not_a("number", &word));
             }
             word.push(byte);

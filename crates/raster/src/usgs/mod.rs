@@ -30,7 +30,7 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
 /// Value of void samples.
 const VOID: f64 = -32767.0;
 /// Maximum record length with its newline, in bytes.
-const MOST_RECORD: u64 = 1024 + 2;
+const MAX_RECORD: u64 = 1024 + 2;
 /// Maximum offset of a profile from its position, in cells.
 const SLACK: f64 = 0.05;
 
@@ -100,7 +100,7 @@ fn unpack(file: &RawFile, header: &UsgsDemHeader, mut spool: SampleSpool) -> Res
             fields.align(header.data, record).map_err(|e| e.at(&place))?;
         }
     }
-    fields.finish(MOST_RECORD)?;
+    fields.finish(MAX_RECORD)?;
     spool.finish()
 }
 

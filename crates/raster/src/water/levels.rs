@@ -20,10 +20,10 @@ const STATIONS: u64 = 1 << 14;
 /// Maximum memory for stations and a window, in bytes.
 pub(super) fn held(line_vertices: usize) -> u64 {
     let window = u64::from(SIDE + 2).pow(2) * (size_of::<f64>() as u64 + 1);
-    most_stations(line_vertices) * 64 + 2 * window
+    max_stations(line_vertices) * 64 + 2 * window
 }
 
-fn most_stations(line_vertices: usize) -> u64 {
+fn max_stations(line_vertices: usize) -> u64 {
     STATIONS + 4 * line_vertices as u64
 }
 
@@ -157,7 +157,7 @@ fn station(info: &GridInfo, lines: &[&[Xy]]) -> f64 {
     let vertices = lines.iter().map(|line| line.len()).sum();
     let cell = info.transform.determinant().abs().sqrt();
     let all: f64 = lines.iter().map(|line| length(line, 1.0)).sum();
-    cell.max(all / most_stations(vertices) as f64)
+    cell.max(all / max_stations(vertices) as f64)
 }
 
 impl BankLevels {

@@ -17,7 +17,7 @@ pub(super) enum TiffCompression {
 }
 
 const DEFLATE_LEVEL: i32 = 6;
-const MOST_DEFLATE_LEVEL: u32 = 12;
+const MAX_DEFLATE_LEVEL: u32 = 12;
 const ZSTD_LEVEL: i32 = 9;
 
 impl TiffCompression {
@@ -25,7 +25,7 @@ impl TiffCompression {
     pub(super) fn of(creation: &CreationOptions, default: &str) -> Result<Self> {
         let name = creation.word("COMPRESS").unwrap_or(default);
         let level = creation.number("LEVEL");
-        let levels = if name == "DEFLATE" { MOST_DEFLATE_LEVEL } else { u32::MAX };
+        let levels = if name == "DEFLATE" { MAX_DEFLATE_LEVEL } else { u32::MAX };
         if let Some(level) = level.filter(|level| *level > levels) {
             return Err(Error::usage(format!("LEVEL={level} is out of range for {name}"))
                 .remedy(format!("choose 1 to {levels}")));
@@ -91,13 +91,13 @@ fn fault(error: impl std::fmt::Display) -> Error {
 }
 
 /// Maximum length of a run or literal.
-const MOST_PACKED: usize = 128;
+const MAX_PACKED: usize = 128;
 
 /// PackBits (TIFF 6.0 section 9) with runs of three bytes or more.
 fn packbits(row: &[u8], out: &mut Vec<u8>) {
     let (mut at, mut literal) = (0, 0);
     while at < row.len() {
-        let same = row[at..].iter().take(MOST_PACKED).take_while(|b| **b == row[at]).count();
+        let same = row[at..].iter().take(MAX_PACKED).take_while(|b| **b == row[at]).count();
         // A run of two bytes takes as many as in a literal, and would cut the literal in two.
         if same < 3 {
             at += same;
@@ -112,7 +112,7 @@ fn packbits(row: &[u8], out: &mut Vec<u8>) {
 }
 
 fn literals(bytes: &[u8], out: &mut Vec<u8>) {
-    for bytes in bytes.chunks(MOST_PACKED) {
+    for bytes in bytes.chunks(MAX_PACKED) {
         out.push((bytes.len() - 1) as u8);
         out.extend_from_slice(bytes);
     }

@@ -30,7 +30,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
 /// Approximate number of cells of a block; at least one row.
 const BLOCK_CELLS: u32 = 1 << 13;
 /// Maximum number of decimals of coordinates, which resolve a millionth of a cell.
-const MOST_DECIMALS: f64 = 15.0;
+const MAX_DECIMALS: f64 = 15.0;
 
 /// A table under construction.
 struct CsvSink {
@@ -160,7 +160,7 @@ fn heading(options: &GridWriteOptions) -> String {
 fn decimals(transform: &Affine) -> usize {
     let Affine { a, b, d, e, .. } = *transform;
     let cell = a.hypot(d).min(b.hypot(e));
-    (6.0 - cell.log10()).ceil().clamp(0.0, MOST_DECIMALS) as usize
+    (6.0 - cell.log10()).ceil().clamp(0.0, MAX_DECIMALS) as usize
 }
 
 fn put(text: &mut String, value: impl Display) {

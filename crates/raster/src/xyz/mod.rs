@@ -28,7 +28,7 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
 };
 
 /// Maximum number of grid samples per point: sparser points are not a grid.
-const MOST_SPARSE: u64 = 100;
+const MAX_SPARSE: u64 = 100;
 /// Maximum offset of a point from its position, in cells.
 const SLACK: f64 = 0.1;
 /// Largest integer up to which all integers are exact in `f32`.
@@ -173,7 +173,7 @@ impl XyzSurvey {
         let axis = |name: &str, i: usize| XyzAxis::of(name, self.spans[i], self.steps[i]);
         let (x, y) = (axis("x", 0)?, axis("y", 1)?);
         let samples = u64::from(x.count) * u64::from(y.count);
-        if samples / MOST_SPARSE > self.points {
+        if samples / MAX_SPARSE > self.points {
             return Err(irregular(format!(
                 "{} points in {file_bytes} bytes are too sparse for a grid of {} x {} samples",
                 self.points, x.count, y.count

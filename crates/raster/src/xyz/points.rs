@@ -7,9 +7,9 @@ use terrane_base::error::{Error, Result};
 use terrane_files::{self as file, RawFile};
 
 /// Maximum line length in bytes.
-const MOST_LINE: u64 = 4096;
+const MAX_LINE: u64 = 4096;
 /// Maximum number of consecutive spaces of a plain line.
-const MOST_SPACES: usize = 64;
+const MAX_SPACES: usize = 64;
 
 /// Names of the columns x, y and z in headers, in lower case.
 const NAMES: [&[&str]; 3] = [
@@ -92,13 +92,13 @@ impl<'a> XyzPointReader<'a> {
     fn next_line(&mut self) -> Result<Option<&str>> {
         loop {
             self.text.clear();
-            let mut lines = self.lines.by_ref().take(MOST_LINE);
+            let mut lines = self.lines.by_ref().take(MAX_LINE);
             let read = lines.read_until(b'\n', &mut self.text);
             self.line += 1;
             match read.map_err(|e| Error::read(self.file.path(), e))? as u64 {
                 0 => return Ok(None),
-                MOST_LINE if !self.text.ends_with(b"\n") => {
-                    let message = format!("line exceeds {MOST_LINE} bytes");
+                MAX_LINE if !self.text.ends_with(b"\n") => {
+                    let message = format!("line exceeds {MAX_LINE} bytes");
                     return Err(Error::bad_input(message).at(self.place()));
                 }
                 _ => {}
@@ -195,7 +195,7 @@ fn even(found: usize, before: Option<usize>) -> Result<()> {
 
 /// Number of leading spaces.
 fn spaces(text: &[u8]) -> usize {
-    text.iter().take(MOST_SPACES).take_while(|byte| matches!(byte, b' ' | b'\t')).count()
+    text.iter().take(MAX_SPACES).take_while(|byte| matches!(byte, b' ' | b'\t')).count()
 }
 
 /// The point of the first line of `text` and the length of the line, if it is three plain decimals and

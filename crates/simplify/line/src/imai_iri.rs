@@ -27,7 +27,7 @@ use super::metric::DistanceMetric;
 use super::metric::range::larger;
 use super::regions::{VertexRegions, farthest_beyond, first_beyond, last_above};
 use super::scratch::{PathNode, SimplifyScratch, keep_short};
-use super::wedge::{MOST_SIDES, Wedge, WedgeStep, first_inside};
+use super::wedge::{MAX_SIDES, Wedge, WedgeStep, first_inside};
 
 /// No vertex.
 const NONE: u32 = u32::MAX;
@@ -86,10 +86,10 @@ pub fn imai_iri<V: Copy, M: DistanceMetric<V>>(
 /// Vertices that empty the wedge of a vertex, ascending: the last to cut each side, and the one that emptied
 /// it.
 #[derive(Clone, Copy)]
-struct DirectionWitness([u32; MOST_SIDES + 1]);
+struct DirectionWitness([u32; MAX_SIDES + 1]);
 
 impl DirectionWitness {
-    const NONE: Self = Self([NONE; MOST_SIDES + 1]);
+    const NONE: Self = Self([NONE; MAX_SIDES + 1]);
 
     /// Records the vertices that cut each side.
     #[inline(always)]
@@ -105,7 +105,7 @@ impl DirectionWitness {
 struct VisibilityWedge<W> {
     wedge: W,
     /// Smallest squared distance of visible vertices.
-    least_span2: f64,
+    min_span2: f64,
     /// Vertices that narrowed the wedge.
     witness: DirectionWitness,
     /// True if others than the last witness did.
@@ -286,9 +286,8 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
     fn view(&self, from: usize, first: usize) -> VisibilityWedge<M::Wedge> {
         let wedge = M::Wedge::new(&self.points[from], self.tolerance);
         let is_passed = (from + 1..first).contains(&self.outermost);
-        let least_span2 =
-            if is_passed { wedge.least_span2(&self.points[self.outermost]) } else { 0.0 };
-        VisibilityWedge { wedge, least_span2, witness: DirectionWitness::NONE, is_new: false }
+        let min_span2 = if is_passed { wedge.min_span2(&self.points[self.outermost]) } else { 0.0 };
+        VisibilityWedge { wedge, min_span2, witness: DirectionWitness::NONE, is_new: false }
     }
 
     /// Tries the segments to visible unvisited vertices of `at..end`: `false` if nothing is visible after that.
@@ -305,7 +304,7 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
                 return true;
             }
             let run = &self.points[at..end];
-            let Some(inside) = first_inside(&view.wedge, view.least_span2, run) else {
+            let Some(inside) = first_inside(&view.wedge, view.min_span2, run) else {
                 return true;
             };
             at += inside;
@@ -324,9 +323,9 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
         }
         let spoiler = self.nodes[to].spoiler as usize;
         view.is_new = true;
-        let least_span2 = view.wedge.least_span2(&self.points[spoiler]);
-        if least_span2 > view.least_span2 {
-            view.least_span2 = least_span2;
+        let min_span2 = view.wedge.min_span2(&self.points[spoiler]);
+        if min_span2 > view.min_span2 {
+            view.min_span2 = min_span2;
             self.outermost = spoiler;
         }
         let is_left = view.pass(self.points, spoiler) != WedgeStep::Stops;
@@ -338,7 +337,7 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
 
     /// Records the witness of a wedge emptied by `killer`.
     fn stop(&mut self, mut witness: DirectionWitness, killer: usize) {
-        witness.0[MOST_SIDES] = killer as u32;
+        witness.0[MAX_SIDES] = killer as u32;
         witness.0.sort_unstable();
         self.witness = witness;
     }

@@ -271,14 +271,14 @@ impl FarthestQuery<'_> {
         let [x, y] = self.segment.direction();
         let across = self.extremes(level, hull, [y, -x]);
         let across = across.map(|place| self.corner(level, place));
-        let square = self.segment.most_across(&across, doubt.slack);
+        let square = self.segment.max_across(&across, doubt.slack);
         let over = self.segment.most_over(&hull.around);
         if over == 0.0 || square + over <= self.limit {
             return square + over;
         }
         let places = self.extremes(level, hull, [x, y]);
         let along = places.map(|place| self.corner(level, place));
-        let most = square + self.segment.most_along(&along, doubt.slack);
+        let most = square + self.segment.max_along(&along, doubt.slack);
         if most <= self.limit {
             return most;
         }
@@ -319,7 +319,7 @@ impl FarthestQuery<'_> {
     ) -> f64 {
         let wider = |reach: f64| match doubt.is_whole {
             true => reach,
-            false => self.segment.most_around(reach, doubt.slack),
+            false => self.segment.max_around(reach, doubt.slack),
         };
         if !self.segment.is_beyond(&self.corner(level, place), side) {
             return 0.0;

@@ -41,12 +41,12 @@ pub trait Wedge<V>: Copy {
     /// [`WedgeStep::Ends`], and almost nowhere else.
     fn outside(&self, p: &V) -> f64;
 
-    /// Sides cut by the last step, as bits below [`MOST_SIDES`].
+    /// Sides cut by the last step, as bits below [`MAX_SIDES`].
     fn cuts(&self) -> u32;
 
     /// Smallest [`Wedge::span2`] of the end of a segment that passes `p`: an end closer to the anchor leaves
     /// `p` beyond it by more than the tolerance. 0 if unknown.
-    fn least_span2(&self, p: &V) -> f64;
+    fn min_span2(&self, p: &V) -> f64;
 
     /// Squared distance of `p` from the anchor, or 0 if no vertex can lie beyond the end of a segment.
     fn span2(&self, p: &V) -> f64;
@@ -55,14 +55,14 @@ pub trait Wedge<V>: Copy {
 /// Vertices whose directions are compared in parallel.
 const LANES: usize = 8;
 
-/// The first vertex of `points` not beside the wedge, with [`Wedge::span2`] of at least `least_span2`.
+/// The first vertex of `points` not beside the wedge, with [`Wedge::span2`] of at least `min_span2`.
 #[inline]
 pub(super) fn first_inside<V, W: Wedge<V>>(
     wedge: &W,
-    least_span2: f64,
+    min_span2: f64,
     points: &[V],
 ) -> Option<usize> {
-    let outside = |p: &V| larger(wedge.outside(p), least_span2 - wedge.span2(p));
+    let outside = |p: &V| larger(wedge.outside(p), min_span2 - wedge.span2(p));
     let chunks = points.chunks_exact(LANES);
     let rest = chunks.remainder();
     for (n, chunk) in chunks.enumerate() {
@@ -78,7 +78,7 @@ pub(super) fn first_inside<V, W: Wedge<V>>(
 }
 
 /// Largest number of sides of a wedge.
-pub const MOST_SIDES: usize = 6;
+pub const MAX_SIDES: usize = 6;
 
 /// Allowance for rounding, relative to the distance from the anchor (and to the tolerance).
 const SLACK: f64 = 1e-14;
@@ -335,7 +335,7 @@ impl<V: Copy, L: WedgeView<V>> Wedge<V> for DiscWedge<V, L> {
     }
 
     #[inline(always)]
-    fn least_span2(&self, p: &V) -> f64 {
+    fn min_span2(&self, p: &V) -> f64 {
         if L::IS_UNIFORM { least_square(self.span2(p), self.tolerance) } else { 0.0 }
     }
 
@@ -377,7 +377,7 @@ impl Wedge<[f64; 3]> for SpaceWedge {
         self.xy.cuts | self.yz.cuts << 2 | self.zx.cuts << 4
     }
 
-    fn least_span2(&self, p: &[f64; 3]) -> f64 {
+    fn min_span2(&self, p: &[f64; 3]) -> f64 {
         least_square(self.span2(p), self.xy.tolerance)
     }
 
@@ -437,7 +437,7 @@ impl Wedge<Xy> for SlopeWedge {
     }
 
     #[inline(always)]
-    fn least_span2(&self, _: &Xy) -> f64 {
+    fn min_span2(&self, _: &Xy) -> f64 {
         0.0
     }
 

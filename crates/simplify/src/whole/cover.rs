@@ -31,7 +31,7 @@ use super::left::{AssembledFeatures, FinishedSquares, Parts, RunCutting};
 use super::moves::{self, SnappedPositions};
 use super::spool::{self, TileSpool, by_square};
 use super::square::{
-    FlatChains, KEPT_VERTEX, MOST_PAIRS, SolvedSquare, SquareContent, TileRounding, TileSettings,
+    FlatChains, KEPT_VERTEX, MAX_PAIRS, SolvedSquare, SquareContent, TileRounding, TileSettings,
     VERTEX, solve,
 };
 use super::trial::{OpenedLineJob, SimplifiedSource, TrialGoal};
@@ -121,7 +121,7 @@ impl CoverageJob<'_> {
     /// Memory in bytes beside features and tiles: bits per vertex, snapped positions, and the rest.
     fn others(&self, input: &CoverageInput<'_>) -> u64 {
         let moved = match self.topology.snap > 0.0 {
-            true => (input.vertices * size_of::<Xy>() as u64).min(moves::most_held(self.memory())),
+            true => (input.vertices * size_of::<Xy>() as u64).min(moves::max_held(self.memory())),
             false => 0,
         };
         self.bits(input) + moved + REST
@@ -291,7 +291,7 @@ impl CoverageJob<'_> {
             self.solve_spooled(input, squares, &spool, solve_one)
         };
         solved.map_err(|e| match e.kind() {
-            ErrorKind::Resource => self.too_little(input, self.most_bytes(squares)),
+            ErrorKind::Resource => self.too_little(input, self.max_bytes(squares)),
             _ => e,
         })?;
         self.progress.end();
@@ -329,7 +329,7 @@ impl CoverageJob<'_> {
     }
 
     /// Memory in bytes of the largest tile if all its vertices are kept.
-    fn most_bytes(&self, squares: &VertexQuadtree) -> u64 {
+    fn max_bytes(&self, squares: &VertexQuadtree) -> u64 {
         let sizes = (0..squares.count()).map(|square| squares.vertices(square) * KEPT_VERTEX);
         sizes.max().unwrap_or(0)
     }
@@ -348,7 +348,7 @@ impl CoverageJob<'_> {
     ) -> Result<TileSpool<'s>> {
         let squares = now.squares;
         let has_z = self.rule.measure == DistanceKind::Space;
-        let (room, largest) = (self.room(input), self.most_bytes(squares));
+        let (room, largest) = (self.room(input), self.max_bytes(squares));
         let workers = self.workers(room / 8 * 7, largest) as u64;
         let memory = room.saturating_sub(workers * largest).max(beside(self.memory()) / 8);
         let bytes = input.vertices * if has_z { 24 } else { 16 };
@@ -464,7 +464,7 @@ impl TileTotals {
         self.crossings += solved.crossings + meeting.len() as u64;
         self.gaps.merge(&solved.gaps);
         meeting.iter().for_each(|pair| self.gaps.add(*pair));
-        let most = MOST_PAIRS.div_ceil(squares.count());
+        let most = MAX_PAIRS.div_ceil(squares.count());
         self.pairs.extend(solved.pairs.iter().chain(&meeting).take(most));
     }
 }

@@ -54,7 +54,7 @@ impl VertexMoves {
 }
 
 /// Largest share of memory for snapped positions.
-pub(super) fn most_held(memory: u64) -> u64 {
+pub(super) fn max_held(memory: u64) -> u64 {
     memory / 16
 }
 
@@ -78,7 +78,7 @@ impl SnappedPositions {
         cancel: &Cancel,
     ) -> Result<Self> {
         let count = squares.count();
-        let places = Buckets::new(folder, count, most_held(memory));
+        let places = Buckets::new(folder, count, max_held(memory));
         let stayed = Buckets::new(folder, count, memory / 16);
         let (mut before, mut near) = (Vec::new(), Vec::new());
         for square in 0..count {

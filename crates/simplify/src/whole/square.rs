@@ -23,7 +23,7 @@ use terrane_line::{DistanceMetric, SimplifyScratch, Xy};
 use terrane_vector::{self as vector, KeptVertices};
 
 /// Largest number of recorded pairs of segments that meet.
-pub(super) const MOST_PAIRS: usize = 1 << 16;
+pub(super) const MAX_PAIRS: usize = 1 << 16;
 
 /// Lines and rings in flat arrays.
 #[derive(Debug)]
@@ -204,7 +204,7 @@ impl TileOutcome {
             }
             solved.crossings += 1;
             solved.gaps.add(segments);
-            if solved.pairs.len() < MOST_PAIRS {
+            if solved.pairs.len() < MAX_PAIRS {
                 solved.pairs.push(segments);
             }
         }

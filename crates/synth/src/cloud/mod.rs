@@ -34,7 +34,7 @@ impl LidarSurvey {
 
     /// Points of a part, at most.
     pub fn most(&self, part: usize) -> u64 {
-        Flight::new(self).leg(part).pulses() * u64::from(pulse::MOST_RETURNS)
+        Flight::new(self).leg(part).pulses() * u64::from(pulse::MAX_RETURNS)
     }
 
     /// Where the points of a part lie: x min, y min, x max, y max.

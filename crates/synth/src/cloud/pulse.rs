@@ -45,7 +45,7 @@ pub struct SimulatedReturn {
 }
 
 /// Most returns of a pulse.
-pub(super) const MOST_RETURNS: u32 = 4;
+pub(super) const MAX_RETURNS: u32 = 4;
 
 /// Metres by which a return may lie beside the place where its pulse meets the ground: trees are at
 /// most 23 m high, and the tangent of the beam's angle is at most 0.2.
@@ -63,13 +63,13 @@ const ON_GROUND: PulseReturn = PulseReturn { above: 0.0, class: GROUND };
 
 /// Returns of a pulse, from high to low.
 struct PulseReturns {
-    hits: [PulseReturn; MOST_RETURNS as usize],
+    hits: [PulseReturn; MAX_RETURNS as usize],
     count: usize,
 }
 
 impl PulseReturns {
     fn one(hit: PulseReturn) -> Self {
-        Self { hits: [hit; MOST_RETURNS as usize], count: 1 }
+        Self { hits: [hit; MAX_RETURNS as usize], count: 1 }
     }
 
     fn push(&mut self, hit: PulseReturn) {

@@ -178,7 +178,7 @@ struct ConvertMemory {
 /// Default number of samples of a block: a tile of 512 x 512.
 const USUAL_SAMPLES: u64 = 512 * 512;
 /// Least memory left for the source's blocks.
-const LEAST_CACHE: u64 = 8 << 20;
+const MIN_CACHE: u64 = 8 << 20;
 
 impl ConvertMemory {
     /// A block for each thread, and the rest, but not more than half, for the source: fewer threads
@@ -190,14 +190,14 @@ impl ConvertMemory {
         let side = side.and_then(|(_, value)| value.parse::<u64>().ok());
         let samples = side.map_or(USUAL_SAMPLES, |side| side.saturating_mul(side));
         let block = samples.saturating_mul(format.bytes_per_sample).saturating_add(held);
-        let least = block.saturating_add(LEAST_CACHE);
+        let least = block.saturating_add(MIN_CACHE);
         if memory < least {
             return Err(too_small(memory, least));
         }
-        let most = (memory - LEAST_CACHE) / block;
+        let most = (memory - MIN_CACHE) / block;
         let threads = threads.clamp(1, usize::try_from(most).unwrap_or(usize::MAX));
         let share = threads as u64 * block;
-        let cache = (memory - share).min((memory / 2).max(LEAST_CACHE));
+        let cache = (memory - share).min((memory / 2).max(MIN_CACHE));
         Ok(Self { threads, cache: usize::try_from(cache).unwrap_or(usize::MAX), memory, held })
     }
 
@@ -209,7 +209,7 @@ impl ConvertMemory {
         let block = samples(width.min(info.width), height.min(info.height));
         let block = block.saturating_mul(format.bytes_per_sample).saturating_add(self.held).max(1);
         match (self.memory - self.cache as u64) / block {
-            0 => Err(too_small(self.memory, block.saturating_mul(2).max(2 * LEAST_CACHE))),
+            0 => Err(too_small(self.memory, block.saturating_mul(2).max(2 * MIN_CACHE))),
             most => Ok(self.threads.min(usize::try_from(most).unwrap_or(usize::MAX))),
         }
     }

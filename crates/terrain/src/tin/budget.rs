@@ -5,7 +5,7 @@
 //! vertices that no tolerance removes (the outlines of voids) are subtracted from the count once they are
 //! known. The first guess comes from a sample of the grid, and is corrected by the count of the first trial.
 //! Trials end when the tolerance is known to [`WIDTH`], when the count is within [`SLACK`] below the budget,
-//! and after [`MOST_TRIALS`].
+//! and after [`MAX_TRIALS`].
 
 use terrane_base::error::{Error, Result};
 
@@ -14,13 +14,13 @@ const WIDTH: f64 = 1.002;
 /// A count this close below the budget (as a fraction of it) is close enough.
 const SLACK: f64 = 0.002;
 /// Trials after which the best one is taken: each is a run of its own.
-pub(super) const MOST_TRIALS: u32 = 6;
+pub(super) const MAX_TRIALS: u32 = 6;
 /// Trials beyond the budget after which the coarsest mesh is tried.
 const PATIENCE: u32 = 4;
 /// Largest step, as a factor, while only one side of the bracket is known.
-const MOST_STEP: f64 = 16.0;
+const MAX_STEP: f64 = 16.0;
 /// Counts fall with the tolerance at least this much, in logarithms.
-const LEAST_SLOPE: f64 = 0.02;
+const MIN_SLOPE: f64 = 0.02;
 /// A tolerance that keeps only mandatory vertices.
 const COARSEST: f64 = 1e30;
 /// A tolerance this small against the first guess is replaced by 0.
@@ -78,7 +78,7 @@ struct ToleranceSearch {
 impl ToleranceSearch {
     /// The next tolerance to try; `None` when the search is over.
     fn next(&self) -> Option<f64> {
-        let left = MOST_TRIALS - self.spent - self.trials.len() as u32;
+        let left = MAX_TRIALS - self.spent - self.trials.len() as u32;
         let (over, fits) = (self.over(), self.fits());
         if left == 0 || self.is_close() {
             return None;
@@ -140,7 +140,7 @@ impl ToleranceSearch {
     /// The logarithm of the tolerance that a line through the two trials gives, followed from the first.
     fn followed(&self, near: ToleranceTrial, other: ToleranceTrial) -> f64 {
         let ([x, y], [other_x, other_y]) = (self.place(near), self.place(other));
-        let slope = ((y - other_y) / (other_x - x)).max(LEAST_SLOPE);
+        let slope = ((y - other_y) / (other_x - x)).max(MIN_SLOPE);
         x + self.miss(near.count as f64) / slope
     }
 
@@ -170,7 +170,7 @@ impl ToleranceSearch {
             [near, other, ..] => self.followed(near, other),
         };
         // Each trial on the same side goes further, so that a curve with jumps is left behind.
-        let (step, nudge) = (MOST_STEP.ln(), WIDTH.ln());
+        let (step, nudge) = (MAX_STEP.ln(), WIDTH.ln());
         let push = nudge.max(0.25 * (known.len() as f64 - 1.0).powi(2));
         let from = known[0].tolerance.ln();
         let next = match (over, fits) {
@@ -247,7 +247,7 @@ mod tests {
                 counted += 1;
                 Ok(count(t))
             });
-            prop_assert!(counted <= MOST_TRIALS, "{} trials", counted);
+            prop_assert!(counted <= MAX_TRIALS, "{} trials", counted);
             match found {
                 Ok((tolerance, trials)) => {
                     prop_assert!(count(tolerance) <= budget);
@@ -289,7 +289,7 @@ mod tests {
             let (tolerance, trials) = search(budget, known, guess, |t| Ok(count(t))).unwrap();
             let used = count(tolerance) as f64 / budget as f64;
             prop_assert!((0.99..=1.0).contains(&used), "{}", used);
-            prop_assert!(trials <= MOST_TRIALS);
+            prop_assert!(trials <= MAX_TRIALS);
         }
     }
 

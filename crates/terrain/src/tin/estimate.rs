@@ -14,9 +14,9 @@ use terrane_engine::{Cancel, workers};
 use terrane_raster::GridSource;
 use terrane_tin::{TileMesh, TileScratch, TinSpec, triangulate_tile};
 
-/// One tile in this many is sampled, but no more than [`MOST_TILES`].
+/// One tile in this many is sampled, but no more than [`MAX_TILES`].
 const ONE_IN: u64 = 32;
-const MOST_TILES: u64 = 16;
+const MAX_TILES: u64 = 16;
 /// Cells along a tile of a thorough estimate. It
 /// reads as many samples as a few large tiles, but spreads them more evenly over land and sea.
 const FINE: u32 = 128;
@@ -70,7 +70,7 @@ impl<'a> SizeEstimator<'a> {
         threads: usize,
         cancel: &'a Cancel,
     ) -> Self {
-        let tiles = spread(&layout, (layout.tiles() / ONE_IN).clamp(1, MOST_TILES));
+        let tiles = spread(&layout, (layout.tiles() / ONE_IN).clamp(1, MAX_TILES));
         Self { source, layout, threads, cancel, tiles, known: HashMap::new(), relief: None }
     }
 

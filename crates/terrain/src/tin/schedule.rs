@@ -11,7 +11,7 @@ use std::sync::{Condvar, Mutex};
 
 use super::layout::TileId;
 use super::scope::LayoutWork;
-use super::task::{MOST_LAG, TileStep, TileTask};
+use super::task::{MAX_LAG, TileStep, TileTask};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::{lock, unlocked, wait};
 
@@ -251,7 +251,7 @@ impl TaskQueue {
         // As if the sweep went on beyond the last row and column, so that what waits for tiles that
         // are not there still keeps its distance.
         let cols = u64::from(task.tile.col + cols);
-        let last = u64::from(task.tile.row + rows) * u64::from(layout.cols + MOST_LAG) + cols;
+        let last = u64::from(task.tile.row + rows) * u64::from(layout.cols + MAX_LAG) + cols;
         match self.order_seed {
             // Of tasks that wait for the same last tile the earlier of the eight steps goes first.
             None => last * 8 + task.step as u64,

@@ -3,7 +3,7 @@
 use super::layout::{SeamPlace, TileId};
 
 /// Most rows or columns that a step lags.
-pub(super) const MOST_LAG: u32 = 3;
+pub(super) const MAX_LAG: u32 = 3;
 
 /// What is done for a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -37,7 +37,7 @@ impl TileStep {
         }
     }
 
-    /// Offset in rows and columns (at most [`MOST_LAG`]) from its own tile to the last tile it waits for.
+    /// Offset in rows and columns (at most [`MAX_LAG`]) from its own tile to the last tile it waits for.
     pub(super) fn lag(self) -> (u32, u32) {
         match self {
             Self::Tile => (0, 0),

@@ -578,7 +578,7 @@ pub(super) fn line_bytes(cells: u32) -> u64 {
 pub(super) fn worker_bytes(cells: u32, keeps_all: bool, fit: bool) -> u64 {
     let samples = u64::from(cells + 3).pow(2);
     let face = size_of::<[u64; 3]>() + size_of::<[Point3; 3]>();
-    let whole = TileMesh::most_bytes(samples) + 2 * samples * face as u64;
+    let whole = TileMesh::max_bytes(samples) + 2 * samples * face as u64;
     let mesh = if keeps_all { whole } else { 0 };
     mesh + tin::TileScratch::bytes(cells + 2, fit)
         + HeightBuffers::bytes(samples)

@@ -43,7 +43,7 @@ pub(super) struct TargetGrid {
 const HAIR: f64 = 1e-6;
 
 /// Most positions transformed along each edge of the grid.
-const MOST_PLACES: u32 = 1 << 14;
+const MAX_PLACES: u32 = 1 << 14;
 
 /// The lattice in the target CRS of `way`.
 pub(super) fn of(
@@ -156,7 +156,7 @@ struct WarpedExtent {
 impl WarpedExtent {
     fn of(grid: &GridInfo, way: &CrsTransform) -> Self {
         let mut outline = Self { extent: [f64::MAX, f64::MAX, f64::MIN, f64::MIN], lost: None };
-        let steps = grid.width.max(grid.height).min(MOST_PLACES);
+        let steps = grid.width.max(grid.height).min(MAX_PLACES);
         let [right, bottom] = [grid.width, grid.height].map(f64::from);
         for step in 0..=steps {
             let share = f64::from(step) / f64::from(steps);

@@ -108,7 +108,7 @@ impl WarpJob<'_> {
     /// Fails if a height depends on more samples than a thread may hold.
     fn check_reach(&self, scale: Scale) -> Result<()> {
         let [cols, rows] = self.resampling.reach(scale).map(|reach| 2.0 * reach);
-        if cols * rows <= source::MOST_SAMPLES as f64 {
+        if cols * rows <= source::MAX_SAMPLES as f64 {
             return Ok(());
         }
         let name = self.resampling.name;

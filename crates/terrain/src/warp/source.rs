@@ -11,12 +11,12 @@ use terrane_raster::{GridInfo, GridSource, SampleType};
 use terrane_window::resample::{Place, ResamplingMethod, Scale, SourceWindow};
 
 /// Most samples of the grid that are held for a piece of the output, unless a single height needs more.
-pub(super) const MOST_SAMPLES: usize = 1 << 18;
+pub(super) const MAX_SAMPLES: usize = 1 << 18;
 
 /// Most columns and rows of a piece.
 const MOST_SIDE: f64 = 128.0;
 
-/// Samples of the grid along a piece, about: well below the root of [`MOST_SAMPLES`], so that pieces are seldom halved.
+/// Samples of the grid along a piece, about: well below the root of [`MAX_SAMPLES`], so that pieces are seldom halved.
 const USUAL_SPAN: f64 = 256.0;
 
 /// Block size of the output.
@@ -25,7 +25,7 @@ pub(super) const BLOCK: (u32, u32) = (256, 256);
 /// Bytes that a thread holds: samples of the grid, positions and heights of a piece, and a share of the
 /// operations.
 pub(super) const WORKER_BYTES: u64 =
-    (MOST_SAMPLES * 8 + (MOST_SIDE * MOST_SIDE) as usize * 24) as u64 + (3 << 20);
+    (MAX_SAMPLES * 8 + (MOST_SIDE * MOST_SIDE) as usize * 24) as u64 + (3 << 20);
 
 /// A grid on another lattice.
 pub(super) struct WarpedGrid {
@@ -93,7 +93,7 @@ impl WarpedGrid {
             let nowhere = self.place(piece, &mut buffers.places);
             let grid = [self.inner.info().width, self.inner.info().height];
             let needed = self.resampling.needed(grid, &buffers.places, self.scale);
-            if needed.len() > MOST_SAMPLES && piece.len() > 1 {
+            if needed.len() > MAX_SAMPLES && piece.len() > 1 {
                 left.extend(halves(piece));
                 continue;
             }

@@ -24,7 +24,7 @@ const METADATA: u8 = 4;
 /// Largest number of vertices with 16-bit indices.
 const SHORT: usize = 1 << 16;
 /// Largest number of halvings of a level's step for a tile's own step.
-const MOST_HALVINGS: u32 = 14;
+const MAX_HALVINGS: u32 = 14;
 /// Smallest ratio of a distance along a parallel to one along a meridian for slopes.
 const NARROWEST: f64 = 0.01;
 /// Steepest slope of a normal: two bytes turn it by up to a degree, and it has to point outwards.
@@ -61,7 +61,7 @@ impl QuantizedHeights {
             let reach = i64::from(lowest).abs() * fineness + i64::from(STEPS);
             i64::from(highest - lowest) * fineness <= i64::from(STEPS) && reach < 1 << 24
         };
-        let halvings = (0..=MOST_HALVINGS).rev().find(fits)?;
+        let halvings = (0..=MAX_HALVINGS).rev().find(fits)?;
         let own = tile.step / f64::from(1_u32 << halvings);
         let low = f64::from(lowest) * tile.step;
         // Both are integer steps below 2^24, so they are exact.

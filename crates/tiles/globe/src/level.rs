@@ -20,7 +20,7 @@ const SINGLE: f64 = ((1_u32 << 24) - 4) as f64;
 /// Smallest number of position steps in the error of a level.
 const STEPS_OF_POSITION: f64 = 32.0;
 /// Largest number of height steps up or down, so that single precision holds the range of each tile.
-const MOST_STEPS: f64 = 8_000_000.0;
+const MAX_STEPS: f64 = 8_000_000.0;
 /// Slope in metres per metre above which the ground is steep.
 const STEEP: f64 = 16.0;
 /// Height steps of a tile, minus those of skirts.
@@ -76,7 +76,7 @@ impl TileLevel {
         let assumed = tiling::level_error(level);
         let step = power_below(assumed / STEPS_OF_ERROR)
             .max(power_above(relief.range / STEPS_OF_TILE))
-            .max(power_above(relief.reach / MOST_STEPS));
+            .max(power_above(relief.reach / MAX_STEPS));
         let across = tiling::degrees(level) / spacing;
         let stride = power_below(across / FINENESS).max(1.0) as u32;
         // A chord of length L is L^2 / 8 R below an arc.

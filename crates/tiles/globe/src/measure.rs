@@ -14,7 +14,7 @@ use crate::tiling::{GlobeTileId, STEPS};
 /// Latitude beyond which meridians are too close to each other for planes.
 const FAR_NORTH: f64 = 80.0;
 /// Largest number of triangles for a block.
-const MOST_FACETS: usize = 24;
+const MAX_FACETS: usize = 24;
 
 /// Distance from the axis of the earth in metres below which a vertex is a pole.
 const POLAR: f64 = 1e-6;
@@ -270,7 +270,7 @@ impl TileShell {
                     open.push(*twin);
                 }
             }
-            if seen.len() > MOST_FACETS {
+            if seen.len() > MAX_FACETS {
                 return None;
             }
         }

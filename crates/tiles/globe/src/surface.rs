@@ -16,10 +16,10 @@ use terrane_base::geom::Point;
 use terrane_tin::scatter::{InsertUntilWithin, ScatterMesh};
 
 /// Rounds in which samples beyond the error are added to the mesh.
-const MOST_ROUNDS: u32 = 48;
+const MAX_ROUNDS: u32 = 48;
 
 /// Capacity kept by a thread from tile to tile: more points than most tiles have.
-const MOST_KEPT: usize = 1 << 17;
+const MAX_KEPT: usize = 1 << 17;
 
 thread_local! {
     /// Reused buffer for the points of a tile: allocation costs more than filling.
@@ -97,7 +97,7 @@ impl<'a> TileBuilder<'a> {
         });
         let goal = self.level.goal() / self.level.unit();
         InsertUntilWithin::new(&mut self.mesh, &points, goal).run();
-        if points.capacity() <= MOST_KEPT {
+        if points.capacity() <= MAX_KEPT {
             POINTS.set(points);
         }
     }
@@ -112,7 +112,7 @@ impl<'a> TileBuilder<'a> {
         mut measure: impl FnMut(&mut TileShell) -> Result<()>,
     ) -> Result<TerrainTile> {
         let mut best: Option<TerrainTile> = None;
-        for _ in 0..MOST_ROUNDS {
+        for _ in 0..MAX_ROUNDS {
             let mut shell = self.shell();
             measure(&mut shell)?;
             let (found, beyond) = shell.end();

@@ -14,7 +14,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
 /// Maximum line length in bytes.
-const MOST_LINE: u64 = 1 << 20;
+const MAX_LINE: u64 = 1 << 20;
 
 /// Remedy for quoting errors.
 const QUOTING: &str = "quote the whole value and double the quotation marks inside it";
@@ -300,7 +300,7 @@ impl CsvFeatureSource {
         let Some(bytes) = self.window.line()? else { return Ok(None) };
         self.line += 1;
         let line = self.line;
-        limits::check("line length in bytes", bytes as u64, MOST_LINE)
+        limits::check("line length in bytes", bytes as u64, MAX_LINE)
             .map_err(|e| e.at(format!("line {line}")))?;
         let text = std::str::from_utf8(&self.window.text()[..bytes]).map(str::to_owned);
         let text = text.map_err(|_| {
@@ -411,7 +411,7 @@ impl CsvFeatureSource {
             if state != CsvCellState::Open {
                 break;
             }
-            limits::check("value length in bytes", cell.len() as u64, MOST_LINE)
+            limits::check("value length in bytes", cell.len() as u64, MAX_LINE)
                 .map_err(|_| self.not_closed())?;
             self.broken += u64::from(!cell.contains('\n'));
             cell.push('\n');

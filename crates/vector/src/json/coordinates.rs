@@ -6,7 +6,7 @@ use crate::number;
 use terrane_base::error::Result;
 
 /// Deepest nesting, of a MultiPolygon.
-const MOST_DEPTH: usize = 4;
+const MAX_DEPTH: usize = 4;
 
 impl JsonCursor<'_> {
     /// Parses a coordinate array. Returns the nesting depth of positions (0 if there are none) and the
@@ -21,7 +21,7 @@ impl JsonCursor<'_> {
                 Some(b'[') => {
                     self.advance(1);
                     open += 1;
-                    if open > MOST_DEPTH {
+                    if open > MAX_DEPTH {
                         return Err(self.bad("coordinates are nested too deeply"));
                     }
                     if matches!(self.peek(), Some(b'-' | b'0'..=b'9')) {

@@ -13,7 +13,7 @@ use terrane_base::geom::wkt;
 use terrane_base::limits;
 
 /// Maximum length of a word in bytes.
-const MOST_WORD: usize = 64;
+const MAX_WORD: usize = 64;
 
 /// Opens a file.
 pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn FeatureSource>> {
@@ -110,9 +110,9 @@ impl WktSource {
     /// The next word, without consuming it.
     fn word(&mut self) -> Result<String> {
         self.peek()?;
-        self.window.ensure(MOST_WORD)?;
+        self.window.ensure(MAX_WORD)?;
         let text = self.window.text();
-        let letters = text.iter().take(MOST_WORD).take_while(|byte| byte.is_ascii_alphabetic());
+        let letters = text.iter().take(MAX_WORD).take_while(|byte| byte.is_ascii_alphabetic());
         let letters = letters.count();
         Ok(String::from_utf8_lossy(&text[..letters]).into_owned())
     }
@@ -263,7 +263,7 @@ impl WktSource {
         let mut numbers = [0.0; 4];
         let mut count = 0;
         loop {
-            self.window.ensure(number::MOST_BYTES)?;
+            self.window.ensure(number::MAX_BYTES)?;
             let next = number::leading(self.window.text());
             let (value, bytes) = next.ok_or_else(|| self.bad("number expected"))?;
             self.window.advance(bytes);

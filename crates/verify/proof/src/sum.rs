@@ -3,7 +3,7 @@
 /// Limbs of 32 bits that span every finite `f64`, from 2^-1074 up, and room for carries.
 const LIMBS: usize = 68;
 /// Additions after which limbs are normalised: each adds less than 2^32 to a limb of 63 bits.
-const MOST_PENDING: u32 = 1 << 30;
+const MAX_PENDING: u32 = 1 << 30;
 
 /// An exact sum of non-negative floats.
 #[derive(Clone, Debug)]
@@ -59,7 +59,7 @@ impl ExactSum {
 
     fn count(&mut self, additions: u32) {
         self.pending += additions;
-        if self.pending >= MOST_PENDING {
+        if self.pending >= MAX_PENDING {
             self.normalise();
         }
     }

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::context::CloudProofContext;
 use super::kept::KeptOn;
 use super::points::SpreadPoints;
-use crate::spread::{MOST_TRIANGLES, MeshSpread};
+use crate::spread::{MAX_TRIANGLES, MeshSpread};
 use crate::squares::{CROWD, MOST, RUN_BYTES, SHARES, divide, load, pieces, respread};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, Rect};
@@ -116,14 +116,14 @@ impl CloudDomainChecker<'_> {
         work.cancel.check()?;
         let [points, triangles, positions] = piles.counts(number);
         let need = cloud::bytes_needed(points, triangles, positions);
-        if need <= work.share && triangles <= MOST_TRIANGLES {
+        if need <= work.share && triangles <= MAX_TRIANGLES {
             return self.check_whole(piles, held, number, domain, tally);
         }
         let pieces = pieces(domain);
         if pieces.len() > 1 {
             return self.check_pieces(piles, held, number, &pieces, tally);
         }
-        if need > work.memory || triangles > MOST_TRIANGLES {
+        if need > work.memory || triangles > MAX_TRIANGLES {
             return Err(self.too_crowded(domain, points, triangles, need));
         }
         let _alone = lock(&self.crowded);

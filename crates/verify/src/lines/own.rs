@@ -153,7 +153,7 @@ fn placed_by_vertices(
 }
 
 /// Vertices of a ring at one position that are tried as its start.
-const MOST_STARTS: usize = 64;
+const MAX_STARTS: usize = 64;
 
 /// Whether the vertices of `new` come in their order in `old`, of a ring from any start and either way
 /// round: a look that may say no where a ring comes to its start more often than is tried. O(n).
@@ -170,7 +170,7 @@ fn is_walk(old: &OwnPart, new: &OwnPart) -> bool {
         (0..old.len()).for_each(|i| _ = left.next_if(|next| key(next) == key(at(i))));
         left.next().is_none()
     };
-    let mut starts = starts.filter(|&at| key(&old[at]) == key(first)).take(MOST_STARTS);
+    let mut starts = starts.filter(|&at| key(&old[at]) == key(first)).take(MAX_STARTS);
     starts.any(|at| around(at, 1) || (ends == 1 && around(at, old.len() - 1)))
 }
 

@@ -376,7 +376,7 @@ impl<'a> FeaturePartners<'a> {
         let Some(near) = first.and_then(|first| having.get(&key(first))) else { return false };
         for is_taken in [false, true] {
             for &old in near {
-                if tried.len() >= MOST_TRIED {
+                if tried.len() >= MAX_TRIED {
                     return false;
                 }
                 let is_known = self.of[old].is_some() != is_taken || tried.contains(&old);
@@ -415,7 +415,7 @@ impl<'a> FeaturePartners<'a> {
 }
 
 /// Features that are tried for one, at the most.
-const MOST_TRIED: usize = 256;
+const MAX_TRIED: usize = 256;
 
 /// The features that have a vertex at a position.
 type Having = HashMap<[u64; 2], Vec<usize>>;

@@ -12,7 +12,7 @@ mod slopes;
 use std::path::Path;
 
 use super::context::check_grid;
-use super::work::{LEAST_MEMORY, ProofResources};
+use super::work::{MIN_MEMORY, ProofResources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point3;
 use terrane_engine::ground::GroundScale;
@@ -71,7 +71,7 @@ pub fn quality(
     let against = against.transpose()?;
     // Beside a mesh's squares a grid is open, whose blocks are decoded.
     let memory = resources.memory;
-    let room = (memory - cache_beside(memory) as u64).max(memory.min(LEAST_MEMORY));
+    let room = (memory - cache_beside(memory) as u64).max(memory.min(MIN_MEMORY));
     let resources = &Resources { memory: room, ..resources.clone() };
     let work = || ProofResources::new(mesh, None, resources, progress, cancel);
     let info = mesh.info();

@@ -2,7 +2,7 @@
 
 use std::sync::Mutex;
 
-use crate::spread::{DomainReach, MOST_TRIANGLES, MeshSpread};
+use crate::spread::{DomainReach, MAX_TRIANGLES, MeshSpread};
 use crate::squares::{CROWD, MOST, RUN_BYTES, SHARES, divide, load, pieces, respread};
 use crate::work::ProofResources;
 use terrane_base::error::{Error, Result};
@@ -70,7 +70,7 @@ impl QualityInspector<'_> {
         self.work.cancel.check()?;
         let triangles = pile.len(number);
         let need = quality::bytes_needed(triangles);
-        if need <= self.work.share && triangles <= MOST_TRIANGLES {
+        if need <= self.work.share && triangles <= MAX_TRIANGLES {
             return self.look_at(pile, number, domain, found);
         }
         let pieces = pieces(domain);
@@ -79,7 +79,7 @@ impl QualityInspector<'_> {
             let mut all = (0..).zip(&pieces);
             return all.try_for_each(|(number, &piece)| self.look(&again, number, piece, found));
         }
-        if need > self.work.memory || triangles > MOST_TRIANGLES {
+        if need > self.work.memory || triangles > MAX_TRIANGLES {
             return Err(self.too_crowded(domain, triangles, need));
         }
         let _alone = lock(&self.crowded);

@@ -42,7 +42,7 @@ impl TilesProofContext<'_> {
     }
 
     /// The error that a tile of a level may record: of 3D Tiles also that of one below it.
-    pub(super) fn most_recorded(&self, level: u8) -> f64 {
+    pub(super) fn max_recorded(&self, level: u8) -> f64 {
         let finest = if self.layer.three().is_some() { self.layer.finest } else { level };
         (level..=finest).map(|level| self.limit(level)).fold(0.0, f64::max)
     }

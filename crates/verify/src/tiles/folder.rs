@@ -10,7 +10,7 @@ use super::room::TilesProofRoom;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_engine::Cancel;
-use terrane_proof::tiles::{DecodedTile, MOST_LEVEL, ProofTileId};
+use terrane_proof::tiles::{DecodedTile, MAX_LEVEL, ProofTileId};
 
 /// The name of the file that describes a set.
 pub(super) const NAME: &str = "layer.json";
@@ -22,7 +22,7 @@ const ENDING: &str = ".terrain";
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 
 /// Most bytes of a tile, packed or not.
-const MOST_BYTES: u64 = 64 << 20;
+const MAX_BYTES: u64 = 64 << 20;
 
 /// The tiles of a folder.
 #[derive(Debug, Default)]
@@ -50,7 +50,7 @@ impl FolderTiles {
         let mut found = Self::within(room);
         for level in entries(folder)? {
             let path = level.path();
-            match number(&level, "").filter(|&level| level <= u32::from(MOST_LEVEL)) {
+            match number(&level, "").filter(|&level| level <= u32::from(MAX_LEVEL)) {
                 Some(level) if path.is_dir() => found.level(&path, level as u8, cancel)?,
                 _ if level.file_name() == NAME => (),
                 _ => found.stray(path),
@@ -154,8 +154,8 @@ pub(super) fn bytes(path: &Path) -> Result<(Vec<u8>, bool)> {
     let read = || -> Result<(Vec<u8>, bool)> {
         let file = File::open(path).map_err(|e| Error::read(path, e))?;
         let mut bytes = Vec::new();
-        file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(|e| Error::read(path, e))?;
-        limits::check("length of the tile", bytes.len() as u64, MOST_BYTES)?;
+        file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(|e| Error::read(path, e))?;
+        limits::check("length of the tile", bytes.len() as u64, MAX_BYTES)?;
         match bytes.starts_with(&GZIP) {
             true => Ok((unpacked(&bytes)?, true)),
             false => Ok((bytes, false)),
@@ -167,8 +167,8 @@ pub(super) fn bytes(path: &Path) -> Result<(Vec<u8>, bool)> {
 /// The bytes that a gzip of one member holds.
 fn unpacked(packed: &[u8]) -> Result<Vec<u8>> {
     let (mut unpacker, mut bytes) = (GzDecoder::new(packed), Vec::new());
-    let read = (&mut unpacker).take(MOST_BYTES + 1).read_to_end(&mut bytes);
-    limits::check("length of the unpacked tile", bytes.len() as u64, MOST_BYTES)?;
+    let read = (&mut unpacker).take(MAX_BYTES + 1).read_to_end(&mut bytes);
+    limits::check("length of the unpacked tile", bytes.len() as u64, MAX_BYTES)?;
     match read {
         Ok(_) if unpacker.get_ref().is_empty() => Ok(bytes),
         Ok(_) => Err(Error::bad_input("is not one gzip: bytes are left over after it")),

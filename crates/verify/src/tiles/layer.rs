@@ -11,7 +11,7 @@ use super::level::{StatedLevel, check_levels};
 use super::three::{self, ThreeTilesCheck};
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
-use terrane_proof::tiles::{ERROR_OF_ROOT, MOST_LEVEL, ProofTileId};
+use terrane_proof::tiles::{ERROR_OF_ROOT, MAX_LEVEL, ProofTileId};
 use terrane_tiles::{AS_GIVEN, ON_ELLIPSOID, WITH_GEOID};
 
 /// A file as it is written.
@@ -188,7 +188,7 @@ impl StoredLayerJson {
         };
         let listed = u8::try_from(available.len()).unwrap_or(u8::MAX).saturating_sub(1);
         let finest = self.maxzoom.unwrap_or(listed);
-        limits::check("maxzoom", u64::from(finest), u64::from(MOST_LEVEL))?;
+        limits::check("maxzoom", u64::from(finest), u64::from(MAX_LEVEL))?;
         if self.minzoom != 0 || usize::from(finest) + 1 != available.len() {
             let message = format!(
                 "has levels {} to {finest}, and tiles available of {} levels",

@@ -47,7 +47,7 @@ pub use options::{CloudTilesProof, CloudTilesProofSetters, TilesProof, TilesProo
 pub use report::{CheckReport, FoundFault, LevelProofReport, TilesVerifyReport};
 
 /// Least memory that a proof can work in.
-const LEAST_MEMORY: u64 = 32 << 20;
+const MIN_MEMORY: u64 = 32 << 20;
 
 /// True for a folder with a `layer.json` or `tileset.json`, and for such a file.
 pub fn is_tiles(path: &Path) -> bool {
@@ -140,8 +140,8 @@ pub(super) fn verify_tiles_of_cloud(
 }
 
 fn check_memory(resources: &Resources) -> Result<()> {
-    if resources.memory >= LEAST_MEMORY {
+    if resources.memory >= MIN_MEMORY {
         return Ok(());
     }
-    Err(too_little(resources.memory, LEAST_MEMORY))
+    Err(too_little(resources.memory, MIN_MEMORY))
 }

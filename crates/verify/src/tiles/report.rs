@@ -67,7 +67,7 @@ pub struct TilesVerifyReport {
     /// West, south, east and north of the valid samples.
     pub bounds: Option<[f64; 4]>,
     /// By how much the error that a tile records is larger than what was measured, at the most.
-    pub most_overstated: Option<f64>,
+    pub max_overstated: Option<f64>,
     /// One for each thing that is proved.
     pub checks: Vec<CheckReport>,
     /// One for each level, the coarsest first.
@@ -179,7 +179,7 @@ pub(super) fn report(
         measured: sum(|level| level.samples),
         heights: found.sweep.heights,
         bounds: found.sweep.bounds,
-        most_overstated: judge.most_overstated(),
+        max_overstated: judge.max_overstated(),
         checks,
         levels,
         ..TilesVerifyReport::default()
@@ -234,7 +234,7 @@ impl TilesJudge<'_> {
             };
             let is_over = under.far.is_some_and(|far| far.ends[0] > recorded + ROUNDING);
             faults.add(TilesetFault::OverRecorded, u64::from(is_over), id);
-            let is_reckless = recorded > self.context.most_recorded(id.level);
+            let is_reckless = recorded > self.context.max_recorded(id.level);
             faults.add(TilesetFault::Reckless, u64::from(is_reckless), id);
         }
     }
@@ -316,7 +316,7 @@ impl TilesJudge<'_> {
         let of_level = tiles.of_level(level);
         let mut is_named = vec![false; of_level.len()];
         // Rectangles may name far more than there is.
-        let mut left = sweep::MOST_MISSING;
+        let mut left = sweep::MAX_MISSING;
         for id in self.context.layer.available(level) {
             let fault = match tiles.find_one(id) {
                 None => TilesetFault::NotThere,
@@ -437,7 +437,7 @@ impl TilesJudge<'_> {
         errors.collect::<Option<Vec<_>>>().map(|all| all.into_iter().fold(0.0, f64::max))
     }
 
-    fn most_overstated(&self) -> Option<f64> {
+    fn max_overstated(&self) -> Option<f64> {
         let both = self.found.records.iter().zip(&self.found.under);
         let over = both.filter_map(|(record, under)| Some((*record)?.error? - under.far?.distance));
         over.reduce(f64::max)

@@ -14,7 +14,7 @@ const PIXELS: f64 = 256.0;
 /// Part of what is not judged that the middle of a part may be off by.
 const OFF: f64 = 0.1;
 /// Most parts of a side.
-const MOST_PARTS: f64 = 65_536.0;
+const MAX_PARTS: f64 = 65_536.0;
 
 /// Of the polygons that meet a raster, for tiles down to the level `finest`.
 ///
@@ -76,5 +76,5 @@ fn parts(places: [[f64; 2]; 5], off: f64) -> u32 {
         x.hypot(y)
     };
     let worst = places.into_iter().enumerate().map(apart).fold(0.0, f64::max);
-    (worst / off).sqrt().mul_add(2.0, 1.0).clamp(1.0, MOST_PARTS) as u32
+    (worst / off).sqrt().mul_add(2.0, 1.0).clamp(1.0, MAX_PARTS) as u32
 }

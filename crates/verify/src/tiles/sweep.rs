@@ -23,7 +23,7 @@ use terrane_proof::tiles::{
 const STEEP: f64 = 8.0;
 const DEGREE: f64 = 111_000.0;
 /// Most tiles that are counted as missing.
-pub(super) const MOST_MISSING: usize = 1 << 20;
+pub(super) const MAX_MISSING: usize = 1 << 20;
 
 /// The farthest sample of a tile.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -115,7 +115,7 @@ impl SampleFindings {
     }
 
     fn miss(&mut self, id: ProofTileId) {
-        if self.missing.len() < MOST_MISSING {
+        if self.missing.len() < MAX_MISSING {
             self.missing.insert(id);
         }
     }

@@ -9,7 +9,7 @@ use super::room::TilesProofRoom;
 use terrane_base::error::{Error, Result};
 use terrane_engine::Cancel;
 use terrane_proof::tiles::{
-    DecodedTile, ERROR_OF_ROOT, GlbTileContent, MOST_LEVEL, MetadataSchema, ProofTileId,
+    DecodedTile, ERROR_OF_ROOT, GlbTileContent, MAX_LEVEL, MetadataSchema, ProofTileId,
     StatedTileLevel, StatedTileMetadata, Subtree, TilesetFault, TilesetFaults,
 };
 
@@ -55,7 +55,7 @@ impl ThreeTilesCheck {
             let path = path_of(folder, top, SUBTREE);
             let (bytes, _) = folder::bytes(&path)?;
             let found = Subtree::read(&bytes, top, levels, schema).map_err(|e| e.in_file(&path))?;
-            if top.level + levels > MOST_LEVEL && !found.below.is_empty() {
+            if top.level + levels > MAX_LEVEL && !found.below.is_empty() {
                 return Err(Error::bad_input("leads to levels beyond the last").in_file(&path));
             }
             open.extend(found.below);
@@ -151,7 +151,7 @@ impl ThreeTilesCheck {
         cancel: &Cancel,
     ) -> Result<()> {
         for level in entries(folder)? {
-            let known = number(&level, "").filter(|&level| level <= u32::from(MOST_LEVEL));
+            let known = number(&level, "").filter(|&level| level <= u32::from(MAX_LEVEL));
             let Some(z) = known.filter(|_| level.path().is_dir()) else {
                 found.stray(level.path());
                 continue;

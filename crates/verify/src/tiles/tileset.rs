@@ -16,7 +16,7 @@ use super::three::{self, HALVES, SUBTREE, TILE, ThreeTilesCheck};
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_engine::Cancel;
-use terrane_proof::tiles::{ERROR_OF_ROOT, MOST_LEVEL, MOST_SUBTREE_LEVELS, MetadataSchema};
+use terrane_proof::tiles::{ERROR_OF_ROOT, MAX_LEVEL, MAX_SUBTREE_LEVELS, MetadataSchema};
 
 /// Radians that the sides of a region may be off by.
 const RADIANS: f64 = 1e-12;
@@ -242,13 +242,9 @@ impl HalfAxis {
             let message = format!("has other addresses than {} or is no quadtree", of(TILE));
             return Err(Error::unsupported(message));
         }
-        let most = u64::from(MOST_SUBTREE_LEVELS);
+        let most = u64::from(MAX_SUBTREE_LEVELS);
         limits::check("subtreeLevels", tiling.subtree_levels.into(), most)?;
-        limits::check(
-            "availableLevels",
-            tiling.available_levels.into(),
-            u64::from(MOST_LEVEL) + 1,
-        )?;
+        limits::check("availableLevels", tiling.available_levels.into(), u64::from(MAX_LEVEL) + 1)?;
         match tiling.subtree_levels > 0 && tiling.available_levels > 0 {
             true => Ok(()),
             false => Err(Error::bad_input("has no levels")),

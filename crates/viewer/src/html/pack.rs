@@ -9,7 +9,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
 /// Codes stay below this, so that 32-bit floats hold each of them.
-pub const MOST_CODE: u32 = (1 << 24) - 1;
+pub const MAX_CODE: u32 = (1 << 24) - 1;
 
 /// An array, ready to be put into a page.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -98,14 +98,14 @@ pub struct QuantizedAxis {
     pub low: f64,
     /// One step of the codes.
     pub step: f64,
-    /// One a coordinate, at most [`MOST_CODE`].
+    /// One a coordinate, at most [`MAX_CODE`].
     pub codes: Vec<u32>,
     /// The largest distance of a coordinate from what its code stands for; 0 where all are exact.
     pub rounding: f64,
 }
 
 impl QuantizedAxis {
-    /// Codes of finite coordinates. The step is the finest power of two that [`MOST_CODE`] allows, times
+    /// Codes of finite coordinates. The step is the finest power of two that [`MAX_CODE`] allows, times
     /// the greatest divisor of all codes: a lattice of whole steps gets its columns and is exact.
     pub fn of(values: &[f64]) -> Self {
         let low = values.iter().copied().fold(f64::INFINITY, f64::min);
@@ -115,8 +115,8 @@ impl QuantizedAxis {
             let low = if low.is_finite() { low } else { 0.0 };
             return Self { low, step: 1.0, codes: vec![0; values.len()], rounding: 0.0 };
         }
-        let fine = power_above(range / f64::from(MOST_CODE));
-        let code = |value: &f64| ((value - low) / fine).round().min(f64::from(MOST_CODE)) as u32;
+        let fine = power_above(range / f64::from(MAX_CODE));
+        let code = |value: &f64| ((value - low) / fine).round().min(f64::from(MAX_CODE)) as u32;
         let mut axis = Self::shortened(low, fine, values.iter().map(code).collect());
         let off = |(value, code): (&f64, &u32)| (value - axis.at(*code)).abs();
         axis.rounding = values.iter().zip(&axis.codes).map(off).fold(0.0, f64::max);
@@ -124,14 +124,14 @@ impl QuantizedAxis {
     }
 
     /// Codes of whole steps that are `scale` long and counted from `offset`: exact where they span no more than
-    /// [`MOST_CODE`], else within half of the fewest steps together that do.
+    /// [`MAX_CODE`], else within half of the fewest steps together that do.
     pub fn of_steps(steps: &[i32], scale: f64, offset: f64) -> Self {
         let ends = steps.iter().fold(None, |ends: Option<[i32; 2]>, step| match ends {
             Some([least, most]) => Some([least.min(*step), most.max(*step)]),
             None => Some([*step; 2]),
         });
         let [least, most] = ends.unwrap_or_default();
-        let together = most.abs_diff(least).div_ceil(MOST_CODE).max(1);
+        let together = most.abs_diff(least).div_ceil(MAX_CODE).max(1);
         let code = |step: &i32| {
             (u64::from(step.abs_diff(least)) + u64::from(together / 2)) / u64::from(together)
         };
@@ -191,11 +191,11 @@ mod tests {
 
     #[test]
     fn steps_of_hundredths_are_the_codes() {
-        let axis = QuantizedAxis::of_steps(&[702, 500, 500 + MOST_CODE as i32], 0.01, 6_000_000.0);
+        let axis = QuantizedAxis::of_steps(&[702, 500, 500 + MAX_CODE as i32], 0.01, 6_000_000.0);
         assert_eq!((axis.low, axis.step, axis.rounding), (6_000_005.0, 0.01, 0.0));
-        assert_eq!(axis.codes, [202, 0, MOST_CODE]);
-        let axis = QuantizedAxis::of_steps(&[0, 1, 2 * MOST_CODE as i32], 1.0, 0.0);
-        assert_eq!((axis.step, axis.rounding, axis.codes), (2.0, 1.0, vec![0, 1, MOST_CODE]));
+        assert_eq!(axis.codes, [202, 0, MAX_CODE]);
+        let axis = QuantizedAxis::of_steps(&[0, 1, 2 * MAX_CODE as i32], 1.0, 0.0);
+        assert_eq!((axis.step, axis.rounding, axis.codes), (2.0, 1.0, vec![0, 1, MAX_CODE]));
         assert!(QuantizedAxis::of_steps(&[], 1.0, 0.0).codes.is_empty());
         let tens = QuantizedAxis::of_steps(&[-30, 0, 70], 1.0, 0.0);
         assert_eq!((tens.low, tens.step, tens.codes), (-30.0, 10.0, vec![0, 3, 10]));
@@ -228,13 +228,13 @@ mod tests {
             let steps: Vec<i32> = steps.iter().map(|step| step >> shift).collect();
             let axis = QuantizedAxis::of_steps(&steps, 0.5, -3.0);
             let span = steps.iter().max().unwrap().abs_diff(*steps.iter().min().unwrap());
-            prop_assert_eq!(axis.rounding == 0.0, span <= MOST_CODE || {
-                let together = span.div_ceil(MOST_CODE);
+            prop_assert_eq!(axis.rounding == 0.0, span <= MAX_CODE || {
+                let together = span.div_ceil(MAX_CODE);
                 steps.iter().all(|step| step.abs_diff(*steps.iter().min().unwrap()) % together == 0)
             });
-            prop_assert!(axis.rounding <= f64::from(span.div_ceil(MOST_CODE)) / 4.0);
+            prop_assert!(axis.rounding <= f64::from(span.div_ceil(MAX_CODE)) / 4.0);
             for (step, code) in steps.iter().zip(&axis.codes) {
-                prop_assert!(*code <= MOST_CODE);
+                prop_assert!(*code <= MAX_CODE);
                 prop_assert!((axis.at(*code) - (f64::from(*step) * 0.5 - 3.0)).abs() <= axis.rounding);
             }
         }
@@ -243,9 +243,9 @@ mod tests {
         fn coordinates_are_within_half_a_step(values in prop::collection::vec(-1e7..1e7f64, 2..300)) {
             let axis = QuantizedAxis::of(&values);
             let range = values.iter().fold(f64::MIN, |a, b| a.max(*b)) - axis.low;
-            prop_assert!(axis.rounding <= range / f64::from(MOST_CODE) * 1.000_001);
+            prop_assert!(axis.rounding <= range / f64::from(MAX_CODE) * 1.000_001);
             for (value, code) in values.iter().zip(&axis.codes) {
-                prop_assert!(*code <= MOST_CODE);
+                prop_assert!(*code <= MAX_CODE);
                 prop_assert!((axis.at(*code) - value).abs() <= axis.rounding);
             }
         }

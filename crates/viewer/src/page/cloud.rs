@@ -16,7 +16,7 @@ use terrane_engine::memory::{PROGRAM, beside_program, short, with_polygons};
 use terrane_engine::{Cancel, Progress, Resources};
 
 /// Most points of a page.
-pub const MOST_POINTS: u64 = 1 << 24;
+pub const MAX_POINTS: u64 = 1 << 24;
 
 /// Bytes that a page takes for a point once it is chosen: itself, codes, planes of bytes and texts.
 const POINT_BYTES: u64 = 112;
@@ -208,12 +208,12 @@ mod tests {
         assert_eq!(threads(1_000, 1_000).unwrap(), 8);
         let few = threads(1_000, 60).unwrap();
         assert!((1..4).contains(&few), "{few}");
-        let error = threads(MOST_POINTS, 1_000).unwrap_err();
+        let error = threads(MAX_POINTS, 1_000).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Resource);
         assert!(error.to_string().contains("‹points›"), "{error}");
         let told = error.to_string();
         let enough = told.split("‹memory› ").nth(1).unwrap().split('M').next().unwrap();
-        assert_eq!(threads(MOST_POINTS, enough.parse().unwrap()).unwrap(), 1);
+        assert_eq!(threads(MAX_POINTS, enough.parse().unwrap()).unwrap(), 1);
     }
 
     #[test]

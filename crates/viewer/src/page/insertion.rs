@@ -18,7 +18,7 @@ use terrane_raster::GridSource;
 pub const MOST_SIDE: u32 = 129;
 /// Most steps from the lowest height to the highest: errors of whole steps are exact in the page's doubles, and
 /// no two of different size become one.
-const MOST_STEPS: f64 = 65_535.0;
+const MAX_STEPS: f64 = 65_535.0;
 
 pub(super) fn page(
     grid: &dyn GridSource,
@@ -97,14 +97,14 @@ fn read(grid: &dyn GridSource, cols: &[u32], rows: &[u32], cancel: &Cancel) -> R
     Ok(heights)
 }
 
-/// Heights in at most [`MOST_STEPS`] steps: exact where that is enough.
+/// Heights in at most [`MAX_STEPS`] steps: exact where that is enough.
 fn coarse(heights: &[f64]) -> QuantizedAxis {
     let axis = QuantizedAxis::of(heights);
     let top = axis.codes.iter().copied().max().unwrap_or(0);
-    if f64::from(top) <= MOST_STEPS {
+    if f64::from(top) <= MAX_STEPS {
         return axis;
     }
-    let step = axis.step * f64::from(top) / MOST_STEPS;
+    let step = axis.step * f64::from(top) / MAX_STEPS;
     let code = |z: &f64| ((z - axis.low) / step).round() as u32;
     let mut coarse = QuantizedAxis { step, codes: heights.iter().map(code).collect(), ..axis };
     let off = |(z, code): (&f64, &u32)| (z - coarse.at(*code)).abs();
@@ -149,7 +149,7 @@ mod tests {
         assert!(whole.iter().zip(&axis.codes).all(|(z, code)| axis.at(*code) == *z));
         let fine: Vec<f64> = (0..500).map(|i| f64::from(i).sin() * 1000.0).collect();
         let axis = coarse(&fine);
-        assert!(axis.codes.iter().all(|code| f64::from(*code) <= MOST_STEPS));
-        assert!(axis.rounding > 0.0 && axis.rounding <= 2000.0 / MOST_STEPS);
+        assert!(axis.codes.iter().all(|code| f64::from(*code) <= MAX_STEPS));
+        assert!(axis.rounding > 0.0 && axis.rounding <= 2000.0 / MAX_STEPS);
     }
 }

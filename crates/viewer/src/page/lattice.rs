@@ -5,7 +5,7 @@ use serde_json::json;
 use super::facts::{self, SurfaceSystem};
 use super::solid::{PageMesh, TRIANGLE_BYTES, VERTEX_BYTES};
 use super::surface::{new_page, told_steps};
-use super::{MOST_SAMPLES, PageJob, PageReport, within_memory};
+use super::{MAX_SAMPLES, PageJob, PageReport, within_memory};
 use crate::html::HtmlPage;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
@@ -22,7 +22,7 @@ pub(super) fn page(
 ) -> Result<(HtmlPage, PageReport)> {
     let info = grid.info();
     let part = part(info, bounds)?;
-    let stride = stride(part, MOST_SAMPLES);
+    let stride = stride(part, MAX_SAMPLES);
     let samples = [part.width, part.height].map(|side| u64::from(side.div_ceil(stride)) + 1);
     let shown = samples[0] * samples[1];
     let need = shown * (8 + VERTEX_BYTES + 2 * TRIANGLE_BYTES) + 8 * u64::from(info.width);

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::{MOST_VERTICES, PageJob, PageReport, facts, within_memory};
+use super::{MAX_VERTICES, PageJob, PageReport, facts, within_memory};
 use crate::html::HtmlPage;
 use crate::html::pack::{PackedArray, QuantizedAxis};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -96,8 +96,8 @@ impl PageLines {
         job: &PageJob<'_>,
     ) -> Result<()> {
         self.vertices += part.xy.len() as u64;
-        if self.vertices > MOST_VERTICES {
-            let message = format!("the lines exceed the page limit of {MOST_VERTICES} vertices");
+        if self.vertices > MAX_VERTICES {
+            let message = format!("the lines exceed the page limit of {MAX_VERTICES} vertices");
             return Err(Error::new(ErrorKind::Limit, message)
                 .remedy("simplify the lines first with ‹terrane simplify›"));
         }
@@ -200,7 +200,7 @@ mod tests {
             lines.push(&part, DistanceKind::Plane, &job(&Inputs::default(), &within(memory)))
         };
         assert!(push(0, 64 << 20).is_ok());
-        assert_eq!(push(MOST_VERTICES - 2, 4 << 30).unwrap_err().kind(), ErrorKind::Limit);
-        assert_eq!(push(MOST_VERTICES - 3, 64 << 20).unwrap_err().kind(), ErrorKind::Resource);
+        assert_eq!(push(MAX_VERTICES - 2, 4 << 30).unwrap_err().kind(), ErrorKind::Limit);
+        assert_eq!(push(MAX_VERTICES - 3, 64 << 20).unwrap_err().kind(), ErrorKind::Resource);
     }
 }

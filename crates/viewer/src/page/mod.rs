@@ -1,9 +1,9 @@
 //! A page of a mesh, a grid, lines or a cloud, to be looked at in a browser: one HTML file that holds what it shows; or of
 //! tiles, which it asks a server of their folder for.
 //!
-//! What a page shows is held in memory, here and in the browser, so its size has limits: [`MOST_TRIANGLES`],
-//! [`MOST_VERTICES`] of lines. A grid is shown by every n-th of its samples ([`MOST_SAMPLES`]), a cloud by some of its
-//! points ([`MOST_POINTS`]), which the page says.
+//! What a page shows is held in memory, here and in the browser, so its size has limits: [`MAX_TRIANGLES`],
+//! [`MAX_VERTICES`] of lines. A grid is shown by every n-th of its samples ([`MAX_SAMPLES`]), a cloud by some of its
+//! points ([`MAX_POINTS`]), which the page says.
 
 mod cloud;
 mod errors;
@@ -25,7 +25,7 @@ use serde::Serialize;
 
 use crate::html::HtmlPage;
 use crate::view::Lighting;
-pub use cloud::MOST_POINTS;
+pub use cloud::MAX_POINTS;
 pub use insertion::MOST_SIDE;
 pub use options::{
     CloudPageOptions, CloudPageSetters, LinePageOptions, LinePageSetters, PageOptions, PageSetters,
@@ -41,11 +41,11 @@ use terrane_raster::Inputs;
 pub use tiles::is_tiles;
 
 /// Most triangles of a page.
-pub const MOST_TRIANGLES: u64 = 10 << 20;
+pub const MAX_TRIANGLES: u64 = 10 << 20;
 /// Most vertices of lines on a page.
-pub const MOST_VERTICES: u64 = 4 << 20;
+pub const MAX_VERTICES: u64 = 4 << 20;
 /// Most samples that a page shows of a grid.
-pub const MOST_SAMPLES: u64 = 3 << 19;
+pub const MAX_SAMPLES: u64 = 3 << 19;
 
 /// What all pages have.
 #[derive(Clone, Debug)]

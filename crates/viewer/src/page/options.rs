@@ -4,7 +4,7 @@ use std::path::Path;
 
 use terrane_options::{OptionRange, OptionRule, Options};
 
-use super::{MOST_POINTS, PageJob, PageReport, cloud, insertion, lattice, lines, surface, tiles};
+use super::{MAX_POINTS, PageJob, PageReport, cloud, insertion, lattice, lines, surface, tiles};
 use crate::html::HtmlPage;
 use crate::view::{Exaggeration, Lighting};
 use terrane_base::error::{Error, Result};
@@ -53,7 +53,7 @@ const OF_SURFACES: &[OptionRule] = &[OptionRule::NotWith("insertion", &["against
 #[non_exhaustive]
 pub struct CloudPageOptions {
     /// Maximum number of points shown; larger clouds are thinned evenly
-    #[option(value = "N", default = 2_000_000u64, range = OptionRange::new(1.0, MOST_POINTS as f64))]
+    #[option(value = "N", default = 2_000_000u64, range = OptionRange::new(1.0, MAX_POINTS as f64))]
     pub points: u64,
     /// How high heights look at the start.
     #[option(flatten)]

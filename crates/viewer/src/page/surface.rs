@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::facts::{self, SurfaceSystem};
 use super::solid::{PageMesh, TRIANGLE_BYTES, VERTEX_BYTES};
-use super::{MOST_TRIANGLES, PageJob, PageReport, errors, within_memory};
+use super::{MAX_TRIANGLES, PageJob, PageReport, errors, within_memory};
 use crate::html::HtmlPage;
 use crate::html::pack::PackedArray;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -71,9 +71,9 @@ pub(super) fn new_page(title: &str) -> Result<HtmlPage> {
 
 fn check_size(info: &MeshInfo, job: &PageJob<'_>) -> Result<()> {
     let vertices = if info.indexed { info.vertices } else { info.triangles.saturating_mul(3) };
-    if info.triangles > MOST_TRIANGLES || vertices > 3 * MOST_TRIANGLES {
+    if info.triangles > MAX_TRIANGLES || vertices > 3 * MAX_TRIANGLES {
         let message = format!(
-            "the page limit is {MOST_TRIANGLES} triangles; this mesh has {}",
+            "the page limit is {MAX_TRIANGLES} triangles; this mesh has {}",
             info.triangles.max(vertices / 3)
         );
         return Err(Error::new(ErrorKind::Limit, message)
@@ -198,7 +198,7 @@ mod tests {
         let check =
             |vertices, triangles| check_size(&MeshInfo::plain("PLY", vertices, triangles), &job);
         assert!(check(1_000_000, 2_000_000).is_ok());
-        let error = check(5_500_000, MOST_TRIANGLES + 1).unwrap_err();
+        let error = check(5_500_000, MAX_TRIANGLES + 1).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Limit);
         assert!(error.to_string().contains("10485760 triangles"), "{error}");
         let error = check(5_000_000, 10_000_000).unwrap_err();

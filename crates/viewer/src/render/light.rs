@@ -70,12 +70,12 @@ const PLEASING_STEEPNESS: f32 = 0.65;
 /// Which slope counts as one of the steeper ones.
 const STEEP_QUANTILE: f64 = 0.9;
 /// Slopes looked at, at most.
-const MOST_SLOPES: usize = 1 << 18;
+const MAX_SLOPES: usize = 1 << 18;
 
 /// The vertical exaggeration that gives a field with pixels of `ground` units a readable relief:
 /// its steeper slopes come out near 33 degrees. 1 when all is flat.
 pub fn natural_exaggeration(field: &PictureHeights, ground: [f64; 2]) -> f64 {
-    let step = field.z.len().div_ceil(MOST_SLOPES).max(1);
+    let step = field.z.len().div_ceil(MAX_SLOPES).max(1);
     let mut steepness: Vec<f32> = (0..field.z.len())
         .step_by(step)
         .filter(|&i| !field.z[i].is_nan())

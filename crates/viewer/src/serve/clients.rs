@@ -8,7 +8,7 @@ use std::time::Instant;
 use terrane_files::lock;
 
 /// Most clients at once. A browser takes six connections for a page.
-pub(crate) const MOST_CLIENTS: usize = 64;
+pub(crate) const MAX_CLIENTS: usize = 64;
 
 /// All clients.
 #[derive(Debug, Default)]
@@ -44,7 +44,7 @@ impl Clients {
         if held.is_over {
             return None;
         }
-        while held.by_number.len() >= MOST_CLIENTS {
+        while held.by_number.len() >= MAX_CLIENTS {
             let slowest = held.by_number.iter().min_by_key(|(_, waiting)| waiting.since);
             let slowest = slowest.map(|(number, _)| *number)?;
             held.by_number.remove(&slowest).iter().for_each(cut_off);

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use crate::serve::clients::Client;
 use crate::serve::folder::{ServedFile, ServedFolder};
 use crate::serve::request::{
-    self, BAD, HttpRequest, MOST_HEAD, NOT_ALLOWED, NOT_FOUND, RequestRefusal,
+    self, BAD, HttpRequest, MAX_HEAD, NOT_ALLOWED, NOT_FOUND, RequestRefusal,
 };
 
 /// How long the whole head of a request may take, and each block that a client is sent.
@@ -100,9 +100,9 @@ impl<'a> ServerConnection<'a> {
                 let rest = self.ahead.split_off(at + END.len());
                 let mut head = std::mem::replace(&mut self.ahead, rest);
                 head.truncate(at);
-                return Ok(if at > MOST_HEAD { Err(request::TOO_LARGE) } else { Ok(Some(head)) });
+                return Ok(if at > MAX_HEAD { Err(request::TOO_LARGE) } else { Ok(Some(head)) });
             }
-            if self.ahead.len() > MOST_HEAD + END.len() {
+            if self.ahead.len() > MAX_HEAD + END.len() {
                 return Ok(Err(request::TOO_LARGE));
             }
             self.stream.set_read_timeout(Some(left(end)?))?;

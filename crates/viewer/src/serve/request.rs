@@ -1,9 +1,9 @@
 //! What a client asks for: the head of a request, read strictly. What is odd is refused, not guessed at.
 
 /// Most bytes of a request up to the empty line. Browsers send less than one thousand.
-pub(crate) const MOST_HEAD: usize = 8 << 10;
+pub(crate) const MAX_HEAD: usize = 8 << 10;
 /// Most bytes of what is asked for.
-const MOST_TARGET: usize = 1 << 10;
+const MAX_TARGET: usize = 1 << 10;
 
 /// A request that is understood.
 #[derive(Clone, Debug, PartialEq)]
@@ -116,7 +116,7 @@ fn is_here(host: &str, port: u16) -> bool {
 /// The parts of a name: letters, digits, `_`, `-`, and points that none begins with, so that no name leads up,
 /// elsewhere, or to what is hidden. What stands behind `?` is for nobody here.
 fn name(target: &str) -> Result<Vec<String>, RequestRefusal> {
-    if target.len() > MOST_TARGET {
+    if target.len() > MAX_TARGET {
         return Err(TOO_LONG);
     }
     let path = target.split('?').next().unwrap_or_default();
@@ -197,7 +197,7 @@ mod tests {
         {
             assert_eq!(at(odd), Err(BAD), "{odd}");
         }
-        assert_eq!(at(&format!("/{}.json", "a".repeat(MOST_TARGET))), Err(TOO_LONG));
+        assert_eq!(at(&format!("/{}.json", "a".repeat(MAX_TARGET))), Err(TOO_LONG));
     }
 
     #[test]

@@ -19,8 +19,8 @@ const BLOCK_BYTES: usize = 1 << 20;
 /// Bytes of the window of a stream, unless the stream is shorter.
 const WINDOW: usize = 1 << 20;
 /// Maximum symbols of a point in addition to one for each byte of its record, and bytes of a symbol.
-const MOST_SYMBOLS: usize = 128;
-const MOST_SYMBOL_BYTES: usize = 3;
+const MAX_SYMBOLS: usize = 128;
+const MAX_SYMBOL_BYTES: usize = 3;
 
 /// The result, or a description of the damage.
 pub(crate) type Decoded<T> = Result<std::result::Result<T, String>>;
@@ -107,8 +107,8 @@ fn records_at_once(layout: &LazLayout) -> u64 {
 
 /// Number of points that a full window certainly holds.
 fn points_at_once(layout: &LazLayout) -> u64 {
-    let most_bytes = MOST_SYMBOL_BYTES * (MOST_SYMBOLS + layout.record);
-    (WINDOW / most_bytes).max(1).min(BLOCK as usize) as u64
+    let max_bytes = MAX_SYMBOL_BYTES * (MAX_SYMBOLS + layout.record);
+    (WINDOW / max_bytes).max(1).min(BLOCK as usize) as u64
 }
 
 /// A window of a stream.

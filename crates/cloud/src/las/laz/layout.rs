@@ -11,7 +11,7 @@ use terrane_base::error::{Error, Result};
 const HEAD_BYTES: usize = 34;
 const ITEM_BYTES: usize = 6;
 /// Maximum number of items: point, time, colours, waveform packet and extra bytes.
-const MOST_ITEMS: usize = 8;
+const MAX_ITEMS: usize = 8;
 /// Chunk sizes for chunks of variable size, whose numbers of points are in the chunk table.
 const VARIABLE: [u32; 2] = [0, u32::MAX];
 
@@ -96,7 +96,7 @@ fn items(
     header: &LasHeader,
 ) -> Result<Vec<[u16; 3]>> {
     let count = usize::from(b.u16(32));
-    if count == 0 || count > MOST_ITEMS || HEAD_BYTES + count * ITEM_BYTES > len {
+    if count == 0 || count > MAX_ITEMS || HEAD_BYTES + count * ITEM_BYTES > len {
         return Err(damaged(format!("{count} items do not fit into {len} bytes")));
     }
     let items: Vec<[u16; 3]> = (0..count)

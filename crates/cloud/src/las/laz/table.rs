@@ -19,7 +19,7 @@ const POINTER_BYTES: u64 = 8;
 /// Bytes of the table's version and number of entries.
 const HEAD_BYTES: u64 = 8;
 /// Generous maximum bytes of an entry: two numbers of at most 32 bits and their lengths.
-const MOST_ENTRY_BYTES: u64 = 16;
+const MAX_ENTRY_BYTES: u64 = 16;
 
 /// A run of points that is compressed independently.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -135,7 +135,7 @@ fn entries(
             "the chunk table is invalid: {count} chunks, version {version}"
         )));
     }
-    let bytes = (count * MOST_ENTRY_BYTES + MOST_ENTRY_BYTES).min(file.size() - place - HEAD_BYTES);
+    let bytes = (count * MAX_ENTRY_BYTES + MAX_ENTRY_BYTES).min(file.size() - place - HEAD_BYTES);
     let packed = file.read_vec(place + HEAD_BYTES, bytes).map_err(unreadable)?;
     let sizes = unpack(&packed, count, layout.chunk_points.is_none())
         .ok_or_else(|| missing("the chunk table is damaged"))?;

@@ -12,11 +12,11 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 
 /// Largest supported power of the distance.
-pub const MOST_POWER: f64 = 4.0;
+pub const MAX_POWER: f64 = 4.0;
 
 /// Fails if the power of the distance is out of range.
 pub fn check_power(power: f64) -> Result<()> {
-    if power > 0.0 && power <= MOST_POWER {
+    if power > 0.0 && power <= MAX_POWER {
         return Ok(());
     }
     Err(Error::usage(format!("the power {power} is out of range: expected above 0, at most 4")))

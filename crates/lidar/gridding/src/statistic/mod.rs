@@ -21,7 +21,7 @@ use method::StoredStatistic;
 use terrane_base::error::{Error, Result};
 use terrane_base::registry::named;
 
-pub use idw::{MOST_POWER, check_power};
+pub use idw::{MAX_POWER, check_power};
 pub use method::{Statistic, StatisticMethod, SurfaceInterpolation};
 
 /// All statistics. A new one is a file in this folder and a line here.

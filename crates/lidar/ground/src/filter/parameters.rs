@@ -29,9 +29,9 @@ impl Parameters {
 
     /// Half the width of the largest window, in cells.
     pub(super) fn radius(&self) -> usize {
-        (self.window / self.cell).ceil().clamp(1.0, MOST_RADIUS) as usize
+        (self.window / self.cell).ceil().clamp(1.0, MAX_RADIUS) as usize
     }
 }
 
 /// Most cells of half a window.
-const MOST_RADIUS: f64 = 1024.0;
+const MAX_RADIUS: f64 = 1024.0;

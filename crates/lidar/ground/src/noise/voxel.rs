@@ -39,7 +39,7 @@ fn most(asked: &Asked) -> u64 {
 }
 
 /// Most steps of a side.
-const MOST_STEPS: f64 = 1e18;
+const MAX_STEPS: f64 = 1e18;
 
 /// Numbers of a cube along x, y and z.
 type Voxel = [i64; 3];
@@ -58,7 +58,7 @@ impl Voxels {
         }
         Ok(Self {
             zero: space.zero,
-            side: space.step.map(|step| (side / step).round().min(MOST_STEPS) as i64),
+            side: space.step.map(|step| (side / step).round().min(MAX_STEPS) as i64),
         })
     }
 

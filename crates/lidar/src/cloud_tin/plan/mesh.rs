@@ -43,7 +43,7 @@ const ROUNDS: u32 = 2;
 /// Default number of points of a task.
 const TASK_POINTS: u64 = 1 << 24;
 /// Most tasks of a round, as each depends on all tasks of the round before.
-const MOST_PARTS: u64 = 1 << 12;
+const MAX_PARTS: u64 = 1 << 12;
 
 /// A mesh to make of a cloud.
 #[derive(Clone, Serialize, Deserialize)]
@@ -177,7 +177,7 @@ impl CloudTinSurvey {
         if hull.is_flat() {
             return Err(no_surface());
         }
-        let fair = TASK_POINTS.max(2 * source.info().count / MOST_PARTS);
+        let fair = TASK_POINTS.max(2 * source.info().count / MAX_PARTS);
         let regions = CloudTinRegions::new(&points, &[], most).all;
         let blocks = CloudTinRegions::new(&points, &[], cut.map_or(fair, u64::from).max(most)).all;
         let seen = Self {
@@ -420,7 +420,7 @@ impl PlannedWork for CloudMesh {
     type Opened = OpenedCloudTin;
 
     fn check(&self) -> Result<()> {
-        limits::check("number of tasks of a round", self.seen.parts.len() as u64, MOST_PARTS)
+        limits::check("number of tasks of a round", self.seen.parts.len() as u64, MAX_PARTS)
     }
 
     fn tasks(&self) -> Vec<CloudTinTask> {

@@ -66,7 +66,7 @@ impl CloudGridPlan {
         side: Option<u32>,
     ) -> Result<Self> {
         let grid = PlannedCells::of(&**points, extent, side);
-        limits::check("number of tiles", grid.count(), plan::MOST_TASKS)?;
+        limits::check("number of tiles", grid.count(), plan::MAX_TASKS)?;
         let mut method = GridJob { format: Some(job.format()?.name.to_owned()), ..job.clone() };
         method.placement.like = method.placement.like.map(absolute).transpose()?;
         if !points.files().is_empty() {
@@ -104,7 +104,7 @@ impl CloudGridPlan {
             return Err(Error::bad_input("it has no cells, or an invalid tile size"));
         }
         limits::check("number of columns or rows", width.max(height).into(), limits::MAX_SIDE)?;
-        limits::check("number of tiles", self.grid.count(), plan::MOST_TASKS)
+        limits::check("number of tiles", self.grid.count(), plan::MAX_TASKS)
     }
 }
 

@@ -23,9 +23,9 @@ use terrane_gridding::StatisticRecipe;
 /// Small tiles along each side of the grid.
 const ALONG: u32 = 4;
 /// Most points to read for one: in an unordered point cloud, each would read much of it.
-const MOST_POINTS: u64 = 1 << 22;
+const MAX_POINTS: u64 = 1 << 22;
 /// Most tiles whose points are counted.
-const MOST_COUNTED: usize = 256;
+const MAX_COUNTED: usize = 256;
 /// Nanoseconds of one thread for a point of LAZ that is put into its cell, and for one that is triangulated, as
 /// measured on one machine; see benches/history/2026.md, 7. The second applies if nothing is sampled; the cost
 /// of statistics depends on their radius and kind more than on the points.
@@ -93,7 +93,7 @@ fn point(opened: &OpenedCloudGrid) -> f64 {
 /// Points that all tiles read: each reads all parts with points near it.
 fn to_read(opened: &OpenedCloudGrid, cells: &PlannedCells) -> u64 {
     let tiles: Vec<GridTileTask> = cells.tiles().collect();
-    let stride = tiles.len().div_ceil(MOST_COUNTED).max(1);
+    let stride = tiles.len().div_ceil(MAX_COUNTED).max(1);
     let counted = tiles.iter().step_by(stride);
     let count = counted.len() as u64;
     let points: u64 =
@@ -206,7 +206,7 @@ fn probe(
 ) -> Result<Option<TriedTile>> {
     at.cancel.check()?;
     let near = opened.near(rect);
-    if points_near(opened, near) > MOST_POINTS {
+    if points_near(opened, near) > MAX_POINTS {
         return Ok(None);
     }
     let (tile, started) = (folder.join("tile.tif"), Instant::now());

@@ -134,7 +134,7 @@ impl PresetModel {
         if square > room {
             let what = format!("finding the ground by {}", method.name());
             let memory = making.job.resources.memory;
-            return Err(too_little(&what, least_for(square), memory, "‹ground› filter"));
+            return Err(too_little(&what, min_for(square), memory, "‹ground› filter"));
         }
         let share = if square > 0 { room } else { making.memory / TILE_SHARE };
         let tile = share / making.threads as u64;
@@ -261,10 +261,10 @@ pub(super) fn least(job: &GridJob, cloud: &CloudInfo, seen: Option<&CloudOvervie
     let freezes = job.preset.is_some() && job.canopy.way() != CanopyAlgorithm::PitFree;
     let usual = if freezes { cloud.count.min(spike_free::USUAL) } else { 0 };
     let surface = spike_free::least(seen.map_or(usual, |seen| seen.square));
-    surface.max(least_for_ground(job, cloud, seen))
+    surface.max(min_for_ground(job, cloud, seen))
 }
 
-fn least_for_ground(job: &GridJob, cloud: &CloudInfo, seen: Option<&CloudOverview>) -> u64 {
+fn min_for_ground(job: &GridJob, cloud: &CloudInfo, seen: Option<&CloudOverview>) -> u64 {
     let is_found = job.ground.is_method() || seen.is_some_and(|seen| !seen.by_class);
     if !job.needs_ground() || !is_found {
         return 0;
@@ -272,10 +272,10 @@ fn least_for_ground(job: &GridJob, cloud: &CloudInfo, seen: Option<&CloudOvervie
     let method = job.ground.method();
     let extent =
         MetricFrame::of(&cloud.crs, &cloud.frame).map(|metres| metres.extent(cloud.bounds));
-    extent.map_or(0, |extent| least_for(square_bytes(&method, extent)))
+    extent.map_or(0, |extent| min_for(square_bytes(&method, extent)))
 }
 
 /// Least memory for a tile: half of the memory is for points, in three stores.
-fn least_for(square: u64) -> u64 {
+fn min_for(square: u64) -> u64 {
     2 * STORES * square
 }

@@ -10,7 +10,7 @@ use super::making::Making;
 use super::metres::MetricFrame;
 use super::top::CanopySurface;
 use crate::points::{
-    ColumnRowPositions, ColumnRowRange, MOST_POINTS, PointStore, SurroundingPoints, reach,
+    ColumnRowPositions, ColumnRowRange, MAX_POINTS, PointStore, SurroundingPoints, reach,
 };
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, PointFrame};
@@ -47,7 +47,7 @@ impl CanopySurface for PitFreeLayers {
         let centres = CellCenters::new(piece.extent, piece.rect, &self.frame);
         let at = centres.positions();
         let near = |window| self.layers.iter().map(|layer| layer.store.points_near(window)).sum();
-        at.in_parts(MOST_POINTS, near, |part, window| {
+        at.in_parts(MAX_POINTS, near, |part, window| {
             self.fill(at, part, window, piece.max_edge, out)
         })
     }

@@ -228,7 +228,7 @@ impl HeightAboveGround {
         }
         let classes =
             self.layers().into_iter().flat_map(|HeightClasses(all)| all).map(|(class, _)| *class);
-        match classes.max().filter(|class| *class > format.most_class()) {
+        match classes.max().filter(|class| *class > format.max_class()) {
             None => Ok(()),
             Some(class) => {
                 let number = format.number();

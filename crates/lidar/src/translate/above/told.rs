@@ -16,7 +16,7 @@ pub(super) const VALUES: u64 = 16 << 20;
 /// Values of a bucket.
 const BUCKET: u64 = 1 << 16;
 /// Most buckets.
-const MOST_BUCKETS: u64 = 1 << 14;
+const MAX_BUCKETS: u64 = 1 << 14;
 
 /// Height and class of a point.
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -37,7 +37,7 @@ pub(super) struct PointAnnotations {
 
 impl PointAnnotations {
     pub(super) fn new(points: u64, folder: &Path) -> Self {
-        let each = BUCKET.max(points.div_ceil(MOST_BUCKETS));
+        let each = BUCKET.max(points.div_ceil(MAX_BUCKETS));
         let count = points.div_ceil(each).max(1) as usize;
         Self { buckets: Buckets::new(folder, count, VALUES), each }
     }

@@ -31,15 +31,15 @@ use terrane_files::{Buckets, lock};
 /// First margin around a tile, in distances.
 const HALO: i64 = 4;
 /// Least side of a tile, in distances, unless it has too many points.
-const LEAST_SIDE: i64 = 16;
+const MIN_SIDE: i64 = 16;
 /// Approximate largest number of points of a tile.
-const MOST_POINTS: u64 = 1 << 17;
+const MAX_POINTS: u64 = 1 << 17;
 /// Bytes of tables for each tile.
 const SQUARE: u64 = 256;
 /// Least bytes of a thread.
 const LEAST: u64 = 2 << 20;
 /// Most points queued at a time.
-const MOST_WAITING: u64 = 1 << 20;
+const MAX_WAITING: u64 = 1 << 20;
 /// Entries that are read together.
 const TOGETHER: usize = 1 << 12;
 
@@ -177,11 +177,11 @@ impl PoissonDiscs<'_> {
     }
 
     /// Number of queued points.
-    fn most_waiting(&self) -> usize {
-        (self.share() / 4 / size_of::<RankedCandidate>() as u64).min(MOST_WAITING) as usize
+    fn max_waiting(&self) -> usize {
+        (self.share() / 4 / size_of::<RankedCandidate>() as u64).min(MAX_WAITING) as usize
     }
 
-    fn most_held(&self) -> usize {
+    fn max_held(&self) -> usize {
         (self.share() / 2 / HELD) as usize
     }
 
@@ -194,10 +194,10 @@ impl PoissonDiscs<'_> {
     /// The side of tiles whose points, with their surroundings, fit into the queue.
     fn side(&self, tiling: &Tiling) -> i64 {
         let each = (self.info.count / tiling.count() as u64).max(1);
-        let squares = (self.most_waiting() as u64).min(MOST_POINTS) / each;
+        let squares = (self.max_waiting() as u64).min(MAX_POINTS) / each;
         let side = (squares.max(1).isqrt() as i64).saturating_mul(tiling.side().into());
         let reach = self.reach();
-        side.saturating_sub(reach.saturating_mul(2 * HALO)).max(reach.saturating_mul(LEAST_SIDE))
+        side.saturating_sub(reach.saturating_mul(2 * HALO)).max(reach.saturating_mul(MIN_SIDE))
     }
 }
 
@@ -217,7 +217,7 @@ impl PoissonSampler<'_> {
             at.progress.advance(1);
             Ok(())
         };
-        let room = || Vec::with_capacity(2 * self.discs.most_waiting());
+        let room = || Vec::with_capacity(2 * self.discs.max_waiting());
         workers::run(*threads, count, at.cancel, room, square, |_| Ok(()))?;
         at.progress.end();
         Ok(())
@@ -286,7 +286,7 @@ impl PoissonSampler<'_> {
                 all.insert(*number as usize);
             });
             drop(all);
-            if fates.len() > self.discs.most_held() {
+            if fates.len() > self.discs.max_held() {
                 return Ok(SquareKnowledge::TooMany);
             }
             if is_last {
@@ -324,7 +324,7 @@ impl PoissonSampler<'_> {
         (after, fates): (Option<RankedCandidate>, &PoissonVerdicts<'_>),
         waiting: &mut Vec<RankedCandidate>,
     ) -> Result<bool> {
-        let most = self.discs.most_waiting();
+        let most = self.discs.max_waiting();
         let mut until: Option<RankedCandidate> = None;
         waiting.clear();
         self.each(whole, &mut |entry| {

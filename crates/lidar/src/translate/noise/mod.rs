@@ -32,7 +32,7 @@ const HELD: u64 = 4 << 20;
 /// Bytes of a thread beside its scores.
 const THREAD: u64 = 2 << 20;
 /// Largest distance from coordinate zero, in steps.
-const MOST_STEPS: f64 = 1e18;
+const MAX_STEPS: f64 = 1e18;
 /// Buckets of scores.
 const BUCKETS: u64 = 64;
 
@@ -69,7 +69,7 @@ fn space(info: &CloudInfo) -> Result<(NoiseSpace, bool)> {
     })?;
     let frame = &info.frame;
     let zero = [0, 1, 2].map(|axis| {
-        (frame.offset[axis] / frame.scale[axis]).round().clamp(-MOST_STEPS, MOST_STEPS) as i64
+        (frame.offset[axis] / frame.scale[axis]).round().clamp(-MAX_STEPS, MAX_STEPS) as i64
     });
     Ok((NoiseSpace { step: metres.step, zero }, metres.is_guess))
 }

@@ -10,7 +10,7 @@ use crate::records::choice::ChosenRecords;
 use terrane_base::error::{Error, ErrorKind, Result};
 
 /// Most bytes of recorded noise: about eighty million points.
-const MOST_BYTES: u64 = 256 << 20;
+const MAX_BYTES: u64 = 256 << 20;
 /// Number of copies in memory while a plan is read.
 const COPIES: u64 = 3;
 
@@ -135,7 +135,7 @@ impl MarkedRecords<'_> {
                 None => NoiseGaps::of(self.noise.within(numbers).map(|i| i as u64 - first)),
             };
             bytes += gaps.0.len() as u64;
-            if bytes > MOST_BYTES {
+            if bytes > MAX_BYTES {
                 return Err(too_much());
             }
             noted.parts.push(gaps);

@@ -21,7 +21,7 @@ const AVERAGE: u64 = 1 << 12;
 /// Most points of a part.
 pub(super) const MOST: u64 = 1 << 14;
 /// Most cells of a level.
-const MOST_CELLS: u64 = 1 << 16;
+const MAX_CELLS: u64 = 1 << 16;
 /// Bytes of tables for each cell.
 const CELL: u64 = 512;
 /// Largest ratio of the final number of cells to that of a level.
@@ -57,7 +57,7 @@ pub(super) fn tables(points: u64) -> u64 {
 }
 
 fn cells_for(points: u64) -> u64 {
-    (points / AVERAGE).clamp(1, MOST_CELLS)
+    (points / AVERAGE).clamp(1, MAX_CELLS)
 }
 
 /// A box in cells.
@@ -220,7 +220,7 @@ fn divided(
     at: RunControl<'_>,
 ) -> Result<NoiseGridLevel> {
     let points: u64 = crowded.iter().map(|(cell, _)| level.entries.len(*cell)).sum();
-    let average = AVERAGE.max(points / MOST_CELLS);
+    let average = AVERAGE.max(points / MAX_CELLS);
     let (mut all, mut first) = (Vec::new(), 0);
     for (cell, bounds) in crowded {
         let cells =

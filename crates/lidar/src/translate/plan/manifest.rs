@@ -21,7 +21,7 @@ use terrane_files::{name_of, path_of};
 /// Approximate default number of points of a task.
 const TASK_POINTS: f64 = (1_u64 << 26) as f64;
 /// Most tiles along the side of a task.
-const MOST_CUT: u32 = 1 << 10;
+const MAX_CUT: u32 = 1 << 10;
 
 /// Tiles to make of a point cloud.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -185,21 +185,21 @@ impl SquareBlocks {
         let spans = squares::spans(squares, info)?;
         let count = counts(spans).iter().product::<u64>();
         let fair = (TASK_POINTS * count as f64 / info.count.max(1) as f64).sqrt().round();
-        let cut = cut.unwrap_or(fair.clamp(1.0, f64::from(MOST_CUT)) as u32);
+        let cut = cut.unwrap_or(fair.clamp(1.0, f64::from(MAX_CUT)) as u32);
         let crs = info.crs.wkt.clone().unwrap_or_else(|| info.crs.label());
         Ok(Self { spans, cut, points: info.count, crs })
     }
 
     /// Fails if there are no tiles, or too many.
     pub(super) fn check(&self) -> Result<()> {
-        if !(1..=MOST_CUT).contains(&self.cut) {
+        if !(1..=MAX_CUT).contains(&self.cut) {
             return Err(Error::usage(format!("‹task_size› {} is out of range", self.cut))
-                .remedy(format!("pass 1 to {MOST_CUT}")));
+                .remedy(format!("pass 1 to {MAX_CUT}")));
         }
         if self.spans.iter().any(|[first, last]| first > last) {
             return Err(Error::bad_input("it has no tiles"));
         }
-        limits::check("number of tasks", self.count(), plan::MOST_TASKS)
+        limits::check("number of tasks", self.count(), plan::MAX_TASKS)
     }
 
     /// Columns and rows of tiles.

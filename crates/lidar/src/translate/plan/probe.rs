@@ -18,7 +18,7 @@ use terrane_engine::plan::{PlanNeeds, RunControl};
 /// Sampled tiles along each side.
 const ALONG: u32 = 3;
 /// Most points to read for one: in an unordered point cloud, each would read much of it.
-const MOST_POINTS: u64 = 1 << 22;
+const MAX_POINTS: u64 = 1 << 22;
 /// Nanoseconds of one thread for a point that is read, tiled and compressed; with ground by classes, and with a
 /// ground method; as measured on one machine; see benches/history/2026.md, 28 and 29.
 const POINT: [f64; 3] = [500.0, 1500.0, 28_000.0];
@@ -39,7 +39,7 @@ pub(super) fn expect(
     at.progress.begin("sample", places.len() as u64);
     for place in places {
         at.cancel.check()?;
-        if points_near(opened, work, place)? <= MOST_POINTS {
+        if points_near(opened, work, place)? <= MAX_POINTS {
             let folder = TempDir::new_in(&folder).map_err(|e| Error::write(&folder, e))?;
             bytes += opened.make(work, (place, folder.path()), at.silent())?.bytes as f64;
             tried += area(opened, work, place);

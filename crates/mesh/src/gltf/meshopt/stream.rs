@@ -8,9 +8,9 @@ use terrane_base::error::Result;
 use terrane_files::lock;
 
 /// Maximum recorded positions of a stream.
-const MOST_MARKS: u64 = 1 << 12;
+const MAX_MARKS: u64 = 1 << 12;
 /// Maximum recorded ends of reading.
-const MOST_ENDS: usize = 16;
+const MAX_ENDS: usize = 16;
 /// Bytes read at a time.
 const WINDOW_BYTES: u64 = 64 << 10;
 
@@ -58,7 +58,7 @@ struct MeshoptCheckpoints<P> {
 
 impl<C: MeshoptCodec> MeshoptStream<C> {
     pub(crate) fn new(codec: C) -> Self {
-        Self::with_marks(codec, MOST_MARKS)
+        Self::with_marks(codec, MAX_MARKS)
     }
 
     pub(super) fn with_marks(codec: C, most: u64) -> Self {
@@ -100,7 +100,7 @@ impl<C: MeshoptCodec> MeshoptStream<C> {
         }
         let resume = if codec.index(&place) == end { place } else { resume };
         let ends = &mut lock(&self.known).ends;
-        if ends.len() == MOST_ENDS {
+        if ends.len() == MAX_ENDS {
             ends.remove(0);
         }
         ends.push(resume);

@@ -12,7 +12,7 @@ const QUEUE: usize = 16;
 /// Empty entry of a queue; not a valid vertex.
 const NOTHING: u32 = u32::MAX;
 /// Maximum bytes of the data of a triangle beside its code.
-const MOST_DATA: usize = 16;
+const MAX_DATA: usize = 16;
 /// Triangles per step.
 const STEP: u64 = 512;
 
@@ -370,7 +370,7 @@ impl MeshoptCodec for MeshoptTriangleReader {
         let count = STEP.min(self.triangles - place.triangle) as usize;
         // Copied, as the window moves on to the data.
         let codes = window.bytes(self.codes + place.triangle, count)?.to_vec();
-        let most = (self.end - place.data).min((count * MOST_DATA) as u64) as usize;
+        let most = (self.end - place.data).min((count * MAX_DATA) as u64) as usize;
         let mut data = MeshoptTriangleBytes(window.bytes(place.data, most)?);
         out.clear();
         for code in codes {

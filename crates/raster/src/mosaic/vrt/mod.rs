@@ -40,7 +40,7 @@ pub(crate) const FORMAT: RasterFormat = RasterFormat {
 };
 
 /// Maximum depth of nested VRTs.
-const MOST_DEPTH: usize = 8;
+const MAX_DEPTH: usize = 8;
 /// Default block size, as in GDAL.
 const BLOCK: u32 = 128;
 
@@ -125,7 +125,7 @@ fn deeper(path: &Path, nest: &MosaicNesting) -> Result<MosaicNesting> {
         return Err(Error::bad_input("refers to itself").in_file(path));
     }
     let depth = nest.around.len() as u64 + 1;
-    limits::check("depth of nested VRTs", depth, MOST_DEPTH as u64)?;
+    limits::check("depth of nested VRTs", depth, MAX_DEPTH as u64)?;
     let mut deeper = nest.clone();
     deeper.around.push(real);
     Ok(deeper)

@@ -94,7 +94,7 @@ impl DistanceMetric<LocatedVertex> for GeographicMetric {
         let length = least(d[0]) * least(d[0]) + least(d[1]) * least(d[1]);
         if length <= 0.0 {
             // No farther than from the beginning, rounding included.
-            return (q[0].most_squared() + q[1].most_squared()) * (1.0 + 1e-9);
+            return (q[0].max_squared() + q[1].max_squared()) * (1.0 + 1e-9);
         }
         let product = |a: ClosedInterval, b: ClosedInterval| {
             let (u, v) = (a.times(b.low), a.times(b.high));
@@ -103,7 +103,7 @@ impl DistanceMetric<LocatedVertex> for GeographicMetric {
         let cross = product(q[0], d[1]).minus_range(product(q[1], d[0]));
         let along = product(q[0], d[0]).plus_range(product(q[1], d[1]));
         let over = larger(larger(-along.low, along.high - length * course.length), 0.0);
-        (cross.most_squared() + over * over) / length
+        (cross.max_squared() + over * over) / length
     }
 
     fn area(&self, a: &LocatedVertex, b: &LocatedVertex, c: &LocatedVertex) -> f64 {

@@ -176,7 +176,7 @@ impl DistanceMetric<Xy> for PlaneMetric {
         let d = segment.along;
         let cross = x.times(d[1]).minus_range(y.times(d[0]));
         let along = x.times(d[0]).plus_range(y.times(d[1]));
-        cross.most_squared() + along.most_over(segment.limit)
+        cross.max_squared() + along.most_over(segment.limit)
     }
 
     #[inline(always)]

@@ -63,7 +63,7 @@ impl ClosedInterval {
 
     /// Largest square.
     #[inline(always)]
-    pub(super) fn most_squared(self) -> f64 {
+    pub(super) fn max_squared(self) -> f64 {
         let most = larger(-self.low, self.high);
         most * most
     }

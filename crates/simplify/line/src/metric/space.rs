@@ -69,9 +69,9 @@ impl DistanceMetric<[f64; 3]> for SpaceMetric {
         let q = [r[0].minus(from[0]), r[1].minus(from[1]), r[2].minus(from[2])];
         let cross = |i: usize, j: usize| q[i].times(d[j]).minus_range(q[j].times(d[i]));
         let along = q[0].times(d[0]).plus_range(q[1].times(d[1])).plus_range(q[2].times(d[2]));
-        cross(1, 2).most_squared()
-            + cross(2, 0).most_squared()
-            + cross(0, 1).most_squared()
+        cross(1, 2).max_squared()
+            + cross(2, 0).max_squared()
+            + cross(0, 1).max_squared()
             + along.most_over(segment.limit)
     }
 

@@ -55,18 +55,18 @@ impl PlaneSegment {
     /// Upper bound of the reach from vertices beside the segment, no farther to either side than two vertices,
     /// plus `slack`.
     #[inline(always)]
-    pub(crate) fn most_across(&self, extremes: &[Xy; 2], slack: f64) -> f64 {
+    pub(crate) fn max_across(&self, extremes: &[Xy; 2], slack: f64) -> f64 {
         let across = |p: &Xy| {
             let (q, d) = ([p[0] - self.from[0], p[1] - self.from[1]], self.along);
             ClosedInterval::of(q[0] * d[1] - q[1] * d[0])
         };
-        wider(across(&extremes[0]).join(across(&extremes[1])), slack).most_squared()
+        wider(across(&extremes[0]).join(across(&extremes[1])), slack).max_squared()
     }
 
     /// Upper bound of the reach from vertices beyond an end, no farther to either end than two vertices, plus
     /// `slack`.
     #[inline(always)]
-    pub(crate) fn most_along(&self, extremes: &[Xy; 2], slack: f64) -> f64 {
+    pub(crate) fn max_along(&self, extremes: &[Xy; 2], slack: f64) -> f64 {
         let along = |p: &Xy| {
             let (q, d) = ([p[0] - self.from[0], p[1] - self.from[1]], self.along);
             ClosedInterval::of(q[0] * d[0] + q[1] * d[1])
@@ -77,7 +77,7 @@ impl PlaneSegment {
     /// Upper bound of vertices in a convex hull whose corners reach at most `reach`: distances are convex, so
     /// only rounding and `slack` are added.
     #[inline(always)]
-    pub(crate) fn most_around(&self, reach: f64, slack: f64) -> f64 {
+    pub(crate) fn max_around(&self, reach: f64, slack: f64) -> f64 {
         let distance = reach.sqrt() + 2.0 * slack;
         distance * distance * (1.0 + 4.0 * f64::EPSILON)
     }

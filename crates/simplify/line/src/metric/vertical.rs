@@ -80,7 +80,7 @@ impl DistanceMetric<Xy> for VerticalMetric {
     #[inline(always)]
     fn reach_most(chord: &ProfileSegment, region: &ProfileBox) -> f64 {
         let (x, y) = (region.x.minus(chord.from[0]), region.y.minus(chord.from[1]));
-        x.times(chord.along[1]).minus_range(y.times(chord.along[0])).most_squared()
+        x.times(chord.along[1]).minus_range(y.times(chord.along[0])).max_squared()
     }
 
     fn area(&self, a: &Xy, b: &Xy, c: &Xy) -> f64 {

@@ -136,14 +136,14 @@ fn a_segment_knows_its_sides() {
     let near = |p: f64, q: f64| assert!((p - q).abs() < 1e-9, "{p} is not {q}");
     // Reaches are squares of distances, times 25.
     near(segment.reach_from_end(2.0), 50.0);
-    near(segment.most_across(&[at(0.0, -2.0), at(0.0, 1.0)], 0.0), 100.0);
-    near(segment.most_across(&[at(0.0, -2.0), at(0.0, 1.0)], 5.0), 225.0);
-    near(segment.most_along(&[at(-1.0, 0.0), at(8.0, 0.0)], 0.0), 225.0);
-    near(segment.most_along(&[at(-1.0, 0.0), at(8.0, 0.0)], 5.0), 400.0);
-    near(segment.most_along(&[at(1.0, 0.0), at(4.0, 0.0)], 0.0), 0.0);
-    near(segment.most_around(100.0, 0.0), 100.0);
-    near(segment.most_around(100.0, 3.0), 256.0);
-    assert!(segment.most_around(100.0, 0.0) > 100.0);
+    near(segment.max_across(&[at(0.0, -2.0), at(0.0, 1.0)], 0.0), 100.0);
+    near(segment.max_across(&[at(0.0, -2.0), at(0.0, 1.0)], 5.0), 225.0);
+    near(segment.max_along(&[at(-1.0, 0.0), at(8.0, 0.0)], 0.0), 225.0);
+    near(segment.max_along(&[at(-1.0, 0.0), at(8.0, 0.0)], 5.0), 400.0);
+    near(segment.max_along(&[at(1.0, 0.0), at(4.0, 0.0)], 0.0), 0.0);
+    near(segment.max_around(100.0, 0.0), 100.0);
+    near(segment.max_around(100.0, 3.0), 256.0);
+    assert!(segment.max_around(100.0, 0.0) > 100.0);
     let around =
         PlaneMetric::join(&PlaneMetric::region(&[0.0, 1.0]), &PlaneMetric::region(&[2.0, 12.0]));
     assert_eq!(segment.span(&around), 11.0);

@@ -91,11 +91,11 @@ struct LooksLikeSteps;
 impl Check for LooksLikeSteps {
     fn check<V: Copy, M: DistanceMetric<V>>(&self, metric: &M, points: &[V], tolerance: f64) {
         let mut wedge = M::Wedge::new(&points[0], tolerance);
-        let mut least_span2 = 0.0_f64;
+        let mut min_span2 = 0.0_f64;
         for (i, p) in points.iter().enumerate().skip(1) {
             let (before, ahead) = (wedge, &points[i..]);
-            let may_end = |p: &V| before.outside(p) <= 0.0 && before.span2(p) >= least_span2;
-            let found = first_inside(&before, least_span2, ahead);
+            let may_end = |p: &V| before.outside(p) <= 0.0 && before.span2(p) >= min_span2;
+            let found = first_inside(&before, min_span2, ahead);
             assert_eq!(found, ahead.iter().position(may_end), "from vertex {i} on");
             let step = wedge.step(p);
             if step == WedgeStep::Stops {
@@ -105,11 +105,11 @@ impl Check for LooksLikeSteps {
             if before.outside(p) > 0.0 || wedge.span2(p) > tolerance * tolerance {
                 assert_eq!(before.outside(p) <= 0.0, step == WedgeStep::Ends, "vertex {i}");
             }
-            let least = wedge.least_span2(p);
+            let least = wedge.min_span2(p);
             for end in ahead.iter().filter(|end| wedge.span2(end) < least) {
                 assert!(metric.distance2(p, &points[0], end) > tolerance * tolerance);
             }
-            least_span2 = least_span2.max(least);
+            min_span2 = min_span2.max(least);
         }
     }
 }
@@ -119,13 +119,13 @@ impl Check for LooksLikeSteps {
 fn segments_end_no_nearer_than_what_they_pass() {
     let near = |square: f64| (square - 64.0).abs() < 1e-10 && square < 64.0;
     let wedge = PlaneWedge::new(&[1.0, 1.0], 5.0);
-    assert!(near(wedge.least_span2(&[6.0, 13.0])) && wedge.least_span2(&[4.0, 4.0]) == 0.0);
+    assert!(near(wedge.min_span2(&[6.0, 13.0])) && wedge.min_span2(&[4.0, 4.0]) == 0.0);
     let wedge = SpaceWedge::new(&[1.0, 1.0, 1.0], 5.0);
-    assert!(near(wedge.least_span2(&[4.0, 5.0, 13.0])));
+    assert!(near(wedge.min_span2(&[4.0, 5.0, 13.0])));
     // Metres differ from vertex to vertex, and in a profile nothing is beyond an end.
     let place = |lon: f64| LocatedVertex::new([lon, 60.0]);
-    assert_eq!(EllipseWedge::new(&place(0.0), 5.0).least_span2(&place(1.0)), 0.0);
-    assert_eq!(SlopeWedge::new(&[0.0; 2], 5.0).least_span2(&[99.0, 0.0]), 0.0);
+    assert_eq!(EllipseWedge::new(&place(0.0), 5.0).min_span2(&place(1.0)), 0.0);
+    assert_eq!(SlopeWedge::new(&[0.0; 2], 5.0).min_span2(&[99.0, 0.0]), 0.0);
 }
 
 proptest! {

@@ -21,7 +21,7 @@ use terrane_base::geom::plane::{Xy, key, orient};
 
 /// Segments tested before a vertex is left in place: many are near only if a cluster of vertices is rounded to
 /// few positions.
-const MOST_LOOKS: usize = 4096;
+const MAX_LOOKS: usize = 4096;
 /// Attempts for vertices that block each other.
 const PASSES: usize = 8;
 
@@ -202,7 +202,7 @@ impl KeptSegments {
                     (false, true) => swept.has_end(self.at(a)),
                     (false, false) => swept.meets([self.at(a), self.at(b)]),
                 };
-                if is_met || looks > MOST_LOOKS {
+                if is_met || looks > MAX_LOOKS {
                     return false;
                 }
             }

@@ -29,7 +29,7 @@ impl ChainPiece {
 const LONG: u32 = 48;
 
 /// Largest number of buffered candidates of long pieces.
-const MOST_HELD: usize = 1 << 20;
+const MAX_HELD: usize = 1 << 20;
 
 /// Fixed points with a spatial index.
 #[derive(Debug)]
@@ -128,7 +128,7 @@ impl PieceView<'_> {
                     self.one_to_many(layer.item(q), (layer, tree.group(group)), found);
                 }
             }
-            self.test_held(found, MOST_HELD)?;
+            self.test_held(found, MAX_HELD)?;
         }
         Ok(())
     }
@@ -149,7 +149,7 @@ impl PieceView<'_> {
                     self.pair(item, old.item(q), found);
                 }
             }
-            self.test_held(found, MOST_HELD)?;
+            self.test_held(found, MAX_HELD)?;
         }
         Ok(())
     }
@@ -170,7 +170,7 @@ impl PieceView<'_> {
                     self.candidate(fresh.item(at), points[tree.ids[other] as usize], found);
                 }
             }
-            self.test_held(found, MOST_HELD)?;
+            self.test_held(found, MAX_HELD)?;
         }
         Ok(())
     }

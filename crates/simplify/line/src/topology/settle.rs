@@ -15,7 +15,7 @@ use terrane_base::geom::plane::area_sign;
 const ROUNDS_AT_FARTHEST: u64 = 40;
 
 /// Largest number of layers; more are merged.
-const MOST_LAYERS: usize = 6;
+const MAX_LAYERS: usize = 6;
 
 /// State of the chains between rounds.
 #[derive(Debug)]
@@ -104,7 +104,7 @@ impl<'a> UntangleState<'a> {
                 cancel.map_or(Ok(()), Cancel::check)?;
                 self.split(i, refine);
             }
-            if self.layers.len() > MOST_LAYERS {
+            if self.layers.len() > MAX_LAYERS {
                 self.merge_layers();
             }
         }

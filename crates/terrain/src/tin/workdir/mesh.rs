@@ -156,7 +156,7 @@ impl PlannedWork for PlannedMesh {
         let PlannedGrid { width, height, .. } = self.grid;
         limits::check("number of columns or rows", width.max(height).into(), limits::MAX_SIDE)?;
         let tasks = 2 * u64::from(self.strips()?.count());
-        limits::check("number of tasks", tasks, plan::MOST_TASKS)
+        limits::check("number of tasks", tasks, plan::MAX_TASKS)
     }
 
     fn tasks(&self) -> Vec<StripTask> {

@@ -13,7 +13,7 @@ use terrane_engine::plan::{PlannedWork, TaskSurvey};
 use terrane_files::lock;
 
 /// Objects open at once: the sweep is in one strip, or at the seam between two.
-const MOST_OPEN: usize = 4;
+const MAX_OPEN: usize = 4;
 
 /// Opens objects as the sweep over the tiles comes to them.
 pub(super) struct ObjectCache<'a, W: PlannedWork> {
@@ -44,7 +44,7 @@ impl<'a, W: PlannedWork<Task = StripTask, Facts = TinArtifactFacts>> ObjectCache
         let (path, done) = self.survey.object(task)?;
         let tiles = self.strips.work(task).tiles();
         let object = Arc::new(ObjectFile::open(path, done.facts.index, tiles)?);
-        if open.len() >= MOST_OPEN {
+        if open.len() >= MAX_OPEN {
             open.pop_first();
         }
         open.insert((number, task), Arc::clone(&object));

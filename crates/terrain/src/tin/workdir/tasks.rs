@@ -18,7 +18,7 @@ use terrane_engine::plan::Numbered;
 /// Approximate number of samples of a strip.
 const STRIP_SAMPLES: u64 = 1 << 27;
 /// Fewest rows of tiles in a strip: each is changed by the seam on one side only.
-pub(super) const LEAST_ROWS: u32 = 2;
+pub(super) const MIN_ROWS: u32 = 2;
 
 /// A task, by the number of its strip or of the strip above its seam.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -61,7 +61,7 @@ impl TileStrips {
     pub(super) fn new(layout: TileLayout, rows: Option<u32>) -> Self {
         let row = layout.samples() / u64::from(layout.rows);
         let fair = || STRIP_SAMPLES.div_ceil(row.max(1)).min(layout.rows.into()) as u32;
-        Self { layout, rows: rows.unwrap_or_else(fair).max(LEAST_ROWS) }
+        Self { layout, rows: rows.unwrap_or_else(fair).max(MIN_ROWS) }
     }
 
     /// The tiling that is cut.
@@ -77,7 +77,7 @@ impl TileStrips {
     /// Number of strips. Rows that are too few for one more belong to the last.
     pub(super) fn count(&self) -> u32 {
         let (whole, rest) = (self.layout.rows / self.rows, self.layout.rows % self.rows);
-        (whole + u32::from(rest >= LEAST_ROWS)).max(1)
+        (whole + u32::from(rest >= MIN_ROWS)).max(1)
     }
 
     /// All tasks, in an order in which they can be done.
@@ -147,7 +147,7 @@ mod tests {
                 for strip in 0..strips.count() {
                     let [first, end] = strips.rows_of(strip);
                     assert_eq!(first, next);
-                    assert!(end - first >= LEAST_ROWS.min(rows));
+                    assert!(end - first >= MIN_ROWS.min(rows));
                     assert!((first..end).all(|row| strips.strip_of(row) == strip));
                     next = end;
                 }

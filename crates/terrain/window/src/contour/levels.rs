@@ -6,10 +6,10 @@ use terrane_base::error::{Error, Result};
 pub(super) const VOID: i32 = i32::MIN;
 
 /// Ranks are below this in magnitude.
-const MOST_RANK: f64 = (1 << 30) as f64;
+const MAX_RANK: f64 = (1 << 30) as f64;
 
 /// Largest magnitude of a height.
-const MOST_HEIGHT: f64 = 1e30;
+const MAX_HEIGHT: f64 = 1e30;
 
 /// A number whose addition rounds others below 2^31 to whole ones, which are then its lowest bits.
 const ROUNDING: f64 = 1.5 * (1_u64 << 52) as f64;
@@ -39,7 +39,7 @@ impl ContourLevels {
                 .remedy("pass a number above 0"));
         }
         let steps = base.abs() / interval;
-        if steps.is_nan() || steps >= MOST_RANK {
+        if steps.is_nan() || steps >= MAX_RANK {
             return Err(Error::usage(format!(
                 "a base of {base} is too far from 0 for an interval of {interval}"
             ))
@@ -130,7 +130,7 @@ fn rank_by_step<H: Copy + Into<f64>>(
         let below = i32::from(unscaled(base + nearest * step) > z);
         let found = rounded.to_bits() as i32 - below;
         *rank = if z.is_nan() { VOID } else { found };
-        sound &= z.is_nan() | ((steps.abs() < MOST_RANK) & (z.abs() <= MOST_HEIGHT));
+        sound &= z.is_nan() | ((steps.abs() < MAX_RANK) & (z.abs() <= MAX_HEIGHT));
     }
     sound
 }
@@ -145,7 +145,7 @@ fn rank_by_list<H: Copy + Into<f64>>(levels: &[f64], heights: &[H], ranks: &mut 
             *rank = VOID;
             continue;
         }
-        sound &= z.abs() <= MOST_HEIGHT;
+        sound &= z.abs() <= MAX_HEIGHT;
         while last < levels.len() && levels[last] <= z {
             last += 1;
         }
@@ -234,12 +234,12 @@ mod tests {
         assert_eq!(rank(&levels, f64::NAN), Some(VOID));
         assert_eq!(rank(&levels, 1e10), None);
         assert_eq!(levels.rank(&[1.0, f64::NAN, 2e9], &mut [0; 3]), Err(2));
-        for (interval, base) in [(0.001, 1e7), (1.0, MOST_RANK), (0.1, 1e9)] {
+        for (interval, base) in [(0.001, 1e7), (1.0, MAX_RANK), (0.1, 1e9)] {
             assert!(ContourLevels::every(interval, base).is_err(), "{base} by {interval}");
         }
         assert!(
             ContourLevels::every(1000.0, 1e12).is_ok()
-                && ContourLevels::every(1.0, MOST_RANK - 1.0).is_ok()
+                && ContourLevels::every(1.0, MAX_RANK - 1.0).is_ok()
         );
         let list = ContourLevels::list(vec![1.0]).unwrap();
         assert_eq!((rank(&list, 1e10), rank(&list, -1e31)), (Some(1), None));
@@ -259,7 +259,7 @@ mod tests {
         for levels in
             [ContourLevels::every(1e25, 0.0).unwrap(), ContourLevels::list(vec![0.0]).unwrap()]
         {
-            let [z, beyond] = [MOST_HEIGHT, MOST_HEIGHT.next_up()];
+            let [z, beyond] = [MAX_HEIGHT, MAX_HEIGHT.next_up()];
             assert_eq!(levels.rank(&[z, -z, z, -beyond], &mut [0; 4]), Err(3));
             assert_eq!(levels.rank(&[z, beyond], &mut [0; 2]), Err(1));
         }

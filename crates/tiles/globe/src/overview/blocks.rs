@@ -3,9 +3,9 @@
 use terrane_base::geom::Rect;
 
 /// Smallest number of samples along a block.
-const LEAST_SIDE: u32 = 16;
+const MIN_SIDE: u32 = 16;
 /// Largest number of blocks of a grid.
-const MOST_BLOCKS: u64 = 1 << 21;
+const MAX_BLOCKS: u64 = 1 << 21;
 
 /// Statistics of a block of samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -46,8 +46,8 @@ impl SampleBlocks {
     pub fn of(whole: [u32; 2]) -> Self {
         let count =
             |side: u32| whole.map(|end| u64::from(end.div_ceil(side))).iter().product::<u64>();
-        let mut side = LEAST_SIDE;
-        while count(side) > MOST_BLOCKS {
+        let mut side = MIN_SIDE;
+        while count(side) > MAX_BLOCKS {
             side *= 2;
         }
         Self { side, counts: whole.map(|end| end.div_ceil(side)), whole }

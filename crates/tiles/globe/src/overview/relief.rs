@@ -9,7 +9,7 @@ use crate::level::LevelRelief;
 use crate::tiling::{degrees, level_error};
 
 /// Approximate largest number of vertices of a tile at the geometric error.
-const MOST_VERTICES: u64 = 1 << 18;
+const MAX_VERTICES: u64 = 1 << 18;
 
 /// Range of no heights.
 const NONE: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
@@ -123,7 +123,7 @@ impl GridOverview {
     /// blocks that no plane approximates.
     fn roughness(&self, level: u8) -> f64 {
         let across = degrees(level) / self.plan.chart.spacing();
-        if across * across <= MOST_VERTICES as f64 {
+        if across * across <= MAX_VERTICES as f64 {
             return 0.0;
         }
         let [cols, rows] = self.plan.blocks.counts;
@@ -143,7 +143,7 @@ impl GridOverview {
             let mut sum = 0;
             let first = blocks.iter().find(|(.., count)| {
                 sum += u64::from(*count);
-                sum > MOST_VERTICES
+                sum > MAX_VERTICES
             });
             // At least the distance of two samples of a block: below it, each vertex would cause another.
             first.map_or(0.0, |(_, off, _)| 2.0 * off)

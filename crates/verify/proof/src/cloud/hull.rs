@@ -4,7 +4,7 @@ use crate::ProofPosition;
 use crate::exact::double_area;
 
 /// Positions after which a pool is worth reducing, at least.
-const LEAST_POOL: usize = 4096;
+const MIN_POOL: usize = 4096;
 /// Directions whose outermost positions guard a pool, counter-clockwise.
 const COMPASS: [[i64; 2]; 8] =
     [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]];
@@ -35,7 +35,7 @@ impl HullGatherer {
             return;
         }
         self.pool.push(at);
-        if self.pool.len() >= LEAST_POOL.max(2 * self.reduced) {
+        if self.pool.len() >= MIN_POOL.max(2 * self.reduced) {
             self.reduce();
         }
     }
@@ -267,7 +267,7 @@ mod tests {
         for i in 0..200_000i64 {
             wrap.add([i * 7919 % 1_000_003, i * 104_729 % 999_983].map(|v| v as i32));
         }
-        assert!(wrap.pool.len() < 2 * LEAST_POOL, "{}", wrap.pool.len());
+        assert!(wrap.pool.len() < 2 * MIN_POOL, "{}", wrap.pool.len());
     }
 
     proptest! {

@@ -5,7 +5,7 @@ use super::exact::Xy;
 use super::measure::ProofDistance;
 
 /// Most distances that are measured for one ring.
-const MOST_LOOKS: u64 = 1 << 25;
+const MAX_LOOKS: u64 = 1 << 25;
 
 /// Directions in which the outermost vertices of a ring too large for that are looked for.
 const DIRECTIONS: usize = 16;
@@ -44,7 +44,7 @@ pub(super) fn lies_along_a_segment(
         for &b in &ring[i..] {
             match is_along(a, b, &mut all) {
                 (true, _) => return Some(true),
-                (false, looks) if looks > MOST_LOOKS => return None,
+                (false, looks) if looks > MAX_LOOKS => return None,
                 _ => {}
             }
         }

@@ -11,7 +11,7 @@ use terrane_base::geom::Point3;
 /// Bits of the steps to the furthest coordinate.
 const BITS: i32 = 58;
 /// Coordinates below 2 to this are all 0.
-const LEAST_EXPONENT: i32 = -900;
+const MIN_EXPONENT: i32 = -900;
 
 /// Maps stored vertices to a lattice that covers the mesh, columns along x and rows along y.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -90,7 +90,7 @@ fn whole(world: f64, step: f64) -> i64 {
 fn exponent(value: f64) -> i32 {
     // At most 2047.
     let biased = (value.to_bits() >> 52) as i32;
-    (biased - 1022).max(LEAST_EXPONENT)
+    (biased - 1022).max(MIN_EXPONENT)
 }
 
 #[cfg(test)]
@@ -107,8 +107,8 @@ mod tests {
         for (value, expected) in [(1.0, 1), (0.75, 0), (3.0, 2), (4.0, 3), (f64::MAX, 1024)] {
             assert_eq!(exponent(value), expected, "{value}");
         }
-        assert_eq!(exponent(0.0), LEAST_EXPONENT);
-        assert_eq!(exponent(5e-324), LEAST_EXPONENT);
+        assert_eq!(exponent(0.0), MIN_EXPONENT);
+        assert_eq!(exponent(5e-324), MIN_EXPONENT);
     }
 
     #[test]

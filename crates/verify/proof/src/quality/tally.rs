@@ -114,7 +114,7 @@ pub struct Quality {
     /// the longest.
     pub longest: Option<f64>,
     /// Vertices by the number of their edges; the last entry counts those of as many or more.
-    pub degrees: [u64; Quality::MOST_DEGREE + 1],
+    pub degrees: [u64; Quality::MAX_DEGREE + 1],
     /// The fewest and the most edges of a vertex.
     pub degree_range: Option<[u64; 2]>,
 }
@@ -133,7 +133,7 @@ impl Quality {
     /// Limits of aspect ratios.
     pub const ASPECTS: [f64; 8] = [1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0];
     /// Degrees from here up are counted together.
-    pub const MOST_DEGREE: usize = 20;
+    pub const MAX_DEGREE: usize = 20;
 
     /// Adds what was found elsewhere.
     pub fn merge(&mut self, other: &Self) {
@@ -212,7 +212,7 @@ impl Quality {
     /// Takes note of a vertex of `degree` edges.
     pub(super) fn vertex(&mut self, degree: u32) {
         self.vertices += 1;
-        self.degrees[(degree as usize).min(Self::MOST_DEGREE)] += 1;
+        self.degrees[(degree as usize).min(Self::MAX_DEGREE)] += 1;
         self.widen([degree.into(); 2]);
     }
 

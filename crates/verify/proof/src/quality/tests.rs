@@ -105,10 +105,10 @@ fn slow(mesh: &[[[i64; 2]; 3]]) -> (u64, u64, u64, Vec<u64>) {
     let all = edges.clone();
     edges.dedup();
     let border = edges.iter().filter(|e| all.iter().filter(|f| f == e).count() == 1).count();
-    let mut degrees = vec![0; Quality::MOST_DEGREE + 1];
+    let mut degrees = vec![0; Quality::MAX_DEGREE + 1];
     for v in &vertices {
         let degree = edges.iter().filter(|e| e.contains(v)).count();
-        degrees[degree.min(Quality::MOST_DEGREE)] += 1;
+        degrees[degree.min(Quality::MAX_DEGREE)] += 1;
     }
     (vertices.len() as u64, edges.len() as u64, border as u64, degrees)
 }

@@ -7,7 +7,7 @@ use super::tiling::{LAST, ProofTileId, ProofTileSide};
 use terrane_base::error::{Error, Result};
 
 /// Most vertices with indices of 16 bits.
-const MOST_SHORT: usize = 1 << 16;
+const MAX_SHORT: usize = 1 << 16;
 
 /// A tile as it is stored.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -56,7 +56,7 @@ impl DecodedTile {
         let count = from.count(6, "vertices")?;
         fit(count)?;
         tile.vertices = from.vertices(count)?;
-        from.skip_to(if count > MOST_SHORT { 4 } else { 2 })?;
+        from.skip_to(if count > MAX_SHORT { 4 } else { 2 })?;
         tile.triangles = from.triangles(count)?;
         for side in &mut tile.sides {
             *side = from.indices(count)?;
@@ -178,7 +178,7 @@ impl<'a> TileByteCursor<'a> {
 
     /// One index of `count` vertices, of 16 or 32 bits.
     fn code(&mut self, count: usize) -> Result<u32> {
-        match count > MOST_SHORT {
+        match count > MAX_SHORT {
             true => Ok(u32::from_le_bytes(self.array("an index")?)),
             false => Ok(u32::from(u16::from_le_bytes(self.array("an index")?))),
         }
@@ -193,7 +193,7 @@ impl<'a> TileByteCursor<'a> {
 
     /// Triangles, as differences to the highest index so far.
     fn triangles(&mut self, count: usize) -> Result<Vec<[u32; 3]>> {
-        let bytes = if count > MOST_SHORT { 12 } else { 6 };
+        let bytes = if count > MAX_SHORT { 12 } else { 6 };
         let mut triangles = vec![[0; 3]; self.count(bytes, "triangles")?];
         let mut highest = 0u32;
         for index in triangles.as_flattened_mut() {
@@ -208,7 +208,7 @@ impl<'a> TileByteCursor<'a> {
     }
 
     fn indices(&mut self, count: usize) -> Result<Vec<u32>> {
-        let bytes = if count > MOST_SHORT { 4 } else { 2 };
+        let bytes = if count > MAX_SHORT { 4 } else { 2 };
         let mut indices = vec![0; self.count(bytes, "vertices of a side")?];
         for index in &mut indices {
             let code = self.code(count)?;

@@ -30,8 +30,8 @@ pub use facets::{BYTES_PER_VERTEX, SampleRunErrors, TileFacets};
 pub use fault::{TilesetCheck, TilesetFault, TilesetFaultCount, TilesetFaults};
 pub use skirt::TileSkirt;
 pub use structure::structure;
-pub use subtree::{MOST_SUBTREE_LEVELS, MetadataSchema, Subtree};
-pub use tiling::{LAST, MOST_LEVEL, ProofTileId, ProofTileSide, columns, rows};
+pub use subtree::{MAX_SUBTREE_LEVELS, MetadataSchema, Subtree};
+pub use tiling::{LAST, MAX_LEVEL, ProofTileId, ProofTileSide, columns, rows};
 pub use water::{MaskPixels, UNCLEAR, WaterBank, WaterShore};
 
 /// What clients take for the error of level 0, in metres; each level has half of the one before.

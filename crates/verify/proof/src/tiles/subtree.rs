@@ -10,7 +10,7 @@ use super::tiling::ProofTileId;
 use terrane_base::error::{Error, Result};
 
 /// Most levels of a subtree: bits of more would be larger than any file.
-pub const MOST_SUBTREE_LEVELS: u8 = 12;
+pub const MAX_SUBTREE_LEVELS: u8 = 12;
 
 /// What has to be told of a tile, by its meaning, and how many numbers that are.
 const TOLD: [(&str, usize); 5] = [

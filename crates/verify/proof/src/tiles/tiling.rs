@@ -3,7 +3,7 @@
 use std::fmt;
 
 /// The finest level there may be: all borders of tiles are exact in `f64`, and columns fit in 32 bits.
-pub const MOST_LEVEL: u8 = 30;
+pub const MAX_LEVEL: u8 = 30;
 
 /// The largest u, v and height of a vertex.
 pub const LAST: u16 = 32_767;
@@ -56,9 +56,9 @@ impl fmt::Display for ProofTileId {
 }
 
 impl ProofTileId {
-    /// The tile of column `x` and row `y`; `None` beyond the last ones, or [`MOST_LEVEL`].
+    /// The tile of column `x` and row `y`; `None` beyond the last ones, or [`MAX_LEVEL`].
     pub fn new(level: u8, x: u32, y: u32) -> Option<Self> {
-        let is_there = level <= MOST_LEVEL && x < columns(level) && y < rows(level);
+        let is_there = level <= MAX_LEVEL && x < columns(level) && y < rows(level);
         is_there.then_some(Self { level, y, x })
     }
 
