@@ -14,7 +14,7 @@ use terrane_line::arcs::CoverageArcs;
 use terrane_line::metric::PlaneMetric;
 use terrane_line::rdp::rdp;
 use terrane_line::topology::{
-    Chains, KeptChainVertices, Strategy, UntangleOptions, refining, untangle,
+    Chains, RetainedChainVertices, Strategy, UntangleOptions, refining, untangle,
 };
 use terrane_line::{SimplifyScratch, Xy};
 
@@ -176,14 +176,14 @@ fn method(points: &[Xy], tolerance: f64) -> impl FnMut(usize, u32, u32, &mut Vec
     refining(points, move |part, kept| rdp(&PlaneMetric, part, tolerance, &mut scratch, kept))
 }
 
-fn plain(chains: &Chains<'_>, tolerance: f64) -> KeptChainVertices {
-    KeptChainVertices::simplified(chains, &mut method(chains.points, tolerance))
+fn plain(chains: &Chains<'_>, tolerance: f64) -> RetainedChainVertices {
+    RetainedChainVertices::simplified(chains, &mut method(chains.points, tolerance))
 }
 
-fn clean(chains: &Chains<'_>, tolerance: f64, strategy: Strategy) -> KeptChainVertices {
+fn clean(chains: &Chains<'_>, tolerance: f64, strategy: Strategy) -> RetainedChainVertices {
     let options = UntangleOptions { strategy, ..UntangleOptions::default() };
     let mut refine = method(chains.points, tolerance);
-    let kept = KeptChainVertices::simplified(chains, &mut refine);
+    let kept = RetainedChainVertices::simplified(chains, &mut refine);
     untangle(chains, &kept, &[], &options, &mut refine).unwrap().kept
 }
 

@@ -89,24 +89,24 @@ pub use terrane_base::bound::ErrorBound;
 pub use terrane_base::geom::{Affine, Crs, Rect};
 pub use terrane_base::{Error, ErrorKind, Result};
 pub use terrane_baselines::TriangulationRule;
-pub use terrane_cloud::{CloudInfo, Condition, Flags, LasVersion, PointFormat, PointMarks, Return};
-pub use terrane_engine::figures::RunStatistics;
+pub use terrane_cloud::{CloudInfo, Condition, Flags, LasVersion, PointFlags, PointFormat, Return};
 pub use terrane_engine::input::is_mesh;
+pub use terrane_engine::local_frame::LocalFrame;
 pub use terrane_engine::operation::{
     AnyOperation, Divisible, Job, Memory, Operation, Reads, RunRequest, Writes, check_named,
 };
 pub use terrane_engine::options::{CloudInput, Constraints, GridInput, PointFilter};
-pub use terrane_engine::placing::Placing;
 pub use terrane_engine::plan::{Plan, PlanRun, PlanStatus, RunOptions, TaskReport};
 pub use terrane_engine::proof::Inspection;
 pub use terrane_engine::proof::{OutputProof, ProofVerdict, WrittenOutput};
+pub use terrane_engine::run_statistics::RunStatistics;
 pub use terrane_engine::{Cancel, FileAt, Progress, Silent};
 #[cfg(feature = "lidar")]
 pub use terrane_lidar::cloud_tin::{CloudTinOptions, CloudTinReport};
 #[cfg(feature = "lidar")]
 pub use terrane_lidar::grid::{Canopy, Compat, GridOptions, GridReport, GroundFrom};
 #[cfg(feature = "lidar")]
-pub use terrane_lidar::translate::{
+pub use terrane_lidar::points::{
     Assign, BufferMark, CellThinning, Classify, HeightClasses, HeightsAs, Overlap, PointsOptions,
     Reclassify, Sort, ThinningRule, TileFormat, TranslateReport,
 };
@@ -121,7 +121,7 @@ pub use terrane_terrain::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
 };
-pub use terrane_terrain::tin::{Refinement, Tin, TinOptions, TinParts, TinReport, TinTarget};
+pub use terrane_terrain::tin::{Tin, TinMethod, TinOptions, TinParts, TinReport, TinTarget};
 #[cfg(feature = "tiles")]
 pub use terrane_tiles::{
     CloudTilesOptions, ModelOptions, TileOptions, TilesBeyond, TilesFormat, TilesOptions,

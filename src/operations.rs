@@ -6,7 +6,7 @@ use terrane_lidar::cloud_tin::CloudTinOptions;
 #[cfg(feature = "lidar")]
 use terrane_lidar::grid::GridOptions;
 #[cfg(feature = "lidar")]
-use terrane_lidar::translate::PointsOptions;
+use terrane_lidar::points::PointsOptions;
 use terrane_simplify::LineOptions;
 use terrane_terrain::colours::ColorReliefOptions;
 use terrane_terrain::contour::ContourOptions;
@@ -61,7 +61,7 @@ pub const OPERATIONS: &[AnyOperation] = &[
 mod tests {
     use serde_json::json;
     use terrane_engine::operation::given_names;
-    use terrane_lidar::translate::PointsOptions;
+    use terrane_lidar::points::PointsOptions;
     use terrane_options::Options;
 
     use super::OPERATIONS;

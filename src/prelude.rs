@@ -3,19 +3,19 @@
 
 pub use crate::facade::Data;
 pub use terrane_engine::ResourcesSetters;
+pub use terrane_engine::local_frame::PlacingSetters;
 pub use terrane_engine::options::{
     CloudInputSetters, ConstraintsSetters, FeatureInputSetters, FileOutputSetters,
     GridInputSetters, GridOutputSetters, PointFilterSetters, ReplacingSetters, ReprojectionSetters,
     ResumingSetters,
 };
-pub use terrane_engine::placing::PlacingSetters;
 pub use terrane_engine::plan::RunSetters;
 #[cfg(feature = "lidar")]
 pub use terrane_lidar::cloud_tin::CloudTinSetters;
 #[cfg(feature = "lidar")]
 pub use terrane_lidar::grid::GridSetters;
 #[cfg(feature = "lidar")]
-pub use terrane_lidar::translate::PointsSetters;
+pub use terrane_lidar::points::PointsSetters;
 pub use terrane_simplify::LineSetters;
 pub use terrane_terrain::colours::ColorReliefSetters;
 pub use terrane_terrain::contour::ContourSetters;
@@ -25,7 +25,7 @@ pub use terrane_terrain::relief::{
     SlopeSetters, TpiSetters, TriSetters,
 };
 pub use terrane_terrain::tin::{
-    BuildTin, PlaceSamples, RefinementSetters, TinSetters, TinTargetSetters,
+    BuildTin, RefinementSetters, SamplePositions, TinSetters, TinTargetSetters,
 };
 pub use terrane_terrain::warp::LatticeSetters;
 #[cfg(feature = "tiles")]

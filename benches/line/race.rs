@@ -10,7 +10,7 @@
 
 use std::fs;
 
-use terrane_line::topology::{Chains, KeptChainVertices, UntangleOptions, refining, untangle};
+use terrane_line::topology::{Chains, RetainedChainVertices, UntangleOptions, refining, untangle};
 use terrane_line::{Hierarchy, METHODS, PlaneMetric, SimplifyMethod, SimplifyScratch, Xy};
 
 /// Questions to a hierarchy that are timed together: one is shorter than the clock tells.
@@ -41,8 +41,9 @@ impl Race {
     }
 
     /// The least processor seconds of three calls, and the vertices kept of all chains.
-    fn time(&self, chains: &Chains<'_>) -> (f64, KeptChainVertices) {
-        let (mut least, mut spent, mut kept) = (f64::INFINITY, 0.0, KeptChainVertices::default());
+    fn time(&self, chains: &Chains<'_>) -> (f64, RetainedChainVertices) {
+        let (mut least, mut spent, mut kept) =
+            (f64::INFINITY, 0.0, RetainedChainVertices::default());
         for _ in 0..3 {
             let before = processor();
             kept = self.run(chains);
@@ -56,10 +57,10 @@ impl Race {
     }
 
     /// The same of hierarchies that are made before.
-    fn ask(&self, chains: &Chains<'_>) -> (f64, KeptChainVertices) {
+    fn ask(&self, chains: &Chains<'_>) -> (f64, RetainedChainVertices) {
         let own = |ends: &[usize]| Hierarchy::new(&PlaneMetric, &chains.points[ends[0]..ends[1]]);
         let all: Vec<Hierarchy> = chains.starts.windows(2).map(own).collect();
-        let (mut least, mut kept) = (f64::INFINITY, KeptChainVertices::new());
+        let (mut least, mut kept) = (f64::INFINITY, RetainedChainVertices::new());
         for _ in 0..3 {
             let mut found = Vec::new();
             let before = processor();
@@ -79,13 +80,13 @@ impl Race {
     }
 
     /// The vertices kept of all chains.
-    fn run(&self, chains: &Chains<'_>) -> KeptChainVertices {
+    fn run(&self, chains: &Chains<'_>) -> RetainedChainVertices {
         let mut scratch = SimplifyScratch::default();
         let method = self.method.plane;
         let mut refine = refining(chains.points, |part, kept| {
             method(&PlaneMetric, part, self.tolerance, &mut scratch, kept);
         });
-        let kept = KeptChainVertices::simplified(chains, &mut refine);
+        let kept = RetainedChainVertices::simplified(chains, &mut refine);
         match self.is_clean {
             true => {
                 untangle(chains, &kept, &[], &UntangleOptions::default(), &mut refine)

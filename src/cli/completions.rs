@@ -4,7 +4,7 @@ use clap::Command;
 use clap_complete::Shell;
 
 use crate::cli::shared::verb::{Verb, VerbCall};
-use crate::cli::shared::{VerbOutcome, say};
+use crate::cli::shared::{VerbOutcome, output};
 use terrane_base::error::Result;
 
 /// Print a completion script for a shell
@@ -26,6 +26,6 @@ impl Verb for CompletionsArgs {
 fn run(args: &CompletionsArgs, mut command: Command) -> Result<VerbOutcome> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut command, "terrane", &mut script);
-    say::to_stdout(&script)?;
+    output::to_stdout(&script)?;
     Ok(VerbOutcome::Kept)
 }

@@ -72,7 +72,7 @@ mod tests {
     fn a_summary_tells_what_became_of_the_points() {
         let mut report = GridReport::default();
         report.points =
-            terrane_cloud::PointCensus { read: 1234, kept: 1200, withheld: 34, ..report.points };
+            terrane_cloud::ReturnCounts { read: 1234, kept: 1200, withheld: 34, ..report.points };
         report.outside_grid = 7;
         report.bands = vec![grid::GridBandReport { name: "mean".into(), valid: 5 }];
         report.cells = 10;

@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 use terrane_options::{Options, check_given};
 
 use crate::cli::operation::needed;
-use crate::cli::shared::many::InputSelection;
+use crate::cli::shared::batch::InputSelection;
 use crate::cli::shared::tabled::OperationOptionArgs;
 use crate::cli::shared::verb::{Verb, VerbCall};
-use crate::cli::shared::{VerbOutcome, args, check, lists, many, names, pipes, report, text};
-use terrane_base::door::Frontend;
+use crate::cli::shared::{VerbOutcome, args, batch, check, lists, names, pipes, report, text};
 use terrane_base::error::{Error, Result};
+use terrane_base::frontend::Frontend;
 use terrane_engine::Cancel;
 use terrane_engine::operation::read_beside;
-use terrane_engine::sift::ReadableFiles;
+use terrane_engine::skip_bad::ReadableFiles;
 use terrane_files::atomic;
 use terrane_simplify::{DistanceKind, HierarchyReport, LineJob, LineOptions, LineReport};
 use terrane_vector as vector;
@@ -31,7 +31,7 @@ pub(super) struct SimplifyArgs {
     #[arg(long, value_name = "NAME")]
     input_format: Option<String>,
     #[command(flatten)]
-    pub(super) many: many::InputSelection,
+    pub(super) many: batch::InputSelection,
     #[command(flatten)]
     options: OperationOptionArgs<LineOptions>,
     /// Output file or folder, if it is not the last name
@@ -67,7 +67,7 @@ impl Verb for SimplifyArgs {
         None
     }
 
-    fn many(&self) -> Option<&InputSelection> {
+    fn input_selection(&self) -> Option<&InputSelection> {
         Some(&self.many)
     }
 
@@ -94,7 +94,7 @@ fn run(args: &SimplifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     }
     let stdout = pipes::StdoutFile::take(&mut output, options.file.format.as_deref(), resources)?;
     let open = vector::VectorOpenOptions { layer: options.features.layer.clone() };
-    let features = many::InputFileKind::Features(&open);
+    let features = batch::InputFileKind::Features(&open);
     input = args.many.find(&input, features)?;
     check_files(options, &input, &output, args.report.as_deref())?;
     match into_folder {
@@ -104,7 +104,7 @@ fn run(args: &SimplifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let job = LineJob { into_folder, ..options.job(&input, &output)? };
     job.check()?;
     stdin.gather(&mut input, cancel)?;
-    let ReadableFiles { names, skipped } = args.many.sift(input, features, resources)?;
+    let ReadableFiles { names, skipped } = args.many.check_files(input, features, resources)?;
     let job = LineJob { into_folder, ..options.job(&names, &output)? };
     check_report(&job, args.report.as_deref(), &[names, read_beside(options)?].concat())?;
     let report = terrane_simplify::run(&job, args.show.progress().as_ref(), cancel)?;
@@ -113,7 +113,7 @@ fn run(args: &SimplifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     if let Some(path) = &args.report {
         report::write(path, options.file.replacing.overwrite, &told)?;
     }
-    args.show.beside(stdout.is_some()).tell(&told, || summary(&report))?;
+    args.show.with_pipe(stdout.is_some()).print(&told, || summary(&report))?;
     Ok(VerbOutcome::Kept)
 }
 
@@ -125,7 +125,7 @@ fn check_files(
     report: Option<&Path>,
 ) -> Result<()> {
     let beside = read_beside(options)?;
-    check::beside(&beside)?;
+    check::check_sidecars(&beside)?;
     let outputs: Vec<&Path> = std::iter::once(output).chain(options.hierarchy.as_deref()).collect();
     check::not_among(&[input, &beside].concat(), &outputs)?;
     if let Some(report) = report {

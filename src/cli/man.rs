@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Command;
 
 use crate::cli::shared::verb::{Verb, VerbCall};
-use crate::cli::shared::{VerbOutcome, say};
+use crate::cli::shared::{VerbOutcome, output};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::{self, AtomicFile};
 
@@ -33,23 +33,23 @@ fn run(args: &ManArgs, command: Command) -> Result<VerbOutcome> {
     let mut command = command.disable_help_subcommand(true);
     command.build();
     let mut verbs = Vec::new();
-    told_of(&command, &mut verbs);
+    describe(&command, &mut verbs);
     for page in std::iter::once(command).chain(verbs) {
         let name = page.get_display_name().unwrap_or(page.get_name()).to_owned();
         let path = args.dir.join(format!("{name}.1"));
         let mut file = AtomicFile::create(&path, args.overwrite)?;
         file.write_all(&render(page)?).map_err(|e| Error::write(&path, e))?;
         file.commit()?;
-        say::result(&format!("{}\n", path.display()))?;
+        output::result(&format!("{}\n", path.display()))?;
     }
     Ok(VerbOutcome::Kept)
 }
 
 /// All documented verbs, including those of plans.
-fn told_of(command: &Command, verbs: &mut Vec<Command>) {
+fn describe(command: &Command, verbs: &mut Vec<Command>) {
     for verb in command.get_subcommands().filter(|verb| !verb.is_hide_set()) {
         verbs.push(verb.clone());
-        told_of(verb, verbs);
+        describe(verb, verbs);
     }
 }
 

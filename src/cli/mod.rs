@@ -31,11 +31,11 @@ use std::process::ExitCode;
 use clap::{Command, CommandFactory, Parser};
 
 use crate::cli::shared::verb::{Job, VerbCall, VerbEntry};
-use crate::cli::shared::{NOT_JUDGED, VerbOutcome, say};
+use crate::cli::shared::{NOT_JUDGED, VerbOutcome, output};
 use terrane_base::error::ErrorKind;
 use terrane_engine::Cancel;
 use terrane_lidar::grid::GridOptions;
-use terrane_lidar::translate::PointsOptions;
+use terrane_lidar::points::PointsOptions;
 use terrane_terrain::colours::ColorReliefOptions;
 use terrane_terrain::contour::ContourOptions;
 use terrane_terrain::convert::ConvertOptions;
@@ -132,7 +132,7 @@ pub(crate) fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(VerbOutcome::Broken) => ErrorKind::CheckFailed.exit_code().into(),
         Ok(VerbOutcome::NotJudged) => NOT_JUDGED.into(),
         Err(error) => {
-            say::error(&error);
+            output::error(&error);
             error.kind().exit_code().into()
         }
     }

@@ -7,14 +7,14 @@ use terrane_options::{
     OptionField, OptionRule, OptionTable, Options, check_given, set_texts, to_map,
 };
 
-use crate::cli::shared::many::InputSelection;
+use crate::cli::shared::batch::InputSelection;
 use crate::cli::shared::report::Summarize;
 use crate::cli::shared::tabled::OperationOptionArgs;
 use crate::cli::shared::verb::{Verb, VerbCall};
-use crate::cli::shared::{VerbOutcome, args, check, lists, many, names, pipes, report};
+use crate::cli::shared::{VerbOutcome, args, batch, check, lists, names, pipes, report};
 use crate::cli::synth;
-use terrane_base::door::Frontend;
 use terrane_base::error::{Error, Result};
+use terrane_base::frontend::Frontend;
 use terrane_cloud as cloud;
 use terrane_engine::Resources;
 use terrane_engine::memory::cache_beside;
@@ -22,7 +22,7 @@ use terrane_engine::operation::{
     HasGroup, InputOptions, Operation, RunRequest, Writes, read_beside,
 };
 use terrane_engine::options::{CloudInput, FeatureInput, GridInput, Replacing};
-use terrane_engine::sift::{ReadableFiles, Skipped};
+use terrane_engine::skip_bad::{ReadableFiles, Skipped};
 use terrane_files::atomic;
 use terrane_files::{is_made, path_of};
 use terrane_raster as raster;
@@ -67,7 +67,7 @@ pub(super) fn take<O: HasGroup<I> + HasGroup<Resources>, I: OperationInput>(
     let opening = opening.of_colours(given.contains(&"bands"));
     let input = many.find(&input, opening.kind())?;
     input.iter().try_for_each(|name| I::check(name, many, given))?;
-    let sifted = many.sift(input, opening.kind(), options.part())?;
+    let sifted = many.check_files(input, opening.kind(), options.part())?;
     skip_bad::<I>(options, many);
     Ok(sifted)
 }
@@ -95,11 +95,11 @@ impl InputOpening {
         }
     }
 
-    pub(super) fn kind(&self) -> many::InputFileKind<'_> {
+    pub(super) fn kind(&self) -> batch::InputFileKind<'_> {
         match self {
-            Self::Grids(options) => many::InputFileKind::Grids(options),
-            Self::Clouds(options) => many::InputFileKind::Clouds(options),
-            Self::Features(options) => many::InputFileKind::Features(options),
+            Self::Grids(options) => batch::InputFileKind::Grids(options),
+            Self::Clouds(options) => batch::InputFileKind::Clouds(options),
+            Self::Features(options) => batch::InputFileKind::Features(options),
         }
     }
 }
@@ -205,7 +205,7 @@ pub(super) struct OperationArgs<O: Operation<Input: OperationInput> + HasGroup<R
     #[command(flatten)]
     options: OperationOptionArgs<O>,
     #[command(flatten)]
-    many: many::InputSelection,
+    many: batch::InputSelection,
     #[command(flatten)]
     show: args::ReportDisplay,
 }
@@ -258,7 +258,7 @@ impl<O: Operation<Input: OperationInput, Report: Summarize> + HasGroup<Replacing
         None
     }
 
-    fn many(&self) -> Option<&InputSelection> {
+    fn input_selection(&self) -> Option<&InputSelection> {
         Some(&self.many)
     }
 
@@ -298,7 +298,7 @@ where
     if let Some(path) = frame.report {
         report::write(path, is_replacing(&options), &told)?;
     }
-    frame.show.beside(made.is_poured).tell(&told, || made.report.summary())?;
+    frame.show.with_pipe(made.is_poured).print(&told, || made.report.summary())?;
     Ok(VerbOutcome::Kept)
 }
 
@@ -347,7 +347,7 @@ where
     let read = [O::Input::files(&input)?, read_beside(options)?, lists.collect()].concat();
     check_files(options, &read, &output, report)?;
     stdin.gather(&mut input, call.cancel)?;
-    let ReadableFiles { names, skipped } = many.sift(input, opening.kind(), &resources)?;
+    let ReadableFiles { names, skipped } = many.check_files(input, opening.kind(), &resources)?;
     skip_bad::<O::Input>(options, many);
     let are_made = O::WRITES != Writes::Mesh && names.iter().all(|name| is_made(name));
     let inputs = stdin.inputs(names);
@@ -433,7 +433,7 @@ fn check_files<O: Operation + HasGroup<Replacing>>(
     report: Option<&Path>,
 ) -> Result<()> {
     let overwrite = is_replacing(options);
-    check::beside(&read_beside(options)?)?;
+    check::check_sidecars(&read_beside(options)?)?;
     let workdir = named(options, "workdir").map(|name| path_of(&name).into_owned());
     // An existing output may belong to an earlier run in the folder.
     let goes_on = workdir.as_ref().is_some_and(|folder| folder.exists());

@@ -2,8 +2,8 @@
 
 use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{points, report, text};
-use terrane_lidar::translate::TranslateReport;
-use terrane_lidar::translate::plan::PointsWritten;
+use terrane_lidar::points::TranslateReport;
+use terrane_lidar::points::plan::PointsWritten;
 
 /// Output of a plan.
 pub(super) fn by_plan(written: PointsWritten) -> String {

@@ -1,6 +1,6 @@
 //! Signals: the first requests a stop, the second exits at once.
 
-use crate::cli::shared::say;
+use crate::cli::shared::output;
 use terrane_base::error::ErrorKind;
 use terrane_engine::Cancel;
 
@@ -12,7 +12,7 @@ pub(super) fn stop(cancel: Cancel) {
             std::process::exit(ErrorKind::Interrupted.exit_code().into());
         }
         cancel.cancel();
-        say::note("stopping; press Ctrl-C again to quit at once");
+        output::note("stopping; press Ctrl-C again to quit at once");
     });
 }
 

@@ -14,8 +14,8 @@ use terrane_cloud::write::PointFormat;
 use terrane_engine::options::PointFormatNumber;
 use terrane_engine::{Cancel, Resources};
 use terrane_files::atomic;
-use terrane_lidar::survey::{self, SurveyJob};
-use terrane_simplify::draw::{self, DrawJob};
+use terrane_lidar::synthetic_cloud::{self, SyntheticCloudJob};
+use terrane_simplify::synthetic_lines::{self, SyntheticLinesJob};
 use terrane_synth::lines::SyntheticLines;
 use terrane_terrain::convert::{self, ConvertJob};
 use terrane_vector as vector;
@@ -89,7 +89,7 @@ fn raise(name: String, args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome>
         options.resources = args.resources.0.clone();
     });
     let made = convert::run(&job, args.show.progress().as_ref(), cancel);
-    tell(&made.map_err(size)?, args)
+    print(&made.map_err(size)?, args)
 }
 
 /// A size beyond a limit is a usage error, not a bad input.
@@ -103,7 +103,7 @@ pub(super) fn size(error: Error) -> Error {
 
 /// Writes a point cloud.
 fn fly(name: &str, args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome> {
-    let job = SurveyJob {
+    let job = SyntheticCloudJob {
         survey: cloud::synth::survey(name)?,
         output: args.output.clone(),
         format: args.point_format.unwrap_or_default(),
@@ -111,24 +111,24 @@ fn fly(name: &str, args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome> {
         resources: args.resources.0.clone(),
     };
     check::new_file(&job.output, job.overwrite)?;
-    let report = survey::run(&job, args.show.progress().as_ref(), cancel)?;
-    tell(&report, args)
+    let report = synthetic_cloud::run(&job, args.show.progress().as_ref(), cancel)?;
+    print(&report, args)
 }
 
 /// Writes lines.
 fn draw(lines: SyntheticLines, args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome> {
-    let job = DrawJob {
+    let job = SyntheticLinesJob {
         lines,
         output: args.output.clone(),
         overwrite: args.overwrite,
         resources: args.resources.0.clone(),
     };
     check::new_file(&job.output, job.overwrite)?;
-    let report = draw::run(&job, args.show.progress().as_ref(), cancel)?;
-    tell(&report, args)
+    let report = synthetic_lines::run(&job, args.show.progress().as_ref(), cancel)?;
+    print(&report, args)
 }
 
-fn tell(report: &impl Serialize, args: &SynthArgs) -> Result<VerbOutcome> {
-    args.show.tell(report, || report::plain(report))?;
+fn print(report: &impl Serialize, args: &SynthArgs) -> Result<VerbOutcome> {
+    args.show.print(report, || report::plain(report))?;
     Ok(VerbOutcome::Kept)
 }

@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use crate::cli::operation::{self, RunArguments};
-use crate::cli::shared::many::InputSelection;
+use crate::cli::shared::batch::InputSelection;
 use crate::cli::shared::report::Summarize;
 use crate::cli::shared::union::{InputKindOptions, InputKinds, InputUnion};
 use crate::cli::shared::verb::{Verb, VerbCall};
-use crate::cli::shared::{VerbOutcome, args, lists, many, names, report, text};
+use crate::cli::shared::{VerbOutcome, args, batch, lists, names, report, text};
 use terrane_base::error::Result;
 use terrane_tiles::{CloudTilesOptions, TilesOptions, TilesReport};
 
@@ -37,7 +37,7 @@ pub(super) struct TilesArgs {
     #[command(flatten)]
     options: InputUnion<TilesSources>,
     #[command(flatten)]
-    pub(super) many: many::InputSelection,
+    pub(super) many: batch::InputSelection,
     #[command(flatten)]
     show: args::ReportDisplay,
 }
@@ -71,7 +71,7 @@ impl Verb for TilesArgs {
         None
     }
 
-    fn many(&self) -> Option<&InputSelection> {
+    fn input_selection(&self) -> Option<&InputSelection> {
         Some(&self.many)
     }
 

@@ -8,24 +8,24 @@ use clap::error::ErrorKind::{
     DisplayHelp, DisplayHelpOnMissingArgumentOrSubcommand, DisplayVersion,
 };
 
-use crate::cli::shared::say;
-use terrane_base::door::Frontend;
+use crate::cli::shared::output;
 use terrane_base::error::ErrorKind;
+use terrane_base::frontend::Frontend;
 
 /// Prints clap's message for a command line and returns the exit code.
 pub(super) fn report(error: &clap::Error, args: &[OsString], command: &Command) -> ExitCode {
     match error.kind() {
         DisplayHelp | DisplayVersion => {
-            say::flushed(error.print());
+            output::flushed(error.print());
             ExitCode::SUCCESS
         }
         DisplayHelpOnMissingArgumentOrSubcommand => {
-            say::flushed(error.print());
+            output::flushed(error.print());
             ErrorKind::Usage.exit_code().into()
         }
         _ => {
             let text = one_line(&error.render().to_string(), args, command);
-            say::failure(&Frontend::CommandLine.spell(&text));
+            output::failure(&Frontend::CommandLine.spell(&text));
             ErrorKind::Usage.exit_code().into()
         }
     }

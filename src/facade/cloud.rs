@@ -6,7 +6,7 @@ use std::sync::Arc;
 use serde_json::{Map, Value as Json};
 use terrane_base::Result;
 use terrane_base::geom::Crs;
-use terrane_cloud::{self as cloud, CloudInfo, CloudOpenOptions, InMemoryCloud, PointMarks};
+use terrane_cloud::{self as cloud, CloudInfo, CloudOpenOptions, InMemoryCloud, PointFlags};
 use terrane_engine::Resources;
 use terrane_engine::operation::{HasGroup, Job};
 use terrane_engine::options::CloudInput;
@@ -95,7 +95,7 @@ pub fn open_cloud_as(input: impl Into<Inputs>, reading: CloudInput) -> Result<Cl
 /// ```
 pub fn open_points(
     positions: &[[f64; 3]],
-    marks: Option<&[PointMarks]>,
+    marks: Option<&[PointFlags]>,
     crs: Crs,
 ) -> Result<Cloud> {
     let held = InMemoryCloud::new(positions, marks, crs)?;

@@ -98,7 +98,7 @@ impl Grid {
         let source = match raster::open_all(inputs.names(), &options) {
             // A block is larger than the default cache.
             Err(error) if error.kind() == ErrorKind::Resource => {
-                let block = memory::look_at(&inputs, &options)?.block_bytes();
+                let block = memory::open_for_estimate(&inputs, &options)?.block_bytes();
                 let cache_bytes = usize::try_from(2 * block).unwrap_or(usize::MAX);
                 raster::open_all(inputs.names(), &GridOpenOptions { cache_bytes, ..options })?
             }

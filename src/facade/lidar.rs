@@ -3,7 +3,7 @@
 use terrane_engine::operation::Job;
 use terrane_lidar::cloud_tin::CloudTinOptions;
 use terrane_lidar::grid::GridOptions;
-use terrane_lidar::translate::PointsOptions;
+use terrane_lidar::points::PointsOptions;
 
 use super::Cloud;
 

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value as Json, json};
 use terrane::{AnyOperation, Cancel, Data, OPERATIONS, Progress, Reads, Silent, Writes};
-use terrane_base::door::Frontend;
+use terrane_base::frontend::Frontend;
 use terrane_options::{OptionArity, OptionField, OptionKind, OptionRole, OptionRule, texts_of};
 
 use crate::cli_support::Place;

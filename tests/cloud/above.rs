@@ -6,8 +6,8 @@ use spade::{DelaunayTriangulation, HasPosition, Point2, PositionInTriangulation,
 use terrane_cloud::{CloudFilter, CloudOpenOptions, PointFormat, Return, synth};
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_lidar::grid::GroundFrom;
-use terrane_lidar::survey;
-use terrane_lidar::translate::{Classify, HeightAboveGround, HeightsAs, TranslateJob};
+use terrane_lidar::points::{Classify, HeightQuery, HeightsAs, TranslateJob};
+use terrane_lidar::synthetic_cloud;
 
 use crate::cloud_support::{Place, raw};
 use crate::translate::{job, number, run, whole};
@@ -16,14 +16,14 @@ const NONE: i32 = i32::MIN;
 
 fn survey(place: &Place, name: &str, format: u8, output: &str) -> String {
     let output = place.path().join(output);
-    let survey = survey::SurveyJob {
+    let survey = synthetic_cloud::SyntheticCloudJob {
         survey: synth::survey(name).unwrap(),
         output: output.clone(),
         format: PointFormat::new(format).unwrap(),
         overwrite: true,
         resources: Resources::default(),
     };
-    survey::run(&survey, &Silent, &Cancel::default()).unwrap();
+    synthetic_cloud::run(&survey, &Silent, &Cancel::default()).unwrap();
     output.to_str().unwrap().to_owned()
 }
 
@@ -48,13 +48,13 @@ fn bare_west(place: &Place, name: &str, format: u8) -> String {
     input
 }
 
-fn above(heights: Option<HeightsAs>, classify: &[&str]) -> HeightAboveGround {
+fn above(heights: Option<HeightsAs>, classify: &[&str]) -> HeightQuery {
     let classify = classify.iter().map(|text| text.parse().unwrap()).collect();
-    HeightAboveGround { heights, classify, ..HeightAboveGround::default() }
+    HeightQuery { heights, classify, ..HeightQuery::default() }
 }
 
 /// Records of the cloud with what is asked, which are to differ from those of the input in that alone.
-fn records(input: &str, asked: HeightAboveGround, output: &Path) -> Vec<Vec<u8>> {
+fn records(input: &str, asked: HeightQuery, output: &Path) -> Vec<Vec<u8>> {
     run(&TranslateJob { above: asked, ..job(&[input], output) }).unwrap();
     whole(output).records
 }
@@ -193,11 +193,11 @@ fn classes_come_from_the_ground_filter_and_from_heights() {
         let class = |record: &[u8]| if format == 3 { record[15] & 31 } else { record[16] };
         // As if nobody had looked at it.
         let bare = place.path().join("bare.las");
-        let job = |above: HeightAboveGround, input: &str, output: &Path| {
+        let job = |above: HeightQuery, input: &str, output: &Path| {
             run(&TranslateJob { above, ..job(&[input], output) }).unwrap();
             whole(output).records
         };
-        job(HeightAboveGround::default(), &input, &bare);
+        job(HeightQuery::default(), &input, &bare);
         let bare = bare.to_str().unwrap();
         rewrite(bare, |record| match format {
             3 => record[15] = record[15] & !31 | 1,
@@ -280,7 +280,7 @@ fn what_the_ground_cannot_tell_is_refused() {
     let place = Place::new();
     let input = survey(&place, "cloud,size=30,density=4,seed=2", 3, "in.laz");
     let output = place.path().join("out.laz");
-    let refused = |above: HeightAboveGround, told: &str| {
+    let refused = |above: HeightQuery, told: &str| {
         let error = run(&TranslateJob { above, ..job(&[&input], &output) }).unwrap_err();
         assert!(error.to_string().contains(told), "{error}");
         assert!(!output.exists());
@@ -289,11 +289,11 @@ fn what_the_ground_cannot_tell_is_refused() {
     refused(above(None, &["ground", "ground"]), "same method twice");
     refused(above(None, &["height:64=3"]), "class 64 is not supported by point format 3");
     refused(
-        HeightAboveGround { from: GroundFrom::Class, ..above(None, &["ground"]) },
+        HeightQuery { from: GroundFrom::Class, ..above(None, &["ground"]) },
         "‹classify› ground has no effect",
     );
     refused(
-        HeightAboveGround { from: GroundFrom::FILTER, ..HeightAboveGround::default() },
+        HeightQuery { from: GroundFrom::FILTER, ..HeightQuery::default() },
         "‹ground› has no effect",
     );
     let few = survey(&place, "cloud,size=30,density=4,seed=2", 6, "few.laz");
@@ -331,7 +331,7 @@ fn whole_numbers_far_from_zero_change_nothing() {
     let thin = Some("0.7:lowest".parse().unwrap());
     let told = |input: &str, ask: &str, thin| {
         let from = if ask == "ground" { GroundFrom::FILTER } else { GroundFrom::Auto };
-        let above = HeightAboveGround { from, ..above(Some(HeightsAs::Dimension), &[ask]) };
+        let above = HeightQuery { from, ..above(Some(HeightsAs::Dimension), &[ask]) };
         run(&TranslateJob { above, thin, ..job(&[input], &output) }).unwrap();
         let all = whole(&output).records;
         all.iter().map(|r| (raw(r)[0], class(r), height(r))).collect::<Vec<_>>()

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use terrane_engine::Resources;
-use terrane_lidar::translate::{Overlap, Sort, TranslateJob};
+use terrane_lidar::points::{Overlap, Sort, TranslateJob};
 
 use crate::cloud_support::{Made, Packing, Place, raw};
 use crate::translate::{job, number, run, whole};

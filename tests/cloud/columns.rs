@@ -6,7 +6,7 @@ use crate::write::{options, records, write};
 use terrane_base::attribute::ATTRIBUTES;
 use terrane_base::geom::Point;
 use terrane_cloud::write::{PointPacking, PointRecord};
-use terrane_cloud::{CloudFilter, CloudOpenOptions, PointCensus, PointSource, Return, open};
+use terrane_cloud::{CloudFilter, CloudOpenOptions, PointSource, Return, ReturnCounts, open};
 
 /// The value that a reader of such a file has to find.
 fn written(record: &PointRecord, name: &str, is_new: bool) -> f64 {
@@ -39,10 +39,10 @@ fn has(format: u8, name: &str) -> bool {
 }
 
 /// All points of a source with these attributes.
-fn told(source: &dyn PointSource, names: &[String]) -> (Vec<Point>, Vec<Vec<f64>>, PointCensus) {
+fn told(source: &dyn PointSource, names: &[String]) -> (Vec<Point>, Vec<Vec<f64>>, ReturnCounts) {
     let reader = source.columns(names).unwrap();
     let (mut points, mut all, mut census) =
-        (Vec::new(), vec![Vec::new(); names.len()], PointCensus::default());
+        (Vec::new(), vec![Vec::new(); names.len()], ReturnCounts::default());
     for part in 0..source.parts() {
         let read = reader.read(part, &mut |batch, columns| {
             assert!(columns.iter().all(|column| column.len() == batch.len()));
@@ -55,8 +55,8 @@ fn told(source: &dyn PointSource, names: &[String]) -> (Vec<Point>, Vec<Vec<f64>
     (points, all, census)
 }
 
-fn plain(source: &dyn PointSource) -> (Vec<Point>, PointCensus) {
-    let (mut points, mut census) = (Vec::new(), PointCensus::default());
+fn plain(source: &dyn PointSource) -> (Vec<Point>, ReturnCounts) {
+    let (mut points, mut census) = (Vec::new(), ReturnCounts::default());
     for part in 0..source.parts() {
         let read = source.read(part, &mut |batch| {
             points.extend_from_slice(batch);

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use proptest::prelude::*;
 use terrane_engine::Resources;
-use terrane_lidar::translate::TranslateJob;
+use terrane_lidar::points::TranslateJob;
 
 use crate::cloud_support::{Made, Packing, Place, Random, raw};
 use crate::translate::{job, run, whole};

@@ -8,8 +8,8 @@ use crate::cloud_support::{
 };
 use terrane_base::geom::{Crs, wkt};
 use terrane_cloud::{
-    self as cloud, CloudFilter, CloudOpenOptions, FilterPolygon, Flags, PointCensus, PointSource,
-    PolygonRings, Return, is_cloud,
+    self as cloud, CloudFilter, CloudOpenOptions, FilterPolygon, Flags, PointSource, PolygonRings,
+    Return, ReturnCounts, is_cloud,
 };
 
 fn of_rings(rings: &[Vec<[f64; 2]>]) -> FilterPolygon {
@@ -315,7 +315,7 @@ fn polygons_share_borders_without_sharing_points() {
 }
 
 /// Points of all parts, sorted, with the counts.
-fn sorted(inputs: &[String], options: &CloudOpenOptions) -> (Vec<[f64; 3]>, PointCensus) {
+fn sorted(inputs: &[String], options: &CloudOpenOptions) -> (Vec<[f64; 3]>, ReturnCounts) {
     let (mut points, census) = read_all(&cloud::open(inputs, options).unwrap()).unwrap();
     points.sort_by(|a, b| a.partial_cmp(b).unwrap());
     (points, census)

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use terrane_cloud::{CloudFilter, CloudOpenOptions};
 use terrane_engine::Resources;
 use terrane_lidar::grid::GroundFrom;
-use terrane_lidar::translate::{Classify, HeightAboveGround, TranslateJob, TranslateReport};
+use terrane_lidar::points::{Classify, HeightQuery, TranslateJob, TranslateReport};
 
 use crate::cloud_support::{Made, Packing, Place, Random, raw};
 use crate::translate::{job, run, whole};
@@ -28,15 +28,15 @@ fn cloud(places: &[[i32; 3]]) -> Made {
     made
 }
 
-fn asked(classify: &[&str]) -> HeightAboveGround {
+fn asked(classify: &[&str]) -> HeightQuery {
     let classify = classify.iter().map(|text| text.parse::<Classify>().unwrap()).collect();
-    HeightAboveGround { classify, ..HeightAboveGround::default() }
+    HeightQuery { classify, ..HeightQuery::default() }
 }
 
 fn marked(
     input: &[&str],
     output: &Path,
-    above: HeightAboveGround,
+    above: HeightQuery,
     resources: Resources,
 ) -> (Vec<Vec<u8>>, TranslateReport) {
     let cloud = CloudOpenOptions::default();
@@ -139,7 +139,7 @@ fn uneven() -> Vec<[i32; 3]> {
 }
 
 /// The least memory for it, as it is advised.
-fn least_memory(input: &str, output: &Path, above: &HeightAboveGround) -> u64 {
+fn least_memory(input: &str, output: &Path, above: &HeightQuery) -> u64 {
     let resources = Resources { threads: 1, memory: 1 << 20, temp_dir: None };
     let job = TranslateJob { above: above.clone(), resources, ..job(&[input], output) };
     let told = run(&job).unwrap_err().to_string();
@@ -198,8 +198,7 @@ fn noise_is_no_ground_whatever_comes_first() {
         ["noise:voxel:isolated=4,class=18", "ground"],
         ["ground", "noise:voxel:isolated=4,class=18"],
     ] {
-        let above =
-            HeightAboveGround { from: "smrf".parse::<GroundFrom>().unwrap(), ..asked(&order) };
+        let above = HeightQuery { from: "smrf".parse::<GroundFrom>().unwrap(), ..asked(&order) };
         let (found, report) = marked(&[&input], &output, above, Resources::default());
         let classes = |some: &[Vec<u8>], class: u8| some.iter().filter(|r| r[16] == class).count();
         assert_eq!(classes(&found[40_000..], 18), 50, "{:?}", report.notes);
@@ -211,10 +210,8 @@ fn noise_is_no_ground_whatever_comes_first() {
     // Where only some points are asked for, the ground is made of all that are no noise.
     let filter = CloudFilter { returns: Some("first".parse().unwrap()), ..CloudFilter::default() };
     let cloud = CloudOpenOptions { filter, ..CloudOpenOptions::default() };
-    let above = HeightAboveGround {
-        from: "smrf".parse::<GroundFrom>().unwrap(),
-        ..asked(&["noise", "ground"])
-    };
+    let above =
+        HeightQuery { from: "smrf".parse::<GroundFrom>().unwrap(), ..asked(&["noise", "ground"]) };
     let some = TranslateJob { cloud, above, ..job(&[&input], &output) };
     let notes = run(&some).unwrap().notes;
     assert!(notes.iter().any(|note| note.contains("40000 of 40000 points")), "{notes:?}");

@@ -8,9 +8,9 @@ use terrane_engine::operation::Divisible;
 use terrane_engine::plan::{DiskCheck, OutputForm, RunJob};
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_lidar::grid::GroundFrom;
-use terrane_lidar::translate::plan::{PlanPointsJob, PointsWritten, plan_points};
-use terrane_lidar::translate::{
-    CellThinning, Classify, HeightAboveGround, HeightsAs, PointsOptions, SquareSplit, TranslateJob,
+use terrane_lidar::points::plan::{PlanPointsJob, PointsWritten, plan_points};
+use terrane_lidar::points::{
+    CellThinning, Classify, HeightQuery, HeightsAs, PointTiling, PointsOptions, TranslateJob,
 };
 
 use crate::cloud_support::{Made, Packing, Place};
@@ -130,7 +130,7 @@ fn squares_by_plan_are_those_of_a_single_run() {
     let [a, b] = [("1.laz", halves.0), ("2.laz", halves.1)].map(|(name, half)| {
         place.write(name, &Made { records: half.to_vec(), ..made.clone() }.bytes())
     });
-    let squares = SquareSplit { side: 31.0, buffer: 4.0, mark: Default::default() };
+    let squares = PointTiling { side: 31.0, buffer: 4.0, mark: Default::default() };
     for (number, case) in cases().into_iter().enumerate() {
         let classify = case.classify.iter().map(|text| text.parse::<Classify>().unwrap()).collect();
         let from = case.from.parse::<GroundFrom>().unwrap();
@@ -141,7 +141,7 @@ fn squares_by_plan_are_those_of_a_single_run() {
         };
         let whole = place.path().join(format!("whole{number}"));
         let single = TranslateJob {
-            above: HeightAboveGround { from, heights: case.heights, classify },
+            above: HeightQuery { from, heights: case.heights, classify },
             cloud: CloudOpenOptions { filter, ..CloudOpenOptions::default() },
             dedupe: case.dedupe,
             thin: (number % 3 == 1).then(|| "1.5:lowest".parse::<CellThinning>().unwrap()),

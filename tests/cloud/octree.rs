@@ -5,7 +5,7 @@ use std::path::Path;
 
 use terrane_cloud::PointFormat;
 use terrane_engine::Resources;
-use terrane_lidar::translate::TranslateJob;
+use terrane_lidar::points::TranslateJob;
 
 use crate::cloud_support::{Made, Packing, Place, keep_all, raw, read_all};
 use crate::translate::{job, number, run, whole};

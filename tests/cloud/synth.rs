@@ -247,7 +247,7 @@ fn filters_act_on_synthetic_clouds() {
     for (filter, wanted) in cases {
         let source = SyntheticCloud::new(survey.clone(), filter.clone()).unwrap();
         let info = source.info().clone();
-        let (mut points, mut census) = (Vec::new(), terrane_cloud::PointCensus::default());
+        let (mut points, mut census) = (Vec::new(), terrane_cloud::ReturnCounts::default());
         for part in 0..source.parts() {
             let mut take = |batch: &[Point]| {
                 points.extend_from_slice(batch);

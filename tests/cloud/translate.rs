@@ -9,8 +9,8 @@ use terrane_cloud::{CloudFilter, CloudOpenOptions, PointFormat, PointSource, Ret
 use terrane_crs::CoordinateOperation;
 use terrane_engine::transform::TargetCrs;
 use terrane_engine::{Cancel, Resources, Silent};
-use terrane_lidar::survey;
-use terrane_lidar::translate::{self, BufferMark, SquareSplit, TranslateJob, TranslateReport};
+use terrane_lidar::points::{self, BufferMark, PointTiling, TranslateJob, TranslateReport};
+use terrane_lidar::synthetic_cloud;
 
 use crate::cloud_support::{Made, Packing, Place, RECORD, keep_all, raw, read_all};
 pub(crate) use crate::cloud_support::{number, whole};
@@ -21,7 +21,7 @@ pub(crate) fn job(input: &[&str], output: &Path) -> TranslateJob {
 }
 
 pub(crate) fn run(job: &TranslateJob) -> terrane::Result<TranslateReport> {
-    translate::run(job, &Silent, &Cancel::default())
+    points::run(job, &Silent, &Cancel::default())
 }
 
 fn packings(format: u8) -> Vec<Packing> {
@@ -253,7 +253,7 @@ fn places_far_from_the_origin_keep_their_steps() {
     assert!(whole(&output).records == made.records);
     let octree = place.path().join("out.copc.laz");
     run(&job(&[&input], &octree)).unwrap();
-    let squares = SquareSplit { side: 100.0, buffer: 0.0, mark: BufferMark::default() };
+    let squares = PointTiling { side: 100.0, buffer: 0.0, mark: BufferMark::default() };
     let thin = Some("5:highest".parse().unwrap());
     let folder = place.path().join("squares");
     let report =
@@ -352,7 +352,7 @@ fn squares_hold_their_points_and_those_of_their_buffers_marked() {
         let made = Made::new(format, Packing::Fixed(700), 6000);
         let input = place.write("in.laz", &made.bytes());
         let output = place.path().join("squares");
-        let squares = SquareSplit { side: 50.0, buffer: 7.5, mark: BufferMark::Synthetic };
+        let squares = PointTiling { side: 50.0, buffer: 7.5, mark: BufferMark::Synthetic };
         let job = TranslateJob { squares: Some((squares, format == 3)), ..job(&[&input], &output) };
         let report = run(&job).unwrap();
         // Steps of a hundredth, from an offset that is a multiple of the side.
@@ -400,14 +400,14 @@ fn squares_hold_their_points_and_those_of_their_buffers_marked() {
 fn places_in_another_system_are_those_of_the_operation_and_the_rest_stays() {
     let place = Place::new();
     let input = place.path().join("in.laz");
-    let survey = survey::SurveyJob {
+    let survey = synthetic_cloud::SyntheticCloudJob {
         survey: synth::survey("cloud,size=60,density=6,seed=5").unwrap(),
         output: input.clone(),
         format: PointFormat::default(),
         overwrite: false,
         resources: Resources::default(),
     };
-    survey::run(&survey, &Silent, &Cancel::default()).unwrap();
+    synthetic_cloud::run(&survey, &Silent, &Cancel::default()).unwrap();
     let (input, from) = (input.to_str().unwrap(), synth::crs());
     for (target, step) in [("EPSG:32632", 0.01), ("EPSG:4326", 1e-8), ("EPSG:3035", 0.01)] {
         let output = place.path().join("out.laz");

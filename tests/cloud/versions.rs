@@ -1,7 +1,7 @@
 //! Versions of LAS: each with the points it has, its header and what that says; LAS 1.5 read and written.
 
 use terrane_cloud::{LasVersion, PointFormat};
-use terrane_lidar::translate::TranslateJob;
+use terrane_lidar::points::TranslateJob;
 
 use crate::cloud_support::{Made, Packing, Place, keep_all, number, read_all, whole};
 use crate::translate::{job, run};

@@ -11,7 +11,7 @@ use terrane_cloud::write::{
 };
 use terrane_cloud::{CloudFilter, CloudOpenOptions, PointSource, Return};
 use terrane_engine::{Cancel, Resources, Silent};
-use terrane_lidar::survey::{self, SurveyJob};
+use terrane_lidar::synthetic_cloud::{self, SyntheticCloudJob};
 
 pub(crate) fn options(format: u8, compress: bool) -> CloudWriteOptions {
     let frame = PointFrame { scale: [0.01, 0.001, 0.5], offset: [500.0, -70.25, 10.0] };
@@ -244,14 +244,14 @@ fn a_survey_is_the_same_file_on_any_number_of_threads() {
     for ending in ["las", "laz"] {
         let file = |threads: usize, memory: u64| {
             let output = folder.path().join(format!("{threads}.{ending}"));
-            let job = SurveyJob {
+            let job = SyntheticCloudJob {
                 survey: survey.clone(),
                 output: output.clone(),
                 format: PointFormat::default(),
                 overwrite: false,
                 resources: Resources { threads, memory, temp_dir: None },
             };
-            let report = survey::run(&job, &Silent, &Cancel::default()).unwrap();
+            let report = synthetic_cloud::run(&job, &Silent, &Cancel::default()).unwrap();
             assert_eq!(report.output_bytes, output.metadata().unwrap().len());
             (report.points, std::fs::read(output).unwrap())
         };
@@ -303,14 +303,14 @@ fn a_survey_by_name_and_its_file_are_one_cloud() {
     assert!(by_name.len() > 5000);
     for ending in ["las", "laz"] {
         let output = folder.path().join(format!("a.{ending}"));
-        let job = SurveyJob {
+        let job = SyntheticCloudJob {
             survey: synth::survey(name).unwrap(),
             output: output.clone(),
             format: PointFormat::default(),
             overwrite: false,
             resources: Resources { threads: 2, memory: 1 << 30, temp_dir: None },
         };
-        survey::run(&job, &Silent, &Cancel::default()).unwrap();
+        synthetic_cloud::run(&job, &Silent, &Cancel::default()).unwrap();
         let file = open(&output.to_string_lossy());
         let read = world(file.as_ref());
         let far = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).any(|k| (a[k] - b[k]).abs() > 1e-6);

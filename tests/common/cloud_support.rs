@@ -7,7 +7,7 @@ use std::path::Path;
 
 use laz::{LasZipCompressor, LasZipDecompressor, LazItemRecordBuilder, LazVlr, LazVlrBuilder};
 use terrane::Result;
-use terrane_cloud::{self as cloud, CloudOpenOptions, PointCensus, PointCloud, PointSource};
+use terrane_cloud::{self as cloud, CloudOpenOptions, PointCloud, PointSource, ReturnCounts};
 
 /// Bytes of a record by point format.
 pub(crate) const RECORD: [u16; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
@@ -342,8 +342,8 @@ pub(crate) fn keep_all() -> CloudOpenOptions {
 }
 
 /// World coordinates of all points that are handed on, part by part, and their counts.
-pub(crate) fn read_all(cloud: &PointCloud) -> Result<(Vec<[f64; 3]>, PointCensus)> {
-    let (mut points, mut census) = (Vec::new(), PointCensus::default());
+pub(crate) fn read_all(cloud: &PointCloud) -> Result<(Vec<[f64; 3]>, ReturnCounts)> {
+    let (mut points, mut census) = (Vec::new(), ReturnCounts::default());
     let info = cloud.info();
     for part in 0..cloud.parts() {
         let mut handed = 0;
@@ -371,6 +371,6 @@ pub(crate) fn read_all(cloud: &PointCloud) -> Result<(Vec<[f64; 3]>, PointCensus
 pub(crate) fn read_file(
     name: &str,
     options: &CloudOpenOptions,
-) -> Result<(Vec<[f64; 3]>, PointCensus)> {
+) -> Result<(Vec<[f64; 3]>, ReturnCounts)> {
     read_all(&cloud::open(&[name.to_owned()], options)?)
 }

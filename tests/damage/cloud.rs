@@ -7,16 +7,16 @@ use std::time::{Duration, Instant};
 use crate::cloud_support::{Made, Packing, Place, Random, copc, keep_all, read_file};
 use crate::data;
 use terrane::{ErrorKind, Result};
-use terrane_cloud::{CloudOpenOptions, PointCensus};
+use terrane_cloud::{CloudOpenOptions, ReturnCounts};
 use terrane_engine::{Cancel, Resources, Silent};
-use terrane_lidar::translate::{self, TranslateJob};
+use terrane_lidar::points::{self, TranslateJob};
 
 /// Far below what any of the lying headers asks for.
 const MAX_MEMORY: u64 = 512 << 20;
 /// A file that takes longer is one that hangs.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-type Found = Result<(Vec<[f64; 3]>, PointCensus)>;
+type Found = Result<(Vec<[f64; 3]>, ReturnCounts)>;
 
 fn salvage() -> CloudOpenOptions {
     CloudOpenOptions { salvage: true, ..keep_all() }
@@ -429,7 +429,7 @@ fn points_of_damaged_files_are_written_or_nothing_is() {
             ..TranslateJob::new(vec![file], &output)
         };
         let start = Instant::now();
-        match translate::run(&job, &Silent, &Cancel::default()) {
+        match points::run(&job, &Silent, &Cancel::default()) {
             Ok(report) => {
                 let prefix = if number / 7 % 4 == 3 { "cloud:" } else { "" };
                 // What is only copied may be of any extent.

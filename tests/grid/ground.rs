@@ -4,7 +4,7 @@
 use crate::data;
 use spade::{DelaunayTriangulation, FloatTriangulation, HasPosition, Point2, Triangulation};
 use terrane_cloud::synth::survey;
-use terrane_ground::filter::{Parameters, ground};
+use terrane_ground::pmf::{Parameters, ground};
 use terrane_ground::{EMPTY, GroundSurface};
 use terrane_synth::cloud::{GROUND, HIGH_NOISE, LOW_NOISE, LidarSurvey};
 

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use terrane::Result;
 use terrane_base::geom::{Crs, Point, PointFrame};
-use terrane_cloud::{BATCH, CloudInfo, PointCensus, PointSource};
+use terrane_cloud::{BATCH, CloudInfo, PointSource, ReturnCounts};
 use terrane_engine::{Cancel, Silent};
 use terrane_gridding::{Statistic, parse_list};
 use terrane_lidar::grid::{GridJob, GridReport, grid};
@@ -49,10 +49,10 @@ impl PointSource for Memory {
         &self,
         part: usize,
         each: &mut dyn FnMut(&[Point]) -> Result<()>,
-    ) -> Result<PointCensus> {
+    ) -> Result<ReturnCounts> {
         let count = self.points_of(part);
         self.parts[part].chunks(BATCH).try_for_each(each)?;
-        Ok(PointCensus { read: count, kept: count, ..PointCensus::default() })
+        Ok(ReturnCounts { read: count, kept: count, ..ReturnCounts::default() })
     }
 }
 

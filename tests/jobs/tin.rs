@@ -10,7 +10,7 @@ use support::{
 use terrane_base::bound::ErrorBound;
 use terrane_base::{ErrorKind, Result};
 use terrane_engine::breaklines::Breaklines;
-use terrane_engine::kept::GridConstraints;
+use terrane_engine::constraints::GridConstraints;
 use terrane_engine::{Cancel, Silent};
 use terrane_terrain::tin::{MeshFlaws, TinOutcome, TinSettings, run_on};
 use terrane_tin::{MinimumAngle, TinSpec};

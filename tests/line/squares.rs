@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use crate::coverage;
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_line::Xy;
-use terrane_line::topology::{Chains, KeptChainVertices, RingCollapse, Strategy};
+use terrane_line::topology::{Chains, RetainedChainVertices, RingCollapse, Strategy};
 use terrane_simplify::{Length, LineGoal, LineJob, LineReport, Topology, run};
 use terrane_verify::{LineVerifyJob, LineVerifyReport, verify_lines};
 use worlds::{Dice, World};

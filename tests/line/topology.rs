@@ -5,7 +5,7 @@ use terrane_line::arcs::CoverageArcs;
 use terrane_line::metric::PlaneMetric;
 use terrane_line::registry::ToleranceKind;
 use terrane_line::topology::{
-    KeptChainVertices, RingCollapse, Strategy, UntangleOptions, refining, untangle,
+    RetainedChainVertices, RingCollapse, Strategy, UntangleOptions, refining, untangle,
 };
 use terrane_line::{METHODS, SimplifyMethod, SimplifyScratch, Xy};
 use terrane_proof::lines::{LineCheckReport, LineQuestion, ProofDistance, ProofLines, check};
@@ -22,7 +22,7 @@ fn simplified(
     let mut refine = refining(chains.points, |part, kept| {
         (method.plane)(&PlaneMetric, part, tolerance, &mut scratch, kept);
     });
-    let kept = KeptChainVertices::simplified(&chains, &mut refine);
+    let kept = RetainedChainVertices::simplified(&chains, &mut refine);
     let fixed = [[0.5, 0.5], [1.3, 2.2], [2.0, 2.0]];
     let outcome = untangle(&chains, &kept, &fixed, options, &mut refine).unwrap();
     let parts = arcs.rebuild(&outcome.kept);

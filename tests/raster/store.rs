@@ -6,7 +6,7 @@ use std::path::Path;
 use terrane_base::geom::{Affine, Crs, Rect};
 use terrane_base::{Error, ErrorKind, Result};
 use terrane_engine::{Cancel, Silent};
-use terrane_raster::store::{HeightSlice, StoreWriter};
+use terrane_raster::tiled_tiff::{HeightSlice, TiledTiffWriter};
 use terrane_raster::{self as raster, GridInfo, GridOpenOptions, GridSource, SampleType};
 use terrane_terrain::convert::{ConvertJob, ConvertReport, copy, run};
 
@@ -451,7 +451,7 @@ fn failure_cancel_and_drop_leave_nothing() {
         assert_eq!((error.kind(), names(folder.path()).len()), (kind, 0), "{error}");
     }
     let grid = MemoryGrid::new(SampleType::F32, 900, 600);
-    let writer = StoreWriter::create(&path, &grid.info, 512, false).unwrap();
+    let writer = TiledTiffWriter::create(&path, &grid.info, 512, false).unwrap();
     drop(writer);
     assert_eq!(names(folder.path()), Vec::<String>::new());
 }
@@ -480,7 +480,7 @@ fn a_height_that_would_become_a_void_or_another_is_refused() {
     let path = folder.path().join("a.tif");
     let info = info(SampleType::U8, 3, 1, Some(255.0));
     for bad in [255.0, 256.0, -1.0, 0.5, f64::INFINITY] {
-        let writer = StoreWriter::create(&path, &info, 256, false).unwrap();
+        let writer = TiledTiffWriter::create(&path, &info, 256, false).unwrap();
         let rect = Rect::new(0, 0, 3, 1);
         let heights = [1.0, bad, f64::NAN];
         let error = writer.write(rect, HeightSlice::F64(&heights), &mut Vec::new()).unwrap_err();
@@ -493,7 +493,7 @@ fn a_writer_refuses_what_is_not_part_of_a_tile_and_an_unfinished_store() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.tif");
     let info = info(SampleType::F32, 600, 300, None);
-    let writer = StoreWriter::create(&path, &info, 256, false).unwrap();
+    let writer = TiledTiffWriter::create(&path, &info, 256, false).unwrap();
     let bad = [[0, 0, 255, 1], [1, 0, 256, 1], [0, 255, 256, 2], [768, 0, 88, 1], [0, 0, 256, 0]];
     for [col, row, width, height] in bad {
         let rect = Rect::new(col, row, width, height);
@@ -532,7 +532,7 @@ fn a_full_disk_is_found_before_the_work() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.tif");
     let info = info(SampleType::F64, 1 << 23, 1 << 23, None);
-    let error = StoreWriter::create(&path, &info, 1024, false).unwrap_err();
+    let error = TiledTiffWriter::create(&path, &info, 1024, false).unwrap_err();
     assert_eq!(error.kind(), ErrorKind::Io, "{error}");
     assert!(error.to_string().contains("free some space"), "{error}");
     assert_eq!(names(folder.path()), Vec::<String>::new());

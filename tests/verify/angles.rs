@@ -3,7 +3,7 @@
 use crate::support::{Grid, Mesh, delaunay, noise};
 use proptest::prelude::*;
 use terrane_base::geom::Affine;
-use terrane_engine::kept::GridConstraints;
+use terrane_engine::constraints::GridConstraints;
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_verify::{MeshRequirements, VerifyReport, verify};
 

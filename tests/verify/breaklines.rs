@@ -4,7 +4,7 @@ use crate::support::{Grid, Mesh, delaunay, noise, split_cells};
 use proptest::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use terrane_engine::breaklines::Breaklines;
-use terrane_engine::kept::GridConstraints;
+use terrane_engine::constraints::GridConstraints;
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_verify::{MeshRequirements, VerifyReport, verify};
 

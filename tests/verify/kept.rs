@@ -3,7 +3,7 @@
 use crate::support::{Grid, Mesh, delaunay, noise, split_cells};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
-use terrane_engine::kept::GridConstraints;
+use terrane_engine::constraints::GridConstraints;
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_verify::{GridLocation, MeshRequirements, VerifyReport, verify};
 

@@ -4,7 +4,7 @@
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 use terrane::{ErrorBound, Result};
 use terrane_base::geom::{Point3, Rect};
-use terrane_engine::figures::RunStatistics;
+use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_mesh::{MeshInfo, MeshSource};
 use terrane_raster::{GridInfo, GridSource, SampleType};

@@ -4,7 +4,7 @@ use std::cmp::{Ordering, Reverse};
 
 use crate::grid::PackedSample;
 use crate::plane::{PlaneOffset, TrianglePlane};
-use crate::task::BaselineTask;
+use crate::settings::BaselineTask;
 
 /// A sample beyond the tolerance. Of two the one with the larger error is the greater, and among equals the
 /// one with the lower (row, column).

@@ -17,8 +17,8 @@ use crate::mesh::check_surface;
 use crate::method::{BaselineMethod, MethodPromise};
 use crate::plane::TrianglePlane;
 use crate::result::BaselineTin;
+use crate::settings::{BaselineTask, SurfaceSize};
 use crate::star::{FullMesh, is_free};
-use crate::task::{BaselineTask, SurfaceSize};
 use terrane_base::error::Result;
 use terrane_base::geom::predicates::orient;
 
@@ -179,7 +179,7 @@ impl<'a> CollapsingMesh<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::task::BaselineGoal;
+    use crate::settings::BaselineGoal;
     use crate::tests::{grids, tolerances};
     use proptest::prelude::*;
 

@@ -20,8 +20,8 @@ use crate::mesh::check_surface;
 use crate::method::{BaselineMethod, MethodPromise};
 use crate::plane::TrianglePlane;
 use crate::result::BaselineTin;
+use crate::settings::{BaselineTask, SurfaceSize};
 use crate::star::{FullMesh, VertexStar, is_free};
-use crate::task::{BaselineTask, SurfaceSize};
 use terrane_base::error::Result;
 
 pub(crate) const DROP: BaselineMethod = BaselineMethod {
@@ -124,7 +124,7 @@ fn removal_error(task: &BaselineTask<'_>, star: &VertexStar) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::task::BaselineGoal;
+    use crate::settings::BaselineGoal;
     use crate::tests::{grids, tolerances};
     use proptest::prelude::*;
 

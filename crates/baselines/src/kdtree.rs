@@ -17,8 +17,8 @@ use crate::mesh::{BaselineMesh, check_surface};
 use crate::method::{BaselineMethod, MethodPromise};
 use crate::plane::TrianglePlane;
 use crate::result::BaselineTin;
+use crate::settings::BaselineTask;
 use crate::surface::{SurfaceCellSums, SurfaceCoverage};
-use crate::task::BaselineTask;
 use terrane_base::bits::BitSet;
 use terrane_base::error::Result;
 
@@ -165,7 +165,8 @@ mod tests {
         let mut heights = vec![0.0; 17 * 17];
         heights[3 * 17 + 3] = 9.0;
         let grid = crate::grid::HeightGrid::new(17, 17, &heights, None).unwrap();
-        let tin = run(&BaselineTask::new(grid, crate::task::BaselineGoal::MaxError(1.0))).unwrap();
+        let tin =
+            run(&BaselineTask::new(grid, crate::settings::BaselineGoal::MaxError(1.0))).unwrap();
         crate::tests::check_cover(&grid, &tin);
         assert!(tin.vertices.contains(&PackedSample::new(3, 3)) && tin.vertices.len() < 60);
     }

@@ -235,7 +235,7 @@ impl BaselineMesh {
         }
     }
 
-    fn place(&self, t: u32, at: PackedSample) -> SampleLocation {
+    fn locate_in(&self, t: u32, at: PackedSample) -> SampleLocation {
         let side = |edge: u32| {
             let half_edge = 4 * t + edge;
             let ends = [self.origin(half_edge), self.end(half_edge)].map(PackedSample::lattice);
@@ -251,7 +251,7 @@ impl BaselineMesh {
 
     /// By how many the triangles will grow when `at`, which triangle `t` holds, is inserted.
     pub(crate) fn growth(&self, t: u32, at: PackedSample) -> u64 {
-        match self.place(t, at) {
+        match self.locate_in(t, at) {
             SampleLocation::Inside => 2,
             SampleLocation::Edge(edge) if self.twin(4 * t + edge) == NONE => 1,
             SampleLocation::Edge(_) => 2,
@@ -269,10 +269,10 @@ impl BaselineMesh {
         t: u32,
         at: PackedSample,
     ) -> Vec<u32> {
-        let (gone, mut ring, last) = match self.place(t, at) {
+        let (gone, mut ring, last) = match self.locate_in(t, at) {
             SampleLocation::Corner => return Vec::new(),
             SampleLocation::Inside => (vec![t], self.around(&[4 * t, 4 * t + 1, 4 * t + 2]), None),
-            SampleLocation::Edge(edge) => self.beside(4 * t + edge),
+            SampleLocation::Edge(edge) => self.star_of_edge(4 * t + edge),
         };
         if last.is_none() {
             let lowest = (0..ring.len()).min_by_key(|&i| ring[i].from).unwrap_or(0);
@@ -291,7 +291,7 @@ impl BaselineMesh {
 
     /// The triangles beside an edge and what lies around them, counter-clockwise; on the border the ring is
     /// open and ends where the edge starts.
-    fn beside(&self, half_edge: u32) -> (Vec<u32>, Vec<RingEdge>, Option<PackedSample>) {
+    fn star_of_edge(&self, half_edge: u32) -> (Vec<u32>, Vec<RingEdge>, Option<PackedSample>) {
         let others = |half_edge: u32| {
             let (t, edge) = (half_edge >> 2, half_edge & 3);
             [4 * t + next(edge), 4 * t + prev(edge)]
@@ -343,7 +343,7 @@ impl BaselineMesh {
     /// ```
     fn flip(&mut self, half_edge: u32) -> Vec<u32> {
         let [p, a, b, d] = self.quad(half_edge);
-        let (gone, ring, _) = self.beside(half_edge);
+        let (gone, ring, _) = self.star_of_edge(half_edge);
         self.replace(&gone, &[[p, a, d], [p, d, b]], &ring)
     }
 }

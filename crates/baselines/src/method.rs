@@ -1,7 +1,7 @@
 //! A method of the textbooks: an entry of the registry.
 
 use crate::result::BaselineTin;
-use crate::task::BaselineTask;
+use crate::settings::BaselineTask;
 use terrane_base::error::Result;
 use terrane_base::registry::RegistryEntry;
 

@@ -3,7 +3,7 @@
 use crate::grid::{HeightGrid, PackedSample};
 use crate::mesh::BaselineMesh;
 use crate::plane::TrianglePlane;
-use crate::surface::SampleCensus;
+use crate::surface::SampleStatistics;
 use terrane_base::bits::BitSet;
 
 /// A mesh of samples of a grid.
@@ -18,7 +18,7 @@ pub struct BaselineTin {
     /// Sum of the squared errors of the samples of the surface.
     pub square_sum: f64,
     /// What the samples of the grid are.
-    pub census: SampleCensus,
+    pub census: SampleStatistics,
 }
 
 impl BaselineTin {
@@ -31,7 +31,7 @@ impl BaselineTin {
     pub(crate) fn of_triangles(grid: &HeightGrid<'_>, mut corners: Vec<[PackedSample; 3]>) -> Self {
         let (vertices, triangles) = connected(&mut corners);
         let (max_error, square_sum) = measure(grid, &corners);
-        Self { vertices, triangles, max_error, square_sum, census: SampleCensus::of(grid) }
+        Self { vertices, triangles, max_error, square_sum, census: SampleStatistics::of(grid) }
     }
 }
 

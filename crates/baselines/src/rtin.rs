@@ -19,8 +19,8 @@ use crate::mesh::check_surface;
 use crate::method::{BaselineMethod, MethodPromise};
 use crate::plane::TrianglePlane;
 use crate::result::BaselineTin;
+use crate::settings::BaselineTask;
 use crate::surface::{SurfaceCellSums, SurfaceCoverage};
-use crate::task::BaselineTask;
 use terrane_base::bits::BitSet;
 use terrane_base::error::Result;
 
@@ -171,7 +171,7 @@ impl<'a> RtinHierarchy<'a> {
 mod tests {
     use super::*;
     use crate::grid::HeightGrid;
-    use crate::task::BaselineGoal;
+    use crate::settings::BaselineGoal;
 
     #[test]
     fn a_plane_is_two_triangles_on_a_square_of_a_power_of_two_and_more_elsewhere() {

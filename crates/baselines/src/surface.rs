@@ -107,14 +107,14 @@ fn area(low: [u32; 2], high: [u32; 2]) -> u64 {
 
 /// Samples of the grid by what becomes of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct SampleCensus {
+pub struct SampleStatistics {
     /// With a height.
     pub valid: u64,
     /// Of those, the ones without a cell of four valid samples: they have no surface.
     pub isolated: u64,
 }
 
-impl SampleCensus {
+impl SampleStatistics {
     pub(crate) fn of(grid: &HeightGrid<'_>) -> Self {
         let mut census = Self::default();
         for role in grid.samples().map(|at| grid.role(at)) {

@@ -19,8 +19,8 @@ use crate::grid::{HeightGrid, PackedSample};
 use crate::mesh::BaselineMesh;
 use crate::method::{BaselineMethod, MethodPromise};
 use crate::result::BaselineTin;
+use crate::settings::{BaselineGoal, BaselineTask, SurfaceSize};
 use crate::surface::SampleRole;
-use crate::task::{BaselineGoal, BaselineTask, SurfaceSize};
 use terrane_base::error::Result;
 
 pub(crate) const VIP: BaselineMethod = BaselineMethod {

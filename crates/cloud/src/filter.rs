@@ -136,13 +136,13 @@ impl CompiledFilter {
         if !self.filter.keep_withheld && record.flags.meets(Flags::WITHHELD) {
             return FilterVerdict::Withheld;
         }
-        match self.is_wanted(record) {
+        match self.accepts(record) {
             true => FilterVerdict::Keep,
             false => FilterVerdict::Filtered,
         }
     }
 
-    fn is_wanted(&self, record: &FilterRecord) -> bool {
+    fn accepts(&self, record: &FilterRecord) -> bool {
         let (filter, Point { x, y, z }) = (&self.filter, record.point);
         let within = |[low, high]: [i32; 2], step: i32| low <= step && step <= high;
         filter.every.is_none_or(|n| record.index.is_multiple_of(u64::from(n.get())))

@@ -119,7 +119,7 @@ impl PointFormat {
     }
 
     /// Adds flags to a point; the format must be able to store them.
-    pub fn mark(self, record: &mut [u8], Flags(bits): Flags) {
+    pub fn set_flags(self, record: &mut [u8], Flags(bits): Flags) {
         record[15] |= if self.is_new() { bits } else { bits << 5 };
     }
 

@@ -1,27 +1,27 @@
 //! Point clouds: point sources that are read in chunks, independent of the file formats.
 
-mod agree;
 mod attributes;
-mod carry;
 mod class;
 mod column;
 mod condition;
-mod facts;
+mod consistency;
+mod converter;
 mod filter;
 mod format;
 mod frame;
-mod held;
+mod header_summary;
+mod in_memory;
 mod las;
-mod lattice;
 pub mod lazip;
-mod member;
 mod open;
 mod origin;
+mod point_filter;
+mod point_format;
 mod polygon;
+mod quantization;
 mod raw;
-mod recast;
-mod sieve;
 mod source;
+mod source_file;
 mod spacing;
 pub mod synth;
 mod text;
@@ -29,22 +29,22 @@ mod times;
 mod version;
 pub mod write;
 
-pub use carry::{AppearanceReader, LasOutputFormat, PointAppearance, PointFormatConverter};
 pub use class::class_name;
 pub use condition::{AXES, Condition};
+pub use converter::{AppearanceReader, LasOutputFormat, PointAppearance, PointFormatConverter};
 pub use filter::{CloudFilter, CompiledFilter, FilterRecord, FilterVerdict};
 pub use format::PointFormat;
-pub use held::{InMemoryCloud, PointMarks};
+pub use in_memory::{InMemoryCloud, PointFlags};
 pub use open::{CloudOpenOptions, PointCloud, files, files_below, is_cloud, is_cloud_below, open};
 pub use polygon::{FilterPolygon, PolygonRings};
 pub use raw::Flags;
-pub use source::{AttributeSource, BATCH, CloudInfo, Each, PointCensus, PointSource};
+pub use source::{AttributeSource, BATCH, CloudInfo, Each, PointSource, ReturnCounts};
 pub use spacing::{round_side, round_up};
 pub use version::LasVersion;
 
 pub use terrane_base::attribute::Return;
 use terrane_base::error::Result;
-use terrane_files::is_held;
+use terrane_files::is_in_memory;
 
 /// Opens files as one cloud, a synthetic cloud, or a named cloud in memory.
 ///
@@ -56,7 +56,7 @@ pub fn source(inputs: &[String], options: &CloudOpenOptions) -> Result<Box<dyn P
             let survey = synth::survey(name)?;
             Box::new(synth::SyntheticCloud::new(survey, options.filter.clone())?)
         }
-        [name] if is_held(name) => held::open(name, options)?,
+        [name] if is_in_memory(name) => in_memory::open(name, options)?,
         _ => return Ok(Box::new(open(inputs, options)?)),
     };
     options.filter.check_system(&source.info().crs)?;

@@ -14,17 +14,17 @@ use terrane_base::error::{Error, Result, all};
 use terrane_base::geom::{Crs, Point, PointFrame};
 use terrane_files::{FileKind, RawFile, on_threads, path_of, shown};
 
-use super::agree;
 use super::attributes::{self, AttributeReader};
 use super::column::TIME;
 use super::condition::CompiledCondition;
+use super::consistency;
 use super::filter::{CloudFilter, CompiledFilter, FilterRecord};
 use super::frame::{self, ClaimedExtent, CommonFrame, FrameTransform};
 use super::las::LasFile;
-use super::member::{CloudFile, CloudMember, take_room};
 use super::origin::CloudFileOrigin;
-use super::sieve::PointSieve;
-use super::source::{AttributeSource, CloudInfo, Each, PointCensus, PointSource};
+use super::point_filter::PointFilterPass;
+use super::source::{AttributeSource, CloudInfo, Each, PointSource, ReturnCounts};
+use super::source_file::{CloudFile, CloudSourceFile, with_buffers};
 use super::text::TextFile;
 use super::times::GpsTimeEpoch;
 
@@ -67,7 +67,7 @@ impl Default for CloudOpenOptions {
 pub struct PointCloud {
     info: CloudInfo,
     names: Vec<String>,
-    members: Vec<CloudMember>,
+    members: Vec<CloudSourceFile>,
     /// Stated extent of each member, in the frame.
     claims: Vec<Option<[Point; 2]>>,
     /// Index of the member, and of its part.
@@ -81,7 +81,7 @@ impl PointCloud {
     /// Its only file, if it is LAS or LAZ.
     pub(super) fn las(&self) -> Option<&LasFile> {
         match self.members.as_slice() {
-            [CloudMember { file: CloudFile::Las(file), .. }] => Some(file),
+            [CloudSourceFile { file: CloudFile::Las(file), .. }] => Some(file),
             _ => None,
         }
     }
@@ -100,7 +100,11 @@ impl PointCloud {
     ///
     /// # Errors
     /// As [`PointSource::read`], except for points outside.
-    pub fn records(&self, part: usize, each: &mut dyn FnMut(&FilterRecord)) -> Result<PointCensus> {
+    pub fn records(
+        &self,
+        part: usize,
+        each: &mut dyn FnMut(&FilterRecord),
+    ) -> Result<ReturnCounts> {
         let (_, member, inner) = self.part(part)?;
         member.records(inner, each)
     }
@@ -123,7 +127,7 @@ impl PointCloud {
     }
 
     /// A part: index of its file, the file, and the index within it.
-    pub(super) fn part(&self, part: usize) -> Result<(usize, &CloudMember, usize)> {
+    pub(super) fn part(&self, part: usize) -> Result<(usize, &CloudSourceFile, usize)> {
         let found = self.parts.get(part).and_then(|(number, inner)| {
             let number = *number as usize;
             Some((number, self.members.get(number)?, *inner as usize))
@@ -182,9 +186,9 @@ impl PointSource for PointCloud {
         &self,
         part: usize,
         each: &mut dyn FnMut(&[Point]) -> Result<()>,
-    ) -> Result<PointCensus> {
+    ) -> Result<ReturnCounts> {
         let (_, member, inner) = self.part(part)?;
-        take_room(|room| member.read(inner, room, each))
+        with_buffers(|room| member.read(inner, room, each))
     }
 
     fn columns(&self, names: &[String]) -> Result<Box<dyn AttributeSource + '_>> {
@@ -210,9 +214,9 @@ struct CloudAttributeSource<'a> {
 }
 
 impl AttributeSource for CloudAttributeSource<'_> {
-    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<PointCensus> {
+    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<ReturnCounts> {
         let (number, member, inner) = self.cloud.part(part)?;
-        take_room(|room| member.columns(inner, &self.readers[number], room, each))
+        with_buffers(|room| member.columns(inner, &self.readers[number], room, each))
     }
 }
 
@@ -220,11 +224,11 @@ impl AttributeSource for CloudAttributeSource<'_> {
 /// of these or a text file with the prefix `cloud:`, or a synthetic cloud.
 pub fn is_cloud(input: &str) -> bool {
     let is_named = input.starts_with(CLOUD_PREFIX) || super::synth::is_synthetic(input);
-    if is_named || is_member(&path_of(input)) {
+    if is_named || is_cloud_file(&path_of(input)) {
         return true;
     }
     let first = || CLOUDS.files(&[input.to_owned()]).ok()?.into_iter().next();
-    CLOUDS.is_collection(input) && first().is_some_and(|file| is_member(&path_of(&file)))
+    CLOUDS.is_collection(input) && first().is_some_and(|file| is_cloud_file(&path_of(&file)))
 }
 
 /// As [`is_cloud`], including subfolders of a folder.
@@ -232,7 +236,7 @@ pub fn is_cloud_below(input: &str) -> bool {
     is_cloud(input) || files_below(&[input.to_owned()]).is_ok()
 }
 
-fn is_member(path: &Path) -> bool {
+fn is_cloud_file(path: &Path) -> bool {
     let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     !hidden && ENDINGS.contains(&ending.as_str())
@@ -284,7 +288,7 @@ pub fn open(inputs: &[String], options: &CloudOpenOptions) -> Result<PointCloud>
     let names = files(inputs)?;
     let files = match names.as_slice() {
         // A single thread suffices.
-        [name] if is_member(&path_of(name)) => vec![open_file(&path_of(name), options)?],
+        [name] if is_cloud_file(&path_of(name)) => vec![open_file(&path_of(name), options)?],
         _ => on_threads(options.threads, || {
             all(names.par_iter().map(|name| open_file(&path_of(name), options)).collect())
         })?,
@@ -294,7 +298,7 @@ pub fn open(inputs: &[String], options: &CloudOpenOptions) -> Result<PointCloud>
 
 fn open_file(path: &Path, options: &CloudOpenOptions) -> Result<CloudFile> {
     let head = RawFile::open(path)?.head(4)?;
-    if head == b"LASF" || is_member(path) {
+    if head == b"LASF" || is_cloud_file(path) {
         return Ok(CloudFile::Las(LasFile::open(path, options.salvage)?));
     }
     Ok(CloudFile::Text(TextFile::open(path, options.salvage)?))
@@ -306,7 +310,7 @@ fn join(
     files: Vec<CloudFile>,
     options: &CloudOpenOptions,
 ) -> Result<PointCloud> {
-    let (crs, heights) = agree::crs(&names, &files, options.crs.as_ref())?;
+    let (crs, heights) = consistency::crs(&names, &files, options.crs.as_ref())?;
     options.filter.check_system(&crs)?;
     let claims: Vec<Option<ClaimedExtent>> = files.iter().map(CloudFile::claim).collect();
     let touching: Vec<Option<ClaimedExtent>> =
@@ -326,10 +330,15 @@ fn join(
         ends.push(touching.zip(map).and_then(|(claim, map)| gate.cut(placed(&claim, &map))));
         let of = |(claim, map)| {
             let test = test(&names[members.len()], &file, (&options.filter, &common.frame))?;
-            Ok(PointSieve::new((gate.clone(), test), claim, map, options.salvage))
+            Ok(PointFilterPass::new((gate.clone(), test), claim, map, options.salvage))
         };
         let sieve = claim.zip(map).map(of).transpose()?;
-        members.push(CloudMember { file, sieve, salvage: options.salvage, lost: Mutex::default() });
+        members.push(CloudSourceFile {
+            file,
+            sieve,
+            salvage: options.salvage,
+            lost: Mutex::default(),
+        });
     }
     let bounds = ends.iter().flatten().copied().reduce(around);
     let parts = parts(&members, &options.filter);
@@ -391,7 +400,7 @@ fn nowhere(files: &[CloudFile]) -> CommonFrame {
 
 /// Minimum and maximum corner of an extent in the frame.
 fn placed(claim: &ClaimedExtent, map: &FrameTransform) -> [Point; 2] {
-    [map.place(claim.low, claim), map.place(claim.high, claim)]
+    [map.to_frame(claim.low, claim), map.to_frame(claim.high, claim)]
 }
 
 /// The bounding box of two boxes.
@@ -401,8 +410,8 @@ fn around([a, b]: [Point; 2], [c, d]: [Point; 2]) -> [Point; 2] {
 }
 
 /// The parts that may have points, file by file.
-fn parts(members: &[CloudMember], filter: &CloudFilter) -> Vec<(u32, u32)> {
-    let of = |(number, member): (usize, &CloudMember)| {
+fn parts(members: &[CloudSourceFile], filter: &CloudFilter) -> Vec<(u32, u32)> {
+    let of = |(number, member): (usize, &CloudSourceFile)| {
         let touches = |part: &usize| member.touches(*part, filter);
         let parts = (0..member.parts()).filter(touches).collect::<Vec<_>>();
         parts.into_iter().map(move |part| (number as u32, part as u32))
@@ -412,11 +421,11 @@ fn parts(members: &[CloudMember], filter: &CloudFilter) -> Vec<(u32, u32)> {
 
 fn notes(
     names: &[String],
-    members: &[CloudMember],
+    members: &[CloudSourceFile],
     info: &CloudInfo,
     (moved, heights): ([f64; 3], Option<String>),
 ) -> Vec<String> {
-    let of = |(name, member): (&String, &CloudMember)| {
+    let of = |(name, member): (&String, &CloudSourceFile)| {
         let tell = |note: &String| match names.len() {
             1 => note.clone(),
             _ => format!("{}: {note}", shown(name)),
@@ -437,6 +446,6 @@ fn notes(
         ));
     }
     notes.extend(heights);
-    notes.extend(agree::notes(&info.crs));
+    notes.extend(consistency::notes(&info.crs));
     notes
 }

@@ -3,7 +3,7 @@
 use super::column::{PointColumn, TIME, columns};
 use super::format::PointFormat;
 use super::las::{ExtraBytes, LasFile};
-use super::member::CloudFile;
+use super::source_file::CloudFile;
 use super::text::TextFile;
 use super::times::GpsTimeEpoch;
 use terrane_base::error::{Error, Result};

@@ -24,7 +24,7 @@ pub struct CloudInfo {
 
 /// Counts of points read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct PointCensus {
+pub struct ReturnCounts {
     /// Points of the files, including lost ones.
     pub read: u64,
     /// Points passed on.
@@ -39,7 +39,7 @@ pub struct PointCensus {
     pub lost: u64,
 }
 
-impl PointCensus {
+impl ReturnCounts {
     /// Adds the counts of another part.
     pub fn add(&mut self, other: &Self) {
         self.read += other.read;
@@ -77,7 +77,7 @@ pub trait PointSource: Send + Sync {
         &self,
         part: usize,
         each: &mut dyn FnMut(&[Point]) -> Result<()>,
-    ) -> Result<PointCensus>;
+    ) -> Result<ReturnCounts>;
 
     /// An attribute source for these attributes, by the names of [`terrane_base::attribute`] or of extra bytes.
     ///
@@ -116,7 +116,7 @@ pub trait AttributeSource: Send + Sync {
     ///
     /// # Errors
     /// As for [`PointSource::read`].
-    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<PointCensus>;
+    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<ReturnCounts>;
 }
 
 /// Consumer of points with their columns.

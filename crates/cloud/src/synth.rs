@@ -6,11 +6,11 @@ use super::condition::{CompiledCondition, Condition};
 use super::filter::{CloudFilter, CompiledFilter, FilterRecord, FilterVerdict};
 use super::las::ModernLasRecord;
 use super::raw::Flags;
-use super::source::{AttributeSource, BATCH, CloudInfo, Each, PointCensus, PointSource};
+use super::source::{AttributeSource, BATCH, CloudInfo, Each, PointSource, ReturnCounts};
 use super::write;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point, PointFrame};
-use terrane_files::is_held;
+use terrane_files::is_in_memory;
 use terrane_synth::cloud::{LidarSurvey, SimulatedReturn};
 
 /// Prefix of synthetic clouds.
@@ -25,7 +25,7 @@ pub fn is_synthetic(input: &str) -> bool {
 
 /// Fails if one of `inputs` is synthetic or in memory, where files are required.
 pub(super) fn refuse(inputs: &[String]) -> Result<()> {
-    if inputs.iter().any(|input| is_held(input)) {
+    if inputs.iter().any(|input| is_in_memory(input)) {
         return Err(Error::usage("points in memory are not supported here")
             .remedy("pass point cloud files"));
     }
@@ -98,20 +98,20 @@ impl SyntheticCloud {
     }
 
     /// Passes on the filtered returns of a part.
-    fn sift(
+    fn filter(
         &self,
         part: usize,
         mut each: impl FnMut(&SimulatedReturn) -> Result<()>,
-    ) -> Result<PointCensus> {
+    ) -> Result<ReturnCounts> {
         if part >= self.parts() {
             return Err(Error::usage(format!("the cloud has no part {part}")));
         }
         if !self.touches(part) {
-            return Ok(PointCensus::default());
+            return Ok(ReturnCounts::default());
         }
         let mut echoes = Vec::new();
         self.survey.fill(part, &mut echoes);
-        let mut census = PointCensus { read: echoes.len() as u64, ..PointCensus::default() };
+        let mut census = ReturnCounts { read: echoes.len() as u64, ..ReturnCounts::default() };
         let (format, mut bytes) = (full()?, Vec::new());
         let mut meets = |test: &CompiledCondition, echo: &SimulatedReturn| {
             bytes.clear();
@@ -183,9 +183,9 @@ impl PointSource for SyntheticCloud {
         &self,
         part: usize,
         each: &mut dyn FnMut(&[Point]) -> Result<()>,
-    ) -> Result<PointCensus> {
+    ) -> Result<ReturnCounts> {
         let mut points = Vec::new();
-        let census = self.sift(part, |echo| {
+        let census = self.filter(part, |echo| {
             points.push(echo.point);
             Ok(())
         })?;
@@ -213,9 +213,9 @@ struct SyntheticAttributeSource<'a> {
 }
 
 impl AttributeSource for SyntheticAttributeSource<'_> {
-    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<PointCensus> {
+    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<ReturnCounts> {
         let (mut table, mut bytes) = (AttributeTable::new(&self.readers), Vec::new());
-        let census = self.cloud.sift(part, |echo| {
+        let census = self.cloud.filter(part, |echo| {
             bytes.clear();
             self.format.encode(&[echo.into()], &mut bytes);
             table.push(echo.point, ModernLasRecord::of(&bytes), &bytes);

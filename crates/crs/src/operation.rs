@@ -262,7 +262,7 @@ fn shift(datums: [&Datum; 2], area: Option<&AreaOfUse>, notes: &mut Vec<String>)
         if datum.code == Some(table::WGS84) {
             continue;
         }
-        let known = choose(datum, datums, area)?;
+        let known = choose_operation(datum, datums, area)?;
         accuracy += known.accuracy;
         names.push(format!("{} (EPSG:{})", known.name, known.code));
         let ellipsoid = Ellipsoid::new(datum.axis, datum.flattening);
@@ -315,7 +315,7 @@ fn is_one([a, b]: [&Datum; 2]) -> bool {
 }
 
 /// The shift of a datum to WGS 84 for an area, or the one with the largest area.
-fn choose(
+fn choose_operation(
     datum: &Datum,
     [from, to]: [&Datum; 2],
     area: Option<&AreaOfUse>,

@@ -102,7 +102,7 @@ impl ConvexHull {
     }
 
     /// Where a position lies; logarithmic. Nothing lies inside a flat hull.
-    pub fn place(&self, q: FixedPosition) -> HullLocation {
+    pub fn locate(&self, q: FixedPosition) -> HullLocation {
         let below = side(&self.lower, q);
         let above = side(&self.upper, q);
         match (below, above) {
@@ -190,7 +190,7 @@ mod tests {
 
     fn brute_place(sorted: &[Point], hull: &ConvexHull, q: FixedPosition) -> HullLocation {
         if hull.is_flat() {
-            return hull.place(q);
+            return hull.locate(q);
         }
         let ring = hull.ring();
         let sides = (0..ring.len()).map(|i| {
@@ -237,13 +237,13 @@ mod tests {
                 prop_assert_eq!(hull.is_flat(), hull.ring().iter().all(|p| side(p) == 0));
             }
             for q in [FixedPosition { x, y }, FixedPosition { x: x & !127, y: y & !127 }] {
-                prop_assert_eq!(hull.place(q), brute_place(&hull.sorted(), &hull, q));
+                prop_assert_eq!(hull.locate(q), brute_place(&hull.sorted(), &hull, q));
                 let start = hull.start(q, false);
-                prop_assert!(start.is_some() || hull.place(q) != HullLocation::Inside);
+                prop_assert!(start.is_some() || hull.locate(q) != HullLocation::Inside);
                 for corners in start.into_iter() {
                     let [a, b, c] = corners.map(|p| q.to([p.x, p.y]));
                     prop_assert!(a.cross(b) >= 0 && b.cross(c) >= 0 && c.cross(a) >= 0);
-                    prop_assert!(hull.place(q) != HullLocation::Outside);
+                    prop_assert!(hull.locate(q) != HullLocation::Outside);
                 }
             }
         }
@@ -265,11 +265,11 @@ mod tests {
     fn flat_hulls_have_no_inside() {
         let line = ConvexHull::of((0..5).map(|i| Point::new(i, 2 * i, 0)).collect());
         assert!(line.is_flat() && line.sorted().len() == 5 && line.ring().len() == 8);
-        assert_eq!(line.place(FixedPosition::of([1, 2])), HullLocation::Boundary);
-        assert_eq!(line.place(FixedPosition::of([1, 3])), HullLocation::Outside);
-        assert_eq!(ConvexHull::of(vec![]).place(FixedPosition::of([0, 0])), HullLocation::Outside);
+        assert_eq!(line.locate(FixedPosition::of([1, 2])), HullLocation::Boundary);
+        assert_eq!(line.locate(FixedPosition::of([1, 3])), HullLocation::Outside);
+        assert_eq!(ConvexHull::of(vec![]).locate(FixedPosition::of([0, 0])), HullLocation::Outside);
         let vertical = ConvexHull::of((0..5).map(|i| Point::new(0, i, 0)).collect());
-        assert_eq!(vertical.place(FixedPosition::of([0, 3])), HullLocation::Boundary);
-        assert_eq!(vertical.place(FixedPosition::of([0, 5])), HullLocation::Outside);
+        assert_eq!(vertical.locate(FixedPosition::of([0, 3])), HullLocation::Boundary);
+        assert_eq!(vertical.locate(FixedPosition::of([0, 5])), HullLocation::Outside);
     }
 }

@@ -4,7 +4,7 @@
 //! are flipped until all around it are Delaunay. As a set has one triangulation, it is the one that the
 //! whole set would have been given at once.
 
-use super::knit::{GHOST, HalfEdge, next, prev};
+use super::divide_and_conquer::{GHOST, HalfEdge, next, prev};
 use super::position::FixedPosition;
 use super::predicates::{Site, in_circle, orient};
 use super::triangulation::Triangulation;

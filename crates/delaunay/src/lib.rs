@@ -10,17 +10,17 @@
 //! beforehand: [`ConvexHull`]s of parts merge. [`Triangulation`] does all points at once, and can be added to;
 //! [`SpikeFree`] adds them from the highest down, and leaves out those below triangles that are frozen.
 
-mod bins;
 mod disc;
-mod fork;
+mod divide_and_conquer;
 mod hull;
 mod insert;
 mod interpolate;
-mod knit;
 mod natural;
 #[cfg(test)]
 mod oracle;
 mod order;
+mod parallel;
+mod point_bins;
 mod position;
 mod predicates;
 mod query;
@@ -30,12 +30,12 @@ mod stars;
 mod triangulation;
 mod window;
 
-pub use bins::PointBins;
 pub use disc::CircumscribedDisc;
-pub use fork::{ForkJoin, SerialJoin};
 pub use hull::{ConvexHull, HullLocation};
 pub use interpolate::interpolate;
 pub use natural::Natural;
+pub use parallel::{ForkJoin, SerialJoin};
+pub use point_bins::PointBins;
 pub use position::{FRACTION, FixedPosition};
 pub use predicates::{Site, in_circle, orient};
 pub use query::{Location, TriangleFinder};

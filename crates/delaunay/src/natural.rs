@@ -8,9 +8,9 @@
 //! cavity and those around it are.
 
 use super::disc::CircumscribedDisc;
+use super::divide_and_conquer::{GHOST, next, prev};
 use super::hull::{ConvexHull, HullLocation};
 use super::interpolate::{float, interpolate};
-use super::knit::{GHOST, next, prev};
 use super::position::{FixedPosition, SiteOffset};
 use super::query::{deepest, from_lowest, site};
 use super::space::{NeededWindow, PointIndex};
@@ -95,7 +95,7 @@ impl<'a, S: PointIndex> Natural<'a, S> {
     }
 
     fn try_height(&mut self, q: FixedPosition) -> std::result::Result<Option<f64>, MissingPoints> {
-        if self.triangulation.is_flat() || self.hull.place(q) == HullLocation::Outside {
+        if self.triangulation.is_flat() || self.hull.locate(q) == HullLocation::Outside {
             return Ok(self.point_at(q).map(|p| p.z.into()));
         }
         let s = self.locate(q);
@@ -311,8 +311,8 @@ fn along_edge(u: Point, v: Point, q: FixedPosition) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::bins::PointBins;
     use super::super::oracle::{self, Dice};
+    use super::super::point_bins::PointBins;
     use super::super::space::LoadedPoints;
     use super::*;
 
@@ -392,7 +392,7 @@ mod tests {
                 // Near the hull the cells are cut off by the square.
                 let reach = 64 * i64::from(most);
                 let inner = [[-1, -1], [-1, 1], [1, -1], [1, 1]].iter().all(|[x, y]| {
-                    hull.place(FixedPosition { x: q.x + x * reach, y: q.y + y * reach })
+                    hull.locate(FixedPosition { x: q.x + x * reach, y: q.y + y * reach })
                         == HullLocation::Inside
                 });
                 if inner {
@@ -442,7 +442,7 @@ mod tests {
             });
             for q in middles.chain(positions(300, 20_000)) {
                 let Some(found) = natural.height(q).unwrap().unwrap() else {
-                    assert!(hull.place(q) != HullLocation::Inside);
+                    assert!(hull.locate(q) != HullLocation::Inside);
                     continue;
                 };
                 let [x, y] = q.steps();

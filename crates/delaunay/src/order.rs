@@ -1,6 +1,6 @@
 //! Sites in Morton order, one of each position: the order in which halves of halves lie together.
 
-use super::fork::ForkJoin;
+use super::parallel::ForkJoin;
 use super::predicates::Site;
 use super::window::SiteWindow;
 use terrane_base::geom::Point;
@@ -141,8 +141,8 @@ fn gather(v: u64) -> u32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::fork::SerialJoin;
     use super::super::oracle::Dice;
+    use super::super::parallel::SerialJoin;
     use super::*;
 
     #[test]

@@ -119,7 +119,7 @@ impl<'a, S: PointIndex> TriangleFinder<'a, S> {
             if let Some(basis) = near.basis(q) {
                 return FinderStart::Basis(basis);
             }
-            if reach == 1 && self.hull.place(q) == HullLocation::Outside {
+            if reach == 1 && self.hull.locate(q) == HullLocation::Outside {
                 return FinderStart::Outside;
             }
             reach *= 4;
@@ -130,7 +130,7 @@ impl<'a, S: PointIndex> TriangleFinder<'a, S> {
     /// A triangle of points of the hull around `q`.
     fn first_of_hull(&self, q: FixedPosition) -> FinderStart {
         let corner = |p: &&Point| FixedPosition::of(site(p)) == q;
-        match self.hull.place(q) {
+        match self.hull.locate(q) {
             HullLocation::Outside => return FinderStart::Outside,
             HullLocation::Boundary => {
                 if let Some(point) = self.hull.ring().iter().find(corner) {
@@ -304,8 +304,8 @@ pub(super) fn from_lowest([a, b, c]: [Point; 3]) -> [Point; 3] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::bins::PointBins;
     use super::super::oracle::{self, Dice};
+    use super::super::point_bins::PointBins;
     use super::super::space::{LoadedPoints, OccupancyGrid};
     use super::*;
 
@@ -320,7 +320,7 @@ mod tests {
         if let Some(point) = points.iter().filter(at).min() {
             return Location::At(*point);
         }
-        if hull.place(q) == HullLocation::Outside {
+        if hull.locate(q) == HullLocation::Outside {
             return Location::Outside;
         }
         let around = |back: bool| {

@@ -1,8 +1,8 @@
 //! What is known of the points of a cloud: where they are, where none can be, and where more must be
 //! loaded before anything can be said.
 
-use super::bins::PointBins;
 use super::disc::CircumscribedDisc;
+use super::point_bins::PointBins;
 use super::predicates::Site;
 use super::window::SiteWindow;
 use terrane_base::geom::Point;

@@ -47,7 +47,7 @@ pub fn stars(
     loop {
         let triangulation = Triangulation::new(&points)?;
         let mut round = StarRound { space, window: &window, block, found: vec![], needs: None };
-        let owned = round.look(&triangulation, &points);
+        let owned = round.collect(&triangulation, &points);
         match (round.found.is_empty(), round.needs) {
             (true, None) => return Ok(Ok(owned)),
             (true, Some(needs)) => return Ok(Err(NeededWindow(needs))),
@@ -77,7 +77,7 @@ struct StarRound<'a, S> {
 
 impl<S: PointIndex> StarRound<'_, S> {
     /// The triangles that the block owns, sorted; not to be trusted unless nothing is found or needed.
-    fn look(&mut self, triangulation: &Triangulation, points: &[Point]) -> Vec<[Point; 3]> {
+    fn collect(&mut self, triangulation: &Triangulation, points: &[Point]) -> Vec<[Point; 3]> {
         let mut owned = vec![];
         for corners in triangulation.triangles() {
             let corners = from_lowest(corners.map(|i| points[i as usize]));
@@ -110,8 +110,8 @@ impl<S: PointIndex> StarRound<'_, S> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::bins::PointBins;
     use super::super::oracle;
+    use super::super::point_bins::PointBins;
     use super::super::space::{LoadedPoints, OccupancyGrid};
     use super::*;
 

@@ -1,8 +1,8 @@
 //! The Delaunay triangulation of a set of points, with its adjacency.
 
-use super::fork::{ForkJoin, SerialJoin};
-use super::knit::{self, GHOST, HalfEdge, MortonRun, next, prev};
+use super::divide_and_conquer::{self, GHOST, HalfEdge, MortonRun, next, prev};
 use super::order::{MortonSites, order};
+use super::parallel::{ForkJoin, SerialJoin};
 use super::predicates::{Site, in_circle, orient};
 use std::cell::Cell;
 use terrane_base::error::{Error, Result};
@@ -21,7 +21,7 @@ thread_local! {
 }
 
 /// Room for `count` sides, which hold anything.
-fn room(count: usize) -> Vec<HalfEdge> {
+fn allocate(count: usize) -> Vec<HalfEdge> {
     let mut sides = SIDES.take();
     if sides.capacity() < count {
         // Gone before the larger one is made.
@@ -76,9 +76,12 @@ impl Triangulation {
         let mut ordered = order(points, fork);
         let mut sides = vec![];
         if ordered.sites.len() >= 2 {
-            sides = room(knit::sides_of(ordered.sites.len()));
+            sides = allocate(divide_and_conquer::sides_of(ordered.sites.len()));
             let (sites, ids) = (&mut ordered.sites[..], &mut ordered.ids[..]);
-            knit::triangulate(&mut MortonRun { first: 0, sites, ids, sides: &mut sides }, fork);
+            divide_and_conquer::triangulate(
+                &mut MortonRun { first: 0, sites, ids, sides: &mut sides },
+                fork,
+            );
         }
         Ok(Self { sides, ordered })
     }
@@ -181,7 +184,7 @@ impl Triangulation {
         if positions < 2 {
             return check(self.sides.is_empty(), || "triangles without sites".to_owned());
         }
-        check(self.sides.len() == knit::sides_of(positions), || {
+        check(self.sides.len() == divide_and_conquer::sides_of(positions), || {
             "wrong number of sides".to_owned()
         })?;
         let mut used = vec![false; positions];

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use crate::Resources;
-use crate::held::{self, SHARE};
+use crate::grids_in_memory::{self, SHARE};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Rect};
 use terrane_base::limits;
@@ -26,7 +26,7 @@ pub fn read(path: &Path, resources: &Resources) -> Result<Geoid> {
     let geoid = if is_tiff {
         of_tiff(path, resources)
     } else {
-        Geoid::of_gtx(&held::read(path, resources)?)
+        Geoid::of_gtx(&grids_in_memory::read(path, resources)?)
     };
     geoid.map_err(|e| e.in_file(path))
 }
@@ -44,7 +44,7 @@ fn of_tiff(path: &Path, resources: &Resources) -> Result<Geoid> {
     let bytes = u64::from(info.width) * u64::from(info.height) * size_of::<f32>() as u64;
     limits::check("the size of the geoid grid in bytes", bytes, MAX_GRID_BYTES)
         .map_err(|e| e.remedy("cut out the area needed: gdal_translate -projwin"))?;
-    held::check_room(bytes, resources.memory)?;
+    grids_in_memory::check_memory(bytes, resources.memory)?;
     let mut heights = vec![0.0; (bytes as usize) / size_of::<f32>()];
     read_rows(&*grid, &mut heights)?;
     let [columns, rows] = [info.width, info.height];

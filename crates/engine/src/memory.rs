@@ -197,7 +197,7 @@ fn enough(
     resources: &Resources,
     worker: u64,
 ) -> Option<Error> {
-    let block = look_at(input, options).ok()?.block_bytes();
+    let block = open_for_estimate(input, options).ok()?.block_bytes();
     let least = least(worker, block).saturating_add(held);
     let is_enough = block <= MAX_CACHE && least > resources.memory;
     let error = is_enough.then(|| too_little(resources.memory, least))?;
@@ -209,7 +209,7 @@ fn enough(
 }
 
 /// Opens a grid only to learn what it is: no block of it is ever held.
-pub fn look_at(input: &Inputs, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
+pub fn open_for_estimate(input: &Inputs, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     let options = GridOpenOptions { cache_bytes: usize::MAX >> 8, threads: 1, ..options.clone() };
     raster::open_all(input.names(), &options)
 }

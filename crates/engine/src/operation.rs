@@ -24,7 +24,7 @@ use crate::options::{
 use crate::outputs::not_among;
 pub use crate::plan::AnyOperation;
 use crate::plan::{DescribesRun, PlanKind, RunJob, RunReport, StatusReport};
-use crate::sift::Skipped;
+use crate::skip_bad::Skipped;
 use crate::{Cancel, Progress, Resources, Silent, json};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud as cloud;

@@ -6,8 +6,8 @@ use std::path::PathBuf;
 
 use terrane_options::{OptionRange, OptionRule, Options, changed};
 
-use crate::beside;
 use crate::disk::DiskCheck;
+use crate::feature_files;
 use crate::transform::TargetCrs;
 pub use codecs::{
     AsFormula, AsNumber, BoundName, BoundsText, ByteSizeText, CellSize, CrsText, FileName,
@@ -130,7 +130,8 @@ pub struct Constraints {
 impl Constraints {
     /// The same wherever the process works.
     pub fn absolute(&self) -> Result<Self> {
-        let absolute = |name: &Option<String>| name.as_deref().map(beside::absolute).transpose();
+        let absolute =
+            |name: &Option<String>| name.as_deref().map(feature_files::absolute).transpose();
         let Self { keep_points, breaklines } = self;
         Ok(Self { keep_points: absolute(keep_points)?, breaklines: absolute(breaklines)? })
     }

@@ -34,7 +34,7 @@ impl<'a> FileAt<'a> {
     }
 
     /// Tells that a part of a cloud is about to be read.
-    pub fn tell(progress: &dyn Progress, source: &dyn PointSource, part: usize) {
+    pub fn report_part(progress: &dyn Progress, source: &dyn PointSource, part: usize) {
         if let Some(file) = FileAt::new(source, part) {
             progress.file(file);
         }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::Resources;
-use crate::beside::{self, AuxiliaryFeatures};
+use crate::feature_files::{self, AuxiliaryFeatures};
 use crate::options::{CloudInput, GridInput};
 use crate::water;
 use terrane_base::error::{Error, Result};
@@ -41,14 +41,14 @@ impl GridInput {
 
     /// The same wherever the process works.
     pub fn absolute(&self) -> Result<Self> {
-        let clip = self.clip.as_deref().map(beside::absolute).transpose()?;
-        let water = self.water.as_deref().map(beside::absolute).transpose()?;
+        let clip = self.clip.as_deref().map(feature_files::absolute).transpose()?;
+        let water = self.water.as_deref().map(feature_files::absolute).transpose()?;
         Ok(Self { clip, water, ..self.clone() })
     }
 
     /// The files of polygons and of water, and what else is read with them.
     pub fn files(&self) -> Vec<PathBuf> {
-        self.clip.iter().chain(&self.water).flat_map(|name| beside::files(name)).collect()
+        self.clip.iter().chain(&self.water).flat_map(|name| feature_files::files(name)).collect()
     }
 }
 

@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-pub use crate::held::{SHARE, check_room, read};
-use crate::{Resources, beside, geoid};
+pub use crate::grids_in_memory::{SHARE, check_memory, read};
+use crate::{Resources, feature_files, geoid};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3, wkt};
 use terrane_crs::{CoordinateOperation, CoordinateOperationOptions, ShiftGrid};
@@ -61,7 +61,7 @@ impl TargetCrs {
     pub fn absolute(&self) -> Result<Self> {
         let absolute = |path: &Option<PathBuf>| {
             let name = path.clone().map(name_of).transpose()?;
-            let name = name.as_deref().map(beside::absolute).transpose()?;
+            let name = name.as_deref().map(feature_files::absolute).transpose()?;
             Ok::<_, Error>(name.as_deref().map(|name| path_of(name).into_owned()))
         };
         let (shift_grid, geoid) = (absolute(&self.shift_grid)?, absolute(&self.geoid)?);
@@ -324,8 +324,8 @@ mod tests {
 
     #[test]
     fn what_is_held_whole_is_a_small_part_of_the_memory() {
-        assert!(check_room(1 << 20, 8 << 20).is_ok());
-        let told = check_room(1 << 20, (8 << 20) - 1).unwrap_err();
+        assert!(check_memory(1 << 20, 8 << 20).is_ok());
+        let told = check_memory(1 << 20, (8 << 20) - 1).unwrap_err();
         assert_eq!(told.kind(), ErrorKind::Resource);
         assert!(told.to_string().contains("‹memory› 8M"), "{told}");
     }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::Resources;
-use crate::beside::AuxiliaryFeatures;
+use crate::feature_files::AuxiliaryFeatures;
 use terrane_base::error::{Error, Result};
 use terrane_raster::{Water, WaterFeatures};
 use terrane_vector::{Feature, PartRole};

@@ -2,11 +2,11 @@
 //! sequentially and atomically, or as unnamed temporary files.
 
 pub mod atomic;
-mod beside;
+mod companions;
 pub mod fault;
 pub mod format;
 mod glob;
-mod held;
+mod in_memory;
 mod list;
 mod lock;
 mod machine;
@@ -17,8 +17,8 @@ mod raw;
 mod spool;
 pub mod xml;
 
-pub use beside::{beside_grid, companions, prj};
-pub use held::{HeldRegister, HeldResource, is_held, is_made, refuse_held};
+pub use companions::{beside_grid, companions, prj};
+pub use in_memory::{InMemoryRegistry, InMemoryResource, is_in_memory, is_made, refuse_in_memory};
 pub use list::FileKind;
 pub use lock::{lock, unlocked, wait};
 pub use machine::{cores, on_threads, physical_memory, proc_bytes};

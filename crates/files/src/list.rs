@@ -8,7 +8,7 @@ use terrane_base::error::{Error, Result, is_address};
 use terrane_base::limits;
 
 use super::glob;
-use super::held::is_made;
+use super::in_memory::is_made;
 use super::name::{name_of, path_of, shown};
 
 /// Prefix of the path of a text list.

@@ -2,10 +2,10 @@
 
 pub mod cloud_tin;
 pub mod delaunay;
-#[cfg(test)]
-mod few;
 pub mod grid;
+pub mod point_index;
 pub mod points;
 pub mod records;
-pub mod survey;
-pub mod translate;
+pub mod synthetic_cloud;
+#[cfg(test)]
+mod test_cloud;

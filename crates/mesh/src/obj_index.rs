@@ -40,7 +40,7 @@ impl SparseIndex {
     /// Adds the next line.
     pub(super) fn note(&mut self, mark: TextLineMark) {
         if self.count.is_multiple_of(self.stride) {
-            self.make_room();
+            self.evict();
         }
         if self.count.is_multiple_of(self.stride) {
             self.marks.push(mark);
@@ -56,7 +56,7 @@ impl SparseIndex {
         (at as u64 * self.stride, self.marks.get(at).copied().unwrap_or(start))
     }
 
-    fn make_room(&mut self) {
+    fn evict(&mut self) {
         if self.marks.len() == self.most {
             let mut is_kept = false;
             self.marks.retain(|_| {

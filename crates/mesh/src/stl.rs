@@ -8,8 +8,8 @@ use crate::capacity::{self, MeshCapacity};
 use crate::channels::VertexCapabilities;
 use crate::format::MeshFormat;
 use crate::input::{MeshFile, check_position, check_range};
-use crate::local::{LocalCoordinates, is_scale, to_world};
 use crate::promises::Promises;
+use crate::relative_positions::{LocalCoordinates, is_scale, to_world};
 use crate::sink::{
     FileSink, MeshBatch, MeshCounts, MeshEncoder, MeshHeader, MeshSink, SinkOptions,
 };

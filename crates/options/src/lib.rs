@@ -57,15 +57,14 @@ extern crate self as terrane_options;
 
 pub mod as_map;
 mod codec;
-mod fill;
 mod rules;
 mod table;
+mod values;
 mod visit;
 
 pub use codec::{
     AnyValue, Choice, CodecValue, OptionCodec, PlainCodec, SetValue, Settable, read_text,
 };
-pub use fill::{changed, fill, noted, set_texts, settled, texts_of, to_map};
 pub use rules::{assert_rules, check, check_given, check_planned};
 pub use serde_json::Value as Json;
 pub use table::{
@@ -73,4 +72,5 @@ pub use table::{
     OptionRule, OptionTable,
 };
 pub use terrane_derive::{Choice, Options};
+pub use values::{changed, fill, noted, set_texts, settled, texts_of, to_map};
 pub use visit::{Options, Visit, VisitMut};

@@ -6,8 +6,8 @@
 use serde_json::{Map, Value as Json};
 
 use crate::codec::AnyValue;
-use crate::fill::{texts_of, to_map};
 use crate::table::{OptionField, OptionKind, OptionRole, OptionRule, OptionTable};
+use crate::values::{texts_of, to_map};
 use crate::visit::Options;
 use terrane_base::error::{Error, Result};
 

@@ -11,32 +11,32 @@ mod grid;
 
 mod array;
 mod asc;
-mod beside;
 mod cache;
 mod clip;
 mod decimal;
 mod dted;
 mod format;
 mod geotiff;
-mod held;
 mod hgt;
+mod in_memory;
 mod mosaic;
 mod nodata;
 mod notes;
 mod npy;
 mod packed;
 mod pam;
-mod part;
 mod png;
 mod prj;
 mod raw;
 mod registry;
+mod reorient;
 mod sample;
+mod sidecars;
 mod spool;
-pub mod store;
 mod strided;
+mod subset;
 mod synth;
-mod upright;
+pub mod tiled_tiff;
 mod usgs;
 mod water;
 mod window;
@@ -49,13 +49,13 @@ pub use array::{ArrayGrid, ArraySample};
 pub use clip::{Clip, ClipRings, PolygonEdgeIndex};
 pub use format::{GridOpenOptions, RasterFormat};
 pub use grid::{GridInfo, GridSource, SampleType};
-pub use held::InMemoryGrid;
+pub use in_memory::InMemoryGrid;
 pub use mosaic::{Inputs, files, files_below, is_collection};
 pub use nodata::{looks_like_nodata, undeclared_nodata};
 pub use notes::{GridNote, NOTE_KINDS, cautions, no_terrain, notes, notes_on_heights, terrain};
 pub use registry::{FORMATS, file_name, has_header, open};
+pub use reorient::NorthUpGrid;
 use terrane_base::error::Result;
-pub use upright::NorthUpGrid;
 pub use water::{Water, WaterFeatures, WaterReport};
 
 /// Opens `inputs` as one grid: a single file or synthetic terrain as [`open`] does, or else a mosaic of all
@@ -79,7 +79,7 @@ pub fn open_all(inputs: &[String], options: &GridOpenOptions) -> Result<Box<dyn 
         None => open(options),
     };
     match options.bbox {
-        Some(bbox) => part::part(bbox, options, open),
+        Some(bbox) => subset::part(bbox, options, open),
         None => open(options),
     }
 }

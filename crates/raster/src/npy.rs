@@ -36,12 +36,12 @@ fn read(path: &Path, options: &GridOpenOptions) -> Result<StridedGrid> {
     limits::check("header size in bytes", bytes, MAX_HEADER)?;
     let header = file.read_vec(start, bytes)?;
     let header = NpyHeader::read(&String::from_utf8_lossy(&header))?;
-    let map = world::beside(path, &["npyw", "wld"])?;
+    let map = world::sidecar_transform(path, &["npyw", "wld"])?;
     let order = if header.by_column { "by column" } else { "by row" };
     let info = GridInfo {
         transform: map.unwrap_or(Affine::LATTICE),
         georeferenced: map.is_some(),
-        crs: prj::beside(path)?,
+        crs: prj::sidecar_crs(path)?,
         nodata: options.nodata,
         details: vec![
             ("descr".to_owned(), header.descr.clone()),

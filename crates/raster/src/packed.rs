@@ -9,11 +9,11 @@ use std::path::{Path, PathBuf};
 use flate2::bufread::MultiGzDecoder;
 use zip::ZipArchive;
 
-use crate::beside;
 use crate::format::{GridOpenOptions, RasterFormat};
 use crate::grid::{GridInfo, GridSource};
 use crate::mosaic::vrt;
 use crate::registry::{FORMATS, open_path};
+use crate::sidecars;
 use crate::spool::cannot_unpack;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
@@ -144,7 +144,7 @@ fn unpack_gzip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
 fn copy_sidecars(packed: &Path, target: &Path) -> Result<()> {
     let unpacked = packed.with_extension("");
     for ending in SIDECARS {
-        let Some(sidecar) = beside::sidecar(&unpacked, &[ending]) else { continue };
+        let Some(sidecar) = sidecars::sidecar(&unpacked, &[ending]) else { continue };
         let file = RawFile::open(&sidecar)?;
         limits::check("sidecar size in bytes", file.size(), limits::MAX_HEADER_BYTES)
             .map_err(|e| e.in_file(&sidecar))?;
@@ -152,12 +152,12 @@ fn copy_sidecars(packed: &Path, target: &Path) -> Result<()> {
         std::fs::write(target.with_extension(ending), bytes).map_err(cannot_unpack)?;
     }
     // By the name of the compressed file, as in GDAL, or by that of the grid in it.
-    let named = [beside::pam(packed), beside::pam(&unpacked)];
+    let named = [sidecars::pam(packed), sidecars::pam(&unpacked)];
     if let Some(sidecar) = named.iter().find(|sidecar| sidecar.is_file()) {
-        copy_file(sidecar, &beside::pam(target))?;
+        copy_file(sidecar, &sidecars::pam(target))?;
     }
-    if let Some(mask) = beside::mask(&unpacked).or_else(|| beside::mask(packed)) {
-        copy_file(&mask, &beside::behind(target, ".msk"))?;
+    if let Some(mask) = sidecars::mask(&unpacked).or_else(|| sidecars::mask(packed)) {
+        copy_file(&mask, &sidecars::behind(target, ".msk"))?;
     }
     Ok(())
 }

@@ -10,7 +10,7 @@ use crate::grid::{GridInfo, GridSource, unit_and_text};
 use crate::sample::HeightSample;
 use crate::window::SampleWindow;
 use crate::xml::{self, RasterXmlElement, RasterXmlReader, RasterXmlTag};
-use crate::{asc, beside, dted, geotiff, hgt, png, raw, usgs, xyz};
+use crate::{asc, dted, geotiff, hgt, png, raw, sidecars, usgs, xyz};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Affine, Crs, Rect, wkt};
 use terrane_base::limits;
@@ -102,7 +102,7 @@ pub(super) fn open(
     options: &GridOpenOptions,
     open: impl Fn(&GridOpenOptions) -> Result<Box<dyn GridSource>>,
 ) -> Result<Box<dyn GridSource>> {
-    let sidecar = beside::pam(path);
+    let sidecar = sidecars::pam(path);
     let rules = RULES.iter().find(|(name, _)| *name == format.name).map(|(_, rules)| rules);
     let Some(rules) = rules.filter(|_| sidecar.is_file()) else { return open(options) };
     let said = read(&sidecar, options.band).map_err(|e| e.in_file(&sidecar))?;
@@ -123,7 +123,7 @@ pub(super) fn open(
 
 /// Fails if a sidecar of an earlier file at `path` would apply to a new one.
 pub(super) fn refuse_old(path: &Path) -> Result<()> {
-    let sidecar = beside::pam(path);
+    let sidecar = sidecars::pam(path);
     if !sidecar.is_file() || read(&sidecar, 1).is_ok_and(|said| said == PamMetadata::default()) {
         return Ok(());
     }
@@ -158,7 +158,7 @@ impl PamMetadata {
                 "srs" => said.crs = Some(wkt::of_srs(&xml.node(tag)?.text)),
                 "geotransform" => said.transform = Some(place(&xml.node(tag)?)?),
                 "metadata" if tag.attribute("domain").is_none() => {
-                    said.is_point |= says_point(xml)?;
+                    said.is_point |= is_pixel_point(xml)?;
                 }
                 "pamrasterband" if is_band(&tag, band) => said.read_band(xml)?,
                 _ => xml.skip()?,
@@ -229,7 +229,7 @@ fn place(node: &RasterXmlElement) -> Result<Affine> {
     }
 }
 
-fn says_point<R: std::io::BufRead>(xml: &mut RasterXmlReader<R>) -> Result<bool> {
+fn is_pixel_point<R: std::io::BufRead>(xml: &mut RasterXmlReader<R>) -> Result<bool> {
     let mut found = false;
     while let Some(tag) = xml.child()? {
         let item = xml.node(tag)?;

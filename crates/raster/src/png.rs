@@ -314,11 +314,11 @@ fn describe(
 
 /// Transform from a world file, or else from a z/x/y tile address.
 fn place(path: &Path, (width, height): (u32, u32)) -> Result<(Option<Affine>, Crs)> {
-    if let Some(map) = world::beside(path, &["pgw", "pngw", "wld"])? {
-        return Ok((Some(map), prj::beside(path)?));
+    if let Some(map) = world::sidecar_transform(path, &["pgw", "pngw", "wld"])? {
+        return Ok((Some(map), prj::sidecar_crs(path)?));
     }
     let Some(tile) = world::WebMercatorTile::of_path(path) else {
-        return Ok((None, prj::beside(path)?));
+        return Ok((None, prj::sidecar_crs(path)?));
     };
     let crs = Crs {
         epsg: Some(WEB_MERCATOR),

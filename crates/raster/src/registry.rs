@@ -7,11 +7,12 @@ use std::path::Path;
 use crate::format::{GridOpenOptions, RasterFormat};
 use crate::grid::GridSource;
 use crate::{
-    asc, beside, dted, geotiff, held, hgt, mosaic, npy, packed, pam, png, raw, synth, usgs, xyz,
+    asc, dted, geotiff, hgt, in_memory, mosaic, npy, packed, pam, png, raw, sidecars, synth, usgs,
+    xyz,
 };
 use terrane_base::error::{Error, Result};
 use terrane_files::format::by_extension;
-use terrane_files::{is_held, path_of};
+use terrane_files::{is_in_memory, path_of};
 
 /// All formats that can be read. A new one is one file and one line here.
 pub const FORMATS: &[RasterFormat] = &[
@@ -39,8 +40,8 @@ const HEAD_BYTES: u64 = 64;
 /// # Errors
 /// A missing file, a folder, an unknown format, or errors of the format.
 pub fn open(input: &str, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
-    if is_held(input) {
-        return held::open(input, options);
+    if is_in_memory(input) {
+        return in_memory::open(input, options);
     }
     if input.starts_with(synth::PREFIX) {
         return synth::open(input, options);
@@ -77,7 +78,7 @@ fn open_as(
 
 /// Rejects mask sidecars except for GeoTIFF, because a mask may void any sample.
 fn refuse_mask(path: &Path, format: &RasterFormat) -> Result<()> {
-    match beside::mask(path) {
+    match sidecars::mask(path) {
         Some(mask) if format.name != geotiff::FORMAT.name => {
             let message = format!("mask sidecar is not supported for {}", format.name);
             Err(Error::unsupported(message).in_file(&mask).remedy(

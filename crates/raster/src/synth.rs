@@ -1,6 +1,6 @@
 //! Synthetic terrains as grids: `synth:rough,size=80000,seed=7` in place of a file.
 
-use super::store::complete;
+use super::tiled_tiff::complete;
 use crate::format::GridOpenOptions;
 use crate::grid::{GridInfo, GridSource, SampleType};
 use terrane_base::error::{Error, Result};

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::beside;
+use crate::sidecars;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
 
@@ -18,9 +18,9 @@ const MAX_ZOOM: u32 = 30;
 ///
 /// # Errors
 /// A world file without six numbers, or with a singular transform.
-pub(super) fn beside(path: &Path, endings: &[&str]) -> Result<Option<Affine>> {
-    let Some(world) = beside::sidecar(path, endings) else { return Ok(None) };
-    let text = beside::small_text(&world, "size of the world file in bytes", MAX_BYTES)?;
+pub(super) fn sidecar_transform(path: &Path, endings: &[&str]) -> Result<Option<Affine>> {
+    let Some(world) = sidecars::sidecar(path, endings) else { return Ok(None) };
+    let text = sidecars::small_text(&world, "size of the world file in bytes", MAX_BYTES)?;
     let numbers: Option<Vec<f64>> =
         text.split_whitespace().map(|word| word.replace(',', ".").parse().ok()).collect();
     let map = match numbers.as_deref() {
@@ -104,9 +104,9 @@ mod tests {
         let grid = folder.path().join("a.png");
         let read = |text: &str| {
             std::fs::write(folder.path().join("a.PGW"), text).unwrap();
-            beside(&grid, &["pgw", "wld"])
+            sidecar_transform(&grid, &["pgw", "wld"])
         };
-        assert_eq!(beside(&grid, &["pgw"]).unwrap(), None);
+        assert_eq!(sidecar_transform(&grid, &["pgw"]).unwrap(), None);
         let map = read("30\n0\n0\n-30\n500\n700\n").unwrap().unwrap();
         assert_eq!(map, Affine { x0: 500.0, a: 30.0, b: 0.0, y0: 700.0, d: 0.0, e: -30.0 });
         for text in ["1 2 3", "a b c d e f", "0 0 0 0 0 0", "nan 0 0 1 0 0", "1 0 0 1 0 0 0"] {

@@ -51,7 +51,7 @@ impl LineFiles {
                 None => crs = Some(own),
                 Some(first) if first.agrees(&own) => {}
                 Some(first) => {
-                    let [ours, theirs] = first.told_apart(&own);
+                    let [ours, theirs] = first.distinct_names(&own);
                     let message =
                         format!("CRS is {theirs}, but {} has {ours}", pairs[0].input.display());
                     return Err(Error::bad_input(message)

@@ -66,7 +66,7 @@ impl LineGoal {
     }
 
     /// Target of the search for a threshold, for a number of vertices; `None` for a given threshold.
-    pub(super) fn wanted(&self, vertices: u64) -> Option<(u64, GoalUnit)> {
+    pub(super) fn target(&self, vertices: u64) -> Option<(u64, GoalUnit)> {
         match *self {
             Self::Ratio(share) => {
                 Some(((vertices as f64 * share).floor() as u64, GoalUnit::Vertices))

@@ -1,25 +1,25 @@
 //! Line simplification: features stream through one by one, or are processed together if topology matters.
 
-pub mod draw;
-mod each;
+mod coverage;
+mod feature;
 mod files;
 mod goal;
+mod hierarchy_file;
 mod job;
 mod length;
 mod options;
-mod part;
 mod report;
-mod seek;
-mod stored;
 mod stream;
+pub mod synthetic_lines;
+mod target_search;
+mod thresholds;
 mod tool;
 mod trees;
-mod whole;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-pub use each::thresholds;
+pub use coverage::positions;
 pub use files::outputs;
 pub use goal::measured as goal_of;
 pub use goal::{LineGoal, MetGoal};
@@ -27,14 +27,14 @@ pub use job::{LineJob, SQUARE, Topology};
 pub use length::{Length, LengthText};
 pub use options::{LineOptions, LineSetters, Metric};
 pub use report::{HierarchyReport, LineReport};
+pub use thresholds::thresholds;
 pub use tool::DistanceKind;
-pub use whole::positions;
 
 use files::LineFiles;
 use terrane_base::error::Result;
 use terrane_base::registry::named;
-use terrane_engine::figures::RunStatistics;
 use terrane_engine::outputs::not_among;
+use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::name_of;
 use terrane_line::{METHODS, SimplifyMethod};
@@ -60,7 +60,7 @@ pub fn run(job: &LineJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Li
         (None, LineGoal::Tolerance(_) | LineGoal::Area(_)) => {
             stream::run(job, &files, progress, cancel)?
         }
-        _ => whole::run(job, &files, progress, cancel)?,
+        _ => coverage::run(job, &files, progress, cancel)?,
     };
     files.note_operation(&mut report);
     report.inputs = job.input.iter().map(|path| path.display().to_string()).collect();

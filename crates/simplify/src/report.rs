@@ -2,13 +2,13 @@
 
 use serde::Serialize;
 
+use super::feature::PartCounts;
 use super::goal::MetGoal;
+use super::hierarchy_file::HierarchyFile;
 use super::job::LineJob;
-use super::part::PartCounts;
-use super::stored::HierarchyStore;
 use super::tool::{DistanceKind, SimplifyRule};
 use terrane_base::error::Result;
-use terrane_engine::figures::RunStatistics;
+use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::transform::Transformed;
 
 /// Use of a hierarchy file by a simplification.
@@ -68,7 +68,7 @@ pub struct LineReport {
 
 impl LineReport {
     /// Completes the hierarchy file, if any, and adds it to the report.
-    pub(super) fn stored(&mut self, job: &LineJob, store: HierarchyStore) -> Result<()> {
+    pub(super) fn stored(&mut self, job: &LineJob, store: HierarchyFile) -> Result<()> {
         let Some(path) = &job.hierarchy else { return Ok(()) };
         let own = self.hierarchy.get_or_insert_default();
         (own.file, own.made) = (path.display().to_string(), store.makes());

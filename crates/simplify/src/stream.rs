@@ -4,11 +4,11 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
+use super::feature::{self, PartCounts};
 use super::files::{self, LineFilePair, LineFiles};
+use super::hierarchy_file::{self, HierarchyFile, HierarchyUse};
 use super::job::LineJob;
-use super::part::{self, PartCounts};
 use super::report::LineReport;
-use super::stored::{self, HierarchyStore, HierarchyUse};
 use super::tool::SimplifyRule;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::memory::{PROGRAM, beside_program, short};
@@ -36,7 +36,7 @@ pub(super) fn run(
     let rule = files.rule(job, 0.0)?;
     let mut report = LineReport { crs: files.crs.label(), ..LineReport::default() };
     report.measured_by(&rule);
-    let mut store = HierarchyStore::of(job, &rule)?;
+    let mut store = HierarchyFile::of(job, &rule)?;
     let bytes: u64 = files.pairs.iter().map(LineFilePair::size).sum();
     progress.begin("simplify", bytes);
     for (number, pair) in files.pairs.iter().enumerate() {
@@ -71,7 +71,7 @@ fn copy(
     job: &LineJob,
     pair: &LineFilePair,
     rule: &SimplifyRule,
-    store: &mut HierarchyStore,
+    store: &mut HierarchyFile,
     report: &mut LineReport,
     cancel: &Cancel,
 ) -> Result<Copied> {
@@ -102,7 +102,7 @@ type Placed = (Feature, String, HierarchyUse);
 /// The next features, of about this many vertices; each has to fit in memory.
 fn read(
     source: &mut dyn FeatureSource,
-    store: &mut HierarchyStore,
+    store: &mut HierarchyFile,
     (most, memory): (u64, u64),
 ) -> Result<Vec<Placed>> {
     let (mut batch, mut vertices) = (Vec::new(), 0);
@@ -112,11 +112,11 @@ fn read(
         let needed = PROGRAM + own * FEATURE_VERTEX;
         if own > most && needed > memory {
             let message = format!("a feature of {own} vertices does not fit in memory");
-            return Err(short(message, needed).at(source.place()));
+            return Err(short(message, needed).at(source.location()));
         }
         vertices += own;
         let order = store.next(&feature.geometry)?;
-        batch.push((feature, source.place(), order));
+        batch.push((feature, source.location(), order));
     }
     Ok(batch)
 }
@@ -137,11 +137,11 @@ fn simplify(batch: Vec<Placed>, rule: &SimplifyRule) -> Vec<Result<SimplifiedFea
 fn make(feature: Feature, order: HierarchyUse, rule: &SimplifyRule) -> Result<SimplifiedFeature> {
     let started = Instant::now();
     let is_new = matches!(order, HierarchyUse::Make);
-    let trees = stored::trees(order, &feature.geometry, rule)?;
+    let trees = hierarchy_file::trees(order, &feature.geometry, rule)?;
     let new = trees.as_ref().filter(|_| is_new);
     let record = new.map(|trees| trees.record(&feature.geometry, rule.measure));
     let prepare_seconds = trees.as_ref().map_or(0.0, |_| started.elapsed().as_secs_f64());
-    let (geometry, tally) = part::simplify(&feature.geometry, trees.as_ref(), rule)?;
+    let (geometry, tally) = feature::simplify(&feature.geometry, trees.as_ref(), rule)?;
     let feature = Feature { geometry, ..feature };
     Ok(SimplifiedFeature { feature, tally: PartCounts { prepare_seconds, ..tally }, record })
 }

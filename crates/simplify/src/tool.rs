@@ -177,14 +177,14 @@ impl<V: MetricVertex, M: DistanceMetric<V> + Copy> MetricTool<V, M> {
         scratch: &mut SimplifyScratch,
         kept: &mut Vec<u32>,
     ) -> PartOutcome {
-        let collapsed = self.choose(points, is_ring, choose, scratch, kept);
+        let collapsed = self.select(points, is_ring, choose, scratch, kept);
         let square =
             if is_ring { self.largest_of_ring(points, kept) } else { self.largest(points, kept) };
         PartOutcome { collapsed, square }
     }
 
     /// As [`part`](Self::part), without distances; true for a collapsed ring.
-    pub(super) fn choose(
+    pub(super) fn select(
         &self,
         points: &[V],
         is_ring: bool,

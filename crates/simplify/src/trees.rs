@@ -185,7 +185,7 @@ impl MetricTask for LineSplitting<'_> {
         };
         for part in self.0.parts() {
             vertices(&part, &mut points);
-            tool.choose(&points, part.is_ring(), &mut split, &mut scratch, &mut kept);
+            tool.select(&points, part.is_ring(), &mut split, &mut scratch, &mut kept);
         }
         trees
     }

@@ -1,7 +1,7 @@
 //! The characters a terrain can have, and the registry that names them.
 
 use super::hash::{RowHash, mix64};
-use super::stack::OctaveSpectrum;
+use super::octaves::OctaveSpectrum;
 use super::terrain::{MAX_SIDE, SampleRunStart, SynthParameter, Terrain, TerrainKind};
 
 const ROUGH: OctaveSpectrum =

@@ -12,9 +12,9 @@ mod hash;
 mod lattice;
 pub mod lines;
 mod name;
-mod stack;
+mod octaves;
+mod parameters;
 mod terrain;
-mod words;
 
 pub use character::{CHARACTERS, PARAMETERS};
 pub use terrain::{MAX_SIDE, SynthParameter, Terrain, TerrainKind};

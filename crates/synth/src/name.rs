@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::words::{GivenSynthParameter, NameGrammar};
+use super::parameters::{GivenSynthParameter, NameGrammar};
 use super::{CHARACTERS, PARAMETERS, Terrain, TerrainKind};
 use terrane_base::error::Result;
 use terrane_base::registry::{RegistryEntry, named};

@@ -1,6 +1,6 @@
 //! A terrain, its kind, and the heights of any window of it.
 
-use super::stack::{self, OctaveSpectrum};
+use super::octaves::{self, OctaveSpectrum};
 use terrane_base::geom::Rect;
 
 /// Most columns or rows of a terrain.
@@ -76,7 +76,7 @@ impl Terrain {
         assert_eq!(out.len(), rect.len(), "one value for each sample of the window");
         assert!(ends_within(rect), "the window ends beyond column or row {MAX_SIDE}");
         let window = [rect.col, rect.row, rect.width, rect.height];
-        stack::relief(&self.character.spectrum, self.seed, window, |row, col, heights| {
+        octaves::relief(&self.character.spectrum, self.seed, window, |row, col, heights| {
             let line = (row - rect.row) as usize * rect.width as usize;
             let from = line + (col - rect.col) as usize;
             let out = &mut out[from..from + heights.len()];

@@ -1,8 +1,8 @@
 //! Derivatives of a grid (slope, aspect, hillshade and others), written like any other grid: any size, format
 //! and number of threads, with the same bytes. A PNG is a grayscale picture.
 
-mod kinds;
-mod toned;
+mod derivatives;
+mod gray_scale;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -10,18 +10,18 @@ use std::sync::Arc;
 use crate::colours::range;
 use crate::convert::copy::{DerivedBands, run_of};
 use crate::convert::job::{ConvertJob, ConvertOptions, ConvertReport};
+use gray_scale::TonedGrid;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_engine::Resources;
-use terrane_engine::ground::GroundScale;
+use terrane_engine::ground_units::GroundScale;
 use terrane_engine::operation::RunRequest;
 use terrane_engine::options::{FileOutput, GridInput, GridOutput};
 use terrane_options::Options;
 use terrane_raster::{GridInfo, GridSource, Inputs, SampleType};
 use terrane_window::relief::{Derivative, Turn};
-use toned::TonedGrid;
 
-pub use kinds::{
+pub use derivatives::{
     AspectOptions, AspectSetters, CurvatureOptions, CurvatureSetters, HillshadeOptions,
     HillshadeSetters, RoughnessOptions, RoughnessSetters, SlopeOptions, SlopeSetters, TpiOptions,
     TpiSetters, TriOptions, TriSetters,

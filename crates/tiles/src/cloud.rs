@@ -15,8 +15,8 @@ use terrane_engine::operation::{Divisible, Operation, RunRequest, Writes};
 use terrane_engine::options::{CloudInput, GridInput};
 use terrane_engine::outputs::place;
 use terrane_engine::plan::{DiskCheck, OutputForm, RunJob, refuse_file};
-use terrane_engine::sift::Skipped;
-use terrane_engine::{Cancel, Progress, Resources, beside};
+use terrane_engine::skip_bad::Skipped;
+use terrane_engine::{Cancel, Progress, Resources, feature_files};
 use terrane_files::atomic::refuse_existing;
 use terrane_files::{folder_for, name_of, path_of};
 use terrane_lidar::grid::GridOptions;
@@ -33,7 +33,7 @@ const MODEL: &str = "model.tif";
 
 /// Terrain model of a point cloud.
 #[derive(Clone, Debug)]
-pub struct GroundModel {
+pub struct CloudModel {
     /// Files, folders, patterns or lists of point clouds.
     pub input: Inputs,
     /// Input options.
@@ -73,7 +73,7 @@ impl ModelWorkFolder<'_> {
 }
 
 /// A finished model, deleted on drop unless it is in a work folder.
-pub struct MadeGroundModel {
+pub struct BuiltCloudModel {
     /// Name of the point cloud.
     pub inputs: Inputs,
     path: PathBuf,
@@ -88,7 +88,7 @@ pub struct MadeGroundModel {
 /// # Errors
 /// As [`grid::run`] and [`run`]; a point cloud without a CRS.
 pub fn run_cloud(
-    model: &GroundModel,
+    model: &CloudModel,
     job: &TilesJob,
     kept: Option<ModelWorkFolder<'_>>,
     progress: &dyn Progress,
@@ -122,19 +122,19 @@ pub fn run_cloud(
     Ok(report)
 }
 
-impl GroundModel {
+impl CloudModel {
     fn made(
         &self,
         path: PathBuf,
         notes: Vec<String>,
         temporary: Option<TempDir>,
-    ) -> Result<MadeGroundModel> {
+    ) -> Result<BuiltCloudModel> {
         let names = self.input.names();
         let files = || cloud::files(names).unwrap_or_else(|_| names.to_vec());
         let label = self.input.label().map(str::to_owned);
-        let label = label.unwrap_or_else(|| beside::in_order(&files()).to_string());
+        let label = label.unwrap_or_else(|| feature_files::in_order(&files()).to_string());
         let inputs = Inputs::labelled(vec![name_of(path.clone())?], label);
-        Ok(MadeGroundModel { inputs, path, notes, _temporary: temporary })
+        Ok(BuiltCloudModel { inputs, path, notes, _temporary: temporary })
     }
 
     /// Makes the model in a temporary folder beside `output`.
@@ -144,7 +144,7 @@ impl GroundModel {
         resources: &Resources,
         progress: &dyn Progress,
         cancel: &Cancel,
-    ) -> Result<MadeGroundModel> {
+    ) -> Result<BuiltCloudModel> {
         let folder = folder_for(output, resources.temp_dir.as_deref());
         let job = self.job(resources)?;
         let temporary = tempfile::Builder::new()
@@ -163,7 +163,7 @@ impl GroundModel {
         resources: &Resources,
         progress: &dyn Progress,
         cancel: &Cancel,
-    ) -> Result<MadeGroundModel> {
+    ) -> Result<BuiltCloudModel> {
         let job = self.job(resources)?;
         let folder = kept.folder.join(PARTS[0]);
         std::fs::create_dir_all(&folder).map_err(|e| Error::write(&folder, e))?;
@@ -215,7 +215,7 @@ impl GroundModel {
     }
 }
 
-impl MadeGroundModel {
+impl BuiltCloudModel {
     /// Reports an error of the model as an error of the point cloud.
     pub fn renamed(&self, error: Error) -> Error {
         match error.path() {
@@ -244,7 +244,7 @@ impl Operation for CloudTilesOptions {
             resources: self.resources.clone(),
             ..TilesJob::new("", output)
         };
-        let model = GroundModel {
+        let model = CloudModel {
             input: inputs.clone(),
             cloud: self.cloud.options(&self.resources)?,
             model: self.model.clone(),

@@ -4,7 +4,7 @@
 use std::fmt;
 use std::ops::Range;
 
-use super::place::GridFootprint;
+use super::georeference::GridFootprint;
 use terrane_engine::plan::Numbered;
 use terrane_globe::{DEEPEST, GeodeticBounds, GlobeTileId, SampleBlocks, degrees};
 

@@ -10,13 +10,13 @@ use std::sync::Mutex;
 use libdeflater::{CompressionLvl, Compressor};
 use serde_json::{Value, json};
 
+use super::available::KnownTiles;
 use super::format::TilesFormat;
-use super::ground::SurveyedGrid;
+use super::grid_levels::ScannedGrid;
+use super::input::OpenedTilesGrid;
 use super::job::TilesJob;
-use super::opened::OpenedTilesGrid;
 use super::report::{TileLevelReport, TilesReport};
-use super::spans::KnownTiles;
-use super::three;
+use super::tiles_3d;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::Cancel;
 use terrane_engine::outputs::refuse_file_name;
@@ -73,7 +73,7 @@ impl TileFile {
         (set, tile): (usize, &TerrainTile),
         opened: &OpenedTilesGrid,
         level: &TileLevel,
-        ground: &impl terrane_globe::GroundSampler,
+        ground: &impl terrane_globe::TerrainSampler,
         (known, water): (&KnownTiles, Option<&[u8]>),
     ) -> Result<Self> {
         let job = &opened.job;
@@ -156,7 +156,7 @@ impl TilesetFolder {
         };
         let name = match self.formats[set] {
             TilesFormat::QuantizedMesh => format!("{level}/{x}/{y}.{ENDING}"),
-            TilesFormat::ThreeTiles => three::name_of(made.id, three::ENDING),
+            TilesFormat::ThreeTiles => tiles_3d::name_of(made.id, tiles_3d::ENDING),
         };
         // Before the lock: threads write at the same time.
         self.write(set, &name, &made.bytes)?;
@@ -190,17 +190,17 @@ impl TilesetFolder {
     }
 
     /// Writes the metadata files, and renames the folder to its final name.
-    pub(super) fn finish(self, ground: &SurveyedGrid<'_>, cancel: &Cancel) -> Result<TilesReport> {
+    pub(super) fn finish(self, ground: &ScannedGrid<'_>, cancel: &Cancel) -> Result<TilesReport> {
         let mut held = std::mem::take(&mut *lock(&self.held));
-        three::nest(&mut held.facts);
+        tiles_3d::nest(&mut held.facts);
         let (mut levels, mut bytes) = (Vec::new(), 0);
         for (set, format) in self.formats.iter().enumerate() {
-            let told = told(ground, set, &held);
+            let told = level_reports(ground, set, &held);
             let (name, text) = match format {
                 TilesFormat::QuantizedMesh => (LAYER, layer(ground, &held.known, &told)),
                 TilesFormat::ThreeTiles => {
                     bytes += self.subtrees(set, &held.facts, cancel)?;
-                    (three::TILESET, three::tileset(ground, &told, &held.facts))
+                    (tiles_3d::TILESET, tiles_3d::tileset(ground, &told, &held.facts))
                 }
             };
             let path = self.inside(set).join(name);
@@ -237,10 +237,10 @@ impl TilesetFolder {
         cancel: &Cancel,
     ) -> Result<u64> {
         let mut written = 0;
-        for (top, subtree) in three::subtrees(facts) {
+        for (top, subtree) in tiles_3d::subtrees(facts) {
             cancel.check()?;
             let bytes = if self.compress { packed(&subtree)? } else { subtree };
-            self.write(set, &three::name_of(top, three::SUBTREE), &bytes)?;
+            self.write(set, &tiles_3d::name_of(top, tiles_3d::SUBTREE), &bytes)?;
             written += bytes.len() as u64;
         }
         Ok(written)
@@ -248,7 +248,11 @@ impl TilesetFolder {
 }
 
 /// Statistics of each level of a set.
-fn told(ground: &SurveyedGrid<'_>, set: usize, held: &TilesetFolderState) -> Vec<TileLevelReport> {
+fn level_reports(
+    ground: &ScannedGrid<'_>,
+    set: usize,
+    held: &TilesetFolderState,
+) -> Vec<TileLevelReport> {
     let rows = held.rows.iter().filter(|((of, _), _)| *of == set);
     let told = rows.map(|((_, level), row)| {
         let of_level = &ground.levels[set][usize::from(*level)];
@@ -298,7 +302,7 @@ fn packed(bytes: &[u8]) -> Result<Vec<u8>> {
 }
 
 /// Metadata for clients: format, available tiles, and proven errors.
-fn layer(ground: &SurveyedGrid<'_>, known: &KnownTiles, told: &[TileLevelReport]) -> Value {
+fn layer(ground: &ScannedGrid<'_>, known: &KnownTiles, told: &[TileLevelReport]) -> Value {
     let OpenedTilesGrid { job, division, .. } = ground.opened;
     let (bounds, last) = (&division.place.bounds(), division.last);
     let available: Vec<Value> = (0..=last).map(|level| known.level(level).rectangles()).collect();
@@ -331,7 +335,7 @@ fn layer(ground: &SurveyedGrid<'_>, known: &KnownTiles, told: &[TileLevelReport]
         "available": available,
         "terrane": {
             "version": env!("CARGO_PKG_VERSION"),
-            "source": terrane_engine::beside::source(&job.input),
+            "source": terrane_engine::feature_files::source(&job.input),
             "voids": "filled",
             "beyond": job.tiles.beyond.name(),
             "heights": ground.opened.heights.from,
@@ -356,9 +360,9 @@ fn is_tiles(path: &Path) -> bool {
 fn is_one_set(path: &Path) -> bool {
     let layer = TilesetLayout { told: LAYER, top: &[], endings: &[ENDING] };
     let tileset = TilesetLayout {
-        told: three::TILESET,
-        top: &three::HALVES,
-        endings: &[three::ENDING, three::SUBTREE],
+        told: tiles_3d::TILESET,
+        top: &tiles_3d::HALVES,
+        endings: &[tiles_3d::ENDING, tiles_3d::SUBTREE],
     };
     let is_set = |kind: &TilesetLayout<'_>, depth| {
         path.join(kind.told).is_file() && kind.holds_all(path, depth)

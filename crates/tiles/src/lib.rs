@@ -12,36 +12,36 @@
 //! The result depends only on the grid and the options, in one run or by a plan with tasks for the survey, the
 //! regions, and the levels above. The output folder appears when it is complete.
 
-mod beyond;
+mod artifact;
+mod available;
+mod base_tiles;
 mod cloud;
 mod division;
-mod far;
 mod folder;
 mod format;
-mod glance;
-mod ground;
+mod georeference;
+mod grid_levels;
+mod input;
 mod job;
 mod make;
 mod mask;
-mod near;
-mod object;
-mod opened;
 mod options;
-mod place;
+mod outside;
+mod overviews;
 mod probe;
 mod report;
-mod spans;
-mod three;
-mod work;
+mod scan;
+mod tasks;
+mod tiles_3d;
 
-pub use beyond::TilesBeyond;
-pub use cloud::{GroundModel, MadeGroundModel, ModelWorkFolder, run_cloud};
+pub use cloud::{BuiltCloudModel, CloudModel, ModelWorkFolder, run_cloud};
 pub use format::TilesFormat;
+pub use georeference::{AS_GIVEN, ON_ELLIPSOID, WITH_GEOID};
 pub use job::{PlanJob, TilesJob};
 pub use make::{plan_tiles, run, run_in};
 pub use options::{
     CloudTilesOptions, CloudTilesSetters, ModelOptions, ModelSetters, TileOptions, TileSetters,
     TilesOptions, TilesSetters,
 };
-pub use place::{AS_GIVEN, ON_ELLIPSOID, WITH_GEOID};
+pub use outside::TilesBeyond;
 pub use report::{StatusReport, TileLevelReport, TilesReport, TilesRun, TilesStatus};

@@ -3,26 +3,26 @@
 use std::path::Path;
 use std::time::Instant;
 
+use super::available::is_missing;
 use super::division::TilesDivision;
 use super::folder::TilesetFolder;
-use super::glance;
-use super::ground::SurveyedGrid;
+use super::grid_levels::ScannedGrid;
+use super::input::OpenedTilesGrid;
 use super::job::{PlanJob, TilesJob, check_formats};
-use super::opened::OpenedTilesGrid;
 use super::options::{TileOptions, TilesOptions};
 use super::report::{StatusReport, TilesReport, TilesRun, TilesStatus};
-use super::spans::is_missing;
-use super::work::TilesPlan;
+use super::scan;
+use super::tasks::TilesPlan;
 use terrane_base::error::Result;
-use terrane_engine::figures::RunStatistics;
 use terrane_engine::operation::{Divisible, Operation, RunRequest, Writes};
 use terrane_engine::options::GridInput;
 use terrane_engine::plan::{
     self, DiskCheck, OutputForm, PlanKind, PlanManifest, RunControl, RunJob,
 };
-use terrane_engine::sift::Skipped;
-use terrane_engine::{Cancel, Progress, beside, workers};
-use terrane_files::refuse_held;
+use terrane_engine::run_statistics::RunStatistics;
+use terrane_engine::skip_bad::Skipped;
+use terrane_engine::{Cancel, Progress, feature_files, workers};
+use terrane_files::refuse_in_memory;
 use terrane_globe::GlobeTileId;
 use terrane_raster::Inputs;
 
@@ -57,12 +57,12 @@ pub fn run(job: &TilesJob, progress: &dyn Progress, cancel: &Cancel) -> Result<T
     let folder = TilesetFolder::create(job)?;
     let opened = OpenedTilesGrid::new(job)?;
     let (mut gathered, rows) = (opened.look.clone().gather(), [0, opened.division.place.whole[1]]);
-    glance::look(&opened, rows, at, |glance| {
+    scan::scan(&opened, rows, at, |glance| {
         gathered.add(glance);
         Ok(())
     })?;
     let overview = opened.seen(gathered)?;
-    let ground = SurveyedGrid::new(&opened, &overview);
+    let ground = ScannedGrid::new(&opened, &overview);
     ground.make(&folder, at)?;
     let made = folder.finish(&ground, cancel)?;
     let run = RunStatistics::since(started, &job.resources).with_threads(opened.shares.threads);
@@ -100,9 +100,9 @@ impl Divisible for TilesOptions {
 /// Errors of [`run`] that are detected before the work; `Usage` for a folder with another plan or other files.
 pub fn plan_tiles(job: &PlanJob) -> Result<StatusReport> {
     let plan::PlanJob { job, folder, cut, skipped } = job;
-    refuse_held(job.input.names())?;
+    refuse_in_memory(job.input.names())?;
     let (input, reading) = (job.input.resolve()?, job.reading.absolute()?);
-    let geoid = job.tiles.geoid.as_deref().map(beside::absolute).transpose()?;
+    let geoid = job.tiles.geoid.as_deref().map(feature_files::absolute).transpose()?;
     let tiles = TileOptions { geoid, ..job.tiles.clone() };
     let opened = OpenedTilesGrid::new(&TilesJob { input, reading, tiles, ..job.clone() })?;
     let tiles = TilesPlan::new(&opened, *cut)?;
@@ -136,7 +136,7 @@ pub fn run_in(
     Ok(tiles)
 }
 
-impl SurveyedGrid<'_> {
+impl ScannedGrid<'_> {
     fn make(&self, folder: &TilesetFolder, at: RunControl<'_>) -> Result<()> {
         let TilesDivision { near, .. } = self.opened.division;
         self.each("near levels", &self.opened.division.regions().all(), at, |id| {

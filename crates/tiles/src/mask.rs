@@ -74,7 +74,7 @@ impl TileWaterMask {
     /// Memory in bytes of the mask, and of each worker that uses it.
     pub(super) fn bytes(&self, threads: usize) -> [u64; 2] {
         // The part near a region, and of that the part near a tile.
-        [self.0.held(threads), 2 * self.0.bytes() + u64::from(MASK_SIDE * MASK_SIDE)]
+        [self.0.memory_use(threads), 2 * self.0.bytes() + u64::from(MASK_SIDE * MASK_SIDE)]
     }
 
     /// The part near a tile.

@@ -2,8 +2,8 @@
 
 use terrane_options::{OptionRange, OptionRule, Options};
 
-use super::beyond::TilesBeyond;
 use super::format::TilesFormat;
+use super::outside::TilesBeyond;
 use terrane_engine::Resources;
 use terrane_engine::options::{CellSize, CloudInput, FileName, GridInput, Replacing, Resuming};
 use terrane_lidar::grid::{AsText, GroundFrom};

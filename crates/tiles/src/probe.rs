@@ -2,10 +2,10 @@
 
 use std::sync::Mutex;
 
+use super::artifact::{ENTRY, FACTS};
 use super::folder::TileFile;
-use super::ground::SurveyedGrid;
-use super::object::{ENTRY, FACTS};
-use super::opened::OpenedTilesGrid;
+use super::grid_levels::ScannedGrid;
+use super::input::OpenedTilesGrid;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_engine::{Cancel, workers};
@@ -63,12 +63,12 @@ pub(super) fn expect(opened: &OpenedTilesGrid) -> Result<[u64; 2]> {
         let rect = blocks(opened, *id);
         if !rect.is_empty() {
             opened.read(rect, &mut heights)?;
-            gathered.add(gathered.plan().look(rect, &heights));
+            gathered.add(gathered.plan().summarize(rect, &heights));
         }
     }
     // The sampled part may be void by chance.
     let Some(overview) = gathered.finish() else { return Ok([0; 2]) };
-    let ground = SurveyedGrid::new(opened, &overview);
+    let ground = ScannedGrid::new(opened, &overview);
     let seen = Mutex::new([TileProbe::default(); 2]);
     let (threads, cancel) = (opened.shares.threads, Cancel::default());
     let probe = |(): &mut (), i: u64| {

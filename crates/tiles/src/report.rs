@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use terrane_engine::figures::RunStatistics;
 use terrane_engine::plan::{self, DescribesRun};
+use terrane_engine::run_statistics::RunStatistics;
 
 /// Report of a tiles job.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -17,10 +17,10 @@
 //! time.
 
 use super::facet::{PlaneFacet, level_for};
-use super::field::{HeightField, LEVELS};
-use super::judge::InsertionCriteria;
-use super::local::TilePosition;
+use super::heights::{HeightField, LEVELS};
+use super::lattice_position::TilePosition;
 use super::mesh::{LatticeMesh, LatticeTriangle, NONE, TriangleScanState};
+use super::tolerance::InsertionCriteria;
 use terrane_base::bits::BitSet;
 
 /// What the tolerance is multiplied with in the stages before it is reached.
@@ -68,9 +68,9 @@ pub(super) struct AdjustScratch {
     moved: BitSet,
     /// Those that never do.
     held: BitSet,
-    /// How far the mesh is above each sample of the star, and
+    /// Height of the mesh above each sample of the star.
     offsets: Vec<f32>,
-    /// how much each shares in a move of the vertex, from 0 to 1.
+    /// Share of each sample in a move of the vertex, from 0 to 1.
     shares: Vec<f32>,
     /// Half-edges that start from the vertex.
     star: Vec<u32>,
@@ -104,11 +104,11 @@ impl AdjustScratch {
 
     /// The corners of triangles that have changed are due.
     pub(super) fn look_at_changes(&mut self, field: &HeightField, mesh: &LatticeMesh) {
-        self.look_at(field, mesh, |tri| tri.source == NONE);
+        self.examine(field, mesh, |tri| tri.source == NONE);
     }
 
     /// The corners of those triangles are due.
-    pub(super) fn look_at(
+    pub(super) fn examine(
         &mut self,
         field: &HeightField,
         mesh: &LatticeMesh,

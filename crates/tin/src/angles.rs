@@ -8,7 +8,7 @@
 //! that what comes between is thin again, the edge is split in the middle; one that is frozen is left to the
 //! patches of the seams, and what these cannot mend, to a larger patch.
 
-use super::local::TilePosition;
+use super::lattice_position::TilePosition;
 use super::mesh::{LatticeMesh, NONE, TriangleScanState};
 use terrane_base::geom::predicates::{Lattice, orient};
 

@@ -12,8 +12,8 @@
 //! way a segment runs, so that borders may be shared.
 
 use super::angles::{WalkEnd, walk};
-use super::field::HeightField;
-use super::local::TilePosition;
+use super::heights::HeightField;
+use super::lattice_position::TilePosition;
 use super::mesh::{LatticeMesh, TriangleScanState};
 use terrane_base::bits::BitSet;
 use terrane_base::geom::SampleSegment;

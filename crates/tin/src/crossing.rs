@@ -12,8 +12,8 @@
 //! ends: to insert both ends of a line mends it, whatever else is inserted.
 
 use super::exact::is_at_most;
-use super::field::HeightField;
-use super::local::TilePosition;
+use super::heights::HeightField;
+use super::lattice_position::TilePosition;
 
 /// Where an edge is further than the tolerance from the line between two samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -213,7 +213,7 @@ impl Iterator for EdgeWalk {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::HeightWindow;
+    use crate::heights::HeightWindow;
     use proptest::prelude::*;
 
     /// Every line between two neighbouring samples, intersected with the edge in whole numbers: the largest

@@ -11,11 +11,11 @@
 //! Where the mesh need not be Delaunay, a star may be refilled with any triangles: see `refill`.
 
 use super::angles::MinimumAngle;
-use super::field::HeightField;
-use super::judge::InsertionCriteria;
-use super::local::TilePosition;
+use super::heights::HeightField;
+use super::lattice_position::TilePosition;
 use super::mesh::{LatticeMesh, LatticeTriangle, NONE, TriangleScanState, next};
 use super::refill::{self, RefillBuffers};
+use super::tolerance::InsertionCriteria;
 use terrane_base::bits::BitSet;
 use terrane_base::geom::predicates::{Lattice, in_circle, orient};
 
@@ -253,8 +253,8 @@ impl DropScratch {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::field::HeightWindow;
     use crate::greedy::{WorkLists, fit};
+    use crate::heights::HeightWindow;
     use crate::scan::available;
     use proptest::prelude::*;
     use std::collections::BTreeSet;

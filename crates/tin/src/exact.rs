@@ -10,8 +10,8 @@
 //! the vertex heights are rounded first and the bound is kept for the rounded ones; heights beyond 16384
 //! that are not f32 already are stored relative to a height nearby, recorded with the origin of x and y.
 
-use super::field::HeightField;
-use super::local::TilePosition;
+use super::heights::HeightField;
+use super::lattice_position::TilePosition;
 use terrane_base::geom::predicates::orient;
 
 /// Relative rounding of the plain evaluation, with room to spare.
@@ -185,8 +185,12 @@ mod tests {
             let mut z = vec![0.0; 100];
             (z[33], z[52]) = (height, 2.0);
             let rounded: Vec<f32> = z.iter().map(|&z| z as f32).collect();
-            let heights =
-                crate::field::HeightWindow { width: 10, height: 10, f32: &rounded, f64: Some(&z) };
+            let heights = crate::heights::HeightWindow {
+                width: 10,
+                height: 10,
+                f32: &rounded,
+                f64: Some(&z),
+            };
             let mut field = HeightField::default();
             field.load(&heights, [0, 0, 10, 10], [0; 4], None);
             scan(&field, p, 3.0)

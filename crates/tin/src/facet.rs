@@ -1,7 +1,7 @@
 //! A triangle with heights: its plane, its edges, and the samples in it.
 
-use super::field::FieldLevel;
-use super::local::TilePosition;
+use super::heights::FieldLevel;
+use super::lattice_position::TilePosition;
 use terrane_base::geom::predicates::{Lattice, orient};
 
 /// Slack of the row ends: more than their rounding error, less than the distance of any lattice
@@ -144,7 +144,7 @@ pub(super) fn level_for(corners: [TilePosition; 3], samples: i64, levels: usize)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::LEVELS;
+    use crate::heights::LEVELS;
 
     #[test]
     fn levels_grow_with_the_area() {

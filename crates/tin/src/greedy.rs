@@ -11,11 +11,11 @@
 //! batch is slower: sorting costs more than the cache gives back (37 against 26.6 ns).
 
 use super::facet::level_for;
-use super::field::LEVELS;
-use super::judge::{InsertionCandidate, InsertionCriteria};
-use super::local::TilePosition;
+use super::heights::LEVELS;
+use super::lattice_position::TilePosition;
 use super::mesh::{LatticeMesh, TriangleScanState};
-use super::{adjust, strict};
+use super::tolerance::{InsertionCandidate, InsertionCriteria};
+use super::{adjust, exact_greedy};
 
 /// Samples a first scan of a triangle looks at, about.
 const SAMPLES_PER_SCAN: i64 = 64;
@@ -30,7 +30,7 @@ pub(super) fn fit(
     strict: bool,
 ) {
     if strict {
-        strict::insert(judge, mesh);
+        exact_greedy::insert(judge, mesh);
     } else {
         insert_adaptive(judge, mesh, lists);
     }

@@ -3,8 +3,8 @@
 //! Errors are measured only for a report: the extra pass takes a third of the time of the kernel.
 
 use super::facet::PlaneFacet;
-use super::field::{ExactSamples, HeightField};
-use super::local::TilePosition;
+use super::heights::{ExactSamples, HeightField};
+use super::lattice_position::TilePosition;
 use terrane_base::geom::predicates::orient;
 
 /// Samples summed side by side; part of the arithmetic, so that sums never depend on the machine.
@@ -210,7 +210,7 @@ pub(super) fn owns_by_direction(from: TilePosition, to: TilePosition) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::HeightWindow;
+    use crate::heights::HeightWindow;
     use crate::scan::measure;
     use proptest::prelude::*;
 

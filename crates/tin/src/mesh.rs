@@ -13,7 +13,7 @@
 //!          a                         a
 //! ```
 
-use super::local::TilePosition;
+use super::lattice_position::TilePosition;
 use terrane_base::geom::predicates::{in_circle, orient};
 
 /// "No half-edge": the border of the mesh.

@@ -1,6 +1,6 @@
 //! Sorting by position: rows first, by counting, then within each row.
 
-use super::local::TilePosition;
+use super::lattice_position::TilePosition;
 use super::spec::TileTriangle;
 
 /// Sorts triangles by their corners. Expected time is linear but for the length of the rows.

@@ -9,15 +9,15 @@
 //! and redundant rim vertices are dropped.
 
 use super::crossing::CrossingJudge;
-use super::field::HeightField;
-use super::judge::InsertionCriteria;
-use super::local::TilePosition;
+use super::heights::HeightField;
+use super::lattice_position::TilePosition;
 use super::measure::owns_by_direction;
 use super::mesh::{FixedBorder, LatticeMesh, LatticeTriangle, NONE, TriangleScanState, next, prev};
 use super::order::{by_rows, sort_by_position};
 use super::scan::measure;
 use super::spec::{PatchInput, PatchMesh, TileTriangle, TinSpec};
 use super::tile::{TileScratch, bring_within, on_grid_border, smallest_first, vertices_in_use};
+use super::tolerance::InsertionCriteria;
 use super::{adjust, angles, breaklines, drop};
 use terrane_base::bits::BitSet;
 use terrane_base::bound::ErrorBound;
@@ -95,7 +95,7 @@ pub fn reduce_patch(
     drop::drop_redundant(&judge, mesh, drop);
     adjust.reset(field, input.kept);
     if spec.fit {
-        adjust.look_at(field, mesh, |_| true);
+        adjust.examine(field, mesh, |_| true);
         for _ in 0..adjust::ROUNDS {
             if !adjust.sweep(&judge, mesh, spec.tolerance) {
                 break;
@@ -161,7 +161,7 @@ struct PatchBorder<'a> {
 impl PatchBorder<'_> {
     /// The triangle, once for each frozen edge beyond which the mesh may not agree with it, turned so
     /// that this edge comes first: all edges of a changed triangle, and those on the seam of any.
-    fn beside<'b>(
+    fn neighbours<'b>(
         &'b self,
         tri: &'b LatticeTriangle,
     ) -> impl Iterator<Item = [TilePosition; 3]> + 'b {
@@ -303,7 +303,7 @@ fn even_out(
 ) {
     let is_on_seam =
         |tri: &LatticeTriangle| tri.corners.iter().any(|&p| border.input.is_on_seam(p));
-    adjust.look_at(judge.field, mesh, is_on_seam);
+    adjust.examine(judge.field, mesh, is_on_seam);
     adjust.look_at_changes(judge.field, mesh);
     for _ in 0..adjust::ROUNDS {
         if !adjust.sweep(judge, mesh, judge.tolerance) {
@@ -331,7 +331,7 @@ fn finish(
             return PatchMesh::default();
         }
         let tri = &mesh.tris[id as usize];
-        patch.border.extend(border.beside(tri));
+        patch.border.extend(border.neighbours(tri));
         // NONE as an index is beyond any list: triangles made here have no original.
         let kept = sorted.get(tri.source as usize);
         if let Some(&kept) = kept.filter(|_| !spec.fit || !adjust.has_moved(field, tri)) {
@@ -354,7 +354,7 @@ fn finish(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::HeightWindow;
+    use crate::heights::HeightWindow;
 
     /// Six by five samples, of which (3, 2) is void.
     fn field() -> HeightField {
@@ -500,10 +500,10 @@ mod tests {
         let on = tri([(4, 0), (4, 3), (1, 1)]);
         assert_eq!([0, 1, 2].map(|edge| border.is_on_seam(&on, edge)), [true, false, false]);
         let turned = [[4, 0], [4, 3], [1, 1]].map(|[col, row]| TilePosition::new(col, row));
-        assert_eq!(border.beside(&on).collect::<Vec<_>>(), [turned]);
+        assert_eq!(border.neighbours(&on).collect::<Vec<_>>(), [turned]);
         // Of a triangle that changed every open edge is asked about.
         let changed = LatticeTriangle { source: NONE, twins: [NONE, 3, NONE], ..on };
         let [a, b, c] = turned;
-        assert_eq!(border.beside(&changed).collect::<Vec<_>>(), [[a, b, c], [c, a, b]]);
+        assert_eq!(border.neighbours(&changed).collect::<Vec<_>>(), [[a, b, c], [c, a, b]]);
     }
 }

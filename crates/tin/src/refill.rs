@@ -18,9 +18,9 @@
 //! 1.6 % in thirty times the time. To look at one sample in a few of a triangle before all of them: 3 to 13 % slower.
 
 use super::angles::MinimumAngle;
-use super::judge::InsertionCriteria;
-use super::local::TilePosition;
+use super::lattice_position::TilePosition;
 use super::mesh::{LatticeTriangle, NONE, next};
+use super::tolerance::InsertionCriteria;
 use terrane_base::geom::predicates::orient;
 
 /// Stars with more triangles than this are left as they are.
@@ -175,9 +175,9 @@ mod tests {
     use super::*;
     use crate::drop::DropScratch;
     use crate::drop::tests::is_within;
-    use crate::field::HeightField;
-    use crate::field::HeightWindow;
     use crate::greedy::{WorkLists, fit};
+    use crate::heights::HeightField;
+    use crate::heights::HeightWindow;
     use crate::mesh::{LatticeMesh, TriangleScanState};
     use crate::scan::available;
     use proptest::prelude::*;

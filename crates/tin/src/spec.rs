@@ -2,8 +2,8 @@
 
 use super::angles::MinimumAngle;
 use super::breaklines::PathStretch;
-use super::field::HeightWindow;
-use super::local::TilePosition;
+use super::heights::HeightWindow;
+use super::lattice_position::TilePosition;
 use terrane_base::bound::ErrorBound;
 use terrane_base::geom::HeightQuantization;
 
@@ -95,9 +95,9 @@ pub struct TileMesh {
     /// Triangles of the surface (cells with a void corner are not part of it), in an
     /// order that depends on the input alone.
     pub triangles: Vec<TileTriangle>,
-    /// Vertices in use, sorted, and
+    /// Vertices in use, sorted.
     pub vertices: Vec<TilePosition>,
-    /// their heights.
+    /// Heights of the vertices.
     pub heights: Vec<f64>,
     /// Valid samples that touch no valid cell: they have no surface. Counted on the tile's samples
     /// except its last column and row, unless the grid ends there.
@@ -153,9 +153,9 @@ pub struct PatchInput<'a> {
 pub struct PatchMesh {
     /// The triangles that replace those of the input.
     pub triangles: Vec<TileTriangle>,
-    /// Every vertex they use, sorted, and
+    /// Every vertex of the triangles, sorted.
     pub vertices: Vec<TilePosition>,
-    /// their heights.
+    /// Heights of the vertices.
     pub heights: Vec<f64>,
     /// The changed triangles on the border of the patch, each turned so that the edge beyond which
     /// the surface goes on comes first: `[from, to, third corner]`. Where the triangle beyond is not

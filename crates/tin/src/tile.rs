@@ -14,18 +14,18 @@
 //! 3,000 random meshes with tiles of 16 to 64 cells is non-Delaunay (`TERRANE_MESHES=3000 cargo test
 //! --test jobs every_edge`).
 
-use super::between::{self, BetweenBuffers};
 use super::breaklines::{self, PathStretch};
 use super::crossing::CrossingJudge;
-use super::field::HeightField;
 use super::greedy::{WorkLists, fit};
-use super::judge::InsertionCriteria;
-use super::local::TilePosition;
+use super::heights::HeightField;
+use super::lattice_position::TilePosition;
 use super::measure::owns_by_direction;
 use super::mesh::{FixedBorder, LatticeMesh, NONE, TriangleScanState, next};
-use super::rim::{RimRun, SurfaceCells, SurfaceRole, posts};
 use super::scan::{self, Scan, measure};
 use super::spec::{TileInput, TileMesh, TileTriangle, TinSpec};
+use super::surface_bound::{self, BetweenBuffers};
+use super::tile_border::{RimRun, SurfaceCells, SurfaceRole, anchors};
+use super::tolerance::InsertionCriteria;
 use super::{adjust, angles, drop};
 use terrane_base::bits::BitSet;
 use terrane_base::bound::ErrorBound;
@@ -100,7 +100,7 @@ pub fn triangulate_tile(
     let surface = SurfaceCells::new(input);
     let fixed = fixed_vertices(&surface, &scratch.field, spec.tolerance, input);
     insert_all(&mut scratch.mesh, &fixed);
-    insert_all(&mut scratch.mesh, &inner_posts(&surface, &scratch.field, input.spacing));
+    insert_all(&mut scratch.mesh, &inner_anchors(&surface, &scratch.field, input.spacing));
     scratch.mesh.fixed = FixedBorder::Inside { ends, cells: [cols - 1, rows - 1] };
     if surface.has_voids() {
         mark_outside(&mut scratch.mesh, &surface);
@@ -187,7 +187,7 @@ fn even_out(scratch: &mut TileScratch, spec: &TinSpec, fixed: &[TilePosition]) {
     if spec.bound == ErrorBound::Surface {
         judge = judge.and_between(CrossingJudge::new(field, spec.tolerance));
     }
-    adjust.look_at(field, mesh, |_| true);
+    adjust.examine(field, mesh, |_| true);
     for _ in 0..adjust::ROUNDS {
         adjust.look_at_changes(field, mesh);
         mesh.forget_changes();
@@ -214,7 +214,7 @@ fn refine(scratch: &mut TileScratch, spec: &TinSpec, fixed: &[TilePosition]) {
     }
     mesh.forget_changes();
     let crossings = CrossingJudge::new(field, spec.tolerance);
-    between::insert(&crossings, mesh, rounds, |mesh| fit(&judge, mesh, lists, spec.strict));
+    surface_bound::insert(&crossings, mesh, rounds, |mesh| fit(&judge, mesh, lists, spec.strict));
     if spec.drop {
         drop.unsettle_changed(field, mesh);
         drop::drop_redundant(&judge.and_between(crossings), mesh, drop);
@@ -232,7 +232,9 @@ pub(super) fn bring_within(
     fit(judge, mesh, lists, spec.strict);
     if spec.bound == ErrorBound::Surface {
         let crossings = CrossingJudge::new(judge.field, spec.tolerance);
-        between::insert(&crossings, mesh, rounds, |mesh| fit(judge, mesh, lists, spec.strict));
+        surface_bound::insert(&crossings, mesh, rounds, |mesh| {
+            fit(judge, mesh, lists, spec.strict)
+        });
     }
 }
 
@@ -285,8 +287,12 @@ fn fixed_vertices(
 }
 
 /// The posts that are not on the rim.
-fn inner_posts(surface: &SurfaceCells<'_>, field: &HeightField, spacing: u32) -> Vec<TilePosition> {
-    let inside = |cells| posts(cells, spacing).filter(move |&at| at > 0 && at < cells);
+fn inner_anchors(
+    surface: &SurfaceCells<'_>,
+    field: &HeightField,
+    spacing: u32,
+) -> Vec<TilePosition> {
+    let inside = |cells| anchors(cells, spacing).filter(move |&at| at > 0 && at < cells);
     let [cols, rows] = [field.width() - 1, field.height() - 1];
     let all = inside(rows).flat_map(|row| inside(cols).map(move |col| TilePosition::new(col, row)));
     all.filter(|&p| !surface.has_voids() || surface.role(p) == SurfaceRole::Interior).collect()
@@ -436,7 +442,7 @@ fn count_samples(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::HeightWindow;
+    use crate::heights::HeightWindow;
 
     const SIDE: u32 = 129;
 

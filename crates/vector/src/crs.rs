@@ -17,7 +17,7 @@ pub(super) fn is_wgs84(crs: &Crs) -> bool {
 }
 
 /// The CRS of the `.prj` sidecar of `path`; unknown if there is none.
-pub(super) fn beside(path: &Path) -> Result<Crs> {
+pub(super) fn sidecar_crs(path: &Path) -> Result<Crs> {
     Ok(wkt::of_srs(&terrane_files::prj(path)?))
 }
 
@@ -113,15 +113,15 @@ mod tests {
         let path = folder.path().join("a.wkt");
         let write = |crs: &Crs, overwrite| prj(&path, crs, overwrite)?.commit();
         write(&Crs::default(), false).unwrap();
-        assert!(beside(&path).unwrap().is_unknown());
+        assert!(sidecar_crs(&path).unwrap().is_unknown());
         write(&wgs84(), false).unwrap();
-        assert_eq!(beside(&path).unwrap().epsg, Some(4326));
+        assert_eq!(sidecar_crs(&path).unwrap().epsg, Some(4326));
         write(&wgs84(), false).unwrap();
         let other = wkt::of_srs("EPSG:2154");
         assert!(write(&other, false).is_err() && write(&Crs::default(), false).is_err());
         write(&other, true).unwrap();
-        assert_eq!(beside(&path).unwrap().epsg, Some(2154));
+        assert_eq!(sidecar_crs(&path).unwrap().epsg, Some(2154));
         write(&Crs::default(), true).unwrap();
-        assert!(beside(&path).unwrap().is_unknown());
+        assert!(sidecar_crs(&path).unwrap().is_unknown());
     }
 }

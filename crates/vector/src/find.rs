@@ -35,7 +35,7 @@ pub fn files_below(inputs: &[String]) -> Result<Vec<String>> {
     FEATURES.files_below(inputs)
 }
 
-fn is_member(path: &Path) -> bool {
+fn is_feature_file(path: &Path) -> bool {
     let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     by_extension(FORMATS, path).is_some()

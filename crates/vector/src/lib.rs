@@ -4,6 +4,7 @@
 mod crs;
 mod csv;
 mod dbf;
+mod decimal;
 mod feature;
 mod find;
 mod flatgeobuf;
@@ -12,10 +13,9 @@ mod geojson;
 mod geometry;
 mod gpx;
 mod json;
-mod keep;
-mod number;
 mod out;
 mod pages;
+mod reduce;
 mod rings;
 mod round;
 #[cfg(test)]
@@ -46,7 +46,7 @@ pub use feature::{
 pub use find::{files, files_below, is_collection};
 pub use format::{Create, PropertySupport, VectorCapabilities, VectorFormat};
 pub use geometry::{CoordinateSequence, Geometry, GeometryPart, GeometryType, PartRole};
-pub use keep::KeptVertices;
+pub use reduce::RetainedVertices;
 pub use round::rounded;
 pub use sink::{FeatureSink, VectorWriteOptions, WrittenFeatures};
 pub use source::{FeatureSource, VectorOpenOptions};

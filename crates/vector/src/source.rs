@@ -24,7 +24,7 @@ pub trait FeatureSource: Send {
     fn layer(&self) -> &LayerHeader;
 
     /// Position in the file of the feature read last ("line 7", "record 12").
-    fn place(&self) -> String;
+    fn location(&self) -> String;
 
     /// Notes on the features read so far.
     fn notes(&self) -> Vec<String> {
@@ -60,15 +60,15 @@ impl FeatureSource for CheckedFeatures {
             let parts = feature.geometry.parts();
             self.single += parts.filter(|part| part.xy.len() == 1).count() as u64;
         }
-        next.map_err(|e| e.at(self.place()).in_file(&self.path))
+        next.map_err(|e| e.at(self.location()).in_file(&self.path))
     }
 
     fn layer(&self) -> &LayerHeader {
         self.inner.layer()
     }
 
-    fn place(&self) -> String {
-        let (count, place) = (self.count, self.inner.place());
+    fn location(&self) -> String {
+        let (count, place) = (self.count, self.inner.location());
         if place.is_empty() {
             format!("feature {count}")
         } else {

@@ -71,7 +71,7 @@ impl FeatureSource for SyntheticFeatures {
         &self.layer
     }
 
-    fn place(&self) -> String {
+    fn location(&self) -> String {
         String::new()
     }
 }

@@ -5,9 +5,9 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
+use super::decimal;
 use super::feature::{Feature, FieldDefinition, FieldKind, Id, LayerHeader, PropertyValue};
 use super::geometry::{CoordinateSequence, Geometry, GeometryType};
-use super::number;
 use super::pages::{PagedFile, RecordBytes};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::limits;
@@ -207,7 +207,7 @@ pub(super) fn push_text(value: &PropertyValue, text: &mut Vec<u8>) {
         PropertyValue::Null => {}
         PropertyValue::Bool(value) => text.extend_from_slice(value.to_string().as_bytes()),
         PropertyValue::Int(value) => text.extend_from_slice(value.to_string().as_bytes()),
-        PropertyValue::Real(value) => number::push(*value, text),
+        PropertyValue::Real(value) => decimal::push(*value, text),
         PropertyValue::Text(value)
         | PropertyValue::Date(value)
         | PropertyValue::DateTime(value)

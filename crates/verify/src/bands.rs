@@ -4,8 +4,8 @@
 use std::path::Path;
 
 use super::context::MeshRequirements;
-use super::found::{FaultReport, NO_BOUND};
-use super::options::{AskedBands, LineProofQuestion, MeshProof};
+use super::findings::{FaultReport, NO_BOUND};
+use super::options::{SelectedBands, LineProofQuestion, MeshProof};
 use super::parts::verify;
 use super::report::{BandProof, OfGrid, VerifyReport};
 use super::stated::tolerance;
@@ -29,7 +29,7 @@ pub(super) struct MultibandProof<'a> {
 
 impl MultibandProof<'_> {
     /// Proves every channel and the heights; returns the reference system of the grid, too.
-    pub(super) fn run(&self, asked: &AskedBands) -> Result<(VerifyReport, Crs)> {
+    pub(super) fn run(&self, asked: &SelectedBands) -> Result<(VerifyReport, Crs)> {
         let in_mesh = |e: Error| e.in_file(&self.job.written.file);
         let heights = asked.heights.map(HeightBand::Band).or(self.stated.heights);
         let bands = bands((self.mesh.info(), self.stated), asked).map_err(in_mesh)?;
@@ -146,7 +146,7 @@ fn judged(report: VerifyReport, tolerance: Option<f64>, heights_known: bool) -> 
 }
 
 /// The bands asked for, with weights; fails where the mesh has not as many channels, or states others.
-fn bands((info, stated): (&MeshInfo, &Promises), asked: &AskedBands) -> Result<MeshBands> {
+fn bands((info, stated): (&MeshInfo, &Promises), asked: &SelectedBands) -> Result<MeshBands> {
     let label = label(&asked.bands);
     if let Some(others) = stated.bands.as_ref().filter(|bands| **bands != asked.bands) {
         let others = self::label(others);

@@ -4,7 +4,7 @@ use super::stated::is_delaunay;
 use super::work::ProofResources;
 use terrane_base::bound::ErrorBound;
 use terrane_base::error::{Error, Result};
-use terrane_engine::kept::GridConstraints;
+use terrane_engine::constraints::GridConstraints;
 use terrane_mesh::Promises;
 use terrane_proof::{HeightPrecision, Snapper};
 use terrane_raster::GridSource;

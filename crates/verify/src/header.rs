@@ -92,7 +92,7 @@ impl CheckedHeader<'_> {
         match known.as_ref().map_or_else(|| self.is_called(text), |crs| self.is(crs, text)) {
             Some(true) => {}
             Some(false) => {
-                let [ours, theirs] = self.crs.told_apart(&known.unwrap_or_default());
+                let [ours, theirs] = self.crs.distinct_names(&known.unwrap_or_default());
                 verdict.fail(format!(
                     "{place} names the CRS {theirs}, and that of the {original} is {ours}"
                 ));

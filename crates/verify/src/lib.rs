@@ -7,7 +7,7 @@
 mod bands;
 mod cloud;
 mod context;
-mod found;
+mod findings;
 mod header;
 mod lines;
 mod mesh;
@@ -16,8 +16,8 @@ mod parts;
 mod proofs;
 mod quality;
 mod report;
-mod spread;
-mod squares;
+mod buckets;
+mod plane_tiles;
 mod stated;
 #[cfg(feature = "tiles")]
 pub mod tiles;
@@ -26,10 +26,10 @@ mod work;
 
 pub use cloud::{CloudProofFindings, CloudVerifyReport, prove_cloud};
 pub use context::MeshRequirements;
-pub use found::{FaultReport, MeshOriginal, MeshReport};
+pub use findings::{FaultReport, MeshOriginal, MeshReport};
 pub use lines::{LineVerifyReport, verify_lines};
 pub use options::{
-    AskedBands, CloudMeshProof, CloudMeshProofSetters, LineProof, LineProofSetters, LineVerifyJob,
+    SelectedBands, CloudMeshProof, CloudMeshProofSetters, LineProof, LineProofSetters, LineVerifyJob,
     MeshProof, MeshProofSetters, RemovedRings,
 };
 pub use parts::verify;

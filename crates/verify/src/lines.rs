@@ -19,7 +19,7 @@
 
 mod attributes;
 mod findings;
-mod own;
+mod feature;
 mod pairs;
 
 use std::time::Instant;
@@ -33,7 +33,7 @@ use super::options::LineVerifyJob;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::plane::Xy;
 use terrane_base::geom::{Crs, wkt};
-use terrane_engine::figures::RunStatistics;
+use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::memory::PROGRAM;
 use terrane_engine::proof::ProofVerdict;
 use terrane_engine::{Cancel, Progress, Resources};
@@ -135,7 +135,7 @@ pub fn verify_lines(
     let comparison = PartComparison { distance, tolerance, drops };
     let proof = LineProofRun { job, comparison, points, progress, cancel };
     let (found, findings, format) = on_threads(job.resources.threads, || proof.run())?;
-    let mut report = told(job, (measure, tolerance), (&found, &findings), format);
+    let mut report = findings_report(job, (measure, tolerance), (&found, &findings), format);
     judge_system(&crs, job, format, &mut report.verdict)?;
     Ok(LineVerifyReport { run: RunStatistics::since(started, &job.resources), ..report })
 }
@@ -164,7 +164,7 @@ fn judge_system(
     if own.agrees(original) || (is_default && !original.is_named()) {
         return Ok(());
     }
-    let [ours, theirs] = original.told_apart(own);
+    let [ours, theirs] = original.distinct_names(own);
     match (own.is_named(), original.is_named()) {
         (true, true) if format != ALWAYS_WGS84 && original.is_surely_another(own) => verdict
             .fail(format!("the CRS of the lines is {theirs}, and that of the original is {ours}")),
@@ -184,7 +184,7 @@ fn judge_system(
     Ok(())
 }
 
-fn told(
+fn findings_report(
     job: &LineVerifyJob,
     (measure, tolerance): (DistanceKind, Option<f64>),
     (found, findings): (&LineCheckReport, &FeatureFindings),

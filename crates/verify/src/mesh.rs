@@ -12,7 +12,7 @@ use super::stated::{leave_files, open_mesh, stated, tolerance};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Crs;
 use terrane_engine::bands::{JoinedBands, label};
-use terrane_engine::kept::ConstraintFeatures;
+use terrane_engine::constraints::ConstraintFeatures;
 use terrane_engine::memory::cache_beside;
 use terrane_engine::proof::ProofVerdict;
 use terrane_engine::{Cancel, Progress};
@@ -55,7 +55,7 @@ pub(super) fn run(
     };
     header.judge(&mut report.verdict)?;
     judge_bounds(&*mesh, &mut report.verdict, (progress, cancel))?;
-    tell_of_files(&stated, job, &mut report.verdict);
+    add_file_notes(&stated, job, &mut report.verdict);
     let mesh = job.written.file.display().to_string();
     let of = OfGrid { raster: job.written.original.to_string(), ..report.of };
     Ok(VerifyReport { mesh, of, ..report })
@@ -118,7 +118,7 @@ fn heights(
 }
 
 /// Names bands and files that the mesh was made with, as it states, and that were not given.
-fn tell_of_files(
+fn add_file_notes(
     stated: &Promises,
     job: &LineProofQuestion<'_, MeshProof>,
     verdict: &mut ProofVerdict,

@@ -22,7 +22,7 @@ pub(super) struct LineProofQuestion<'a, O> {
 
 /// Bands that a mesh is to be held to.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct AskedBands {
+pub struct SelectedBands {
     /// Numbers, from 1, in the order of the mesh's channels.
     pub bands: Vec<u32>,
     /// A weight for each; those that the mesh states where there are none, and 1 where it states none.
@@ -156,13 +156,13 @@ impl MeshProof {
     }
 
     /// The bands that the mesh's channels are held to.
-    pub(super) fn asked_bands(&self) -> Result<Option<AskedBands>> {
+    pub(super) fn asked_bands(&self) -> Result<Option<SelectedBands>> {
         if self.bands.is_empty() {
             return Ok(None);
         }
         let heights = MeshBands::new(&self.bands, &self.weights, self.grid.band)?.heights();
         let (bands, weights) = (self.bands.clone(), self.weights.clone());
-        Ok(Some(AskedBands { heights, bands, weights }))
+        Ok(Some(SelectedBands { heights, bands, weights }))
     }
 }
 

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use super::context::{GridProofContext, MeshRequirements};
 use super::report::{VerifyReport, report};
-use super::spread::{MAX_TRIANGLES, MeshSpread};
+use super::buckets::{MAX_TRIANGLES, MeshSpread};
 use super::work::ProofResources;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
@@ -46,7 +46,7 @@ pub fn verify(
     let spread = fill(&context)?;
     let tally = check(&context, &spread)?;
     let mut report = report(&context, &spread.counts, spread.broken, &tally);
-    report.run = context.work.figures(start, resources, spread.bytes());
+    report.run = context.work.statistics(start, resources, spread.bytes());
     report.of.samples_per_second = report.run.rate(report.of.samples);
     Ok(report)
 }

@@ -3,12 +3,12 @@
 use serde::Serialize;
 
 use super::context::GridProofContext;
-use super::found::{DOUBLE_CELL, FaultReport, MeshFindings, MeshOriginal, MeshReport, is_zero};
+use super::findings::{DOUBLE_CELL, FaultReport, MeshFindings, MeshOriginal, MeshReport, is_zero};
 use super::vertices::VertexCounts;
 use terrane_base::bound::ErrorBound;
 use terrane_base::geom::Affine;
 use terrane_engine::breaklines::BreaklinesReport;
-use terrane_engine::kept::KeptReport;
+use terrane_engine::constraints::RequiredPointsReport;
 use terrane_proof::{FaultCount, ProofPosition, ProofTally};
 
 /// A place on the grid, in samples and in world coordinates.
@@ -98,25 +98,25 @@ pub struct OfGrid {
     /// Breaks further from their line than the tolerance (decided exactly, closed <=). A failure only
     /// where `bound` is the surface.
     pub over_between_samples: FaultReport<GridLocation>,
-    /// The smallest angle that triangles may have in plan, if there is one, and
+    /// Smallest angle allowed in plan, if limited.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub min_angle: Option<f64>,
-    /// triangles that have a smaller one.
+    /// Triangles with a smaller angle.
     #[serde(skip_serializing_if = "FaultReport::is_none")]
     pub thin_triangles: FaultReport<GridLocation>,
-    /// Points to keep, if they were given, and
+    /// Points to keep, if given.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub keep_points: Option<KeptReport>,
-    /// samples nearest to them that are no vertices at their height.
+    pub keep_points: Option<RequiredPointsReport>,
+    /// Samples nearest to points to keep that are not vertices at their height.
     #[serde(skip_serializing_if = "FaultReport::is_none")]
     pub not_kept: FaultReport<GridLocation>,
-    /// Breaklines, if they were given,
+    /// Breaklines, if given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub breaklines: Option<BreaklinesReport>,
-    /// vertices on them, and
+    /// Vertices on breaklines.
     #[serde(skip_serializing_if = "is_zero")]
     pub on_breaklines: u64,
-    /// samples where edges do not follow them.
+    /// Samples where edges do not follow breaklines.
     #[serde(skip_serializing_if = "FaultReport::is_none")]
     pub not_followed: FaultReport<GridLocation>,
     /// The bands that the error is of, where channels are held to several.
@@ -132,7 +132,7 @@ impl MeshOriginal for OfGrid {
     const WHOLE: &'static str = "surface";
     const PLANE: &'static str = "on the lattice of samples";
 
-    fn told(GridLocation { column, row, x, y }: GridLocation) -> String {
+    fn describe(GridLocation { column, row, x, y }: GridLocation) -> String {
         format!("column {column}, row {row} (x {x}, y {y})")
     }
 

@@ -6,7 +6,7 @@ use std::time::Instant;
 use bytemuck::Pod;
 
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_engine::figures::RunStatistics;
+use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::memory::{PROGRAM, beside_program, short};
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::Buckets;
@@ -34,7 +34,7 @@ pub(super) struct ProofResources<'a> {
 
 impl<'a> ProofResources<'a> {
     /// Figures of a proof that ends now.
-    pub(super) fn figures(
+    pub(super) fn statistics(
         &self,
         started: Instant,
         resources: &Resources,

@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::heights::{HeightCounts, HeightDistribution};
 use terrane_base::error::Result;
 use terrane_base::geom::Point3;
-use terrane_cloud::{FilterRecord, Flags, PointCensus, PointCloud, PointSource};
+use terrane_cloud::{FilterRecord, Flags, PointCloud, PointSource, ReturnCounts};
 use terrane_engine::input::workers;
 use terrane_engine::{Cancel, FileAt, Progress, Resources};
 
@@ -17,7 +17,7 @@ use terrane_engine::{Cancel, FileAt, Progress, Resources};
 pub struct CloudStats {
     /// What became of all points.
     #[serde(flatten)]
-    pub census: PointCensus,
+    pub census: ReturnCounts,
     /// Points by class.
     pub classes: BTreeMap<u8, u64>,
     /// Points by number of their return.
@@ -82,7 +82,7 @@ pub fn cloud_stats(
     let stats = workers(resources)?.install(|| {
         let measured = (0..cloud.parts()).into_par_iter().map(|part| {
             cancel.check()?;
-            FileAt::tell(progress, cloud, part);
+            FileAt::report_part(progress, cloud, part);
             let mut stats = CloudStats::default();
             stats.census = cloud.records(part, &mut |record| stats.add(record))?;
             progress.advance(cloud.points_of(part));
@@ -92,5 +92,5 @@ pub fn cloud_stats(
     });
     progress.end();
     let stats = stats?;
-    Ok(CloudStats { heights: stats.spread.told(), ..stats })
+    Ok(CloudStats { heights: stats.spread.distribution(), ..stats })
 }

@@ -155,7 +155,7 @@ impl HeightCounts {
     }
 
     /// What is told of them; `None` without any.
-    pub(crate) fn told(&self) -> Option<HeightDistribution> {
+    pub(crate) fn distribution(&self) -> Option<HeightDistribution> {
         let points = self.points();
         let percentile = |percent: u64| {
             let step = self.step_of((points * percent).div_ceil(100).max(1));
@@ -232,7 +232,7 @@ mod tests {
 
         #[test]
         fn percentiles_are_within_what_is_told(heights in prop::collection::vec(-1e3..1e3, 1..300)) {
-            let told = spread(&heights).told().unwrap();
+            let told = spread(&heights).distribution().unwrap();
             let mut sorted = heights.clone();
             sorted.sort_by(f64::total_cmp);
             for (percent, height) in &told.percentiles {
@@ -254,11 +254,11 @@ mod tests {
         let mut heights: Vec<f64> =
             (0..10_000).map(|i| 100.0 + f64::from(i % 100) / 10.0).collect();
         heights.extend([-500.0, 9_000.0]);
-        let bars = spread(&heights).told().unwrap().histogram;
+        let bars = spread(&heights).distribution().unwrap().histogram;
         assert!(bars.len() > 8, "{bars:?}");
         assert!(bars[0].low <= -500.0 && bars.last().unwrap().high > 9_000.0);
-        assert_eq!(spread(&[]).told(), None);
-        let one = spread(&[f64::INFINITY, 3.0]).told().unwrap();
+        assert_eq!(spread(&[]).distribution(), None);
+        let one = spread(&[f64::INFINITY, 3.0]).distribution().unwrap();
         assert!(one.histogram.iter().all(|bar| bar.low.is_finite() && bar.high.is_finite()));
     }
 }

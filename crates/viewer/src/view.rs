@@ -8,19 +8,19 @@
 //! at least one sample, so the time depends on the picture and not on the grid (a compressed file still
 //! decodes each block that a pixel falls into).
 
+mod contact_sheet;
 mod drawn;
 mod grid;
 mod mesh;
 mod options;
-mod sheet;
 
+pub use contact_sheet::{ContactSheetJob, PicturePanel, run_contact_sheet};
 pub(crate) use drawn::DEGREE_METRES;
 pub(crate) use grid::grid_bounds;
 pub use options::{
     Exaggeration, ExaggerationSetters, Lighting, LightingSetters, PictureOptions, PictureSetters,
     ViewJob,
 };
-pub use sheet::{PicturePanel, SheetJob, run_sheet};
 
 use std::io::{BufWriter, Write};
 use std::path::Path;
@@ -32,12 +32,12 @@ use serde::Serialize;
 use crate::render::{PictureHeights, PictureStyle, ReliefLight, natural_exaggeration};
 use drawn::{DrawnSurface, FINENESS};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_engine::figures::RunStatistics;
 use terrane_engine::input::{self, SurfaceInput};
 use terrane_engine::memory::cache_beside;
 use terrane_engine::operation::{Operation, RunRequest, Writes};
 use terrane_engine::options::GridInput;
 use terrane_engine::outputs::check_ending;
+use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::atomic::AtomicFile;
 use terrane_raster::GridOpenOptions;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::{DemoArgs, mesh, name_of, picture, prove, size, terrain};
-use crate::cli::shared::{VerbOutcome, report, say, text};
+use crate::cli::shared::{VerbOutcome, output, report, text};
 use terrane_base::error::{Error, Result};
 use terrane_baselines::{METHODS, TriangulationRule};
 use terrane_engine::proof::ProofVerdict;
@@ -14,7 +14,7 @@ use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::atomic;
 use terrane_terrain::convert;
 use terrane_terrain::tin::{TextbookMethod, TinGoal, TinJob};
-use terrane_viewer::view::{PicturePanel, SheetJob, run_sheet};
+use terrane_viewer::view::{ContactSheetJob, PicturePanel, run_contact_sheet};
 
 /// Terrain small enough for methods that hold it in memory and for visible edges, and the error bound in
 /// metres.
@@ -90,7 +90,7 @@ pub(super) fn run(args: &DemoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
         row(way, &job, progress, cancel)
     };
     let methods = WAYS.iter().map(made).collect::<Result<Vec<DemoMeshRow>>>()?;
-    run_sheet(&sheet(&methods, &drawn, &resources), progress, cancel)?;
+    run_contact_sheet(&contact_sheet(&methods, &drawn, &resources), progress, cancel)?;
     let comparison = MethodComparison {
         terrain: name_of(&grid)?,
         width: copied.width,
@@ -102,9 +102,9 @@ pub(super) fn run(args: &DemoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     };
     report::write(&told, true, &comparison)?;
     if args.show.json {
-        say::json(&comparison)?;
+        output::json(&comparison)?;
     } else if !args.show.quiet {
-        say::result(&summary(&comparison, [&grid, &drawn, &told])?)?;
+        output::result(&summary(&comparison, [&grid, &drawn, &told])?)?;
     }
     let verdicts = || comparison.methods.iter().map(|row| &row.verdict);
     Ok(VerbOutcome::of(verdicts().all(|v| v.passed), verdicts().all(|v| v.judged)))
@@ -142,7 +142,7 @@ fn by_name(name: &str) -> Result<TextbookMethod> {
     Ok(TextbookMethod { method: method?, triangulation: TriangulationRule::default() })
 }
 
-fn sheet(rows: &[DemoMeshRow], output: &Path, resources: &Resources) -> SheetJob {
+fn contact_sheet(rows: &[DemoMeshRow], output: &Path, resources: &Resources) -> ContactSheetJob {
     let panel = |row: &DemoMeshRow| PicturePanel {
         mesh: row.mesh.clone(),
         lines: vec![
@@ -152,7 +152,7 @@ fn sheet(rows: &[DemoMeshRow], output: &Path, resources: &Resources) -> SheetJob
     };
     let mut each = picture(Path::new(""), output, resources);
     each.options.width = PANEL;
-    SheetJob { panels: rows.iter().map(panel).collect(), columns: COLUMNS, each }
+    ContactSheetJob { panels: rows.iter().map(panel).collect(), columns: COLUMNS, each }
 }
 
 fn error(row: &DemoMeshRow) -> String {

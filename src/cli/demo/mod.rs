@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use crate::cli::shared::tabled::OperationOptionArgs;
 use crate::cli::shared::verb::{Verb, VerbCall};
-use crate::cli::shared::{VerbOutcome, args, report, say, text};
+use crate::cli::shared::{VerbOutcome, args, output, report, text};
 use crate::cli::{tin, verify};
 use terrane_base::error::{Error, Result};
 use terrane_engine::proof::{OutputProof, WrittenOutput};
@@ -84,9 +84,9 @@ fn run(args: &DemoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
         tin::MadeMeshReport { made: &made, checked: Some(&checked), skipped: &[], unmet: None };
     report::write(&files.report, true, &report)?;
     if args.show.json {
-        say::json(&report)?;
+        output::json(&report)?;
     } else if !args.show.quiet {
-        say::result(&summary(&files, &made, &checked)?)?;
+        output::result(&summary(&files, &made, &checked)?)?;
     }
     Ok(verify::outcome(&checked.verdict))
 }

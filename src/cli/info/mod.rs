@@ -12,16 +12,16 @@ use serde::Serialize;
 use terrane_options::check_given;
 
 use crate::cli::operation::{OperationInput, take};
-use crate::cli::shared::many::InputSelection;
+use crate::cli::shared::batch::InputSelection;
 use crate::cli::shared::union::{InputKindOptions, InputKinds, InputUnion};
 use crate::cli::shared::verb::{Verb, VerbCall};
-use crate::cli::shared::{VerbOutcome, args, check, lists, many, names, report, say, text};
+use crate::cli::shared::{VerbOutcome, args, batch, check, lists, names, output, report, text};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::input::is_mesh;
 use terrane_engine::operation::HasGroup;
 use terrane_engine::options::{CloudInput, FeatureInput, GridInput};
 use terrane_engine::proof::Inspection;
-use terrane_engine::sift::{ReadableFiles, Skipped};
+use terrane_engine::skip_bad::{ReadableFiles, Skipped};
 use terrane_engine::{Cancel, Progress};
 use terrane_files::path_of;
 use terrane_raster::Inputs;
@@ -43,7 +43,7 @@ pub(crate) struct InfoArgs {
     #[command(flatten)]
     options: InputUnion<DescribedInput>,
     #[command(flatten)]
-    pub(crate) many: many::InputSelection,
+    pub(crate) many: batch::InputSelection,
     #[command(flatten)]
     show: args::ReportDisplay,
 }
@@ -68,7 +68,7 @@ impl Verb for InfoArgs {
         vec![lists::grids(), lists::meshes()]
     }
 
-    fn many(&self) -> Option<&InputSelection> {
+    fn input_selection(&self) -> Option<&InputSelection> {
         Some(&self.many)
     }
 
@@ -91,15 +91,16 @@ fn run(args: &InfoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
             Ok((facts, skipped)) => {
                 is_any_told = true;
                 match args.show.json {
-                    true => {
-                        say::json_line(&report::WithSkipped { report: &facts, skipped: &skipped })?
-                    }
-                    false => say::result(&facts.text(&told(files)))?,
+                    true => output::json_line(&report::WithSkipped {
+                        report: &facts,
+                        skipped: &skipped,
+                    })?,
+                    false => output::result(&facts.text(&describe(files)))?,
                 }
             }
             Err(error) => {
                 cancel.check()?;
-                failures.push((told(files), error));
+                failures.push((describe(files), error));
             }
         }
     }
@@ -108,7 +109,7 @@ fn run(args: &InfoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
         return skip(&failures, args);
     }
     let last = failures.pop();
-    failures.into_iter().for_each(|(_, error)| say::error(&args.many.advise(error)));
+    failures.into_iter().for_each(|(_, error)| output::error(&args.many.advise(error)));
     last.map_or(Ok(VerbOutcome::Kept), |(_, error)| Err(error))
 }
 
@@ -116,14 +117,14 @@ fn run(args: &InfoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
 fn skip(failures: &[(String, Error)], args: &InfoArgs) -> Result<VerbOutcome> {
     let skipped = failures.iter().map(|(name, error)| Skipped::new(name, error));
     let skipped: Vec<Skipped> = skipped.collect();
-    skipped.iter().for_each(many::tell);
+    skipped.iter().for_each(batch::print_skipped);
     if args.show.json && !skipped.is_empty() {
-        say::json_line(&serde_json::json!({ "skipped": skipped }))?;
+        output::json_line(&serde_json::json!({ "skipped": skipped }))?;
     }
     Ok(VerbOutcome::Kept)
 }
 
-fn told(files: &[String]) -> String {
+fn describe(files: &[String]) -> String {
     Inputs::from(files.to_vec()).to_string()
 }
 
@@ -160,7 +161,7 @@ impl InfoArgs {
         cancel: &Cancel,
     ) -> Result<Known> {
         let at = (progress, cancel);
-        if files.iter().any(|file| many::are_features(file)) {
+        if files.iter().any(|file| batch::are_features(file)) {
             let (facts, skipped) = self.features(files, at)?;
             return Ok((InfoReport::Features(Box::new(facts)), skipped));
         }
@@ -178,7 +179,7 @@ impl InfoArgs {
             other => return other,
         };
         // A table of positions may be a vector file.
-        if !files.iter().any(|file| many::are_lines(&path_of(file))) {
+        if !files.iter().any(|file| batch::are_lines(&path_of(file))) {
             return Err(as_grid);
         }
         match self.features(files, at) {
@@ -231,7 +232,7 @@ impl InfoArgs {
 
     /// Options for files of one kind.
     fn of<O: Inspection>(&self, files: &[String]) -> Result<O> {
-        let options = self.options.of(&told(files))?;
+        let options = self.options.of(&describe(files))?;
         check_given(&options, self.options.given()).map(|()| options)
     }
 

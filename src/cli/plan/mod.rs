@@ -10,11 +10,11 @@ use clap::Subcommand;
 use terrane_options::check_planned;
 
 use crate::cli::operation::{OperationInput, RunArguments, take};
-use crate::cli::shared::many::InputSelection;
+use crate::cli::shared::batch::InputSelection;
 use crate::cli::shared::tabled::OperationOptionArgs;
 use crate::cli::shared::union::InputUnion;
 use crate::cli::shared::verb::{Verb, VerbCall};
-use crate::cli::shared::{VerbOutcome, args, many, names};
+use crate::cli::shared::{VerbOutcome, args, batch, names};
 use crate::cli::tin;
 use terrane_base::error::{Error, Result};
 use terrane_engine::Cancel;
@@ -22,7 +22,7 @@ use terrane_engine::operation::{Divisible, Operation, RunRequest, plan_of};
 use terrane_engine::plan::StatusReport;
 use terrane_lidar::cloud_tin::CloudTinOptions;
 use terrane_lidar::grid::GridOptions;
-use terrane_lidar::translate::PointsOptions;
+use terrane_lidar::points::PointsOptions;
 use terrane_raster::Inputs;
 use terrane_terrain::tin::TinOptions;
 use terrane_tiles::TilesOptions;
@@ -59,7 +59,7 @@ struct TinArgs {
     #[arg(short = 'o', long = "output", value_name = "FOLDER")]
     folder: PathBuf,
     #[command(flatten)]
-    many: many::InputSelection,
+    many: batch::InputSelection,
     #[command(flatten)]
     options: InputUnion<tin::TinSources, true>,
     /// Grids: rows of tiles in a task, 2 or more [default: about 134 million samples]. Point clouds: maximum number of
@@ -119,7 +119,7 @@ struct PlanCommandOptions<O: Divisible<Input: OperationInput>> {
     #[arg(short = 'o', long = "output", value_name = "FOLDER")]
     folder: PathBuf,
     #[command(flatten)]
-    many: many::InputSelection,
+    many: batch::InputSelection,
     #[command(flatten)]
     options: OperationOptionArgs<O, true>,
     #[arg(help = O::TASK_SIZE, long, alias = task_size_alias(O::NAME), value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Method")]
@@ -168,14 +168,14 @@ fn plan<O: Divisible<Input: OperationInput>>(
     let progress = progress.as_ref();
     let request = RunRequest { inputs, output, skipped, is_measured, progress, cancel };
     let report = plan_of(&options, request, task_size)?;
-    show.tell(&report, || summary(&report))?;
+    show.print(&report, || summary(&report))?;
     Ok(VerbOutcome::Kept)
 }
 
 impl Verb for PlanArgs {
     const NAME: &'static str = "plan";
 
-    fn many(&self) -> Option<&InputSelection> {
+    fn input_selection(&self) -> Option<&InputSelection> {
         match &self.what {
             PlanCommand::Tin(args) => Some(&args.many),
             PlanCommand::Grid(args) => Some(&args.many),

@@ -6,7 +6,7 @@ use crate::cli::plan::status;
 use crate::cli::shared::report::Summarize;
 use crate::cli::shared::tabled::OperationOptionArgs;
 use crate::cli::shared::verb::{Verb, VerbCall};
-use crate::cli::shared::{VerbOutcome, args, check, say, text};
+use crate::cli::shared::{VerbOutcome, args, check, output, text};
 use crate::cli::{points, tin};
 use terrane_base::error::{Error, Result};
 use terrane_engine::Cancel;
@@ -16,8 +16,8 @@ use terrane_lidar::cloud_tin::CloudTinOptions;
 use terrane_lidar::cloud_tin::plan::PointRun;
 use terrane_lidar::grid::GridOptions;
 use terrane_lidar::grid::plan::CellRun;
-use terrane_lidar::translate::PointsOptions;
-use terrane_lidar::translate::plan::SquareRun;
+use terrane_lidar::points::PointsOptions;
+use terrane_lidar::points::plan::PointTileRun;
 use terrane_terrain::tin::{MeshRun, TinOptions};
 use terrane_tiles::{TilesOptions, TilesRun};
 
@@ -118,26 +118,26 @@ impl PlanRunSettings {
         cancel: &Cancel,
     ) -> Result<VerbOutcome> {
         let report = O::run_plan(job, self.show.progress().as_ref(), cancel)?;
-        self.show.tell(&report, || summary(&report))?;
-        let unmet = report.of.unmet();
-        unmet.iter().for_each(|unmet| say::failure(unmet));
+        self.show.print(&report, || summary(&report))?;
+        let unmet = report.of.shortfall();
+        unmet.iter().for_each(|unmet| output::failure(unmet));
         Ok(VerbOutcome::of(unmet.is_none(), true))
     }
 }
 
 fn tiles_summary(r: &RunReport<TilesRun>) -> String {
     let made = format!("{} tiles", text::count(r.of.made_tiles));
-    told(r, &rows(r, made, None), r.of.tiles.as_ref().map(Summarize::summary))
+    summary(r, &rows(r, made, None), r.of.tiles.as_ref().map(Summarize::summary))
 }
 
-fn points_summary(r: &RunReport<SquareRun>) -> String {
+fn points_summary(r: &RunReport<PointTileRun>) -> String {
     let made = format!("{} points written", text::count(r.of.points));
-    told(r, &rows(r, made, None), r.of.written.clone().map(points::by_plan))
+    summary(r, &rows(r, made, None), r.of.written.clone().map(points::by_plan))
 }
 
 fn cloud_summary(r: &RunReport<PointRun>) -> String {
     let made = format!("{} vertices chosen", text::count(r.of.vertices));
-    told(r, &rows(r, made, None), r.of.mesh.as_ref().map(Summarize::summary))
+    summary(r, &rows(r, made, None), r.of.mesh.as_ref().map(Summarize::summary))
 }
 
 fn grid_summary(r: &RunReport<CellRun>) -> String {
@@ -146,13 +146,13 @@ fn grid_summary(r: &RunReport<CellRun>) -> String {
     if let (Some(path), None) = (&r.of.written, &r.of.grid) {
         rows.push(("grid", format!("{path}, written before")));
     }
-    told(r, &rows, r.of.grid.as_ref().map(Summarize::summary))
+    summary(r, &rows, r.of.grid.as_ref().map(Summarize::summary))
 }
 
 fn summary(r: &RunReport<MeshRun>) -> String {
     let made = format!("{} samples", text::count(r.of.made_samples));
     let rows = rows(r, made, Some(tin::stages(&r.of.stages)));
-    told(r, &rows, r.of.mesh.as_ref().map(Summarize::summary))
+    summary(r, &rows, r.of.mesh.as_ref().map(Summarize::summary))
 }
 
 /// Summary of a run of any plan: `made` is the result, `stages` the thread time of its stages.
@@ -186,7 +186,11 @@ fn rows<R: DescribesRun>(
 }
 
 /// Rows of a run, with the written output.
-fn told<R>(r: &RunReport<R>, rows: &[(&'static str, String)], written: Option<String>) -> String {
+fn summary<R>(
+    r: &RunReport<R>,
+    rows: &[(&'static str, String)],
+    written: Option<String>,
+) -> String {
     let tasks = format!("{}\n{}", r.folder, text::table(rows));
     written.map_or(tasks.clone(), |written| format!("{tasks}\n{written}"))
 }

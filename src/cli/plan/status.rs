@@ -3,17 +3,17 @@
 use std::path::PathBuf;
 
 use crate::cli::shared::verb::{Verb, VerbCall};
-use crate::cli::shared::{VerbOutcome, say, text};
+use crate::cli::shared::{VerbOutcome, output, text};
 use terrane_base::error::Result;
 use terrane_engine::operation::Divisible;
 use terrane_engine::plan::{Forecast, PlanKind, StatusReport, kind};
-use terrane_engine::sift::Skipped;
+use terrane_engine::skip_bad::Skipped;
 use terrane_lidar::cloud_tin::CloudTinOptions;
 use terrane_lidar::cloud_tin::plan::PointStatus;
 use terrane_lidar::grid::GridOptions;
 use terrane_lidar::grid::plan::CellStatus;
-use terrane_lidar::translate::PointsOptions;
-use terrane_lidar::translate::plan::SquareStatus;
+use terrane_lidar::points::PointsOptions;
+use terrane_lidar::points::plan::PointTileStatus;
 use terrane_terrain::tin::{MeshStatus, TinOptions};
 use terrane_tiles::{TilesOptions, TilesStatus};
 
@@ -37,22 +37,22 @@ impl Verb for PlanStatusArgs {
 
 pub(crate) fn run(args: &PlanStatusArgs) -> Result<VerbOutcome> {
     match kind(&args.folder)? {
-        PlanKind::Tin => tell::<TinOptions>(args, summary),
-        PlanKind::Cloud => tell::<CloudTinOptions>(args, cloud_summary),
-        PlanKind::Grid => tell::<GridOptions>(args, grid_summary),
-        PlanKind::Tiles => tell::<TilesOptions>(args, tiles_summary),
-        PlanKind::Points => tell::<PointsOptions>(args, points_summary),
+        PlanKind::Tin => print::<TinOptions>(args, summary),
+        PlanKind::Cloud => print::<CloudTinOptions>(args, cloud_summary),
+        PlanKind::Grid => print::<GridOptions>(args, grid_summary),
+        PlanKind::Tiles => print::<TilesOptions>(args, tiles_summary),
+        PlanKind::Points => print::<PointsOptions>(args, points_summary),
     }
 }
 
-fn tell<O: Divisible>(
+fn print<O: Divisible>(
     args: &PlanStatusArgs,
     summary: fn(&StatusReport<O::Status>) -> String,
 ) -> Result<VerbOutcome> {
     let report = O::status(&args.folder)?;
     match args.json {
-        true => say::json(&report)?,
-        false => say::result(&summary(&report))?,
+        true => output::json(&report)?,
+        false => output::result(&summary(&report))?,
     }
     Ok(VerbOutcome::Kept)
 }
@@ -89,7 +89,7 @@ pub(crate) fn cloud_summary(r: &StatusReport<PointStatus>) -> String {
 }
 
 /// Summary of a plan of point tiles.
-pub(crate) fn points_summary(r: &StatusReport<SquareStatus>) -> String {
+pub(crate) fn points_summary(r: &StatusReport<PointTileStatus>) -> String {
     let [columns, rows] = r.of.squares.map(text::count);
     let (side, cut) = (text::number(r.of.side), text::count(r.tile_cells.into()));
     let squares =

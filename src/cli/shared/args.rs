@@ -2,8 +2,8 @@
 
 use clap::Args;
 
+use crate::cli::shared::output;
 use crate::cli::shared::progress::{self, ProgressMode};
-use crate::cli::shared::say;
 use terrane_base::error::{Error, Result};
 use terrane_engine::Progress;
 use terrane_engine::input::is_mesh;
@@ -58,21 +58,21 @@ impl ReportDisplay {
     }
 
     /// The same on stderr if stdout has the result.
-    pub(crate) fn beside(&self, is_taken: bool) -> Self {
+    pub(crate) fn with_pipe(&self, is_taken: bool) -> Self {
         Self { is_taken, ..self.clone() }
     }
 
     /// Prints a result as JSON or text, unless quiet; returns whether it did.
-    pub(crate) fn tell<R: serde::Serialize>(
+    pub(crate) fn print<R: serde::Serialize>(
         &self,
         report: &R,
         summary: impl FnOnce() -> String,
     ) -> Result<bool> {
         match (self.json, self.quiet) {
-            (true, _) if self.is_taken => say::aside(&say::pretty(report)?),
-            (true, _) => say::json(report)?,
-            (false, false) if self.is_taken => say::aside(&summary()),
-            (false, false) => say::result(&summary())?,
+            (true, _) if self.is_taken => output::aside(&output::pretty(report)?),
+            (true, _) => output::json(report)?,
+            (false, false) if self.is_taken => output::aside(&summary()),
+            (false, false) => output::result(&summary())?,
             (false, true) => return Ok(false),
         }
         Ok(true)

@@ -52,7 +52,7 @@ fn there(input: &str, or: Option<&str>) -> Result<()> {
 }
 
 /// Fails for a missing auxiliary file.
-pub(crate) fn beside(files: &[String]) -> Result<()> {
+pub(crate) fn check_sidecars(files: &[String]) -> Result<()> {
     files.iter().try_for_each(|name| pipes::refuse_input(name))?;
     let missing = |file: &&String| !is_made(file) && !path_of(raster::file_name(file)).exists();
     files.iter().find(missing).map_or(Ok(()), |file| Err(Error::missing(&path_of(file))))

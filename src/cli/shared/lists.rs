@@ -5,7 +5,7 @@ use terrane_base::parameters::Parameter;
 use terrane_baselines as methods;
 use terrane_gridding as gridding;
 use terrane_ground::noise;
-use terrane_lidar::translate::KEPT;
+use terrane_lidar::points::KEPT;
 use terrane_line as line;
 use terrane_mesh as mesh;
 use terrane_options::OptionTable;

@@ -1,16 +1,16 @@
 //! What verbs share: arguments, checks before the work, and ways to tell.
 
 pub(crate) mod args;
+pub(crate) mod batch;
 pub(crate) mod check;
 pub(crate) mod lists;
-pub(crate) mod many;
 pub(crate) mod names;
 mod outcome;
+pub(crate) mod output;
 pub(crate) mod pipes;
 pub(crate) mod points;
 mod progress;
 pub(crate) mod report;
-pub(crate) mod say;
 pub(crate) mod tabled;
 pub(crate) mod text;
 #[cfg(feature = "tracing")]

@@ -130,7 +130,7 @@ impl<'a> StdinFile<'a> {
         if !self.is_read() {
             return inputs;
         }
-        let label = told(&inputs.to_string()).into_owned();
+        let label = display(&inputs.to_string()).into_owned();
         Inputs::labelled(inputs.names().to_vec(), label)
     }
 }
@@ -242,7 +242,7 @@ fn place(resources: &Resources, name: &str) -> Result<(TempDir, PathBuf)> {
 }
 
 /// Replaces temporary files of stdin and stdout by `-` in a text.
-pub(crate) fn told(text: &str) -> Cow<'_, str> {
+pub(crate) fn display(text: &str) -> Cow<'_, str> {
     let places = terrane_files::lock(&PLACES);
     places.iter().fold(Cow::Borrowed(text), |text, place| match text.contains(place) {
         true => Cow::Owned(without(place, &text)),

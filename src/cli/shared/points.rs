@@ -1,10 +1,10 @@
 //! Summary of point statistics.
 
 use crate::cli::shared::text;
-use terrane_cloud::PointCensus;
+use terrane_cloud::ReturnCounts;
 
 /// What became of the points, for people.
-pub(crate) fn census(census: &PointCensus) -> String {
+pub(crate) fn census(census: &ReturnCounts) -> String {
     let left_out = [
         (census.withheld, "withheld"),
         (census.filtered, "filtered out"),

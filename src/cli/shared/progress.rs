@@ -9,7 +9,7 @@ use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 
-use crate::cli::shared::{say, text};
+use crate::cli::shared::{output, text};
 use terrane_engine::{FileAt, Progress, Silent};
 
 /// Progress display.
@@ -178,8 +178,8 @@ impl ProgressLines {
         Self { stage: Mutex::new(None), layout }
     }
 
-    fn tell(&self, stage: &LoggedStage) {
-        say::flushed(writeln!(stderr(), "{}", (self.layout)(&stage.status())));
+    fn print(&self, stage: &LoggedStage) {
+        output::flushed(writeln!(stderr(), "{}", (self.layout)(&stage.status())));
     }
 
     fn with(&self, change: impl FnOnce(&mut Option<LoggedStage>)) {
@@ -198,7 +198,7 @@ impl Progress for ProgressLines {
             begun: now,
             told: now,
         };
-        self.tell(&stage);
+        self.print(&stage);
         self.with(|slot| *slot = Some(stage));
     }
 
@@ -208,7 +208,7 @@ impl Progress for ProgressLines {
             stage.done = stage.done.saturating_add(units);
             if stage.told.elapsed() >= LINE_INTERVAL {
                 stage.told = Instant::now();
-                self.tell(stage);
+                self.print(stage);
             }
         });
     }
@@ -224,7 +224,7 @@ impl Progress for ProgressLines {
     fn end(&self) {
         self.with(|slot| {
             if let Some(stage) = slot.take() {
-                self.tell(&stage);
+                self.print(&stage);
             }
         });
     }

@@ -4,11 +4,11 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::cli::shared::{say, text};
+use crate::cli::shared::{output, text};
 use terrane_base::error::{Error, Result};
-use terrane_engine::figures::RunStatistics;
 use terrane_engine::json;
-use terrane_engine::sift::Skipped;
+use terrane_engine::run_statistics::RunStatistics;
+use terrane_engine::skip_bad::Skipped;
 use terrane_engine::transform::Transformed;
 use terrane_files::atomic::AtomicFile;
 
@@ -25,7 +25,7 @@ pub(crate) struct WithSkipped<'a, R> {
 pub(crate) fn write(path: &Path, overwrite: bool, report: &impl Serialize) -> Result<()> {
     use std::io::Write;
     let mut file = AtomicFile::create(path, overwrite)?;
-    file.write_all(say::pretty(report)?.as_bytes()).map_err(|e| Error::write(path, e))?;
+    file.write_all(output::pretty(report)?.as_bytes()).map_err(|e| Error::write(path, e))?;
     file.commit().map(drop)
 }
 
@@ -34,7 +34,7 @@ pub(crate) trait Summarize: serde::Serialize {
     fn summary(&self) -> String;
 
     /// Unmet requirements.
-    fn unmet(&self) -> Option<String> {
+    fn shortfall(&self) -> Option<String> {
         None
     }
 }

@@ -13,7 +13,7 @@ use terrane_options::{
 };
 
 use crate::cli::shared::names;
-use terrane_base::door::Frontend;
+use terrane_base::frontend::Frontend;
 
 /// Options as clap arguments, with the names of those given; for a plan only those that affect the result.
 #[derive(Clone, Debug)]

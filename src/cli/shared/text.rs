@@ -6,8 +6,8 @@ use serde_json::Value;
 
 use terrane_engine::bands::MeshBandReport;
 use terrane_engine::breaklines::BreaklinesReport;
-use terrane_engine::kept::KeptReport;
-use terrane_engine::placing::StorageScale;
+use terrane_engine::constraints::RequiredPointsReport;
+use terrane_engine::local_frame::StorageScale;
 use terrane_raster::WaterReport;
 
 /// "1,234,567".
@@ -157,7 +157,7 @@ fn plain(key: &str, value: &Value) -> Option<String> {
 }
 
 /// Summary of kept points: "1,230 vertices at 1,240 points of a.csv; 4 points are outside of the grid".
-pub(crate) fn kept(kept: &KeptReport, of: &str) -> String {
+pub(crate) fn required_points(kept: &RequiredPointsReport, of: &str) -> String {
     let more = |n: u64, what: &str| match n {
         0 => String::new(),
         n => format!("; {} {what}", count(n)),
@@ -181,11 +181,11 @@ pub(crate) fn breaklines(lines: &BreaklinesReport, of: &str) -> String {
         n => format!("; {} are outside of the {of}", count(n)),
     };
     let followed = if lines.apart == 0 { "followed" } else { "NOT followed by all edges" };
-    format!("{} of {}, {followed}{outside}", many(lines.segments, "segment"), lines.file)
+    format!("{} of {}, {followed}{outside}", plural(lines.segments, "segment"), lines.file)
 }
 
 /// "1 lake", "1,200 lakes".
-fn many(n: u64, one: &str) -> String {
+fn plural(n: u64, one: &str) -> String {
     format!("{} {one}{}", count(n), if n == 1 { "" } else { "s" })
 }
 
@@ -193,8 +193,8 @@ fn many(n: u64, one: &str) -> String {
 pub(crate) fn water(water: &WaterReport) -> String {
     let mut line = format!(
         "{} and {} of {}",
-        many(water.lakes, "lake"),
-        many(water.rivers, "river"),
+        plural(water.lakes, "lake"),
+        plural(water.rivers, "river"),
         water.file
     );
     if let Some([low, high]) = water.levels.map(|levels| levels.map(number)) {

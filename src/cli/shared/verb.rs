@@ -5,10 +5,10 @@ use std::path::PathBuf;
 
 use clap::{ArgMatches, Command};
 
-use crate::cli::shared::many::InputSelection;
+use crate::cli::shared::batch::InputSelection;
 use crate::cli::shared::{VerbOutcome, names};
-use terrane_base::door::Frontend;
 use terrane_base::error::Result;
+use terrane_base::frontend::Frontend;
 use terrane_engine::Cancel;
 
 /// Arguments that can be run.
@@ -39,7 +39,7 @@ pub(crate) trait Verb: clap::Args + 'static {
     }
 
     /// Selection of input files.
-    fn many(&self) -> Option<&InputSelection> {
+    fn input_selection(&self) -> Option<&InputSelection> {
         None
     }
 
@@ -112,7 +112,7 @@ fn parse<V: Verb>(found: &ArgMatches) -> std::result::Result<Job, clap::Error> {
         names::take_output(names, output)?;
     }
     Ok(Box::new(move |call| {
-        verb.run(call).map_err(|error| match verb.many() {
+        verb.run(call).map_err(|error| match verb.input_selection() {
             Some(many) => many.advise(error),
             None => error,
         })

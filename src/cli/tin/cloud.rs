@@ -2,7 +2,7 @@
 
 use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{points, report, text};
-use crate::cli::tin::told::{errors, stages};
+use crate::cli::tin::report::{errors, stages};
 use terrane_lidar::cloud_tin::CloudTinReport;
 
 impl Summarize for CloudTinReport {
@@ -16,7 +16,9 @@ impl Summarize for CloudTinReport {
             ("max error", errors(self.max_error, self.tolerance, self.rmse, &self.vertical_unit)),
             ("file", format!("{}, {}", text::bytes(self.output_bytes), self.format)),
         ];
-        rows.extend(self.keep_points.as_ref().map(|kept| ("kept", text::kept(kept, "cloud"))));
+        rows.extend(
+            self.keep_points.as_ref().map(|kept| ("kept", text::required_points(kept, "cloud"))),
+        );
         let lines = self.breaklines.as_ref();
         rows.extend(lines.map(|lines| ("breaklines", text::breaklines(lines, "cloud"))));
         rows.extend(self.placed.as_ref().map(|placed| ("placed", text::placed(placed))));
@@ -26,7 +28,7 @@ impl Summarize for CloudTinReport {
         format!("{} -> {}\n{}", self.input, self.output, text::table(&rows))
     }
 
-    fn unmet(&self) -> Option<String> {
+    fn shortfall(&self) -> Option<String> {
         self.unmet()
     }
 }

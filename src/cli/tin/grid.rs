@@ -2,7 +2,7 @@
 
 use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{report, text};
-use crate::cli::tin::told::{errors, stages};
+use crate::cli::tin::report::{errors, stages};
 use terrane_raster::undeclared_nodata;
 use terrane_terrain::tin::{GREEDY, TinReport};
 
@@ -38,7 +38,9 @@ impl Summarize for TinReport {
                 if thin.count == 0 { "met by all triangles" } else { "not met by all triangles" };
             ("min angle", format!("{least} degrees, {held}"))
         }));
-        rows.extend(self.keep_points.as_ref().map(|kept| ("kept", text::kept(kept, "grid"))));
+        rows.extend(
+            self.keep_points.as_ref().map(|kept| ("kept", text::required_points(kept, "grid"))),
+        );
         rows.extend(
             self.breaklines.as_ref().map(|lines| ("breaklines", text::breaklines(lines, "grid"))),
         );
@@ -58,8 +60,8 @@ impl Summarize for TinReport {
         format!("{} -> {}\n{}", self.input, self.output, text::table(&rows))
     }
 
-    fn unmet(&self) -> Option<String> {
-        self.unmet()
+    fn shortfall(&self) -> Option<String> {
+        self.shortfall()
     }
 }
 
@@ -86,7 +88,7 @@ fn samples(r: &TinReport) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use terrane_engine::placing::StorageScale;
+    use terrane_engine::local_frame::StorageScale;
 
     #[test]
     fn a_summary_tells_counts_errors_and_time() {

@@ -2,18 +2,18 @@
 
 mod cloud;
 mod grid;
-mod told;
+mod report;
 
-pub(crate) use told::{MadeMeshReport, stages};
+pub(crate) use report::{MadeMeshReport, stages};
 
 use std::path::PathBuf;
 
 use crate::cli::operation::{FinishedRun, RunArguments, is_replacing, make};
-use crate::cli::shared::many::InputSelection;
+use crate::cli::shared::batch::InputSelection;
 use crate::cli::shared::report::Summarize;
 use crate::cli::shared::union::{InputKindOptions, InputKinds, InputUnion};
 use crate::cli::shared::verb::{Verb, VerbCall};
-use crate::cli::shared::{VerbOutcome, args, lists, many, names};
+use crate::cli::shared::{VerbOutcome, args, batch, lists, names};
 use crate::cli::verify;
 use terrane_base::error::{Error, Result};
 use terrane_engine::operation::HasGroup;
@@ -44,7 +44,7 @@ pub(crate) struct TinVerbArgs {
     #[command(flatten)]
     options: InputUnion<TinSources>,
     #[command(flatten)]
-    many: many::InputSelection,
+    many: batch::InputSelection,
     #[command(flatten)]
     show: args::ReportDisplay,
 }
@@ -78,7 +78,7 @@ impl Verb for TinVerbArgs {
         None
     }
 
-    fn many(&self) -> Option<&InputSelection> {
+    fn input_selection(&self) -> Option<&InputSelection> {
         Some(&self.many)
     }
 
@@ -110,7 +110,7 @@ impl TinVerbArgs {
         proof.bands = options.bands.clone();
         proof.weights = options.weights.clone();
         proof.resources = options.resources.clone();
-        self.tell((&options, &made), &proof, verify::summary, call)
+        self.print((&options, &made), &proof, verify::summary, call)
     }
 
     fn of_cloud(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
@@ -121,11 +121,11 @@ impl TinVerbArgs {
         proof.constraints = options.constraints.clone();
         proof.cloud = options.cloud.clone();
         proof.resources = options.resources.clone();
-        self.tell((&options, &made), &proof, verify::cloud::summary, call)
+        self.print((&options, &made), &proof, verify::cloud::summary, call)
     }
 
     /// Verifies the mesh if requested, and prints both reports.
-    fn tell<R: Summarize, O: MeshOriginal, P: OutputProof<Report = MeshReport<O>>>(
+    fn print<R: Summarize, O: MeshOriginal, P: OutputProof<Report = MeshReport<O>>>(
         &self,
         (options, made): (&impl HasGroup<Replacing>, &FinishedRun<R>),
         proof: &P,
@@ -141,10 +141,10 @@ impl TinVerbArgs {
             made: report,
             checked: checked.as_ref(),
             skipped,
-            unmet: report.unmet(),
+            unmet: report.shortfall(),
         };
         let file = self.report.as_deref().map(|path| (path, is_replacing(options)));
-        told.tell((&self.show, file), || report.summary(), summary)
+        told.print((&self.show, file), || report.summary(), summary)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Summary of verified meshes of grids.
 
 use crate::cli::shared::text;
-use crate::cli::verify::told;
+use crate::cli::verify::report;
 use terrane_base::bound::ErrorBound;
 use terrane_verify::{BandProof, OfGrid, VerifyReport};
 
@@ -10,13 +10,15 @@ pub(crate) fn summary(r: &VerifyReport) -> String {
     let mut rows: Vec<_> = r.of.bands.iter().map(|proof| ("band", band(proof))).collect();
     rows.extend(r.of.bands.is_empty().then(|| ("surface", surface(r))));
     rows.push(("samples", samples(&r.of)));
-    rows.extend(r.of.keep_points.as_ref().map(|kept| ("kept", text::kept(kept, "grid"))));
+    rows.extend(
+        r.of.keep_points.as_ref().map(|kept| ("kept", text::required_points(kept, "grid"))),
+    );
     rows.extend(r.of.breaklines.as_ref().map(|lines| {
         let vertices = text::count(r.of.on_breaklines);
         ("breaklines", format!("{}, {vertices} vertices on them", text::breaklines(lines, "grid")))
     }));
-    let off = told::off_vertices(r, "grid");
-    told::summary(r, rows, off, "", text::rate(r.of.samples_per_second, "samples"))
+    let off = report::off_vertices(r, "grid");
+    report::summary(r, rows, off, "", text::rate(r.of.samples_per_second, "samples"))
 }
 
 /// Error in a band.

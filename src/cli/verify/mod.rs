@@ -4,21 +4,21 @@
 pub(crate) mod cloud;
 mod grid;
 mod line;
+mod report;
 mod tiles;
-mod told;
 
 pub(crate) use grid::summary;
-pub(crate) use told::{outcome, tell};
+pub(crate) use report::{outcome, print};
 
 use std::path::{Path, PathBuf};
 
 use terrane_options::{Choice, Options, check_given};
 
 use crate::cli::operation::{OperationInput, take};
-use crate::cli::shared::many::InputSelection;
+use crate::cli::shared::batch::InputSelection;
 use crate::cli::shared::union::{InputKindOptions, InputKinds, InputUnion};
 use crate::cli::shared::verb::{Verb, VerbCall};
-use crate::cli::shared::{VerbOutcome, args, check, lists, many, names, pipes, report};
+use crate::cli::shared::{VerbOutcome, args, batch, check, lists, names, pipes, report};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::is_cloud;
 use terrane_engine::Cancel;
@@ -26,7 +26,7 @@ use terrane_engine::input::is_mesh;
 use terrane_engine::operation::{HasGroup, read_beside};
 use terrane_engine::options::{CloudInput, GridInput};
 use terrane_engine::proof::{OutputProof, WrittenOutput};
-use terrane_engine::sift::{ReadableFiles, Skipped};
+use terrane_engine::skip_bad::{ReadableFiles, Skipped};
 use terrane_files::{name_of, path_of};
 use terrane_tiles::TilesFormat;
 use terrane_verify::tiles::{CloudTilesProof, TilesProof, is_tiles};
@@ -51,7 +51,7 @@ pub(crate) struct VerifyArgs {
     #[command(flatten)]
     options: InputUnion<Proofs>,
     #[command(flatten)]
-    many: many::InputSelection,
+    many: batch::InputSelection,
     /// Write the report to a JSON file
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
@@ -83,7 +83,7 @@ impl Verb for VerifyArgs {
         vec![lists::meshes(), lists::grids(), lists::EXIT_CODES.to_owned()]
     }
 
-    fn many(&self) -> Option<&InputSelection> {
+    fn input_selection(&self) -> Option<&InputSelection> {
         Some(&self.many)
     }
 
@@ -107,7 +107,7 @@ fn run(args: &VerifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
             .in_file(&args.mesh)
             .remedy(format!("name one of them, such as {}", set.display())));
     }
-    if !is_mesh(&mesh).unwrap_or(false) && many::are_lines(&args.mesh) {
+    if !is_mesh(&mesh).unwrap_or(false) && batch::are_lines(&args.mesh) {
         return args.prove_lines(cancel);
     }
     if is_cloud(&mesh) {
@@ -152,7 +152,7 @@ impl VerifyArgs {
         let ReadableFiles { names, skipped } =
             take::<P, I>((&mut options, given), self.source.clone(), many)?;
         self.check_files(&options, I::files(&names)?)?;
-        self.tell(&options, names, &skipped, cancel, summary)
+        self.print(&options, names, &skipped, cancel, summary)
     }
 
     fn prove_lines(&self, cancel: &Cancel) -> Result<VerbOutcome> {
@@ -165,19 +165,19 @@ impl VerifyArgs {
         }
         check::features(&self.source)?;
         self.check_files(&options, self.source.clone())?;
-        self.tell(&options, self.source.clone(), &[], cancel, line::summary)
+        self.print(&options, self.source.clone(), &[], cancel, line::summary)
     }
 
     /// Fails for a missing auxiliary file, or a report that is also an input.
     fn check_files(&self, options: &impl Options, originals: Vec<String>) -> Result<()> {
         let beside = read_beside(options)?;
-        check::beside(&beside)?;
+        check::check_sidecars(&beside)?;
         let read = [originals, beside, vec![name_of(self.mesh.clone())?]].concat();
         check::report(self.report.as_deref(), &read, &[], self.overwrite)
     }
 
     /// Verifies, and prints the report.
-    fn tell<P: OutputProof>(
+    fn print<P: OutputProof>(
         &self,
         options: &P,
         originals: Vec<String>,
@@ -192,8 +192,8 @@ impl VerifyArgs {
             report::write(path, self.overwrite, &proof)?;
         }
         let verdict = P::verdict(&found);
-        if !self.show.tell(&proof, || summary(&found))? {
-            tell(verdict);
+        if !self.show.print(&proof, || summary(&found))? {
+            print(verdict);
         }
         Ok(outcome(verdict))
     }

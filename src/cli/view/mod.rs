@@ -1,15 +1,15 @@
 //! `terrane view`: pictures of grids and meshes, and pages of these, of lines and of point clouds.
 
+mod report;
 mod serve;
-mod told;
 
 use std::path::{Path, PathBuf};
 
 use crate::cli::operation::{self, OperationInput, RunArguments};
-use crate::cli::shared::many::InputSelection;
+use crate::cli::shared::batch::InputSelection;
 use crate::cli::shared::union::{InputKindOptions, InputKinds, InputUnion};
 use crate::cli::shared::verb::{Verb, VerbCall};
-use crate::cli::shared::{VerbOutcome, args, lists, many, names, pipes};
+use crate::cli::shared::{VerbOutcome, args, batch, lists, names, pipes};
 use terrane_base::error::{Error, Result};
 use terrane_engine::Resources;
 use terrane_engine::operation::{HasGroup, Operation};
@@ -53,7 +53,7 @@ pub(super) struct ViewArgs {
     #[command(flatten)]
     options: InputUnion<ViewSources>,
     #[command(flatten)]
-    many: many::InputSelection,
+    many: batch::InputSelection,
     #[command(flatten)]
     show: args::ReportDisplay,
 }
@@ -79,7 +79,7 @@ impl Verb for ViewArgs {
         vec![lists::grids(), lists::meshes()]
     }
 
-    fn many(&self) -> Option<&InputSelection> {
+    fn input_selection(&self) -> Option<&InputSelection> {
         Some(&self.many)
     }
 
@@ -96,7 +96,7 @@ impl Verb for ViewArgs {
             return self.tiles(call);
         }
         let is_page = self.html.is_some() || self.serve;
-        let are_lines = |name: &String| many::are_features(name) || many::are_made_lines(name);
+        let are_lines = |name: &String| batch::are_features(name) || batch::are_made_lines(name);
         if is_page && input.iter().any(are_lines) {
             self.refuse_many("lines")?;
             return self.page::<LinePageOptions>(call);

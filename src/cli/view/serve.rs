@@ -9,7 +9,7 @@ use crate::cli::shared::report::Summarize;
 use crate::cli::shared::verb::VerbCall;
 use crate::cli::shared::{VerbOutcome, report, text};
 use terrane_base::error::{Error, Result};
-use terrane_engine::sift::Skipped;
+use terrane_engine::skip_bad::Skipped;
 use terrane_files::folder_for;
 use terrane_viewer::page::PageReport;
 use terrane_viewer::serve::{ServedSite, Server};
@@ -46,7 +46,7 @@ impl ViewArgs {
             port: server.port(),
             page: report::WithSkipped { report: &made, skipped: &skipped },
         };
-        self.show.tell(&told, || {
+        self.show.print(&told, || {
             format!("{}{}", made.summary(), text::table(&[("until", "Ctrl-C".to_owned())]))
         })?;
         server.run(call.cancel);

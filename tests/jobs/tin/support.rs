@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use terrane_base::geom::predicates::in_circle;
 use terrane_base::geom::{Affine, Point3, Rect, SampleSegment};
 use terrane_base::{Error, Result};
-use terrane_engine::kept::GridConstraints;
+use terrane_engine::constraints::GridConstraints;
 use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_raster::{GridInfo, GridSource, SampleType};
 

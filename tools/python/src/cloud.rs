@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use terrane::{CloudInput, Flags, PointMarks};
+use terrane::{CloudInput, Flags, PointFlags};
 use terrane_options::{Options, fill};
 
 use crate::error::told;
@@ -51,8 +51,8 @@ impl Cloud {
         let of = |column: usize, number: usize| {
             columns[column].as_ref().and_then(|all| all.get(number)).copied().unwrap_or(0)
         };
-        let marks: Option<Vec<PointMarks>> = columns.iter().any(Option::is_some).then(|| {
-            let mark = |number: usize| PointMarks {
+        let marks: Option<Vec<PointFlags>> = columns.iter().any(Option::is_some).then(|| {
+            let mark = |number: usize| PointFlags {
                 class: of(0, number),
                 returns: [of(1, number), of(2, number)],
                 flags: Flags(of(3, number)),

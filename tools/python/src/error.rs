@@ -3,7 +3,7 @@
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use terrane::{Error, ErrorKind};
-use terrane_base::door::Frontend;
+use terrane_base::frontend::Frontend;
 
 /// The Python exception of an error; `terrane._errors` selects its class by kind.
 pub(crate) fn exception(py: Python<'_>, error: &Error) -> PyErr {

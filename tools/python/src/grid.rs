@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use terrane::prelude::*;
 use terrane::{Affine, ArrayGrid, ArraySample, Crs, ErrorKind, Inputs, Rect, TinOptions};
-use terrane_base::door::Frontend;
+use terrane_base::frontend::Frontend;
 use terrane_base::geom::wkt;
 use terrane_files::name_of;
 use terrane_options::Options;

@@ -54,7 +54,7 @@ impl Mesh {
 
     #[getter]
     fn unmet(&self) -> Option<&str> {
-        self.tin.unmet()
+        self.tin.shortfall()
     }
 
     #[getter]

@@ -11,7 +11,7 @@ use terrane::{
     GridInfoOptions, Inspection, Job, MeshInfoOptions, MeshProof, OutputProof, Reads, TilesProof,
     WrittenOutput, check_named,
 };
-use terrane_base::door::Frontend;
+use terrane_base::frontend::Frontend;
 use terrane_options::{OptionTable, Options, fill, to_map};
 
 use crate::work::BuilderSettings;

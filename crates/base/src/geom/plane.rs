@@ -276,7 +276,7 @@ mod tests {
     }
 
     /// A position whose cross product with one of coprime coordinates is 1 (Euclid).
-    fn beside([x, y]: [i64; 2]) -> Option<[i64; 2]> {
+    fn shifted([x, y]: [i64; 2]) -> Option<[i64; 2]> {
         let (mut old, mut new) = ((x, 1, 0), (y, 0, 1));
         while new.0 != 0 {
             let times = old.0 / new.0;
@@ -294,7 +294,7 @@ mod tests {
         #[test]
         fn the_smallest_areas_are_seen(
             (p, q) in [1_i64 << 38..1 << 40, 1_i64 << 38..1 << 40]
-                .prop_filter_map("not coprime", |p| beside(p).map(|q| (p, q))),
+                .prop_filter_map("not coprime", |p| shifted(p).map(|q| (p, q))),
             twice in -1..=1_i64, power in prop_oneof![-300..-100, -60..60, 100..300],
             far in 0..3_i64
         ) {

@@ -11,7 +11,7 @@
 //! With one channel of weight 1 this is `greedy4`, vertex by vertex. Channels are doubles, as heights are for all
 //! methods here, so that no band has to be refused; at some 200 bytes a sample for the mesh it does not matter.
 
-mod sieve;
+mod prefilter;
 #[cfg(test)]
 mod tests;
 
@@ -21,9 +21,9 @@ use crate::grid::{HeightGrid, PackedSample};
 use crate::mesh::BaselineMesh;
 use crate::plane::{TrianglePlane, rows_of, weights_in};
 use crate::result::{connected, measure};
-use crate::surface::SampleCensus;
-use crate::task::{BaselineGoal, BaselineTask, SurfaceSize};
-use sieve::ChannelSlopeFilter;
+use crate::settings::{BaselineGoal, BaselineTask, SurfaceSize};
+use crate::surface::SampleStatistics;
+use prefilter::ChannelSlopeFilter;
 use terrane_base::error::{Error, Result};
 
 /// Planes of values over the same samples, each with the weight of its errors.
@@ -70,7 +70,7 @@ pub struct MultichannelTin {
     /// The errors of each channel, in their order.
     pub channels: Vec<ChannelErrors>,
     /// What the samples are.
-    pub census: SampleCensus,
+    pub census: SampleStatistics,
 }
 
 /// Makes samples that are void in one plane void in all. The planes are of one length.
@@ -135,7 +135,7 @@ impl<'a> WeightedChannels<'a> {
         let (vertices, triangles) = connected(&mut corners);
         let channels: Vec<ChannelErrors> =
             self.channels.iter().map(|c| c.measured(&corners)).collect();
-        let (max_error, census) = (self.min_tolerance(&channels), SampleCensus::of(&grid));
+        let (max_error, census) = (self.min_tolerance(&channels), SampleStatistics::of(&grid));
         Ok(MultichannelTin { vertices, triangles, max_error, channels, census })
     }
 
@@ -149,12 +149,12 @@ impl<'a> WeightedChannels<'a> {
         let mut size = SurfaceSize::of(mesh, task.goal)?;
         let worst = |corners| self.worst(task.tolerance(), corners);
         let mut heap = CandidateHeap::default();
-        heap.look(mesh, &mesh.surface().collect::<Vec<_>>(), worst);
+        heap.scan(mesh, &mesh.surface().collect::<Vec<_>>(), worst);
         while let Some((found, t)) = heap.take() {
             (task.pulse)()?;
             let Some(fresh) = size.insert(task, mesh, t, found.at) else { break };
             note(found.at);
-            heap.look(mesh, &fresh, worst);
+            heap.scan(mesh, &fresh, worst);
         }
         Ok(())
     }

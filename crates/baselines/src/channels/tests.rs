@@ -4,7 +4,7 @@ use super::{MultichannelTin, WeightedChannels, candidate, join_voids};
 use crate::grid::{HeightGrid, PackedSample};
 use crate::mesh::{BaselineMesh, TriangleState, check_surface};
 use crate::plane::samples_of;
-use crate::task::{BaselineGoal, BaselineTask, SurfaceSize};
+use crate::settings::{BaselineGoal, BaselineTask, SurfaceSize};
 use crate::tests::{Heights, check_cover, grids};
 use crate::{BaselineTin, METHODS};
 use proptest::prelude::*;

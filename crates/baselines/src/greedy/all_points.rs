@@ -7,7 +7,7 @@ use crate::candidate::RefinementCandidate;
 use crate::mesh::{BaselineMesh, TriangleState};
 use crate::method::BaselineMethod;
 use crate::plane::TrianglePlane;
-use crate::task::BaselineTask;
+use crate::settings::BaselineTask;
 
 pub(crate) const GREEDY_1: BaselineMethod = BaselineMethod {
     name: "greedy1",

@@ -8,7 +8,7 @@ use crate::grid::PackedSample;
 use crate::mesh::{BaselineMesh, TriangleState};
 use crate::method::BaselineMethod;
 use crate::plane::TrianglePlane;
-use crate::task::BaselineTask;
+use crate::settings::BaselineTask;
 use terrane_base::geom::predicates::orient;
 
 pub(crate) const GREEDY_2: BaselineMethod = BaselineMethod {

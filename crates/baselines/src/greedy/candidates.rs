@@ -9,7 +9,7 @@ use crate::candidate::RefinementCandidate;
 use crate::grid::PackedSample;
 use crate::mesh::BaselineMesh;
 use crate::method::BaselineMethod;
-use crate::task::BaselineTask;
+use crate::settings::BaselineTask;
 
 pub(crate) const GREEDY_4: BaselineMethod = BaselineMethod {
     name: "greedy4",
@@ -30,7 +30,7 @@ pub(crate) struct CandidateHeap {
 
 impl CandidateHeap {
     /// Looks at triangles that are new, of which `worst` finds the worst samples.
-    pub(crate) fn look(
+    pub(crate) fn scan(
         &mut self,
         mesh: &BaselineMesh,
         fresh: &[u32],
@@ -63,7 +63,7 @@ impl CandidateSearch for CandidateHeap {
     }
 
     fn update(&mut self, task: &BaselineTask<'_>, mesh: &BaselineMesh, fresh: &[u32]) {
-        self.look(mesh, fresh, |corners| RefinementCandidate::worst(task, corners));
+        self.scan(mesh, fresh, |corners| RefinementCandidate::worst(task, corners));
     }
 
     fn worst(

@@ -23,7 +23,7 @@ use crate::grid::PackedSample;
 use crate::mesh::BaselineMesh;
 use crate::method::{BaselineMethod, MethodPromise};
 use crate::result::BaselineTin;
-use crate::task::{BaselineTask, SurfaceSize};
+use crate::settings::{BaselineTask, SurfaceSize};
 use terrane_base::error::Result;
 
 /// A way to find the worst candidate.

@@ -9,7 +9,7 @@ use crate::grid::PackedSample;
 use crate::mesh::BaselineMesh;
 use crate::method::BaselineMethod;
 use crate::plane::TrianglePlane;
-use crate::task::BaselineTask;
+use crate::settings::BaselineTask;
 
 pub(crate) const GREEDY_3: BaselineMethod = BaselineMethod {
     name: "greedy3",

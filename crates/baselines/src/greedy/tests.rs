@@ -8,7 +8,7 @@ use super::{CandidateSearch, insert};
 use crate::grid::{HeightGrid, PackedSample};
 use crate::mesh::BaselineMesh;
 use crate::result::BaselineTin;
-use crate::task::{BaselineGoal, BaselineTask};
+use crate::settings::{BaselineGoal, BaselineTask};
 use crate::tests::{grids, tolerances};
 use crate::triangulation::TriangulationRule;
 use proptest::prelude::*;
@@ -35,7 +35,7 @@ proptest! {
         for triangulation in TriangulationRule::ALL {
             let goal = budget.map_or(BaselineGoal::MaxError(tolerance * scale), BaselineGoal::MaxVertices);
             let task = BaselineTask { triangulation, ..BaselineTask::new(grid, goal) };
-            prop_assume!(crate::task::SurfaceSize::of(&BaselineMesh::of_outline(&grid)?, goal).is_ok());
+            prop_assume!(crate::settings::SurfaceSize::of(&BaselineMesh::of_outline(&grid)?, goal).is_ok());
             let first = order::<AllPoints>(&task);
             prop_assert_eq!(&first, &order::<ByTriangle>(&task));
             prop_assert_eq!(&first, &order::<PointHeap>(&task));

@@ -2,9 +2,9 @@
 
 use super::channels::{ChannelContext, ChannelContexts};
 use super::coder::RangeDecoder;
+use super::coordinates::DecodedPosition;
 use super::integer::IntegerDecoder;
 use super::machine::InstructionSet;
-use super::places::DecodedPosition;
 use super::returns::ReturnNumbers;
 
 /// Decoder contexts of heights.

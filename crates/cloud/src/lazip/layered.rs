@@ -2,13 +2,13 @@
 
 use super::body::LayeredChunk;
 use super::chunk::{ChunkDamage, CompressedChunk};
+use super::class_flags::{ClassMark, Flag, MarkContext};
+use super::coordinates::PositionContext;
 use super::fields::{DecodedFields, FieldSelection};
 use super::heights::HeightContext;
 use super::machine::{InstructionSet, PortableInstructions, SimdTask, run};
-use super::marks::{ClassMark, Flag, MarkContext};
-use super::places::PositionContext;
 use super::point::LazPoint;
-use super::rest::{self, RestLayers};
+use super::record_layers::{self, RestLayers};
 use super::schema::LayeredSchema;
 use super::streams::Streams;
 use super::trace::PointChanges;
@@ -18,7 +18,7 @@ use super::trace::PointChanges;
 pub(super) struct LayeredState {
     columns: Option<Box<LayeredContext>>,
     /// `None` until whole records are requested.
-    rest: Option<rest::RestContext>,
+    rest: Option<record_layers::RestContext>,
 }
 
 /// Decoder contexts of the columns, and the data that they share.
@@ -77,7 +77,7 @@ impl<'d, 'a> LayeredChunkDecoder<'d, 'a> {
         columns.begin(channel, &first);
         let rest = match wanted.records {
             true => {
-                let room = layered.rest.get_or_insert_with(rest::RestContext::new);
+                let room = layered.rest.get_or_insert_with(record_layers::RestContext::new);
                 Some(Box::new(RestLayers::new(room, body, layers, channel)?))
             }
             false => None,

@@ -3,10 +3,10 @@
 use super::chunk::{ChunkDamage, LazLayer};
 use super::coder::RangeDecoder;
 use super::fields::{DecodedFields, FieldSelection};
-use super::follow::ItemContext;
 use super::machine::{InstructionSet, PortableInstructions, SimdTask, run};
 use super::old::{OLD_RECORD, Point10Context, Point10Fields};
 use super::point::LazPoint;
+use super::record_items::ItemContext;
 use super::schema::{self, LaszipItem};
 
 /// State reused between chunks.

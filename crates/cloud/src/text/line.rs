@@ -2,7 +2,7 @@
 
 use crate::column::{self, ColumnEncoding, PointColumn};
 use crate::format::PointFormat;
-use crate::lattice::MAX_DECIMALS;
+use crate::quantization::MAX_DECIMALS;
 use crate::raw::{Flags, RawPoint};
 
 /// Largest mantissa exact in `f64`, and maximum decimals with an exact power of ten.

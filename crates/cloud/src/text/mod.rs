@@ -16,7 +16,7 @@ use line::{PointLineGrammar, TextPointValues, content};
 use super::column::PointColumn;
 use super::format::PointFormat;
 use super::frame::ClaimedExtent;
-use super::lattice::{PointLattice, PositionSpan};
+use super::quantization::{PointLattice, PositionSpan};
 pub(super) use line::TextPoint;
 
 /// Bytes of a part; lines belong to the part in which they begin.
@@ -58,7 +58,7 @@ pub(super) struct PointTextPart {
 
 /// Result of the first pass.
 #[derive(Default)]
-struct PointTextSurvey {
+struct PointTextScan {
     /// Lines with content.
     points: u64,
     lines: u64,
@@ -87,7 +87,7 @@ impl TextFile {
     fn read(file: &RawFile, path: &Path, salvage: bool) -> Result<Self> {
         let lines = PointTextLayout::of(file)?;
         let starts: Vec<u64> = (lines.at..file.size()).step_by(PART_BYTES as usize).collect();
-        let surveys: Vec<PointTextSurvey> =
+        let surveys: Vec<PointTextScan> =
             starts.par_iter().map(|at| lines.survey(file, *at, salvage)).collect::<Result<_>>()?;
         let mut number = lines.before;
         for survey in &surveys {
@@ -138,7 +138,7 @@ impl TextFile {
 
     fn line(&self, values: &TextPointValues) -> TextPoint {
         let TextPointValues { world, class, returns, fields, .. } = *values;
-        TextPoint { xyz: self.placed.place(world), class, returns, fields }
+        TextPoint { xyz: self.placed.quantize(world), class, returns, fields }
     }
 
     /// Passes on the points of a part; returns the number of invalid lines.
@@ -229,8 +229,8 @@ impl PointTextLayout {
     }
 
     /// Surveys the lines of a part, up to the first invalid one.
-    fn survey(&self, file: &RawFile, at: u64, salvage: bool) -> Result<PointTextSurvey> {
-        let (mut survey, mut line) = (PointTextSurvey::default(), 0);
+    fn survey(&self, file: &RawFile, at: u64, salvage: bool) -> Result<PointTextScan> {
+        let (mut survey, mut line) = (PointTextScan::default(), 0);
         survey.lines = self.each(file, at, |text| {
             match self.grammar.values(text) {
                 Ok(values) => {

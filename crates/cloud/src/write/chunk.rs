@@ -7,8 +7,8 @@ use laz::compressors::IntegerCompressorBuilder;
 use laz::encoders::ArithmeticEncoder;
 use laz::{LasZipCompressor, LazVlr, LazVlrBuilder};
 
+use super::header_statistics::PointTally;
 use super::record::PointRecord;
-use super::tally::PointTally;
 use crate::format::PointFormat;
 use crate::version::PointPacking;
 use terrane_base::error::{Error, ErrorKind, Result};

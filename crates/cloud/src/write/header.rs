@@ -1,8 +1,8 @@
 //! The header of LAS 1.2 to 1.5, and the VLRs after it.
 
 use super::chunk::PointLayout;
+use super::header_statistics::{PointTally, RETURNS};
 use super::options::CloudWriteOptions;
-use super::tally::{PointTally, RETURNS};
 use super::vlr::{MAX_BYTES, Vlr, text};
 use super::{crs, octree};
 use crate::format::PointFormat;

@@ -7,10 +7,10 @@
 mod chunk;
 mod crs;
 mod header;
+mod header_statistics;
 mod octree;
 mod options;
 mod record;
-mod tally;
 mod value;
 mod vlr;
 
@@ -27,8 +27,8 @@ pub use crate::column::{PointColumn, PointLineFormatter};
 pub use crate::format::PointFormat;
 pub use crate::version::{LasVersion, PointPacking};
 use header::LasHeaderDraft;
+use header_statistics::PointTally;
 use octree::OctreeNodes;
-use tally::PointTally;
 use terrane_base::error::{Error, Result};
 use terrane_files::RawFile;
 use terrane_files::atomic::AtomicFile;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::tally::PointTally;
+use super::header_statistics::PointTally;
 use super::vlr::Vlr;
 use crate::las::OCTREE;
 

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value as Json};
 use terrane_options::{OptionRange, OptionTable, Options, check, to_map};
 
+use super::kind::OutputForm;
+use super::plan_file::{PlanKind, kind};
 use super::report::{DescribesRun, RunReport, StatusReport, TaskReport};
 use super::run::RunJob;
-use super::sheet::{PlanKind, kind};
-use super::work::OutputForm;
 use crate::disk::DiskCheck;
 use crate::operation::{
     self, Divisible, InputOptions, Job, Operation, OperationCall, Reads, Writes, divide, plan_of,

@@ -18,9 +18,9 @@ use super::digest::Digest;
 use terrane_base::error::{Error, Result};
 use terrane_files::{self as files, name_of, path_of};
 
-/// Pieces of a large file that are hashed, evenly spread from its first byte to its last, and
+/// Number of pieces of a large file that are hashed, spread evenly from its first byte to its last.
 const PIECES: u64 = 16;
-/// the bytes of each.
+/// Size of a hashed piece in bytes.
 const PIECE: u64 = 16 << 10;
 /// Files are hashed whole as long as all of them together have no more bytes than this, and always
 /// up to the bytes of all pieces.
@@ -39,7 +39,7 @@ pub(super) struct InputFile {
 }
 
 /// Looks at all of `paths`, in parallel.
-pub(super) fn look_at(paths: &[PathBuf]) -> Result<Vec<InputFile>> {
+pub(super) fn stat(paths: &[PathBuf]) -> Result<Vec<InputFile>> {
     let bytes = |path: &PathBuf| std::fs::metadata(path).map_or(0, |meta| meta.len());
     let all: u64 = paths.par_iter().map(bytes).sum();
     let look = |path: &PathBuf| InputFile::of(path, all <= WHOLE);
@@ -161,7 +161,7 @@ mod tests {
             File::options().write(true).open(&path).unwrap().set_modified(time).unwrap();
         };
         put(b"one", 5);
-        let files = look_at(std::slice::from_ref(&path)).unwrap();
+        let files = stat(std::slice::from_ref(&path)).unwrap();
         assert_eq!(refusal(&files, true), "");
         put(b"one", 6);
         assert_eq!(refusal(&files, false), "", "written again, the same bytes");

@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
+use super::artifact::{ArtifactLocation, CheckDepth, FinishedArtifact, OBJECTS};
 use super::digest::Digest;
-use super::object::{ArtifactLocation, CheckDepth, FinishedArtifact, OBJECTS};
+use super::kind::{Numbered, PlanStep, PlannedWork, RunControl};
 use super::output::FINISHED;
+use super::plan_file::{PLAN, PlanManifest};
 use super::report::TaskReport;
-use super::sheet::{PLAN, PlanManifest};
-use super::work::{Numbered, PlanStep, PlannedWork, RunControl};
 use terrane_base::error::{Error, ErrorKind, Result};
 
 const LOCK: &str = "lock";
@@ -24,7 +24,7 @@ pub struct PlanFolder<W: PlannedWork> {
 }
 
 /// Which tasks are done.
-pub struct TaskSurvey<'a, W: PlannedWork> {
+pub struct TaskStates<'a, W: PlannedWork> {
     /// The folder of the plan.
     pub folder: &'a PlanFolder<W>,
     /// Tasks whose object is there and sound, as far as it was looked at.
@@ -69,7 +69,7 @@ impl<W: PlannedWork> PlanFolder<W> {
     }
 
     /// What is told of a task that is not done.
-    pub(super) fn tell(&self, task: PlanStep<W::Task>) -> TaskReport {
+    pub(super) fn task_report(&self, task: PlanStep<W::Task>) -> TaskReport {
         let after = match task {
             PlanStep::Task(task) => self.before(task),
             PlanStep::Finish => self.tasks(),
@@ -129,7 +129,7 @@ impl<W: PlannedWork> PlanFolder<W> {
     }
 }
 
-impl<'a, W: PlannedWork> TaskSurvey<'a, W> {
+impl<'a, W: PlannedWork> TaskStates<'a, W> {
     /// Of nothing that is looked for yet.
     pub(super) fn new(folder: &'a PlanFolder<W>) -> Self {
         Self { folder, done: BTreeMap::new(), damaged: Vec::new() }
@@ -192,7 +192,7 @@ impl<'a, W: PlannedWork> TaskSurvey<'a, W> {
             let place = self.place(task).ok()?;
             Some((
                 task,
-                at.cancel.check().and_then(|()| FinishedArtifact::look(&place, look, at.cancel)),
+                at.cancel.check().and_then(|()| FinishedArtifact::inspect(&place, look, at.cancel)),
             ))
         };
         let found: Vec<_> = tasks.par_iter().filter_map(find).collect();

@@ -9,37 +9,37 @@
 //! | `lock` | held by whoever does all that is left in the folder |
 
 mod any;
+mod artifact;
 mod difference;
 mod digest;
 mod files;
 mod folder;
-mod note;
-mod object;
+mod kind;
+mod manifest;
 mod output;
+mod plan_file;
 mod planned;
 mod report;
 mod run;
-mod sheet;
-mod work;
 
 pub use crate::disk::DiskCheck;
 pub use any::{AnyOperation, Plan, PlanOperations, PlanRun, PlanStatus, RunOptions, RunSetters};
+pub use artifact::{CheckDepth, damaged_object};
 pub use difference::refuse_another;
 pub use digest::{Digest, digest_of};
 pub use files::with_companions;
-pub use folder::TaskSurvey;
-pub use note::{noted_path, write_json};
-pub use object::{CheckDepth, damaged_object};
+pub use folder::TaskStates;
+pub use kind::{
+    MadeArtifact, Numbered, OutputForm, OutputRequest, PlanStep, PlannedWork, RunControl,
+};
+pub use manifest::{noted_path, write_json};
+pub use plan_file::{PLAN, PlanManifest, refuse_file};
+pub use plan_file::{PlanKind, kind};
 pub use planned::{PlannedGrid, grid_files};
 pub use report::{DescribesRun, Forecast, LastOutput, RunReport, StatusReport, TaskReport};
 pub use report::{PlanNeeds, shared};
 pub use run::{PlanJob, RunJob};
 pub use run::{run, run_in, run_named, status};
-pub use sheet::{PLAN, PlanManifest, refuse_file};
-pub use sheet::{PlanKind, kind};
-pub use work::{
-    MadeArtifact, Numbered, OutputForm, OutputRequest, PlanStep, PlannedWork, RunControl,
-};
 
 /// What [`Divisible`](crate::operation::Divisible) asks of an operation whose plans are of this kind of work.
 #[macro_export]

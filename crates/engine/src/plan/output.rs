@@ -12,9 +12,9 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::artifact::CheckDepth;
 use super::digest::{Digest, digest_of};
-use super::note::{no_folder, noted_path, write_json};
-use super::object::CheckDepth;
+use super::manifest::{no_folder, noted_path, write_json};
 use super::report::LastOutput;
 use crate::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};

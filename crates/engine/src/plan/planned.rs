@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::difference::refuse_another;
 use super::files::with_companions;
-use super::sheet::PlanManifest;
-use super::work::PlannedWork;
+use super::kind::PlannedWork;
+use super::plan_file::PlanManifest;
 use crate::options::GridInput;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::Resources;
-use crate::sift::Skipped;
+use crate::skip_bad::Skipped;
 
 /// A task that is not done.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -126,7 +126,7 @@ pub trait DescribesRun {
     fn written(&self) -> Option<&str>;
 
     /// What was asked for and is not so.
-    fn unmet(&self) -> Option<String> {
+    fn shortfall(&self) -> Option<String> {
         None
     }
 }
@@ -139,9 +139,9 @@ pub struct RunReport<R> {
     pub plan_id: String,
     /// Tasks of the plan.
     pub tasks: u64,
-    /// Tasks that were done before, and
+    /// Tasks that were done before this run.
     pub found: u64,
-    /// the bytes of their results.
+    /// Bytes of the results of these tasks.
     pub found_bytes: u64,
     /// Tasks that were done before and whose results were damaged.
     pub damaged: Vec<String>,

@@ -7,14 +7,14 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::folder::{PlanFolder, TaskSurvey};
-use super::object::{CheckDepth, FinishedArtifact};
+use super::artifact::{CheckDepth, FinishedArtifact};
+use super::folder::{PlanFolder, TaskStates};
+use super::kind::{MadeArtifact, OutputForm, OutputRequest, PlanStep, PlannedWork, RunControl};
 use super::output::{PlanOutput, last_output};
+use super::plan_file::{PLAN, PlanKind};
 use super::report::{RunReport, StatusReport};
-use super::sheet::{PLAN, PlanKind};
-use super::work::{MadeArtifact, OutputForm, OutputRequest, PlanStep, PlannedWork, RunControl};
 use crate::disk::DiskCheck;
-use crate::sift::Skipped;
+use crate::skip_bad::Skipped;
 use crate::{Cancel, Progress, Resources, Silent, json, peak_memory};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::refuse_existing;
@@ -100,7 +100,7 @@ impl RunJob {
 /// How far the work in the folder `path` has come; objects are looked at, not read through.
 pub fn status<W: PlannedWork>(path: &Path) -> Result<StatusReport<W::Status>> {
     let (folder, cancel) = (PlanFolder::<W>::open(path)?, Cancel::default());
-    let survey = TaskSurvey::of_all(
+    let survey = TaskStates::of_all(
         &folder,
         CheckDepth::Quick,
         RunControl { progress: &Silent, cancel: &cancel },
@@ -116,14 +116,14 @@ pub fn status<W: PlannedWork>(path: &Path) -> Result<StatusReport<W::Status>> {
         plan_id: folder.id.to_string(),
         input: folder.plan.label.clone(),
         work: work.size(PlanStep::Finish),
-        to_do: left.iter().map(|task| folder.tell(*task)).collect(),
+        to_do: left.iter().map(|task| folder.task_report(*task)).collect(),
         done: (tasks.len() + 1 - left.len()) as u64,
         damaged: survey.damaged.iter().map(W::Task::to_string).collect(),
         object_bytes: survey.done.values().map(|done| done.bytes).sum(),
         forecast: folder.plan.forecast(&left),
         told,
         skipped: folder.plan.skipped.clone(),
-        ..work.tell()
+        ..work.status()
     })
 }
 
@@ -177,7 +177,7 @@ fn run_checked<W: PlannedWork>(
             RunningPlan::new(&folder, job, false, at).and_then(|run| run.one(task))
         }
     };
-    let mut report = done.map_err(kept)?;
+    let mut report = done.map_err(keep_error)?;
     report.wall_seconds = started.elapsed().as_secs_f64();
     report.peak_memory = peak_memory();
     Ok(report)
@@ -198,7 +198,7 @@ pub fn run_in<W: PlannedWork>(
 }
 
 /// An interrupted run says that its work is not lost.
-fn kept(error: Error) -> Error {
+fn keep_error(error: Error) -> Error {
     match error.kind() {
         ErrorKind::Interrupted => {
             Error::new(ErrorKind::Interrupted, "interrupted; finished tasks are kept")
@@ -278,11 +278,11 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
 
     /// One task that is not the last.
     fn one(mut self, task: W::Task) -> Result<RunReport<W::Run>> {
-        let mut survey = TaskSurvey::around(self.folder, task, CheckDepth::Quick, self.at)?;
+        let mut survey = TaskStates::around(self.folder, task, CheckDepth::Quick, self.at)?;
         if survey.is_missing(task) {
             self.check_disk(&[task], false)?;
             let around =
-                |run: &Self| TaskSurvey::around(run.folder, task, CheckDepth::Whole, run.at);
+                |run: &Self| TaskStates::around(run.folder, task, CheckDepth::Whole, run.at);
             self.staged(&task.to_string(), &[task], |run| {
                 run.mending(&mut survey, around, |run, survey| run.make_missing(task, survey))
             })?;
@@ -293,12 +293,12 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
     /// The last task.
     fn finish(mut self) -> Result<RunReport<W::Run>> {
         if self.note.is_some() {
-            let nothing = TaskSurvey::new(self.folder);
+            let nothing = TaskStates::new(self.folder);
             return self.end(&nothing);
         }
         let mut survey = match W::LAST_LOOK {
             CheckDepth::Quick => {
-                TaskSurvey::of_all(self.folder, CheckDepth::Quick, self.at.silent())?
+                TaskStates::of_all(self.folder, CheckDepth::Quick, self.at.silent())?
             }
             CheckDepth::Whole => self.check_done()?,
         };
@@ -311,9 +311,9 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
     }
 
     /// Looks at every byte of what is done.
-    fn check_done(&self) -> Result<TaskSurvey<'a, W>> {
+    fn check_done(&self) -> Result<TaskStates<'a, W>> {
         self.at.progress.begin("check finished tasks", self.folder.tasks().len() as u64);
-        let survey = TaskSurvey::of_all(self.folder, CheckDepth::Whole, self.at)?;
+        let survey = TaskStates::of_all(self.folder, CheckDepth::Whole, self.at)?;
         self.at.progress.end();
         Ok(survey)
     }
@@ -340,9 +340,9 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
     /// was found.
     fn mending(
         &mut self,
-        survey: &mut TaskSurvey<'a, W>,
-        look: impl Fn(&Self) -> Result<TaskSurvey<'a, W>>,
-        work: impl Fn(&mut Self, &mut TaskSurvey<'a, W>) -> Result<()>,
+        survey: &mut TaskStates<'a, W>,
+        look: impl Fn(&Self) -> Result<TaskStates<'a, W>>,
+        work: impl Fn(&mut Self, &mut TaskStates<'a, W>) -> Result<()>,
     ) -> Result<()> {
         self.mend(survey)?;
         let error = match work(self, survey) {
@@ -364,7 +364,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
     }
 
     /// Makes anew what is damaged.
-    fn mend(&mut self, survey: &mut TaskSurvey<'a, W>) -> Result<()> {
+    fn mend(&mut self, survey: &mut TaskStates<'a, W>) -> Result<()> {
         if survey.damaged.is_empty() {
             return Ok(());
         }
@@ -379,7 +379,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
     }
 
     /// Makes a task's object unless it is there.
-    fn make_missing(&mut self, task: W::Task, survey: &mut TaskSurvey<'a, W>) -> Result<()> {
+    fn make_missing(&mut self, task: W::Task, survey: &mut TaskStates<'a, W>) -> Result<()> {
         survey.look_again(task, self.at)?;
         if !survey.is_missing(task) {
             return Ok(());
@@ -408,7 +408,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
     }
 
     /// Writes the result from all objects.
-    fn write(&mut self, survey: &TaskSurvey<'a, W>) -> Result<()> {
+    fn write(&mut self, survey: &TaskStates<'a, W>) -> Result<()> {
         // Once more: the tasks may have taken days.
         W::check_output(&self.opened, self.at)?;
         // Noted first: what a killed run leaves in the output's place is then known as its own, and may be
@@ -421,7 +421,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
     }
 
     /// Ends with the result, which may be there already.
-    fn end(mut self, survey: &TaskSurvey<'a, W>) -> Result<RunReport<W::Run>> {
+    fn end(mut self, survey: &TaskStates<'a, W>) -> Result<RunReport<W::Run>> {
         match self.note.take() {
             Some(note) => W::written(note, &self.output.path, &mut self.report.of),
             None => self.write(survey)?,
@@ -429,7 +429,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         Ok(self.conclude(survey))
     }
 
-    fn conclude(mut self, survey: &TaskSurvey<'a, W>) -> RunReport<W::Run> {
+    fn conclude(mut self, survey: &TaskStates<'a, W>) -> RunReport<W::Run> {
         let bytes: u64 = survey.done.values().map(|done| done.bytes).sum();
         self.report.found = (survey.done.len() - self.report.made.len()) as u64;
         self.report.found_bytes = bytes - self.report.made_bytes;

@@ -185,12 +185,12 @@ impl<T: Pod> Buckets<T> {
     /// Spills buckets in turn until at most `most` bytes are in memory.
     fn relieve(&self, most: u64) -> Result<()> {
         for _ in 0..self.buckets.len() {
-            if self.held() <= most {
+            if self.memory_use() <= most {
                 break;
             }
             let next = self.next.fetch_add(1, Ordering::Relaxed) % self.buckets.len();
             // Each piece locks the bucket anew, so that threads that add to it wait for one piece at most.
-            while self.held() > most && self.spill(&mut lock(&self.buckets[next]))? {}
+            while self.memory_use() > most && self.spill(&mut lock(&self.buckets[next]))? {}
         }
         Ok(())
     }
@@ -256,7 +256,7 @@ impl<T: Pod> Buckets<T> {
     }
 
     /// Bytes of records in memory.
-    pub fn held(&self) -> u64 {
+    pub fn memory_use(&self) -> u64 {
         self.held.load(Ordering::Relaxed)
     }
 
@@ -351,14 +351,14 @@ mod tests {
                         next += count as u32;
                     }
                 }
-                prop_assert!(buckets.held() <= budget);
+                prop_assert!(buckets.memory_use() <= budget);
                 prop_assert_eq!(buckets.len(bucket), twin[bucket].len() as u64);
             }
             for (bucket, twin) in twin.iter().enumerate() {
                 prop_assert_eq!(&all_of(&buckets, bucket), twin);
                 buckets.forget(bucket);
             }
-            prop_assert_eq!(buckets.held(), 0);
+            prop_assert_eq!(buckets.memory_use(), 0);
             prop_assert_eq!(lock(&buckets.spool.space).end, 0, "all room is free again");
         }
     }

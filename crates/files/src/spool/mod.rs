@@ -71,7 +71,7 @@ impl SpoolFile {
     /// Stores `parts` one after the other.
     pub fn put(&self, parts: &[&[u8]]) -> Result<SpoolExtent> {
         let len = parts.iter().map(|part| part.len() as u64).sum();
-        let (file, offset) = self.room(len)?;
+        let (file, offset) = self.reserve(len)?;
         let mut at = offset;
         let written = parts.iter().try_for_each(|part| {
             fault::point(FaultPoint::Write)?;
@@ -90,7 +90,7 @@ impl SpoolFile {
     }
 
     /// The file and the offset of `len` free bytes in it.
-    fn room(&self, len: u64) -> Result<(&File, u64)> {
+    fn reserve(&self, len: u64) -> Result<(&File, u64)> {
         let mut space = lock(&self.space);
         // `get_or_init` takes no function that fails. The lock on the space keeps a second thread from
         // making a second file.

@@ -47,8 +47,8 @@ impl CellBlock {
     }
 
     /// Bytes in memory.
-    pub fn held(&self) -> usize {
-        self.planes.iter().map(|plane| plane.held()).sum()
+    pub fn memory_use(&self) -> usize {
+        self.planes.iter().map(|plane| plane.memory_use()).sum()
     }
 
     /// Its content as bytes, valid on this machine only.

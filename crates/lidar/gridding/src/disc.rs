@@ -4,7 +4,7 @@
 //! that ties are exact.
 
 use super::block::CellBlock;
-use super::lattice::{CellLattice, DistanceUnit};
+use super::grid_frame::{CellLattice, DistanceUnit};
 use super::plane::CellHits;
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, Rect};

@@ -8,16 +8,16 @@
 mod block;
 pub mod canopy;
 mod cell;
+mod dimension;
 mod disc;
 mod fill;
-mod lattice;
+mod grid_frame;
 mod parameter;
 pub mod pitfree;
 mod plane;
 mod recipe;
 mod region;
 mod statistic;
-mod subject;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
@@ -26,9 +26,10 @@ mod tests_of_subjects;
 pub use block::CellBlock;
 pub use canopy::Canopy;
 pub use cell::CellUnits;
+pub use dimension::{OF_POINTS, SelectedPoints, Subject, SubjectSelector};
 pub use disc::{BlockTarget, DiscScatter};
 pub use fill::fill;
-pub use lattice::{CellEdgeRule, CellLattice, DistanceUnit, FAR, LatticeAxis};
+pub use grid_frame::{CellEdgeRule, CellLattice, DistanceUnit, FAR, LatticeAxis};
 pub use parameter::StatisticParameter;
 pub use plane::CellHits;
 pub use recipe::{StatisticBand, StatisticRecipe};
@@ -37,4 +38,3 @@ pub use statistic::{
     MAX_POWER, METHODS, Statistic, StatisticMethod, StatisticRequest, SurfaceInterpolation,
     check_power, parse_list,
 };
-pub use subject::{OF_POINTS, SelectedPoints, Subject, SubjectSelector};

@@ -55,7 +55,7 @@ pub(super) trait AccumulatorPlane: Any + Debug + Send {
     fn bytes_mut(&mut self, bytes: usize) -> &mut [u8];
 
     /// Bytes in memory.
-    fn held(&self) -> usize {
+    fn memory_use(&self) -> usize {
         self.bytes().len()
     }
 

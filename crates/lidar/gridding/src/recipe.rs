@@ -6,10 +6,10 @@
 //! added.
 
 use super::cell::CellUnits;
+use super::dimension::Subject;
 use super::plane::AccumulatorKind;
 use super::region::{CellNeighborhood, StatisticDefaults};
 use super::statistic::{Statistic, StatisticRequest};
-use super::subject::Subject;
 
 /// Accumulators of the points, and the bands computed from them.
 #[derive(Clone, Debug, PartialEq)]

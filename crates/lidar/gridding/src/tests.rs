@@ -79,7 +79,7 @@ proptest! {
             blocks[division].add(0, hits).unwrap();
         }
         let fixed = 6 * recipe.bytes_per_cell();
-        prop_assert!(blocks[0].held() >= fixed + blocks[0].parts().last().unwrap().len());
+        prop_assert!(blocks[0].memory_use() >= fixed + blocks[0].parts().last().unwrap().len());
         let mut sum = reread(&recipe, &blocks[0], 6);
         for other in &blocks[1..] {
             sum.fold(&reread(&recipe, other, 6)).unwrap();
@@ -120,7 +120,7 @@ fn blocks_of_other_recipes_and_other_regions_are_kept_apart() {
     assert!(count == 1.0 && nearest.is_nan() && idw.is_nan());
     block.add(1, hits).unwrap();
     assert_eq!(values(&block), [1.0, -5.0, -5.0]);
-    assert_eq!(block.held(), both.bytes_per_cell());
+    assert_eq!(block.memory_use(), both.bytes_per_cell());
 }
 
 /// Steps, offset, anchor and side of cells in 10^-6, on both axes.
@@ -390,7 +390,7 @@ fn room_for_heights_is_held_until_it_is_given_back() {
     };
     block.add(0, hits).unwrap();
     block.parts_mut(&[0]);
-    assert!(block.held() >= 100 * median.bytes_per_point());
+    assert!(block.memory_use() >= 100 * median.bytes_per_point());
     assert!(block.parts()[0].is_empty() && block.value(&median.bands()[0], 0, &UNITS).is_nan());
 }
 

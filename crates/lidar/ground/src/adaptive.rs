@@ -9,12 +9,12 @@
 //! narrow limits is densified in between. Points near its surface are ground; on level ground the tolerance
 //! only covers ranging noise, as low plants are hardly further away.
 
-use crate::cells::{LowestCells, WIDEST};
 use crate::csf::{ClothParameters, settled};
 use crate::densify::{DensifyLimits, densified};
 use crate::finder::{Asked, GroundFinder, GroundTiling, Method};
 use crate::grow::{grown, scatter};
-use crate::lows::LowestPoints;
+use crate::lowest_in_cells::{LowestCells, WIDEST};
+use crate::lowest_points::LowestPoints;
 use crate::surface::GroundSurface;
 
 pub(crate) const METHOD: Method = Method {

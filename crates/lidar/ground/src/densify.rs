@@ -1,7 +1,7 @@
 //! Progressive densification of a triangulation of ground points, in rounds.
 
-use crate::cells::{LowestCells, MILLI};
-use crate::frame::GroundExtrapolation;
+use crate::ghost_vertices::GroundExtrapolation;
+use crate::lowest_in_cells::{LowestCells, MILLI};
 use crate::tin::{GroundTin, gradient, height_of};
 use terrane_base::geom::Point;
 

@@ -1,13 +1,13 @@
 //! The interface of ground methods, and their tiling.
 
-use super::asked;
-use super::lows::LowestPoints;
+use super::lowest_points::LowestPoints;
+use super::method_call;
 use super::surface::GroundSurface;
 
 /// One method of the registry.
-pub type Method = asked::FinderMethod<GroundFinder>;
+pub type Method = method_call::FinderMethod<GroundFinder>;
 /// A method with its parameters.
-pub type Asked = asked::FinderRequest<GroundFinder>;
+pub type Asked = method_call::FinderRequest<GroundFinder>;
 
 /// How a method finds the ground.
 #[derive(Clone, Copy, Debug)]

@@ -4,7 +4,7 @@
 //! lowest point of a cell is ground if it lies on the plane through the neighbouring ground, at any slope.
 //! Roofs and plants are steps above that plane.
 
-use crate::lows::LowestPoints;
+use crate::lowest_points::LowestPoints;
 
 /// Cells on each side that a plane is fitted to, and fewest of them with ground.
 const BESIDE: usize = 2;

@@ -2,7 +2,7 @@
 //! without.
 
 use crate::finder::Asked;
-use crate::lows::{LowestPoints, NO_POINT};
+use crate::lowest_points::{LowestPoints, NO_POINT};
 use crate::method::METHODS;
 use terrane_base::geom::Point;
 use terrane_delaunay::{FixedPosition, Triangulation, interpolate};

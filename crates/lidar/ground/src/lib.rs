@@ -6,21 +6,21 @@
 //! ([`GroundTiling`]), so that the ground depends on the point cloud only.
 
 mod adaptive;
-pub mod asked;
-mod cells;
 mod csf;
 mod densify;
-pub mod filter;
 mod finder;
-mod frame;
+mod ghost_vertices;
 mod grid;
 mod grow;
 #[cfg(test)]
 mod landscapes;
-mod lows;
+mod lowest_in_cells;
+mod lowest_points;
 mod method;
+pub mod method_call;
 pub mod noise;
 mod outliers;
+pub mod pmf;
 mod ptd;
 #[cfg(test)]
 mod scenes;
@@ -29,6 +29,6 @@ mod surface;
 mod tin;
 
 pub use finder::{Asked, GroundFinder, GroundTiling, Method};
-pub use lows::{EMPTY, LowestPoints, NO_POINT};
+pub use lowest_points::{EMPTY, LowestPoints, NO_POINT};
 pub use method::METHODS;
 pub use surface::GroundSurface;

@@ -1,14 +1,14 @@
 //! The registry of ground methods, and the run of a requested one.
 
-use super::asked::FinderRegistry;
 use super::finder::{Asked, GroundFinder, GroundTiling, Method};
-use super::lows::LowestPoints;
+use super::lowest_points::LowestPoints;
+use super::method_call::FinderRegistry;
 use super::surface::GroundSurface;
-use super::{adaptive, csf, filter, outliers, ptd, smrf};
+use super::{adaptive, csf, outliers, pmf, ptd, smrf};
 
 /// All methods. A new one is a file in this folder and a line here.
 pub const METHODS: &[Method] =
-    &[adaptive::METHOD, csf::METHOD, ptd::METHOD, smrf::METHOD, filter::METHOD];
+    &[adaptive::METHOD, csf::METHOD, ptd::METHOD, smrf::METHOD, pmf::METHOD];
 
 impl FinderRegistry for GroundFinder {
     const KIND: &'static str = "method to find the ground";
@@ -17,7 +17,7 @@ impl FinderRegistry for GroundFinder {
 
 impl Asked {
     /// The morphological filter.
-    pub const FILTER: Self = Self::plain(&filter::METHOD);
+    pub const FILTER: Self = Self::plain(&pmf::METHOD);
     /// The default method.
     pub const BEST: Self = Self::plain(&adaptive::METHOD);
 
@@ -78,7 +78,7 @@ mod tests {
     /// A slope with a shed on it, a hole, and a cell without points.
     #[test]
     fn every_method_takes_off_a_shed_and_keeps_the_slope() {
-        use crate::lows::NO_POINT;
+        use crate::lowest_points::NO_POINT;
         use terrane_base::geom::Point;
         let (width, rows) = (120, 110);
         let plane = |k: usize| (k % width) as f64 * 0.1 - (k / width) as f64 * 0.05;
@@ -183,7 +183,7 @@ mod tests {
     /// Up to the border of the cloud, where its squares end, and where it ends within one.
     #[test]
     fn a_steep_slope_is_ground_up_to_its_edge() {
-        use crate::lows::NO_POINT;
+        use crate::lowest_points::NO_POINT;
         use terrane_base::geom::Point;
         let (width, rows) = (150, 140);
         let at = |v: usize| v as i32 * 100 + 50;

@@ -11,7 +11,7 @@
 
 use crate::grid::slid;
 use crate::grow::{FittedPlane, PlaneSums};
-use crate::lows::{EMPTY, LowestPoints, NO_POINT};
+use crate::lowest_points::{EMPTY, LowestPoints, NO_POINT};
 use terrane_base::geom::Point;
 
 /// Side of a block in cells.

@@ -3,10 +3,10 @@
 //!
 //! After Axelsson, "DEM generation from laser scanner data using adaptive TIN models" (2000).
 
-use crate::cells::{LowestCells, WIDEST};
 use crate::densify::{DensifyLimits, densified};
 use crate::finder::{Asked, GroundFinder, GroundTiling, Method};
-use crate::lows::LowestPoints;
+use crate::lowest_in_cells::{LowestCells, WIDEST};
+use crate::lowest_points::LowestPoints;
 use crate::surface::GroundSurface;
 use terrane_base::parameters::Parameter;
 

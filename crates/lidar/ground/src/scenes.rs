@@ -1,7 +1,7 @@
 //! Scenes whose ground is known exactly, for the method `adaptive`.
 
 use crate::finder::Asked;
-use crate::lows::{LowestPoints, NO_POINT};
+use crate::lowest_points::{LowestPoints, NO_POINT};
 use terrane_base::geom::Point;
 
 const WIDTH: usize = 180;

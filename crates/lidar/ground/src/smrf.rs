@@ -7,7 +7,7 @@
 
 use crate::finder::{Asked, GroundFinder, GroundTiling, Method};
 use crate::grid::{nearest_filled, neighbours, widened};
-use crate::lows::LowestPoints;
+use crate::lowest_points::LowestPoints;
 use crate::surface::GroundSurface;
 use terrane_base::parameters::Parameter;
 

@@ -6,13 +6,13 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use terrane_base::error::{Error, Result};
-use terrane_cloud::{CloudOpenOptions, PointCensus, PointSource};
+use terrane_cloud::{CloudOpenOptions, PointSource, ReturnCounts};
 use terrane_engine::Resources;
 use terrane_engine::breaklines::BreaklinesReport;
-use terrane_engine::figures::RunStatistics;
-use terrane_engine::kept::KeptReport;
-use terrane_engine::placing::{Placing, StorageScale};
-use terrane_engine::sift::LostPoints;
+use terrane_engine::constraints::RequiredPointsReport;
+use terrane_engine::local_frame::{LocalFrame, StorageScale};
+use terrane_engine::run_statistics::RunStatistics;
+use terrane_engine::skip_bad::LostPoints;
 use terrane_mesh::{self as mesh, MeshFormat};
 use terrane_raster::Inputs;
 use terrane_terrain::tin::{FlawReport, StageReport};
@@ -31,7 +31,7 @@ pub struct CloudTinJob {
     /// Replace an existing output.
     pub overwrite: bool,
     /// Placement in formats with model coordinates.
-    pub placing: Placing,
+    pub placing: LocalFrame,
     /// Largest vertical distance of any point from the mesh; 0 keeps every point.
     pub tolerance: f64,
     /// File of features: the nearest point of the point cloud to each of its points is a vertex.
@@ -58,7 +58,7 @@ impl CloudTinJob {
             output,
             format: None,
             overwrite: false,
-            placing: Placing::default(),
+            placing: LocalFrame::default(),
             tolerance,
             keep_points: None,
             breaklines: None,
@@ -104,12 +104,12 @@ pub struct CloudTinReport {
     pub max_error: Option<f64>,
     /// Root mean square error, when measured.
     pub rmse: Option<f64>,
-    pub points: PointCensus,
+    pub points: ReturnCounts,
     /// Points above another one at the same position; they are not constrained.
     pub stacked_points: u64,
     /// Report on points to keep.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub keep_points: Option<KeptReport>,
+    pub keep_points: Option<RequiredPointsReport>,
     /// Report on breaklines.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub breaklines: Option<BreaklinesReport>,

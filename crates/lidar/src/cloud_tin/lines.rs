@@ -13,11 +13,11 @@
 use std::collections::HashMap;
 
 use super::regions::{CloudTinRegion, CloudTinRegions};
-use crate::points::{PointStore, SurroundingPoints, Tiling};
+use crate::point_index::{PointStore, SurroundingPoints, Tiling};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Point, SampleSegment};
 use terrane_delaunay::{ConvexHull, FixedPosition, HullLocation, Location, interpolate};
-use terrane_engine::on_cloud::{LatticeLine, OnCloud};
+use terrane_engine::cloud_constraints::{LatticeLine, OnCloud};
 use terrane_tin::scatter::{ClippedSegment, ClippedSegments, ScatterMesh};
 
 type Site = [i32; 2];
@@ -91,7 +91,7 @@ impl<'a> CloudLines<'a> {
     }
 
     fn is_inside(&self, site: Site) -> bool {
-        self.hull.place(FixedPosition::of(site)) != HullLocation::Outside
+        self.hull.locate(FixedPosition::of(site)) != HullLocation::Outside
     }
 
     /// The first and the last step in the hull. Skips steps that must be outside because the previous one is
@@ -272,7 +272,7 @@ pub(super) struct RegionLines<'a> {
 
 impl RegionLines<'_> {
     /// The posts that are vertices from the start.
-    pub(super) fn first_posts(&mut self) -> Result<Vec<Point>> {
+    pub(super) fn line_vertices(&mut self) -> Result<Vec<Point>> {
         if self.pieces.is_empty() {
             return Ok(Vec::new());
         }

@@ -2,27 +2,27 @@
 
 use std::time::Instant;
 
-use super::choose::{ChosenVertices, CloudTinErrors, choose};
+use super::context::CloudTinContext;
 use super::job::{CloudTinJob, CloudTinReport};
-use super::keep::{KeptPoints, nearest};
 use super::lines::CloudLines;
-use super::ready::PreparedCloudTin;
+use super::nearest_points::{ConstraintPoints, nearest};
+use super::prepared::PreparedCloudTin;
 use super::regions::{CloudTinRegions, REGION_POINTS, no_surface};
-use super::work::CloudTinContext;
+use super::vertex_selection::{ChosenVertices, CloudTinErrors, select};
 use super::write::{WrittenCloudTin, write};
-use crate::points::PointStore;
+use crate::point_index::PointStore;
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, PointFrame};
-use terrane_cloud::{self as cloud, PointCensus, PointSource};
+use terrane_cloud::{self as cloud, PointSource, ReturnCounts};
 use terrane_delaunay::ConvexHull;
 use terrane_engine::breaklines::BreaklinesReport;
-use terrane_engine::figures::RunStatistics;
-use terrane_engine::kept::ConstraintFeatures;
+use terrane_engine::cloud_constraints::OnCloud;
+use terrane_engine::constraints::ConstraintFeatures;
+use terrane_engine::local_frame::StorageScale;
 use terrane_engine::memory::with_polygons;
-use terrane_engine::on_cloud::OnCloud;
-use terrane_engine::placing::StorageScale;
 use terrane_engine::plan::RunControl;
-use terrane_engine::sift::LostPoints;
+use terrane_engine::run_statistics::RunStatistics;
+use terrane_engine::skip_bad::LostPoints;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::atomic::{AtomicFile, refuse_existing};
 use terrane_mesh::{MeshFormat, MeshSink, check_prj, write_prj};
@@ -76,7 +76,7 @@ pub fn make(
     lines.divide(&regions, points.tiling());
     let nearest = nearest_points(kept, &points, &hull, ready.bounds)?;
     let count = nearest.points.len() as u64;
-    let kept_points = kept.kept(nearest.beyond, count, count)?;
+    let kept_points = kept.constraints(nearest.beyond, count, count)?;
     let held = kept.bytes() + lines.bytes();
     let work = ready.work((&points, &regions, &lines), held, at)?;
     let made = triangulate(
@@ -99,7 +99,7 @@ fn nearest_points(
     points: &PointStore,
     hull: &ConvexHull,
     [low, _]: [Point; 2],
-) -> Result<KeptPoints> {
+) -> Result<ConstraintPoints> {
     let place = |at: &[u32; 2]| {
         [(at[0], low.x), (at[1], low.y)].map(|(at, low)| low.saturating_add_unsigned(at))
     };
@@ -139,7 +139,7 @@ fn triangulate(
             apart,
         });
     }
-    let ChosenVertices { vertices, errors, apart } = choose(work, tolerance, hull, nearest)?;
+    let ChosenVertices { vertices, errors, apart } = select(work, tolerance, hull, nearest)?;
     clock.lap("choose", kept);
     let written = write(work, &vertices, hull, frame, sink()?)?;
     clock.lap("write", written.vertices);
@@ -172,7 +172,7 @@ impl CloudTinClock {
 pub(super) fn report(
     ready: &PreparedCloudTin<'_>,
     work: &CloudTinContext<'_>,
-    points: PointCensus,
+    points: ReturnCounts,
     made: &CloudTinOutcome,
     clock: CloudTinClock,
 ) -> Result<CloudTinReport> {

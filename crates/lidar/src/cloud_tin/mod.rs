@@ -16,18 +16,18 @@
 //! samples of a grid. There are no constrained edges: the mesh stays the Delaunay triangulation of points and
 //! posts.
 
-mod choose;
+mod context;
 mod job;
-mod keep;
 mod lines;
 mod make;
+mod nearest_points;
 mod operation;
 mod options;
 pub mod plan;
-mod ready;
+mod prepared;
 mod region_mesh;
 mod regions;
-mod work;
+mod vertex_selection;
 mod write;
 
 pub use job::{CloudTinJob, CloudTinReport};

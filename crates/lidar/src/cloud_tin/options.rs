@@ -8,8 +8,8 @@ use super::job::CloudTinJob;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::CloudOpenOptions;
 use terrane_engine::Resources;
+use terrane_engine::local_frame::LocalFrame;
 use terrane_engine::options::{CloudInput, Constraints, FileOutput, Resuming};
-use terrane_engine::placing::Placing;
 use terrane_raster::Inputs;
 
 /// Simplify a point cloud into a triangle mesh with a proven vertical error bound
@@ -31,7 +31,7 @@ pub struct CloudTinOptions {
     pub file: FileOutput,
     /// How the mesh lies in its file.
     #[option(flatten)]
-    pub placing: Placing,
+    pub placing: LocalFrame,
     /// What stays.
     #[option(flatten)]
     pub constraints: Constraints,

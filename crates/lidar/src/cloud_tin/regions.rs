@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::points::{PointStore, Tiling};
+use crate::point_index::{PointStore, Tiling};
 use terrane_base::error::Error;
 use terrane_delaunay::SiteWindow;
 

@@ -3,9 +3,9 @@
 
 use std::sync::Mutex;
 
+use super::context::CloudTinContext;
 use super::region_mesh::RegionMesh;
-use super::work::CloudTinContext;
-use crate::points::PointStore;
+use crate::point_index::PointStore;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Point, Point3, PointFrame};
 use terrane_files::lock;

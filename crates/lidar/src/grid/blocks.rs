@@ -125,14 +125,14 @@ impl<'a> CellBlocks<'a> {
         let slot = &self.slots[index as usize];
         let mut state = self.present(slot)?;
         let Some(block) = state.block.as_mut() else { return Ok(()) };
-        let before = block.held();
+        let before = block.memory_use();
         let done = work(block);
-        let grown = (block.held() - before) as u64;
+        let grown = (block.memory_use() - before) as u64;
         // Counted before another thread can spill the block and count it out.
         let held = self.held.fetch_add(grown, Ordering::Relaxed) + grown;
         drop(state);
         if grown > 0 && held > self.budget {
-            self.make_room()?;
+            self.evict()?;
         }
         done
     }
@@ -166,11 +166,11 @@ impl<'a> CellBlocks<'a> {
     /// Reserves bytes.
     fn reserve(&self, bytes: u64) -> Result<()> {
         let held = self.held.fetch_add(bytes, Ordering::Relaxed) + bytes;
-        if held > self.budget { self.make_room() } else { Ok(()) }
+        if held > self.budget { self.evict() } else { Ok(()) }
     }
 
     /// Spills blocks, the least recently touched first, until a quarter of the budget is free.
-    fn make_room(&self) -> Result<()> {
+    fn evict(&self) -> Result<()> {
         let _one_at_a_time = lock(&self.spilling);
         if self.held.load(Ordering::Relaxed) <= self.budget {
             return Ok(());
@@ -191,7 +191,7 @@ impl<'a> CellBlocks<'a> {
         let mut state = lock(&slot.state);
         let Some(mut block) = state.block.take() else { return Ok(()) };
         slot.touched.store(0, Ordering::Relaxed);
-        let before = block.held() as u64;
+        let before = block.memory_use() as u64;
         if state.spilled.len() >= MAX_PARTS {
             self.join(&mut block, &mut state.spilled)?;
         }
@@ -225,7 +225,7 @@ impl<'a> CellBlocks<'a> {
         let mut state = self.present(slot)?;
         let CellBlockState { block, spilled, settled } = &mut *state;
         let Some(block) = block.as_mut() else { return Ok(()) };
-        let before = block.held();
+        let before = block.memory_use();
         if !spilled.is_empty() {
             self.join(block, spilled)?;
             *settled = false;
@@ -235,7 +235,7 @@ impl<'a> CellBlocks<'a> {
             *settled = true;
         }
         look(block);
-        let grown = (block.held() - before) as u64;
+        let grown = (block.memory_use() - before) as u64;
         drop(state);
         if grown > 0 { self.reserve(grown) } else { Ok(()) }
     }
@@ -258,7 +258,7 @@ impl<'a> CellBlocks<'a> {
         let mut state = lock(&slot.state);
         slot.touched.store(0, Ordering::Relaxed);
         let CellBlockState { block, spilled, .. } = std::mem::take(&mut *state);
-        let bytes = block.map_or(0, |block| block.held() as u64);
+        let bytes = block.map_or(0, |block| block.memory_use() as u64);
         self.held.fetch_sub(bytes, Ordering::Relaxed);
         spilled.into_iter().for_each(|part| self.spool.free(part.place));
     }

@@ -3,7 +3,7 @@
 use terrane_gridding::{Canopy, parse_list};
 use terrane_options::{Json, OptionCodec, OptionKind};
 
-use super::preset::kinds::GroundFrom;
+use super::surface_model::kinds::GroundFrom;
 
 /// A value represented by its text.
 pub struct AsText;

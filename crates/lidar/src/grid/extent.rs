@@ -8,8 +8,8 @@ use terrane_files::path_of;
 use terrane_gridding::{CellEdgeRule, CellLattice, FAR, Statistic, StatisticDefaults};
 use terrane_raster::{self as raster, GridInfo};
 
+use super::geometry::{Compat, Placement};
 use super::job::GridJob;
-use super::placement::{Compat, Placement};
 
 /// Requested cells.
 #[derive(Clone, Copy)]
@@ -251,7 +251,7 @@ fn like_grid(
 
 /// The common CRS of a grid and a point cloud.
 fn agreed(grid: &Crs, cloud: &Crs) -> Result<(Crs, Vec<String>)> {
-    let [a, b] = grid.told_apart(cloud);
+    let [a, b] = grid.distinct_names(cloud);
     match (grid.is_named(), cloud.is_named()) {
         (false, false) => Ok((grid.clone(), Vec::new())),
         (true, false) => {

@@ -2,15 +2,15 @@
 
 use super::extent::CellRequest;
 use super::neighbours::CloudSurfaces;
-use super::preset::PresetModel;
+use super::surface_model::PreparedSurfaceModel;
 use terrane_base::error::Result;
-use terrane_engine::sift::LostPoints;
+use terrane_engine::skip_bad::LostPoints;
 use terrane_gridding::Statistic;
 
 /// Surfaces through the points, or a model of the terrain.
 pub(super) enum HeightSource {
     Surfaces(Box<CloudSurfaces>),
-    Model(Box<PresetModel>),
+    Model(Box<PreparedSurfaceModel>),
 }
 
 impl HeightSource {

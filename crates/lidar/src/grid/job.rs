@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::placement::{Compat, Placement, usual_cell};
-use super::preset::kinds::{GroundFrom, SurfaceModel};
+use super::geometry::{Compat, Placement, usual_cell};
+use super::surface_model::kinds::{GroundFrom, SurfaceModel};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as cloud, CloudFilter, CloudOpenOptions};
 use terrane_engine::Resources;

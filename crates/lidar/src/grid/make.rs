@@ -5,22 +5,22 @@ use std::time::Instant;
 use super::blocks::CellBlocks;
 use super::budget::GridBudget;
 use super::extent::GridExtent;
-use super::feed::{CloudFeed, FeedOutcome};
 use super::heights::HeightSource;
 use super::job::GridJob;
 use super::level;
-use super::near::CellSurroundings;
 use super::neighbours::{CloudSurfaces, tiling};
-use super::preset::{self, CloudOverview, Making, PresetModel};
+use super::reading::{CloudReader, ReadOutcome};
+use super::region_points::CellSurroundings;
 use super::report::{GridReport, GridStage};
 use super::source::{CellBands, FinishedGrid};
-use crate::points::{PointStore, PointStoreLimits, parts_in};
+use super::surface_model::{self, CloudOverview, Making, PreparedSurfaceModel};
+use crate::point_index::{PointStore, PointStoreCoverage, parts_in};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::PointFrame;
 use terrane_cloud::{self as cloud, AttributeSource, PointSource};
-use terrane_engine::figures::RunStatistics;
 use terrane_engine::memory::with_polygons;
-use terrane_engine::sift::LostPoints;
+use terrane_engine::run_statistics::RunStatistics;
+use terrane_engine::skip_bad::LostPoints;
 use terrane_engine::{Cancel, Progress};
 use terrane_gridding::{CellUnits, StatisticRecipe};
 use terrane_raster::GridInfo;
@@ -109,14 +109,14 @@ impl<'a> GridMaker<'a> {
         let parts = self.parts();
         let count = parts.iter().map(|part| self.points.points_of(*part)).sum();
         if job.preset.is_some() {
-            let least = preset::least(job, self.points.info(), self.seen);
+            let least = surface_model::least(job, self.points.info(), self.seen);
             GridBudget::check(&job.resources, format, (sink.as_ref(), extent, &recipe), least)?;
         }
         let budget =
             GridBudget::divide(&job.resources, format, sink.as_ref(), extent, &recipe, count)?;
         let blocks = CellBlocks::new(&recipe, extent, &budget, job.spill_folder());
         let columns = columns.as_deref();
-        let feed = CloudFeed {
+        let feed = CloudReader {
             source: self.points,
             columns,
             parts,
@@ -175,10 +175,10 @@ impl<'a> GridMaker<'a> {
     /// Reads the points; surfaces may store `memory` bytes of them.
     fn gather(
         &self,
-        feed: &CloudFeed<'_>,
+        feed: &CloudReader<'_>,
         threads: usize,
         memory: u64,
-    ) -> Result<(FeedOutcome, Option<HeightSource>)> {
+    ) -> Result<(ReadOutcome, Option<HeightSource>)> {
         let Self { points, job, progress, cancel, .. } = *self;
         if let Some(preset) = job.preset {
             let reading = job.reading();
@@ -186,11 +186,11 @@ impl<'a> GridMaker<'a> {
             let extent = &self.extent;
             let making =
                 Making { job, extent, reading, threads, memory, points, part, progress, cancel };
-            let model = PresetModel::new(preset, points.info(), &making)?;
-            let fed = FeedOutcome { census: model.census, outside: 0 };
+            let model = PreparedSurfaceModel::new(preset, points.info(), &making)?;
+            let fed = ReadOutcome { census: model.census, outside: 0 };
             return Ok((fed, Some(HeightSource::Model(Box::new(model)))));
         }
-        let limits = || self.within.map(|near| PointStoreLimits::new(points, near.window()));
+        let limits = || self.within.map(|near| PointStoreCoverage::new(points, near.window()));
         let store = (memory > 0).then(|| {
             PointStore::empty(tiling(points.info()), job.spill_folder(), memory).limited(limits())
         });

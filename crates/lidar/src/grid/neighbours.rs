@@ -1,7 +1,7 @@
 //! Bands computed from the points around a cell, not only those in it.
 
 use super::extent::{CellRequest, GridExtent};
-use crate::points::{
+use crate::point_index::{
     ColumnRowPositions, InterpolatedSurface, PointStore, SurroundingPoints, Tiling,
 };
 use terrane_base::error::{Error, ErrorKind, Result};

@@ -5,11 +5,11 @@ use std::path::Path;
 use terrane_options::{OptionRange, OptionRule, Options, settled};
 
 use super::codecs::{AsText, StatisticList};
+use super::geometry::{Compat, Placement};
 use super::job::{GridJob, NODATA};
 use super::make::run;
-use super::placement::{Compat, Placement};
-use super::preset::kinds::{GroundFrom, SurfaceModel};
 use super::report::GridReport;
+use super::surface_model::kinds::{GroundFrom, SurfaceModel};
 use terrane_base::error::{Error, Result};
 use terrane_engine::Resources;
 use terrane_engine::operation::{Operation, RunRequest, Writes};

@@ -4,9 +4,9 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use terrane_cloud::PointCensus;
-use terrane_engine::figures::RunStatistics;
-use terrane_engine::sift::LostPoints;
+use terrane_cloud::ReturnCounts;
+use terrane_engine::run_statistics::RunStatistics;
+use terrane_engine::skip_bad::LostPoints;
 use terrane_raster::WaterReport;
 
 /// Report of a cloud-to-grid job.
@@ -32,7 +32,7 @@ pub struct GridReport {
     /// Radius of statistics; absent if none uses it.
     pub radius: Option<f64>,
     /// Statistics of the points.
-    pub points: PointCensus,
+    pub points: ReturnCounts,
     /// For a plan: number of points of the point cloud by its headers; `points` counts them for each tile that
     /// reads them.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -3,13 +3,13 @@
 //! All threads read the units of one round while those of the previous round are consumed in order. So the
 //! bytes depend on neither threads nor memory.
 
-pub(crate) mod choice;
 pub(crate) mod numbered;
-mod pack;
+mod packing;
+pub(crate) mod selection;
 
 use rayon::prelude::*;
 
-pub(crate) use pack::RecordPacker;
+pub(crate) use packing::RecordPacker;
 
 use terrane_base::error::Result;
 use terrane_engine::FileAt;
@@ -90,7 +90,7 @@ impl RecordFlow {
                         at.cancel.check()?;
                         take(bytes)
                     };
-                    tell(records, unit, at);
+                    report_unit(records, unit, at);
                     records.read(unit, &mut each)?;
                     at.progress.advance(records.unit(unit).points);
                 }
@@ -125,14 +125,14 @@ fn pass(made: &[Vec<u8>], take: &mut Take<'_>) -> Result<()> {
     made.iter().try_for_each(|bytes| take(bytes))
 }
 
-fn tell(records: &dyn PointRecords, unit: usize, at: RunControl<'_>) {
+fn report_unit(records: &dyn PointRecords, unit: usize, at: RunControl<'_>) {
     if let Some(file) = records.unit(unit).file {
         at.progress.file(file);
     }
 }
 
 fn whole(records: &dyn PointRecords, unit: usize, at: RunControl<'_>) -> Result<Vec<u8>> {
-    tell(records, unit, at);
+    report_unit(records, unit, at);
     let mut all = Vec::new();
     records.read(unit, &mut |bytes| {
         all.extend_from_slice(bytes);

@@ -12,7 +12,7 @@ use super::meshopt;
 use super::packed::{self, MeshoptExtension};
 use crate::channels::{COLOURS, from_linear, from_opacity, linear};
 use crate::input::{MeshFile, check_corners, check_position, check_range};
-use crate::local::{is_scale, to_world};
+use crate::relative_positions::{is_scale, to_world};
 use crate::source::{MeshInfo, MeshSource};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;

@@ -12,7 +12,7 @@ use super::meshopt;
 use super::packer::{MeshoptPacker, MeshoptSizes};
 use crate::capacity::{self, MeshCapacity};
 use crate::channels::{VertexCapabilities, VertexChannel, linear, opacity};
-use crate::local::LocalCoordinates;
+use crate::relative_positions::LocalCoordinates;
 use crate::sink::{
     FileSink, MeshBatch, MeshCounts, MeshEncoder, MeshHeader, MeshSink, SinkOptions,
 };

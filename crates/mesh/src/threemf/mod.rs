@@ -4,7 +4,7 @@
 
 mod parts;
 mod read;
-mod walls;
+mod solid_walls;
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -14,11 +14,11 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
 use self::parts::{CONTENT_TYPES, MODEL, NAME, PREFIX, RELATIONS, push_triangle, push_vertex};
-use self::walls::SolidWalls;
+use self::solid_walls::SolidWalls;
 use crate::capacity::{self, MeshCapacity};
 use crate::channels::VertexCapabilities;
 use crate::format::MeshFormat;
-use crate::local::LocalCoordinates;
+use crate::relative_positions::LocalCoordinates;
 use crate::sink::{
     FileSink, MeshBatch, MeshCounts, MeshEncoder, MeshHeader, MeshSink, SinkOptions,
 };

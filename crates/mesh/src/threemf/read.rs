@@ -9,8 +9,8 @@ use zip::ZipArchive;
 
 use super::parts::{MODEL, NAME, PREFIX, RELATIONS};
 use crate::input::{MeshFile, check_corners, check_range};
-use crate::local::{is_scale, to_world};
 use crate::obj_index::{SparseIndex, TextLineMark};
+use crate::relative_positions::{is_scale, to_world};
 use crate::source::{MeshInfo, MeshSource};
 use crate::xml::{MeshXmlReader, number};
 use terrane_base::error::{Error, ErrorKind, Result};

@@ -294,7 +294,7 @@ fn describe(
         transform: header.transform,
         georeferenced: true,
         pixel_is_point: header.is_centre,
-        crs: prj::beside(path)?,
+        crs: prj::sidecar_crs(path)?,
         sample_type: scan.sample_type,
         nodata: options.nodata.or(header.nodata),
         scale: 1.0,

@@ -103,7 +103,7 @@ impl PolygonEdgeIndex {
     }
 
     /// Memory in bytes while `threads` threads use the index.
-    pub fn held(&self, threads: usize) -> u64 {
+    pub fn memory_use(&self, threads: usize) -> u64 {
         let edges = self.edges.len() as u64;
         let tops = edges / (BLOCK as u64 - 1) * size_of::<f64>() as u64;
         let at_hand = self.max_at_once as u64 * AT_HAND * threads.max(1) as u64;

@@ -28,7 +28,8 @@ pub(crate) fn clipped(
     options: &GridOpenOptions,
     open: impl FnOnce(&GridOpenOptions) -> Result<Box<dyn GridSource>>,
 ) -> Result<Box<dyn GridSource>> {
-    let cache_bytes = cache_beside(clip.held(options.threads), options, ("polygons", &clip.path))?;
+    let cache_bytes =
+        cache_beside(clip.memory_use(options.threads), options, ("polygons", &clip.path))?;
     let inner = open(&GridOpenOptions { cache_bytes, clip: None, ..options.clone() })?;
     let mut info = inner.info().clone();
     info.crs.check_same(&clip.crs, "polygons").map_err(|e| e.in_file(&clip.path))?;
@@ -98,7 +99,7 @@ impl GridSource for Clipped {
     reads_alike!();
 
     fn block_bytes(&self) -> u64 {
-        self.inner.block_bytes() + self.clip.held(1)
+        self.inner.block_bytes() + self.clip.memory_use(1)
     }
 
     fn members(&self) -> Vec<PathBuf> {

@@ -109,7 +109,7 @@ impl Clip {
     }
 
     /// Memory in bytes while `threads` threads read a clipped grid.
-    pub fn held(&self, threads: usize) -> u64 {
-        self.areas.held(threads)
+    pub fn memory_use(&self, threads: usize) -> u64 {
+        self.areas.memory_use(threads)
     }
 }

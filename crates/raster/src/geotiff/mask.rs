@@ -5,9 +5,9 @@ use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::beside;
 use crate::cache::BlockCache;
 use crate::sample::HeightSample;
+use crate::sidecars;
 use crate::window::SampleWindow;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
@@ -50,8 +50,8 @@ pub(super) fn find(grid: MaskedGrid<'_>) -> Result<Vec<GeoTiffMask>> {
         let mask = grid.mask(grid.file, &directory, "internal".to_owned(), 1);
         masks.push(mask.map_err(|e| e.at("internal mask"))?);
     }
-    if let Some(path) = beside::mask(grid.file.path()) {
-        masks.push(grid.beside(&path).map_err(|e| e.in_file(&path))?);
+    if let Some(path) = sidecars::mask(grid.file.path()) {
+        masks.push(grid.open_sidecar(&path).map_err(|e| e.in_file(&path))?);
     }
     masks.extend(grid.alpha()?);
     Ok(masks)
@@ -76,7 +76,7 @@ fn internal<'a>(first: &GeoTiffDirectory<'a>) -> Result<Option<GeoTiffDirectory<
 }
 
 impl MaskedGrid<'_> {
-    fn beside(&self, path: &Path) -> Result<GeoTiffMask> {
+    fn open_sidecar(&self, path: &Path) -> Result<GeoTiffMask> {
         let file = Arc::new(RawFile::open(path)?);
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let directory = GeoTiffDirectory::read(&file)?;

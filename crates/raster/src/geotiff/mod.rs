@@ -26,7 +26,7 @@ use crate::grid::{GridInfo, GridSource, unit_and_text};
 use crate::notes::MASK;
 use crate::sample::{HeightSample, ToHeight};
 use crate::window::SampleWindow;
-use crate::{beside, store, world};
+use crate::{sidecars, tiled_tiff, world};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, GeoKeys, Rect};
 use terrane_files::RawFile;
@@ -51,8 +51,8 @@ const WORLD_ENDINGS: [&str; 4] = ["tfw", "tifw", "tiffw", "wld"];
 
 /// Opens a GeoTIFF; a store written by terrane is recognised and mapped, unless it has a mask sidecar.
 fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
-    let masked = beside::mask(path).is_some();
-    if let (false, Some(store)) = (masked, store::try_open(path, options)?) {
+    let masked = sidecars::mask(path).is_some();
+    if let (false, Some(store)) = (masked, tiled_tiff::try_open(path, options)?) {
         return Ok(store);
     }
     let source = GeoTiff::open(path, options).map_err(|e| e.in_file(path))?;
@@ -155,7 +155,7 @@ fn describe(
     };
     let transform = match georeference {
         Georeference::Affine(map) => Some(map),
-        _ => world::beside(path, &WORLD_ENDINGS)?,
+        _ => world::sidecar_transform(path, &WORLD_ENDINGS)?,
     };
     Ok(GridInfo {
         width: layout.width,

@@ -102,11 +102,11 @@ impl MosaicFilePool {
         let _claim = MosaicOpenClaim { pool: self, key };
         // Before the file is opened, as the limit of open files holds then, too. How many bytes its blocks
         // take is known only afterwards.
-        lock(&self.state).make_room(1, 0, self.max_files, self.max_bytes);
+        lock(&self.state).evict(1, 0, self.max_files, self.max_bytes);
         let opened = open()?;
         let grid = opened.grid.clone();
         let mut state = lock(&self.state);
-        state.make_room(1, opened.bytes, self.max_files, self.max_bytes);
+        state.evict(1, opened.bytes, self.max_files, self.max_bytes);
         state.insert(key, opened);
         Ok(grid)
     }
@@ -159,7 +159,7 @@ impl MosaicPoolState {
     }
 
     /// Closes files until `files` more with `bytes` bytes fit, or none is left.
-    fn make_room(&mut self, files: usize, bytes: usize, max_files: usize, max_bytes: usize) {
+    fn evict(&mut self, files: usize, bytes: usize, max_files: usize, max_bytes: usize) {
         let is_full = |state: &Self| {
             state.order.len() + files > max_files || state.bytes.saturating_add(bytes) > max_bytes
         };

@@ -12,8 +12,8 @@
 //! eighth of that size, or all of it if necessary. A file whose size or type changed before it is reopened is an
 //! error.
 
-mod agree;
 mod cache;
+mod consistency;
 mod find;
 mod index;
 mod layout;
@@ -68,7 +68,7 @@ impl Mosaic {
     }
 
     /// Passes a hint about `rect` to all open grids.
-    fn tell(&self, rect: Rect, hint: impl Fn(&dyn GridSource, Rect)) {
+    fn pass_hint(&self, rect: Rect, hint: impl Fn(&dyn GridSource, Rect)) {
         for i in self.index.find(&rect) {
             let part = &self.parts[i as usize];
             let there = part.in_source(part.rect.intersect(&rect));
@@ -181,10 +181,10 @@ impl GridSource for Mosaic {
     }
 
     fn release(&self, rect: Rect) {
-        self.tell(rect, |grid, there| grid.release(there));
+        self.pass_hint(rect, |grid, there| grid.release(there));
     }
 
     fn copied(&self, rect: Rect) {
-        self.tell(rect, |grid, there| grid.copied(there));
+        self.pass_hint(rect, |grid, there| grid.copied(there));
     }
 }

@@ -6,12 +6,12 @@ use crate::format::GridOpenOptions;
 use crate::grid::{GridInfo, GridSource, SampleType};
 use crate::nodata::is_no_height;
 use crate::notes::{MASK, NODATA_VALUES};
-use crate::store::sample::stored_nodata;
+use crate::tiled_tiff::sample::stored_nodata;
 use terrane_base::error::{Error, Result, all};
 use terrane_base::geom::Rect;
 use terrane_files::{on_threads, path_of};
 
-use super::agree::{self, NamedGrid};
+use super::consistency::{self, NamedGrid};
 use super::find::{MosaicEntry, MosaicFamily, MosaicNesting, MosaicSource, find};
 use super::layout::{GridShape, MosaicLayout, lay_out};
 use super::recode::{HeightRecoding, is_same, void_range, wider};
@@ -65,14 +65,14 @@ fn mosaic(names: &[String], options: &GridOpenOptions) -> Result<Mosaic> {
     let look = |name: &str| find(name, options.band, options.nodata, &nest);
     let first = look(&names[0]).and_then(|found| match found.info.georeferenced {
         true => Ok(found),
-        false => Err(agree::nowhere(&names[0])),
+        false => Err(consistency::nowhere(&names[0])),
     });
     let info = first.as_ref().ok().map(|first| first.info.clone());
     let member = |name: &String| {
         let found = look(name)?;
         if let Some(info) = &info {
             let reference = NamedGrid { name: &names[0], info };
-            agree::check(reference, NamedGrid { name, info: &found.info })?;
+            consistency::check(reference, NamedGrid { name, info: &found.info })?;
         }
         Ok(MosaicMember::of(found))
     };
@@ -94,14 +94,14 @@ fn unit(names: &[String], members: &[MosaicMember]) -> Result<Option<String>> {
         names.iter().zip(members).filter_map(|(n, m)| Some((n.as_str(), m.unit.as_deref()?)));
     let mut stated = stated.peekable();
     let Some(&first) = stated.peek() else { return Ok(None) };
-    stated.try_for_each(|other| agree::check_units(first, other))?;
+    stated.try_for_each(|other| consistency::check_units(first, other))?;
     Ok(Some(first.1.to_owned()))
 }
 
 fn laid_out(names: &[String], members: &[MosaicMember]) -> Result<MosaicLayout> {
     let shapes: Vec<GridShape> = members.iter().map(|member| member.shape).collect();
     lay_out(&shapes).map_err(|e| e.in_file(&path_of(&names[0])))?.map_err(|(i, misfit)| {
-        agree::misplaced((&names[0], &shapes[0]), (&names[i], &shapes[i]), misfit)
+        consistency::misplaced((&names[0], &shapes[0]), (&names[i], &shapes[i]), misfit)
     })
 }
 

@@ -10,7 +10,7 @@ use self::header::RawRasterHeader;
 use crate::format::{GridOpenOptions, RasterFormat, some_band};
 use crate::grid::{GridInfo, GridSource};
 use crate::strided::{StridedGrid, check_exact};
-use crate::{beside, prj, world};
+use crate::{prj, sidecars, world};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
 use terrane_files::RawFile;
@@ -31,7 +31,10 @@ impl RawRasterHeader {
     fn info(self, path: &Path, options: &GridOpenOptions) -> Result<GridInfo> {
         let place = match self.transform {
             Some(map) => Some(map),
-            None => world::beside(path, &["wld", "blw", "bpw", "bqw", "bilw", "bipw", "bsqw"])?,
+            None => world::sidecar_transform(
+                path,
+                &["wld", "blw", "bpw", "bqw", "bilw", "bipw", "bsqw"],
+            )?,
         };
         let band = options.band as usize - 1;
         let plain = GridInfo::plain(FORMAT.name, self.width, self.height, self.sample_type);
@@ -39,7 +42,7 @@ impl RawRasterHeader {
         Ok(GridInfo {
             transform: place.unwrap_or(Affine::LATTICE),
             georeferenced: place.is_some(),
-            crs: if self.crs.is_unknown() { prj::beside(path)? } else { self.crs },
+            crs: if self.crs.is_unknown() { prj::sidecar_crs(path)? } else { self.crs },
             nodata: options.nodata.or(self.nodata),
             scale: self.scale.get(band).copied().unwrap_or(1.0),
             offset: self.offset.get(band).copied().unwrap_or(0.0),
@@ -88,8 +91,8 @@ pub(super) fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn Gri
 /// The header of the data file `path`: `name.ext.hdr` or `name.hdr`.
 pub(super) fn header_beside(path: &Path) -> Option<PathBuf> {
     let candidates = [
-        beside::behind(path, ".hdr"),
-        beside::behind(path, ".HDR"),
+        sidecars::behind(path, ".hdr"),
+        sidecars::behind(path, ".HDR"),
         path.with_extension("hdr"),
         path.with_extension("HDR"),
     ];
@@ -110,7 +113,7 @@ fn is_header(path: &Path) -> Error {
 }
 
 fn read_header(data: &RawFile, path: &Path) -> Result<RawRasterHeader> {
-    let text = beside::small_text(path, "header size in bytes", MAX_HEADER)?;
+    let text = sidecars::small_text(path, "header size in bytes", MAX_HEADER)?;
     let text = text.trim_start_matches('\u{feff}');
     let header = if text.trim_start().starts_with("ENVI") {
         envi::read(text)?

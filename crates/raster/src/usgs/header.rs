@@ -127,7 +127,7 @@ impl UsgsDemGrid {
         }
         limits::check("number of rows", rows as u64, limits::MAX_SIDE)?;
         limits::check("number of profiles", profiles as u64, limits::MAX_SIDE)?;
-        check_room(profiles as u64, rows as u64, file.size())?;
+        check_size(profiles as u64, rows as u64, file.size())?;
         let (width, height) = (profiles as u32, rows as u32);
         Ok(Self { system, width, height, transform, divisor, resolution })
     }
@@ -135,7 +135,7 @@ impl UsgsDemGrid {
 
 /// Checks the size of the file: a profile takes at least its 144-byte header, and a grid that is nearly all
 /// void is rejected.
-fn check_room(profiles: u64, rows: u64, bytes: u64) -> Result<()> {
+fn check_size(profiles: u64, rows: u64, bytes: u64) -> Result<()> {
     let least = profiles * 144;
     if least > bytes {
         return Err(Error::bad_input(format!(

@@ -27,7 +27,7 @@ pub(crate) fn levelled(
     options: &GridOpenOptions,
     open: impl FnOnce(&GridOpenOptions) -> Result<Box<dyn GridSource>>,
 ) -> Result<Box<dyn GridSource>> {
-    let cache_bytes = cache_beside(water.held(), options, ("water", water.path()))?;
+    let cache_bytes = cache_beside(water.memory_use(), options, ("water", water.path()))?;
     let inner = open(&GridOpenOptions { cache_bytes, water: None, ..options.clone() })?;
     let mut info = inner.info().clone();
     super::mask::WaterMask::new(water, &info)?;
@@ -84,7 +84,7 @@ impl GridSource for LeveledGrid {
     reads_alike!();
 
     fn block_bytes(&self) -> u64 {
-        self.inner.block_bytes() + self.water.held()
+        self.inner.block_bytes() + self.water.memory_use()
     }
 
     fn members(&self) -> Vec<PathBuf> {

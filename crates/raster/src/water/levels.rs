@@ -18,7 +18,7 @@ const SIDE: u32 = 256;
 const STATIONS: u64 = 1 << 14;
 
 /// Maximum memory for stations and a window, in bytes.
-pub(super) fn held(line_vertices: usize) -> u64 {
+pub(super) fn memory_use(line_vertices: usize) -> u64 {
     let window = u64::from(SIDE + 2).pow(2) * (size_of::<f64>() as u64 + 1);
     max_stations(line_vertices) * 64 + 2 * window
 }
@@ -181,7 +181,7 @@ impl BankLevels {
             for col in (0..width).step_by(SIDE as usize) {
                 let core = Rect::new(col, row, SIDE.min(width - col), SIDE.min(height - row));
                 if mask.may_be_in(core) {
-                    found.look_at((grid, mask, axes), core, &mut heights)?;
+                    found.examine((grid, mask, axes), core, &mut heights)?;
                 }
             }
         }
@@ -189,7 +189,7 @@ impl BankLevels {
     }
 
     /// Collects the banks of the water in `core` from the samples in and around it.
-    fn look_at(
+    fn examine(
         &mut self,
         (grid, mask, axes): (&dyn GridSource, &WaterMask, &[Option<RiverAxis>]),
         core: Rect,

@@ -200,9 +200,9 @@ impl Water {
     }
 
     /// Memory in bytes.
-    pub fn held(&self) -> u64 {
+    pub fn memory_use(&self) -> u64 {
         let [of_rings, of_lines] = [0, 1].map(|kind| self.features.at[kind].len());
-        (of_rings + of_lines) as u64 * WaterFeatures::VERTEX_BYTES + levels::held(of_lines)
+        (of_rings + of_lines) as u64 * WaterFeatures::VERTEX_BYTES + levels::memory_use(of_lines)
     }
 
     /// Edges of all polygons on a grid, from sample to sample, for breaklines of a mesh.

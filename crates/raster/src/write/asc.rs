@@ -7,9 +7,9 @@ use super::format::{GridFormat, GridWriteRequest};
 use super::rows::RowSink;
 use super::sidecar::{self, Sidecars, check_north_up, lower_left};
 use crate::grid::{GridInfo, SampleType};
-use crate::store::metadata::number;
-use crate::store::misfit::SampleMisfit;
-use crate::store::sample::{SampleCodec, StoreHeight};
+use crate::tiled_tiff::metadata::number;
+use crate::tiled_tiff::out_of_range::SampleMisfit;
+use crate::tiled_tiff::sample::{SampleCodec, TiledTiffHeight};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_files::atomic::AtomicFile;
@@ -63,7 +63,7 @@ impl AscSink {
     }
 
     /// Appends a sample and a space.
-    fn write_sample<H: StoreHeight + Display>(
+    fn write_sample<H: TiledTiffHeight + Display>(
         &self,
         height: H,
         out: &mut String,
@@ -114,7 +114,7 @@ impl RowSink for AscSink {
         &self.info
     }
 
-    fn encode_rows<H: StoreHeight + Display>(
+    fn encode_rows<H: TiledTiffHeight + Display>(
         &self,
         rect: Rect,
         heights: &[H],

@@ -12,15 +12,15 @@ use super::creation::{CreationOption, CreationOptions};
 use super::directory::{TiffDirectoryBuilder, TiffOffsets, TiffVariant};
 use super::format::{GridFormat, GridSink, GridWriteRequest};
 use super::level::{self, OverviewLevel, OverviewResampling};
-use super::packed::{PackedBlocks, beside};
+use super::packed::{PackedBlocks, temporary_path};
 use super::tiff::{self, SampleCoding, TiffImage};
 use crate::grid::{GridInfo, GridSource};
-use crate::store::HeightSlice;
-use crate::store::header::facts;
-use crate::store::metadata::{BandName, number};
-use crate::store::sample::{SampleCodec, SampleRounding, StoreHeight};
-use crate::store::tags::{TiffTagValues, tag};
-use crate::store::writer::check_room;
+use crate::tiled_tiff::HeightSlice;
+use crate::tiled_tiff::header::facts;
+use crate::tiled_tiff::metadata::{BandName, number};
+use crate::tiled_tiff::sample::{SampleCodec, SampleRounding, TiledTiffHeight};
+use crate::tiled_tiff::tags::{TiffTagValues, tag};
+use crate::tiled_tiff::writer::check_free_space;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::atomic::AtomicFile;
@@ -112,8 +112,8 @@ impl CogSink {
         let sizes = below(&creation, &image)?;
         let below: Vec<TiffImage> =
             sizes.iter().map(|&(width, height)| TiffImage { width, height, ..image }).collect();
-        check_room(path, target.file(), room(&image, &below, folder.is_some()))?;
-        let spools = beside(path, folder)?;
+        check_free_space(path, target.file(), reserved_bytes(&image, &below, folder.is_some()))?;
+        let spools = temporary_path(path, folder)?;
         let spool = || Ok::<_, Error>(Mutex::new(PackedBlocks::new(AppendWriter::spool(&spools)?)));
         let mut layers = vec![CogLevel { image, blocks: spool()?, heights: Vec::new() }];
         for image in below {
@@ -127,7 +127,7 @@ impl CogSink {
         Ok(Self { target, info, bands, creation, layers, current: 0, codec, how })
     }
 
-    fn encode_heights<H: StoreHeight>(
+    fn encode_heights<H: TiledTiffHeight>(
         &self,
         band: u32,
         rect: Rect,
@@ -156,7 +156,7 @@ impl CogSink {
 /// Disk space that is certainly needed besides the output, however well blocks compress: uncompressed blocks
 /// exist twice at the end, in the output and in the spool, which may be `elsewhere`. Heights of overviews
 /// check their space themselves.
-fn room(image: &TiffImage, below: &[TiffImage], elsewhere: bool) -> u64 {
+fn reserved_bytes(image: &TiffImage, below: &[TiffImage], elsewhere: bool) -> u64 {
     if image.coding.compression != TiffCompression::None {
         return 0;
     }

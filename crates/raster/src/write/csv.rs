@@ -6,8 +6,8 @@ use std::sync::Mutex;
 use super::format::{GridFormat, GridSink, GridWriteOptions, GridWriteRequest};
 use super::sidecar::{self, Sidecars};
 use crate::grid::{GridInfo, SampleType};
-use crate::store::HeightSlice;
-use crate::store::sample::{SampleCodec, StoreHeight};
+use crate::tiled_tiff::HeightSlice;
+use crate::tiled_tiff::sample::{SampleCodec, TiledTiffHeight};
 use terrane_base::error::Result;
 use terrane_base::geom::{Affine, Rect};
 use terrane_files::atomic::AtomicFile;
@@ -75,7 +75,7 @@ impl CsvSink {
     }
 
     /// Values of a band, one per line; for the first band after the coordinates. Voids are empty.
-    fn column<H: StoreHeight + Display>(
+    fn column<H: TiledTiffHeight + Display>(
         &self,
         band: u32,
         rect: Rect,

@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use crate::store::tags::TiffTagValues;
+use crate::tiled_tiff::tags::TiffTagValues;
 
 /// TIFF variant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

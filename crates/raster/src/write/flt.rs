@@ -7,8 +7,8 @@ use super::format::{GridFormat, GridWriteRequest};
 use super::rows::RowSink;
 use super::sidecar::{self, Sidecars, check_north_up, lower_left};
 use crate::grid::{GridInfo, SampleType};
-use crate::store::metadata::number;
-use crate::store::sample::{SampleCodec, StoreHeight};
+use crate::tiled_tiff::metadata::number;
+use crate::tiled_tiff::sample::{SampleCodec, TiledTiffHeight};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::atomic::AtomicFile;
@@ -86,7 +86,7 @@ impl RowSink for FltSink {
         &self.info
     }
 
-    fn encode_rows<H: StoreHeight + Display>(
+    fn encode_rows<H: TiledTiffHeight + Display>(
         &self,
         rect: Rect,
         heights: &[H],

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use super::creation::{CreationOption, CreationOptions};
 use crate::grid::{GridInfo, GridSource, SampleType};
-use crate::store::HeightSlice;
-use crate::store::metadata::BandName;
+use crate::tiled_tiff::HeightSlice;
+use crate::tiled_tiff::metadata::BandName;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_base::registry::RegistryEntry;

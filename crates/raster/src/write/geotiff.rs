@@ -12,10 +12,10 @@ use super::format::{GridFormat, GridSink, GridWriteRequest};
 use super::packed::PackedBlocks;
 use super::tiff::{self, SampleCoding, TiffImage};
 use crate::grid::GridInfo;
-use crate::store::HeightSlice;
-use crate::store::header::facts;
-use crate::store::sample::SampleCodec;
-use crate::store::writer::check_room;
+use crate::tiled_tiff::HeightSlice;
+use crate::tiled_tiff::header::facts;
+use crate::tiled_tiff::sample::SampleCodec;
+use crate::tiled_tiff::writer::check_free_space;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::atomic::AtomicFile;
@@ -85,7 +85,7 @@ impl GeoTiffSink {
         };
         let form = tiff::form(&order.creation, exact, plain)?;
         let target = AtomicFile::create(order.path, order.options.overwrite)?;
-        check_room(target.path(), target.file(), exact.unwrap_or(0))?;
+        check_free_space(target.path(), target.file(), exact.unwrap_or(0))?;
         let blocks = PackedBlocks::new(AppendWriter::of(&target, front(&directory, form))?);
         let codec = order.codec(&info);
         Ok(Self { target, info, image, codec, directory, form, blocks: Mutex::new(blocks) })

@@ -5,12 +5,12 @@ use std::fmt::Display;
 
 use ::png::{BitDepth, ColorType};
 
-use super::canvas::PngCanvas;
 use super::format::GridWriteRequest;
+use super::png_picture::PngCanvas;
 use super::rows::RowSink;
 use super::sidecar;
 use crate::grid::{GridInfo, SampleType};
-use crate::store::sample::{SampleCodec, StoreHeight, stored_nodata};
+use crate::tiled_tiff::sample::{SampleCodec, TiledTiffHeight, stored_nodata};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 
@@ -64,7 +64,7 @@ impl RowSink for GraySink {
         &self.info
     }
 
-    fn encode_rows<H: StoreHeight + Display>(
+    fn encode_rows<H: TiledTiffHeight + Display>(
         &self,
         rect: Rect,
         heights: &[H],

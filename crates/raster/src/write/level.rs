@@ -3,11 +3,11 @@
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use super::packed::beside;
+use super::packed::temporary_path;
 use crate::grid::{GridInfo, GridSource, SampleType};
-use crate::store::sample::StoreHeight;
-use crate::store::writer::set_length;
 use crate::strided::{StridedGrid, StridedLayout};
+use crate::tiled_tiff::sample::TiledTiffHeight;
+use crate::tiled_tiff::writer::set_length;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::RawFile;
@@ -49,7 +49,7 @@ impl OverviewLevel {
         let kind = if single { SampleType::F32 } else { SampleType::F64 };
         let info = GridInfo::plain("overview", width, height, kind);
         let bytes = u64::from(width) * u64::from(height) * kind.bytes() as u64;
-        let folder = beside(path, folder)?;
+        let folder = temporary_path(path, folder)?;
         let file = nameless(&folder)?;
         set_length(&folder, &file, bytes)?;
         Ok(Self { file, info, path: folder })
@@ -57,7 +57,7 @@ impl OverviewLevel {
 
     /// Stores the downsampled heights of `rect`, a block of the level above that begins at an even column and
     /// row. May be called from any thread and in any order.
-    pub(super) fn put<H: StoreHeight>(
+    pub(super) fn put<H: TiledTiffHeight>(
         &self,
         rect: Rect,
         heights: &[H],
@@ -91,7 +91,7 @@ impl OverviewLevel {
 }
 
 /// Rows of `width` heights downsampled by two; a last odd column or row is used alone.
-fn halve<H: StoreHeight>(heights: &[H], width: usize, how: OverviewResampling) -> Vec<f64> {
+fn halve<H: TiledTiffHeight>(heights: &[H], width: usize, how: OverviewResampling) -> Vec<f64> {
     let mut halved = Vec::with_capacity(heights.len() / 4 + width);
     for rows in heights.chunks(2 * width) {
         let (upper, lower) = rows.split_at(width);
@@ -107,7 +107,7 @@ fn halve<H: StoreHeight>(heights: &[H], width: usize, how: OverviewResampling) -
 }
 
 #[inline(always)]
-fn mean<H: StoreHeight>(upper: &[H], lower: &[H]) -> f64 {
+fn mean<H: TiledTiffHeight>(upper: &[H], lower: &[H]) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for height in upper.iter().chain(lower).filter(|height| !height.is_void()) {
         sum += height.to_f64();

@@ -5,7 +5,6 @@
 //! created atomically.
 
 mod asc;
-mod canvas;
 mod cog;
 mod compress;
 mod creation;
@@ -19,12 +18,13 @@ mod level;
 mod packed;
 mod picture;
 mod png;
+mod png_picture;
 mod predict;
 mod rows;
 mod sidecar;
-mod store;
 mod target;
 mod tiff;
+mod tiled_tiff;
 
 use std::path::Path;
 
@@ -33,8 +33,8 @@ pub use format::{GridFormat, GridSink, GridWriteOptions};
 
 use self::format::GridWriteRequest;
 use crate::grid::GridInfo;
-pub use crate::store::metadata::BandName;
-use crate::store::writer::refuse_old_sidecars;
+pub use crate::tiled_tiff::metadata::BandName;
+use crate::tiled_tiff::writer::refuse_old_sidecars;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_base::registry;
@@ -45,7 +45,7 @@ use terrane_files::format::FileFormat;
 pub const FORMATS: &[GridFormat] = &[
     geotiff::FORMAT,
     cog::FORMAT,
-    store::FORMAT,
+    tiled_tiff::FORMAT,
     asc::FORMAT,
     flt::FORMAT,
     png::FORMAT,

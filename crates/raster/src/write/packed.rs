@@ -6,7 +6,7 @@ use terrane_base::error::{Error, Result};
 use terrane_files::{AppendWriter, atomic, folder_for};
 
 /// Folder for temporary files of the output at `path`, with symbolic links resolved.
-pub(super) fn beside(path: &Path, folder: Option<&Path>) -> Result<PathBuf> {
+pub(super) fn temporary_path(path: &Path, folder: Option<&Path>) -> Result<PathBuf> {
     Ok(folder_for(&atomic::resolve(path)?, folder).to_path_buf())
 }
 

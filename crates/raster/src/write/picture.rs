@@ -4,11 +4,11 @@ use std::sync::Mutex;
 
 use ::png::{BitDepth, ColorType};
 
-use super::canvas::PngCanvas;
 use super::format::{GridSink, GridWriteRequest};
+use super::png_picture::PngCanvas;
 use crate::grid::{GridInfo, SampleType};
-use crate::store::HeightSlice;
-use crate::store::sample::{SampleCodec, StoreHeight};
+use crate::tiled_tiff::HeightSlice;
+use crate::tiled_tiff::sample::{SampleCodec, TiledTiffHeight};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::lock;
@@ -42,7 +42,7 @@ impl PictureSink {
         Ok(Self { canvas, info, codec, bands: bands as usize, ready })
     }
 
-    fn encode_bytes<H: StoreHeight>(
+    fn encode_bytes<H: TiledTiffHeight>(
         &self,
         rect: Rect,
         heights: &[H],

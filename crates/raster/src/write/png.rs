@@ -5,17 +5,17 @@ use std::fmt::Display;
 
 use ::png::{BitDepth, ColorType};
 
-use super::canvas::PngCanvas;
 use super::creation::Accepts::Words;
 use super::creation::CreationOption;
 use super::format::{GridFormat, GridWriteRequest};
 use super::gray::{self, GraySink};
 use super::picture::PictureSink;
+use super::png_picture::PngCanvas;
 use super::rows::RowSink;
 use super::sidecar;
 use crate::grid::{GridInfo, SampleType};
 use crate::png::{PACKINGS, RgbHeightEncoding};
-use crate::store::sample::StoreHeight;
+use crate::tiled_tiff::sample::TiledTiffHeight;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 
@@ -103,7 +103,7 @@ impl PngSink {
     }
 
     /// Encodes a height as red, green, blue and full opacity.
-    fn pack<H: StoreHeight>(&self, height: H) -> Result<[u8; 4]> {
+    fn pack<H: TiledTiffHeight>(&self, height: H) -> Result<[u8; 4]> {
         let height = height.to_f64();
         let wanted = (height - self.packing.offset) / self.packing.scale;
         let step = wanted.round();
@@ -155,7 +155,7 @@ impl RowSink for PngSink {
         &self.info
     }
 
-    fn encode_rows<H: StoreHeight + Display>(
+    fn encode_rows<H: TiledTiffHeight + Display>(
         &self,
         rect: Rect,
         heights: &[H],

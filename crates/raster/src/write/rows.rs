@@ -4,8 +4,8 @@ use std::fmt::Display;
 
 use super::format::GridSink;
 use crate::grid::GridInfo;
-use crate::store::HeightSlice;
-use crate::store::sample::StoreHeight;
+use crate::tiled_tiff::HeightSlice;
+use crate::tiled_tiff::sample::TiledTiffHeight;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 
@@ -17,7 +17,7 @@ pub(super) trait RowSink: Send + Sync {
     fn info(&self) -> &GridInfo;
 
     /// Encodes the rows of `rect` into `out`, which is empty.
-    fn encode_rows<H: StoreHeight + Display>(
+    fn encode_rows<H: TiledTiffHeight + Display>(
         &self,
         rect: Rect,
         heights: &[H],

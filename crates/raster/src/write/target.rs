@@ -3,7 +3,7 @@
 
 use super::format::GridWriteRequest;
 use crate::grid::{GridInfo, SampleType};
-use crate::store::sample::{SampleCodec, SampleRounding, stored_nodata};
+use crate::tiled_tiff::sample::{SampleCodec, SampleRounding, stored_nodata};
 use terrane_base::error::{Error, Result};
 
 /// Default nodata value for formats that require one.

@@ -6,9 +6,9 @@ use super::creation::{CreationOption, CreationOptions};
 use super::directory::{TiffDirectoryBuilder, TiffVariant};
 use super::predict;
 use crate::grid::SampleType;
-use crate::store::header::sample_tags;
-use crate::store::sample::{SampleCodec, StoreHeight};
-use crate::store::tags::{TiffTagValues, tag};
+use crate::tiled_tiff::header::sample_tags;
+use crate::tiled_tiff::sample::{SampleCodec, TiledTiffHeight};
+use crate::tiled_tiff::tags::{TiffTagValues, tag};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_base::limits;
@@ -180,7 +180,7 @@ impl TiffImage {
     }
 
     /// Encodes the block of the heights of `rect` into `out`; tiles are padded with voids.
-    pub(super) fn encode<H: StoreHeight>(
+    pub(super) fn encode<H: TiledTiffHeight>(
         &self,
         codec: &SampleCodec,
         rect: Rect,

@@ -42,14 +42,14 @@ fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
 fn read(path: &Path, options: &GridOpenOptions) -> Result<StridedGrid> {
     only_band(options.band)?;
     let file = RawFile::open(path)?;
-    let survey = XyzSurvey::of(&file)?;
+    let survey = XyzScan::of(&file)?;
     let grid = survey.grid(file.size())?;
     let spool = grid.spool(&file, SampleSpool::new(path, options.temp_dir.as_deref())?)?;
     let order = if grid.by_column { "by column" } else { "by row" };
     let info = GridInfo {
         transform: grid.transform(),
         georeferenced: true,
-        crs: prj::beside(path)?,
+        crs: prj::sidecar_crs(path)?,
         nodata: options.nodata,
         details: vec![
             ("compression".to_owned(), "none (text)".to_owned()),
@@ -105,7 +105,7 @@ impl XyzRange {
 }
 
 /// Result of the first pass.
-struct XyzSurvey {
+struct XyzScan {
     points: u64,
     by_column: bool,
     /// True if the first change of row is to the north.
@@ -116,7 +116,7 @@ struct XyzSurvey {
     heights: XyzRange,
 }
 
-impl XyzSurvey {
+impl XyzScan {
     fn of(file: &RawFile) -> Result<Self> {
         let mut points = XyzPointReader::new(file)?;
         let mut survey = Self {

@@ -77,7 +77,7 @@ impl Hierarchy {
     }
 
     /// Number of vertices that [`filter`](Self::filter) appends, at the same cost.
-    pub fn kept(&self, tolerance: f64) -> usize {
+    pub fn vertices_at(&self, tolerance: f64) -> usize {
         let square = tolerance * tolerance;
         let above = |block: &[f64]| block.iter().filter(|own| **own > square).count();
         let inner: usize = self.above(square).map(|(_, block)| above(block)).sum();

@@ -17,7 +17,7 @@ mod regions;
 pub mod registry;
 pub mod ring;
 mod scratch;
-pub mod squares;
+pub mod tiles;
 pub mod topology;
 pub mod visvalingam;
 pub mod wedge;

@@ -201,7 +201,7 @@ fn tangents(v: Xy, k: Xy, tolerance: f64) -> [Xy; 2] {
 impl<V, L: WedgeView<V>> DiscWedge<V, L> {
     /// The vertex at `v` beside the ray in direction `ray`.
     #[inline(always)]
-    fn beside(ray: Xy, v: Xy, k: Xy) -> RayOffset {
+    fn ray_offset(ray: Xy, v: Xy, k: Xy) -> RayOffset {
         if L::IS_UNIFORM {
             return RayOffset { left: cross(ray, v), ahead: dot(ray, v) };
         }
@@ -233,7 +233,7 @@ impl<V, L: WedgeView<V>> DiscWedge<V, L> {
         if dot(v, v) <= reach * reach {
             return true;
         }
-        let [left, right] = rays.map(|ray| Self::beside(ray, v, k));
+        let [left, right] = rays.map(|ray| Self::ray_offset(ray, v, k));
         let meets = |ray: RayOffset| ray.ahead > 0.0 && ray.left.abs() <= reach;
         let tangents = tangents(v, k, reach);
         let met = [meets(left), meets(right)];
@@ -291,7 +291,7 @@ impl<V: Copy, L: WedgeView<V>> Wedge<V> for DiscWedge<V, L> {
             }
             return WedgeStep::Ends;
         };
-        let (left, right) = (Self::beside(rays[0], v, k), Self::beside(rays[1], v, k));
+        let (left, right) = (Self::ray_offset(rays[0], v, k), Self::ray_offset(rays[1], v, k));
         let is_ahead = left.ahead + right.ahead >= 0.0;
         let ends = left.left <= slack && right.left >= -slack && is_ahead;
         if left.ahead > 0.0 && right.ahead > 0.0 {
@@ -324,7 +324,7 @@ impl<V: Copy, L: WedgeView<V>> Wedge<V> for DiscWedge<V, L> {
             return if is_inside { 0.0 } else { 1.0 };
         }
         let slack = SLACK * (v[0].abs() + v[1].abs());
-        let (left, right) = (Self::beside(rays[0], v, k), Self::beside(rays[1], v, k));
+        let (left, right) = (Self::ray_offset(rays[0], v, k), Self::ray_offset(rays[1], v, k));
         let beside = larger(left.left, -right.left) - slack;
         if !L::IS_UNIFORM && k[0] <= 0.0 { 0.0 } else { beside }
     }

@@ -1,6 +1,6 @@
 //! Buildings: at most one on each lot, turned, with a flat or gabled roof.
 
-use super::dice::SurveyRandom;
+use super::random::PulseRandom;
 use super::spline::Spline;
 
 /// Metres of the side of a lot.
@@ -38,7 +38,7 @@ impl Building {
         self.roof(x, y).unwrap_or(self.eaves)
     }
 
-    fn new(col: u64, row: u64, mut dice: SurveyRandom, ground: &Spline) -> Option<Self> {
+    fn new(col: u64, row: u64, mut dice: PulseRandom, ground: &Spline) -> Option<Self> {
         let ([long, wide, right, up], [tall, steep, gable, turn]) = (dice.four(), dice.four());
         let centre = [(col, right), (row, up)]
             .map(|(lot, share)| (lot as f64 + 0.5) * LOT + 8.0 * (share - 0.5));
@@ -79,7 +79,7 @@ impl Town {
         let (cols, rows) = (lot(x0)..lot(x1), lot(y0)..lot(y1));
         let build = |col: u64, row: u64| {
             let (x, y) = ((col as f64 + 0.5) * LOT, (row as f64 + 0.5) * LOT);
-            let dice = SurveyRandom(key ^ (col << 32 | row));
+            let dice = PulseRandom(key ^ (col << 32 | row));
             is_town(x, y).then(|| Building::new(col, row, dice, ground)).flatten()
         };
         let (first, width) = ([cols.start, rows.start], (cols.end - cols.start) as usize);

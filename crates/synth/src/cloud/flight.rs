@@ -1,6 +1,6 @@
 //! Where the aircraft flies and its pulses go: lines, scan lines, and the parts of both.
 
-use super::dice::SurveyRandom;
+use super::random::PulseRandom;
 use super::survey::LidarSurvey;
 use crate::hash::mix64;
 
@@ -91,7 +91,7 @@ pub(super) struct FlightLeg<'a> {
 pub(super) struct LaserPulse {
     pub(super) x: f64,
     pub(super) y: f64,
-    pub(super) dice: SurveyRandom,
+    pub(super) dice: PulseRandom,
     /// A number from 0 up to 1.
     pub(super) luck: f64,
     pub(super) time: f64,
@@ -154,7 +154,7 @@ impl FlightLeg<'_> {
         let key = mix64(survey.key(1) ^ mix64(self.line << 32 | scan));
         for k in 0..within.end - within.start {
             let pulse = if eastward { within.start + k } else { within.end - 1 - k };
-            let shot = self.shot(scan, pulse, eastward, SurveyRandom(key ^ pulse));
+            let shot = self.shot(scan, pulse, eastward, PulseRandom(key ^ pulse));
             if (0.0..survey.width).contains(&shot.x) && (0.0..survey.height).contains(&shot.y) {
                 each(shot);
             }
@@ -163,7 +163,7 @@ impl FlightLeg<'_> {
 
     /// The pulse of a number from the west. It strays from its place by up to 0.4 of a step.
     #[inline(always)]
-    fn shot(&self, scan: u64, pulse: u64, eastward: bool, mut dice: SurveyRandom) -> LaserPulse {
+    fn shot(&self, scan: u64, pulse: u64, eastward: bool, mut dice: PulseRandom) -> LaserPulse {
         let flight = self.flight;
         let bits = dice.bits();
         let [right, ahead] = [0, 16].map(|at| f64::from((bits >> at) as u16) * (1.0 / 65_536.0));

@@ -11,11 +11,11 @@
 //! ends at 3.5 times its deviation) and half a step of z.
 
 mod building;
-mod dice;
 mod flight;
-mod land;
+mod landscape;
 mod name;
 mod pulse;
+mod random;
 mod spline;
 mod survey;
 
@@ -24,7 +24,7 @@ pub use pulse::{BUILDING, GROUND, HIGH_NOISE, LOW_NOISE, SimulatedReturn};
 pub use survey::LidarSurvey;
 
 use flight::Flight;
-use land::LandscapeWindow;
+use landscape::LandscapeWindow;
 
 impl LidarSurvey {
     /// How many parts there are.
@@ -62,7 +62,7 @@ impl LidarSurvey {
     /// samples of a rough terrain a fixed number of metres apart, twice continuously differentiable.
     /// For many places use [`ground_rows`](Self::ground_rows): this costs some microseconds.
     pub fn ground(&self, x: f64, y: f64) -> f64 {
-        land::ground(self, [x, y, x, y]).at(x, y)
+        landscape::ground(self, [x, y, x, y]).at(x, y)
     }
 
     /// Heights of the ground at the crossings of `xs` and `ys`, row by row: the same numbers as from
@@ -75,7 +75,7 @@ impl LidarSurvey {
             return Vec::new();
         }
         let ([x0, x1], [y0, y1]) = (span(xs), span(ys));
-        let ground = land::ground(self, [x0, y0, x1, y1]);
+        let ground = landscape::ground(self, [x0, y0, x1, y1]);
         ys.iter().flat_map(|y| xs.iter().map(|x| ground.at(*x, *y))).collect()
     }
 }

@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::LidarSurvey;
 use crate::SynthParameter;
-use crate::words::{GivenSynthParameter, NameGrammar};
+use crate::parameters::{GivenSynthParameter, NameGrammar};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::REACH;
 

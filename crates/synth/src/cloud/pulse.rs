@@ -1,8 +1,8 @@
 //! What comes back of one pulse.
 
-use super::dice::SurveyRandom;
 use super::flight::LaserPulse;
-use super::land::{LandscapeWindow, PulseTarget};
+use super::landscape::{LandscapeWindow, PulseTarget};
+use super::random::PulseRandom;
 use super::survey::LidarSurvey;
 use terrane_base::geom::Point;
 
@@ -137,7 +137,7 @@ fn place_of(
     [x, y]: [i32; 2],
     [ground, tangent]: [f64; 2],
     hit: PulseReturn,
-    dice: &mut SurveyRandom,
+    dice: &mut PulseRandom,
 ) -> Point {
     let shift = (hit.above * tangent * land.by_metre) as i32;
     let nearer = if hit.class == GROUND || hit.class == BUILDING { x } else { x - shift };
@@ -151,7 +151,7 @@ fn whole(land: &LandscapeWindow, z: f64) -> i32 {
     ((z * land.by_metre + (LIFT as f64 + 0.5)) as i64 - LIFT) as i32
 }
 
-fn intensity(class: u8, dice: &mut SurveyRandom) -> u16 {
+fn intensity(class: u8, dice: &mut PulseRandom) -> u16 {
     let base = match class {
         GROUND => 400,
         BUILDING => 700,
@@ -166,7 +166,7 @@ fn stray(
     at: [i32; 2],
     ground: f64,
     template: SimulatedReturn,
-    dice: &mut SurveyRandom,
+    dice: &mut PulseRandom,
 ) -> SimulatedReturn {
     let [kind, size, strength, _] = dice.four();
     let (class, above, withheld) = match kind {
@@ -190,7 +190,7 @@ fn vegetation(above: f64) -> PulseReturn {
 }
 
 /// A crown gives one to four returns; the last one is mostly of the ground.
-fn through_crown(height: f64, dice: &mut SurveyRandom) -> PulseReturns {
+fn through_crown(height: f64, dice: &mut PulseRandom) -> PulseReturns {
     let [count, through, top, depth] = dice.four();
     let first = vegetation(height * (1.0 - 0.1 * top));
     let more = match count {
@@ -212,7 +212,7 @@ fn through_crown(height: f64, dice: &mut SurveyRandom) -> PulseReturns {
 }
 
 /// Between crowns there are shrubs here and there.
-fn through_undergrowth(dice: &mut SurveyRandom) -> PulseReturns {
+fn through_undergrowth(dice: &mut PulseRandom) -> PulseReturns {
     let [is_there, height, through, _] = dice.four();
     if is_there >= 0.25 {
         return PulseReturns::one(ON_GROUND);

@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::{LineFamily, SHAPES, SyntheticLines};
 use crate::SynthParameter;
-use crate::words::{GivenSynthParameter, NameGrammar};
+use crate::parameters::{GivenSynthParameter, NameGrammar};
 use terrane_base::error::Result;
 use terrane_base::registry::{RegistryEntry, find, named};
 

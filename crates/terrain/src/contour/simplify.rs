@@ -6,7 +6,7 @@ use terrane_base::geom::{Affine, Rect};
 use terrane_engine::Cancel;
 use terrane_line::cone::cone;
 use terrane_line::topology::{
-    Chains, KeptChainVertices, UntangleOptions, open_at, refining, untangle,
+    Chains, RetainedChainVertices, UntangleOptions, open_at, refining, untangle,
 };
 use terrane_line::{
     DistanceMetric, GeographicMetric, LocatedVertex, PlaneMetric, SimplifyScratch, Xy, ring,
@@ -53,7 +53,7 @@ struct TileChains {
     starts: Vec<usize>,
     closed: Vec<bool>,
     /// What is kept of each chain.
-    kept: KeptChainVertices,
+    kept: RetainedChainVertices,
     /// True for a chain that continues the line of the one before it.
     goes_on: Vec<bool>,
 }
@@ -74,8 +74,11 @@ impl Simplifier {
         tiles: ContourTiles,
         cancel: &Cancel,
     ) -> Result<&WindowContours> {
-        let mut input =
-            TileChains { starts: vec![0], kept: KeptChainVertices::new(), ..TileChains::default() };
+        let mut input = TileChains {
+            starts: vec![0],
+            kept: RetainedChainVertices::new(),
+            ..TileChains::default()
+        };
         for (index, line) in lines.lines.iter().enumerate() {
             cancel.check()?;
             let vertices = lines.of(index);
@@ -145,7 +148,12 @@ impl Simplifier {
     }
 
     /// Fills `lines` with the kept vertices of those given.
-    fn collect(&mut self, lines: &WindowContours, input: &TileChains, kept: &KeptChainVertices) {
+    fn collect(
+        &mut self,
+        lines: &WindowContours,
+        input: &TileChains,
+        kept: &RetainedChainVertices,
+    ) {
         self.lines.clear();
         let mut originals = lines.lines.iter();
         for (chain, goes_on) in input.goes_on.iter().enumerate() {

@@ -3,7 +3,7 @@
 use super::job::{ContourJob, ContourReport, INDEX};
 use super::join::{ContourPieces, JoinedContour};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_engine::figures::RunStatistics;
+use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::{Cancel, Progress};
 use terrane_raster::GridInfo;
 use terrane_vector::{

@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::warp::lattice::LatticeOptions;
+use crate::warp::output_grid::LatticeOptions;
 use terrane_base::error::Result;
 use terrane_base::registry;
 use terrane_engine::Resources;
-use terrane_engine::figures::RunStatistics;
 use terrane_engine::options::{
     FileOutput, FiniteOrNan, GridInput, GridOutput, Reprojection, SampleTypeName,
 };
+use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::transform::Transformed;
 use terrane_files::{beside_grid, path_of};
 use terrane_options::{ChoiceName, Json, OptionCodec, OptionKind, OptionRule, Options};

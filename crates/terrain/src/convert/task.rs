@@ -9,7 +9,7 @@ use terrane_base::geom::Rect;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::{lock, wait};
 use terrane_raster::GridSource;
-use terrane_raster::store::HeightSlice;
+use terrane_raster::tiled_tiff::HeightSlice;
 use terrane_raster::write::GridSink;
 
 /// The units of work, along rows of blocks: blocks, or some rows of one each.

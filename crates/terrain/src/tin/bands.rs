@@ -4,12 +4,12 @@
 use std::path::Path;
 use std::time::Instant;
 
+use super::baseline::{self, StageTimes, WholeGridMethod, surface};
 use super::goal::TinGoal;
 use super::job::TinJob;
 use super::make::{OpenedTinJob, TinMaker, VertexExtras, in_input, options};
 use super::report::TinReport;
 use super::run::TinOutcome;
-use super::textbook::{self, StageTimes, WholeGridMethod, surface};
 use super::window::HeightBuffers;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point3, Rect};
@@ -34,18 +34,18 @@ pub fn run_bands(
 ) -> Result<TinReport> {
     let started = Instant::now();
     job.goal.check()?;
-    textbook::refuse_water(job, "for several bands")?;
+    baseline::refuse_water(job, "for several bands")?;
     refuse_existing(&job.output, job.overwrite)?;
     let named = |error| in_input(error, &job.input);
     let mut opened = OpenedTinJob::with(job, || open(job, bands).map_err(named))?;
     let kinds = kinds(job, bands).map_err(named)?;
     // By their types alone first: a format without room for them fails before all is read.
-    opened.carried = carried(bands, &kinds);
+    opened.carried = extras(bands, &kinds);
     opened.format.check_channels(&opened.carried.channels)?;
     let maker = TinMaker { job, opened: &opened, progress, cancel };
     let picture =
         maker.check_output().and_then(|()| BandValues::read(&maker, bands)).map_err(named)?;
-    opened.carried = carried(bands, &picture.kinds(kinds));
+    opened.carried = extras(bands, &picture.kinds(kinds));
     let maker = TinMaker { job, opened: &opened, progress, cancel };
     let mut report = picture.make(&maker, bands).map_err(named)?;
     report.took(started.elapsed());
@@ -55,12 +55,12 @@ pub fn run_bands(
 /// Opens the band of heights, or else the first; fails if all bands do not fit into memory.
 fn open(job: &TinJob, bands: &MeshBands) -> Result<memory::Opened> {
     let options = options(job)?;
-    let all = memory::look_at(&job.input, &MeshBands::options(1, &options))?;
+    let all = memory::open_for_estimate(&job.input, &MeshBands::options(1, &options))?;
     bands.check(all.info()).map_err(|e| e.in_file(Path::new(&job.input.to_string())))?;
     drop(all);
     let (first, _) = bands.list()[0];
     let whole = whole(bands);
-    textbook::open(job, &MeshBands::options(bands.heights().unwrap_or(first), &options), &whole)
+    baseline::open(job, &MeshBands::options(bands.heights().unwrap_or(first), &options), &whole)
 }
 
 /// Bytes for a sample while a band is read.
@@ -76,12 +76,14 @@ fn whole(bands: &MeshBands) -> WholeGridMethod {
 fn kinds(job: &TinJob, bands: &MeshBands) -> Result<Vec<ChannelKind>> {
     let options = options(job)?;
     let look = |&(band, _): &(u32, f64)| {
-        Ok(kind_of(memory::look_at(&job.input, &MeshBands::options(band, &options))?.info()))
+        Ok(kind_of(
+            memory::open_for_estimate(&job.input, &MeshBands::options(band, &options))?.info(),
+        ))
     };
     bands.list().iter().map(look).collect()
 }
 
-fn carried(bands: &MeshBands, kinds: &[ChannelKind]) -> VertexExtras {
+fn extras(bands: &MeshBands, kinds: &[ChannelKind]) -> VertexExtras {
     let numbers = bands.list().iter().map(|(band, _)| *band);
     let stored: Vec<_> = numbers.zip(kinds.iter().copied()).collect();
     let channels = VertexChannel::of_bands(&stored);
@@ -127,7 +129,7 @@ impl BandValues {
         let drawn = stages.time(maker, "method", || {
             let pulse = || maker.cancel.check();
             WeightedChannels::new(size, &planes, &weights)?
-                .triangulate(textbook::asked(goal), &pulse)
+                .triangulate(baseline::baseline_goal(goal), &pulse)
         })?;
         let [vertices, triangles] =
             [drawn.vertices.len(), drawn.triangles.len()].map(|count| count as u64);
@@ -192,7 +194,7 @@ fn read(maker: &TinMaker<'_>, band: u32) -> Result<Vec<f64>> {
             let options = MeshBands::options(band, &options(job)?);
             let resources = Resources { threads: 1, ..job.resources.clone() };
             let samples = u64::from(info.width) * u64::from(info.height);
-            let held = samples * textbook::READ_BYTES;
+            let held = samples * baseline::READ_BYTES;
             Some(memory::open(&job.input, &options, &resources, held)?.0)
         }
     };
@@ -204,7 +206,7 @@ fn read(maker: &TinMaker<'_>, band: u32) -> Result<Vec<f64>> {
     }
     let mut window = HeightBuffers::default();
     window.read(source, Rect::new(0, 0, info.width, info.height))?;
-    Ok(textbook::all_heights(&window))
+    Ok(baseline::all_heights(&window))
 }
 
 /// Values of the bands at vertices.
@@ -254,6 +256,6 @@ impl VertexValues<'_> {
             self.planes.iter().map(move |plane| plane[place])
         };
         let is_mirrored = to_world.determinant() < 0.0;
-        textbook::write((&drawn.vertices, &drawn.triangles), position, values, sink, is_mirrored)
+        baseline::write((&drawn.vertices, &drawn.triangles), position, values, sink, is_mirrored)
     }
 }

@@ -5,15 +5,15 @@ use std::path::Path;
 use super::goal::TinGoal;
 use super::layout::{TileLayout, checked_tile};
 use super::make::{MeshOrigin, header, in_input, open_tiled};
-use super::refinement::Refinement;
-use super::report::{FlawReport, unmet};
+use super::refinement::TinMethod;
+use super::report::{FlawReport, shortfall};
 use super::run::TinOutcome;
-use super::seek::{TinSeeker, run_stage};
 use super::settings::TinSettings;
+use super::tolerance_search::{TinSeeker, run_stage};
 use terrane_base::error::Result;
-use terrane_engine::kept::ConstraintFeatures;
+use terrane_engine::constraints::ConstraintFeatures;
 use terrane_engine::memory::{self, MemoryShares};
-use terrane_engine::{Cancel, Progress, Resources, beside};
+use terrane_engine::{Cancel, Progress, Resources, feature_files};
 use terrane_mesh::{MeshHeader, MeshSink};
 use terrane_raster::{GridOpenOptions, GridSource, Inputs, NorthUpGrid};
 use terrane_tin::TinSpec;
@@ -24,7 +24,7 @@ pub struct BuildJob<'a> {
     /// The goal of the mesh.
     pub goal: TinGoal,
     /// Options of refinement.
-    pub refinement: &'a Refinement,
+    pub refinement: &'a TinMethod,
     /// Cells along a tile's side.
     pub tile: u32,
     /// Resources of the job, without those of the source and the sink.
@@ -124,9 +124,9 @@ fn build_within(
     let (tolerance, _) = TinSeeker { source, layout, settings }.tolerance(job.goal)?;
     let settings = TinSettings { spec: TinSpec { tolerance, ..settings.spec }, ..settings };
     let outcome = run_stage("triangulate", source, sink, layout, &settings)?;
-    let [clip, water] = [clip, water].map(|path| path.map(beside::label));
+    let [clip, water] = [clip, water].map(|path| path.map(feature_files::label));
     let from = MeshOrigin { input: info.format, clip, water, refinement: job.refinement };
     let flaws = |flaws| Some(FlawReport::of(flaws, &info.transform));
-    let unmet = unmet(flaws(outcome.thin), flaws(outcome.apart), job.refinement.min_angle);
+    let unmet = shortfall(flaws(outcome.thin), flaws(outcome.apart), job.refinement.min_angle);
     Ok(BuildOutcome { tolerance, outcome, unmet, header: header(info, from, &settings.spec, 0.0) })
 }

@@ -118,12 +118,12 @@ impl<'a> SizeEstimator<'a> {
     }
 
     fn sizes(&mut self, spec: &TinSpec) -> Result<Vec<(u64, MeshSize)>> {
-        self.look(spec, &[spec.tolerance])?;
+        self.measure(spec, &[spec.tolerance])?;
         Ok(self.known.get(&spec.tolerance.to_bits()).cloned().unwrap_or_default())
     }
 
     /// Triangulates the tiles at tolerances without a result.
-    fn look(&mut self, spec: &TinSpec, tolerances: &[f64]) -> Result<()> {
+    fn measure(&mut self, spec: &TinSpec, tolerances: &[f64]) -> Result<()> {
         let is_new = |tolerance: &&f64| !self.known.contains_key(&tolerance.to_bits());
         let new: Vec<f64> = tolerances.iter().filter(is_new).copied().collect();
         let (count, mut made) = (self.tiles.len() as u64, Vec::new());
@@ -189,7 +189,7 @@ impl<'a> SizeEstimator<'a> {
             // Small tolerances take longest and come first: where a thread is free it looks at what is next then.
             let next = f64::midpoint(middle, high);
             let is_free = self.threads > self.tiles.len();
-            self.look(spec, &[middle.exp(), next.exp()][..1 + usize::from(is_free)])?;
+            self.measure(spec, &[middle.exp(), next.exp()][..1 + usize::from(is_free)])?;
             let size = self.size(&TinSpec { tolerance: middle.exp(), ..*spec })?;
             if count(size) as f64 > budget { low = middle } else { high = middle }
         }

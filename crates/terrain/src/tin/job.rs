@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use super::goal::TinGoal;
 use super::layout::USUAL_TILE;
-use super::refinement::Refinement;
+use super::refinement::TinMethod;
 use terrane_engine::Resources;
+use terrane_engine::local_frame::LocalFrame;
 use terrane_engine::options::GridInput;
-use terrane_engine::placing::Placing;
 use terrane_engine::transform::TargetCrs;
 use terrane_raster::Inputs;
 
@@ -41,7 +41,7 @@ pub struct TinJob {
     pub base: Option<f64>,
     /// Placement in formats with model coordinates.
     #[serde(skip)]
-    pub placing: Placing,
+    pub placing: LocalFrame,
     /// Target CRS; that of the grid when `None`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transform: Option<TargetCrs>,
@@ -50,7 +50,7 @@ pub struct TinJob {
     pub goal: TinGoal,
     /// Options of refinement.
     #[serde(with = "terrane_options::as_map")]
-    pub refinement: Refinement,
+    pub refinement: TinMethod,
     /// Cells along a tile's side.
     pub tile: u32,
     /// Measure maximum error and RMSE for the report.
@@ -73,10 +73,10 @@ impl TinJob {
             split: None,
             solid_base: None,
             base: None,
-            placing: Placing::default(),
+            placing: LocalFrame::default(),
             transform: None,
             goal,
-            refinement: Refinement::default(),
+            refinement: TinMethod::default(),
             tile: USUAL_TILE,
             measure: true,
             resources: Resources::default(),

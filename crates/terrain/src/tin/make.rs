@@ -5,28 +5,28 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::estimate::MeshSize;
-use super::frame::{MeshFrame, bounds};
 use super::goal::TinGoal;
 use super::height_origin::height_origin;
 use super::job::TinJob;
 use super::layout::{TileLayout, checked_tile};
-use super::refinement::Refinement;
+use super::output_frame::{MeshFrame, bounds};
+use super::refinement::TinMethod;
 use super::report::{FlawReport, TinReport};
 use super::run::TinOutcome;
-use super::seek::{TinSeeker, run_stage};
 use super::settings::TinSettings;
+use super::tolerance_search::{TinSeeker, run_stage};
 use terrane_base::bound::ErrorBound;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{HeightQuantization, Point3};
 use terrane_baselines::TriangulationRule;
 use terrane_engine::bands::MeshBands;
-use terrane_engine::beside;
-use terrane_engine::figures::RunStatistics;
+use terrane_engine::constraints::{ConstraintFeatures, GridConstraints};
+use terrane_engine::feature_files;
 use terrane_engine::input::grid_stats;
-use terrane_engine::kept::{ConstraintFeatures, GridConstraints};
+use terrane_engine::local_frame::StorageScale;
 use terrane_engine::memory::{self, MemoryShares};
 use terrane_engine::outputs::refuse_file_name;
-use terrane_engine::placing::StorageScale;
+use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::transform::{MovingMesh, Transformed};
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::atomic::{AtomicFile, AtomicFolder, refuse_existing};
@@ -153,7 +153,7 @@ pub(super) struct VertexExtras {
 
 impl VertexExtras {
     /// Writes them into the header.
-    fn tell(&self, header: &mut MeshHeader, tolerance: f64) {
+    fn describe(&self, header: &mut MeshHeader, tolerance: f64) {
         header.channels.clone_from(&self.channels);
         let promises = &mut header.promises;
         if let Some(bands) = &self.bands {
@@ -199,7 +199,7 @@ pub(super) fn open_tiled(
     open(tile)
         .or_else(|error: Error| {
             let too_large = |_: &Error| {
-                let source = memory::look_at(input, options).ok()?;
+                let source = memory::open_for_estimate(input, options).ok()?;
                 let GridInfo { width, height, .. } = *source.info();
                 TileLayout::new(width, height, tile).ok().map(|layout| layout.side())
             };
@@ -247,14 +247,14 @@ impl TinMaker<'_> {
         let height = self.opened.height_origin.unwrap_or(0.0);
         let spec = self.spec(tolerance);
         let from = MeshOrigin {
-            input: &beside::source(&job.input),
-            clip: job.reading.clip.as_deref().map(beside::label_of),
-            water: job.reading.water.as_deref().map(beside::label_of),
+            input: &feature_files::source(&job.input),
+            clip: job.reading.clip.as_deref().map(feature_files::label_of),
+            water: job.reading.water.as_deref().map(feature_files::label_of),
             refinement: &job.refinement,
         };
         let mut header = header(info, from, &spec, height);
-        self.opened.carried.tell(&mut header, tolerance);
-        self.opened.frame.tell(&mut header, height);
+        self.opened.carried.describe(&mut header, tolerance);
+        self.opened.frame.describe(&mut header, height);
         header.scale = self.opened.placed.scale;
         header.unit.clone_from(&self.opened.placed.unit);
         header.origin = self.opened.placed.origin(header.origin, header.bounds);
@@ -476,7 +476,7 @@ pub(super) struct MeshOrigin<'a> {
     pub(super) input: &'a str,
     pub(super) clip: Option<String>,
     pub(super) water: Option<String>,
-    pub(super) refinement: &'a Refinement,
+    pub(super) refinement: &'a TinMethod,
 }
 
 /// The header of a file of the mesh.
@@ -512,15 +512,15 @@ fn promises(from: MeshOrigin<'_>, spec: &TinSpec, unit: Option<String>) -> Promi
         min_angle: spec.min_angle.map(|least| least.degrees()),
         clip: from.clip,
         water: from.water,
-        keep_points: kept.map(beside::label_of),
-        breaklines: lines.map(beside::label_of),
+        keep_points: kept.map(feature_files::label_of),
+        breaklines: lines.map(feature_files::label_of),
         ..Promises::default()
     }
 }
 
 impl MeshFrame {
     /// Writes the CRS and the extent into the header.
-    fn tell(&self, header: &mut MeshHeader, height: f64) {
+    fn describe(&self, header: &mut MeshHeader, height: f64) {
         let Some(operation) = &self.operation else { return };
         header.crs = self.crs.clone();
         header.bounds = self.bounds;

@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use super::bands::run_bands;
+use super::baseline::run_by;
 use super::job::TinJob;
 use super::make::run;
 use super::options::TinOptions;
 use super::report::TinReport;
-use super::textbook::run_by;
 use super::workdir::run_in;
 use terrane_base::error::Result;
 use terrane_engine::operation::{Operation, RunRequest, Writes};

@@ -4,26 +4,26 @@ use std::path::Path;
 
 use terrane_options::{OptionCodec, OptionRange, OptionRule, Options, check, settled};
 
+use super::baseline::TextbookMethod;
 use super::goal::TinGoal;
 use super::job::TinJob;
 use super::layout::{TILE_CELLS, USUAL_TILE};
 use super::names::{GREEDY, MeshMethodName};
-use super::refinement::Refinement;
-use super::textbook::TextbookMethod;
+use super::refinement::TinMethod;
 use terrane_base::error::{Error, Result};
 use terrane_base::registry;
 use terrane_baselines::{BaselineMethod, METHODS, TriangulationRule};
 use terrane_engine::Resources;
 use terrane_engine::bands::MeshBands;
+use terrane_engine::local_frame::LocalFrame;
 use terrane_engine::options::{
     Constraints, FileOutput, FiniteNumber, GridInput, KeyValue, PrintLength, Reprojection, Resuming,
 };
 use terrane_engine::outputs::refuse_file_name;
-use terrane_engine::placing::Placing;
 use terrane_mesh::{self as mesh, MeshFormat, VertexCapabilities};
 use terrane_raster::Inputs;
 
-terrane_engine::has_within!(TinOptions: Refinement => [Constraints]);
+terrane_engine::has_within!(TinOptions: TinMethod => [Constraints]);
 
 /// Target of a mesh
 #[derive(Clone, Debug, PartialEq, Options)]
@@ -81,7 +81,7 @@ pub struct TinOptions {
     pub split: Option<u32>,
     /// How the mesh lies in its file.
     #[option(flatten)]
-    pub placing: Placing,
+    pub placing: LocalFrame,
     /// Solid base of STL and 3MF: walls and a flat bottom this far below the lowest height, such as 3mm of the print
     #[option(value = "LENGTH", with = PrintLength, role = Run,
              heading = "Viewers and printers (STL, 3MF and GLB)")]
@@ -91,7 +91,7 @@ pub struct TinOptions {
     pub reprojection: Reprojection,
     /// How the mesh is refined.
     #[option(flatten)]
-    pub refinement: Refinement,
+    pub refinement: TinMethod,
     /// Meshing method; all methods except greedy hold the whole grid in memory
     #[option(value = "NAME", with = MeshMethodName, default = GREEDY.to_owned(), role = Run, heading = "Method")]
     pub method: String,

@@ -13,7 +13,7 @@ use terrane_base::error::Result;
 use terrane_base::geom::Affine;
 use terrane_baselines::TriangulationRule;
 use terrane_engine::Resources;
-use terrane_engine::kept::ConstraintFeatures;
+use terrane_engine::constraints::ConstraintFeatures;
 use terrane_engine::options::{BoundName, Constraints};
 use terrane_raster::Water;
 use terrane_tin::TinSpec;
@@ -22,7 +22,7 @@ use terrane_tin::TinSpec;
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(heading = "Method", setters = group, rules = RULES)]
 #[non_exhaustive]
-pub struct Refinement {
+pub struct TinMethod {
     /// Where the tolerance holds: at samples, or along the grid lines between them as well
     #[option(value = "WHAT", with = BoundName)]
     pub bound: ErrorBound,
@@ -53,7 +53,7 @@ const RULES: &[OptionRule] = &[
     OptionRule::NotWith("breaklines", &["min_angle"]),
 ];
 
-impl Refinement {
+impl TinMethod {
     /// Settings of the kernel for a grid with this map, with measured errors and without the tolerance.
     ///
     /// # Errors

@@ -4,14 +4,14 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use super::tally::MeshFlaws;
+use super::counters::MeshFlaws;
 use terrane_base::bound::ErrorBound;
 use terrane_base::geom::Affine;
 use terrane_engine::bands::MeshBandReport;
 use terrane_engine::breaklines::BreaklinesReport;
-use terrane_engine::figures::RunStatistics;
-use terrane_engine::kept::KeptReport;
-use terrane_engine::placing::StorageScale;
+use terrane_engine::constraints::RequiredPointsReport;
+use terrane_engine::local_frame::StorageScale;
+use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::transform::Transformed;
 use terrane_raster::WaterReport;
 
@@ -84,7 +84,7 @@ pub struct TinReport {
     pub kept: f64,
     /// Report on points to keep.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub keep_points: Option<KeptReport>,
+    pub keep_points: Option<RequiredPointsReport>,
     /// Report on breaklines.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub breaklines: Option<BreaklinesReport>,
@@ -131,7 +131,7 @@ impl FlawReport {
 
 /// Requirements that the mesh does not meet, as text: triangles with too small an angle, and vertices that lack
 /// an edge along a breakline.
-pub(super) fn unmet(
+pub(super) fn shortfall(
     thin: Option<FlawReport>,
     apart: Option<FlawReport>,
     min_angle: Option<f64>,
@@ -149,8 +149,8 @@ pub(super) fn unmet(
 
 impl TinReport {
     /// Requirements that the mesh does not meet, as text.
-    pub fn unmet(&self) -> Option<String> {
-        unmet(self.thin_triangles, self.apart, self.min_angle)
+    pub fn shortfall(&self) -> Option<String> {
+        shortfall(self.thin_triangles, self.apart, self.min_angle)
     }
 
     /// Sets the total time.
@@ -229,7 +229,7 @@ mod tests {
         let map = Affine { x0: 100.0, a: 10.0, b: 0.0, y0: 500.0, d: 0.0, e: -10.0 };
         let told = |thin: Option<MeshFlaws>| {
             let thin_triangles = thin.map(|thin| FlawReport::of(thin, &map));
-            TinReport { min_angle: Some(20.0), thin_triangles, ..TinReport::default() }.unmet()
+            TinReport { min_angle: Some(20.0), thin_triangles, ..TinReport::default() }.shortfall()
         };
         assert_eq!(told(None), None);
         assert_eq!(told(Some(MeshFlaws::default())), None);
@@ -237,7 +237,7 @@ mod tests {
         assert!(some.starts_with("3 triangles have an angle below 20 degrees"), "{some}");
         assert!(some.contains("x 170, y 480") && some.contains("‹tile›"), "{some}");
         let apart = Some(FlawReport { count: 2, first: Some([170.0, 480.0]) });
-        let lines = TinReport { apart, ..TinReport::default() }.unmet().unwrap();
+        let lines = TinReport { apart, ..TinReport::default() }.shortfall().unwrap();
         assert!(lines.starts_with("2 vertices on breaklines have no edge along them"), "{lines}");
         assert!(lines.contains("x 170, y 480"), "{lines}");
     }

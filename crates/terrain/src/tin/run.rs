@@ -5,15 +5,15 @@ use std::sync::atomic::AtomicU64;
 
 use crossbeam_channel::{Receiver, bounded};
 
+use super::artifact::ArtifactWriter;
+use super::counters::{MeshFlaws, SampleCounts};
 use super::kernel::PipelineKernel;
 use super::layout::{TileId, TileLayout};
-use super::object::ObjectWriter;
 use super::report::{PipelineStage, StageClock, StageReport};
 use super::schedule::TaskQueue;
-use super::scope::{LayoutWork, RunScope};
 use super::settings::TinSettings;
 use super::store::ContainerStore;
-use super::tally::{MeshFlaws, SampleCounts};
+use super::task_scope::{LayoutWork, RunScope};
 use super::worker::{ContainerSource, SharedTinState, TilePartOutlet, TinWorker};
 use super::writer::{ContainerSaver, MeshTotals, OrderedMeshWriter, TilePart, TilePartSink};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -109,7 +109,7 @@ pub(super) fn save(
     source: &dyn GridSource,
     scope: RunScope,
     stock: Option<&dyn ContainerSource>,
-    object: ObjectWriter,
+    object: ArtifactWriter,
     settings: &TinSettings<'_>,
 ) -> Result<SaveOutcome> {
     let work = LayoutWork { layout: layout(source, settings)?, scope };
@@ -128,7 +128,7 @@ pub(super) fn save(
 
 /// What [`save`] did.
 pub(super) struct SaveOutcome {
-    pub(super) object: ObjectWriter,
+    pub(super) object: ArtifactWriter,
     pub(super) tally: SampleCounts,
     pub(super) clock: StageClock,
     pub(super) spilled_bytes: u64,
@@ -288,7 +288,7 @@ mod tests {
     use std::sync::atomic::{AtomicU32, Ordering};
     use terrane_base::bound::ErrorBound;
     use terrane_base::geom::Rect;
-    use terrane_engine::kept::GridConstraints;
+    use terrane_engine::constraints::GridConstraints;
     use terrane_engine::{Cancel, Silent};
     use terrane_mesh::MeshBatch;
     use terrane_raster::{GridInfo, SampleType};

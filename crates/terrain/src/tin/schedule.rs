@@ -10,8 +10,8 @@ use std::collections::{BinaryHeap, HashMap};
 use std::sync::{Condvar, Mutex};
 
 use super::layout::TileId;
-use super::scope::LayoutWork;
 use super::task::{MAX_LAG, TileStep, TileTask};
+use super::task_scope::LayoutWork;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::{lock, unlocked, wait};
 
@@ -273,7 +273,7 @@ mod tests {
     use std::collections::{BTreeSet, HashSet};
 
     use crate::tin::layout::TileLayout;
-    use crate::tin::scope::RunScope;
+    use crate::tin::task_scope::RunScope;
 
     const STEPS: [TileStep; 8] = [
         TileStep::Tile,

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use terrane_engine::kept::GridConstraints;
+use terrane_engine::constraints::GridConstraints;
 use terrane_engine::{Cancel, Progress};
 use terrane_tin::TinSpec;
 

@@ -1,6 +1,6 @@
 //! One unit of work: a step for a tile.
 
-use super::layout::{SeamPlace, TileId};
+use super::layout::{SeamPosition, TileId};
 
 /// Most rows or columns that a step lags.
 pub(super) const MAX_LAG: u32 = 3;
@@ -28,11 +28,11 @@ pub(super) enum TileStep {
 
 impl TileStep {
     /// The seam a step mends.
-    pub(super) fn seam(self) -> Option<SeamPlace> {
+    pub(super) fn seam(self) -> Option<SeamPosition> {
         match self {
-            Self::Vertical => Some(SeamPlace::Vertical),
-            Self::Horizontal => Some(SeamPlace::Horizontal),
-            Self::Corner => Some(SeamPlace::Corner),
+            Self::Vertical => Some(SeamPosition::Vertical),
+            Self::Horizontal => Some(SeamPosition::Horizontal),
+            Self::Corner => Some(SeamPosition::Corner),
             _ => None,
         }
     }

@@ -7,22 +7,22 @@ use std::time::Instant;
 
 use crossbeam_channel::Sender;
 
-use super::bounds::PositionShift;
+use super::artifact::ContainerRecord;
+use super::boxes::PositionShift;
+use super::breakline_check::BreaklineFans;
 use super::container::{MeshPiece, TileContainer};
-use super::joints::BreaklineFans;
+use super::counters::{MeshFlaws, SampleCounts};
 use super::kernel::PipelineKernel;
-use super::layout::{SeamPlace, TileId, TileLayout};
-use super::number::{VertexFlags, VertexLookup, VertexRanks, positions};
-use super::object::ContainerRecord;
+use super::layout::{SeamPosition, TileId, TileLayout};
+use super::numbering::{VertexFlags, VertexLookup, VertexRanks, positions};
+use super::patch_region::{PatchFrontier, PatchTriangles, rect_around};
 use super::report::{PipelineStage, StageClock};
 use super::schedule::TaskQueue;
 use super::settings::TinSettings;
 use super::store::ContainerStore;
-use super::tally::{MeshFlaws, SampleCounts};
 use super::task::{TileStep, TileTask};
 use super::window::HeightBuffers;
 use super::writer::{TilePart, TilePartSink};
-use super::zone::{PatchFrontier, PatchTriangles, rect_around};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Point3, Rect, SampleSegment};
 use terrane_engine::WorkSpan;
@@ -130,9 +130,9 @@ impl<'a> TinWorker<'a> {
                 None => self.triangulate(task.tile),
                 Some(stock) => self.load(stock, task.tile),
             },
-            TileStep::Vertical => self.mend(SeamPlace::Vertical, task.tile),
-            TileStep::Horizontal => self.mend(SeamPlace::Horizontal, task.tile),
-            TileStep::Corner => self.mend(SeamPlace::Corner, task.tile),
+            TileStep::Vertical => self.mend(SeamPosition::Vertical, task.tile),
+            TileStep::Horizontal => self.mend(SeamPosition::Horizontal, task.tile),
+            TileStep::Corner => self.mend(SeamPosition::Corner, task.tile),
             TileStep::Gather => self.gather(task.tile),
             TileStep::Number => self.number(task.tile),
             TileStep::Emit => self.emit(task.tile),
@@ -146,7 +146,7 @@ impl<'a> TinWorker<'a> {
         self.read(layout.apron(tile))?;
         let suspects = self.window.suspects(layout.owned(tile), self.job.source.info());
         let started = Instant::now();
-        self.list_kept(rect);
+        self.list_constraints(rect);
         self.list_lines(rect);
         let ends = self.lines.iter().flat_map(|line| line.ends(rect.width, rect.height));
         self.kept.extend(ends);
@@ -184,7 +184,7 @@ impl<'a> TinWorker<'a> {
     }
 
     /// Mends one seam, in a wider patch while the mesh beyond does not agree with the result.
-    fn mend(&mut self, seam: SeamPlace, tile: TileId) -> Result<()> {
+    fn mend(&mut self, seam: SeamPosition, tile: TileId) -> Result<()> {
         let layout = self.job.layout;
         let along = self.reach_along(seam, tile)?;
         self.triangles.clear();
@@ -201,7 +201,7 @@ impl<'a> TinWorker<'a> {
             let patch = self.mend_rect(seam, tile, zone.limits(), rect);
             self.job.settings.cancel.check()?;
             let frontier = self.frontier(&patch, rect, &zone)?;
-            let is_done = seam != SeamPlace::Corner || patch.left.is_empty();
+            let is_done = seam != SeamPosition::Corner || patch.left.is_empty();
             if is_widest && !is_done {
                 return Err(unbounded());
             }
@@ -215,9 +215,9 @@ impl<'a> TinWorker<'a> {
     }
 
     /// True around a corner near breaklines.
-    fn is_last_of_lines(&self, seam: SeamPlace, zone: &PatchTriangles) -> bool {
+    fn is_last_of_lines(&self, seam: SeamPosition, zone: &PatchTriangles) -> bool {
         // No patch comes after this one, and the rest of a line may be anywhere within its reach.
-        seam == SeamPlace::Corner
+        seam == SeamPosition::Corner
             && self.job.settings.kept.lines().paths().near(zone.limits()).next().is_some()
     }
 
@@ -229,8 +229,8 @@ impl<'a> TinWorker<'a> {
     }
 
     /// How far up and down from a tile corner the patch has to follow the vertical seam.
-    fn reach_along(&self, seam: SeamPlace, tile: TileId) -> Result<u32> {
-        if seam != SeamPlace::Corner {
+    fn reach_along(&self, seam: SeamPosition, tile: TileId) -> Result<u32> {
+        if seam != SeamPosition::Corner {
             return Ok(0);
         }
         let right = self.job.layout.clamp(tile, 0, 1);
@@ -240,13 +240,13 @@ impl<'a> TinWorker<'a> {
     /// True when a patch has left a triangle with too small an angle, or a wider patch at a corner would take one in.
     fn is_thin(
         &self,
-        seam: SeamPlace,
+        seam: SeamPosition,
         tile: TileId,
         along: u32,
         patch: &PatchMesh,
     ) -> Result<bool> {
         let Some(bound) = self.job.settings.spec.min_angle else { return Ok(false) };
-        if seam != SeamPlace::Corner {
+        if seam != SeamPosition::Corner {
             return Ok(patch.thin > 0);
         }
         let layout = &self.job.layout;
@@ -286,7 +286,13 @@ impl<'a> TinWorker<'a> {
     }
 
     /// Mends the triangles in `rect`, whose heights have been read.
-    fn mend_rect(&mut self, seam: SeamPlace, tile: TileId, limits: Rect, rect: Rect) -> PatchMesh {
+    fn mend_rect(
+        &mut self,
+        seam: SeamPosition,
+        tile: TileId,
+        limits: Rect,
+        rect: Rect,
+    ) -> PatchMesh {
         let started = Instant::now();
         let layout = &self.job.layout;
         let seams = layout.seam_lines(seam, tile, rect);
@@ -306,7 +312,7 @@ impl<'a> TinWorker<'a> {
         triangles: &[TileTriangle],
         [seam_col, seam_row]: [Option<u32>; 2],
     ) -> PatchMesh {
-        self.list_kept(rect);
+        self.list_constraints(rect);
         self.list_lines(rect);
         let input = PatchInput {
             heights: self.window.heights(),
@@ -367,7 +373,7 @@ impl<'a> TinWorker<'a> {
     /// Stores a mended patch.
     fn settle(
         &mut self,
-        seam: SeamPlace,
+        seam: SeamPosition,
         tile: TileId,
         rect: Rect,
         patch: &PatchMesh,
@@ -377,15 +383,15 @@ impl<'a> TinWorker<'a> {
         let PatchMesh { triangles, vertices, heights, .. } = patch;
         self.job.insert(MeshPiece { rect, triangles, vertices, heights })?;
         match seam {
-            SeamPlace::Vertical => self.release_left_of_seam(tile),
-            SeamPlace::Horizontal => {
+            SeamPosition::Vertical => self.release_left_of_seam(tile),
+            SeamPosition::Horizontal => {
                 let row = self.job.layout.widest_reach() as i32;
                 let seam = self.job.layout.seam_lines(seam, tile, rect)[1].unwrap_or_default();
                 let left = patch.left.iter().map(|at| at.row().abs_diff(seam)).max();
                 let reach = frontier.closed_reach(row).max(left.unwrap_or_default());
                 self.job.store.set_reach(tile, reach)?;
             }
-            SeamPlace::Corner => {}
+            SeamPosition::Corner => {}
         }
         self.clock.add(PipelineStage::Seams, started, 0);
         Ok(())
@@ -424,7 +430,7 @@ impl<'a> TinWorker<'a> {
             kept.settle(|at| self.marks.contains(at));
             positions(kept, layout.origin(tile), &job.source.info().transform)
         })?;
-        self.list_kept(layout.owned(tile));
+        self.list_constraints(layout.owned(tile));
         let kept = self.kept.iter().filter(|&&at| self.marks.contains(at)).count() as u64;
         let apart = self.joints.apart();
         lock(&job.tally).add(SampleCounts { kept, apart, ..SampleCounts::default() });
@@ -497,7 +503,7 @@ impl<'a> TinWorker<'a> {
     }
 
     /// Lists the samples to keep in `rect`, as positions there.
-    fn list_kept(&mut self, rect: Rect) {
+    fn list_constraints(&mut self, rect: Rect) {
         let kept = self.job.settings.kept.within(rect);
         self.kept.clear();
         self.kept.extend(kept.map(|[col, row]| TilePosition::new(col - rect.col, row - rect.row)));

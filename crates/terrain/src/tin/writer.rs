@@ -6,9 +6,9 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
+use super::artifact::{ArtifactWriter, ContainerRecord};
 use super::layout::{TileId, TileLayout};
-use super::object::{ContainerRecord, ObjectWriter};
-use super::scope::LayoutWork;
+use super::task_scope::LayoutWork;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point3;
 use terrane_mesh::{MeshBatch, MeshSink};
@@ -55,18 +55,18 @@ pub(super) trait TilePartSink: Send {
 /// Writes the containers into an object, tile by tile.
 pub(super) struct ContainerSaver {
     work: LayoutWork,
-    object: ObjectWriter,
+    object: ArtifactWriter,
     waiting: BTreeMap<u64, ContainerRecord>,
     next: u64,
 }
 
 impl ContainerSaver {
-    pub(super) fn new(work: LayoutWork, object: ObjectWriter) -> Self {
+    pub(super) fn new(work: LayoutWork, object: ArtifactWriter) -> Self {
         Self { work, object, waiting: BTreeMap::new(), next: 0 }
     }
 
     /// The object, when all has come.
-    pub(super) fn into_object(self) -> ObjectWriter {
+    pub(super) fn into_object(self) -> ArtifactWriter {
         self.object
     }
 }

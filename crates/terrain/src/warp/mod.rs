@@ -9,9 +9,9 @@
 //! **Memory.** A thread holds the positions of a piece of the output and the samples they need, both bounded: a
 //! piece that needs more is halved.
 
-pub(crate) mod lattice;
+mod mapping;
+pub(crate) mod output_grid;
 mod source;
-mod way;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -26,9 +26,9 @@ use terrane_engine::{Cancel, Progress};
 use terrane_raster::{GridInfo, GridSource, SampleType};
 use terrane_window::resample::{ResamplingMethod, Scale};
 
-pub use lattice::{LatticeOptions, LatticeSetters};
+use mapping::CrsTransform;
+pub use output_grid::{LatticeOptions, LatticeSetters};
 use source::WarpedGrid;
-use way::CrsTransform;
 
 /// A grid to be written on another lattice.
 struct WarpJob<'a> {
@@ -88,7 +88,7 @@ impl WarpJob<'_> {
         let own = inner.info();
         let crs = operation.as_ref().map_or(&own.crs, CoordinateOperation::target).clone();
         let way = CrsTransform::new(operation);
-        let lattice = lattice::of(&self.copy.options.lattice, own, &crs, &way)?;
+        let lattice = output_grid::of(&self.copy.options.lattice, own, &crs, &way)?;
         let is_made = self.resampling.radius > 0 || !way.keeps_heights();
         let info = GridInfo {
             width: lattice.width,
@@ -100,7 +100,7 @@ impl WarpJob<'_> {
             ..own.clone()
         };
         let info = if is_made { made(info) } else { info };
-        let scale = Scale::new(lattice::scale(&lattice, own, &way)?);
+        let scale = Scale::new(output_grid::scale(&lattice, own, &way)?);
         self.check_reach(scale)?;
         Ok(WarpedGrid::new(info, inner, way, self.resampling, scale, is_made, nowhere))
     }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::way::CrsTransform;
+use super::mapping::CrsTransform;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_raster::{GridInfo, GridSource, SampleType};

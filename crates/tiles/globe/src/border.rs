@@ -4,8 +4,8 @@
 //! the errors of both levels.
 
 use crate::globe::{EllipsoidNormal, Vector};
-use crate::ground::GroundSampler;
 use crate::level::TileLevel;
+use crate::terrain::TerrainSampler;
 use crate::tiling::{GlobeTileId, STEPS};
 
 /// A side of a tile.
@@ -66,7 +66,7 @@ pub(crate) fn vertices(
     tile: GlobeTileId,
     side: TileSide,
     level: &TileLevel,
-    ground: &impl GroundSampler,
+    ground: &impl TerrainSampler,
 ) -> Vec<[i32; 2]> {
     let stops = stops(tile, side, level, ground);
     let mut kept: Vec<usize> = (0..stops.len()).filter(|i| stops[*i].is_post).collect();
@@ -94,7 +94,7 @@ fn stops(
     tile: GlobeTileId,
     side: TileSide,
     level: &TileLevel,
-    ground: &impl GroundSampler,
+    ground: &impl TerrainSampler,
 ) -> Vec<BorderStop> {
     let stop = |along: i32, metres: f64, is_post: bool| {
         let height = level.steps(metres);

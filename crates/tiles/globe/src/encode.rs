@@ -4,9 +4,9 @@
 
 use crate::border::TileSide;
 use crate::globe::{EQUATOR, EllipsoidNormal, Vector};
-use crate::ground::GroundSampler;
 use crate::horizon;
 use crate::level::TileLevel;
+use crate::terrain::TerrainSampler;
 use crate::tile::{TerrainTile, TileVertex};
 use crate::tiling::{self, STEPS};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -87,7 +87,7 @@ pub struct TileExtensions<'a> {
 ///
 /// # Errors
 /// A tile with too large a range of heights.
-pub fn quantized_mesh<G: GroundSampler>(
+pub fn quantized_mesh<G: TerrainSampler>(
     tile: &TerrainTile,
     normals: Option<(&TileLevel, &G)>,
     extras: TileExtensions<'_>,
@@ -216,7 +216,7 @@ fn walk(triangles: &[[u32; 3]]) -> Vec<(usize, usize)> {
 }
 
 /// Normal of the ground at a position: a function of the ground only, so that neighbouring tiles are lit alike.
-pub(crate) fn normal(place: [f64; 2], level: &TileLevel, ground: &impl GroundSampler) -> Vector {
+pub(crate) fn normal(place: [f64; 2], level: &TileLevel, ground: &impl TerrainSampler) -> Vector {
     let by = level.slope;
     let upright = EllipsoidNormal::at(place);
     let [east, north] = upright.across();

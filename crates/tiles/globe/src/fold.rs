@@ -2,8 +2,8 @@
 //! and clients that decode earth-centred coordinates round vertices to a lattice whose step may exceed a
 //! triangle. A sample there has several distances.
 
-use crate::facet::TileFacet;
 use crate::globe::{EQUATOR, EastNorthUpFrame, EllipsoidNormal};
+use crate::tile_triangle::TileFacet;
 use crate::tiling::{GlobeTileId, STEPS, degrees};
 
 /// Smallest vertical component of a triangle's normal, relative to its length, for a triangle that is not

@@ -11,11 +11,11 @@
 use crate::border::TileSide;
 use crate::encode::{QuantizedHeights, in_order, normal};
 use crate::globe::{EQUATOR, POLE, Vector};
-use crate::ground::GroundSampler;
+use crate::gltf_buffer::{MESHOPT, TileBufferBuilder};
 use crate::horizon;
 use crate::level::TileLevel;
-use crate::parts::{MESHOPT, TileBufferBuilder};
 use crate::skirt::skirted;
+use crate::terrain::TerrainSampler;
 use crate::tile::{TerrainTile, TileVertex};
 use crate::tiling::{GlobeTileId, STEPS};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -159,7 +159,7 @@ impl QuantizedPositions {
 ///
 /// # Errors
 /// A tile with too large a range of heights.
-pub fn glb<G: GroundSampler>(
+pub fn glb<G: TerrainSampler>(
     tile: &TerrainTile,
     normals: Option<(&TileLevel, &G)>,
     form: GlbTileOptions,

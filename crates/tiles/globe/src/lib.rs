@@ -16,42 +16,42 @@
 //! ground descends from its edge to the ellipsoid, or continues level ([`GridGeolocation::sloping`]).
 
 mod border;
-mod chart;
 mod encode;
-mod facet;
 mod fold;
+mod georeference;
 mod globe;
 mod gltf;
-mod ground;
+mod gltf_buffer;
 mod horizon;
 mod level;
 mod measure;
 mod outline;
 mod overview;
-mod parts;
-mod run;
+mod sample_run;
 mod skirt;
 mod subtree;
 mod surface;
 mod table;
+mod terrain;
 #[cfg(test)]
 mod tests;
 mod tile;
+mod tile_triangle;
 mod tiling;
 
-pub use chart::GridGeolocation;
 pub use encode::{MASK_SIDE, MASK_WATER, TileExtensions, quantized_mesh};
+pub use georeference::GridGeolocation;
 pub use globe::{EllipsoidNormal, SinCos, Vector};
 pub use gltf::{GlbTileOptions, TileMetadata, glb, in_shorts};
-pub use ground::{GroundSampler, HeightPatch, VoidFill, VoidFillSums};
 pub use level::{LevelRelief, TileLevel, deepest_for};
 pub use measure::TileShell;
 pub use overview::{
     BlockSummary, GatheredOverview, GridOverview, OverviewPlan, RectRelation, SampleBlock,
     SampleBlocks,
 };
-pub use run::{GroundSample, GroundSampleRun, SampleRow};
+pub use sample_run::{SampleRow, TerrainSample, TerrainSampleRun};
 pub use subtree::{CLASS, SUBTREE_LEVELS, subtree, subtree_of};
 pub use surface::{TileBuilder, build};
+pub use terrain::{HeightPatch, TerrainSampler, VoidFill, VoidFillSums};
 pub use tile::{TerrainTile, TileErrorMeasure, TileVertex};
 pub use tiling::{DEEPEST, GeodeticBounds, GlobeTileId, STEPS, degrees, level_error};

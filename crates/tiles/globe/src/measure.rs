@@ -3,12 +3,14 @@
 
 use std::collections::BTreeMap;
 
-use crate::facet::{FacetView, TileFacet};
 use crate::fold::FoldedTriangles;
 use crate::globe::{EastNorthUpFrame, POLE, SinCos, Vector, beneath};
 use crate::level::TileLevel;
-use crate::run::{GroundSample, GroundSampleRun, SampleMeridian, SampleParallel, SampleRow};
+use crate::sample_run::{
+    SampleMeridian, SampleParallel, SampleRow, TerrainSample, TerrainSampleRun,
+};
 use crate::tile::{TileErrorMeasure, TileVertex};
+use crate::tile_triangle::{FacetView, TileFacet};
 use crate::tiling::{GlobeTileId, STEPS};
 
 /// Latitude beyond which meridians are too close to each other for planes.
@@ -86,7 +88,7 @@ pub struct TileShell {
     poles: [[f64; 2]; 2],
     measure: TileErrorMeasure,
     /// By triangle, the sample with the largest error beyond the tolerance.
-    beyond: BTreeMap<u32, (f64, GroundSample)>,
+    beyond: BTreeMap<u32, (f64, TerrainSample)>,
 }
 
 impl TileShell {
@@ -122,7 +124,7 @@ impl TileShell {
     }
 
     /// Measures a sample, and records it if its error exceeds the tolerance.
-    pub fn add(&mut self, sample: GroundSample, tolerance: f64) {
+    pub fn add(&mut self, sample: TerrainSample, tolerance: f64) {
         let frame = EastNorthUpFrame::new(&sample.upright, sample.height);
         let (facet, seen) = self.facet(&sample, &frame);
         let off = match sample.place[1].abs() == 90.0 {
@@ -159,9 +161,9 @@ impl TileShell {
     }
 
     /// Measures samples, each as by [`add`](Self::add).
-    pub fn add_run(&mut self, run: &GroundSampleRun<'_>, tolerance: f64) {
+    pub fn add_run(&mut self, run: &TerrainSampleRun<'_>, tolerance: f64) {
         match run {
-            GroundSampleRun::Row(row) if row.stride == 1 => self.add_row(row, tolerance),
+            TerrainSampleRun::Row(row) if row.stride == 1 => self.add_row(row, tolerance),
             _ => run.each(&mut |sample| self.add(sample, tolerance)),
         }
     }
@@ -201,7 +203,7 @@ impl TileShell {
     }
 
     /// A pole is one position with the heights of several vertices: the largest distance counts.
-    fn off_pole(&self, sample: &GroundSample) -> f64 {
+    fn off_pole(&self, sample: &TerrainSample) -> f64 {
         let [low, high] = self.poles[usize::from(sample.place[1] > 0.0)];
         (sample.height - low).abs().max((sample.height - high).abs())
     }
@@ -211,7 +213,7 @@ impl TileShell {
     /// upper bound; `false` otherwise.
     pub fn add_block(
         &mut self,
-        corners: &[GroundSample; 4],
+        corners: &[TerrainSample; 4],
         [off, bow]: [f64; 2],
         count: u32,
         tolerance: f64,
@@ -235,7 +237,7 @@ impl TileShell {
     /// parallels are curved, sides of triangles are not.
     fn furthest(
         &mut self,
-        corners: &[GroundSample; 4],
+        corners: &[TerrainSample; 4],
         points: &[Vector; 4],
     ) -> Option<(f64, f64)> {
         let frames =
@@ -278,7 +280,7 @@ impl TileShell {
     }
 
     /// Records the sample with the largest error of each triangle, so that few become vertices.
-    fn note(&mut self, facet: u32, off: f64, sample: GroundSample) {
+    fn note(&mut self, facet: u32, off: f64, sample: TerrainSample) {
         let noted = self.beyond.entry(facet).or_insert((off, sample));
         if noted.0 < off {
             *noted = (off, sample);
@@ -286,7 +288,7 @@ impl TileShell {
     }
 
     /// Triangle on the vertical of a sample: a walk across edges, which ends at the border of the tile.
-    fn facet(&mut self, sample: &GroundSample, frame: &EastNorthUpFrame) -> (u32, FacetView) {
+    fn facet(&mut self, sample: &TerrainSample, frame: &EastNorthUpFrame) -> (u32, FacetView) {
         let mut now = self.last;
         let mut steps = 0;
         let seen = 'walk: loop {
@@ -325,7 +327,7 @@ impl TileShell {
         &self,
         facet: u32,
         corner: usize,
-        sample: &GroundSample,
+        sample: &TerrainSample,
         frame: &EastNorthUpFrame,
     ) -> Option<u32> {
         let next = |(facet, corner)| self.next_on_border(facet, corner, sample, frame);
@@ -345,7 +347,7 @@ impl TileShell {
         &self,
         facet: u32,
         corner: usize,
-        sample: &GroundSample,
+        sample: &TerrainSample,
         frame: &EastNorthUpFrame,
     ) -> Option<(u32, usize)> {
         let here = &self.facets[facet as usize];
@@ -392,7 +394,7 @@ impl TileShell {
     }
 
     /// A triangle near a sample.
-    fn start(&self, sample: &GroundSample) -> u32 {
+    fn start(&self, sample: &TerrainSample) -> u32 {
         let square = |at: f64| {
             let square = at / f64::from(STEPS + 1) * self.squares as f64;
             square.clamp(0.0, self.squares as f64 - 1.0) as usize
@@ -402,7 +404,7 @@ impl TileShell {
     }
 
     /// Measured errors, and for each triangle the sample with the largest error beyond the tolerance.
-    pub fn end(self) -> (TileErrorMeasure, Vec<GroundSample>) {
+    pub fn end(self) -> (TileErrorMeasure, Vec<TerrainSample>) {
         let beyond = self.beyond.into_values().map(|(_, sample)| sample).collect();
         (self.measure, beyond)
     }
@@ -476,10 +478,10 @@ const SLACK: f64 = 0.05;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chart::GridGeolocation;
-    use crate::ground::{GroundSampler as _, HeightPatch, VoidFillSums};
+    use crate::georeference::GridGeolocation;
     use crate::level::LevelRelief;
     use crate::surface::TileBuilder;
+    use crate::terrain::{HeightPatch, TerrainSampler as _, VoidFillSums};
     use crate::tiling::GeodeticBounds;
     use proptest::prelude::*;
     use terrane_base::geom::{Affine, Rect};
@@ -549,7 +551,7 @@ mod tests {
             let id = tile(number, at);
             let GeodeticBounds { west, south, east, north } = id.bounds();
             let sample = |(x, y): (f64, f64), height: f64| {
-                GroundSample::new([west + (east - west) * x, south + (north - south) * y], height)
+                TerrainSample::new([west + (east - west) * x, south + (north - south) * y], height)
             };
             let map = Affine { x0: west, a: 1e-5, b: 0.0, y0: south, d: 0.0, e: -1e-5 };
             let mut means = VoidFillSums::new([1, 1]);

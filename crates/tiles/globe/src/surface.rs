@@ -5,10 +5,10 @@ use std::cell::RefCell;
 
 use crate::border::{self, TileSide};
 use crate::globe::{EllipsoidNormal, SinCos, bend};
-use crate::ground::GroundSampler;
 use crate::level::{TileLevel, nearest};
 use crate::measure::TileShell;
-use crate::run::{GroundSample, GroundSampleRun, SampleMeridian, SampleRow};
+use crate::sample_run::{SampleMeridian, SampleRow, TerrainSample, TerrainSampleRun};
+use crate::terrain::TerrainSampler;
 use crate::tile::{TerrainTile, TileErrorMeasure, TileVertex, point};
 use crate::tiling::{GlobeTileId, STEPS};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -53,7 +53,11 @@ impl<'a> TileBuilder<'a> {
     ///
     /// # Errors
     /// Only for an invalid tile, which is an internal error.
-    pub fn new(id: GlobeTileId, level: &'a TileLevel, ground: &impl GroundSampler) -> Result<Self> {
+    pub fn new(
+        id: GlobeTileId,
+        level: &'a TileLevel,
+        ground: &impl TerrainSampler,
+    ) -> Result<Self> {
         let mut drop = HorizonDrop::new(id, level);
         let mut first = Vec::new();
         for side in TileSide::ALL {
@@ -71,7 +75,7 @@ impl<'a> TileBuilder<'a> {
                 first.push(TileVertex { at, height });
             }
         }
-        let points: Vec<Point> = first.into_iter().map(|vertex| drop.lift(vertex)).collect();
+        let points: Vec<Point> = first.into_iter().map(|vertex| drop.point_above(vertex)).collect();
         let corners = [[0, 0], [STEPS, 0], [0, STEPS]];
         let corner = |at: &[i32; 2]| points.iter().copied().find(|p| [p.x, p.y] == *at);
         let corners: Vec<Point> = corners.iter().filter_map(corner).collect();
@@ -85,13 +89,13 @@ impl<'a> TileBuilder<'a> {
     }
 
     /// Adds samples as vertices until all given samples, with rounded positions, are within the level's error.
-    pub fn fit(&mut self, samples: impl FnOnce(&mut dyn FnMut(GroundSampleRun<'_>))) {
+    pub fn fit(&mut self, samples: impl FnOnce(&mut dyn FnMut(TerrainSampleRun<'_>))) {
         let mut points = POINTS.take();
         points.clear();
         let mut columns = Vec::new();
         samples(&mut |run| match run {
-            GroundSampleRun::Row(row) => self.candidates(&row, &mut columns, &mut points),
-            GroundSampleRun::One(GroundSample { place, height, .. }) => {
+            TerrainSampleRun::Row(row) => self.candidates(&row, &mut columns, &mut points),
+            TerrainSampleRun::One(TerrainSample { place, height, .. }) => {
                 points.push(self.candidate(self.id.steps(place), height))
             }
         });
@@ -130,7 +134,7 @@ impl<'a> TileBuilder<'a> {
     /// Adds samples as vertices, however small their error seems; returns whether one was added. If a sample is
     /// a vertex already, its position was rounded into a steep triangle: another position around it becomes a
     /// vertex, too.
-    pub fn insert(&mut self, samples: &[GroundSample]) -> bool {
+    pub fn insert(&mut self, samples: &[TerrainSample]) -> bool {
         let before = self.mesh.points().len();
         for sample in samples {
             let [u, v] = self.id.steps(sample.place);
@@ -148,7 +152,7 @@ impl<'a> TileBuilder<'a> {
     }
 
     fn candidate(&mut self, place: [f64; 2], height: f64) -> Point {
-        self.drop.lift(TileVertex { at: inner(place), height: self.level.steps(height) })
+        self.drop.point_above(TileVertex { at: inner(place), height: self.level.steps(height) })
     }
 
     /// Candidates of a row of samples, as if each were added alone. `columns` caches results of the previous
@@ -224,13 +228,13 @@ impl<'a> TileBuilder<'a> {
 pub fn build(
     id: GlobeTileId,
     level: &TileLevel,
-    ground: &impl GroundSampler,
+    ground: &impl TerrainSampler,
 ) -> Result<TerrainTile> {
     let bounds = id.bounds();
     let mut builder = TileBuilder::new(id, level, ground)?;
     builder.fit(|take| {
         ground.runs(&bounds, level.stride, &mut |run| take(run));
-        ground.feet(&bounds, level.stride, &mut |foot| take(GroundSampleRun::One(foot)));
+        ground.feet(&bounds, level.stride, &mut |foot| take(TerrainSampleRun::One(foot)));
     });
     builder.refine(|shell| {
         ground.runs(&bounds, 1, &mut |run| shell.add_run(&run, level.tolerance));
@@ -297,7 +301,7 @@ impl HorizonDrop {
         cosine((lon - self.lon).to_radians())
     }
 
-    fn lift(&mut self, vertex: TileVertex) -> Point {
+    fn point_above(&mut self, vertex: TileVertex) -> Point {
         let height = f64::from(vertex.height) * (self.step / self.unit);
         let z = nearest(height + self.of(vertex.at));
         Point::new(vertex.at[0], vertex.at[1], z)

@@ -83,7 +83,7 @@ impl Land {
 }
 
 /// Distance of a sample from the surface, by all triangles: the nearest hit of its vertical.
-fn distance(tile: &TerrainTile, sample: &GroundSample) -> Option<f64> {
+fn distance(tile: &TerrainTile, sample: &TerrainSample) -> Option<f64> {
     let (point, [east, north]) = (sample.upright.point(sample.height), sample.upright.across());
     let look =
         |place: Vector| [east, north, sample.upright.normal].map(|axis| axis.dot(place - point));
@@ -202,7 +202,7 @@ proptest! {
             });
             samples.fit(|take| {
                 for part in &parts {
-                    patch.each(part, level.stride, &mut |sample| take(GroundSampleRun::One(sample)));
+                    patch.each(part, level.stride, &mut |sample| take(TerrainSampleRun::One(sample)));
                 }
             });
             prop_assert_eq!(rows.finish(TileErrorMeasure::default()), samples.finish(TileErrorMeasure::default()));
@@ -315,9 +315,9 @@ fn samples_between_a_border_and_what_is_a_step_beside_it_are_held() {
         };
         let land = Land::of((0..side * side).map(height).collect(), side, [west, south]);
         let (level, patch) = (land.level(10), land.patch());
-        let column: Vec<GroundSample> = (0..side)
+        let column: Vec<TerrainSample> = (0..side)
             .map(|row| {
-                GroundSample::new(
+                TerrainSample::new(
                     land.map.apply(f64::from(side - 1), f64::from(row)),
                     height(row * side),
                 )
@@ -352,9 +352,9 @@ fn samples_at_borders_do_not_become_vertices_of_them() {
         let mut builder = TileBuilder::new(id, &level, &patch).unwrap();
         let before = finished(&builder);
         for side in TileSide::ALL {
-            let sample = GroundSample::new(id.place(side.position(along)), 8000.0);
+            let sample = TerrainSample::new(id.place(side.position(along)), 8000.0);
             builder.insert(&[sample]);
-            builder.fit(|take| take(GroundSampleRun::One(sample)));
+            builder.fit(|take| take(TerrainSampleRun::One(sample)));
         }
         let after = finished(&builder);
         assert!(after.vertices.len() > before.vertices.len());

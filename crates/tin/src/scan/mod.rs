@@ -13,8 +13,8 @@ mod scalar;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-use super::field::HeightField;
-use super::local::TilePosition;
+use super::heights::HeightField;
+use super::lattice_position::TilePosition;
 use super::measure::MeasuredTriangle;
 
 pub(super) use scalar::{LANES, Scan};
@@ -63,7 +63,7 @@ fn measured(_: &MeasuredTriangle<'_>) -> Option<(f32, f32)> {
 mod tests {
     use super::*;
     use crate::facet::PlaneFacet;
-    use crate::field::{FieldLevel, HeightWindow, LEVELS};
+    use crate::heights::{FieldLevel, HeightWindow, LEVELS};
     use proptest::prelude::*;
     use scalar::WorstSample;
     use terrane_base::geom::predicates::orient;

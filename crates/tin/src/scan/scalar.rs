@@ -1,8 +1,8 @@
 //! The scan every other kernel must equal bit for bit: plain Rust, runs everywhere.
 
 use crate::facet::PlaneFacet;
-use crate::field::FieldLevel;
-use crate::local::TilePosition;
+use crate::heights::FieldLevel;
+use crate::lattice_position::TilePosition;
 
 /// Samples handled together. Part of the arithmetic: plane heights are rounded to `f32` once per
 /// run of lanes.

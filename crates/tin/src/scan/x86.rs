@@ -5,8 +5,8 @@ use std::arch::x86_64::*;
 
 use super::scalar::{LANES, Scan, WorstSample, run_of};
 use crate::facet::{EdgeSide, PlaneFacet, RowBounds, SLACK};
-use crate::field::FieldLevel;
-use crate::local::TilePosition;
+use crate::heights::FieldLevel;
+use crate::lattice_position::TilePosition;
 use crate::measure::MeasuredTriangle;
 
 /// Rows whose ends are computed together.

@@ -7,8 +7,8 @@
 
 use std::collections::BinaryHeap;
 
-use super::fan::{FanEdge, TriangleFan, TriangleSides};
 use super::mesh::{NONE, PointLocation, ScatterMesh};
+use super::point_location::{FanEdge, TriangleFan, TriangleSides};
 use super::search::{ScatterCandidate, ScatterPlane, ScatterSearch, rounded_up};
 use terrane_base::geom::Point;
 

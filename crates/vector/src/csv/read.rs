@@ -5,9 +5,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::crs;
+use crate::decimal;
 use crate::feature::{Feature, FeatureProperties, Id, LayerHeader, PropertyValue};
 use crate::geometry::{CoordinateSequence, Geometry, GeometryType};
-use crate::number;
 use crate::source::{FeatureSource, VectorOpenOptions};
 use crate::window::FileWindow;
 use terrane_base::error::{Error, Result};
@@ -30,7 +30,7 @@ const PART: &[&str] = &["part", "part_id", "segment"];
 /// Opens a file.
 pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn FeatureSource>> {
     let window = FileWindow::open(path)?;
-    let layer = LayerHeader { crs: crs::beside(path)?, ..LayerHeader::default() };
+    let layer = LayerHeader { crs: crs::sidecar_crs(path)?, ..LayerHeader::default() };
     let mut source = CsvFeatureSource {
         window,
         delimiter: b',',
@@ -197,7 +197,7 @@ impl FeatureSource for CsvFeatureSource {
         &self.layer
     }
 
-    fn place(&self) -> String {
+    fn location(&self) -> String {
         format!("from line {}", self.first_line.max(1))
     }
 
@@ -235,7 +235,7 @@ impl CsvFeatureSource {
         }
         let named = |at| self.row.get(at).map(|name| name.trim().to_ascii_lowercase());
         let names: Vec<String> = (0..self.count).filter_map(named).collect();
-        if names.first().is_some_and(|first| number::whole(first.as_bytes()).is_some()) {
+        if names.first().is_some_and(|first| decimal::whole(first.as_bytes()).is_some()) {
             self.has_row = true;
             return self.without_names(names.len());
         }
@@ -438,7 +438,7 @@ impl CsvFeatureSource {
 
     /// Properties of the first row of a feature.
     fn properties(&self) -> FeatureProperties {
-        let value = |text: &str| match (text.parse(), number::whole(text.as_bytes())) {
+        let value = |text: &str| match (text.parse(), decimal::whole(text.as_bytes())) {
             _ if text.is_empty() => PropertyValue::Null,
             (Ok(whole), _) => PropertyValue::Int(whole),
             (_, Some(real)) if real.is_finite() && text.trim() == text => PropertyValue::Real(real),
@@ -466,7 +466,7 @@ impl CsvFeatureSource {
             let count = self.row.len();
             return Err(self.bad(format!("has {count} columns, but {name} is column {}", at + 1)));
         };
-        let value = number::whole(cell.as_bytes()).filter(|value| value.is_finite());
+        let value = decimal::whole(cell.as_bytes()).filter(|value| value.is_finite());
         value.ok_or_else(|| {
             let cell: String = cell.trim().chars().take(40).collect();
             self.bad(format!("{name} is not a finite number: {cell:?}"))

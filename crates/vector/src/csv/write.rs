@@ -5,9 +5,9 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 
 use crate::crs;
+use crate::decimal;
 use crate::feature::{Feature, JsonMember, LayerHeader, PropertyValue};
 use crate::geometry::GeometryType;
-use crate::number;
 use crate::out::VectorOutputFile;
 use crate::sink::{FeatureSink, VectorWriteOptions, WrittenFeatures};
 use crate::table::{FeatureRow, FeatureRows, FeatureTable, id_of, push_text};
@@ -233,13 +233,13 @@ impl CsvRowWriter {
             push_text(&PropertyValue::Int(part as i64), text);
             for value in found.xy[at] {
                 text.push(b',');
-                number::push(value, text);
+                decimal::push(value, text);
             }
             for (is_there, values) in [(self.has_z, &found.z), (self.has_m, &found.m)] {
                 if is_there {
                     text.push(b',');
                     if let Some(value) = values.get(at).filter(|value| !value.is_nan()) {
-                        number::push(*value, text);
+                        decimal::push(*value, text);
                     }
                 }
             }

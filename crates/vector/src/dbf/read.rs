@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use super::encoding::TextEncoding;
+use crate::decimal;
 use crate::feature::{FeatureProperties, FieldDefinition, FieldKind, PropertyValue, is_date};
-use crate::number;
 use crate::pages::PagedFile;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
@@ -191,6 +191,6 @@ fn number(text: &[u8], kind: FieldKind) -> Option<PropertyValue> {
     let whole = std::str::from_utf8(text).ok().and_then(|text| text.parse().ok());
     match whole {
         Some(whole) if kind == FieldKind::Int => Some(PropertyValue::Int(whole)),
-        _ => number::whole(text).filter(|v| v.is_finite()).map(PropertyValue::Real),
+        _ => decimal::whole(text).filter(|v| v.is_finite()).map(PropertyValue::Real),
     }
 }

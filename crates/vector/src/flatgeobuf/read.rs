@@ -177,7 +177,7 @@ impl FeatureSource for FlatGeobufSource {
         &self.header.layer
     }
 
-    fn place(&self) -> String {
+    fn location(&self) -> String {
         format!("byte {}", self.at)
     }
 

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
+use crate::decimal;
 use crate::feature::{Feature, FeatureProperties, Id, JsonMember, PropertyValue};
 use crate::geometry::{Geometry, GeometryType};
 use crate::json::{JsonCursor, JsonToken, compact};
-use crate::number;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
@@ -113,7 +113,7 @@ fn value(token: JsonToken<'_>) -> PropertyValue {
         JsonToken::Number(text) => {
             let is_whole = !text.contains(['.', 'e', 'E']) && text != "-0";
             let whole = text.parse().ok().filter(|_| is_whole).map(PropertyValue::Int);
-            let real = || number::whole(text.as_bytes()).filter(|v| !is_whole && v.is_finite());
+            let real = || decimal::whole(text.as_bytes()).filter(|v| !is_whole && v.is_finite());
             whole
                 .or_else(|| real().map(PropertyValue::Real))
                 .unwrap_or_else(|| PropertyValue::Json(text.to_owned()))

@@ -84,7 +84,7 @@ impl FeatureSource for GeoJsonSource {
         &self.layer
     }
 
-    fn place(&self) -> String {
+    fn location(&self) -> String {
         format!("byte {}", self.at)
     }
 

@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use crate::crs;
+use crate::decimal;
 use crate::feature::{Feature, Id, JsonMember, LayerHeader, PropertyValue};
 use crate::geometry::{CoordinateSequence, Geometry, GeometryType};
 use crate::json::push_text;
-use crate::number;
 use crate::out::VectorOutputFile;
 use crate::sink::{FeatureSink, VectorWriteOptions, WrittenFeatures};
 use terrane_base::error::Result;
@@ -271,16 +271,16 @@ impl GeoJsonPositionWriter<'_> {
     fn position(&mut self, at: usize) {
         let [x, y] = self.coordinates.xy[at];
         self.text.push(b'[');
-        number::push(x, self.text);
+        decimal::push(x, self.text);
         self.text.push(b',');
-        number::push(y, self.text);
+        decimal::push(y, self.text);
         let there = |values: &[f64]| values.get(at).copied().filter(|value| !value.is_nan());
         if let Some(z) = there(&self.coordinates.z) {
             self.text.push(b',');
-            number::push(z, self.text);
+            decimal::push(z, self.text);
             if let Some(m) = there(&self.coordinates.m) {
                 self.text.push(b',');
-                number::push(m, self.text);
+                decimal::push(m, self.text);
             }
         }
         self.text.push(b']');

@@ -5,9 +5,9 @@ use std::path::Path;
 
 use super::time;
 use crate::crs;
+use crate::decimal;
 use crate::feature::{Feature, FeatureProperties, LayerHeader, PropertyValue};
 use crate::geometry::{CoordinateSequence, Geometry, GeometryType};
-use crate::number;
 use crate::source::{FeatureSource, VectorOpenOptions};
 use crate::window::FileWindow;
 use terrane_base::error::{Error, Result};
@@ -86,7 +86,7 @@ impl FeatureSource for GpxSource {
         &self.layer
     }
 
-    fn place(&self) -> String {
+    fn location(&self) -> String {
         format!("byte {}", self.at)
     }
 
@@ -140,7 +140,7 @@ impl GpxSource {
         mut properties: Option<&mut FeatureProperties>,
     ) -> Result<()> {
         let degrees = |name: &str| -> Result<f64> {
-            let value = tag.value(name)?.and_then(|text| number::whole(text.as_bytes()));
+            let value = tag.value(name)?.and_then(|text| decimal::whole(text.as_bytes()));
             let value = value.filter(|value| value.is_finite());
             value.ok_or_else(|| self.bad("point without numeric lat and lon"))
         };
@@ -153,7 +153,7 @@ impl GpxSource {
                 XmlEvent::Start(tag) => match (tag.name(), &mut properties) {
                     ("ele", _) => {
                         let text = self.text()?.unwrap_or_default();
-                        let value = number::whole(text.as_bytes());
+                        let value = decimal::whole(text.as_bytes());
                         height = Some(value.ok_or_else(|| self.bad("elevation is not a number"))?);
                     }
                     ("time", _) => {
@@ -208,7 +208,7 @@ impl GpxSource {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{KeptVertices, VectorWriteOptions, by_path, create, open};
+    use crate::{RetainedVertices, VectorWriteOptions, by_path, create, open};
 
     const TRACK: &str = r#"<?xml version="1.0"?>
         <gpx version="1.1"><metadata><name>x</name></metadata>
@@ -240,8 +240,8 @@ mod tests {
         let mut sink = create(&to, by_path(&to, None).unwrap(), &layer, &options).unwrap();
         for feature in found {
             let geometry = feature.geometry.keep(|part, _| match part {
-                0 => KeptVertices::Vertices(vec![0, 2]),
-                _ => KeptVertices::All,
+                0 => RetainedVertices::Vertices(vec![0, 2]),
+                _ => RetainedVertices::All,
             });
             sink.write(&Feature { geometry, ..feature }).unwrap();
         }

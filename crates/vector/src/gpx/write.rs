@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use super::time;
 use crate::crs;
+use crate::decimal;
 use crate::feature::{Feature, JsonMember, LayerHeader, PropertyValue};
 use crate::geometry::{CoordinateSequence, GeometryPart, GeometryType, PartRole};
-use crate::number;
 use crate::out::VectorOutputFile;
 use crate::sink::{FeatureSink, VectorWriteOptions, WrittenFeatures};
 use crate::table::push_text;
@@ -213,12 +213,12 @@ impl GpxElementWriter<'_> {
         text.extend_from_slice(name.as_bytes());
         for (name, value) in [(" lat=\"", lat), ("\" lon=\"", lon)] {
             text.extend_from_slice(name.as_bytes());
-            number::push(value, text);
+            decimal::push(value, text);
         }
         text.extend_from_slice(b"\">");
         if let Some(z) = part.z.get(at).filter(|z| !z.is_nan()) {
             text.extend_from_slice(b"<ele>");
-            number::push(*z, text);
+            decimal::push(*z, text);
             text.extend_from_slice(b"</ele>");
         }
         let moment = part.m.get(at).filter(|m| self.m_is_time && !m.is_nan());

@@ -1,8 +1,8 @@
 //! Coordinate arrays: the hot loop of reading GeoJSON and TopoJSON.
 
 use super::JsonCursor;
+use crate::decimal;
 use crate::geometry::CoordinateSequence;
-use crate::number;
 use terrane_base::error::Result;
 
 /// Deepest nesting, of a MultiPolygon.
@@ -82,7 +82,7 @@ impl JsonCursor<'_> {
     #[inline]
     fn coordinate(&mut self) -> Result<f64> {
         self.peek();
-        let Some((value, bytes)) = number::leading(self.rest()) else {
+        let Some((value, bytes)) = decimal::leading(self.rest()) else {
             return Err(self.bad("number expected in a position"));
         };
         self.advance(bytes);

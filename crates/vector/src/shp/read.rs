@@ -33,7 +33,7 @@ pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn Feature
     }
     let layer = LayerHeader {
         name: path.file_stem().map(|stem| stem.to_string_lossy().into_owned()),
-        crs: crs::beside(path)?,
+        crs: crs::sidecar_crs(path)?,
         schema: table.as_ref().map(|table| table.schema().to_vec()),
         extent,
         features: places.as_ref().map(|places| places.count),
@@ -124,7 +124,7 @@ impl FeatureSource for ShapefileSource {
         &self.layer
     }
 
-    fn place(&self) -> String {
+    fn location(&self) -> String {
         format!("record {}", self.record)
     }
 

@@ -273,6 +273,6 @@ fn turned(geometry: &Geometry) -> Option<CoordinateSequence> {
 }
 
 /// The bounding box of `all` and `geometry`.
-pub(super) fn widened(all: Bounds, geometry: &Geometry) -> Bounds {
+pub(super) fn union(all: Bounds, geometry: &Geometry) -> Bounds {
     geometry.bounds().map_or(all, |own| crate::tree::around(&all, &own))
 }

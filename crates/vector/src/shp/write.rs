@@ -140,7 +140,7 @@ fn write_shapes(
         let place = |e: Error| e.at(format!("feature {}", row + 1));
         shape.clear();
         shape::encode(&geometry, kind, &mut shape).map_err(place)?;
-        bounds = shape::widened(bounds, &geometry);
+        bounds = shape::union(bounds, &geometry);
         z = joined(z, shape::range(&geometry.coordinates().z));
         m = joined(m, shape::range(&geometry.coordinates().m));
         let entry = [words(shapes.bytes())?, words(shape.len() as u64)?];

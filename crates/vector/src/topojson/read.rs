@@ -167,7 +167,7 @@ impl FeatureSource for TopoJsonSource {
         &self.layer
     }
 
-    fn place(&self) -> String {
+    fn location(&self) -> String {
         let at = self.features.get(self.next.saturating_sub(1)).map_or(0, |range| range.0);
         format!("byte {at}")
     }

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use crate::crs;
+use crate::decimal;
 use crate::feature::{Feature, LayerHeader};
 use crate::geometry::{CoordinateSequence, Geometry, GeometryType};
-use crate::number;
 use crate::source::{FeatureSource, VectorOpenOptions};
 use crate::window::FileWindow;
 use terrane_base::error::{Error, Result};
@@ -17,7 +17,7 @@ const MAX_WORD: usize = 64;
 
 /// Opens a file.
 pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn FeatureSource>> {
-    let layer = LayerHeader { crs: crs::beside(path)?, ..LayerHeader::default() };
+    let layer = LayerHeader { crs: crs::sidecar_crs(path)?, ..LayerHeader::default() };
     let mut source = WktSource { window: FileWindow::open(path)?, layer, at: 0, srid: None };
     if let Some(code) = source.srid()? {
         source.layer.crs = wkt::of_srs(&format!("EPSG:{code}"));
@@ -80,7 +80,7 @@ impl FeatureSource for WktSource {
         &self.layer
     }
 
-    fn place(&self) -> String {
+    fn location(&self) -> String {
         format!("byte {}", self.at)
     }
 }
@@ -263,8 +263,8 @@ impl WktSource {
         let mut numbers = [0.0; 4];
         let mut count = 0;
         loop {
-            self.window.ensure(number::MAX_BYTES)?;
-            let next = number::leading(self.window.text());
+            self.window.ensure(decimal::MAX_BYTES)?;
+            let next = decimal::leading(self.window.text());
             let (value, bytes) = next.ok_or_else(|| self.bad("number expected"))?;
             self.window.advance(bytes);
             if count == numbers.len() {

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use crate::crs;
+use crate::decimal;
 use crate::feature::{Feature, JsonMember, LayerHeader};
 use crate::geometry::{CoordinateSequence, Geometry, GeometryPart, GeometryType};
-use crate::number;
 use crate::out::VectorOutputFile;
 use crate::sink::{FeatureSink, VectorWriteOptions, WrittenFeatures};
 use terrane_base::error::{Error, Result};
@@ -138,10 +138,10 @@ impl WktWriter<'_> {
         self.list(0..part.xy.len(), |pen, at| {
             let [x, y] = part.xy[at];
             let more = part.z.get(at).into_iter().chain(part.m.get(at));
-            number::push(x, pen.text);
+            decimal::push(x, pen.text);
             for value in std::iter::once(&y).chain(more) {
                 pen.text.push(b' ');
-                number::push(*value, pen.text);
+                decimal::push(*value, pen.text);
             }
         });
     }

@@ -2,14 +2,14 @@
 
 use std::mem::size_of;
 
-use super::between::BreakJudge;
+use super::breaklines::BreaklineCheck;
 use super::exact::{double_area, in_circle};
-use super::follow::BreaklineCheck;
-use super::kept::KeptSampleCheck;
 use super::part::GridProofPart;
+use super::required_vertices::RequiredVertexCheck;
 use super::sections::{ceil, floor};
 use super::surface::{OutlineFollowing, OutlineRun, ProofSurface};
-use super::tally::ProofTally;
+use super::surface_error::BreakJudge;
+use super::totals::ProofTally;
 use super::triangle::{ProofPosition, ProofTriangle};
 
 /// Bytes of the tables below for one triangle.
@@ -177,7 +177,7 @@ pub(crate) fn check(
     surface: &ProofSurface,
     tally: &mut ProofTally,
 ) -> Vec<UnpairedEdge> {
-    let (mut between, mut kept) = (BreakJudge::new(part, surface), KeptSampleCheck::new(part));
+    let (mut between, mut kept) = (BreakJudge::new(part, surface), RequiredVertexCheck::new(part));
     let mut follow = BreaklineCheck::new(part.lines, &part.domain, surface);
     let corners = PartCorners::new(part.triangles, |at, heights| {
         if part.domain.owns(at) {

@@ -7,37 +7,37 @@
 //! maximum or an exact sum, so the outcome does not depend on how the grid was divided, nor on the
 //! order in which domains were done.
 
-mod between;
 mod bits;
+mod breaklines;
 pub mod cloud;
 mod domain;
 mod edges;
 mod exact;
 mod expansion;
-mod follow;
-mod kept;
+mod lattice_position;
 pub mod lines;
 mod part;
 pub mod quality;
+mod required_vertices;
+mod sample_error;
 mod sections;
 pub mod slope;
-mod snap;
 mod sum;
 mod surface;
-mod tally;
+mod surface_error;
 pub mod tiles;
+mod totals;
 mod triangle;
 mod unit;
-mod worst;
 
+pub use breaklines::ProofBreakline;
 pub use domain::{DomainLayout, GridDomain};
 pub use edges::UnpairedEdge;
-pub use follow::ProofBreakline;
+pub use lattice_position::{HeightPrecision, Snap, SnapOutcome, Snapper};
 pub use part::{GridProofPart, ProofAngleBound};
-pub use snap::{HeightPrecision, Snap, SnapOutcome, Snapper};
 pub use sum::ExactSum;
 pub use surface::{OutlineFollowing, OutlineRun, ProofSurface};
-pub use tally::{ErrorSpot, FaultCount, ProofTally};
+pub use totals::{ErrorSpot, FaultCount, ProofTally};
 pub use triangle::{ProofPosition, ProofTriangle, ProofVertex};
 
 use std::mem::size_of;
@@ -46,7 +46,7 @@ use std::mem::size_of;
 /// `vertices` stored vertices; heights, triangles and positions included.
 pub fn bytes_needed(samples: u64, triangles: u64, vertices: u64) -> u64 {
     let per_triangle = size_of::<ProofTriangle>() + edges::BYTES_PER_TRIANGLE;
-    samples * worst::BYTES_PER_SAMPLE
+    samples * sample_error::BYTES_PER_SAMPLE
         + triangles * per_triangle as u64
         + vertices * size_of::<ProofPosition>() as u64
 }
@@ -60,7 +60,7 @@ pub fn check(part: &GridProofPart<'_>, tally: &mut ProofTally) -> Vec<UnpairedEd
     let apron = part.domain.apron();
     let surface = ProofSurface::new(part.domain.grid, apron, part.heights);
     surface.count(&part.domain, tally);
-    let mut worst = worst::WorstErrors::new(part, &surface);
+    let mut worst = sample_error::WorstErrors::new(part, &surface);
     for triangle in part.triangles {
         part.triangle(triangle, tally);
         worst.add(triangle);

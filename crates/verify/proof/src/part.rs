@@ -1,11 +1,11 @@
 //! The unit of a proof: a rectangle of samples, with everything that touches it.
 
+use super::breaklines::ProofBreakline;
 use super::domain::GridDomain;
-use super::follow::ProofBreakline;
+use super::lattice_position::HeightPrecision;
 use super::sections::floor;
-use super::snap::HeightPrecision;
 use super::surface::ProofSurface;
-use super::tally::ProofTally;
+use super::totals::ProofTally;
 use super::triangle::{ProofPosition, ProofTriangle};
 
 /// One rectangle of samples to check, with all that touches it.

@@ -95,10 +95,14 @@ pub fn between(p: Slope, q: Slope) -> f64 {
 
 /// Looks at the cells that the part owns; `turn` knows how slopes lie on the ground at the middle of a
 /// cell (column, row).
-pub fn look(part: &GridProofPart<'_>, turn: &impl Fn(u32, u32) -> Turn, slopes: &mut SlopeTally) {
+pub fn measure(
+    part: &GridProofPart<'_>,
+    turn: &impl Fn(u32, u32) -> Turn,
+    slopes: &mut SlopeTally,
+) {
     let Some(mut cells) = SlopeCells::new(part) else { return };
     part.triangles.iter().for_each(|triangle| cells.add(triangle, turn));
-    cells.tell(slopes);
+    cells.add_to(slopes);
 }
 
 /// The cells of a part, row by row.
@@ -157,7 +161,7 @@ impl SlopeCells {
         self.worst[at] = if error > self.worst[at] { error } else { self.worst[at] };
     }
 
-    fn tell(&self, slopes: &mut SlopeTally) {
+    fn add_to(&self, slopes: &mut SlopeTally) {
         let width = self.rect.width as usize;
         for (i, (slope, &worst)) in self.slopes.iter().zip(&self.worst).enumerate() {
             if slope[0].is_nan() {
@@ -234,7 +238,7 @@ mod tests {
         let mut all = SlopeTally::default();
         for domain in (0..layout.len()).rev().map(|i| layout.domain(i)) {
             let mut own = SlopeTally::default();
-            look(&part(domain, &window(heights, &domain), triangles), &|_, _| turn, &mut own);
+            measure(&part(domain, &window(heights, &domain), triangles), &|_, _| turn, &mut own);
             all.merge(&own);
         }
         all

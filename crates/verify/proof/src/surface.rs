@@ -4,7 +4,7 @@ use terrane_base::geom::Rect;
 
 use super::bits::{BitGrid, ones};
 use super::domain::GridDomain;
-use super::tally::ProofTally;
+use super::totals::ProofTally;
 use super::triangle::ProofPosition;
 
 /// Valid samples and surface cells of a window of a grid.

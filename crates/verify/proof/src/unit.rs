@@ -3,7 +3,7 @@
 //! Sums run in four lanes, and histograms in four copies, so that no addition waits for the last.
 
 use super::domain::GridDomain;
-use super::tally::ProofTally;
+use super::totals::ProofTally;
 
 const LANES: usize = 4;
 const RUN: usize = GridDomain::UNIT as usize;

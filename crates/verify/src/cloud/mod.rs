@@ -8,7 +8,7 @@
 //! which is gathered anew while the points are read.
 
 mod context;
-mod kept;
+mod constraints;
 mod parts;
 mod points;
 mod report;
@@ -20,13 +20,13 @@ use std::time::Instant;
 
 use super::header::{CheckedHeader, judge_bounds};
 use super::options::{CloudMeshProof, LineProofQuestion};
-use super::spread::MeshSpread;
+use super::buckets::MeshSpread;
 use super::stated::{leave_files, open_mesh, stated, tolerance};
 use super::work::ProofResources;
 use context::{CloudProofContext, no_surface, surface_bounds};
 use terrane_base::error::{ErrorKind, Result};
 use terrane_cloud::{self as cloud, PointSource};
-use terrane_engine::kept::ConstraintFeatures;
+use terrane_engine::constraints::ConstraintFeatures;
 use terrane_engine::memory::with_polygons;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_mesh::MeshSource;
@@ -110,13 +110,13 @@ pub fn prove_cloud(
     let layout = parts::layout(&context)?;
     let points = points::SpreadPoints::fill(&context, layout)?;
     let hull = points.hull.as_ref().ok_or_else(no_surface)?;
-    let kept = kept::KeptOn::new(&context, &points, hull, layout)?;
+    let kept = constraints::ConstraintChecks::new(&context, &points, hull, layout)?;
     context.work.set_aside(kept.bytes());
     let spread = MeshSpread::fill(&context.work, &context.placer, layout)?;
     let (tally, again) = parts::check(&context, &points, hull, &spread, &kept)?;
     let mut report = report::report(&context, &points, hull, &spread, &kept, &tally)?;
     let spilled = points.bytes() + spread.bytes() + again;
-    report.run = context.work.figures(start, resources, spilled);
+    report.run = context.work.statistics(start, resources, spilled);
     report.of.points_per_second = report.run.rate(report.of.points.read);
     Ok(report)
 }

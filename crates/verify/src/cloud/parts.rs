@@ -7,10 +7,10 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::context::CloudProofContext;
-use super::kept::KeptOn;
+use super::constraints::ConstraintChecks;
 use super::points::SpreadPoints;
-use crate::spread::{MAX_TRIANGLES, MeshSpread};
-use crate::squares::{CROWD, MOST, RUN_BYTES, SHARES, divide, load, pieces, respread};
+use crate::buckets::{MAX_TRIANGLES, MeshSpread};
+use crate::plane_tiles::{CROWD, MOST, RUN_BYTES, SHARES, divide, load, pieces, respread};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, Rect};
 use terrane_engine::workers;
@@ -26,11 +26,11 @@ pub(super) fn layout(context: &CloudProofContext<'_>) -> Result<DomainLayout> {
     if grid.iter().any(|&side| side > 1 << 30) {
         return Err(Error::bad_input("the cloud is larger than its frame can hold"));
     }
-    Ok(divide(grid, wanted(context)))
+    Ok(divide(grid, memory_needed(context)))
 }
 
 /// How many domains are wanted.
-fn wanted(context: &CloudProofContext<'_>) -> u64 {
+fn memory_needed(context: &CloudProofContext<'_>) -> u64 {
     let (work, mesh) = (&context.work, context.work.mesh.info());
     let points = context.source.info().count.max(1);
     let triangles = mesh.triangles.saturating_mul(3) / 2;
@@ -49,7 +49,7 @@ pub(super) fn check(
     points: &SpreadPoints,
     hull: &ProofHull,
     spread: &MeshSpread,
-    kept: &KeptOn,
+    kept: &ConstraintChecks,
 ) -> Result<(ProofTally, u64)> {
     let (work, layout) = (&context.work, spread.layout);
     let all = Mutex::new(ProofTally::default());

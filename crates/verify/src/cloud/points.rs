@@ -5,7 +5,7 @@ use std::sync::Mutex;
 use super::context::CloudProofContext;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
-use terrane_cloud::PointCensus;
+use terrane_cloud::ReturnCounts;
 use terrane_engine::{FileAt, workers};
 use terrane_files::{BucketWriter, Buckets, lock};
 use terrane_proof::DomainLayout;
@@ -15,7 +15,7 @@ use terrane_proof::cloud::{HullGatherer, ProofHull, position};
 pub(super) struct SpreadPoints {
     /// Points with x and y counted from the lowest.
     pub(super) points: Buckets<Point>,
-    pub(super) census: PointCensus,
+    pub(super) census: ReturnCounts,
     /// `None` when the points have no surface.
     pub(super) hull: Option<ProofHull>,
 }
@@ -23,7 +23,7 @@ pub(super) struct SpreadPoints {
 /// What one thread found.
 #[derive(Default)]
 struct CloudPointFindings {
-    census: PointCensus,
+    census: ReturnCounts,
     wrap: HullGatherer,
 }
 
@@ -37,7 +37,7 @@ impl SpreadPoints {
         let start = || (CloudPointFindings::default(), points.writer());
         let read = |(found, writer): &mut (CloudPointFindings, BucketWriter<'_, Point>),
                     part: u64| {
-            FileAt::tell(work.progress, source, part as usize);
+            FileAt::report_part(work.progress, source, part as usize);
             let census = source.read(part as usize, &mut |batch| {
                 batch.iter().try_for_each(|&point| {
                     let point = place(point, context.bounds)?;

@@ -3,14 +3,14 @@
 use serde::Serialize;
 
 use super::context::CloudProofContext;
-use super::kept::KeptOn;
+use super::constraints::ConstraintChecks;
 use super::points::SpreadPoints;
-use crate::found::{FaultReport, MeshFindings, MeshOriginal, MeshReport, area, is_zero};
-use crate::spread::MeshSpread;
+use crate::findings::{FaultReport, MeshFindings, MeshOriginal, MeshReport, area, is_zero};
+use crate::buckets::MeshSpread;
 use terrane_base::error::Result;
-use terrane_cloud::PointCensus;
+use terrane_cloud::ReturnCounts;
 use terrane_engine::breaklines::BreaklinesReport;
-use terrane_engine::kept::KeptReport;
+use terrane_engine::constraints::RequiredPointsReport;
 use terrane_proof::cloud::ProofHull;
 use terrane_proof::{FaultCount, ProofPosition, ProofTally};
 
@@ -31,7 +31,7 @@ pub struct CloudProofFindings {
     /// Unit of heights.
     pub vertical_unit: String,
     /// What became of the points read.
-    pub points: PointCensus,
+    pub points: ReturnCounts,
     /// Points that are the lowest at their position: the promise is about these.
     pub judged_points: u64,
     /// Points above another one at the same position: they bind nothing.
@@ -61,19 +61,19 @@ pub struct CloudProofFindings {
     /// True where the mesh states that it has posts on breaklines that were not given: vertices may be no points.
     #[serde(skip)]
     pub has_posts: bool,
-    /// Points to keep, if they were given, and
+    /// Points to keep, if given.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub keep_points: Option<KeptReport>,
-    /// points nearest to them that are no vertices.
+    pub keep_points: Option<RequiredPointsReport>,
+    /// Points nearest to points to keep that are not vertices.
     #[serde(skip_serializing_if = "FaultReport::is_none")]
     pub not_kept: FaultReport<[f64; 2]>,
-    /// Breaklines, if they were given,
+    /// Breaklines, if given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub breaklines: Option<BreaklinesReport>,
-    /// vertices on them, and
+    /// Vertices on breaklines.
     #[serde(skip_serializing_if = "is_zero")]
     pub on_breaklines: u64,
-    /// places where edges do not follow them.
+    /// Places where edges do not follow breaklines.
     #[serde(skip_serializing_if = "FaultReport::is_none")]
     pub not_followed: FaultReport<[f64; 2]>,
     /// Points read by seconds.
@@ -86,7 +86,7 @@ impl MeshOriginal for CloudProofFindings {
     const WHOLE: &'static str = "hull";
     const PLANE: &'static str = "in the steps of the cloud";
 
-    fn told([x, y]: [f64; 2]) -> String {
+    fn describe([x, y]: [f64; 2]) -> String {
         format!("x {x}, y {y}")
     }
 
@@ -118,7 +118,7 @@ pub(super) fn report(
     points: &SpreadPoints,
     hull: &ProofHull,
     spread: &MeshSpread,
-    kept: &KeptOn,
+    kept: &ConstraintChecks,
     tally: &ProofTally,
 ) -> Result<CloudVerifyReport> {
     let cloud = context.source.info();
@@ -143,7 +143,7 @@ pub(super) fn report(
         outside_vertices: fault(&tally.outside),
         off_point_vertices: fault(&tally.off_samples),
         has_posts: context.has_posts,
-        keep_points: context.kept.kept(
+        keep_points: context.kept.constraints(
             kept.beyond,
             tally.kept,
             tally.kept - tally.not_kept.count,

@@ -12,7 +12,7 @@ use few::PointSample;
 use terrane_base::geom::{Point, Point3, PointFrame};
 use terrane_cloud::CloudOpenOptions;
 use terrane_engine::Silent;
-use terrane_engine::figures::RunStatistics;
+use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::plan::RunControl;
 use terrane_lidar::cloud_tin::{self, CloudTinJob};
 use terrane_mesh::{self as mesh, MeshInfo};

@@ -166,7 +166,7 @@ impl AttributeRules {
                 AttributeMatch::Yes => {}
                 AttributeMatch::Rounded => self.lost.rounded += 1,
                 AttributeMatch::No => {
-                    return Some(format!("{name} is {}", told_apart(own, value)));
+                    return Some(format!("{name} is {}", distinct_texts(own, value)));
                 }
             }
         }
@@ -303,7 +303,7 @@ fn text(value: &PropertyValue) -> String {
 }
 
 /// A value beside the one that it should be: with their types where these differ.
-fn told_apart(own: &PropertyValue, value: &PropertyValue) -> String {
+fn distinct_texts(own: &PropertyValue, value: &PropertyValue) -> String {
     let is_alike = kind(own) == kind(value);
     let told = |value: &PropertyValue| match value {
         _ if is_alike => shown(value),

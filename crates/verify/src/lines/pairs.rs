@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::attributes::{AttributeRules, Facts, shown};
 use super::findings::FeatureFindings;
-use super::own::{ComparedFeature, MatchedParts, OwnPart, beside, key};
+use super::feature::{ComparedFeature, MatchedParts, FeaturePart, match_parts, key};
 use crate::options::LineVerifyJob;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::memory::{PROGRAM, short};
@@ -29,11 +29,11 @@ pub(super) struct FeaturePairs<'a> {
     cancel: &'a Cancel,
     format: &'static VectorFormat,
     /// The features of both files, once it is known that they are not in the same order.
-    held: Option<HeldFeatures>,
+    held: Option<BufferedFeatures>,
 }
 
 /// All features, and for each of the original the one made from it.
-struct HeldFeatures {
+struct BufferedFeatures {
     before: Vec<ComparedFeature>,
     after: Vec<ComparedFeature>,
     partners: Vec<Option<usize>>,
@@ -70,7 +70,7 @@ impl<'a> FeaturePairs<'a> {
         progress: &dyn Progress,
         visit: &mut Visit<'_>,
     ) -> Result<ComparisonOutcome> {
-        let Some(HeldFeatures { before, after, partners, findings }) = &self.held else {
+        let Some(BufferedFeatures { before, after, partners, findings }) = &self.held else {
             return self.side_by_side(progress, visit);
         };
         let mut findings = findings.clone();
@@ -82,7 +82,7 @@ impl<'a> FeaturePairs<'a> {
                 continue;
             };
             let pair = FeaturePair { number: number as u64, before, after };
-            self.visit(&pair, &beside(before, after), &mut findings, visit)?;
+            self.visit(&pair, &match_parts(before, after), &mut findings, visit)?;
         }
         Ok(ComparisonOutcome::All(Box::new(findings)))
     }
@@ -113,7 +113,7 @@ impl<'a> FeaturePairs<'a> {
             let difference = rules.difference(&expected, &found);
             let before = self.own(&before, expected, &*original)?;
             let after = self.own(&after, found, &*lines)?;
-            let placed = beside(&before, &after);
+            let placed = match_parts(&before, &after);
             let (is_same, is_sound) = (difference.is_none(), placed.fits);
             let is_pair = match self.format.holds.ordered {
                 true => is_same || is_sound,
@@ -197,7 +197,7 @@ impl<'a> FeaturePairs<'a> {
             findings.added.add(|| format!("feature {number} of the lines{}", named(own)));
         }
         (findings.lost, findings.cut) = (rules.lost, rules.cut());
-        self.held = Some(HeldFeatures { before, after, partners, findings });
+        self.held = Some(BufferedFeatures { before, after, partners, findings });
         Ok(())
     }
 
@@ -244,21 +244,21 @@ impl<'a> FeaturePairs<'a> {
             let mib = needed.div_ceil(1 << 20);
             let message = format!("a feature as large as this takes {mib} MiB of memory");
             let error = short(message, needed).in_file(Path::new(&self.job.original));
-            return Err(error.at(source.place()));
+            return Err(error.at(source.location()));
         }
         let own = ComparedFeature::new(feature, facts);
         let own =
             if self.format.holds.values == PropertySupport::Cells { own.one_row() } else { own };
         // Products of larger ones could not be told exactly.
         if own.vertices().flatten().any(|v| v.abs() >= 1e130) {
-            return Err(Error::bad_input("a coordinate is beyond 1e130").at(source.place()));
+            return Err(Error::bad_input("a coordinate is beyond 1e130").at(source.location()));
         }
         // Squares of distances between smaller ones are 0.
         let is_fine = self.job.tolerance.is_some_and(|tolerance| tolerance.value < 1e-50);
         if is_fine && own.vertices().flatten().any(|v| *v != 0.0 && v.abs() < 1e-59) {
             let message = "a coordinate below 1e-59 is too small for distances to be computed";
             return Err(Error::bad_input(message)
-                .at(source.place())
+                .at(source.location())
                 .remedy("pass ‹tolerance› 1e-50 or more"));
         }
         Ok(own)
@@ -297,7 +297,7 @@ impl ZmComparison {
 
     /// Heights and measures of a part of the original or of the lines, without those that are not held;
     /// nothing where there is none at all.
-    fn of(&self, part: &OwnPart, is_original: bool) -> Vec<[f64; 2]> {
+    fn of(&self, part: &FeaturePart, is_original: bool) -> Vec<[f64; 2]> {
         if self.is_none {
             return Vec::new();
         }
@@ -310,17 +310,17 @@ impl ZmComparison {
     }
 
     /// Whether points are others.
-    fn differ(&self, before: &OwnPart, after: &OwnPart) -> bool {
+    fn differ(&self, before: &FeaturePart, after: &FeaturePart) -> bool {
         let bits = |v: f64| if v.is_nan() { f64::NAN.to_bits() } else { (v + 0.0).to_bits() };
-        let places = |part: &OwnPart| part.points.iter().map(key).collect::<Vec<_>>();
-        let more = |part: &OwnPart, is_original: bool| -> Vec<[u64; 2]> {
+        let places = |part: &FeaturePart| part.points.iter().map(key).collect::<Vec<_>>();
+        let more = |part: &FeaturePart, is_original: bool| -> Vec<[u64; 2]> {
             self.of(part, is_original).into_iter().map(|extras| extras.map(bits)).collect()
         };
         places(before) != places(after) || more(before, true) != more(after, false)
     }
 }
 
-fn visit_gone(part: &OwnPart, visit: &mut Visit<'_>) -> Result<()> {
+fn visit_gone(part: &FeaturePart, visit: &mut Visit<'_>) -> Result<()> {
     visit(PartVertices::of(&part.points), PartVertices::default(), part.is_ring())
 }
 
@@ -381,7 +381,7 @@ impl<'a> FeaturePartners<'a> {
                 }
                 let is_known = self.of[old].is_some() != is_taken || tried.contains(&old);
                 let is_other = with_stamp && before[old].stamp != feature.stamp;
-                if is_known || is_other || !beside(&before[old], feature).fits {
+                if is_known || is_other || !match_parts(&before[old], feature).fits {
                     continue;
                 }
                 tried.insert(old);

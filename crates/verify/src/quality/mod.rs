@@ -15,7 +15,7 @@ use super::context::check_grid;
 use super::work::{MIN_MEMORY, ProofResources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point3;
-use terrane_engine::ground::GroundScale;
+use terrane_engine::ground_units::GroundScale;
 use terrane_engine::input::is_geographic;
 use terrane_engine::memory::cache_beside;
 use terrane_engine::{Cancel, Progress, Resources};
@@ -78,10 +78,10 @@ pub fn quality(
     let has_space = !is_geographic(info);
     // Where there are no vertices, no triangle has corners that could be anywhere.
     let plan = QualityLattice::new(bounds.unwrap_or_default(), info.origin, info.single_precision);
-    let (found, broken) = shapes::look(&work()?, &plan, has_space).map_err(in_mesh)?;
+    let (found, broken) = shapes::measure(&work()?, &plan, has_space).map_err(in_mesh)?;
     let mut report = QualityReport::new(&found, broken, plan.cell(), has_space);
     if let Some((grid, ground)) = against {
-        report.slope = Some(slopes::look(work()?, grid, &ground).map_err(in_mesh)?);
+        report.slope = Some(slopes::measure(work()?, grid, &ground).map_err(in_mesh)?);
     }
     Ok(report)
 }

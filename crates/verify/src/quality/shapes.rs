@@ -2,8 +2,8 @@
 
 use std::sync::Mutex;
 
-use crate::spread::{DomainReach, MAX_TRIANGLES, MeshSpread};
-use crate::squares::{CROWD, MOST, RUN_BYTES, SHARES, divide, load, pieces, respread};
+use crate::buckets::{DomainReach, MAX_TRIANGLES, MeshSpread};
+use crate::plane_tiles::{CROWD, MOST, RUN_BYTES, SHARES, divide, load, pieces, respread};
 use crate::work::ProofResources;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
@@ -13,19 +13,19 @@ use terrane_proof::quality::{self, Quality, QualityLattice, QualityPart};
 use terrane_proof::{GridDomain, ProofPosition, ProofTriangle};
 
 /// Looks at all squares. Returns the triangles that were left out because of an unusable vertex, too.
-pub(super) fn look(
+pub(super) fn measure(
     work: &ProofResources<'_>,
     plan: &QualityLattice,
     has_space: bool,
 ) -> Result<(Quality, u64)> {
-    let layout = divide(plan.grid(), wanted(work));
+    let layout = divide(plan.grid(), memory_needed(work));
     let spread = MeshSpread::of_triangles(work, plan, layout, DomainReach::Corners)?;
     let all = Mutex::new(Quality::default());
     let looker = QualityInspector { work, plan, has_space, crowded: Mutex::new(()) };
     work.progress.begin("squares", layout.len());
     let look = |found: &mut Quality, index: u64| {
         let domain = layout.domain(index);
-        looker.look(&spread.triangles, index as usize, domain, found)?;
+        looker.measure(&spread.triangles, index as usize, domain, found)?;
         work.progress.advance(1);
         Ok(())
     };
@@ -41,7 +41,7 @@ pub(super) fn look(
 
 /// How many squares are wanted: few enough that their index stays small, but so many that one of average
 /// density takes half of a thread's memory.
-fn wanted(work: &ProofResources<'_>) -> u64 {
+fn memory_needed(work: &ProofResources<'_>) -> u64 {
     let triangles = work.mesh.info().triangles;
     let need = quality::bytes_needed(triangles.saturating_mul(3) / 2);
     let wanted = (triangles / CROWD).max(need / (work.share / 2)).max(SHARES * work.threads as u64);
@@ -60,7 +60,7 @@ struct QualityInspector<'a> {
 }
 
 impl QualityInspector<'_> {
-    fn look(
+    fn measure(
         &self,
         pile: &Buckets<ProofTriangle>,
         number: usize,
@@ -71,22 +71,22 @@ impl QualityInspector<'_> {
         let triangles = pile.len(number);
         let need = quality::bytes_needed(triangles);
         if need <= self.work.share && triangles <= MAX_TRIANGLES {
-            return self.look_at(pile, number, domain, found);
+            return self.measure_triangle(pile, number, domain, found);
         }
         let pieces = pieces(domain);
         if pieces.len() > 1 {
             let again = respread(self.work, pile, number, &pieces, has_corner)?;
             let mut all = (0..).zip(&pieces);
-            return all.try_for_each(|(number, &piece)| self.look(&again, number, piece, found));
+            return all.try_for_each(|(number, &piece)| self.measure(&again, number, piece, found));
         }
         if need > self.work.memory || triangles > MAX_TRIANGLES {
             return Err(self.too_crowded(domain, triangles, need));
         }
         let _alone = lock(&self.crowded);
-        self.look_at(pile, number, domain, found)
+        self.measure_triangle(pile, number, domain, found)
     }
 
-    fn look_at(
+    fn measure_triangle(
         &self,
         pile: &Buckets<ProofTriangle>,
         number: usize,
@@ -95,7 +95,7 @@ impl QualityInspector<'_> {
     ) -> Result<()> {
         let triangles = load(pile, number)?;
         let (plan, has_space) = (self.plan, self.has_space);
-        quality::look(&QualityPart { domain, triangles: &triangles, plan, has_space }, found);
+        quality::measure(&QualityPart { domain, triangles: &triangles, plan, has_space }, found);
         Ok(())
     }
 

@@ -4,15 +4,15 @@ use super::report::SlopeReport;
 use crate::context::{GridProofContext, MeshRequirements};
 use crate::parts;
 use crate::report::place;
-use crate::spread::{DomainReach, MeshSpread};
+use crate::buckets::{DomainReach, MeshSpread};
 use crate::work::ProofResources;
 use terrane_base::error::Result;
-use terrane_engine::ground::GroundScale;
+use terrane_engine::ground_units::GroundScale;
 use terrane_proof::slope::{self, SlopeTally};
 use terrane_raster::GridSource;
 
 /// Holds all triangles against the grid.
-pub(super) fn look(
+pub(super) fn measure(
     work: ProofResources<'_>,
     grid: &dyn GridSource,
     ground: &GroundScale,
@@ -23,7 +23,7 @@ pub(super) fn look(
         MeshSpread::of_triangles(&context.work, &context.snapper, layout, DomainReach::Touched)?;
     let turn = |col: u32, row: u32| ground.turn(f64::from(col) + 0.5, f64::from(row) + 0.5);
     let judge = |part: &terrane_proof::GridProofPart<'_>, slopes: &mut SlopeTally| {
-        slope::look(part, &turn, slopes);
+        slope::measure(part, &turn, slopes);
         Ok(())
     };
     let need = |samples, triangles, _| slope::bytes_needed(samples, triangles);

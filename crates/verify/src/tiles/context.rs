@@ -2,8 +2,8 @@
 
 use super::folder::{self, FolderTiles};
 use super::layer::TilesetPromises;
-use super::place::GlobeRaster;
-use super::room::DividedBudget;
+use super::georeference::GlobeRaster;
+use super::memory_shares::DividedBudget;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::{Cancel, Progress};
 use terrane_proof::tiles::{DecodedTile, ProofTileId, WaterShore};

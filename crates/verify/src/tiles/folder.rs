@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use flate2::bufread::GzDecoder;
 
-use super::room::TilesProofRoom;
+use super::memory_shares::TilesProofMemory;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_engine::Cancel;
@@ -41,12 +41,12 @@ pub(super) struct FolderTiles {
 
 impl FolderTiles {
     /// None yet, of as many as there is room for.
-    pub(super) fn within(room: &TilesProofRoom) -> Self {
+    pub(super) fn within(room: &TilesProofMemory) -> Self {
         Self { most: room.tiles(), ..Self::default() }
     }
 
     /// Looks through a folder for tiles, which there has to be room for.
-    pub(super) fn find(folder: &Path, room: &TilesProofRoom, cancel: &Cancel) -> Result<Self> {
+    pub(super) fn find(folder: &Path, room: &TilesProofMemory, cancel: &Cancel) -> Result<Self> {
         let mut found = Self::within(room);
         for level in entries(folder)? {
             let path = level.path();
@@ -95,7 +95,7 @@ impl FolderTiles {
     /// # Errors
     /// More tiles in a folder than there is room for.
     pub(super) fn sorted(mut self, folder: &Path) -> Result<Self> {
-        TilesProofRoom::check(self.count, self.most).map_err(|e| e.in_file(folder))?;
+        TilesProofMemory::check(self.count, self.most).map_err(|e| e.in_file(folder))?;
         self.all.sort_unstable();
         Ok(self)
     }

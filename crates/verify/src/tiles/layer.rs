@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use super::folder::NAME;
 use super::level::{StatedLevel, check_levels};
-use super::three::{self, ThreeTilesCheck};
+use super::tiles_3d::{self, ThreeTilesCheck};
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_proof::tiles::{ERROR_OF_ROOT, MAX_LEVEL, ProofTileId};
@@ -107,7 +107,7 @@ impl TilesetPromises {
     pub(super) fn name(&self) -> &'static str {
         match self.kind {
             TilesetKind::QuantizedMesh => NAME,
-            TilesetKind::ThreeTiles(_) => three::NAME,
+            TilesetKind::ThreeTiles(_) => tiles_3d::NAME,
         }
     }
 

@@ -4,21 +4,21 @@
 //! the surfaces of all levels ([`terrane_proof::tiles`]). Nothing in the report but times and memory depends on
 //! threads, memory budget, or the order of work.
 
-mod alone;
-mod below;
+mod tile_checks;
+mod availability;
 mod cache;
 mod context;
 mod folder;
 mod layer;
 mod level;
 mod options;
-mod place;
+mod georeference;
 mod proofs;
 mod report;
-mod room;
-mod shore;
+mod memory_shares;
+mod water_polygons;
 mod sweep;
-mod three;
+mod tiles_3d;
 mod tileset;
 
 use std::path::Path;
@@ -28,23 +28,23 @@ use std::time::Instant;
 use self::context::TilesProofContext;
 use self::folder::FolderTiles;
 use self::layer::{TilesetKind, TilesetPromises};
-use self::place::GlobeRaster;
-use self::room::TilesProofRoom;
+use self::georeference::GlobeRaster;
+use self::memory_shares::TilesProofMemory;
 use super::context::check_grid;
 use super::options::LineProofQuestion;
 use terrane_base::error::{Error, Result};
-use terrane_engine::figures::RunStatistics;
+use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::memory::{cache_beside, too_little, with_polygons};
 use terrane_engine::options::GridInput;
 use terrane_engine::proof::WrittenOutput;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_proof::tiles::WaterShore;
 use terrane_raster::{self as raster, Water};
-use terrane_tiles::GroundModel;
+use terrane_tiles::CloudModel;
 
 pub use context::ROUNDING;
 pub use options::{CloudTilesProof, CloudTilesProofSetters, TilesProof, TilesProofSetters};
-pub use report::{CheckReport, FoundFault, LevelProofReport, TilesVerifyReport};
+pub use report::{CheckReport, TileFault, LevelProofReport, TilesVerifyReport};
 
 /// Least memory that a proof can work in.
 const MIN_MEMORY: u64 = 32 << 20;
@@ -52,7 +52,7 @@ const MIN_MEMORY: u64 = 32 << 20;
 /// True for a folder with a `layer.json` or `tileset.json`, and for such a file.
 pub fn is_tiles(path: &Path) -> bool {
     let place = tileset::place(path);
-    let is_it = |name: &std::ffi::OsStr| name == folder::NAME || name == three::NAME;
+    let is_it = |name: &std::ffi::OsStr| name == folder::NAME || name == tiles_3d::NAME;
     place.file_name().is_some_and(is_it) && place.is_file()
 }
 
@@ -70,7 +70,7 @@ pub(super) fn verify_tiles(
 ) -> Result<TilesVerifyReport> {
     let start = Instant::now();
     check_memory(&job.options.resources)?;
-    let mut room = TilesProofRoom::new(&job.options.resources);
+    let mut room = TilesProofMemory::new(&job.options.resources);
     let layer = TilesetPromises::read(&job.written.file, &room, cancel)?;
     let tiles = match &layer.kind {
         TilesetKind::QuantizedMesh => FolderTiles::find(&layer.folder, &room, cancel)?,
@@ -88,7 +88,7 @@ pub(super) fn verify_tiles(
     let places = GlobeRaster::of(&*grid, job.options.geoid.as_deref(), &job.options.resources)
         .map_err(|e| if e.path().is_some() { e } else { of_raster(e) })?;
     let water = options.water.as_ref().filter(|_| layer.has_water);
-    let shore = |water: &Arc<Water>| shore::shore(water, &places, layer.finest, &room);
+    let shore = |water: &Arc<Water>| water_polygons::shore(water, &places, layer.finest, &room);
     let shore = water.map(shore).transpose()?;
     room.take(shore.as_ref().map_or(0, WaterShore::bytes));
     let room = room.divided(&places, job.options.resources.threads);
@@ -100,7 +100,7 @@ pub(super) fn verify_tiles(
         return Err(of_raster(Error::bad_input("has no valid sample")));
     }
     context.steep = sweep.steep(context.places.spacing());
-    let (alone, records) = alone::check(&context)?;
+    let (alone, records) = tile_checks::check(&context)?;
     let found = report::TilesProofFindings { alone, records, sweep, under };
     let mut report = report::report(&context, &found, &grid.info().crs);
     (report.tiles, report.raster) = (job.written.file.display().to_string(), name);
@@ -124,7 +124,7 @@ pub(super) fn verify_tiles_of_cloud(
     let CloudTilesProof { geoid, water, model, cloud, resources } = job.options;
     check_memory(resources)?;
     let (input, cloud) = (job.written.original.clone(), cloud.options(resources)?);
-    let model = GroundModel { input, cloud, model: model.clone() };
+    let model = CloudModel { input, cloud, model: model.clone() };
     let made = model.make(&job.written.file, resources, progress, cancel)?;
     let report = with_polygons(&model.cloud, resources, |resources| {
         let written =

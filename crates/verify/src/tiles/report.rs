@@ -2,14 +2,14 @@
 
 use serde::Serialize;
 
-use super::alone::{self, TileRecord};
+use super::tile_checks::{self, TileRecord};
 use super::context::{ROUNDING, TilesProofContext};
 use super::folder;
 use super::layer::TilesetPromises;
 use super::level::StatedLevel;
 use super::sweep::{self, FarthestSample, TileSamples};
 use terrane_base::geom::Crs;
-use terrane_engine::figures::RunStatistics;
+use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::proof::ProofVerdict;
 use terrane_proof::tiles::{MaskPixels, ProofTileId, TilesetCheck, TilesetFault, TilesetFaults};
 
@@ -89,12 +89,12 @@ pub struct CheckReport {
     /// What was looked at, in words.
     pub looked_at: String,
     /// What is wrong.
-    pub faults: Vec<FoundFault>,
+    pub faults: Vec<TileFault>,
 }
 
 /// Something wrong.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct FoundFault {
+pub struct TileFault {
     /// What.
     pub what: String,
     /// How often.
@@ -139,7 +139,7 @@ pub struct LevelProofReport {
 
 /// All that was found.
 pub(super) struct TilesProofFindings {
-    pub(super) alone: alone::SingleTileFindings,
+    pub(super) alone: tile_checks::SingleTileFindings,
     pub(super) records: Vec<Option<TileRecord>>,
     pub(super) sweep: sweep::SampleFindings,
     pub(super) under: Vec<TileSamples>,
@@ -201,7 +201,7 @@ impl CheckReport {
             let first = count.first.map(|id| id.to_string());
             // Texts name the file of quantized-mesh.
             let what = what.replace(folder::NAME, layer.name());
-            FoundFault { what, count: count.count, first }
+            TileFault { what, count: count.count, first }
         };
         let faults: Vec<_> = faults.found(check).map(told).collect();
         Self { check: name, kept: faults.is_empty(), looked_at, faults }
@@ -471,7 +471,7 @@ impl TilesJudge<'_> {
     }
 
     fn failures(&self, checks: &[CheckReport]) -> Vec<String> {
-        let told = |fault: &FoundFault| {
+        let told = |fault: &TileFault| {
             let first = match (&fault.first, &self.context.tiles.first_stray) {
                 (Some(tile), _) => format!(", first in tile {tile}"),
                 (None, Some(path)) if fault.what.starts_with(STRAY) => {

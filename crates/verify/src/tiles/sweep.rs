@@ -7,8 +7,8 @@ use std::sync::{Arc, Mutex};
 
 use super::cache::TileCache;
 use super::context::{TilesProofContext, decoded};
-use super::place::WindowPlaces;
-use super::room::window;
+use super::georeference::WindowPositions;
+use super::memory_shares::window;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_engine::workers;
@@ -170,7 +170,7 @@ struct SweepWindow<'a> {
     context: &'a TilesProofContext<'a>,
     rect: Rect,
     heights: &'a [f64],
-    placed: WindowPlaces,
+    placed: WindowPositions,
 }
 
 impl<'a> SweepWindow<'a> {
@@ -187,10 +187,10 @@ impl<'a> SweepWindow<'a> {
         let width = self.rect.width as usize;
         for (number, &height) in self.heights.iter().enumerate() {
             let place = match &self.placed {
-                WindowPlaces::Straight { longitudes, latitudes, .. } => {
+                WindowPositions::Straight { longitudes, latitudes, .. } => {
                     [longitudes[number % width], latitudes[number / width]]
                 }
-                WindowPlaces::Moved(places) => places[number],
+                WindowPositions::Moved(places) => places[number],
             };
             hold(&mut found.whole, place);
             let left = (!number.is_multiple_of(width)).then(|| number - 1);
@@ -247,8 +247,8 @@ impl SweepLevel<'_> {
     fn measure(&mut self) -> Result<()> {
         let (window, level) = (self.window, self.level);
         let (longitudes, latitudes) = match &window.placed {
-            WindowPlaces::Straight { longitudes, latitudes, .. } => (longitudes, latitudes),
-            WindowPlaces::Moved(places) => return self.scattered(places),
+            WindowPositions::Straight { longitudes, latitudes, .. } => (longitudes, latitudes),
+            WindowPositions::Moved(places) => return self.scattered(places),
         };
         let columns = runs(longitudes, |at| ProofTileId::columns_of(level, at));
         for (y, rows) in runs(latitudes, |at| ProofTileId::rows_of(level, at)) {
@@ -319,7 +319,7 @@ impl SweepLevel<'_> {
         columns: &Range<usize>,
     ) -> TileSamples {
         let window = self.window;
-        let WindowPlaces::Straight { meridians, parallels, .. } = &window.placed else {
+        let WindowPositions::Straight { meridians, parallels, .. } = &window.placed else {
             return TileSamples::default();
         };
         let meridians = &meridians[columns.clone()];

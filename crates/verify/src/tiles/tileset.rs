@@ -11,8 +11,8 @@ use super::layer::{
     self, TileRange, TilesetKind, TilesetPromises, check_beyond, check_heights, text_of,
 };
 use super::level::{StatedLevel, check_levels};
-use super::room::TilesProofRoom;
-use super::three::{self, HALVES, SUBTREE, TILE, ThreeTilesCheck};
+use super::memory_shares::TilesProofMemory;
+use super::tiles_3d::{self, HALVES, SUBTREE, TILE, ThreeTilesCheck};
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_engine::Cancel;
@@ -24,8 +24,8 @@ const RADIANS: f64 = 1e-12;
 /// Where the file of a set would be: the path itself, or in it where that is a folder.
 pub(super) fn place(path: &Path) -> PathBuf {
     match path.is_dir() {
-        true if path.join(three::NAME).is_file() && !path.join(folder::NAME).exists() => {
-            path.join(three::NAME)
+        true if path.join(tiles_3d::NAME).is_file() && !path.join(folder::NAME).exists() => {
+            path.join(tiles_3d::NAME)
         }
         true => path.join(folder::NAME),
         false => path.to_path_buf(),
@@ -39,9 +39,9 @@ impl TilesetPromises {
     /// # Errors
     /// A file that cannot be read, is too long, no JSON or without what is needed; another format, scheme or
     /// projection; levels beyond the finest there may be.
-    pub(super) fn read(path: &Path, room: &TilesProofRoom, cancel: &Cancel) -> Result<Self> {
+    pub(super) fn read(path: &Path, room: &TilesProofMemory, cancel: &Cancel) -> Result<Self> {
         let path = place(path);
-        if path.file_name().is_some_and(|name| name == three::NAME) {
+        if path.file_name().is_some_and(|name| name == tiles_3d::NAME) {
             return read_tileset(&path, room, cancel);
         }
         layer::read(&path).map_err(|e| e.in_file(&path))
@@ -124,7 +124,7 @@ struct ImplicitTiling {
 ///
 /// # Errors
 /// Files that cannot be read or are too long; another kind of tileset; what does not fit together in one.
-fn read_tileset(path: &Path, room: &TilesProofRoom, cancel: &Cancel) -> Result<TilesetPromises> {
+fn read_tileset(path: &Path, room: &TilesProofMemory, cancel: &Cancel) -> Result<TilesetPromises> {
     let text = text_of(path)?;
     let stored: StoredTilesetJson = serde_json::from_slice(&text).map_err(|e| {
         Error::bad_input(format!("does not describe a set of tiles as terrane makes it: {e}"))
@@ -134,7 +134,7 @@ fn read_tileset(path: &Path, room: &TilesProofRoom, cancel: &Cancel) -> Result<T
 }
 
 impl StoredTilesetJson {
-    fn layer(self, path: &Path, room: &TilesProofRoom, cancel: &Cancel) -> Result<TilesetPromises> {
+    fn layer(self, path: &Path, room: &TilesProofMemory, cancel: &Cancel) -> Result<TilesetPromises> {
         let of_file = |e: Error| e.in_file(path);
         self.check().map_err(of_file)?;
         let (Some(schema), Some(own)) = (self.schema, self.extras.terrane) else {

@@ -104,7 +104,7 @@ impl PointDensityMap {
         };
         progress.begin("points", cloud.info().count);
         let read = (0..cloud.parts()).into_par_iter().try_for_each(|part| {
-            FileAt::tell(progress, cloud, part);
+            FileAt::report_part(progress, cloud, part);
             sight.read(part, &mut |points| {
                 cancel.check()?;
                 points.iter().for_each(add);

@@ -23,7 +23,7 @@ use terrane_engine::memory::cache_beside;
 use terrane_engine::options::{CloudInput, FeatureInput, FileName, GridInput, Replacing};
 use terrane_engine::outputs::{check_ending, not_among};
 use terrane_engine::proof::Inspection;
-use terrane_engine::sift::LostPoints;
+use terrane_engine::skip_bad::LostPoints;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::path_of;
 use terrane_mesh as meshes;

@@ -2,13 +2,13 @@
 
 use serde_json::{Value, json};
 
-use super::few::{self, PagePointTally, Ranked};
+use super::point_sample::{self, PagePointTally, Ranked};
 use super::{PageJob, PageReport, facts};
 use crate::html::HtmlPage;
 use crate::html::pack::{PackedArray, QuantizedAxis};
 use crate::render::class_colour;
-use terrane_base::door::Frontend;
 use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::frontend::Frontend;
 use terrane_base::geom::PointFrame;
 use terrane_cloud::{CloudOpenOptions, PointAppearance, PointCloud, PointSource, class_name};
 use terrane_engine::input::workers;
@@ -36,8 +36,8 @@ pub(super) fn page(
     let threads = with_polygons(open, job.resources, |resources| threads(most, &resources))?;
     let resources = Resources { threads, ..job.resources.clone() };
     let (points, tally) = workers(&resources)?.install(|| {
-        let (mut points, tally) = few::choose(&cloud, most as usize, (progress, cancel))?;
-        few::arrange(&mut points);
+        let (mut points, tally) = point_sample::select(&cloud, most as usize, (progress, cancel))?;
+        point_sample::arrange(&mut points);
         Ok::<_, Error>((points, tally))
     })?;
     if points.is_empty() {
@@ -50,7 +50,7 @@ pub(super) fn page(
 
 /// Threads that fit beside the points.
 fn threads(points: u64, resources: &Resources) -> Result<usize> {
-    let need = few::needed(points).max(points * POINT_BYTES);
+    let need = point_sample::needed(points).max(points * POINT_BYTES);
     let free = beside_program(resources.memory);
     let Some(rest) = free.checked_sub(need + WORKER) else {
         let enough = need + WORKER + PROGRAM;
@@ -78,7 +78,7 @@ fn put(
     };
     let placed = place(&mut page, &points, &cloud.info().frame, &mut report);
     let seen = || points.iter().map(|(_, seen)| seen);
-    page.array("marks", PackedArray::signed(seen().map(marks)));
+    page.array("marks", PackedArray::signed(seen().map(packed_flags)));
     if tally.strongest > 0 {
         page.array("intensity", PackedArray::signed(seen().map(|seen| seen.intensity.into())));
     }
@@ -90,7 +90,7 @@ fn put(
     let system = facts::SurfaceSystem::of_features(&cloud.info().crs);
     facts::put(&mut page, job, &system, report.bounds, placed);
     page.fact("about", facts::about(&system));
-    tell(&mut page, cloud, tally, &report);
+    add_facts(&mut page, cloud, tally, &report);
     Ok((page, report))
 }
 
@@ -121,7 +121,7 @@ fn place(
 }
 
 /// Class, return, returns and marks in one number: 8, 4, 4 and 4 bits.
-fn marks(seen: &PointAppearance) -> i32 {
+fn packed_flags(seen: &PointAppearance) -> i32 {
     let [number, returns] = seen.returns.map(|n| i32::from(n & 15));
     i32::from(seen.class) | number << 8 | returns << 12 | i32::from(seen.flags.0) << 16
 }
@@ -136,7 +136,7 @@ fn colour(stored: [u16; 3], is_short: bool) -> i32 {
     red | green << 8 | blue << 16
 }
 
-fn tell(page: &mut HtmlPage, cloud: &PointCloud, tally: &PagePointTally, report: &PageReport) {
+fn add_facts(page: &mut HtmlPage, cloud: &PointCloud, tally: &PagePointTally, report: &PageReport) {
     let all = |counts: &[u64]| {
         counts.iter().enumerate().filter(|(_, n)| **n > 0).map(|(i, n)| (i as u8, *n)).collect()
     };
@@ -221,6 +221,6 @@ mod tests {
         let flags = terrane_cloud::Flags::WITHHELD.and(terrane_cloud::Flags::OVERLAP);
         let seen =
             PointAppearance { class: 200, returns: [3, 15], flags, ..PointAppearance::default() };
-        assert_eq!(marks(&seen), 200 | 3 << 8 | 15 << 12 | 12 << 16);
+        assert_eq!(packed_flags(&seen), 200 | 3 << 8 | 15 << 12 | 12 << 16);
     }
 }

@@ -96,7 +96,7 @@ pub(super) fn put(
     page.fact("units", json!(system.units));
     page.fact("ground", json!(system.ground(bounds)));
     page.fact("told_steps", json!(steps));
-    job.put_look(page);
+    job.add_settings(page);
     let [land, water] = crate::render::palette();
     page.fact("palette", json!({ "land": land, "water": water }));
 }

@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::facts::{self, SurfaceSystem};
-use super::lattice::{part, places};
+use super::grid_sample::{part, places};
 use super::surface::told_steps;
 use super::{PageJob, PageReport, within_memory};
 use crate::html::HtmlPage;

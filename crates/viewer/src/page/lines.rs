@@ -66,7 +66,7 @@ pub(super) fn page(
         lines.features += 1;
         let before = lines.parts.len();
         for part in feature.geometry.parts() {
-            lines.push(&part, measure, job).map_err(|e| e.at(source.place()).in_file(&path))?;
+            lines.push(&part, measure, job).map_err(|e| e.at(source.location()).in_file(&path))?;
         }
         lines.others += u64::from(lines.parts.len() == before);
         progress.advance(1);
@@ -148,11 +148,17 @@ impl PageLines {
         for ((_, _, array), thresholds) in METHODS.iter().zip(&self.thresholds) {
             page.array(array, PackedArray::floats(thresholds));
         }
-        self.tell(&mut page, &report, crs, measure);
+        self.add_facts(&mut page, &report, crs, measure);
         Ok((page, report))
     }
 
-    fn tell(&self, page: &mut HtmlPage, report: &PageReport, crs: &Crs, measure: DistanceKind) {
+    fn add_facts(
+        &self,
+        page: &mut HtmlPage,
+        report: &PageReport,
+        crs: &Crs,
+        measure: DistanceKind,
+    ) {
         let system = facts::SurfaceSystem::of_features(crs);
         let unit = match measure {
             DistanceKind::Geographic => "m".to_owned(),

@@ -8,11 +8,11 @@
 mod cloud;
 mod errors;
 mod facts;
-mod few;
+mod grid_sample;
 mod insertion;
-mod lattice;
 mod lines;
 mod options;
+mod point_sample;
 mod solid;
 mod surface;
 mod tiles;
@@ -32,9 +32,9 @@ pub use options::{
     TilesPageOptions, TilesPageSetters,
 };
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_cloud::PointCensus;
-use terrane_engine::figures::RunStatistics;
+use terrane_cloud::ReturnCounts;
 use terrane_engine::memory::{beside_program, short};
+use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::{Cancel, Resources};
 use terrane_files::atomic::{AtomicFile, refuse_existing};
 use terrane_raster::Inputs;
@@ -86,7 +86,7 @@ pub struct PageReport {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub points: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub census: Option<PointCensus>,
+    pub census: Option<ReturnCounts>,
     /// Levels of tiles, and how many tiles there are.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub levels: Option<u32>,
@@ -113,7 +113,7 @@ pub struct PageReport {
 
 impl PageJob<'_> {
     /// Puts into a page how it looks at the start.
-    fn put_look(&self, page: &mut HtmlPage) {
+    fn add_settings(&self, page: &mut HtmlPage) {
         page.fact("azimuth", self.lighting.azimuth);
         page.fact("altitude", self.lighting.altitude);
         page.fact("exaggeration", self.lighting.heights.exaggeration);

@@ -4,7 +4,9 @@ use std::path::Path;
 
 use terrane_options::{OptionRange, OptionRule, Options};
 
-use super::{MAX_POINTS, PageJob, PageReport, cloud, insertion, lattice, lines, surface, tiles};
+use super::{
+    MAX_POINTS, PageJob, PageReport, cloud, grid_sample, insertion, lines, surface, tiles,
+};
 use crate::html::HtmlPage;
 use crate::view::{Exaggeration, Lighting};
 use terrane_base::error::{Error, Result};
@@ -141,7 +143,7 @@ impl PageOptions {
                 insertion::page(grid.as_ref(), part, job, cancel)
             }
             (SurfaceInput::Grid(grid), None) => {
-                lattice::page(grid.as_ref(), part, job, progress, cancel)
+                grid_sample::page(grid.as_ref(), part, job, progress, cancel)
             }
             (SurfaceInput::Mesh(_), _) if self.insertion => {
                 Err(Error::usage("the insertion page requires a grid, not a mesh")

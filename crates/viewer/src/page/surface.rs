@@ -45,8 +45,8 @@ pub(super) fn page(
         let grid = raster::open_all(against.name.names(), &against.opening)?;
         let found = errors::measure(&shape, grid.as_ref(), progress, cancel)?;
         figures.push(("Errors against", json!(facts::title(&against.name))));
-        figures.push(("Largest error", json!(told(found.largest, &system))));
-        figures.push(("Error RMS", json!(told(found.root_mean_square, &system))));
+        figures.push(("Largest error", json!(describe(found.largest, &system))));
+        figures.push(("Error RMS", json!(describe(found.root_mean_square, &system))));
         figures.push(("Samples compared", json!(found.samples)));
         page.fact("error_scale", found.largest);
         page.array("errors", PackedArray::floats(&found.of_triangles));
@@ -144,7 +144,7 @@ fn weld(shape: &mut PageMesh) {
 }
 
 /// An error with its unit, to six digits.
-fn told(error: f64, system: &SurfaceSystem) -> String {
+fn describe(error: f64, system: &SurfaceSystem) -> String {
     let digits = (5 - error.max(1e-9).log10().floor() as i32).clamp(0, 12) as usize;
     let text = format!("{error:.digits$}");
     let text =
@@ -209,7 +209,7 @@ mod tests {
     #[test]
     fn errors_are_told_to_six_digits() {
         let system = SurfaceSystem::of_mesh(&MeshInfo::plain("PLY", 3, 1));
-        let told = |error| told(error, &system);
+        let told = |error| describe(error, &system);
         assert_eq!(
             [told(10.0), told(3.321_818), told(0.0), told(123_456.7)],
             ["10", "3.32182", "0", "123457"]

@@ -109,7 +109,7 @@ pub(super) fn page(job: &PageJob<'_>) -> Result<(HtmlPage, PageReport)> {
     page.fact("format", set.format);
     page.fact("told", set.told);
     page.fact("palette", json!({ "land": land, "water": water }));
-    job.put_look(&mut page);
+    job.add_settings(&mut page);
     let (levels, tiles) = (Some(set.levels as u32), Some(set.tiles));
     Ok((
         page,

@@ -152,12 +152,12 @@ fn decoded(part: &str) -> Option<Vec<u8>> {
 mod tests {
     use super::*;
 
-    fn asked(head: &str) -> Result<HttpRequest, RequestRefusal> {
+    fn parse(head: &str) -> Result<HttpRequest, RequestRefusal> {
         HttpRequest::read(head.as_bytes(), 8000)
     }
 
     fn at(target: &str) -> Result<Vec<String>, RequestRefusal> {
-        asked(&format!("GET {target} HTTP/1.1\r\nHost: 127.0.0.1:8000")).map(|asked| asked.name)
+        parse(&format!("GET {target} HTTP/1.1\r\nHost: 127.0.0.1:8000")).map(|asked| asked.name)
     }
 
     #[test]
@@ -202,7 +202,7 @@ mod tests {
 
     #[test]
     fn requests_are_for_this_server() {
-        let of = |host: &str| asked(&format!("GET / HTTP/1.1\r\n{host}")).map(|_| ());
+        let of = |host: &str| parse(&format!("GET / HTTP/1.1\r\n{host}")).map(|_| ());
         for here in
             ["Host: 127.0.0.1:8000", "host:LocalHost:8000", "X: y\r\nHost:  localhost:8000 "]
         {
@@ -236,7 +236,7 @@ mod tests {
     #[test]
     fn methods_versions_and_bodies_are_refused_by_name() {
         let here = "Host: 127.0.0.1:8000";
-        let line = |line: &str| asked(&format!("{line}\r\n{here}"));
+        let line = |line: &str| parse(&format!("{line}\r\n{here}"));
         assert!(
             !line("GET / HTTP/1.1").unwrap().is_head && line("HEAD / HTTP/1.1").unwrap().is_head
         );
@@ -248,10 +248,10 @@ mod tests {
             assert_eq!(line(odd), Err(BAD), "{odd}");
         }
         for body in ["Content-Length: 5", "Transfer-Encoding: chunked", "Content-Length: 0, 5"] {
-            assert_eq!(asked(&format!("GET / HTTP/1.1\r\n{here}\r\n{body}")), Err(BODY), "{body}");
+            assert_eq!(parse(&format!("GET / HTTP/1.1\r\n{here}\r\n{body}")), Err(BODY), "{body}");
         }
         assert!(line("GET / HTTP/1.1").unwrap().stays && !line("GET / HTTP/1.0").unwrap().stays);
-        let close = asked(&format!("GET / HTTP/1.1\r\n{here}\r\nConnection: x, Close")).unwrap();
+        let close = parse(&format!("GET / HTTP/1.1\r\n{here}\r\nConnection: x, Close")).unwrap();
         assert!(!close.stays);
     }
 }

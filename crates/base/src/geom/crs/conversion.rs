@@ -97,7 +97,7 @@ impl Crs {
         };
         match figure.map(|(axis, flattening)| Spheroid::new(axis, flattening)) {
             Some(Some(known)) => Ok(Some(known)),
-            None if !self.tells_figure() => Ok(None),
+            None if !self.depends_on_ellipsoid() => Ok(None),
             _ => {
                 let what = format!("the ellipsoid of {} is unknown", self.label());
                 Err(Error::unsupported(what)
@@ -106,7 +106,7 @@ impl Crs {
         }
     }
 
-    fn tells_figure(&self) -> bool {
+    fn depends_on_ellipsoid(&self) -> bool {
         self.epsg.is_some() || self.wkt.is_some() || GeoKeys::of(self).tells_figure()
     }
 

@@ -236,7 +236,7 @@ impl Crs {
         if self.agrees(other) {
             return Ok(());
         }
-        let [own, others] = self.told_apart(other);
+        let [own, others] = self.distinct_names(other);
         let remedy = match (self.is_named(), other.is_named()) {
             (true, true) => "reproject one of them".to_owned(),
             (true, false) => {
@@ -253,7 +253,7 @@ impl Crs {
     }
 
     /// Labels of two different CRSs, with the differing properties if the labels are equal.
-    pub fn told_apart(&self, other: &Self) -> [String; 2] {
+    pub fn distinct_names(&self, other: &Self) -> [String; 2] {
         let labels = [self.label(), other.label()];
         if labels[0] != labels[1] {
             return labels;

@@ -56,7 +56,9 @@ fn a_projection_of_keys_is_that_of_its_text() {
                 let (is_same, what) = (moved == method.roles.len(), method.name);
                 assert_eq!(found.agrees(&text), is_same, "{what} {which} {moved}");
                 assert_eq!(text.agrees(&found), is_same, "{what} {which} {moved}");
-                assert!(is_same || found.told_apart(&text)[0] != found.told_apart(&text)[1]);
+                assert!(
+                    is_same || found.distinct_names(&text)[0] != found.distinct_names(&text)[1]
+                );
             }
         }
     }
@@ -174,10 +176,10 @@ fn what_tells_systems_apart_is_named() {
         let shorts = [(1024, 1), (2048, 4326), (3072, 32_767), (3075, 1), (4096, vertical)];
         keys(&shorts, &[(3081, latitude), (3092, 0.5)], &[(1026, "own")])
     };
-    let found = own(4.0, 5703).told_apart(&own(5.5, 5703));
+    let found = own(4.0, 5703).distinct_names(&own(5.5, 5703));
     assert_eq!(found, ["own with latitude_of_origin 4", "own with latitude_of_origin 5.5"]);
     let [heights, depths] = [5703, 6357].map(|vertical| own(4.0, vertical));
-    let found = heights.told_apart(&depths);
+    let found = heights.distinct_names(&depths);
     assert!(found[0].starts_with("own with heights NAVD88 height in metre"), "{found:?}");
     let text = heights.to_wkt().unwrap();
     assert!(text.starts_with("COMPD_CS[\"own + NAVD88 height\",PROJCS[\"own\","), "{text}");

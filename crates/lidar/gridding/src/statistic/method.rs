@@ -4,10 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use super::sorted::{self, CellValueList, RealValue, SortedCellValues, StepValue};
 use crate::cell::{CellUnits, StatisticCell};
+use crate::dimension::{ATTRIBUTE, CONDITIONS, Subject};
 use crate::parameter::{GivenParameters, StatisticParameter};
 use crate::plane::{AccumulatorKind, PointCount};
 use crate::region::{CellNeighborhood, StatisticDefaults};
-use crate::subject::{ATTRIBUTE, CONDITIONS, Subject};
 use terrane_base::error::Result;
 use terrane_base::registry::RegistryEntry;
 

@@ -1,6 +1,7 @@
 //! The statistics of cells: one file for each family of accumulators, the registry, and the parser.
 
 mod count;
+mod distribution;
 mod extremes;
 mod idw;
 mod method;
@@ -8,15 +9,14 @@ mod mode;
 mod moments;
 mod nearest;
 mod percentile;
-mod shape;
 mod share;
 mod sorted;
 mod surface;
 
 use serde::{Deserialize, Serialize};
 
+use crate::dimension::Subject;
 use crate::parameter::GivenParameters;
-use crate::subject::Subject;
 use method::StoredStatistic;
 use terrane_base::error::{Error, Result};
 use terrane_base::registry::named;
@@ -37,9 +37,9 @@ pub const METHODS: &[StatisticMethod] = &[
     nearest::NEAREST,
     percentile::MEDIAN,
     percentile::PERCENTILE,
-    shape::SKEWNESS,
-    shape::KURTOSIS,
-    shape::ENTROPY,
+    distribution::SKEWNESS,
+    distribution::KURTOSIS,
+    distribution::ENTROPY,
     mode::MODE,
     mode::VARIETY,
     share::SHARE,

@@ -2,8 +2,8 @@
 
 use super::method::{StatisticMethod, StatisticSource, SubjectKinds, ValueNature};
 use crate::cell::StatisticCell;
+use crate::dimension::Subject;
 use crate::plane::PointCount;
-use crate::subject::Subject;
 use terrane_base::attribute::Return;
 
 pub(super) const SHARE: StatisticMethod = StatisticMethod {

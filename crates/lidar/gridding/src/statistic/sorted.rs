@@ -108,7 +108,7 @@ impl<E: CellValue> AccumulatorPlane for CellValueList<E> {
         bytemuck::cast_slice_mut(&mut self.0)
     }
 
-    fn held(&self) -> usize {
+    fn memory_use(&self) -> usize {
         self.0.capacity() * size_of::<E>()
     }
 

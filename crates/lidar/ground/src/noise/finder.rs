@@ -4,14 +4,14 @@ use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_base::parameters::Parameter;
 
-use super::space::{Bounds, NoiseSpace};
-use super::sums::ScoreSums;
-use crate::asked;
+use super::position::{Bounds, NoiseSpace};
+use super::score_statistics::ScoreSums;
+use crate::method_call;
 
 /// One method of the registry.
-pub type Method = asked::FinderMethod<NoiseFinder>;
+pub type Method = method_call::FinderMethod<NoiseFinder>;
 /// A method with its parameters.
-pub type Asked = asked::FinderRequest<NoiseFinder>;
+pub type Asked = method_call::FinderRequest<NoiseFinder>;
 
 type Reach = fn(&Asked, &NoiseSpace) -> Result<[i64; 3]>;
 type Scores = fn(&Asked, &NoiseSpace, &[Point], &mut dyn NeighborParts) -> Result<Vec<u64>>;

@@ -6,21 +6,21 @@
 //! ([`ScoreSums`]) that are independent of the order.
 
 mod finder;
-mod space;
+mod position;
+mod score_statistics;
 mod statistical;
-mod sums;
 mod tree;
 mod voxel;
 
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 
-use crate::asked::FinderRegistry;
+use crate::method_call::FinderRegistry;
 use finder::CLASS;
 
 pub use finder::{Asked, Method, NeighborParts, NoiseFinder, ScoreLimit};
-pub use space::{Bounds, NoiseSpace};
-pub use sums::ScoreSums;
+pub use position::{Bounds, NoiseSpace};
+pub use score_statistics::ScoreSums;
 
 /// All methods. A new one is a file in this folder and a line here.
 pub const METHODS: &[Method] = &[voxel::METHOD, statistical::METHOD];

@@ -8,8 +8,8 @@ use terrane_base::error::Result;
 use terrane_base::geom::Point;
 
 use super::finder::{Asked, CLASS, Method, NeighborParts, NoiseFinder, ScoreLimit};
-use super::space::{NoiseSpace, bounds};
-use super::sums::ScoreSums;
+use super::position::{NoiseSpace, bounds};
+use super::score_statistics::ScoreSums;
 use super::tree::NoiseKdTree;
 use terrane_base::parameters::Parameter;
 

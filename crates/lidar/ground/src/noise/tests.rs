@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 
-use super::space::bounds;
+use super::position::bounds;
 use super::*;
 
 /// Parts of a cloud around one of them.

@@ -2,7 +2,7 @@
 
 use terrane_base::geom::Point;
 
-use super::space::{Bounds, NoiseSpace, bounds, gaps};
+use super::position::{Bounds, NoiseSpace, bounds, gaps};
 
 /// Most points of a leaf.
 const LEAF: usize = 12;

@@ -7,7 +7,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 
 use super::finder::{Asked, CLASS, Method, NeighborParts, NoiseFinder, ScoreLimit};
-use super::space::{Bounds, NoiseSpace};
+use super::position::{Bounds, NoiseSpace};
 use terrane_base::parameters::Parameter;
 
 pub(super) const METHOD: Method = Method {

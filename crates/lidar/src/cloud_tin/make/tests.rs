@@ -4,10 +4,10 @@ mod lines;
 mod plans;
 
 use super::*;
-use crate::cloud_tin::ready::in_steps;
+use crate::cloud_tin::prepared::in_steps;
 use crate::cloud_tin::region_mesh::RegionMesh;
-use crate::few::PointSample;
-use crate::points::{PointStoreSetup, Tiling};
+use crate::point_index::{PointStoreSetup, Tiling};
+use crate::test_cloud::PointSample;
 use std::sync::{Arc, Mutex};
 use terrane_base::error::ErrorKind;
 use terrane_base::geom::Point3;

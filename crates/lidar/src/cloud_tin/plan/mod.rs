@@ -14,24 +14,24 @@
 //! few tiles it needs. **Why two rounds are tasks:** the first checks all regions, the second nearly all; a
 //! third would have few left, which the last task checks.
 
-mod mesh;
 mod needs;
 mod report;
+mod tasks;
 
 use std::path::Path;
 
 use super::job::{CloudTinJob, CloudTinReport};
 use super::options::CloudTinOptions;
 use super::regions::REGION_POINTS;
-use mesh::{CloudMesh, CloudTinSurvey, OpenedCloudTin};
+use tasks::{CloudMesh, CloudTinScan, OpenedCloudTin};
 use terrane_base::error::{Error, Result};
 use terrane_engine::operation::{Divisible, RunRequest};
 use terrane_engine::plan::{
     self, DiskCheck, OutputForm, PlanKind, PlanManifest, RunControl, RunJob, StatusReport,
 };
-use terrane_engine::sift::Skipped;
+use terrane_engine::skip_bad::Skipped;
 use terrane_engine::{Cancel, Progress};
-use terrane_files::refuse_held;
+use terrane_files::refuse_in_memory;
 use terrane_mesh::by_path;
 
 pub use report::{CloudTinStatus, PlanCloudTinJob, PointRun, PointStatus};
@@ -81,14 +81,14 @@ pub(super) fn plan_regions(
     at: RunControl<'_>,
 ) -> Result<CloudTinStatus> {
     let plan::PlanJob { job, folder, cut, skipped } = job;
-    refuse_held(job.inputs.names())?;
+    refuse_in_memory(job.inputs.names())?;
     refuse_lines(job)?;
     job.check()?;
     let opened = OpenedCloudTin::new(job.clone(), job.label())?;
     let (mesh, needs) = match PlanManifest::<CloudMesh>::there(folder) {
         Some(plan) => (CloudMesh::of(&opened, *cut, plan.work.seen)?, plan.needs),
         None => {
-            let (seen, share) = CloudTinSurvey::look(&opened, (*cut, most), &opened.ready()?, at)?;
+            let (seen, share) = CloudTinScan::scan(&opened, (*cut, most), &opened.ready()?, at)?;
             let mesh = CloudMesh::of(&opened, *cut, seen)?;
             let needs = needs::expect(&opened.ready()?, &mesh.seen.regions, share)?;
             (mesh, needs)

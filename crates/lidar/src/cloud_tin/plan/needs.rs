@@ -1,10 +1,10 @@
 //! Estimates the resources for a mesh of a point cloud by selecting vertices in a few tiles.
 
-use crate::cloud_tin::choose::{BAND, first_choice};
 use crate::cloud_tin::lines::CloudLines;
-use crate::cloud_tin::ready::PreparedCloudTin;
+use crate::cloud_tin::prepared::PreparedCloudTin;
 use crate::cloud_tin::regions::{CloudTinRegion, CloudTinRegions, REGION_POINTS};
-use crate::points::{ENTRY, POINT, PointStore, Tiling};
+use crate::cloud_tin::vertex_selection::{BAND, first_choice};
+use crate::point_index::{ENTRY, POINT, PointStore, Tiling};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_delaunay::ConvexHull;
@@ -24,12 +24,12 @@ const MARGIN: f64 = 1.15;
 const LOOK: u64 = 80;
 
 /// A few tiles, with the points in and around them.
-pub(super) struct SquareSample {
+pub(super) struct TileSample {
     squares: Vec<usize>,
     points: PointStore,
 }
 
-impl SquareSample {
+impl TileSample {
     /// A sample without points yet.
     pub(super) fn new(ready: &PreparedCloudTin<'_>) -> Self {
         let tiling = ready.tiling();

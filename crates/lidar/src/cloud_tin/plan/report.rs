@@ -34,7 +34,7 @@ impl DescribesRun for PointRun {
         self.mesh.as_ref().map(|mesh| mesh.output.as_str())
     }
 
-    fn unmet(&self) -> Option<String> {
+    fn shortfall(&self) -> Option<String> {
         self.mesh.as_ref().and_then(CloudTinReport::unmet)
     }
 }

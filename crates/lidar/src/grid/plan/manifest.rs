@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::tile::OpenedCloudGrid;
 use crate::grid::extent::GridExtent;
 use crate::grid::job::GridJob;
-use crate::grid::preset::CloudOverview;
+use crate::grid::surface_model::CloudOverview;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_base::limits;

@@ -16,19 +16,19 @@ use serde::{Deserialize, Serialize};
 use super::extent::GridExtent;
 use super::job::GridJob;
 use super::options::GridOptions;
-use super::preset::{CloudOverview, Making, SurfaceModel};
 use super::report::GridReport;
+use super::surface_model::{CloudOverview, Making, SurfaceModel};
 use manifest::{BLOCK, CloudGridPlan, GridTileTask, MOST_SIDE};
 use terrane_base::error::{Error, Result};
-use terrane_cloud::{self as cloud, PointCensus, PointSource};
+use terrane_cloud::{self as cloud, PointSource, ReturnCounts};
 use terrane_engine::operation::{Divisible, Operation, RunRequest};
 use terrane_engine::plan::{
     self, DescribesRun, MadeArtifact, Numbered, OutputForm, OutputRequest, PlanKind, PlanManifest,
-    PlanStep, PlannedWork, RunControl, StatusReport, TaskSurvey,
+    PlanStep, PlannedWork, RunControl, StatusReport, TaskStates,
 };
-use terrane_engine::sift::LostPoints;
+use terrane_engine::skip_bad::LostPoints;
 use terrane_engine::{Cancel, Progress, Resources};
-use terrane_files::{name_of, refuse_held, shown_all};
+use terrane_files::{name_of, refuse_in_memory, shown_all};
 use terrane_raster::write::{self, by_name};
 use tile::OpenedCloudGrid;
 
@@ -116,14 +116,14 @@ pub fn plan_grid(
         return Err(Error::usage(format!("‹task_size› {side} exceeds the limit of {MOST_SIDE}"))
             .remedy(format!("pass {MOST_SIDE} or less")));
     }
-    refuse_held(job.input.iter().chain(&job.placement.like))?;
+    refuse_in_memory(job.input.iter().chain(&job.placement.like))?;
     job.check()?;
     let job = &job.settled()?;
     let points = cloud::source(&job.input, &job.cloud)?;
     let extent = GridExtent::new(points.info(), job)?;
     let (there, at) =
         (PlanManifest::<CloudGridPlan>::there(folder), RunControl { progress, cancel });
-    let look = |preset| look(preset, job, (&*points, &extent), at);
+    let look = |preset| scan(preset, job, (&*points, &extent), at);
     let seen = match &there {
         Some(plan) => plan.work.seen.clone(),
         None => job.preset.map(look).transpose()?,
@@ -139,7 +139,7 @@ pub fn plan_grid(
 }
 
 /// Statistics of the whole point cloud for a terrain model.
-fn look(
+fn scan(
     preset: SurfaceModel,
     job: &GridJob,
     (points, extent): (&dyn PointSource, &GridExtent),
@@ -149,7 +149,7 @@ fn look(
     let Resources { threads, memory, .. } = job.resources;
     let part = None;
     let making = Making { job, extent, reading, threads, memory, points, part, progress, cancel };
-    CloudOverview::look(preset, points.info(), &making)
+    CloudOverview::scan(preset, points.info(), &making)
 }
 
 /// The points of a tile.
@@ -193,7 +193,7 @@ impl PlannedWork for CloudGridPlan {
         }
     }
 
-    fn tell(&self) -> GridStatus {
+    fn status(&self) -> GridStatus {
         let manifest::PlannedCells { width, height, points, side, .. } = self.grid;
         StatusReport {
             format: self.method.format.clone().unwrap_or_default(),
@@ -219,7 +219,7 @@ impl PlannedWork for CloudGridPlan {
     fn make(
         opened: &OpenedCloudGrid,
         (tile, object): (GridTileTask, &Path),
-        survey: &TaskSurvey<'_, Self>,
+        survey: &TaskStates<'_, Self>,
         run: &mut CellRun,
         at: RunControl<'_>,
     ) -> Result<MadeArtifact<TilePointCounts>> {
@@ -238,11 +238,11 @@ impl PlannedWork for CloudGridPlan {
 
     fn write(
         opened: &OpenedCloudGrid,
-        survey: &TaskSurvey<'_, Self>,
+        survey: &TaskStates<'_, Self>,
         run: &mut CellRun,
         at: RunControl<'_>,
     ) -> Result<()> {
-        let (mut points, mut losses) = (PointCensus::default(), LostPoints::default());
+        let (mut points, mut losses) = (ReturnCounts::default(), LostPoints::default());
         for done in survey.done.values() {
             points.read += done.facts.read;
             points.kept += done.facts.kept;

@@ -10,9 +10,9 @@ use super::tile::OpenedCloudGrid;
 use crate::grid::budget::GridBudget;
 use crate::grid::extent::GridExtent;
 use crate::grid::job::GridJob;
-use crate::grid::near::CellSurroundings;
-use crate::grid::preset;
-use crate::points::parts_in;
+use crate::grid::region_points::CellSurroundings;
+use crate::grid::surface_model;
+use crate::point_index::parts_in;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_engine::memory::polygon_bytes;
@@ -245,7 +245,7 @@ impl LeastMemory {
         let rows = Rect::new(0, 0, cells.width, BLOCK.min(cells.height));
         let rows = opened.extent.part(rows, opened.points.info());
         let whole = Self::to_write(&written_in(&opened.job, folder)?, &rows)?;
-        let ground = preset::least(&opened.job, opened.points.info(), opened.seen.as_ref());
+        let ground = surface_model::least(&opened.job, opened.points.info(), opened.seen.as_ref());
         Ok(Self { memory: whole.memory.max(tile.memory).max(ground), ..whole })
     }
 

@@ -41,7 +41,7 @@ fn decode_as<T: Sample + Pod>(
     void: T,
     out: &mut [u8],
 ) -> Result<(), Fault> {
-    let info = lerc::decode_info(data).map_err(told)?;
+    let info = lerc::decode_info(data).map_err(fault_of)?;
     check(&info, shape)?;
     if info.data_type != T::DATA_TYPE {
         return Err(other_type(shape));
@@ -58,7 +58,7 @@ fn decode_as<T: Sample + Pod>(
             &mut room
         }
     };
-    let found = lerc::decode_into_with_nodata(data, samples, void).map_err(told)?;
+    let found = lerc::decode_into_with_nodata(data, samples, void).map_err(fault_of)?;
     let valid = found.valid_masks.first().map(lerc::bitmask::BitMask::count_valid);
     if valid != Some(info.valid_pixels as usize) {
         return Err("invalid LERC data: mask size differs from the block size".to_owned());
@@ -100,7 +100,7 @@ fn other_type(shape: LercBlockShape) -> Fault {
     format!("LERC data type differs from {}", shape.kind.name())
 }
 
-fn told(error: LercError) -> Fault {
+fn fault_of(error: LercError) -> Fault {
     format!("LERC: {error}")
 }
 

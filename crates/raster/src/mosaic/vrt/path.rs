@@ -61,7 +61,7 @@ fn short(name: &str) -> String {
 mod tests {
     use super::*;
 
-    fn told(name: &str, is_relative: bool, allowed: bool) -> String {
+    fn describe(name: &str, is_relative: bool, allowed: bool) -> String {
         match resolve_with(Path::new("/d/e/x.vrt"), name, is_relative, allowed) {
             Ok(path) => path,
             Err(error) => error.to_string(),
@@ -70,18 +70,21 @@ mod tests {
 
     #[test]
     fn sources_stay_in_the_folder_unless_allowed() {
-        assert_eq!(told("a.tif", true, false), "/d/e/a.tif");
-        assert_eq!(told("f/../a.tif", true, false), "/d/e/f/../a.tif");
-        assert_eq!(told("/d/e/f/a.tif", false, false), "/d/e/f/a.tif");
+        assert_eq!(describe("a.tif", true, false), "/d/e/a.tif");
+        assert_eq!(describe("f/../a.tif", true, false), "/d/e/f/../a.tif");
+        assert_eq!(describe("/d/e/f/a.tif", false, false), "/d/e/f/a.tif");
         for outside in ["../a.tif", "f/../../a.tif", "/etc/passwd", "/d/eve/a.tif"] {
-            let refused = told(outside, true, false);
+            let refused = describe(outside, true, false);
             assert!(
                 refused.contains("outside") && refused.contains("ALLOW_OUTSIDE=1"),
                 "{refused}"
             );
         }
-        assert!(told("a.tif", false, false).contains("outside"), "the current folder is another");
-        assert_eq!(told("../a.tif", true, true), "/d/e/../a.tif");
-        assert!(told("/vsicurl/http://x/a.tif", true, true).contains("GDAL virtual file"));
+        assert!(
+            describe("a.tif", false, false).contains("outside"),
+            "the current folder is another"
+        );
+        assert_eq!(describe("../a.tif", true, true), "/d/e/../a.tif");
+        assert!(describe("/vsicurl/http://x/a.tif", true, true).contains("GDAL virtual file"));
     }
 }

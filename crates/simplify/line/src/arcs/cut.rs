@@ -56,7 +56,7 @@ pub struct CoverageArcs {
 pub(super) fn cut(parts: &Chains<'_>) -> Result<CoverageArcs> {
     let position = PositionBins::new(parts.points, 0.0).same(parts.points);
     let mut cutter = ArcCutter::new(parts, &position);
-    (0..parts.count()).for_each(|part| cutter.look(part));
+    (0..parts.count()).for_each(|part| cutter.scan(part));
     (0..parts.count()).try_for_each(|part| cutter.cut(part))?;
     Ok(cutter.finish())
 }
@@ -101,7 +101,7 @@ impl<'a> ArcCutter<'a> {
     }
 
     /// Finds the junctions of a part.
-    fn look(&mut self, part: usize) {
+    fn scan(&mut self, part: usize) {
         let is_ring = self.take(part);
         let Some(last) = self.part.len().checked_sub(1) else { return };
         let beyond = |v: u32| if is_ring { v } else { END };

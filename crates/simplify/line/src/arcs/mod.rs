@@ -10,7 +10,7 @@
 
 mod bins;
 mod cut;
-mod snap;
+mod snapping;
 #[cfg(test)]
 mod tests;
 
@@ -19,7 +19,7 @@ pub use cut::{ArcPassage, CoverageArcs};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::plane::Xy;
 
-use super::topology::{Chains, KeptChainVertices, open_at};
+use super::topology::{Chains, RetainedChainVertices, open_at};
 use cut::cut;
 
 /// Reassembled parts.
@@ -39,7 +39,7 @@ pub fn snap(points: &mut [Xy], anchors: &[Xy], distance: f64) -> Result<()> {
     if !(distance > 0.0 && distance.is_finite()) {
         return Err(Error::usage(format!("snap distance {distance} is not positive and finite")));
     }
-    snap::snap(points, anchors, distance);
+    snapping::snap(points, anchors, distance);
     Ok(())
 }
 
@@ -77,7 +77,7 @@ impl CoverageArcs {
     }
 
     /// Parts from the kept vertices of arcs. A ring starts with its first arc. O(output).
-    pub fn rebuild(&self, kept: &KeptChainVertices) -> JoinedParts {
+    pub fn rebuild(&self, kept: &RetainedChainVertices) -> JoinedParts {
         let mut parts =
             JoinedParts { vertices: Vec::with_capacity(kept.vertices.len()), starts: vec![0] };
         for pair in self.parts.windows(2) {
@@ -104,7 +104,7 @@ impl CoverageArcs {
         part: usize,
         own: &[Xy],
         is_ring: bool,
-        kept: &KeptChainVertices,
+        kept: &RetainedChainVertices,
         out: &mut Vec<u32>,
     ) {
         out.clear();

@@ -49,7 +49,7 @@ fn cell(p: &Xy) -> Cell {
 }
 
 /// Parts composed of the kept vertices of arcs.
-fn rebuilt(arcs: &CoverageArcs, kept: &KeptChainVertices) -> Vec<Vec<Cell>> {
+fn rebuilt(arcs: &CoverageArcs, kept: &RetainedChainVertices) -> Vec<Vec<Cell>> {
     let parts = arcs.rebuild(kept);
     let of = |pair: &[usize]| {
         let vertices = &parts.vertices[pair[0]..pair[1]];
@@ -130,7 +130,7 @@ fn arcs_are_as_defined() {
         let parts = tangle(&mut Dice(seed));
         let flat = Flat::new(&parts);
         let arcs = CoverageArcs::new(&flat.chains(), 0.0).unwrap();
-        let all = rebuilt(&arcs, &KeptChainVertices::all(&arcs.chains()));
+        let all = rebuilt(&arcs, &RetainedChainVertices::all(&arcs.chains()));
         for (old, new) in parts.iter().zip(&all) {
             assert_eq!(canonical(old), canonical(new), "seed {seed}: {parts:?}");
             let goes_on = new.windows(2).all(|pair| pair[0] != pair[1]);
@@ -264,7 +264,7 @@ fn neighbours_keep_their_borders() {
         let arcs = CoverageArcs::new(&flat.chains(), 0.0).unwrap();
         let tolerance = (1 << dice.below(11)) as f64;
         let chains = arcs.chains();
-        let mut kept = KeptChainVertices::new();
+        let mut kept = RetainedChainVertices::new();
         for arc in 0..chains.count() {
             // Ends only: topology restores all that is needed.
             let range = chains.range(arc);
@@ -336,7 +336,7 @@ fn a_ring_that_goes_around_twice_has_its_arc_twice() {
 }
 
 /// Kept vertices of every part, for `kept` vertices of the arcs.
-fn own(flat: &Flat, arcs: &CoverageArcs, kept: &KeptChainVertices) -> Vec<Vec<u32>> {
+fn own(flat: &Flat, arcs: &CoverageArcs, kept: &RetainedChainVertices) -> Vec<Vec<u32>> {
     let of = |part: usize| {
         let mut own = Vec::new();
         let points = &flat.points[flat.starts[part]..flat.starts[part + 1]];
@@ -357,7 +357,7 @@ fn parts_know_what_is_kept_of_their_own_vertices() {
             let at = dice.below((arcs.starts[arc + 1] - arcs.starts[arc] - 1) as i64);
             arcs.open_at(arc, at as usize);
         }
-        let mut kept = KeptChainVertices::new();
+        let mut kept = RetainedChainVertices::new();
         for range in arcs.starts.windows(2).map(|ends| ends[0]..ends[1]) {
             let is_kept =
                 |v: &usize| *v == range.start || *v + 1 == range.end || dice.below(2) == 0;
@@ -389,7 +389,7 @@ fn a_line_that_stays_where_it_is_keeps_its_first_and_last_vertex() {
         let mut flat = Flat::new(&[vec![[3, 4]; count]]);
         flat.closed = vec![false];
         let arcs = CoverageArcs::new(&flat.chains(), 0.0).unwrap();
-        let mut kept = KeptChainVertices::new();
+        let mut kept = RetainedChainVertices::new();
         kept.vertices.push(0);
         kept.close();
         let expected = if count == 1 { vec![0] } else { vec![0, count as u32 - 1] };
@@ -438,7 +438,7 @@ fn snapping_follows_its_rule() {
         let anchors: Vec<Xy> = (0..seed % 4).map(|_| [at(), at()]).collect();
         let distance = (1 + dice.below(9)) as f64 / 4.0;
         let mut snapped = points.clone();
-        snap::snap(&mut snapped, &anchors, distance);
+        snapping::snap(&mut snapped, &anchors, distance);
         assert_eq!(snapped, snap_twin(&points, &anchors, distance), "seed {seed}");
     }
 }

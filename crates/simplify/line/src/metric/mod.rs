@@ -22,16 +22,16 @@
 //! The products are of the fourth degree: lengths must lie between 1e-75 and 1e75 (in metres for degrees). This
 //! holds for coordinates that are 0 or between [`LEAST`] and [`MOST`].
 
+mod euclidean;
 mod geographic;
 pub(crate) mod located;
 pub(crate) mod range;
-mod space;
-mod turned;
+mod rotated;
 mod vertical;
 
+pub use euclidean::SpaceMetric;
 pub use geographic::GeographicMetric;
 pub use located::LocatedVertex;
-pub use space::SpaceMetric;
 pub use vertical::{VerticalMetric, is_monotone};
 
 use super::wedge::{PlaneWedge, Wedge};

@@ -12,7 +12,7 @@ impl Check for SameAsDirect {
         let mut kept = Vec::new();
         let hierarchy = Hierarchy::new(metric, points);
         hierarchy.filter(tolerance, &mut kept);
-        assert_eq!(hierarchy.kept(tolerance), kept.len());
+        assert_eq!(hierarchy.vertices_at(tolerance), kept.len());
         assert_eq!(kept, run(rdp, metric, points, tolerance));
     }
 }
@@ -85,7 +85,7 @@ fn lines_of_few_vertices_keep_their_ends_once() {
         hierarchy.filter(0.0, &mut filtered);
         hierarchy.keep_count(9, &mut counted);
         let all: Vec<u32> = (0..count).collect();
-        assert_eq!((filtered, hierarchy.kept(0.0)), (all.clone(), count as usize));
+        assert_eq!((filtered, hierarchy.vertices_at(0.0)), (all.clone(), count as usize));
         assert_eq!(counted, all);
         assert_eq!(hierarchy.squares().len(), count.saturating_sub(2) as usize);
         assert_eq!(hierarchy.tolerance_for(count as usize), 0.0);
@@ -102,8 +102,10 @@ fn counts_take_the_farthest_first() {
     assert!(distances.is_sorted_by(|a, b| a >= b) && distances.iter().all(|d| *d > 0.0));
     for count in 2..=distances.len() + 3 {
         let tolerance = hierarchy.tolerance_for(count);
-        assert!(hierarchy.kept(tolerance) <= count);
-        assert!(tolerance == 0.0 || hierarchy.kept(tolerance.next_down().next_down()) > count);
+        assert!(hierarchy.vertices_at(tolerance) <= count);
+        assert!(
+            tolerance == 0.0 || hierarchy.vertices_at(tolerance.next_down().next_down()) > count
+        );
         let mut kept = Vec::new();
         hierarchy.keep_count(count, &mut kept);
         let order = |i: &u32| hierarchy.squares()[*i as usize - 1];

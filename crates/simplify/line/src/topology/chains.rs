@@ -98,14 +98,14 @@ impl Chains<'_> {
 
 /// Kept vertices of each chain.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct KeptChainVertices {
+pub struct RetainedChainVertices {
     /// Vertex indices, ascending, chain by chain: none of a chain, or at least its first and last vertex.
     pub vertices: Vec<u32>,
     /// Start of each chain in `vertices`, and the total number.
     pub starts: Vec<usize>,
 }
 
-impl KeptChainVertices {
+impl RetainedChainVertices {
     /// Empty, to be filled with [`KeptChainVertices::close`].
     pub fn new() -> Self {
         Self { vertices: Vec::new(), starts: vec![0] }

@@ -40,7 +40,7 @@ mod settle;
 mod tests;
 mod tree;
 
-pub use chains::{Chains, KeptChainVertices, Refine, open_at, refining};
+pub use chains::{Chains, Refine, RetainedChainVertices, open_at, refining};
 pub use cross::conflict;
 pub use options::{RingCollapse, Strategy, UntangleOptions};
 pub use round::{RoundedPositions, round};
@@ -53,7 +53,7 @@ use terrane_base::geom::plane::Xy;
 #[derive(Clone, Debug, Default)]
 pub struct UntangledChains {
     /// Kept vertices.
-    pub kept: KeptChainVertices,
+    pub kept: RetainedChainVertices,
     /// Pairs of original segments in the result that cross, touch or overlap off a common vertex, each
     /// identified by its first vertex.
     pub crossings: Vec<[u32; 2]>,
@@ -79,7 +79,7 @@ pub struct UntangledChains {
 /// point; `Interrupted` on cancellation.
 pub fn untangle(
     chains: &Chains<'_>,
-    kept: &KeptChainVertices,
+    kept: &RetainedChainVertices,
     points: &[Xy],
     options: &UntangleOptions<'_>,
     refine: &mut Refine<'_>,
@@ -98,7 +98,7 @@ pub const PIECES: u64 = 2;
 /// `Resource` for more pieces; otherwise errors of [`untangle`].
 pub fn untangle_within(
     chains: &Chains<'_>,
-    kept: &KeptChainVertices,
+    kept: &RetainedChainVertices,
     points: &[Xy],
     options: &UntangleOptions,
     most: usize,
@@ -123,6 +123,6 @@ pub fn untangle_within(
         collapsed: mended.collapsed,
         flat: mended.flat,
         rounds: settling.rounds,
-        kept: settling.into_kept(&kept),
+        kept: settling.into_retained(&kept),
     })
 }

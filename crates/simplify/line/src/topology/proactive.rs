@@ -1,8 +1,8 @@
 //! Tests of segments before they are accepted.
 
-use super::chains::{Chains, KeptChainVertices, Refine};
+use super::chains::{Chains, Refine, RetainedChainVertices};
 use super::region::farthest;
-use super::scan::{SidePoints, any_held};
+use super::scan::{SidePoints, any_in_memory};
 use super::tree::{ClosedBox, HilbertRTree};
 use terrane_base::Cancel;
 use terrane_base::bits::BitSet;
@@ -31,7 +31,7 @@ pub(super) struct LivingChains<'a> {
 
 impl<'a> LivingChains<'a> {
     /// All vertices of the chains that have any in `kept`.
-    fn new(chains: &Chains<'a>, kept: &KeptChainVertices, points: &'a SidePoints<'a>) -> Self {
+    fn new(chains: &Chains<'a>, kept: &RetainedChainVertices, points: &'a SidePoints<'a>) -> Self {
         let mut there = BitSet::new(chains.points.len());
         let mut runs = Vec::new();
         for chain in (0..chains.count()).filter(|&chain| !kept.of(chain).is_empty()) {
@@ -69,7 +69,7 @@ impl<'a> LivingChains<'a> {
             let p = self.points.at[self.points.tree.ids[at] as usize];
             self.near.extend(Some(p).filter(|&p| bounds.holds(p) && !ends.contains(&p)));
         }
-        !any_held(chain, self.near.iter().copied())
+        !any_in_memory(chain, self.near.iter().copied())
     }
 
     /// The vertices of the run that begins with `first`.
@@ -88,13 +88,13 @@ impl<'a> LivingChains<'a> {
 /// number of split pieces.
 pub(super) fn accept(
     chains: &Chains<'_>,
-    kept: &KeptChainVertices,
+    kept: &RetainedChainVertices,
     points: &SidePoints<'_>,
     cancel: Option<&Cancel>,
     refine: &mut Refine<'_>,
-) -> Result<(KeptChainVertices, u64)> {
+) -> Result<(RetainedChainVertices, u64)> {
     let mut living = LivingChains::new(chains, kept, points);
-    let (mut accepted, mut refined) = (KeptChainVertices::new(), 0);
+    let (mut accepted, mut refined) = (RetainedChainVertices::new(), 0);
     let mut halves = Vec::new();
     for chain in 0..chains.count() {
         // Pieces to test are between neighbours on the stack; the next one is on top.

@@ -2,7 +2,7 @@
 
 use std::cmp::Ordering;
 
-use super::chains::{Chains, KeptChainVertices, Refine};
+use super::chains::{Chains, Refine, RetainedChainVertices};
 use super::options::{RingCollapse, UntangleOptions};
 use super::region::farthest;
 use terrane_base::geom::plane::{Xy, area_sign, orient};
@@ -21,11 +21,11 @@ pub(super) struct MendedRings {
 /// O(vertices) plus the calls of `refine`.
 pub(super) fn mend(
     chains: &Chains<'_>,
-    kept: &KeptChainVertices,
+    kept: &RetainedChainVertices,
     options: &UntangleOptions<'_>,
     refine: &mut Refine<'_>,
-) -> (KeptChainVertices, MendedRings) {
-    let mut result = KeptChainVertices::new();
+) -> (RetainedChainVertices, MendedRings) {
+    let mut result = RetainedChainVertices::new();
     result.vertices.reserve(kept.vertices.len() + 2 * chains.count());
     let mut mended = MendedRings::default();
     for chain in 0..chains.count() {

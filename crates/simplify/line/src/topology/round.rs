@@ -12,7 +12,7 @@
 use std::cmp::Ordering;
 use std::collections::HashSet;
 
-use super::chains::{Chains, KeptChainVertices};
+use super::chains::{Chains, RetainedChainVertices};
 use super::cross::{same_way, touch};
 use super::tree::{ClosedBox, HilbertRTree};
 use terrane_base::Cancel;
@@ -49,7 +49,7 @@ impl RoundedPositions {
 /// `Interrupted` on cancellation.
 pub fn round(
     chains: &Chains<'_>,
-    kept: &KeptChainVertices,
+    kept: &RetainedChainVertices,
     points: &[Xy],
     place: impl Fn(Xy) -> Xy,
     cancel: Option<&Cancel>,
@@ -58,7 +58,7 @@ pub fn round(
     still.sort_unstable();
     // A vertex at a given point stays with it: moved alone, it would change sides with the point.
     let place = |at: Xy| if still.binary_search(&key(at)).is_ok() { at } else { place(at) };
-    let mut net = KeptSegments::new(chains, kept, points, place);
+    let mut net = RetainedSegments::new(chains, kept, points, place);
     let mut waiting: Vec<(f64, u32, Xy)> = (0..)
         .zip(&net.now)
         .map(|(node, at)| (node, *at, place(*at)))
@@ -93,7 +93,7 @@ pub fn round(
 }
 
 /// Kept positions and the segments between them.
-struct KeptSegments {
+struct RetainedSegments {
     old: Vec<[u64; 2]>,
     now: Vec<Xy>,
     /// Pairs of distinct positions, and single positions without a segment.
@@ -108,10 +108,10 @@ struct KeptSegments {
     junctions: HashSet<[u64; 2]>,
 }
 
-impl KeptSegments {
+impl RetainedSegments {
     fn new(
         chains: &Chains<'_>,
-        kept: &KeptChainVertices,
+        kept: &RetainedChainVertices,
         points: &[Xy],
         place: impl Fn(Xy) -> Xy,
     ) -> Self {
@@ -284,7 +284,8 @@ mod tests {
         let closed = vec![false; lines.len()];
         let chains = Chains { points: &points, starts: &starts, closed: &closed };
         let place = |at: Xy| at.map(f64::round);
-        let rounded = round(&chains, &KeptChainVertices::all(&chains), &[], place, None).unwrap();
+        let rounded =
+            round(&chains, &RetainedChainVertices::all(&chains), &[], place, None).unwrap();
         lines.iter().map(|line| line.iter().map(|at| rounded.of(*at)).collect()).collect()
     }
 

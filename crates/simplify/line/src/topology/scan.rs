@@ -128,7 +128,7 @@ impl PieceView<'_> {
                     self.one_to_many(layer.item(q), (layer, tree.group(group)), found);
                 }
             }
-            self.test_held(found, MAX_HELD)?;
+            self.test_in_memory(found, MAX_HELD)?;
         }
         Ok(())
     }
@@ -149,7 +149,7 @@ impl PieceView<'_> {
                     self.pair(item, old.item(q), found);
                 }
             }
-            self.test_held(found, MAX_HELD)?;
+            self.test_in_memory(found, MAX_HELD)?;
         }
         Ok(())
     }
@@ -170,7 +170,7 @@ impl PieceView<'_> {
                     self.candidate(fresh.item(at), points[tree.ids[other] as usize], found);
                 }
             }
-            self.test_held(found, MAX_HELD)?;
+            self.test_in_memory(found, MAX_HELD)?;
         }
         Ok(())
     }
@@ -231,7 +231,7 @@ impl PieceView<'_> {
     }
 
     /// Tests the candidates of long pieces above `most` of them; fails on cancellation.
-    pub(super) fn test_held(&self, found: &mut ScanConflicts, most: usize) -> Result<()> {
+    pub(super) fn test_in_memory(&self, found: &mut ScanConflicts, most: usize) -> Result<()> {
         self.cancel.map_or(Ok(()), Cancel::check)?;
         if found.held.len() <= most {
             return Ok(());
@@ -240,7 +240,7 @@ impl PieceView<'_> {
         held.sort_by_key(|&(i, _)| i);
         for run in held.chunk_by(|p, q| p.0 == q.0) {
             let piece = self.pieces[run[0].0 as usize];
-            if any_held(self.chains.piece(piece.from, piece.to), run.iter().map(|c| c.1)) {
+            if any_in_memory(self.chains.piece(piece.from, piece.to), run.iter().map(|c| c.1)) {
                 found.wrong.push(run[0].0);
             }
         }
@@ -249,7 +249,10 @@ impl PieceView<'_> {
 }
 
 /// Whether any of several positions lies between a chain and its segment, as by [`holds`].
-pub(super) fn any_held(chain: &[Xy], mut candidates: impl ExactSizeIterator<Item = Xy>) -> bool {
+pub(super) fn any_in_memory(
+    chain: &[Xy],
+    mut candidates: impl ExactSizeIterator<Item = Xy>,
+) -> bool {
     if candidates.len() < 4 {
         return candidates.any(|v| holds(chain, v));
     }

@@ -2,7 +2,7 @@
 
 use std::cmp::Ordering;
 
-use super::chains::{Chains, KeptChainVertices, Refine};
+use super::chains::{Chains, Refine, RetainedChainVertices};
 use super::region::farthest;
 use super::scan::{ChainPiece, PieceLayer, PieceView, ScanConflicts, SidePoints};
 use super::tree::ClosedBox;
@@ -38,7 +38,7 @@ pub(super) struct UntangleState<'a> {
 
 impl<'a> UntangleState<'a> {
     /// `kept` has rings with their original orientation.
-    pub(super) fn new(chains: &Chains<'a>, kept: &KeptChainVertices) -> Self {
+    pub(super) fn new(chains: &Chains<'a>, kept: &RetainedChainVertices) -> Self {
         let n = chains.points.len();
         let mut settling = Self {
             chains: *chains,
@@ -153,7 +153,7 @@ impl<'a> UntangleState<'a> {
             view.between(fresh, old, &mut found)?;
         }
         view.points(fresh, &points.tree, points.at, &mut found)?;
-        view.test_held(&mut found, 0)?;
+        view.test_in_memory(&mut found, 0)?;
         Ok(found)
     }
 
@@ -227,8 +227,8 @@ impl<'a> UntangleState<'a> {
     }
 
     /// All kept vertices; `before` marks the chains without any.
-    pub(super) fn into_kept(self, before: &KeptChainVertices) -> KeptChainVertices {
-        let mut kept = KeptChainVertices::new();
+    pub(super) fn into_retained(self, before: &RetainedChainVertices) -> RetainedChainVertices {
+        let mut kept = RetainedChainVertices::new();
         for chain in 0..self.chains.count() {
             if !before.of(chain).is_empty() {
                 let vertices = self.kept.within(self.chains.range(chain));
@@ -258,7 +258,7 @@ mod tests {
         let line = line();
         let chains = Chains { points: &line, starts: &[0, 10], closed: &[false] };
         for (rounds, middle) in [(1, 3), (40, 3), (41, 5), (60, 5)] {
-            let kept = KeptChainVertices { vertices: vec![0, 2, 9], starts: vec![0, 3] };
+            let kept = RetainedChainVertices { vertices: vec![0, 2, 9], starts: vec![0, 3] };
             let mut settling = UntangleState::new(&chains, &kept);
             settling.rounds = rounds;
             settling.split(1, &mut nothing);
@@ -274,7 +274,7 @@ mod tests {
     fn as_many_pieces_as_allowed_are_made() {
         let line = line();
         let chains = Chains { points: &line, starts: &[0, 10], closed: &[false] };
-        let kept = KeptChainVertices { vertices: vec![0, 9], starts: vec![0, 2] };
+        let kept = RetainedChainVertices { vertices: vec![0, 9], starts: vec![0, 2] };
         // Below the peak: the line is split there, which makes two pieces of one.
         let below = [[3.0, 1.0]];
         let points = SidePoints::new(&below).expect("finite");
@@ -294,7 +294,7 @@ mod tests {
     fn few_layers_are_kept_apart() {
         let line: Vec<Xy> = (0..=256).map(f64::from).map(|x| [x, x * (256.0 - x)]).collect();
         let chains = Chains { points: &line, starts: &[0, 257], closed: &[false] };
-        let kept = KeptChainVertices { vertices: vec![0, 256], starts: vec![0, 2] };
+        let kept = RetainedChainVertices { vertices: vec![0, 256], starts: vec![0, 2] };
         // In the triangle of the first three vertices.
         let corner = [[0, 1].map(|axis| (line[0][axis] + line[1][axis] + line[2][axis]) / 3.0)];
         let points = SidePoints::new(&corner).expect("finite");

@@ -1,8 +1,8 @@
 //! Meshes by plan: work in units that many machines can share and that survive being killed.
 
-mod mesh;
+mod artifact_store;
+mod mesh_tasks;
 mod report;
-mod shelf;
 mod tasks;
 
 use std::path::Path;
@@ -13,16 +13,16 @@ use super::goal::TinGoal;
 use super::job::TinJob;
 use super::make::{OpenedTinJob, TinMaker, in_input};
 use super::options::TinOptions;
-use super::refinement::Refinement;
+use super::refinement::TinMethod;
 use super::report::TinReport;
-use mesh::PlannedMesh;
+use mesh_tasks::PlannedMesh;
 use terrane_base::error::{Error, Result};
 use terrane_engine::operation::{Divisible, RunRequest};
 use terrane_engine::plan::{self, DiskCheck, OutputForm, PLAN, PlanManifest, RunJob};
-use terrane_engine::sift::Skipped;
+use terrane_engine::skip_bad::Skipped;
 use terrane_engine::transform::TargetCrs;
 use terrane_engine::{Cancel, Progress};
-use terrane_files::refuse_held;
+use terrane_files::refuse_in_memory;
 use terrane_mesh::by_path;
 use terrane_tin::TinSpec;
 
@@ -66,10 +66,10 @@ fn plan_checked(
     if !matches!(job.job.goal, TinGoal::MaxError(_)) {
         return Err(budget());
     }
-    refuse_held(job.job.input.names())?;
+    refuse_in_memory(job.job.input.names())?;
     let reading = job.job.reading.absolute()?;
     let constraints = job.job.refinement.constraints.absolute()?;
-    let refinement = Refinement { constraints, ..job.job.refinement.clone() };
+    let refinement = TinMethod { constraints, ..job.job.refinement.clone() };
     let transform = job.job.transform.as_ref().map(TargetCrs::absolute).transpose()?;
     let input = job.job.input.resolve()?;
     let tin = TinJob { input, reading, refinement, transform, ..job.job.clone() };
@@ -90,7 +90,7 @@ fn plan_checked(
     };
     let there = PlanManifest::<PlannedMesh>::there(&job.folder);
     let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
-    let files = mesh::files(&tin, &*opened.source);
+    let files = mesh_tasks::files(&tin, &*opened.source);
     PlanManifest::new(mesh, (tin.input.to_string(), files), needs, &job.skipped)?
         .put(&job.folder)?;
     plan::status::<PlannedMesh>(&job.folder)

@@ -37,8 +37,8 @@ impl DescribesRun for MeshRun {
         self.mesh.as_ref().map(|mesh| mesh.output.as_str())
     }
 
-    fn unmet(&self) -> Option<String> {
-        self.mesh.as_ref().and_then(TinReport::unmet)
+    fn shortfall(&self) -> Option<String> {
+        self.mesh.as_ref().and_then(TinReport::shortfall)
     }
 }
 

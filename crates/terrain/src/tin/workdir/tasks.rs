@@ -12,7 +12,7 @@
 use std::fmt;
 
 use crate::tin::layout::{TileId, TileLayout};
-use crate::tin::scope::{LayoutWork, RunScope};
+use crate::tin::task_scope::{LayoutWork, RunScope};
 use terrane_engine::plan::Numbered;
 
 /// Approximate number of samples of a strip.

@@ -20,7 +20,7 @@
 mod bilinear;
 mod cubic;
 mod kernel;
-mod near;
+mod nearest;
 mod resampling;
 #[cfg(test)]
 mod tests;
@@ -31,4 +31,4 @@ pub use window::{Place, SourceWindow};
 
 /// All methods. A new one is one file and one line here.
 pub const RESAMPLINGS: &[ResamplingMethod] =
-    &[near::RESAMPLING, bilinear::RESAMPLING, cubic::RESAMPLING];
+    &[nearest::RESAMPLING, bilinear::RESAMPLING, cubic::RESAMPLING];

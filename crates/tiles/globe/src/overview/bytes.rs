@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::blocks::{BlockExtreme, SampleBlock, SampleBlocks};
 use super::plan::{BlockSummary, OverviewPlan};
-use crate::ground::VoidFillSums;
+use crate::terrain::VoidFillSums;
 use terrane_base::geom::Rect;
 
 impl BlockSummary {

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::chart::{GridGeolocation, HAIR};
+use crate::georeference::{GridGeolocation, HAIR};
 use terrane_base::geom::Affine;
 
 /// Columns or rows by number, with the kept samples along them: all by default.

@@ -9,9 +9,9 @@ mod relief;
 
 use std::collections::BTreeMap;
 
-use crate::chart::ChartSpot;
-use crate::ground::{GroundSampler, VoidFill, around, between, feet};
-use crate::run::{GroundSample, GroundSampleRun};
+use crate::georeference::GlobePosition;
+use crate::sample_run::{TerrainSample, TerrainSampleRun};
+use crate::terrain::{TerrainSampler, VoidFill, around, between, feet};
 use crate::tiling::GeodeticBounds;
 use blocks::BlockExtreme;
 pub use blocks::{SampleBlock, SampleBlocks};
@@ -83,7 +83,7 @@ impl GridOverview {
     }
 
     /// Corners of a block's samples on its plane.
-    pub fn corners(&self, at: [u32; 2]) -> [GroundSample; 4] {
+    pub fn corners(&self, at: [u32; 2]) -> [TerrainSample; 4] {
         let rect = self.plan.blocks.rect(at);
         let ends = [[0, 0], [1, 0], [1, 1], [0, 1]];
         ends.map(|[right, down]| {
@@ -97,7 +97,7 @@ impl GridOverview {
     pub fn lie(
         &self,
         at: [u32; 2],
-        corners: &[GroundSample; 4],
+        corners: &[TerrainSample; 4],
         bounds: &GeodeticBounds,
     ) -> RectRelation {
         let holds =
@@ -189,7 +189,7 @@ impl GridOverview {
 
 impl GridOverview {
     /// Height from samples, or on a block's plane.
-    fn at(&self, ChartSpot { at: [col, row], .. }: ChartSpot) -> Option<f64> {
+    fn at(&self, GlobePosition { at: [col, row], .. }: GlobePosition) -> Option<f64> {
         if let Ok(found) = self.kept([col, row]) {
             return found;
         }
@@ -201,7 +201,7 @@ impl GridOverview {
         (block.count > 0).then(|| block.height(offset).clamp(low, high))
     }
 
-    fn between(&self, spot: ChartSpot) -> f64 {
+    fn between(&self, spot: GlobePosition) -> f64 {
         let is_kept = around(spot.at).all(|(at, _)| self.sample(at).is_some());
         match if is_kept { None } else { self.at(spot) } {
             Some(height) => height,
@@ -210,7 +210,7 @@ impl GridOverview {
     }
 }
 
-impl GroundSampler for GridOverview {
+impl TerrainSampler for GridOverview {
     /// Exact along kept lines; elsewhere the height of the block's plane.
     fn height(&self, place: [f64; 2]) -> Option<f64> {
         let spot = self.plan.chart.within(place);
@@ -228,7 +228,7 @@ impl GroundSampler for GridOverview {
         (spot.fall > 0.0).then(|| [self.between(spot), spot.fall])
     }
 
-    fn feet(&self, bounds: &GeodeticBounds, stride: u32, found: &mut impl FnMut(GroundSample)) {
+    fn feet(&self, bounds: &GeodeticBounds, stride: u32, found: &mut impl FnMut(TerrainSample)) {
         let [width, height] = self.plan.blocks.whole;
         feet(self, (&self.plan.chart, Rect::new(0, 0, width, height)), (bounds, stride), found);
     }
@@ -258,7 +258,7 @@ impl GroundSampler for GridOverview {
     }
 
     /// Samples of each block furthest from its plane.
-    fn runs(&self, bounds: &GeodeticBounds, _: u32, found: &mut impl FnMut(GroundSampleRun<'_>)) {
+    fn runs(&self, bounds: &GeodeticBounds, _: u32, found: &mut impl FnMut(TerrainSampleRun<'_>)) {
         let [cols, rows] = self.blocks_in(bounds);
         for row in rows[0]..rows[1] {
             for col in cols[0]..cols[1] {
@@ -270,7 +270,7 @@ impl GroundSampler for GridOverview {
                         [rect.col + u32::from(*right), rect.row + u32::from(*down)].map(f64::from);
                     let sample = self.plan.chart.sample(at, *height);
                     if bounds.holds(sample.place) {
-                        found(GroundSampleRun::One(sample));
+                        found(TerrainSampleRun::One(sample));
                     }
                 }
             }
@@ -281,7 +281,7 @@ impl GroundSampler for GridOverview {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chart::GridGeolocation;
+    use crate::georeference::GridGeolocation;
     use proptest::prelude::*;
     use terrane_base::geom::Affine;
 
@@ -298,7 +298,7 @@ mod tests {
         let look = |row: u32| {
             let rect = Rect::new(0, row, whole[0], rows.min(whole[1] - row));
             let from = row as usize * whole[0] as usize;
-            plan.look(rect, &heights[from..][..rect.len()])
+            plan.summarize(rect, &heights[from..][..rect.len()])
         };
         let mut gathered = plan.clone().gather();
         for glance in (0..whole[1]).step_by(rows as usize).map(look) {
@@ -352,7 +352,7 @@ mod tests {
     #[test]
     fn a_void_part_comes_back_void() {
         let plan = OverviewPlan::new(GridGeolocation::straight(MAP, [20, 20]), [&[], &[]]);
-        let glance = plan.look(Rect::new(0, 0, 20, 20), &[f64::NAN; 400]);
+        let glance = plan.summarize(Rect::new(0, 0, 20, 20), &[f64::NAN; 400]);
         let mut kept = Vec::new();
         glance.write(&mut kept);
         let back = plan.read_glance(&mut &kept[..]).unwrap();

@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use super::blocks::{SampleBlock, SampleBlocks};
 use super::lines::{Lines, spots, whole};
-use crate::chart::GridGeolocation;
-use crate::ground::VoidFillSums;
+use crate::georeference::GridGeolocation;
+use crate::terrain::VoidFillSums;
 use terrane_base::geom::Rect;
 
 /// Survey of a part, to be merged with the others.
@@ -63,7 +63,7 @@ impl OverviewPlan {
     }
 
     /// Surveys the samples of a rectangle of whole blocks, row by row.
-    pub fn look(&self, rect: Rect, heights: &[f64]) -> BlockSummary {
+    pub fn summarize(&self, rect: Rect, heights: &[f64]) -> BlockSummary {
         let SampleBlocks { side, whole, .. } = self.blocks;
         let mut means = VoidFillSums::new(whole);
         for (row, line) in (rect.row..).zip(heights.chunks(rect.width as usize)) {

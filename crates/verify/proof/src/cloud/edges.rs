@@ -2,7 +2,7 @@
 
 use std::mem::size_of;
 
-use super::follow::TrackVertices;
+use super::lines::TrackVertices;
 use super::part::{CloudProofPart, order, position};
 use super::strips::ProofStrips;
 use crate::edges::{EdgeMeeting, PartCorners, compare_vertices};
@@ -24,9 +24,9 @@ pub(super) fn check(part: &CloudProofPart<'_>, tally: &mut ProofTally) {
             keep(part, at, heights, &mut is_kept);
         }
     });
-    count_kept(part, &is_kept, tally);
+    count_required(part, &is_kept, tally);
     let mut stops = TrackVertices::new(part.lines, &part.domain, &corners.positions);
-    off.retain(|&(at, z)| z.is_none_or(|z| !stops.may_be_post(at, z)));
+    off.retain(|&(at, z)| z.is_none_or(|z| !stops.may_be_line_vertex(at, z)));
     off.into_iter().for_each(|(at, _)| tally.off_samples.add(at));
     compare_vertices(part.vertices.unwrap_or_default(), &corners.positions, tally);
     let mut open = Vec::new();
@@ -86,7 +86,7 @@ fn keep(part: &CloudProofPart<'_>, at: ProofPosition, heights: &[f64], is_kept: 
     }
 }
 
-fn count_kept(part: &CloudProofPart<'_>, is_kept: &[bool], tally: &mut ProofTally) {
+fn count_required(part: &CloudProofPart<'_>, is_kept: &[bool], tally: &mut ProofTally) {
     debug_assert!(part.kept.is_sorted_by_key(order), "points to keep are in order");
     for (&point, is_kept) in part.kept.iter().zip(is_kept) {
         if part.domain.owns(position(point)) {

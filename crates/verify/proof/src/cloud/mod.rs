@@ -7,23 +7,23 @@
 
 mod bound;
 mod edges;
-mod follow;
 mod hull;
+mod lines;
 mod nearest;
 mod part;
-mod place;
 mod plane;
-mod plumb;
+mod quantize;
 mod strips;
 #[cfg(test)]
 mod tests;
+mod vertical_distance;
 
 pub use bound::VerticalBound;
-pub use follow::CloudTrack;
 pub use hull::{HullGatherer, ProofHull};
+pub use lines::CloudTrack;
 pub use nearest::{NearestQuery, ProofNearestPoints};
 pub use part::{CloudProofPart, order, position};
-pub use place::LatticeSnapper;
+pub use quantize::LatticeSnapper;
 
 use std::mem::size_of;
 
@@ -34,7 +34,7 @@ use terrane_base::geom::Point;
 /// Bytes [`check`] needs for a domain of `points` points touched by `triangles` triangles, with
 /// `vertices` stored vertices; points, triangles and positions included.
 pub fn bytes_needed(points: u64, triangles: u64, vertices: u64) -> u64 {
-    let per_point = size_of::<Point>() + plumb::BYTES_PER_POINT;
+    let per_point = size_of::<Point>() + vertical_distance::BYTES_PER_POINT;
     let per_triangle =
         size_of::<ProofTriangle>() + BYTES_PER_TRIANGLE + edges::MORE_BYTES_PER_TRIANGLE;
     let per_vertex = size_of::<ProofPosition>();
@@ -51,6 +51,6 @@ pub fn bytes_needed(points: u64, triangles: u64, vertices: u64) -> u64 {
 pub fn check(part: &CloudProofPart<'_>, tally: &mut ProofTally) {
     let owned = part.triangles.iter().filter(|t| part.domain.owns(t.corners[0].at));
     owned.for_each(|triangle| tally.shape(triangle, 1));
-    plumb::check(part, tally);
+    vertical_distance::check(part, tally);
     edges::check(part, tally);
 }

@@ -1,8 +1,8 @@
 //! The unit of a proof: a rectangle of the lattice, with everything that touches it.
 
 use super::bound::VerticalBound;
-use super::follow::CloudTrack;
 use super::hull::ProofHull;
+use super::lines::CloudTrack;
 use crate::{GridDomain, ProofPosition, ProofTriangle};
 use terrane_base::geom::Point;
 

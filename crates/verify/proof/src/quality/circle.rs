@@ -90,12 +90,12 @@ fn determinant(o: [[i64; 2]; 3]) -> f64 {
         digits[1] += a[0] * b[1] + a[1] * b[0];
         digits[2] += a[1] * b[1];
     }
-    let [low, middle, high] = carried(digits);
+    let [low, middle, high] = normalized(digits);
     if high >= 0 {
         return float([low, middle, high]);
     }
     // Floats of the digits of a negative number would cancel.
-    -float(carried(digits.map(|digit| -digit)))
+    -float(normalized(digits.map(|digit| -digit)))
 }
 
 /// A number as two digits, the lower first and not negative.
@@ -104,7 +104,7 @@ fn halves(value: i128) -> [i128; 2] {
 }
 
 /// The same number with all digits but the last between 0 and 2^60.
-fn carried([low, middle, high]: [i128; 3]) -> [i128; 3] {
+fn normalized([low, middle, high]: [i128; 3]) -> [i128; 3] {
     let [low, carry] = halves(low);
     let [middle, carry] = halves(middle + carry);
     [low, middle, high + carry]
@@ -284,7 +284,7 @@ mod tests {
 
             fn plus(&self, other: &Self) -> Self {
                 let len = self.0.len().max(other.0.len());
-                Self((0..len).map(|i| self.digit(i) + other.digit(i)).collect()).carried()
+                Self((0..len).map(|i| self.digit(i) + other.digit(i)).collect()).normalized()
             }
 
             fn times(&self, other: &Self) -> Self {
@@ -294,11 +294,11 @@ mod tests {
                         out[i + j] += a * b;
                     }
                 }
-                Self(out).carried()
+                Self(out).normalized()
             }
 
             /// Each digit from 0 up to the base, but the last, which has the sign.
-            fn carried(mut self) -> Self {
+            fn normalized(mut self) -> Self {
                 let mut carry = 0;
                 for digit in &mut self.0 {
                     let all = *digit + carry;
@@ -310,7 +310,7 @@ mod tests {
             }
 
             fn sign(&self) -> i32 {
-                let all = self.clone().carried();
+                let all = self.clone().normalized();
                 match all.0.last() {
                     Some(top) if *top < 0 => -1,
                     _ => i32::from(all.0.iter().any(|d| *d != 0)),

@@ -8,14 +8,14 @@
 mod circle;
 mod plan;
 mod shape;
-mod tally;
 #[cfg(test)]
 mod tests;
+mod totals;
 
 pub use circle::DelaunayVerdict;
 pub use plan::QualityLattice;
 pub use shape::TriangleShape;
-pub use tally::{AcuteAngles, DelaunayCounts, Quality};
+pub use totals::{AcuteAngles, DelaunayCounts, Quality};
 
 use std::mem::size_of;
 
@@ -42,9 +42,9 @@ pub fn bytes_needed(triangles: u64) -> u64 {
 }
 
 /// Looks at one part and adds what it owns to `quality`. O(triangles log triangles).
-pub fn look(part: &QualityPart<'_>, quality: &mut Quality) {
+pub fn measure(part: &QualityPart<'_>, quality: &mut Quality) {
     let owned = part.triangles.iter().filter(|t| part.domain.owns(t.corners[0].at));
-    owned.for_each(|triangle| look_at(triangle, part, quality));
+    owned.for_each(|triangle| measure_triangle(triangle, part, quality));
     let corners = PartCorners::new(part.triangles, |_, _| {});
     let mut degrees = vec![0u32; corners.positions.len()];
     corners.each_edge(|ends, meeting, sides| {
@@ -67,7 +67,7 @@ pub fn look(part: &QualityPart<'_>, quality: &mut Quality) {
     owned.for_each(|(_, degree)| quality.vertex(degree));
 }
 
-fn look_at(triangle: &ProofTriangle, part: &QualityPart<'_>, quality: &mut Quality) {
+fn measure_triangle(triangle: &ProofTriangle, part: &QualityPart<'_>, quality: &mut Quality) {
     quality.shape(TriangleShape::in_plan(triangle), triangle.double_area() < 0);
     if part.has_space {
         quality.shape_in_space(TriangleShape::in_space(triangle, part.plan.cell()));

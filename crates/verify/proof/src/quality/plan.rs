@@ -4,7 +4,7 @@
 //! 32nd of that is a whole number of steps, and the smaller ones lose less than the storage of the others
 //! did. So whatever is asked about positions can be decided in whole numbers.
 
-use crate::snap::STEPS;
+use crate::lattice_position::STEPS;
 use crate::{ProofPosition, ProofVertex, Snap, SnapOutcome};
 use terrane_base::geom::Point3;
 
@@ -18,9 +18,9 @@ const MIN_EXPONENT: i32 = -900;
 pub struct QualityLattice {
     /// World units of a step: a power of two.
     step: f64,
-    /// Steps to the lowest x and y, and
+    /// Lowest x and y, in steps.
     low: [i64; 2],
-    /// from there to the highest.
+    /// Extent in x and y, in steps.
     size: [i64; 2],
     rounding: [f64; 2],
 }

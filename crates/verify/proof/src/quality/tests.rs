@@ -37,7 +37,7 @@ fn quality(mesh: &[[[f64; 3]; 3]], size: Option<[u32; 2]>) -> (Quality, f64) {
         let mut own = Quality::default();
         let touches = |t: &&ProofTriangle| t.positions().iter().any(|p| domain.owns(*p));
         let triangles: Vec<ProofTriangle> = triangles.iter().filter(touches).copied().collect();
-        look(
+        measure(
             &QualityPart { domain, triangles: &triangles, plan: &plan, has_space: true },
             &mut own,
         );
@@ -150,7 +150,7 @@ fn vertices_are_numbered_in_the_order_of_the_lattice() {
         let layout = DomainLayout { grid: [10; 2], size: [32; 2] };
         let mut found = Quality::default();
         let domain = layout.domain(0);
-        look(
+        measure(
             &QualityPart { domain, triangles: &triangles, plan: &plan, has_space: false },
             &mut found,
         );

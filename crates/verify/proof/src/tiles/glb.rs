@@ -202,7 +202,7 @@ pub(super) struct ProofAccessorNumbers<const N: usize> {
 }
 
 impl<const N: usize> ProofAccessorNumbers<N> {
-    pub(super) fn told(self) -> Vec<[f64; N]> {
+    pub(super) fn into_values(self) -> Vec<[f64; N]> {
         match self.whole {
             Some(whole) => {
                 // The least signed number has no positive twin: glTF takes it for -1 as well.

@@ -71,7 +71,7 @@ impl ProofTileId {
     }
 
     /// The tile beside it on its level; none beyond the poles and the antimeridian.
-    pub fn beside(self, side: ProofTileSide) -> Option<Self> {
+    pub fn neighbour(self, side: ProofTileSide) -> Option<Self> {
         let Self { level, x, y } = self;
         match side {
             ProofTileSide::West => Self::new(level, x.checked_sub(1)?, y),
@@ -104,7 +104,7 @@ impl ProofTileId {
             ProofTileSide::South => !is_north,
             ProofTileSide::North => is_north,
         };
-        parent.beside(side).filter(|_| is_outer)
+        parent.neighbour(side).filter(|_| is_outer)
     }
 
     /// The rows of tiles of a level that have a latitude, borders included.

@@ -2,7 +2,7 @@
 
 use super::*;
 use terrane_base::geom::Crs;
-use terrane_engine::kept::ConstraintVertices;
+use terrane_engine::constraints::ConstraintVertices;
 
 /// Vertices of lines, in steps from the lowest of the terrain; NaN for no height.
 const LINES: [&[[f64; 3]]; 4] = [

@@ -4,7 +4,7 @@ use super::*;
 use proptest::prelude::*;
 use std::collections::HashSet;
 use terrane_base::geom::{Crs, SampleSegment};
-use terrane_engine::kept::ConstraintVertices;
+use terrane_engine::constraints::ConstraintVertices;
 
 /// Vertices of lines, in steps, each with a height or NaN.
 type Shapes = Vec<Vec<[f64; 3]>>;
@@ -40,7 +40,7 @@ struct Way {
 fn ways(kept: &OnCloud, source: &PointSample) -> Vec<Way> {
     let [low, _] = source.info.bounds.unwrap();
     let hull = ConvexHull::of(source.points.clone());
-    let way = |line: &terrane_engine::on_cloud::LatticeLine| {
+    let way = |line: &terrane_engine::cloud_constraints::LatticeLine| {
         let [a, b] = line
             .ends
             .map(|[x, y]| [i64::from(low.x) + i64::from(x), i64::from(low.y) + i64::from(y)]);
@@ -49,7 +49,7 @@ fn ways(kept: &OnCloud, source: &PointSample) -> Vec<Way> {
             (0..=segment.steps()).map(|step| segment.at(step).map(|v| v as i32)).collect();
         let inside = |site: &[i32; 2]| {
             use terrane_delaunay::{FixedPosition, HullLocation};
-            hull.place(FixedPosition::of(*site)) != HullLocation::Outside
+            hull.locate(FixedPosition::of(*site)) != HullLocation::Outside
         };
         let (first, last) = (all.iter().position(inside)?, all.iter().rposition(inside)?);
         let height = |step: usize, [p, q]: [i32; 2]| match segment.steps() {
@@ -202,7 +202,7 @@ fn points_nearest_to_others_are_vertices() {
     let (mut inside, mut nearest_of_all) = (0, HashSet::new());
     for [x, y] in at.iter().map(|at| [at[0] as i32, at[1] as i32]) {
         use terrane_delaunay::{FixedPosition, HullLocation};
-        if hull.place(FixedPosition::of([x, y])) == HullLocation::Outside {
+        if hull.locate(FixedPosition::of([x, y])) == HullLocation::Outside {
             continue;
         }
         let far = |p: &Point| (i64::from(p.x - x).pow(2) + i64::from(p.y - y).pow(2), *p);
@@ -211,7 +211,8 @@ fn points_nearest_to_others_are_vertices() {
         nearest_of_all.insert(nearest);
         inside += 1;
     }
-    let report = |beyond| kept.kept(beyond, nearest_of_all.len() as u64, 0).unwrap().unwrap();
+    let report =
+        |beyond| kept.constraints(beyond, nearest_of_all.len() as u64, 0).unwrap().unwrap();
     let beyond = kept.points.len() as u64 - inside;
     assert!((20..190).contains(&inside) && report(beyond).outside == 200 - inside);
 }
@@ -222,7 +223,7 @@ fn what_is_not_over_the_cloud_is_counted_or_refused() {
     let bounds = source.info.bounds.unwrap();
     let far = vec![vec![[-500.0, 5.0, 1.0], [-300.0, 9.0, 1.0]]];
     let kept = kept(&source, &far, &far);
-    assert!(kept.followed(|_| false, 0).is_err() && kept.kept(0, 0, 0).is_err());
+    assert!(kept.followed(|_| false, 0).is_err() && kept.constraints(0, 0, 0).is_err());
     let huge = vec![vec![[50.0, 50.0, 1e300], [60.0, 50.0, 0.0]]];
     let error = OnCloud::new((None, Some(features(&huge))), &source.info, bounds).unwrap_err();
     assert!(
@@ -247,7 +248,7 @@ fn heights_are_cut_with_their_lines_and_do_not_know_directions() {
     let line = [[-100.0, 50.0, 0.0], [100.0, 50.0, 200.0]];
     let lines: Vec<_> = [line, [line[1], line[0]]].iter().map(|line| line.to_vec()).collect();
     let kept = kept(&source, &Vec::new(), &lines);
-    let expected = terrane_engine::on_cloud::LatticeLine {
+    let expected = terrane_engine::cloud_constraints::LatticeLine {
         ends: [[0, 50], [100, 50]],
         heights: Some([100, 200]),
     };

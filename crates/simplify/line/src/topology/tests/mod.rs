@@ -35,7 +35,7 @@ fn solve(world: &World, tolerance: f64, options: UntangleOptions<'_>) -> Untangl
     let mut refine = |_: usize, from: u32, to: u32, out: &mut Vec<u32>| {
         rdp(chains.points, from, to, tolerance, out);
     };
-    let kept = KeptChainVertices::simplified(&chains, &mut refine);
+    let kept = RetainedChainVertices::simplified(&chains, &mut refine);
     untangle(&chains, &kept, &world.fixed, &options, &mut refine).unwrap()
 }
 
@@ -128,7 +128,7 @@ fn segments_accepted_one_by_one_need_no_mending() {
         let mut refine = |_: usize, from: u32, to: u32, out: &mut Vec<u32>| {
             rdp(chains.points, from, to, tolerance, out);
         };
-        let kept = KeptChainVertices::simplified(&chains, &mut refine);
+        let kept = RetainedChainVertices::simplified(&chains, &mut refine);
         let (kept, _) = rings::mend(&chains, &kept, &UntangleOptions::default(), &mut refine);
         let points = SidePoints::new(&world.fixed).unwrap();
         let (kept, _) = proactive::accept(&chains, &kept, &points, None, &mut refine).unwrap();
@@ -200,7 +200,7 @@ fn work_that_is_cancelled_ends() {
         let mut refine = |_: usize, from: u32, to: u32, out: &mut Vec<u32>| {
             rdp(chains.points, from, to, 100.0, out);
         };
-        let kept = KeptChainVertices::simplified(&chains, &mut refine);
+        let kept = RetainedChainVertices::simplified(&chains, &mut refine);
         let mut splits = |_: usize, _: u32, _: u32, _: &mut Vec<u32>| cancel.cancel();
         if at_once {
             cancel.cancel();
@@ -262,7 +262,7 @@ fn a_minimal_ring_has_the_largest_triangle() {
         let far = 1 + dice.below(i64::from(last) - 1) as u32;
         let world = World::new(vec![ring], vec![]);
         let chains = world.chains();
-        let kept = KeptChainVertices { vertices: vec![0, far, last], starts: vec![0, 3] };
+        let kept = RetainedChainVertices { vertices: vec![0, far, last], starts: vec![0, 3] };
         let sign = area_sign(world.points.iter().copied());
         let (made, mended) =
             rings::mend(&chains, &kept, &UntangleOptions::default(), &mut keep_nothing);
@@ -299,7 +299,7 @@ fn a_ring_without_area_is_left_as_it_is() {
     let ring =
         [[0, 0], [2, 0], [2, 2], [0, 2], [0, 0], [0, -2], [-2, -2], [-2, 0], [0, 0]].to_vec();
     let world = World::new(vec![ring], vec![]);
-    let kept = KeptChainVertices { vertices: vec![0, 1, 2, 3, 4, 6, 7, 8], starts: vec![0, 8] };
+    let kept = RetainedChainVertices { vertices: vec![0, 1, 2, 3, 4, 6, 7, 8], starts: vec![0, 8] };
     for options in ways() {
         let (made, mended) = rings::mend(&world.chains(), &kept, &options, &mut keep_nothing);
         assert_eq!((made, mended.collapsed, mended.flat), (kept.clone(), 0, 1));
@@ -311,7 +311,7 @@ fn a_ring_without_area_is_left_as_it_is() {
 fn a_ring_of_which_the_inside_is_kept_is_turned_back() {
     let hook = [[10, 2], [2, 2], [2, 8], [10, 8], [10, 10], [0, 10], [0, 0], [10, 0], [10, 2]];
     let world = World::new(vec![hook.to_vec()], vec![]);
-    let kept = KeptChainVertices { vertices: vec![0, 1, 2, 3, 8], starts: vec![0, 5] };
+    let kept = RetainedChainVertices { vertices: vec![0, 1, 2, 3, 8], starts: vec![0, 5] };
     for options in ways() {
         let (made, mended) = rings::mend(&world.chains(), &kept, &options, &mut keep_nothing);
         assert_eq!(made.vertices, [0, 1, 2, 3, 4, 5, 6, 8], "{options:?}");
@@ -325,7 +325,7 @@ fn nothing_is_asked_of_neighbours() {
         let mut dice = Dice::new(seed);
         let world = worlds::lattice(&mut dice);
         let chains = world.chains();
-        let kept = KeptChainVertices::simplified(&chains, &mut |_, _, _, _| {});
+        let kept = RetainedChainVertices::simplified(&chains, &mut |_, _, _, _| {});
         for options in ways() {
             let outcome = untangle(&chains, &kept, &world.fixed, &options, &mut keep_nothing);
             let name = format!("{options:?}, seed {seed}");
@@ -345,7 +345,7 @@ fn bad_arguments_are_turned_away() {
     let mut fails = |vertices: Vec<u32>, starts: Vec<usize>, fixed: &[Xy]| {
         untangle(
             &chains,
-            &KeptChainVertices { vertices, starts },
+            &RetainedChainVertices { vertices, starts },
             fixed,
             &UntangleOptions::default(),
             &mut refine,

@@ -3,7 +3,7 @@
 use std::cmp::Ordering;
 
 use super::worlds::{Cell, World};
-use super::{KeptChainVertices, Xy};
+use super::{RetainedChainVertices, Xy};
 
 /// Distance of a position from a segment.
 pub(super) fn distance(p: Xy, [a, b]: [Xy; 2]) -> f64 {
@@ -16,7 +16,7 @@ pub(super) fn distance(p: Xy, [a, b]: [Xy; 2]) -> f64 {
 /// Kept vertices are a subset with the ends of each chain; rings have four entries or more.
 pub(super) fn selection(
     world: &World,
-    kept: &KeptChainVertices,
+    kept: &RetainedChainVertices,
     may_drop: impl Fn(usize) -> bool,
     name: &str,
 ) {
@@ -34,7 +34,7 @@ pub(super) fn selection(
 }
 
 /// No vertex is farther than the tolerance from the segment that replaces it.
-pub(super) fn within(world: &World, kept: &KeptChainVertices, tolerance: f64, name: &str) {
+pub(super) fn within(world: &World, kept: &RetainedChainVertices, tolerance: f64, name: &str) {
     for chain in 0..world.rings.len() {
         for pair in kept.of(chain).windows(2) {
             let segment = [world.points[pair[0] as usize], world.points[pair[1] as usize]];
@@ -47,7 +47,7 @@ pub(super) fn within(world: &World, kept: &KeptChainVertices, tolerance: f64, na
 }
 
 /// Remaining rings keep their orientation, if they had an area.
-pub(super) fn areas(world: &World, kept: &KeptChainVertices, name: &str) {
+pub(super) fn areas(world: &World, kept: &RetainedChainVertices, name: &str) {
     for chain in (0..world.rings.len()).filter(|&c| world.closed[c] && !kept.of(c).is_empty()) {
         let now: Vec<Cell> = kept.of(chain).iter().map(|&v| world.cells[v as usize]).collect();
         let [now, then] = [&now, &world.rings[chain]].map(|ring| area(ring).signum());
@@ -69,7 +69,7 @@ fn sub(p: Cell, q: Cell) -> Cell {
 }
 
 /// Pairs of kept segments (as pairs of vertices) that meet off a common end vertex.
-pub(super) fn crossings(world: &World, kept: &KeptChainVertices) -> Vec<[[u32; 2]; 2]> {
+pub(super) fn crossings(world: &World, kept: &RetainedChainVertices) -> Vec<[[u32; 2]; 2]> {
     let mut all = Vec::new();
     for chain in 0..world.rings.len() {
         all.extend(kept.of(chain).windows(2).map(|w| [w[0], w[1]]));
@@ -105,7 +105,7 @@ pub(super) fn meet(s: [Cell; 2], t: [Cell; 2]) -> bool {
 
 /// Kept vertices and given points stay inside the same rings, and on their side of each line: the curve along
 /// the old line and back along the new one does not wind around them an odd number of times.
-pub(super) fn sides(world: &World, kept: &KeptChainVertices, name: &str) {
+pub(super) fn sides(world: &World, kept: &RetainedChainVertices, name: &str) {
     let vertices = kept.vertices.iter().map(|&v| world.cells[v as usize]);
     let positions: Vec<Cell> = vertices.chain(world.fixed_cells.iter().copied()).collect();
     for chain in (0..world.rings.len()).filter(|&c| !kept.of(c).is_empty()) {

@@ -1,7 +1,7 @@
 //! Small random test data on integer coordinates.
 
 use super::twin;
-use super::{Chains, KeptChainVertices, Xy};
+use super::{Chains, RetainedChainVertices, Xy};
 
 pub(super) type Cell = [i64; 2];
 
@@ -82,7 +82,7 @@ impl World {
         let joined = ends.iter().any(|end| inner.binary_search(end).is_ok());
         apart
             && !joined
-            && twin::crossings(self, &KeptChainVertices::all(&self.chains())).is_empty()
+            && twin::crossings(self, &RetainedChainVertices::all(&self.chains())).is_empty()
     }
 }
 

@@ -1,0 +1,214 @@
+//! Filtering of the records of a file into points in the cloud's frame.
+
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Point;
+
+use super::condition::CompiledCondition;
+use super::filter::{CloudFilter, CompiledFilter, FilterRecord, FilterVerdict};
+use super::frame::{ClaimedExtent, FrameTransform};
+use super::raw::{Flags, RawPoint};
+use super::source::ReturnCounts;
+
+/// Filter of the points of one file.
+#[derive(Clone, Debug)]
+pub(super) struct PointFilterPass {
+    gate: CompiledFilter,
+    /// Condition on attributes.
+    test: Option<CompiledCondition>,
+    /// True if only withheld points are filtered.
+    is_plain: bool,
+    claim: ClaimedExtent,
+    map: FrameTransform,
+    salvage: bool,
+}
+
+/// Filtered points, and counts of the others.
+#[derive(Default)]
+struct FilterCounts {
+    kept: usize,
+    withheld: u64,
+    filtered: u64,
+    outside: u64,
+}
+
+impl PointFilterPass {
+    /// For the points of one file.
+    pub(super) fn new(
+        (gate, test): (CompiledFilter, Option<CompiledCondition>),
+        claim: ClaimedExtent,
+        map: FrameTransform,
+        salvage: bool,
+    ) -> Self {
+        let keep_withheld = gate.filter().keep_withheld;
+        let open = CloudFilter { keep_withheld, ..CloudFilter::default() };
+        Self { is_plain: *gate.filter() == open, gate, test, claim, map, salvage }
+    }
+
+    pub(super) fn gate(&self) -> &CompiledFilter {
+        &self.gate
+    }
+
+    /// Whether the filters need whole records.
+    pub(super) fn needs_records(&self) -> bool {
+        self.test.is_some()
+    }
+
+    /// Verdict on a point, with its bytes if whole records are needed.
+    pub(super) fn judge<R: RawPoint>(
+        &self,
+        raw: R,
+        bytes: &[u8],
+        record: &FilterRecord,
+    ) -> FilterVerdict {
+        let holds = |test: &CompiledCondition| test.holds(record.point, raw, bytes);
+        match self.gate.judge(record) {
+            FilterVerdict::Keep if !self.test.as_ref().is_none_or(holds) => FilterVerdict::Filtered,
+            verdict => verdict,
+        }
+    }
+
+    /// Counts `records` in `census` and appends filtered points to `out`, where no whole records are needed. `first`
+    /// is the index of the first one in its file.
+    ///
+    /// # Errors
+    /// A point outside the bounds of the header, unless these are skipped.
+    pub(super) fn filter<R: RawPoint>(
+        &self,
+        records: impl ExactSizeIterator<Item = R> + Clone,
+        first: u64,
+        out: &mut Vec<Point>,
+        census: &mut ReturnCounts,
+    ) -> Result<()> {
+        let total = records.len();
+        out.resize(total, Point::default());
+        let counts = match (self.is_plain, self.map) {
+            (true, FrameTransform::Shift(by)) => self.plain(records.clone(), by, out),
+            _ => self.full(records.clone(), first, out),
+        };
+        out.truncate(counts.kept);
+        if counts.outside > 0 && !self.salvage {
+            return Err(self.outside(records, first));
+        }
+        census.read += total as u64;
+        census.kept += counts.kept as u64;
+        census.withheld += counts.withheld;
+        census.filtered += counts.filtered;
+        census.outside += counts.outside;
+        Ok(())
+    }
+
+    /// Filters without branches on points.
+    fn plain<R: RawPoint>(
+        &self,
+        records: impl Iterator<Item = R>,
+        by: [i32; 3],
+        out: &mut [Point],
+    ) -> FilterCounts {
+        let mut counts = FilterCounts::default();
+        let hidden =
+            if self.gate.filter().keep_withheld { Flags::default() } else { Flags::WITHHELD };
+        let low = self.claim.low;
+        let span: [u32; 3] = std::array::from_fn(|i| self.claim.high[i].abs_diff(low[i]));
+        for record in records {
+            let raw = record.xyz();
+            let withheld = record.flags().meets(hidden);
+            let within = |axis: usize| raw[axis].wrapping_sub(low[axis]) as u32 <= span[axis];
+            let inside = within(0) & within(1) & within(2);
+            let Some(place) = out.get_mut(counts.kept) else { break };
+            *place = shifted(raw, by);
+            counts.kept += usize::from(inside & !withheld);
+            counts.withheld += u64::from(withheld);
+            counts.outside += u64::from(!inside & !withheld);
+        }
+        counts
+    }
+
+    /// Applies all filters.
+    fn full<R: RawPoint>(
+        &self,
+        records: impl Iterator<Item = R>,
+        first: u64,
+        out: &mut [Point],
+    ) -> FilterCounts {
+        let mut counts = FilterCounts::default();
+        for (index, record) in (first..).zip(records) {
+            let raw = record.xyz();
+            let record = self.record(record, index);
+            match self.gate.judge(&record) {
+                FilterVerdict::Withheld => counts.withheld += 1,
+                FilterVerdict::Filtered => counts.filtered += 1,
+                FilterVerdict::Keep if !self.claim.holds(raw) => counts.outside += 1,
+                FilterVerdict::Keep => {
+                    let Some(place) = out.get_mut(counts.kept) else { break };
+                    *place = record.point;
+                    counts.kept += 1;
+                }
+            }
+        }
+        counts
+    }
+
+    /// Counts a record in `census` and returns its position if it passes the filters. Its bytes are used only if
+    /// whole records are needed.
+    ///
+    /// # Errors
+    /// Errors of [`sift`](Self::sift).
+    pub(super) fn pick<R: RawPoint>(
+        &self,
+        (raw, bytes): (R, &[u8]),
+        index: u64,
+        census: &mut ReturnCounts,
+    ) -> Result<Option<Point>> {
+        let record = self.record(raw, index);
+        census.read += 1;
+        match self.judge(raw, bytes, &record) {
+            FilterVerdict::Withheld => census.withheld += 1,
+            FilterVerdict::Filtered => census.filtered += 1,
+            FilterVerdict::Keep if self.claim.holds(raw.xyz()) => {
+                census.kept += 1;
+                return Ok(Some(record.point));
+            }
+            FilterVerdict::Keep if self.salvage => census.outside += 1,
+            FilterVerdict::Keep => return Err(self.outside(std::iter::once(raw), index)),
+        }
+        Ok(None)
+    }
+
+    pub(super) fn record<R: RawPoint>(&self, record: R, index: u64) -> FilterRecord {
+        let ([number, returns], raw) = (record.returns(), record.xyz());
+        FilterRecord {
+            point: self.map.to_frame(raw, &self.claim),
+            world: self.claim.world(raw),
+            class: record.class(),
+            number,
+            returns,
+            flags: record.flags(),
+            index,
+        }
+    }
+
+    /// The error for the first point outside the bounds.
+    fn outside<R: RawPoint>(&self, records: impl Iterator<Item = R>, first: u64) -> Error {
+        let is_it = |(index, record): &(u64, R)| {
+            let wanted = self.gate.judge(&self.record(*record, *index)) == FilterVerdict::Keep;
+            wanted && !self.claim.holds(record.xyz())
+        };
+        let Some((index, record)) = (first..).zip(records).find(is_it) else {
+            return Error::bad_input("points lie outside the bounds of the header");
+        };
+        let [x, y, z] = self.claim.world(record.xyz());
+        let [low, high] = [self.claim.low, self.claim.high].map(|raw| self.claim.world(raw));
+        Error::bad_input(format!(
+            "position {x}, {y}, {z} is outside the bounds of the header, {low:?} to {high:?}"
+        ))
+        .at(format_args!("point {index}"))
+        .remedy(
+            "repair the header (pdal translate IN OUT), or skip such points, in LAZ whole chunks, with ‹salvage›",
+        )
+    }
+}
+
+fn shifted(raw: [i32; 3], by: [i32; 3]) -> Point {
+    let [x, y, z] = std::array::from_fn(|axis| raw[axis].wrapping_sub(by[axis]));
+    Point { x, y, z }
+}

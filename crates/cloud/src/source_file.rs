@@ -1,0 +1,463 @@
+//! A file of a cloud: its parts, and the processing of their points.
+
+use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::{Crs, Point, PointFrame};
+use terrane_files::lock;
+
+use super::attributes::{AttributeReader, AttributeTable};
+use super::filter::{CloudFilter, FilterRecord, FilterVerdict};
+use super::frame::ClaimedExtent;
+use super::las::{self, LasFile, LasPointBlock, LegacyLasRecord, ModernLasRecord, unpacked};
+use super::lazip::FieldSelection;
+use super::point_filter::PointFilterPass;
+use super::point_format::PointFormatConversion;
+use super::raw::{Flags, RawPoint};
+use super::source::{self, BATCH, ReturnCounts};
+use super::text::{self, TextFile};
+
+/// A file of either kind.
+pub(super) enum CloudFile {
+    Las(LasFile),
+    Text(TextFile),
+}
+
+/// A file in the cloud.
+pub(super) struct CloudSourceFile {
+    pub(super) file: CloudFile,
+    /// `None` if no point passes the filter.
+    pub(super) sieve: Option<PointFilterPass>,
+    pub(super) salvage: bool,
+    /// Lost points by part.
+    pub(super) lost: Mutex<BTreeMap<usize, u64>>,
+}
+
+impl CloudFile {
+    pub(super) fn crs(&self) -> &Crs {
+        match self {
+            Self::Las(file) => &file.crs,
+            Self::Text(file) => &file.crs,
+        }
+    }
+
+    pub(super) fn claim(&self) -> Option<ClaimedExtent> {
+        match self {
+            Self::Las(file) => file.claim(),
+            Self::Text(file) => file.claim(),
+        }
+    }
+
+    /// The lattice of its points.
+    pub(super) fn lattice(&self) -> PointFrame {
+        match self {
+            Self::Las(file) => PointFrame { scale: file.header.scale, offset: file.header.offset },
+            Self::Text(file) => file.lattice,
+        }
+    }
+
+    pub(super) fn notes(&self) -> &[String] {
+        match self {
+            Self::Las(file) => &file.notes,
+            Self::Text(file) => &file.notes,
+        }
+    }
+}
+
+/// Buffers of a thread, kept between parts.
+#[derive(Default)]
+pub(super) struct SourceFileBuffers {
+    records: las::LasReadBuffers,
+    points: Vec<Point>,
+}
+
+/// Runs `work` with the buffers of the thread; nested calls get new buffers.
+pub(super) fn with_buffers<T>(work: impl FnOnce(&mut SourceFileBuffers) -> T) -> T {
+    thread_local! {
+        static ROOM: Cell<Option<Box<SourceFileBuffers>>> = const { Cell::new(None) };
+    }
+    let mut room = ROOM.take().unwrap_or_default();
+    let result = work(&mut room);
+    ROOM.set(Some(room));
+    result
+}
+
+/// Consumer of the points of a block.
+type Each<'a> = dyn FnMut(&[Point]) -> Result<()> + 'a;
+
+/// Visitor of the records of a block, by format.
+trait RecordBlockVisitor {
+    fn visit<R: RawPoint>(
+        &mut self,
+        first: u64,
+        records: impl ExactSizeIterator<Item = R> + Clone,
+    ) -> Result<()>;
+}
+
+/// Filters records into points.
+struct RecordFilter<'a, 'b> {
+    sieve: &'a PointFilterPass,
+    points: &'a mut Vec<Point>,
+    census: ReturnCounts,
+    each: &'a mut Each<'b>,
+}
+
+impl RecordVisitor for RecordFilter<'_, '_> {
+    fn take<'r, R: RawPoint>(
+        &mut self,
+        first: u64,
+        records: impl Iterator<Item = (&'r [u8], R)>,
+    ) -> Result<()> {
+        self.points.clear();
+        for (index, (bytes, raw)) in (first..).zip(records) {
+            self.points.extend(self.sieve.pick((raw, bytes), index, &mut self.census)?);
+        }
+        self.points.chunks(BATCH).try_for_each(&mut *self.each)
+    }
+}
+
+impl RecordBlockVisitor for RecordFilter<'_, '_> {
+    fn visit<R: RawPoint>(
+        &mut self,
+        first: u64,
+        records: impl ExactSizeIterator<Item = R> + Clone,
+    ) -> Result<()> {
+        self.sieve.filter(records, first, self.points, &mut self.census)?;
+        self.points.chunks(BATCH).try_for_each(&mut *self.each)
+    }
+}
+
+/// Visitor of filtered records.
+struct FilteredRecordVisitor<'a> {
+    sieve: &'a PointFilterPass,
+    census: ReturnCounts,
+    each: &'a mut dyn FnMut(&FilterRecord),
+}
+
+impl RecordBlockVisitor for FilteredRecordVisitor<'_> {
+    fn visit<R: RawPoint>(
+        &mut self,
+        first: u64,
+        records: impl ExactSizeIterator<Item = R> + Clone,
+    ) -> Result<()> {
+        self.take(first, records.map(|raw| (&[][..], raw)))
+    }
+}
+
+impl RecordVisitor for FilteredRecordVisitor<'_> {
+    fn take<'r, R: RawPoint>(
+        &mut self,
+        first: u64,
+        records: impl Iterator<Item = (&'r [u8], R)>,
+    ) -> Result<()> {
+        for (index, (bytes, raw)) in (first..).zip(records) {
+            let record = self.sieve.record(raw, index);
+            self.census.read += 1;
+            match self.sieve.judge(raw, bytes, &record) {
+                FilterVerdict::Withheld => self.census.withheld += 1,
+                FilterVerdict::Filtered => self.census.filtered += 1,
+                FilterVerdict::Keep => {
+                    self.census.kept += 1;
+                    (self.each)(&record);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Visitor of whole records of a block, by format.
+trait RecordVisitor {
+    fn take<'r, R: RawPoint>(
+        &mut self,
+        first: u64,
+        records: impl Iterator<Item = (&'r [u8], R)>,
+    ) -> Result<()>;
+}
+
+/// Passes on filtered points with attributes.
+struct AttributeVisitor<'a, 'b> {
+    sieve: &'a PointFilterPass,
+    table: AttributeTable<'a>,
+    census: ReturnCounts,
+    each: &'a mut source::Each<'b>,
+}
+
+impl RecordVisitor for AttributeVisitor<'_, '_> {
+    fn take<'r, R: RawPoint>(
+        &mut self,
+        first: u64,
+        records: impl Iterator<Item = (&'r [u8], R)>,
+    ) -> Result<()> {
+        for (index, (record, raw)) in (first..).zip(records) {
+            if let Some(point) = self.sieve.pick((raw, record), index, &mut self.census)? {
+                self.table.push(point, raw, record);
+            }
+        }
+        self.table.flush(self.each)
+    }
+}
+
+impl RecordBlockVisitor for AttributeVisitor<'_, '_> {
+    fn visit<R: RawPoint>(
+        &mut self,
+        first: u64,
+        records: impl ExactSizeIterator<Item = R> + Clone,
+    ) -> Result<()> {
+        self.take(first, records.map(|raw| (&[][..], raw)))
+    }
+}
+
+/// Passes on filtered records in another point format.
+struct RecordConverter<'a, 'b> {
+    sieve: &'a PointFilterPass,
+    recast: &'a PointFormatConversion,
+    /// Whether positions stay as stored.
+    as_stored: bool,
+    census: ReturnCounts,
+    out: Vec<u8>,
+    each: &'a mut (dyn FnMut(&[u8]) -> Result<()> + 'b),
+}
+
+impl RecordVisitor for RecordConverter<'_, '_> {
+    fn take<'r, R: RawPoint>(
+        &mut self,
+        first: u64,
+        records: impl Iterator<Item = (&'r [u8], R)>,
+    ) -> Result<()> {
+        self.out.clear();
+        for (index, (record, raw)) in (first..).zip(records) {
+            let Some(place) = self.sieve.pick((raw, record), index, &mut self.census)? else {
+                continue;
+            };
+            let place = (!self.as_stored).then_some(place);
+            self.recast.push(record, place, &mut self.out).map_err(|what| {
+                Error::unsupported(format!("the point format cannot store {what}"))
+                    .at(format_args!("point {index}"))
+                    .remedy("choose ‹point_format› 6 or higher")
+            })?;
+        }
+        (self.each)(&self.out)
+    }
+}
+
+fn no_records() -> Error {
+    Error::new(ErrorKind::Internal, "a decoder skipped a requested field")
+}
+
+impl CloudSourceFile {
+    pub(super) fn parts(&self) -> usize {
+        match &self.file {
+            CloudFile::Las(file) => file.parts.len(),
+            CloudFile::Text(file) => file.parts.len(),
+        }
+    }
+
+    pub(super) fn points_of(&self, part: usize) -> u64 {
+        match &self.file {
+            CloudFile::Las(file) => file.parts.get(part).map_or(0, |part| part.points + part.lost),
+            CloudFile::Text(file) => file.parts.get(part).map_or(0, |part| part.points),
+        }
+    }
+
+    /// Whether a part may have points that pass the filter.
+    pub(super) fn touches(&self, part: usize, filter: &CloudFilter) -> bool {
+        let within = |[low, high]: [[f64; 3]; 2]| filter.touches(low, high);
+        self.sieve.is_some() && self.cube(part).is_none_or(within)
+    }
+
+    /// World bounds of the points of a part, if the file states them.
+    pub(super) fn cube(&self, part: usize) -> Option<[[f64; 3]; 2]> {
+        let CloudFile::Las(file) = &self.file else { return None };
+        let [low, high] = file.parts.get(part)?.cube?;
+        // Points are rounded to steps.
+        let scale = self.file.lattice().scale;
+        let lower = std::array::from_fn(|axis| low[axis] - scale[axis]);
+        Some([lower, std::array::from_fn(|axis| high[axis] + scale[axis])])
+    }
+
+    /// Completes the counts of a part with lost points, which include those outside.
+    fn with_lost(&self, part: usize, census: ReturnCounts, points: u64) -> ReturnCounts {
+        if points + census.outside > 0 {
+            lock(&self.lost).insert(part, points + census.outside);
+        }
+        ReturnCounts { read: census.read + points, lost: census.lost + points, ..census }
+    }
+
+    /// Number of lost points of all parts read so far.
+    pub(super) fn lost(&self) -> u64 {
+        lock(&self.lost).values().sum()
+    }
+
+    /// Passes on the filtered points of a part.
+    pub(super) fn read(
+        &self,
+        part: usize,
+        room: &mut SourceFileBuffers,
+        each: &mut Each<'_>,
+    ) -> Result<ReturnCounts> {
+        let Some(sieve) = &self.sieve else { return Ok(ReturnCounts::default()) };
+        let SourceFileBuffers { records, points } = room;
+        let mut sift = RecordFilter { sieve, points, census: ReturnCounts::default(), each };
+        let lost = match sieve.needs_records() {
+            true => self.take(part, records, &mut sift),
+            false => self.visit(part, sieve.needed_fields(), records, &mut sift),
+        }?;
+        Ok(self.with_lost(part, sift.census, lost))
+    }
+
+    /// Passes on whole filtered points of a part.
+    pub(super) fn records(
+        &self,
+        part: usize,
+        each: &mut dyn FnMut(&FilterRecord),
+    ) -> Result<ReturnCounts> {
+        let Some(sieve) = &self.sieve else { return Ok(ReturnCounts::default()) };
+        let mut look = FilteredRecordVisitor { sieve, census: ReturnCounts::default(), each };
+        let lost = with_buffers(|room| match sieve.needs_records() {
+            true => self.take(part, &mut room.records, &mut look),
+            false => self.visit(part, FieldSelection::ALL, &mut room.records, &mut look),
+        })?;
+        Ok(self.with_lost(part, look.census, lost))
+    }
+
+    /// Passes on the filtered records of a part, converted.
+    pub(super) fn convert_records(
+        &self,
+        part: usize,
+        (recast, as_stored): (&PointFormatConversion, bool),
+        room: &mut SourceFileBuffers,
+        each: &mut dyn FnMut(&[u8]) -> Result<()>,
+    ) -> Result<ReturnCounts> {
+        let Some(sieve) = &self.sieve else { return Ok(ReturnCounts::default()) };
+        let mut carry = RecordConverter {
+            sieve,
+            recast,
+            as_stored,
+            census: ReturnCounts::default(),
+            out: Vec::new(),
+            each,
+        };
+        let lost = self.take(part, &mut room.records, &mut carry)?;
+        Ok(self.with_lost(part, carry.census, lost))
+    }
+
+    /// Passes on the filtered points of a part with attributes.
+    pub(super) fn columns(
+        &self,
+        part: usize,
+        readers: &[AttributeReader],
+        room: &mut SourceFileBuffers,
+        each: &mut source::Each<'_>,
+    ) -> Result<ReturnCounts> {
+        let Some(sieve) = &self.sieve else { return Ok(ReturnCounts::default()) };
+        let mut tell = AttributeVisitor {
+            sieve,
+            table: AttributeTable::new(readers),
+            census: ReturnCounts::default(),
+            each,
+        };
+        let needs_records =
+            sieve.needs_records() || readers.iter().any(AttributeReader::needs_record);
+        let lost = match needs_records {
+            true => self.take(part, &mut room.records, &mut tell),
+            false => {
+                let wanted = FieldSelection { class: true, ..sieve.needed_fields() };
+                self.visit(part, wanted, &mut room.records, &mut tell)
+            }
+        }?;
+        Ok(self.with_lost(part, tell.census, lost))
+    }
+
+    /// Passes the whole records of a part to `taker`, block by block; returns the number of lost points.
+    fn take(
+        &self,
+        part: usize,
+        room: &mut las::LasReadBuffers,
+        taker: &mut impl RecordVisitor,
+    ) -> Result<u64> {
+        match &self.file {
+            CloudFile::Las(file) => {
+                let (size, is_new) = (usize::from(file.header.record), file.header.is_new());
+                file.records(
+                    part,
+                    FieldSelection::RECORDS,
+                    self.salvage,
+                    room,
+                    &mut |first, block| {
+                        let LasPointBlock::Records(records) = block else {
+                            return Err(no_records());
+                        };
+                        let records = records.chunks_exact(size);
+                        match is_new {
+                            true => taker.take(first, records.map(|r| (r, ModernLasRecord::of(r)))),
+                            false => {
+                                taker.take(first, records.map(|r| (r, LegacyLasRecord::of(r))))
+                            }
+                        }
+                        .map_err(|e| e.in_file(&file.path))
+                    },
+                )
+            }
+            CloudFile::Text(file) => {
+                let size = file.format().size();
+                file.records(part, self.salvage, &mut |first, lines: &[text::TextPoint]| {
+                    let records: Vec<_> = lines.iter().map(text::TextPoint::record).collect();
+                    taker
+                        .take(first, records.iter().map(|r| (&r[..size], ModernLasRecord::of(r))))
+                        .map_err(|e| e.in_file(&file.path))
+                })
+            }
+        }
+    }
+
+    /// Passes the records of a part to `visitor`, block by block; returns the number of lost points.
+    fn visit(
+        &self,
+        part: usize,
+        wanted: FieldSelection,
+        room: &mut las::LasReadBuffers,
+        visitor: &mut impl RecordBlockVisitor,
+    ) -> Result<u64> {
+        match &self.file {
+            CloudFile::Las(file) => {
+                let in_file = |e: Error| e.in_file(&file.path);
+                let (record, is_new) = (usize::from(file.header.record), file.header.is_new());
+                file.records(part, wanted, self.salvage, room, &mut |first, block| {
+                    match (block, is_new) {
+                        (LasPointBlock::Fields(f), true) => {
+                            visitor.visit(first, unpacked::<true>(f))
+                        }
+                        (LasPointBlock::Fields(f), false) => {
+                            visitor.visit(first, unpacked::<false>(f))
+                        }
+                        (LasPointBlock::Records(r), true) => {
+                            visitor.visit(first, r.chunks_exact(record).map(ModernLasRecord::of))
+                        }
+                        (LasPointBlock::Records(r), false) => {
+                            visitor.visit(first, r.chunks_exact(record).map(LegacyLasRecord::of))
+                        }
+                    }
+                    .map_err(in_file)
+                })
+            }
+            CloudFile::Text(file) => {
+                file.records(part, self.salvage, &mut |first, records: &[text::TextPoint]| {
+                    let found = visitor.visit(first, records.iter().copied());
+                    found.map_err(|e| e.in_file(&file.path))
+                })
+            }
+        }
+    }
+}
+
+impl PointFilterPass {
+    /// Fields needed for each point, beside x, y and return numbers.
+    fn needed_fields(&self) -> FieldSelection {
+        let filter = self.gate().filter();
+        let flags = !filter.keep_withheld || filter.drop != Flags::default();
+        FieldSelection { class: filter.classes.is_some(), flags, ..FieldSelection::ALL }
+    }
+}

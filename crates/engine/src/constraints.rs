@@ -1,0 +1,372 @@
+//! What a mesh has to keep of files of features: samples nearest to points, which are vertices, and breaklines.
+//!
+//! These vertices are there from the start, and no pass drops or moves them.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use crate::Resources;
+use crate::breaklines::Breaklines;
+use crate::feature_files::AuxiliaryFeatures;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Crs, Rect};
+use terrane_raster::{GridInfo, Water};
+
+/// What a mesh has to keep, where it is in the world.
+#[derive(Default)]
+pub struct ConstraintFeatures {
+    pub(super) points: Option<ConstraintVertices>,
+    pub(super) lines: Option<ConstraintVertices>,
+    water: Option<Arc<Water>>,
+}
+
+impl ConstraintFeatures {
+    /// Reads the files of points and of breaklines of these names; the banks of `water` are breaklines, too.
+    ///
+    /// # Errors
+    /// Whatever the reader of a format finds; a file without a point, or without a line; more points than a
+    /// quarter of the memory holds.
+    pub fn read(
+        points: Option<&str>,
+        lines: Option<&str>,
+        water: Option<&Arc<Water>>,
+        resources: &Resources,
+    ) -> Result<Self> {
+        Ok(Self {
+            water: water.cloned(),
+            points: points
+                .map(|name| ConstraintVertices::read(name, "point", resources))
+                .transpose()?,
+            lines: lines
+                .map(|name| ConstraintVertices::read(name, "line", resources))
+                .transpose()?,
+        })
+    }
+
+    /// The same of meshes of clouds: lines have the heights that their vertices have.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn read_for_cloud(
+        points: Option<&str>,
+        lines: Option<&str>,
+        resources: &Resources,
+    ) -> Result<Self> {
+        let lines =
+            lines.map(|name| ConstraintVertices::read_solid(name, resources)).transpose()?;
+        Ok(Self { lines, ..Self::read(points, None, None, resources)? })
+    }
+
+    /// Those of these points and lines.
+    pub fn of(points: Option<ConstraintVertices>, lines: Option<ConstraintVertices>) -> Self {
+        Self { points, lines, water: None }
+    }
+
+    /// True where there are lines for edges to follow.
+    pub fn has_lines(&self) -> bool {
+        self.lines.is_some() || self.water.is_some()
+    }
+
+    /// Most bytes that all of it takes.
+    pub fn bytes(&self) -> u64 {
+        let lines = self.lines.as_ref().map_or(0, |lines| lines.at.len());
+        let banks = self.water.as_ref().map_or(0, |water| water.vertices());
+        let lines = Breaklines::max_bytes(lines + banks);
+        self.points.as_ref().map_or(0, |points| bytes(points.at.len())) + lines
+    }
+
+    /// Where it is on a grid. Time O(n log n) for n points.
+    ///
+    /// # Errors
+    /// Features in another system; none that is on the grid.
+    pub fn on(self, grid: &GridInfo) -> Result<GridConstraints> {
+        let mut kept =
+            self.points.map_or_else(|| Ok(GridConstraints::default()), |points| points.on(grid))?;
+        if let Some(lines) = self.lines {
+            kept.lines = lines.along(grid)?;
+        }
+        if let Some(water) = self.water {
+            kept.lines = kept.lines.and_banks(water.banks(grid)?, water.path());
+        }
+        Ok(kept)
+    }
+}
+
+/// Points of a file where they are in the world: those of its points, and the vertices of its lines and
+/// polygons.
+pub struct ConstraintVertices {
+    /// The file.
+    pub path: PathBuf,
+    /// Its reference system.
+    pub crs: Crs,
+    /// x and y of each.
+    pub at: Vec<[f64; 2]>,
+    /// Heights, where they were asked for; NaN where there is none.
+    pub z: Vec<f64>,
+    /// Where each line or ring ends.
+    pub ends: Vec<u32>,
+}
+
+impl ConstraintVertices {
+    /// Bytes for a point while a list of them grows, and for one with a height and what is known of lines over a
+    /// cloud.
+    const BYTES: u64 = 48;
+    const SOLID: u64 = 192;
+
+    /// Reads all points, or those of lines and rings alone.
+    fn read(name: &str, what: &str, resources: &Resources) -> Result<Self> {
+        Self::read_as(name, what, Self::BYTES, resources)
+    }
+
+    /// Reads those of lines and rings, with heights.
+    fn read_solid(name: &str, resources: &Resources) -> Result<Self> {
+        Self::read_as(name, "line", Self::SOLID, resources)
+    }
+
+    fn read_as(name: &str, what: &str, bytes: u64, resources: &Resources) -> Result<Self> {
+        let wants_lines = what == "line";
+        let remedy = if wants_lines { "keep fewer lines" } else { "keep fewer points" };
+        let mut file = AuxiliaryFeatures::open(name, &format!("{what}s"), bytes, remedy)?;
+        let (mut at, mut z, mut ends) = (Vec::new(), Vec::new(), Vec::new());
+        file.each((resources.memory / 4, resources), |feature| {
+            for leaf in feature.geometry.leaves() {
+                let xy = &leaf.coordinates().xy;
+                if wants_lines && leaf.parts().next().is_none() && !xy.is_empty() {
+                    return Err(Error::bad_input("a point is not a line")
+                        .remedy("pass points in a separate file with ‹keep_points›"));
+                }
+                let first = at.len();
+                at.extend_from_slice(xy);
+                if bytes == Self::SOLID {
+                    z.extend_from_slice(&leaf.coordinates().z);
+                    z.resize(at.len(), f64::NAN);
+                }
+                let parts = leaf.parts().scan(first, |end, part| {
+                    *end += part.xy.len();
+                    Some(*end as u32)
+                });
+                ends.extend(parts);
+            }
+            Ok(())
+        })?;
+        if at.is_empty() {
+            return Err(Error::bad_input(format!("contains no {what}"))
+                .in_file(&file.path)
+                .remedy(format!("name a file with the {what}s to keep")));
+        }
+        Ok(Self { crs: file.source.layer().crs.clone(), path: file.path, at, z, ends })
+    }
+
+    /// The breaklines on a grid.
+    fn along(self, grid: &GridInfo) -> Result<Breaklines> {
+        grid.crs.check_same(&self.crs, "lines").map_err(|e| e.in_file(&self.path))?;
+        let at: Vec<_> = self.at.iter().map(|&[x, y]| grid.transform.invert(x, y)).collect();
+        Breaklines::on(&at, &self.ends, [grid.width, grid.height], self.path)
+    }
+
+    /// The samples of a grid that are nearest to the points.
+    fn on(self, grid: &GridInfo) -> Result<GridConstraints> {
+        grid.crs.check_same(&self.crs, "points").map_err(|e| e.in_file(&self.path))?;
+        let nearest = |at: f64, side: u32| {
+            // Halves go up on both sides of 0. `round` takes them away from 0, and would put a point half a
+            // cell before the first sample outside.
+            let at = (at + 0.5).floor();
+            (0.0..f64::from(side)).contains(&at).then_some(at as u32)
+        };
+        let sample = |&[x, y]: &[f64; 2]| {
+            let [col, row] = grid.transform.invert(x, y);
+            Some([nearest(col, grid.width)?, nearest(row, grid.height)?])
+        };
+        let samples: Vec<_> = self.at.iter().filter_map(sample).collect();
+        if samples.is_empty() {
+            return Err(Error::bad_input("no point lies on the grid")
+                .in_file(&self.path)
+                .remedy("compare the extents of both with terrane info"));
+        }
+        let [points, inside] = [self.at.len(), samples.len()].map(|count| count as u64);
+        Ok(GridConstraints {
+            path: Some(self.path),
+            outside: points - inside,
+            points,
+            ..GridConstraints::of(samples)
+        })
+    }
+}
+
+fn bytes(samples: usize) -> u64 {
+    (samples * size_of::<[u32; 2]>()) as u64
+}
+
+/// Samples to keep.
+#[derive(Clone, Debug, Default)]
+pub struct GridConstraints {
+    /// Columns and rows, each sample once, ordered by block, then row and column.
+    samples: Vec<[u32; 2]>,
+    path: Option<PathBuf>,
+    points: u64,
+    outside: u64,
+    lines: Breaklines,
+}
+
+/// Samples along the side of a block.
+const BLOCK: u32 = 256;
+
+/// The block of a sample: row, then column.
+fn block([col, row]: [u32; 2]) -> [u32; 2] {
+    [row / BLOCK, col / BLOCK]
+}
+
+impl GridConstraints {
+    /// None.
+    pub const NONE: &Self =
+        &Self { samples: Vec::new(), path: None, points: 0, outside: 0, lines: Breaklines::NONE };
+
+    /// These, by column and row, in any order.
+    pub fn of(mut samples: Vec<[u32; 2]>) -> Self {
+        let points = samples.len() as u64;
+        samples.sort_unstable_by_key(|&at| (block(at), at[1], at[0]));
+        samples.dedup();
+        Self { samples, points, ..Self::default() }
+    }
+
+    /// The same, and breaklines.
+    pub fn with(self, lines: Breaklines) -> Self {
+        Self { lines, ..self }
+    }
+
+    /// The breaklines.
+    pub fn lines(&self) -> &Breaklines {
+        &self.lines
+    }
+
+    /// The samples in a rectangle, row by row within blocks. Time linear in those of all blocks that it
+    /// touches, and logarithmic in all.
+    pub fn within(&self, rect: Rect) -> impl Iterator<Item = [u32; 2]> + '_ {
+        let [first, last] = match rect.is_empty() || self.samples.is_empty() {
+            true => [[1, 0], [0, 0]],
+            false => [[rect.col, rect.row], [rect.end_col() - 1, rect.end_row() - 1]].map(block),
+        };
+        let row_of_blocks = move |row: u32| {
+            let from = self.samples.partition_point(|&at| block(at) < [row, first[1]]);
+            let more = &self.samples[from..];
+            &more[..more.partition_point(|&at| block(at) <= [row, last[1]])]
+        };
+        let inside = move |&[col, row]: &[u32; 2]| rect.contains(col, row);
+        (first[0]..=last[0]).flat_map(row_of_blocks).copied().filter(inside)
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        bytes(self.samples.len()) + self.lines.paths().bytes()
+    }
+
+    /// Number of samples.
+    pub fn count(&self) -> u64 {
+        self.samples.len() as u64
+    }
+
+    /// What a report says where so many of the samples belong to the surface, and so many are vertices; `None`
+    /// where nothing was to be kept.
+    pub fn report(&self, on_surface: u64, vertices: u64) -> Option<RequiredPointsReport> {
+        let Self { points, outside, .. } = *self;
+        let samples = self.count();
+        (points > 0).then(|| RequiredPointsReport {
+            file: self.path.as_deref().map_or_else(String::new, |path| path.display().to_string()),
+            points,
+            outside,
+            samples,
+            without_surface: samples - on_surface,
+            vertices,
+        })
+    }
+}
+
+/// What became of points to keep.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RequiredPointsReport {
+    /// The file they are in.
+    pub file: String,
+    /// Points in it.
+    pub points: u64,
+    /// Those that lie beyond the grid by more than half a cell.
+    pub outside: u64,
+    /// Samples nearest to the others.
+    pub samples: u64,
+    /// Those of them that are voids or touch no cell of the surface.
+    pub without_surface: u64,
+    /// Those that are vertices.
+    pub vertices: u64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use terrane_base::geom::Affine;
+    use terrane_raster::SampleType;
+
+    fn grid(width: u32, height: u32, transform: Affine) -> GridInfo {
+        GridInfo { transform, ..GridInfo::plain("test", width, height, SampleType::F32) }
+    }
+
+    fn nearest_samples(at: Vec<[f64; 2]>, grid: &GridInfo) -> Result<GridConstraints> {
+        let (path, crs) = ("points.csv".into(), Crs::default());
+        ConstraintVertices { path, crs, at, z: Vec::new(), ends: Vec::new() }.on(grid)
+    }
+
+    #[test]
+    fn a_point_keeps_the_sample_it_is_nearest_to() {
+        // Samples 10 by 20 apart, rows going south, from (100, 500).
+        let map = Affine { x0: 100.0, a: 10.0, b: 0.0, y0: 500.0, d: 0.0, e: -20.0 };
+        let grid = grid(4, 3, map);
+        for (at, expected) in [
+            ([100.0, 500.0], Some([0, 0])),
+            ([104.9, 490.1], Some([0, 0])),
+            ([105.0, 490.0], Some([1, 1])),
+            ([95.0, 510.0], Some([0, 0])),
+            ([94.9, 500.0], None),
+            ([134.9, 450.1], Some([3, 2])),
+            ([135.0, 460.0], None),
+            ([f64::NAN, 460.0], None),
+            ([f64::INFINITY, 460.0], None),
+        ] {
+            // The last sample, that there is one in any case.
+            let kept = nearest_samples(vec![at, [130.0, 460.0]], &grid).unwrap();
+            let mut all: Vec<_> = expected.into_iter().chain([[3, 2]]).collect();
+            all.dedup();
+            assert_eq!(kept.within(Rect::new(0, 0, 4, 3)).collect::<Vec<_>>(), all, "{at:?}");
+            assert_eq!(kept.outside, u64::from(expected.is_none()), "{at:?}");
+        }
+        let error = nearest_samples(vec![[0.0, 0.0]], &grid).unwrap_err().to_string();
+        assert!(error.contains("points.csv") && error.contains("on the grid"), "{error}");
+    }
+
+    proptest! {
+        /// Its twin looks at every sample.
+        #[test]
+        fn a_rectangle_has_its_own_samples(
+            at in prop::collection::vec((0..700_u32, 0..600_u32), 1..300),
+            (col, row) in (0..700_u32, 0..600_u32), (width, height) in (0..700_u32, 0..600_u32)
+        ) {
+            let grid = grid(700, 600, Affine::LATTICE);
+            let points = at.iter().map(|&(col, row)| [f64::from(col), -f64::from(row)]).collect();
+            let kept = nearest_samples(points, &grid).unwrap();
+            let rect = Rect::new(col, row, width.min(700 - col), height.min(600 - row));
+            let mut expected: Vec<_> = at.iter().map(|&(col, row)| [col, row]).collect();
+            expected.retain(|&[col, row]| rect.contains(col, row));
+            expected.sort_unstable();
+            expected.dedup();
+            let mut found: Vec<_> = kept.within(rect).collect();
+            found.sort_unstable();
+            prop_assert_eq!(found, expected);
+        }
+    }
+
+    #[test]
+    fn nothing_is_kept_of_nothing() {
+        assert_eq!(GridConstraints::NONE.within(Rect::new(0, 0, 9, 9)).count(), 0);
+        assert_eq!(GridConstraints::NONE.report(0, 0), None);
+    }
+}

@@ -1,0 +1,180 @@
+//! What slopes of a grid are on the ground: its axes, and its units.
+
+use crate::local_frame::spheroid;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Affine, Crs, Rect, Spheroid};
+use terrane_raster::GridInfo;
+
+/// A matrix, row by row, that turns a slope by column and row into one on the ground.
+pub type Turn = [[f64; 2]; 2];
+
+/// How a slope by column and row lies on the ground.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GroundScale {
+    map: Affine,
+    across: HorizontalUnit,
+    /// Metres of a unit of heights.
+    rise: f64,
+    notes: Vec<String>,
+}
+
+/// Metres of a unit of x and y.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum HorizontalUnit {
+    Everywhere(f64),
+    /// As long as a degree is at its latitude on the ellipsoid.
+    Degrees(Spheroid),
+}
+
+impl GroundScale {
+    /// Of a grid with a map that has an inverse.
+    ///
+    /// # Errors
+    /// Heights in a unit whose length is not known, an ellipsoid that is not known, latitudes beyond the poles.
+    pub fn of(info: &GridInfo) -> Result<Self> {
+        let mut notes = Vec::new();
+        let across = across(&info.crs, &mut notes)?;
+        let rise = rise(&info.crs, across, &mut notes)?;
+        let map = info.transform;
+        if matches!(across, HorizontalUnit::Degrees(_)) {
+            check_latitudes(&map, info.bounds())?;
+        }
+        Ok(Self { map, across, rise, notes })
+    }
+
+    /// What was taken for granted.
+    pub fn notes(&self) -> Vec<String> {
+        self.notes.clone()
+    }
+
+    /// Where a unit of x and y is so many units of heights.
+    pub fn scaled(info: &GridInfo, scale: f64) -> Self {
+        let across = HorizontalUnit::Everywhere(scale);
+        Self { map: info.transform, across, rise: 1.0, notes: Vec::new() }
+    }
+
+    /// Whether it is the same along a row.
+    pub fn is_by_row(&self) -> bool {
+        !matches!(self.across, HorizontalUnit::Degrees(_)) || self.map.d == 0.0
+    }
+
+    /// At a place in columns and rows: both slopes in units of height by column and row to those by metre east
+    /// and north.
+    pub fn turn(&self, col: f64, row: f64) -> Turn {
+        let Affine { a, b, d, e, .. } = self.map;
+        let [east, north] = match self.across {
+            HorizontalUnit::Everywhere(metres) => [metres; 2],
+            HorizontalUnit::Degrees(spheroid) => {
+                spheroid.degree_metres(self.map.apply(col, row)[1])
+            }
+        };
+        let whole = self.rise / self.map.determinant();
+        let (east, north) = (whole / east, whole / north);
+        [[e * east, -d * east], [-b * north, a * north]]
+    }
+}
+
+fn across(crs: &Crs, notes: &mut Vec<String>) -> Result<HorizontalUnit> {
+    if crs.horizontal_unit() == "degree" {
+        let remedy = "pass ‹scale›, the height units in one degree";
+        return spheroid(crs, notes).map(HorizontalUnit::Degrees).map_err(|e| e.or(remedy));
+    }
+    Ok(HorizontalUnit::Everywhere(crs.horizontal_metres().unwrap_or_else(|| {
+        notes.push("the unit of x and y is unknown; metres are assumed".to_owned());
+        1.0
+    })))
+}
+
+fn rise(crs: &Crs, across: HorizontalUnit, notes: &mut Vec<String>) -> Result<f64> {
+    match (crs.vertical_metres(), crs.heights_unit(), across) {
+        (Some(metres), ..) => Ok(metres),
+        (None, Some(unit), _) => {
+            Err(Error::unsupported(format!("the height unit {unit:?} is not a known length"))
+                .remedy("use a grid with heights in metres or feet"))
+        }
+        (None, None, HorizontalUnit::Everywhere(metres)) => {
+            notes.push("the height unit is unknown; the unit of x and y is assumed".into());
+            Ok(metres)
+        }
+        (None, None, HorizontalUnit::Degrees(_)) => {
+            notes.push("the height unit is unknown; metres are assumed".to_owned());
+            Ok(1.0)
+        }
+    }
+}
+
+/// Fails where the middle of a cell lies beyond a pole. The map is affine: its corners tell.
+fn check_latitudes(map: &Affine, Rect { width, height, .. }: Rect) -> Result<()> {
+    let middle = |side: u32| [0.5, (f64::from(side) - 1.5).max(0.5)];
+    let [columns, rows] = [width, height].map(middle);
+    let corners = columns.into_iter().flat_map(|col| rows.map(|row| map.apply(col, row)));
+    let beyond = corners.map(|[_, latitude]| latitude).find(|latitude| latitude.abs() >= 90.0);
+    beyond.map_or(Ok(()), |latitude| {
+        Err(Error::bad_input(format!("latitude {latitude} is outside -90 to 90 degrees"))
+            .remedy("correct the CRS of the grid"))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_base::error::ErrorKind;
+    use terrane_proof::slope::turned;
+    use terrane_raster::SampleType;
+
+    fn info(transform: Affine, crs: Crs) -> GridInfo {
+        GridInfo { transform, crs, ..GridInfo::plain("test", 10, 10, SampleType::F64) }
+    }
+
+    /// A tilted plane by column and row, so steep by x and y of the grid.
+    fn by_lattice(map: &Affine, [by_x, by_y]: [f64; 2]) -> [f64; 2] {
+        [by_x * map.a + by_y * map.d, by_x * map.b + by_y * map.e]
+    }
+
+    fn is_near(a: [f64; 2], b: [f64; 2]) -> bool {
+        (0..2).all(|i| (a[i] - b[i]).abs() < 1e-9 * (1.0 + b[i].abs()))
+    }
+
+    #[test]
+    fn any_axes_and_units_are_turned_to_metres() {
+        let map = Affine { x0: 5.0, a: 3.0, b: 1.0, y0: 6.0, d: 0.5, e: -2.0 };
+        let lattice = by_lattice(&map, [0.2, -0.7]);
+        let plain = GroundScale::of(&info(map, Crs::default())).unwrap();
+        assert!(is_near(turned(plain.turn(3.5, 4.5), lattice), [0.2, -0.7]));
+        assert_eq!(plain.notes().len(), 2);
+        let unit = |epsg, unit: &str| Crs {
+            epsg: Some(epsg),
+            vertical_unit: Some(unit.to_owned()),
+            ..Crs::default()
+        };
+        let feet_on_metres = GroundScale::of(&info(map, unit(32_631, "foot"))).unwrap();
+        let [x, y] = turned(feet_on_metres.turn(3.5, 4.5), lattice);
+        assert!(
+            is_near([x / 0.3048, y / 0.3048], [0.2, -0.7]) && feet_on_metres.notes().is_empty()
+        );
+        let metres_on_feet = GroundScale::of(&info(map, unit(2263, "metre"))).unwrap();
+        let [x, y] = turned(metres_on_feet.turn(3.5, 4.5), lattice);
+        let foot = 1200.0 / 3937.0;
+        assert!(is_near([x * foot, y * foot], [0.2, -0.7]));
+        let odd = GroundScale::of(&info(map, unit(32_631, "sazhen"))).unwrap_err();
+        assert!(
+            odd.kind() == ErrorKind::Unsupported && odd.to_string().contains("sazhen"),
+            "{odd}"
+        );
+    }
+
+    #[test]
+    fn degrees_are_as_long_as_at_the_middle_of_the_cell() {
+        let degrees = Crs { geographic: Some(true), ..Crs::default() };
+        let map = Affine { x0: 7.0, a: 0.5, b: 0.0, y0: 60.25, d: 0.0, e: -0.5 };
+        let ground = GroundScale::of(&info(map, degrees.clone())).unwrap();
+        let [x, y] = turned(ground.turn(2.5, 0.5), by_lattice(&map, [1.0, 1.0]));
+        // Metres of a degree at 60 degrees north (WGS 84).
+        assert!((1.0 / x - 55_800.0).abs() < 1.0 && (1.0 / y - 111_412.0).abs() < 1.0, "{x} {y}");
+        assert!(ground.turn(2.5, 9.5)[0][0] < ground.turn(2.5, 0.5)[0][0]);
+        let pole = Affine { y0: 90.25, ..map };
+        assert!(GroundScale::of(&info(pole, degrees.clone())).is_err());
+        let up_to_it = Affine { y0: 90.0, ..map };
+        assert!(GroundScale::of(&info(up_to_it, degrees)).is_ok());
+    }
+}

@@ -1,0 +1,182 @@
+//! The object of a task: a file that the task writes, and a note beside it that seals it.
+//!
+//! The note has the object's key, the digest of its file and what the object tells of itself. Its seal
+//! stands for all of that: it is a function of the plan, the same whoever made the object and when.
+//!
+//! The key is made of the digest of the plan, the name of the task and the seals of the objects it reads. So an object
+//! may be deleted, copied, or made by two machines at once.
+
+use std::path::{Path, PathBuf};
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use super::digest::{Digest, digest_of};
+use super::manifest::write_json;
+use crate::{Cancel, json};
+use terrane_base::error::{Error, ErrorKind, Result};
+
+/// The folder of objects.
+pub(super) const OBJECTS: &str = "objects";
+
+/// How thoroughly results are looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CheckDepth {
+    /// What stands for the rest.
+    Quick,
+    /// Every byte.
+    Whole,
+}
+
+/// The error of an object that is not what was written.
+pub fn damaged_object(path: &Path) -> Error {
+    Error::new(ErrorKind::Io, "is damaged")
+        .in_file(path)
+        .remedy("run the plan again to rebuild it: ‹terrane plan run›")
+}
+
+/// Where an object lies, and the key it is known by.
+pub(super) struct ArtifactLocation {
+    pub(super) file: PathBuf,
+    pub(super) key: Digest,
+}
+
+impl ArtifactLocation {
+    /// In the folder of objects; the key is that of the plan, the task, and the seals of what it works
+    /// on.
+    pub(super) fn new(
+        objects: &Path,
+        (plan, task, seals): (Digest, &str, &[Digest]),
+        ending: &str,
+    ) -> Self {
+        let mut parts: Vec<&[u8]> = vec![plan.bytes(), task.as_bytes()];
+        parts.extend(seals.iter().map(|seal| seal.bytes().as_slice()));
+        let key = Digest::of_parts(&parts);
+        Self { file: objects.join(format!("{task}-{}.{ending}", key.short())), key }
+    }
+}
+
+/// A finished object.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FinishedArtifact<F> {
+    key: Digest,
+    /// Of the file's bytes.
+    digest: Digest,
+    pub bytes: u64,
+    #[serde(flatten)]
+    pub facts: F,
+    /// Of all the above.
+    pub(super) seal: Digest,
+}
+
+impl<F: Clone + PartialEq + Serialize + DeserializeOwned> FinishedArtifact<F> {
+    /// Looks at what is at `place`; `None` when it is not done. Fails when it is there and damaged.
+    pub(super) fn inspect(
+        place: &ArtifactLocation,
+        look: CheckDepth,
+        cancel: &Cancel,
+    ) -> Result<Option<Self>> {
+        let note = note(&place.file);
+        let Some(text) = found(std::fs::read(&note), &note)? else { return Ok(None) };
+        let meta = found(std::fs::metadata(&place.file), &place.file)?;
+        let Some(meta) = meta else { return Ok(None) };
+        let done: Self = serde_json::from_slice(&text).map_err(|_| damaged_object(&note))?;
+        // The text itself, too: a name that is damaged reads as a value that is not there.
+        let is_own = json::to_string_pretty(&done).is_ok_and(|own| own.as_bytes() == text);
+        if !is_own || done.key != place.key || done.clone().sealed() != done {
+            return Err(damaged_object(&note));
+        }
+        let digest = || digest_of(std::slice::from_ref(&place.file), cancel);
+        if done.bytes != meta.len() || (look == CheckDepth::Whole && digest()? != done.digest) {
+            return Err(damaged_object(&place.file));
+        }
+        Ok(Some(done))
+    }
+
+    /// Seals the file that was just written at `place`, by the digest of what was written or, where that is
+    /// not known, of what is there. It is not interrupted: without a note the work would be lost.
+    pub(super) fn seal(place: &ArtifactLocation, facts: F, digest: Option<Digest>) -> Result<Self> {
+        let ArtifactLocation { file, key } = place;
+        let of_file = || digest_of(std::slice::from_ref(file), &Cancel::default());
+        let digest = digest.map_or_else(of_file, Ok)?;
+        let bytes = std::fs::metadata(file).map_err(|e| Error::read(file, e))?.len();
+        let done = Self { key: *key, digest, bytes, facts, seal: *key }.sealed();
+        write_json(&note(file), &done)?;
+        Ok(done)
+    }
+
+    fn sealed(self) -> Self {
+        let facts = json::to_string(&self.facts).unwrap_or_default();
+        let bytes = self.bytes.to_le_bytes();
+        let seal =
+            Digest::of_parts(&[self.key.bytes(), self.digest.bytes(), &bytes, facts.as_bytes()]);
+        Self { seal, ..self }
+    }
+}
+
+/// What was read of a file, if that is there. One that is there and cannot be read may well be done.
+fn found<T>(read: std::io::Result<T>, path: &Path) -> Result<Option<T>> {
+    match read {
+        Ok(found) => Ok(Some(found)),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(Error::read(path, error)),
+    }
+}
+
+/// The note on a file.
+fn note(file: &Path) -> PathBuf {
+    file.with_extension("json")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    struct Facts {
+        points: u64,
+    }
+
+    #[test]
+    fn keys_differ_by_plan_task_and_seals() {
+        let [a, b] = [b"a", b"b"].map(|text| Digest::of(text));
+        let place = |of| ArtifactLocation::new(Path::new("objects"), of, "tif");
+        let places = [
+            place((a, "strip-1", &[])),
+            place((b, "strip-1", &[])),
+            place((a, "strip-2", &[])),
+            place((a, "seam-1", &[a, b])),
+            place((a, "seam-1", &[b, a])),
+        ];
+        for (i, ArtifactLocation { file, key }) in places.iter().enumerate() {
+            assert!(places[..i].iter().all(|other| other.key != *key && other.file != *file));
+        }
+    }
+
+    #[test]
+    fn whatever_is_altered_is_damage() {
+        let folder = tempfile::tempdir().unwrap();
+        let (place, cancel) = (
+            ArtifactLocation::new(folder.path(), (Digest::of(b""), "a", &[]), "tif"),
+            Cancel::default(),
+        );
+        let look = |look| FinishedArtifact::<Facts>::look(&place, look, &cancel);
+        assert!(look(CheckDepth::Whole).unwrap().is_none(), "nothing is there");
+        std::fs::write(&place.file, "one").unwrap();
+        let done = FinishedArtifact::seal(&place, Facts { points: 3 }, None).unwrap();
+        assert_eq!(look(CheckDepth::Whole).unwrap(), Some(done.clone()));
+        std::fs::write(&place.file, "two").unwrap();
+        assert!(look(CheckDepth::Quick).is_ok() && look(CheckDepth::Whole).is_err(), "other bytes");
+        std::fs::write(&place.file, "three").unwrap();
+        assert!(look(CheckDepth::Quick).is_err(), "more bytes");
+        std::fs::write(&place.file, "one").unwrap();
+        let facts = Facts { points: 4 };
+        for other in [
+            FinishedArtifact { facts, ..done.clone() },
+            FinishedArtifact { key: done.seal, ..done },
+        ] {
+            write_json(&note(&place.file), &other).unwrap();
+            assert!(look(CheckDepth::Quick).is_err(), "{other:?}");
+        }
+    }
+}

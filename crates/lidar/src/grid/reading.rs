@@ -1,0 +1,142 @@
+//! Reading the points of a cloud into the blocks of a grid.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::band_input::{BandInput, OutsideCounter};
+use super::blocks::CellBlocks;
+use super::extent::GridExtent;
+use super::queue::ReadQueue;
+use crate::point_index::PointStore;
+use terrane_base::error::Result;
+use terrane_base::geom::Point;
+use terrane_cloud::{AttributeSource, PointSource, ReturnCounts};
+use terrane_engine::{Cancel, FileAt, Progress};
+use terrane_gridding::{SelectedPoints, StatisticRecipe, SubjectSelector};
+
+/// A cloud and the blocks it goes into.
+pub(super) struct CloudReader<'a> {
+    pub(super) source: &'a dyn PointSource,
+    /// Reads the attributes that the recipe needs, if any.
+    pub(super) columns: Option<&'a dyn AttributeSource>,
+    /// The parts of it that are read.
+    pub(super) parts: Vec<usize>,
+    pub(super) extent: &'a GridExtent,
+    pub(super) recipe: &'a StatisticRecipe,
+    pub(super) blocks: &'a CellBlocks<'a>,
+}
+
+/// Statistics of the points.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct ReadOutcome {
+    pub(super) census: ReturnCounts,
+    /// Points outside of all written cells.
+    pub(super) outside: u64,
+}
+
+impl CloudReader<'_> {
+    /// Reads all parts on `threads` threads; `store` takes all points if surfaces need them.
+    pub(super) fn run(
+        &self,
+        store: Option<&PointStore>,
+        threads: usize,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<ReadOutcome> {
+        progress.begin("points", self.parts.iter().map(|part| self.source.points_of(*part)).sum());
+        let queue = ReadQueue::new(self.parts.len(), threads);
+        let failed = AtomicBool::new(false);
+        let work = |thread| {
+            let worker = GridReadWorker::new(self, store);
+            let fed = self.work(worker, &queue, thread, &failed, (progress, cancel));
+            failed.fetch_or(fed.is_err(), Ordering::Relaxed);
+            fed
+        };
+        let all: Result<Vec<ReadOutcome>> = std::thread::scope(|scope| {
+            let work = &work;
+            let workers: Vec<_> = (0..threads).map(|t| scope.spawn(move || work(t))).collect();
+            let joined = workers.into_iter().map(|worker| worker.join());
+            joined.map(|end| end.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
+        });
+        progress.end();
+        let mut sum = ReadOutcome::default();
+        for fed in all? {
+            sum.census.add(&fed.census);
+            sum.outside += fed.outside;
+        }
+        Ok(sum)
+    }
+
+    fn work(
+        &self,
+        mut worker: GridReadWorker<'_>,
+        queue: &ReadQueue,
+        thread: usize,
+        failed: &AtomicBool,
+        (progress, cancel): (&dyn Progress, &Cancel),
+    ) -> Result<ReadOutcome> {
+        let mut census = ReturnCounts::default();
+        while let Some(part) = queue.take(thread).filter(|_| !failed.load(Ordering::Relaxed)) {
+            cancel.check()?;
+            let part = self.parts[part];
+            FileAt::report_part(progress, self.source, part);
+            census.add(&self.read(part, &mut worker)?);
+            progress.advance(self.source.points_of(part));
+        }
+        Ok(ReadOutcome { census, outside: worker.outside() })
+    }
+
+    fn read(&self, part: usize, worker: &mut GridReadWorker<'_>) -> Result<ReturnCounts> {
+        match self.columns {
+            Some(columns) => {
+                columns.read(part, &mut |points, columns| worker.take(points, columns))
+            }
+            None => self.source.read(part, &mut |points| worker.take(points, &[])),
+        }
+    }
+}
+
+/// Per-thread state for adding points to blocks.
+struct GridReadWorker<'a> {
+    store: Option<&'a PointStore>,
+    /// For each subject: the selection of its points, if not all, and its consumer.
+    lanes: Vec<(Option<SubjectSelector>, BandInput<'a>)>,
+    selected: SelectedPoints,
+    /// Counts points outside of all cells, if no consumer sees all points.
+    apart: Option<OutsideCounter<'a>>,
+}
+
+impl<'a> GridReadWorker<'a> {
+    fn new(feed: &'a CloudReader<'a>, store: Option<&'a PointStore>) -> Self {
+        let (names, frame) = (feed.recipe.attributes(), feed.source.info().frame);
+        let lane = |(number, subject): (usize, &terrane_gridding::Subject)| {
+            let selector =
+                (!subject.is_plain()).then(|| SubjectSelector::new(subject, &names, &frame));
+            (selector, BandInput::new((feed.recipe, number), feed.extent, feed.blocks))
+        };
+        let lanes: Vec<_> = feed.recipe.subjects().iter().enumerate().map(lane).collect();
+        let is_apart = !lanes.is_empty() && lanes.iter().all(|(selector, _)| selector.is_some());
+        let apart = is_apart.then(|| OutsideCounter::new(feed.extent));
+        Self { store, lanes, selected: SelectedPoints::default(), apart }
+    }
+
+    /// Adds a batch of points to the blocks they touch.
+    fn take(&mut self, points: &[Point], columns: &[Vec<f64>]) -> Result<()> {
+        let Self { store, lanes, selected, apart } = self;
+        store.map_or(Ok(()), |store| store.add(points))?;
+        apart.iter_mut().for_each(|outside| outside.take(points));
+        lanes.iter_mut().try_for_each(|(selector, lane)| match selector {
+            None => lane.take(points, &[]),
+            Some(selector) => {
+                selector.select(points, columns, selected);
+                lane.take(&selected.points, &selected.reals)
+            }
+        })
+    }
+
+    /// Points in no cell that is written.
+    fn outside(&self) -> u64 {
+        let whole = self.lanes.iter().find(|(selector, _)| selector.is_none());
+        let apart = self.apart.as_ref().map_or(0, |outside| outside.count);
+        whole.map_or(apart, |(_, lane)| lane.outside)
+    }
+}

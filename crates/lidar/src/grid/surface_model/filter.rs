@@ -1,0 +1,395 @@
+//! Ground classification of a point cloud without classes, tile by tile.
+//!
+//! The lowest points of a tile are read from the store with the halo of the method. The halo of the filter is
+//! its reach, so its ground is exactly that of the whole point cloud for any tile size. The others have tiles
+//! of a fixed size, from the origin of coordinates on, which are part of their definition.
+
+use std::collections::BTreeSet;
+
+use super::lengths::MetricFrame;
+use crate::point_index::{PointStore, TileSummary, Tiling};
+use terrane_base::error::Result;
+use terrane_base::geom::{Point, REACH};
+use terrane_delaunay::SiteWindow;
+use terrane_engine::{Cancel, Progress, workers};
+use terrane_ground::{Asked, GroundSurface, GroundTiling, LowestPoints, NO_POINT};
+
+/// Bytes of a method for each cell of a tile and its halo, for tiles of any size.
+const BYTES_PER_CELL: u64 = 72;
+/// The same for tiles of a fixed size.
+const BYTES_FIXED: u64 = 256;
+/// Fewest and most cells along a tile.
+const SIDES: [i64; 2] = [64, 1024];
+
+/// A ground method with its candidate points.
+pub(crate) struct GroundFilter<'a> {
+    /// Candidate points.
+    candidates: Vec<&'a PointStore>,
+    /// Other points that may lie on the ground.
+    others: Option<&'a PointStore>,
+    method: Asked,
+    lattice: GroundTiling,
+    /// Metres to a step.
+    step: [f64; 3],
+    /// Steps along a cell, in x and y.
+    cell: [f64; 2],
+    /// Cells along a tile, without its halo.
+    side: i64,
+    /// Bytes for each tile.
+    memory: u64,
+    /// Window of the search, if not everywhere.
+    within: Option<SiteWindow>,
+}
+
+/// Cells from the first to before the end, in x and y.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct GroundCellRange {
+    low: [i64; 2],
+    end: [i64; 2],
+}
+
+impl GroundCellRange {
+    fn width(&self) -> usize {
+        (self.end[0] - self.low[0]) as usize
+    }
+
+    fn count(&self) -> usize {
+        self.width() * (self.end[1] - self.low[1]) as usize
+    }
+
+    fn grown(&self, margin: i64) -> Self {
+        Self { low: self.low.map(|v| v - margin), end: self.end.map(|v| v + margin) }
+    }
+
+    /// The intersection with `other`, which must not be empty.
+    fn within(&self, other: &Self) -> Self {
+        Self {
+            low: [0, 1].map(|i| self.low[i].max(other.low[i])),
+            end: [0, 1].map(|i| self.end[i].min(other.end[i])),
+        }
+    }
+
+    /// Their window, for cells of this number of steps a side, with a step more.
+    fn window(&self, cell: [f64; 2]) -> SiteWindow {
+        let within = |v: f64| v.clamp(f64::from(-REACH), f64::from(REACH)) as i32;
+        let low = [0, 1].map(|i| within((self.low[i] as f64 * cell[i]).floor() - 1.0));
+        let high = [0, 1].map(|i| within((self.end[i] as f64 * cell[i]).ceil() + 1.0));
+        SiteWindow { low, high }
+    }
+
+    /// The column and row of a cell, if it is one of these.
+    fn place(&self, cell: [i64; 2]) -> Option<[usize; 2]> {
+        let inside = (0..2).all(|i| (self.low[i]..self.end[i]).contains(&cell[i]));
+        inside.then(|| [0, 1].map(|i| (cell[i] - self.low[i]) as usize))
+    }
+}
+
+impl<'a> GroundFilter<'a> {
+    /// For all points, with tiles of about `memory` bytes each.
+    pub(crate) fn new(
+        candidates: Vec<&'a PointStore>,
+        metres: &MetricFrame,
+        method: Asked,
+        memory: u64,
+    ) -> Self {
+        let lattice = method.lattice(spacing(&candidates, metres));
+        Self::on(lattice, candidates, metres, method, memory)
+    }
+
+    fn on(
+        lattice: GroundTiling,
+        candidates: Vec<&'a PointStore>,
+        metres: &MetricFrame,
+        method: Asked,
+        memory: u64,
+    ) -> Self {
+        let step = metres.step;
+        let cell = cell(&lattice, metres);
+        let whole = (memory / BYTES_PER_CELL).isqrt() as i64;
+        let any = (whole - 2 * lattice.halo as i64).clamp(SIDES[0], SIDES[1]);
+        let side = lattice.core.map_or(any, |core| core as i64);
+        let (others, within) = (None, None);
+        Self { candidates, others, method, lattice, step, cell, side, memory, within }
+    }
+
+    /// For the ground in a `window` of a point cloud with this `spacing` in metres; the candidates must include
+    /// all points [around](around) it.
+    pub(crate) fn within(
+        window: SiteWindow,
+        spacing: f64,
+        candidates: Vec<&'a PointStore>,
+        metres: &MetricFrame,
+        method: Asked,
+        memory: u64,
+    ) -> Self {
+        let of = Self::on(method.lattice(spacing), candidates, metres, method, memory);
+        Self { within: Some(window), ..of }
+    }
+
+    /// Also classifies other points on the ground, without making them candidates.
+    pub(crate) fn and(self, others: &'a PointStore) -> Self {
+        let is_new = self.candidates.iter().all(|store| !std::ptr::eq(*store, others));
+        Self { others: is_new.then_some(others), ..self }
+    }
+
+    /// The tiling of all its points.
+    fn tiling(&self) -> &'a Tiling {
+        self.candidates[0].tiling()
+    }
+
+    /// Whether a point is in the window of the search.
+    fn accepts(&self, point: &Point) -> bool {
+        self.within.is_none_or(|window| window.contains([point.x, point.y]))
+    }
+
+    /// Number of threads whose tiles fit into memory; at least one.
+    fn threads(&self, threads: usize) -> usize {
+        let all = self.all();
+        let extent = [0, 1].map(|i| (all.end[i] - all.low[i]) as f64 * self.lattice.cell);
+        match bytes_of(self.lattice, extent) {
+            0 => threads,
+            tile => (self.memory * threads as u64 / tile).clamp(1, threads as u64) as usize,
+        }
+    }
+
+    /// Adds the ground points to `into`, on `threads` threads.
+    pub(crate) fn run(
+        &self,
+        into: &PointStore,
+        threads: usize,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<()> {
+        let tiles = self.tiles()?;
+        progress.begin("ground", tiles.len() as u64);
+        let tile = |_: &mut (), tile: u64| {
+            self.tile(self.core(tiles[tile as usize]), into)?;
+            progress.advance(1);
+            Ok(())
+        };
+        workers::run(self.threads(threads), tiles.len() as u64, cancel, || (), tile, Ok)?;
+        progress.end();
+        Ok(())
+    }
+
+    /// The cell that holds a point, and where in it.
+    fn locate(&self, point: &Point) -> ([i64; 2], [f64; 2]) {
+        let at = [f64::from(point.x) / self.cell[0], f64::from(point.y) / self.cell[1]];
+        (at.map(|v| v.floor() as i64), at.map(|v| v - v.floor()))
+    }
+
+    /// The cells that the point cloud touches; all others are empty.
+    fn all(&self) -> GroundCellRange {
+        let SiteWindow { low, high } = self.tiling().window();
+        let cell = |[x, y]: [i32; 2]| self.locate(&Point::new(x, y, 0)).0;
+        GroundCellRange { low: cell(low), end: cell(high).map(|last| last + 1) }
+    }
+
+    /// The tiles with points, which may be few in a sparse point cloud.
+    fn tiles(&self) -> Result<Vec<[i64; 2]>> {
+        let mut tiles = BTreeSet::new();
+        for square in 0..self.tiling().count() {
+            let mut last = None;
+            visit(&self.candidates, square, |run| {
+                for point in run.iter().filter(|point| self.accepts(point)) {
+                    let tile = self.locate(point).0.map(|cell| cell.div_euclid(self.side));
+                    if last.replace(tile) != Some(tile) {
+                        tiles.insert(tile);
+                    }
+                }
+            })?;
+        }
+        Ok(tiles.into_iter().collect())
+    }
+
+    /// The cells of a tile.
+    fn core(&self, tile: [i64; 2]) -> GroundCellRange {
+        let low = tile.map(|at| at * self.side);
+        GroundCellRange { low, end: low.map(|at| at + self.side) }
+    }
+
+    /// The tiles of the store that cells touch.
+    fn squares(&self, cells: &GroundCellRange) -> impl Iterator<Item = usize> + use<> {
+        self.tiling().touching(cells.window(self.cell))
+    }
+
+    /// Adds the ground points of a tile.
+    fn tile(&self, core: GroundCellRange, into: &PointStore) -> Result<()> {
+        let reach = self.lattice.halo as i64;
+        let wide = self.all().within(&core.grown(reach));
+        let found = self.method.find(&LowestPoints {
+            points: &self.lows(&wide)?,
+            width: wide.width(),
+            cell: self.lattice.cell,
+            corner: [0, 1].map(|i| wide.low[i] as f64 * self.cell[i]),
+            step: self.step,
+        });
+        let mut kept = Vec::new();
+        let all: Vec<_> = self.candidates.iter().copied().chain(self.others).collect();
+        for square in self.squares(&core) {
+            kept.clear();
+            visit(&all, square, |run| {
+                let is_ground =
+                    |p: &&Point| self.accepts(p) && self.is_ground(p, &core, &wide, &found);
+                kept.extend(run.iter().filter(is_ground));
+            })?;
+            into.add(&kept)?;
+        }
+        Ok(())
+    }
+
+    /// The lowest point in each of these cells; of several the first by x and y.
+    fn lows(&self, cells: &GroundCellRange) -> Result<Vec<Point>> {
+        let key = |p: &Point| (p.z, p.x, p.y);
+        let (mut lows, width) = (vec![NO_POINT; cells.count()], cells.width());
+        for square in self.squares(cells) {
+            visit(&self.candidates, square, |run| {
+                for point in run {
+                    if let Some([col, row]) = cells.place(self.locate(point).0) {
+                        let low = &mut lows[row * width + col];
+                        *low = if key(point) < key(low) { *point } else { *low };
+                    }
+                }
+            })?;
+        }
+        Ok(lows)
+    }
+
+    /// Whether a point lies in the core and is ground by the surface of the cells around it.
+    fn is_ground(
+        &self,
+        point: &Point,
+        core: &GroundCellRange,
+        wide: &GroundCellRange,
+        found: &GroundSurface,
+    ) -> bool {
+        let (cell, place) = self.locate(point);
+        core.place(cell).is_some()
+            && wide.place(cell).is_some_and(|[col, row]| found.is_ground(col, row, place, point.z))
+    }
+}
+
+/// Reads the points of a tile of some stores.
+fn visit(stores: &[&PointStore], square: usize, mut each: impl FnMut(&[Point])) -> Result<()> {
+    stores.iter().try_for_each(|store| store.visit(square, &mut each))
+}
+
+/// Steps along a cell, in x and y.
+fn cell(lattice: &GroundTiling, metres: &MetricFrame) -> [f64; 2] {
+    [0, 1].map(|i| lattice.cell / metres.step[i])
+}
+
+/// The window of all points that decide which points of a window are ground, for points `spacing` metres apart.
+pub(crate) fn around(
+    method: &Asked,
+    metres: &MetricFrame,
+    spacing: f64,
+    window: SiteWindow,
+) -> SiteWindow {
+    let lattice = method.lattice(spacing);
+    let (cell, side) = (cell(&lattice, metres), lattice.core.unwrap_or(1) as i64);
+    let square = |at: i32, i: usize| ((f64::from(at) / cell[i]).floor() as i64).div_euclid(side);
+    let cells = GroundCellRange {
+        low: [0, 1].map(|i| square(window.low[i], i) * side),
+        end: [0, 1].map(|i| (square(window.high[i], i) + 1) * side),
+    };
+    cells.grown(lattice.halo as i64).window(cell)
+}
+
+/// Bytes of a tile of a method with fixed tiles, for a point cloud of this width and height in metres and any
+/// density; 0 for a method with tiles of any size.
+pub(crate) fn square_bytes(method: &Asked, extent: [f64; 2]) -> u64 {
+    bytes_of(method.lattice(0.0), extent)
+}
+
+fn bytes_of(lattice: GroundTiling, extent: [f64; 2]) -> u64 {
+    let most = lattice.core.map_or(0, |core| core + 2 * lattice.halo) as u64;
+    let cells = extent.map(|metres| ((metres / lattice.cell).ceil() as u64).saturating_add(2));
+    cells.map(|cells| cells.min(most)).iter().product::<u64>() * BYTES_FIXED
+}
+
+/// Approximate point spacing of all stores in metres, from the tiles with points.
+pub(super) fn spacing(stores: &[&PointStore], metres: &MetricFrame) -> f64 {
+    let (mut count, mut steps) = (0, 0.0);
+    for square in 0..stores[0].tiling().count() {
+        let all = stores.iter().filter_map(|store| store.summary(square));
+        let Some(one) = all.reduce(TileSummary::merged) else { continue };
+        let side = |i: usize| f64::from(one.window.high[i].abs_diff(one.window.low[i]));
+        count += one.count;
+        steps += side(0) * side(1);
+    }
+    (steps * metres.step[0] * metres.step[1] / (count.max(1) as f64)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_engine::{Resources, Silent};
+
+    /// A slope with houses and holes, in centimetres: where a halo that is too small shows.
+    fn store(folder: &std::path::Path) -> PointStore {
+        let height = |x: i32, y: i32| {
+            // None at the border, where nothing tells a house from a step of the terrain.
+            let inside = (-8000..7000).contains(&x) && (1000..15_000).contains(&y);
+            let house = inside && x.rem_euclid(4100) < 1800 && y.rem_euclid(3700) < 1500;
+            x / 20 - y / 30 + if house { 600 } else { 0 }
+        };
+        let places = (0..260 * 210).map(|k| (k % 260 * 70 + k % 7 - 9000, k / 260 * 80 + k % 11));
+        let dry = places
+            .filter(|(x, y): &(i32, i32)| (x - 3000).pow(2) + (y - 9000).pow(2) > 2500 * 2500);
+        let points: Vec<Point> = dry.map(|(x, y)| Point::new(x, y, height(x, y))).collect();
+        let corners = [Point::new(-9000, 0, 0), Point::new(9200, 16_800, 0)];
+        let store = PointStore::empty(Tiling::new(corners, 200_000), folder, 100_000);
+        store.add(&points).unwrap();
+        store
+    }
+
+    fn found(candidates: &PointStore, method: Asked, memory: u64, threads: usize) -> Vec<Point> {
+        let folder = Resources::default().temp_dir.unwrap_or_else(std::env::temp_dir);
+        let into = PointStore::empty(*candidates.tiling(), &folder, 1 << 24);
+        let metres = MetricFrame { step: [0.01; 3], is_guess: false };
+        let filter = GroundFilter::new(vec![candidates], &metres, method, memory);
+        assert!(memory > 0 || method != Asked::FILTER || filter.tiles().unwrap().len() > 8);
+        filter.run(&into, threads, &Silent, &Cancel::default()).unwrap();
+        let (mut all, mut points) = (Vec::new(), Vec::new());
+        for square in 0..into.tiling().count() {
+            into.load(square, &mut points).unwrap();
+            all.extend_from_slice(&points);
+        }
+        all
+    }
+
+    #[test]
+    fn tiles_find_the_ground_of_the_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = store(folder.path());
+        let found = |memory, threads| found(&store, Asked::FILTER, memory, threads);
+        let (tiled, whole) = (found(0, 3), found(1 << 30, 1));
+        assert_eq!(tiled, whole);
+        let plane = |p: &Point| f64::from(p.x) / 20.0 - f64::from(p.y) / 30.0;
+        assert!(whole.iter().all(|p| (f64::from(p.z) - plane(p)).abs() < 100.0), "houses are off");
+        assert!(whole.len() > 35_000, "{}", whole.len());
+    }
+
+    #[test]
+    fn every_method_finds_the_same_whatever_the_memory_and_the_threads() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = store(folder.path());
+        let plane = |p: &Point| f64::from(p.x) / 20.0 - f64::from(p.y) / 30.0;
+        for method in terrane_ground::METHODS {
+            let found = |memory, threads| found(&store, Asked::plain(method), memory, threads);
+            let whole = found(1 << 30, 1);
+            assert_eq!(found(0, 3), whole, "{}", method.name);
+            let off = whole.iter().filter(|p| (f64::from(p.z) - plane(p)).abs() > 100.0).count();
+            assert!(off == 0 && whole.len() > 30_000, "{}: {off} {}", method.name, whole.len());
+        }
+    }
+
+    #[test]
+    fn spacing_is_that_of_the_places_with_points() {
+        let folder = tempfile::tempdir().unwrap();
+        let metres = MetricFrame { step: [0.01; 3], is_guess: false };
+        let found = spacing(&[&store(folder.path())], &metres);
+        assert!((0.6..0.8).contains(&found), "{found}");
+    }
+}

@@ -1,0 +1,93 @@
+//! A scan of the whole point cloud, for models of its parts.
+
+use super::context::{Making, no_noise};
+use super::filter::spacing;
+use super::kinds::{GroundFrom, SurfaceModel};
+use super::lengths::MetricFrame;
+use super::notes::{frozen, named, no_ground, not_of_class};
+use super::scan_result::{CloudOverview, places};
+use super::tiles::{SpikeFreeTally, SpikeFreeTiles};
+use terrane_base::error::Result;
+use terrane_base::geom::REACH;
+use terrane_cloud::{CloudInfo, Return};
+use terrane_gridding::canopy::CanopyAlgorithm;
+use terrane_gridding::pitfree::PitFree;
+
+impl CloudOverview {
+    /// Reads all points of a model once.
+    ///
+    /// # Errors
+    /// No ground if it is required; coordinates without a unit of length.
+    pub(in crate::grid) fn scan(
+        preset: SurfaceModel,
+        cloud: &CloudInfo,
+        making: &Making<'_>,
+    ) -> Result<Self> {
+        let mut seen = Self::default();
+        if making.job.needs_ground() {
+            seen.look_for_ground(preset, cloud, making)?;
+        }
+        if preset != SurfaceModel::Dtm {
+            seen.look_at_surface(cloud, making)?;
+        }
+        Ok(seen)
+    }
+
+    fn look_for_ground(
+        &mut self,
+        preset: SurfaceModel,
+        cloud: &CloudInfo,
+        making: &Making<'_>,
+    ) -> Result<()> {
+        self.look_for_classes(making)?;
+        if self.by_class {
+            return Ok(());
+        }
+        let mut last = making.outlined(no_noise(), Some(Return::Last), &|_| ())?;
+        self.all_returns = making.all_returns(&last)?;
+        if self.all_returns {
+            last = making.outlined(no_noise(), None, &|_| ())?;
+        }
+        if last.count() == 0 && preset != SurfaceModel::Dsm {
+            return Err(no_ground());
+        }
+        self.look_at_candidates(&[&last], cloud, making.job.ground)
+    }
+
+    fn look_at_surface(&mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<()> {
+        let metres = MetricFrame::of(&cloud.crs, &cloud.frame)?;
+        let first = making.outlined(no_noise(), Some(Return::First), &|_| ())?;
+        self.first = spacing(&[&first], &metres);
+        let CanopyAlgorithm::SpikeFree { freeze, buffer } = making.job.canopy.way() else {
+            self.reach = reach(self.first, &metres);
+            self.surface = places(&first.hull()?);
+            self.notes.push(format!("surface: {} first returns", first.count()));
+            return Ok(());
+        };
+        let tally = SpikeFreeTally::new(SpikeFreeTiles::new(self.first, (freeze, buffer), &metres));
+        let all = making.outlined(no_noise(), None, &|batch| tally.take(batch))?;
+        self.reach = tally.squares.reach();
+        self.surface = places(&all.hull()?);
+        self.notes.push(frozen(all.count(), &tally.squares));
+        self.square = tally.counts().into_values().max().unwrap_or(0);
+        Ok(())
+    }
+
+    fn look_for_classes(&mut self, making: &Making<'_>) -> Result<()> {
+        if making.job.ground.is_method() {
+            return Ok(());
+        }
+        let classes = making.classes();
+        let ground = making.outlined(classes.clone(), None, &|_| ())?;
+        if ground.count() == 0 && making.job.ground == GroundFrom::Class {
+            return Err(not_of_class(&named(&classes)));
+        }
+        self.look_at_classes(&ground, &classes)
+    }
+}
+
+/// Steps along the longest edge above the first triangulation, for this point spacing.
+fn reach(spacing: f64, metres: &MetricFrame) -> i32 {
+    let [x, y, _] = metres.step;
+    (PitFree::metres(spacing).max_edge() / x.min(y)).ceil().min(f64::from(REACH)) as i32
+}

@@ -1,0 +1,91 @@
+//! The points of the ground, if these differ from the requested points.
+
+use super::context::TranslateContext;
+use super::height_above_ground::results::Told;
+use super::input_records::InputRecords;
+use super::job::TranslateJob;
+use super::noise::noise_index::Noise;
+use super::tile_subset::TileSubset;
+use crate::grid::surface_model::{CloudOverview, MetricFrame, around};
+use crate::records::{PointRecords, over};
+use terrane_base::error::Result;
+use terrane_cloud::{
+    CloudFilter, CloudOpenOptions, LasOutputFormat, PointCloud, PointFormatConverter,
+};
+use terrane_delaunay::SiteWindow;
+
+/// A point cloud with more than the requested points.
+pub(super) struct GroundInput {
+    cloud: PointCloud,
+    target: LasOutputFormat,
+    /// Whether it has the requested points only, for work in portions.
+    is_same: bool,
+}
+
+impl TranslateJob {
+    /// All candidate points of the ground, if these are not the requested ones, or a part of them.
+    pub(super) fn wide(&self, is_part: bool) -> Result<Option<GroundInput>> {
+        let own = self.reading();
+        let chosen = &own.filter;
+        let is_same =
+            chosen.classes.is_none() && chosen.returns.is_none() && chosen.condition.is_none();
+        if (is_same && !is_part) || !self.above.is_asked() {
+            return Ok(None);
+        }
+        let filter = CloudFilter { classes: None, returns: None, condition: None, ..own.filter };
+        let cloud = terrane_cloud::open(&self.input, &CloudOpenOptions { filter, ..own })?;
+        Ok(Some(GroundInput { cloud, target: self.target()?, is_same }))
+    }
+}
+
+impl TranslateContext<'_> {
+    /// The records with heights and classes.
+    pub(super) fn tell<'r>(
+        &self,
+        records: &'r dyn PointRecords,
+        wide: Option<&GroundInput>,
+    ) -> Result<Told<'r>> {
+        let looking = self.looking();
+        let at = self.carrier.heights_at();
+        let Some(GroundInput { cloud, target, is_same }) = wide else {
+            return looking.tell(records, None, at);
+        };
+        let carrier = PointFormatConverter::new(cloud, *target, at.is_some())?;
+        let noise = self.portion.and_then(TileSubset::noise).map(Noise::of_ground);
+        let wide = InputRecords::within(cloud, &carrier, self.around_ground()?).with(noise);
+        let single = if *is_same { self.single(&wide)? } else { None };
+        let wide = over(&single, &wide);
+        let marked = self.mark(wide)?;
+        looking.tell(records, Some(over(&marked, wide)), at)
+    }
+
+    /// Statistics of the ground of all points, with recorded noise.
+    pub(super) fn look_at_wide(
+        &self,
+        wide: &GroundInput,
+        noise: Option<&mut Noise>,
+    ) -> Result<CloudOverview> {
+        let carrier = PointFormatConverter::new(
+            &wide.cloud,
+            wide.target,
+            self.carrier.heights_at().is_some(),
+        )?;
+        let wide = InputRecords::within(&wide.cloud, &carrier, None);
+        let marked = self.mark(&wide)?;
+        if let Some((noise, marked)) = noise.zip(marked.as_ref()) {
+            noise.wide = Some(marked.noted(None)?);
+        }
+        self.looking().scan(over(&marked, &wide))
+    }
+
+    /// The window of the points of the ground of the tiles, if not everywhere.
+    fn around_ground(&self) -> Result<Option<SiteWindow>> {
+        let Some(portion) = self.portion else { return Ok(None) };
+        let Some(seen) = portion.looked.seen.as_ref().filter(|seen| !seen.by_class) else {
+            return Ok(Some(portion.ground()));
+        };
+        let metres = MetricFrame::of(&self.cloud.crs, &self.cloud.frame)?;
+        let method = self.job.above.from.method();
+        Ok(Some(around(&method, &metres, seen.last, portion.ground())))
+    }
+}

@@ -1,0 +1,253 @@
+//! Classifies noise, before the ground is used.
+//!
+//! ```text
+//! records ── places, by parts of space ── scores, part by part ──[limit of all]── bits ── records again, with the class
+//! ```
+
+pub(super) mod noise_index;
+mod partition;
+
+use std::path::Path;
+use std::sync::Mutex;
+
+use bytemuck::{Pod, Zeroable};
+
+use super::height_above_ground::queries::{is_known_noise, is_there};
+use crate::grid::surface_model::MetricFrame;
+use crate::records::selection::place;
+use crate::records::{PointRecords, RecordFlow, RecordUnit, Take, numbered, total};
+use partition::{NoisePartsBuilder, NoisePoint, NoiseTiles};
+use terrane_base::bits::BitSet;
+use terrane_base::error::{Error, Result};
+use terrane_cloud::{CloudInfo, PointFormat};
+use terrane_engine::plan::RunControl;
+use terrane_engine::workers;
+use terrane_files::{Buckets, lock};
+use terrane_ground::noise::{Asked, NoiseSpace, ScoreLimit, ScoreSums};
+
+/// Points divided together.
+const TOGETHER: usize = 1 << 14;
+/// Least bytes for points being divided.
+const HELD: u64 = 4 << 20;
+/// Bytes of a thread beside its scores.
+const THREAD: u64 = 2 << 20;
+/// Largest distance from coordinate zero, in steps.
+const MAX_STEPS: f64 = 1e18;
+/// Buckets of scores.
+const BUCKETS: u64 = 64;
+
+/// A score and the number of its record.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct NoiseScore {
+    number: u64,
+    score: u64,
+}
+
+/// Bytes of memory for `points`, and for each thread.
+pub(super) fn needed(asked: &Asked, points: u64) -> [u64; 2] {
+    [points / 8 + partition::tables(points) + HELD, THREAD + asked.bytes(partition::MOST)]
+}
+
+/// Distance in world units along x or y beyond which points do not matter.
+///
+/// # Errors
+/// As [`space`], and cubes smaller than a step.
+pub(super) fn reach(asked: &Asked, info: &CloudInfo) -> Result<f64> {
+    let [x, y, _] = asked.reach(&space(info)?.0)?;
+    Ok((x as f64 * info.frame.scale[0]).max(y as f64 * info.frame.scale[1]))
+}
+
+/// Scale and origin of points in metres, and whether metres are assumed.
+///
+/// # Errors
+/// Coordinates without a unit of length.
+fn space(info: &CloudInfo) -> Result<(NoiseSpace, bool)> {
+    let metres = MetricFrame::of(&info.crs, &info.frame).map_err(|_| {
+        Error::usage("‹classify› noise requires coordinates in a unit of length")
+            .remedy("reproject the points with ‹to_crs› first")
+    })?;
+    let frame = &info.frame;
+    let zero = [0, 1, 2].map(|axis| {
+        (frame.offset[axis] / frame.scale[axis]).round().clamp(-MAX_STEPS, MAX_STEPS) as i64
+    });
+    Ok((NoiseSpace { step: metres.step, zero }, metres.is_guess))
+}
+
+/// Context of the search for noise.
+pub(super) struct NoiseSearch<'a> {
+    pub(super) asked: &'a Asked,
+    /// Frame and bounds of the records.
+    pub(super) info: &'a CloudInfo,
+    pub(super) format: PointFormat,
+    pub(super) flow: RecordFlow,
+    pub(super) threads: usize,
+    /// Bytes for points.
+    pub(super) memory: u64,
+    pub(super) folder: &'a Path,
+    /// Whether points marked as withheld are included.
+    pub(super) keeps_withheld: bool,
+    pub(super) at: RunControl<'a>,
+}
+
+impl NoiseSearch<'_> {
+    /// The records with classified noise.
+    ///
+    /// # Errors
+    /// As for [`reach`].
+    pub(super) fn mark_records<'r>(
+        &self,
+        records: &'r dyn PointRecords,
+    ) -> Result<MarkedRecords<'r>> {
+        let (space, is_guess) = space(self.info)?;
+        self.asked.reach(&space)?;
+        let ((firsts, count), parts) = self.divide(records, &space)?;
+        let noise = Mutex::new(BitSet::new(count as usize));
+        let limit = self.judge(&space, &parts, &noise)?;
+        drop(parts);
+        let noise = noise.into_inner().unwrap_or_default();
+        let notes = self.told(&noise, &limit, (&space, is_guess));
+        let (format, record, class) = (self.format, self.flow.record, self.asked.class());
+        Ok(MarkedRecords { records, format, record, class, noise, firsts, count, notes })
+    }
+
+    /// Points that are neither noise yet nor withheld, by parts.
+    fn divide<'s>(
+        &'s self,
+        records: &dyn PointRecords,
+        space: &'s NoiseSpace,
+    ) -> Result<((Vec<u64>, u64), NoiseTiles<'s>)> {
+        let points = total(records);
+        self.at.progress.begin("places", points);
+        let all = (self.info.bounds.unwrap_or_default(), points);
+        let mut filling = NoisePartsBuilder::new(space, all, (self.folder, self.memory / 2));
+        let mut some = Vec::with_capacity(TOGETHER);
+        let passed = numbered::pass(records, self.flow, self.at, &mut |number, record| {
+            if self.is_looked_at(record) {
+                some.push(NoisePoint::new(place(record), number));
+            }
+            if some.len() == TOGETHER { filling.add(&mut some) } else { Ok(()) }
+        })?;
+        filling.add(&mut some)?;
+        let parts = filling.finish(self.at)?;
+        self.at.progress.end();
+        Ok((passed, parts))
+    }
+
+    fn is_looked_at(&self, record: &[u8]) -> bool {
+        !is_known_noise(self.format, record) && is_there(self.format, self.keeps_withheld, record)
+    }
+
+    /// Finds the noise and its threshold.
+    fn judge(
+        &self,
+        space: &NoiseSpace,
+        parts: &NoiseTiles<'_>,
+        noise: &Mutex<BitSet>,
+    ) -> Result<ScoreLimit> {
+        let (asked, sums) = (self.asked, Mutex::new(ScoreSums::default()));
+        let scores = Buckets::new(self.folder, BUCKETS as usize, self.memory / 4);
+        let local = asked.is_local().then(|| asked.limit(&ScoreSums::default()));
+        self.at.progress.begin("noise", parts.count());
+        let part = |own: &mut ScoreSums, part: u64| {
+            let (mut points, mut numbers) = (Vec::new(), Vec::new());
+            parts.load(part, &mut points, &mut numbers)?;
+            let found = asked.scores(space, &points, &mut parts.around(part))?;
+            let found = numbers.into_iter().zip(found);
+            let found: Vec<_> = found.map(|(number, score)| NoiseScore { number, score }).collect();
+            match &local {
+                Some(limit) => mark_records(noise, limit, &found),
+                None => {
+                    found.iter().for_each(|found| own.add(found.score));
+                    scores.push((part % BUCKETS) as usize, &found)?;
+                }
+            }
+            self.at.progress.advance(1);
+            Ok(())
+        };
+        let finish = |own: ScoreSums| {
+            lock(&sums).merge(&own);
+            Ok(())
+        };
+        workers::run(
+            self.threads,
+            parts.count(),
+            self.at.cancel,
+            ScoreSums::default,
+            part,
+            finish,
+        )?;
+        self.at.progress.end();
+        let limit = local.unwrap_or_else(|| asked.limit(&lock(&sums)));
+        for bucket in 0..BUCKETS as usize {
+            self.at.cancel.check()?;
+            scores.read(bucket, |found| mark_records(noise, &limit, found))?;
+        }
+        Ok(limit)
+    }
+
+    /// Notes on the noise, one line each.
+    fn told(
+        &self,
+        noise: &BitSet,
+        limit: &ScoreLimit,
+        (space, is_guess): (&NoiseSpace, bool),
+    ) -> Vec<String> {
+        let found: u64 = noise.words().iter().map(|word| u64::from(word.count_ones())).sum();
+        let far = match limit {
+            ScoreLimit::Few(_) => String::new(),
+            ScoreLimit::Far(most) => {
+                format!(", more than {:.3} m from others", most * space.unit())
+            }
+        };
+        let (class, asked) = (self.asked.class(), self.asked);
+        let found = format!("noise: {found} points of class {class} by {asked}{far}");
+        [found].into_iter().chain(is_guess.then(|| MetricFrame::GUESS.to_owned())).collect()
+    }
+}
+
+/// Marks noise.
+fn mark_records(noise: &Mutex<BitSet>, limit: &ScoreLimit, found: &[NoiseScore]) {
+    let mut all = lock(noise);
+    found.iter().filter(|found| limit.is_noise(found.score)).for_each(|found| {
+        all.insert(found.number as usize);
+    });
+}
+
+/// Records with classified noise.
+pub(super) struct MarkedRecords<'a> {
+    records: &'a dyn PointRecords,
+    format: PointFormat,
+    record: usize,
+    class: u8,
+    noise: BitSet,
+    /// Number of the first record of each unit, and the total.
+    firsts: Vec<u64>,
+    count: u64,
+    pub(super) notes: Vec<String>,
+}
+
+impl PointRecords for MarkedRecords<'_> {
+    fn units(&self) -> usize {
+        self.records.units()
+    }
+
+    fn unit(&self, unit: usize) -> RecordUnit<'_> {
+        self.records.unit(unit)
+    }
+
+    fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
+        let (mut number, mut marked) = (self.firsts[unit] as usize, Vec::new());
+        self.records.read(unit, &mut |bytes| {
+            marked.clear();
+            marked.extend_from_slice(bytes);
+            for record in marked.chunks_exact_mut(self.record) {
+                if self.noise.contains(number) {
+                    self.format.set_class(record, self.class);
+                }
+                number += 1;
+            }
+            take(&marked)
+        })
+    }
+}

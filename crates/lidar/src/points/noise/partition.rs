@@ -1,0 +1,334 @@
+//! The points of a cloud in parts of space that fit into memory, and the parts around each.
+//!
+//! The bounding box is divided into cells; cells with too many points are divided again by their own bounding
+//! box, until only duplicate positions exceed the limit. So a few distant points cost one more pass, for any
+//! distribution of points.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::path::Path;
+
+use bytemuck::{Pod, Zeroable};
+
+use terrane_base::error::Result;
+use terrane_base::geom::Point;
+use terrane_engine::plan::RunControl;
+use terrane_files::Buckets;
+use terrane_ground::noise::{Bounds, NeighborParts, NoiseSpace};
+
+/// Average number of points of a cell.
+const AVERAGE: u64 = 1 << 12;
+/// Most points of a part.
+pub(super) const MOST: u64 = 1 << 14;
+/// Most cells of a level.
+const MAX_CELLS: u64 = 1 << 16;
+/// Bytes of tables for each cell.
+const CELL: u64 = 512;
+/// Largest ratio of the final number of cells to that of a level.
+const TIMES: u64 = 3;
+/// Deepest level of division.
+const DEEPEST: usize = 30;
+/// Entries that are read together.
+const TOGETHER: usize = 1 << 12;
+
+/// A point and the number of its record.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct NoisePoint {
+    place: [i32; 3],
+    spare: u32,
+    number: u64,
+}
+
+impl NoisePoint {
+    pub(super) fn new(Point { x, y, z }: Point, number: u64) -> Self {
+        Self { place: [x, y, z], spare: 0, number }
+    }
+
+    fn point(&self) -> Point {
+        let [x, y, z] = self.place;
+        Point { x, y, z }
+    }
+}
+
+/// Bytes of tables for `points`.
+pub(super) fn tables(points: u64) -> u64 {
+    cells_for(points) * CELL * TIMES
+}
+
+fn cells_for(points: u64) -> u64 {
+    (points / AVERAGE).clamp(1, MAX_CELLS)
+}
+
+/// A box in cells.
+struct NoiseCellBox {
+    low: [i64; 3],
+    side: [i64; 3],
+    counts: [i64; 3],
+    /// The number of the first.
+    first: usize,
+}
+
+impl NoiseCellBox {
+    /// About `count` cells, as cubic as possible.
+    fn new([low, high]: Bounds, space: &NoiseSpace, wanted: u64, first: usize) -> Self {
+        let (low, high) = (steps(low), steps(high));
+        let extent = [0, 1, 2].map(|axis| (high[axis] - low[axis]).max(0) + 1);
+        let (mut side, mut made) = (extent, 1);
+        while made < wanted {
+            let metres = |axis: &usize| side[*axis] as f64 * space.step[*axis];
+            let parted = (0..3).filter(|axis| side[*axis] > 1);
+            let Some(axis) = parted.max_by(|a, b| metres(a).total_cmp(&metres(b))) else { break };
+            // The larger half stays, so that no side becomes 0.
+            side[axis] -= side[axis] / 2;
+            made *= 2;
+        }
+        let counts = [0, 1, 2].map(|axis| (extent[axis] as u64).div_ceil(side[axis] as u64) as i64);
+        Self { low, side, counts, first }
+    }
+
+    fn count(&self) -> usize {
+        self.counts.iter().product::<i64>() as usize
+    }
+
+    /// The number of the cell of a point; one beyond them belongs to the nearest.
+    fn of(&self, point: Point) -> usize {
+        let at = steps(point);
+        let [x, y, z] = [0, 1, 2].map(|axis| {
+            let cell = (at[axis] - self.low[axis]).div_euclid(self.side[axis]);
+            cell.clamp(0, self.counts[axis] - 1)
+        });
+        self.first + ((z * self.counts[1] + y) * self.counts[0] + x) as usize
+    }
+}
+
+fn steps(Point { x, y, z }: Point) -> [i64; 3] {
+    [x, y, z].map(i64::from)
+}
+
+/// Points by cell.
+struct NoiseGridLevel {
+    entries: Buckets<NoisePoint>,
+    bounds: Vec<Option<Bounds>>,
+}
+
+impl NoiseGridLevel {
+    fn new(cells: usize, folder: &Path, memory: u64) -> Self {
+        Self { entries: Buckets::new(folder, cells, memory), bounds: vec![None; cells] }
+    }
+
+    /// Extends the bounds of a cell by a point.
+    fn widen(&mut self, cell: usize, point: Point) {
+        let [low, high] = self.bounds[cell].unwrap_or([point; 2]);
+        self.bounds[cell] = Some([
+            Point { x: low.x.min(point.x), y: low.y.min(point.y), z: low.z.min(point.z) },
+            Point { x: high.x.max(point.x), y: high.y.max(point.y), z: high.z.max(point.z) },
+        ]);
+    }
+}
+
+/// Some points of a cell, or all of them.
+#[derive(Clone, Copy)]
+struct NoiseTile {
+    level: usize,
+    cell: usize,
+    first: u64,
+    count: u64,
+    bounds: Bounds,
+}
+
+/// All points.
+pub(super) struct NoiseTiles<'a> {
+    space: &'a NoiseSpace,
+    levels: Vec<NoiseGridLevel>,
+    parts: Vec<NoiseTile>,
+}
+
+/// Builder of parts.
+pub(super) struct NoisePartsBuilder<'a> {
+    space: &'a NoiseSpace,
+    folder: &'a Path,
+    memory: u64,
+    cells: NoiseCellBox,
+    level: NoiseGridLevel,
+}
+
+impl<'a> NoisePartsBuilder<'a> {
+    /// For about `points` points within bounds, of which `memory` bytes stay in memory.
+    pub(super) fn new(
+        space: &'a NoiseSpace,
+        (bounds, points): (Bounds, u64),
+        (folder, memory): (&'a Path, u64),
+    ) -> Self {
+        let cells = NoiseCellBox::new(bounds, space, cells_for(points), 0);
+        let level = NoiseGridLevel::new(cells.count(), folder, memory / 2);
+        Self { space, folder, memory, cells, level }
+    }
+
+    /// Adds points, draining `entries`.
+    pub(super) fn add(&mut self, entries: &mut Vec<NoisePoint>) -> Result<()> {
+        put(&mut self.level, &self.cells, entries)?;
+        entries.clear();
+        Ok(())
+    }
+
+    /// Divides cells that have too many points.
+    pub(super) fn finish(self, at: RunControl<'_>) -> Result<NoiseTiles<'a>> {
+        let Self { space, folder, memory, level, .. } = self;
+        let mut parts = NoiseTiles { space, levels: Vec::new(), parts: Vec::new() };
+        let mut next = Some(level);
+        while let Some(level) = next {
+            at.cancel.check()?;
+            let depth = parts.levels.len();
+            let crowded = parts.take(&level);
+            next = match crowded.is_empty() {
+                true => None,
+                false => {
+                    Some(divided(&level, &crowded, space, (folder, memory >> (depth + 2)), at)?)
+                }
+            };
+            parts.levels.push(level);
+        }
+        Ok(parts)
+    }
+}
+
+/// Adds points to their cells.
+fn put(level: &mut NoiseGridLevel, cells: &NoiseCellBox, entries: &[NoisePoint]) -> Result<()> {
+    let mut all: Vec<(usize, NoisePoint)> =
+        entries.iter().map(|entry| (cells.of(entry.point()), *entry)).collect();
+    // One push for each cell, not for each point: a push locks its bucket. Stable, so that points stay as they came.
+    all.sort_by_key(|(cell, _)| *cell);
+    let mut run = Vec::new();
+    for same in all.chunk_by(|(a, _), (b, _)| a == b) {
+        run.clear();
+        for (cell, entry) in same {
+            level.widen(*cell, entry.point());
+            run.push(*entry);
+        }
+        level.entries.push(same[0].0, &run)?;
+    }
+    Ok(())
+}
+
+/// Moves the points of some cells of a level into smaller ones.
+fn divided(
+    level: &NoiseGridLevel,
+    crowded: &[(usize, Bounds)],
+    space: &NoiseSpace,
+    (folder, memory): (&Path, u64),
+    at: RunControl<'_>,
+) -> Result<NoiseGridLevel> {
+    let points: u64 = crowded.iter().map(|(cell, _)| level.entries.len(*cell)).sum();
+    let average = AVERAGE.max(points / MAX_CELLS);
+    let (mut all, mut first) = (Vec::new(), 0);
+    for (cell, bounds) in crowded {
+        let cells =
+            // Two at least: one would be as crowded as before.
+            NoiseCellBox::new(*bounds, space, (level.entries.len(*cell) / average).max(2), first);
+        first += cells.count();
+        all.push(cells);
+    }
+    let mut next = NoiseGridLevel::new(first, folder, memory);
+    let mut some = vec![NoisePoint::zeroed(); TOGETHER];
+    for ((cell, _), cells) in crowded.iter().zip(&all) {
+        at.cancel.check()?;
+        let mut first = 0;
+        while first < level.entries.len(*cell) {
+            let read = level.entries.read_from(*cell, first, &mut some)?;
+            first += read as u64;
+            put(&mut next, cells, &some[..read])?;
+        }
+        level.entries.forget(*cell);
+    }
+    Ok(next)
+}
+
+impl NoiseTiles<'_> {
+    /// Adds the cells of the next level as parts, except those with too many points that can be divided.
+    fn take(&mut self, level: &NoiseGridLevel) -> Vec<(usize, Bounds)> {
+        let (depth, mut crowded) = (self.levels.len(), Vec::new());
+        for (cell, bounds) in level.bounds.iter().enumerate() {
+            let Some(bounds) = *bounds else { continue };
+            let count = level.entries.len(cell);
+            if count > MOST && bounds[0] != bounds[1] && depth < DEEPEST {
+                crowded.push((cell, bounds));
+                continue;
+            }
+            for first in (0..count).step_by(MOST as usize) {
+                let count = (count - first).min(MOST);
+                self.parts.push(NoiseTile { level: depth, cell, first, count, bounds });
+            }
+        }
+        crowded
+    }
+
+    pub(super) fn count(&self) -> u64 {
+        self.parts.len() as u64
+    }
+
+    /// The points of a part, and the numbers of their records.
+    pub(super) fn load(
+        &self,
+        part: u64,
+        points: &mut Vec<Point>,
+        numbers: &mut Vec<u64>,
+    ) -> Result<()> {
+        self.each(&self.parts[part as usize], &mut |entry| {
+            points.push(entry.point());
+            numbers.push(entry.number);
+        })
+    }
+
+    /// The parts around one.
+    pub(super) fn around(&self, part: u64) -> NearestParts<'_> {
+        NearestParts { parts: self, own: part as usize, queue: None, current: None }
+    }
+
+    fn each(&self, part: &NoiseTile, take: &mut dyn FnMut(&NoisePoint)) -> Result<()> {
+        let (entries, end) = (&self.levels[part.level].entries, part.first + part.count);
+        let mut some = vec![NoisePoint::zeroed(); TOGETHER.min(part.count as usize)];
+        let mut first = part.first;
+        while first < end {
+            let wanted = (end - first).min(some.len() as u64) as usize;
+            let read = entries.read_from(part.cell, first, &mut some[..wanted])?;
+            first += read as u64;
+            some[..read].iter().for_each(&mut *take);
+        }
+        Ok(())
+    }
+}
+
+/// The parts around one, the nearest first.
+pub(super) struct NearestParts<'a> {
+    parts: &'a NoiseTiles<'a>,
+    own: usize,
+    /// Sorted by the bits of their squared distances, which have the same order.
+    queue: Option<BinaryHeap<Reverse<(u64, usize)>>>,
+    current: Option<usize>,
+}
+
+impl NearestParts<'_> {
+    fn queue(&self, within: f64) -> BinaryHeap<Reverse<(u64, usize)>> {
+        let (space, all) = (self.parts.space, &self.parts.parts);
+        let own = all[self.own].bounds;
+        let gaps = all.iter().enumerate().filter(|(i, _)| *i != self.own);
+        let gaps = gaps.map(|(i, part)| (space.gap(own, part.bounds), i));
+        gaps.filter(|(gap, _)| *gap < within).map(|(gap, i)| Reverse((gap.to_bits(), i))).collect()
+    }
+}
+
+impl NeighborParts for NearestParts<'_> {
+    fn next(&mut self, within: f64) -> Option<Bounds> {
+        let mut queue = self.queue.take().unwrap_or_else(|| self.queue(within));
+        let next = queue.pop().filter(|Reverse((gap, _))| f64::from_bits(*gap) < within);
+        self.queue = Some(queue);
+        self.current = next.map(|Reverse((_, part))| part);
+        self.current.map(|part| self.parts.parts[part].bounds)
+    }
+
+    fn load(&mut self, points: &mut Vec<Point>) -> Result<()> {
+        let Some(part) = self.current else { return Ok(()) };
+        self.parts.each(&self.parts.parts[part], &mut |entry| points.push(entry.point()))
+    }
+}

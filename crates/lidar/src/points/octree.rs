@@ -1,0 +1,434 @@
+//! Writes records into an octree (COPC): every node has a sample of the points in its cube, and the nodes below
+//! it have the rest.
+//!
+//! A node with at most [`NODE_POINTS`] points has them all, and so has one whose points are all at one
+//! position. Otherwise its cube is divided into cells, and it takes the point nearest to the centre of each
+//! from the eight nodes below. The result is a function of the points only: it does not depend on the columns
+//! of nodes processed at a time, nor on the order of points, which are sorted in each node.
+//!
+//! Points are first divided into columns of the level where these have some ten thousand, as terrain is flat.
+//! The four columns of a node are processed together, and the sample of a node moves up.
+
+use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use crate::records::selection::place;
+use crate::records::{PointRecords, RecordFlow, total};
+use terrane_base::error::Result;
+use terrane_base::geom::{Point, PointFrame};
+use terrane_cloud::write::{CloudWriter, Key, OctreeCube, PointChunk, PointLayout};
+use terrane_cloud::{CloudInfo, PointFormat};
+use terrane_engine::plan::RunControl;
+use terrane_files::Buckets;
+
+/// Most points of a leaf node; more only if all are at one position.
+const NODE_POINTS: usize = 1 << 16;
+/// Cells along a side of a node, as a power of two.
+const CELLS: u32 = 7;
+/// Divisions of the cube along a side, as a power of two.
+const FINE: u32 = 30;
+/// Deepest level.
+const DEEPEST: u32 = FINE - CELLS - 1;
+/// Largest average number of points of a column.
+const COLUMN_POINTS: u64 = 50_000;
+/// Most levels of columns to start from.
+const MAX_LEVELS: u32 = 8;
+
+/// Maps points to the cube.
+pub(super) struct OctreePlacement {
+    frame: PointFrame,
+    cube: OctreeCube,
+}
+
+/// Pending nodes of a column, by their numbers from the bottom.
+type Column = BTreeMap<u32, PendingOctreeNode>;
+
+/// A node whose points may still move up.
+#[derive(Default)]
+struct PendingOctreeNode {
+    records: Vec<u8>,
+    /// Occupancy of the points here and below.
+    occupied: Occupancy,
+}
+
+/// Number of points, and the lowest and highest divisions of the cube they occupy.
+#[derive(Clone, Copy)]
+struct Occupancy {
+    points: usize,
+    low: [u32; 3],
+    high: [u32; 3],
+}
+
+impl Default for Occupancy {
+    /// The occupancy of no points.
+    fn default() -> Self {
+        Self { points: 0, low: [u32::MAX; 3], high: [0; 3] }
+    }
+}
+
+impl Occupancy {
+    /// The occupancy of one point.
+    fn of(fine: [u32; 3]) -> Self {
+        Self { points: 1, low: fine, high: fine }
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            points: self.points + other.points,
+            low: std::array::from_fn(|axis| self.low[axis].min(other.low[axis])),
+            high: std::array::from_fn(|axis| self.high[axis].max(other.high[axis])),
+        }
+    }
+
+    /// Whether a node has all these points itself.
+    fn is_whole(&self) -> bool {
+        self.points <= NODE_POINTS || self.low == self.high
+    }
+}
+
+/// A finished node.
+type Done = (Key, Vec<u8>);
+
+impl OctreePlacement {
+    /// The cube around a cloud.
+    pub(super) fn new(info: &CloudInfo) -> Self {
+        let origin = Point { x: 0, y: 0, z: 0 };
+        let [low, high] = info.bounds.unwrap_or([origin; 2]).map(|point| info.frame.world(point));
+        // A step at least: the cube around a single point is divided by its side too.
+        let reach = |axis: usize| (high[axis] - low[axis]).max(info.frame.scale[axis]);
+        let side = (0..3).map(reach).fold(0.0, f64::max);
+        Self { frame: info.frame, cube: OctreeCube { low, side, cells: 1 << CELLS } }
+    }
+
+    pub(super) fn cube(&self) -> OctreeCube {
+        self.cube
+    }
+
+    /// The node of a level that a record is in.
+    fn at(&self, level: u32, record: &[u8]) -> [u32; 3] {
+        self.fine(record).map(|fine| fine >> (FINE - level))
+    }
+
+    /// The division of the cube that a record is in.
+    fn fine(&self, record: &[u8]) -> [u32; 3] {
+        let world = self.frame.world(place(record));
+        let most = f64::from(1_u32 << FINE);
+        std::array::from_fn(|axis| {
+            let share = (world[axis] - self.cube.low[axis]) / self.cube.side;
+            // The highest point is at 1, or by rounding a hair beyond.
+            (share * most).clamp(0.0, most - 1.0) as u32
+        })
+    }
+}
+
+/// The four columns below one.
+fn below(at: [u32; 2]) -> [[u32; 2]; 4] {
+    [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[x, y]| [2 * at[0] + x, 2 * at[1] + y])
+}
+
+/// Makes the octree of records.
+pub(super) struct Octree<'a> {
+    pub(super) place: &'a OctreePlacement,
+    pub(super) layout: PointLayout,
+    pub(super) folder: &'a Path,
+    /// Bytes of records of a column in memory, and of all pending ones.
+    pub(super) memory: [u64; 2],
+    pub(super) at: RunControl<'a>,
+}
+
+impl Octree<'_> {
+    /// Writes all records.
+    pub(super) fn write(
+        &self,
+        records: &dyn PointRecords,
+        flow: RecordFlow,
+        writer: &mut CloudWriter,
+    ) -> Result<()> {
+        let all = total(records);
+        self.at.progress.begin("columns", all);
+        let level = (0..MAX_LEVELS).find(|level| all >> (2 * level) <= COLUMN_POINTS);
+        let level = level.unwrap_or(MAX_LEVELS);
+        let columns = OctreeColumns::new(level, 0, [0; 2], (self.folder, self.memory[1]));
+        flow.run(records, self.at, &mut |bytes| columns.take(bytes, self))?;
+        self.at.progress.end();
+        self.at.progress.begin("nodes", all);
+        let root = self.column(0, [0; 2], &columns, writer)?;
+        let root = root.into_iter().map(|(z, node)| ([0, 0, 0, z as i32], node.records));
+        self.put(root.collect(), writer)?;
+        self.at.progress.end();
+        Ok(())
+    }
+
+    fn size(&self) -> usize {
+        self.layout.size()
+    }
+
+    /// The nodes of a column of a level, those below it written.
+    fn column(
+        &self,
+        level: u32,
+        at: [u32; 2],
+        columns: &OctreeColumns,
+        writer: &mut CloudWriter,
+    ) -> Result<Column> {
+        self.at.cancel.check()?;
+        let four = below(at);
+        let below = match level == columns.level {
+            true if columns.bytes(at) <= self.memory[0] || level >= DEEPEST => {
+                return self.leaf(level, at, columns, writer);
+            }
+            true => {
+                let finer =
+                    // A quarter, as columns within columns wait at one time: all of them hold a third more than the first.
+                    OctreeColumns::new(level + 1, level, at, (self.folder, self.memory[1] / 4));
+                columns.each(at, self.size(), &mut |bytes| finer.take(bytes, self))?;
+                columns.forget(at);
+                self.all(level + 1, four, &finer, writer)?
+            }
+            false => self.all(level + 1, four, columns, writer)?,
+        };
+        let mut done = Vec::new();
+        let column = self.above(level, below, &mut done);
+        self.put(done, writer)?;
+        Ok(column)
+    }
+
+    /// Four columns: at once, where they are the lowest.
+    fn all(
+        &self,
+        level: u32,
+        four: [[u32; 2]; 4],
+        columns: &OctreeColumns,
+        writer: &mut CloudWriter,
+    ) -> Result<Vec<([u32; 2], Column)>> {
+        let is_small = |at: &[u32; 2]| columns.bytes(*at) <= self.memory[0];
+        if level < columns.level || !four.iter().all(is_small) {
+            let one = |at: [u32; 2]| Ok((at, self.column(level, at, columns, writer)?));
+            return four.into_iter().map(one).collect();
+        }
+        let built = four.into_par_iter().map(|at| Ok((at, self.build(level, at, columns)?)));
+        let built: Vec<_> = built.collect::<Result<_>>()?;
+        let mut all = Vec::new();
+        // Packed on all threads, but appended in the order of columns, so that their number leaves no trace.
+        for (at, (column, chunks)) in built {
+            self.append(chunks, writer)?;
+            all.push((at, column));
+        }
+        Ok(all)
+    }
+
+    /// A column whose points are all held.
+    fn leaf(
+        &self,
+        level: u32,
+        at: [u32; 2],
+        columns: &OctreeColumns,
+        writer: &mut CloudWriter,
+    ) -> Result<Column> {
+        let (column, chunks) = self.build(level, at, columns)?;
+        self.append(chunks, writer)?;
+        Ok(column)
+    }
+
+    /// The nodes of a column, and those below it, packed.
+    fn build(
+        &self,
+        level: u32,
+        at: [u32; 2],
+        columns: &OctreeColumns,
+    ) -> Result<(Column, Vec<(Key, PointChunk)>)> {
+        let mut records = Vec::new();
+        columns.each(at, self.size(), &mut |bytes| {
+            records.extend_from_slice(bytes);
+            Ok(())
+        })?;
+        columns.forget(at);
+        let mut done = Vec::new();
+        let column = self.split(level, at, records, &mut done);
+        Ok((column, self.packed(done)?))
+    }
+
+    /// The nodes of a column of these points; finished nodes below it go to `done`.
+    fn split(&self, level: u32, at: [u32; 2], records: Vec<u8>, done: &mut Vec<Done>) -> Column {
+        let mut column = Column::new();
+        for record in records.chunks_exact(self.size()) {
+            let fine = self.place.fine(record);
+            let node = column.entry(fine[2] >> (FINE - level)).or_default();
+            node.records.extend_from_slice(record);
+            node.occupied = node.occupied.and(Occupancy::of(fine));
+        }
+        // Deeper, cells would be finer than the divisions of the cube.
+        if level >= DEEPEST || column.values().all(|node| node.occupied.is_whole()) {
+            return column;
+        }
+        // The copies of this trial go before the quarters are made.
+        drop(column);
+        let mut four: [Vec<u8>; 4] = Default::default();
+        for record in records.chunks_exact(self.size()) {
+            let [x, y, _] = self.place.at(level + 1, record);
+            four[(x & 1 | (y & 1) << 1) as usize].extend_from_slice(record);
+        }
+        drop(records);
+        let one = |(at, records)| (at, self.split(level + 1, at, records, done));
+        let below = below(at).into_iter().zip(four).map(one).collect();
+        self.above(level, below, done)
+    }
+
+    /// The nodes of a column above four others, which become finished.
+    fn above(&self, level: u32, below: Vec<([u32; 2], Column)>, done: &mut Vec<Done>) -> Column {
+        let mut nodes: BTreeMap<u32, Vec<([u32; 3], PendingOctreeNode)>> = BTreeMap::new();
+        for ([x, y], column) in below {
+            for (z, node) in column {
+                nodes.entry(z / 2).or_default().push(([x, y, z], node));
+            }
+        }
+        nodes.into_iter().map(|(z, below)| (z, self.taken(level, below, done))).collect()
+    }
+
+    /// The sample of a node from those below it, which become finished.
+    fn taken(
+        &self,
+        level: u32,
+        below: Vec<([u32; 3], PendingOctreeNode)>,
+        done: &mut Vec<Done>,
+    ) -> PendingOctreeNode {
+        let all = below.iter().map(|(_, node)| node.occupied);
+        let occupied = all.fold(Occupancy::default(), Occupancy::and);
+        let all: Vec<(usize, &[u8])> = (0..)
+            .zip(&below)
+            .flat_map(|(i, (_, node))| node.records.chunks_exact(self.size()).map(move |r| (i, r)))
+            .collect();
+        let is_whole = occupied.is_whole();
+        let best = if is_whole { HashMap::new() } else { self.best(level, &all) };
+        let mut own = Vec::new();
+        let mut rest: Vec<Vec<u8>> = vec![Vec::new(); below.len()];
+        for (number, (i, record)) in all.into_iter().enumerate() {
+            let cell = self.cell(level, record);
+            let is_own = is_whole || best.get(&cell).is_some_and(|best| best.1 == number);
+            if is_own { &mut own } else { &mut rest[i] }.extend_from_slice(record);
+        }
+        let level = level as i32 + 1;
+        for ((at, _), records) in below.iter().zip(rest).filter(|(_, rest)| !rest.is_empty()) {
+            let [x, y, z] = at.map(|number| number as i32);
+            done.push(([level, x, y, z], records));
+        }
+        PendingOctreeNode { records: own, occupied }
+    }
+
+    /// The point nearest to the centre of each cell; of ties the first by its bytes.
+    fn best(&self, level: u32, all: &[(usize, &[u8])]) -> HashMap<u32, (u64, usize)> {
+        let mut best: HashMap<u32, (u64, usize)> = HashMap::new();
+        for (number, (_, record)) in all.iter().enumerate() {
+            let one = (self.apart(level, record), number);
+            let known = best.entry(self.cell(level, record)).or_insert(one);
+            let is_nearer = (one.0, record).lt(&(known.0, &all[known.1].1));
+            if is_nearer {
+                *known = one;
+            }
+        }
+        best
+    }
+
+    /// The cell of a node of a level that a record is in.
+    fn cell(&self, level: u32, record: &[u8]) -> u32 {
+        let [x, y, z] =
+            self.place.fine(record).map(|fine| fine >> (FINE - level - CELLS) & ((1 << CELLS) - 1));
+        x | y << CELLS | z << (2 * CELLS)
+    }
+
+    /// Squared distance of a record from the centre of its cell.
+    fn apart(&self, level: u32, record: &[u8]) -> u64 {
+        let side = 1_i64 << (FINE - level - CELLS);
+        // Doubled: the middles of a cell and of a division of the cube are both at halves.
+        let along = |fine: u32| 2 * (i64::from(fine) & (side - 1)) + 1 - side;
+        self.place.fine(record).map(|fine| along(fine).pow(2) as u64).iter().sum()
+    }
+
+    fn put(&self, done: Vec<Done>, writer: &mut CloudWriter) -> Result<()> {
+        self.append(self.packed(done)?, writer)
+    }
+
+    fn packed(&self, done: Vec<Done>) -> Result<Vec<(Key, PointChunk)>> {
+        let pack = |(key, records): Done| Ok((key, self.layout.pack(self.sorted(&records))?));
+        done.into_par_iter().map(pack).collect()
+    }
+
+    fn append(&self, chunks: Vec<(Key, PointChunk)>, writer: &mut CloudWriter) -> Result<()> {
+        for (key, chunk) in chunks {
+            writer.append_node(key, &chunk)?;
+            self.at.progress.advance(chunk.points() as u64);
+        }
+        Ok(())
+    }
+
+    /// Records by time, then by their bytes.
+    fn sorted(&self, records: &[u8]) -> Vec<u8> {
+        let at = PointFormat::default().time_at().unwrap_or(0);
+        let time =
+            |record: &[u8]| record[at..].first_chunk().map_or(0.0, |t| f64::from_le_bytes(*t));
+        let mut all: Vec<(f64, &[u8])> =
+            records.chunks_exact(self.size()).map(|record| (time(record), record)).collect();
+        // Records that are equal in both are the same bytes: the order of the input does not show.
+        all.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(b.1)));
+        all.iter().flat_map(|(_, record)| record.iter().copied()).collect()
+    }
+}
+
+/// Records by columns of a level, in memory and in a file.
+struct OctreeColumns {
+    level: u32,
+    /// Level and position of their common column.
+    within: (u32, [u32; 2]),
+    buckets: Buckets<u8>,
+}
+
+impl OctreeColumns {
+    fn new(level: u32, above: u32, at: [u32; 2], (folder, memory): (&Path, u64)) -> Self {
+        let count = 1 << (2 * (level - above));
+        Self { level, within: (above, at), buckets: Buckets::new(folder, count, memory) }
+    }
+
+    fn number(&self, at: [u32; 2]) -> usize {
+        let (above, corner) = self.within;
+        let shift = self.level - above;
+        let [x, y] = [0, 1].map(|axis| at[axis] - (corner[axis] << shift));
+        (y << shift | x) as usize
+    }
+
+    fn take(&self, bytes: &[u8], octree: &Octree<'_>) -> Result<()> {
+        for record in bytes.chunks_exact(octree.size()) {
+            let [x, y, _] = octree.place.at(self.level, record);
+            self.buckets.push(self.number([x, y]), record)?;
+        }
+        Ok(())
+    }
+
+    fn bytes(&self, at: [u32; 2]) -> u64 {
+        self.buckets.len(self.number(at))
+    }
+
+    /// Reads the complete records of a column, in batches.
+    fn each(
+        &self,
+        at: [u32; 2],
+        size: usize,
+        each: &mut dyn FnMut(&[u8]) -> Result<()>,
+    ) -> Result<()> {
+        let (number, most) = (self.number(at), (1 << 20) / size * size);
+        let (mut first, mut piece) = (0, Vec::new());
+        while first < self.buckets.len(number) {
+            let left = self.buckets.len(number) - first;
+            piece.resize(left.min(most as u64) as usize, 0);
+            let found = self.buckets.read_from(number, first, &mut piece)?;
+            each(&piece[..found])?;
+            first += found as u64;
+        }
+        Ok(())
+    }
+
+    fn forget(&self, at: [u32; 2]) {
+        self.buckets.forget(self.number(at));
+    }
+}

@@ -1,0 +1,229 @@
+//! A prepared job on points: run whole, in portions, or analysed for a plan.
+
+use std::time::Instant;
+
+use super::assign::{AssignedRecords, AttributeAssigner};
+use super::context::TranslateContext;
+use super::ground_input::GroundInput;
+use super::height_above_ground::queries::HeightsAs;
+use super::input_records::InputRecords;
+use super::job::TranslateJob;
+use super::memory_shares::TranslateMemory;
+use super::noise::MarkedRecords;
+use super::noise::noise_index::Noise;
+use super::report::TranslateReport;
+use super::reprojection::MovedRecords;
+use super::split::{AttributeSplit, SplitColumn};
+use super::tile_subset::{CloudKnowledge, TileSubset};
+use super::tiled_output::{SplitFiles, refuse_within};
+use crate::records::{PointRecords, over};
+use terrane_base::error::Result;
+use terrane_cloud::write::CloudWriteOptions;
+use terrane_cloud::{PointCloud, PointFormatConverter, PointSource};
+use terrane_engine::input::workers;
+use terrane_engine::memory::with_polygons;
+use terrane_engine::plan::RunControl;
+use terrane_engine::run_statistics::RunStatistics;
+use terrane_engine::skip_bad::LostPoints;
+use terrane_engine::transform::Transformed;
+use terrane_engine::{Cancel, Progress, Resources};
+use terrane_files::atomic::refuse_existing;
+
+/// Writes the points. Nothing appears under the output's name unless it succeeds.
+///
+/// # Errors
+/// An output that exists, cannot be created, or has an unknown extension; files that cannot be merged;
+/// attributes that the format does not hold; too little memory.
+pub fn run(
+    job: &TranslateJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<TranslateReport> {
+    let (start, at) = (Instant::now(), RunControl { progress, cancel });
+    refuse_existing(&job.output, job.overwrite)?;
+    job.packing()?;
+    let cloud = job.open()?;
+    if job.squares.is_some() || job.split.is_some() {
+        refuse_within(cloud.files(), &job.output)?;
+    }
+    let make = |resources| {
+        let job = TranslateJob { resources, ..job.clone() };
+        prepared(&job, &cloud, None, at, |prepared| prepared.report(start))
+    };
+    let mut report = with_polygons(&job.cloud, &job.resources, make)?;
+    report.run.memory_budget = job.resources.memory;
+    Ok(report)
+}
+
+/// Prepares a job on a point cloud, or some tiles of it, and calls `work`.
+pub(super) fn prepared<T: Send>(
+    job: &TranslateJob,
+    cloud: &PointCloud,
+    portion: Option<&TileSubset<'_>>,
+    at: RunControl<'_>,
+    act: impl FnOnce(&Prepared<'_>) -> Result<T> + Send,
+) -> Result<T> {
+    let packing = job.packing()?;
+    let carrier = converter(job, cloud)?;
+    let told = job.above.info(carrier.info());
+    let columns = carrier.columns();
+    let assigning = AttributeAssigner::new(&job.assign, (carrier.format(), &columns), &told.frame)?;
+    let values = |split: &AttributeSplit| SplitColumn::new(split, (carrier.format(), &columns));
+    let values = job.split.as_ref().map(values).transpose()?;
+    let source = InputRecords::within(cloud, &carrier, portion.map(TileSubset::window))
+        .with(portion.and_then(TileSubset::noise).map(|noise| &noise.own));
+    let needed = job.needed(packing, carrier.info(), (source.count(), portion.is_some()));
+    let shares =
+        TranslateMemory::new(&job.resources, (carrier.size(), carrier.extra_bytes()), needed)?;
+    let threads = shares.threads;
+    let moved = job.moved(&told)?;
+    let info = moved.as_ref().map_or(&told, |moved| &moved.info);
+    let file = carrier.file(info.frame, info.crs.clone());
+    let options = CloudWriteOptions { packing, overwrite: job.overwrite, ..file };
+    let work = TranslateContext {
+        job,
+        input: cloud,
+        cloud: cloud.info(),
+        assigning: &assigning,
+        values: values.as_ref(),
+        told: &told,
+        info,
+        moved: moved.as_ref(),
+        carrier: &carrier,
+        options,
+        shares,
+        portion,
+        at,
+    };
+    let resources = Resources { threads, ..job.resources.clone() };
+    let prepared = Prepared { work, source: &source };
+    workers(&resources)?.install(|| act(&prepared))
+}
+
+/// A prepared job.
+pub(super) struct Prepared<'a> {
+    pub(super) work: TranslateContext<'a>,
+    pub(super) source: &'a InputRecords<'a>,
+}
+
+impl Prepared<'_> {
+    /// Writes the output; returns its files, and notes on points, one line each.
+    pub(super) fn make(&self) -> Result<(SplitFiles, Vec<String>)> {
+        let wide = self.work.job.wide(self.work.portion.is_some())?;
+        self.work.run(self.source, wide.as_ref())
+    }
+
+    /// Writes the output and reports on it; the work began at `start`.
+    pub(super) fn report(&self, start: Instant) -> Result<TranslateReport> {
+        let (made, found) = self.make()?;
+        let TranslateContext { job, info, moved, carrier, shares, .. } = &self.work;
+        let run = RunStatistics::since(start, &job.resources).with_threads(shares.threads);
+        let census = self.source.census();
+        Ok(TranslateReport {
+            input: job.input.join(", "),
+            output: job.output.display().to_string(),
+            point_format: carrier.format().number(),
+            census: Some(census),
+            files: made.files,
+            points: made.points,
+            crs: info.crs.label(),
+            output_bytes: made.bytes,
+            points_per_second: Some(run.rate(census.read)),
+            run,
+            transformed: moved.map(|moved| Transformed::of(&moved.operation)),
+            notes: [self.notes(), LostPoints::of(self.source.cloud()).notes().collect(), found]
+                .concat(),
+        })
+    }
+
+    /// Notes on the point cloud and on its attributes, one line each.
+    pub(super) fn notes(&self) -> Vec<String> {
+        let TranslateContext { carrier, moved, .. } = &self.work;
+        let moved = moved.iter().flat_map(|moved| &moved.notes);
+        self.source.cloud().notes().iter().chain(carrier.notes()).chain(moved).cloned().collect()
+    }
+
+    /// Statistics of the whole point cloud for a plan: the noise and the ground.
+    pub(super) fn scan(&self) -> Result<CloudKnowledge> {
+        let (work, above) = (&self.work, &self.work.job.above);
+        let wide = work.job.wide(false)?;
+        let is_own = wide.is_none() || above.noise().is_some();
+        let single = if is_own { work.single(self.source)? } else { None };
+        let records = over(&single, self.source);
+        let marked = work.mark(records)?;
+        let noted = |marked: &MarkedRecords<'_>| {
+            let (own, notes) = (marked.noted(single.as_ref())?, marked.notes.clone());
+            Ok(Noise { own, wide: None, notes })
+        };
+        let mut noise = marked.as_ref().map(noted).transpose()?;
+        let seen = match wide {
+            Some(wide) => Some(work.look_at_wide(&wide, noise.as_mut())?),
+            None if above.is_asked() => Some(work.looking().scan(over(&marked, records))?),
+            None => None,
+        };
+        Ok(CloudKnowledge { noise, seen })
+    }
+}
+
+impl TranslateContext<'_> {
+    /// Writes the selected records, and returns notes.
+    fn run(
+        &self,
+        source: &dyn PointRecords,
+        wide: Option<&GroundInput>,
+    ) -> Result<(SplitFiles, Vec<String>)> {
+        let (job, record) = (self.job, self.shares.flow.record);
+        let single = self.single(source)?;
+        let records = over(&single, source);
+        let marked = self.mark(records)?;
+        let records = over(&marked, records);
+        let told = job.above.is_asked().then(|| self.tell(records, wide)).transpose()?;
+        let records = over(&told, records);
+        let (assigning, cloud) = (self.assigning, self.input);
+        let assigned = (!job.assign.is_empty()).then_some(AssignedRecords {
+            records,
+            assigning,
+            record,
+            cloud,
+        });
+        let records = over(&assigned, records);
+        let lines = job.overlap.map(|overlap| self.lines(records, overlap)).transpose()?;
+        let records = over(&lines, records);
+        let thinned = job.thin.map(|thin| self.thin(records, thin)).transpose()?;
+        let records = over(&thinned, records);
+        let apart = job.distance.map(|least| self.discs(least).select(records)).transpose()?;
+        let records = over(&apart, records);
+        let moved = self.moved.map(|to| MovedRecords { records, to, record });
+        let records = over(&moved, records);
+        let sorted = job.sort.map(|by| self.sort(records, by)).transpose()?;
+        let made = self.write(over(&sorted, records))?;
+        let note = lines.iter().zip(job.overlap).map(|(lines, overlap)| {
+            let (side, left_out) = (overlap.side(self.told), lines.left_out());
+            format!("overlap: {left_out} points of other flight lines dropped, in cells of {side}")
+        });
+        let noise = marked.iter().flat_map(|marked| &marked.notes);
+        let ground = told.iter().flat_map(|told| &told.notes);
+        let mut notes: Vec<_> = noise.chain(ground).cloned().chain(note).collect();
+        // Both may say that the unit is a guess.
+        notes.dedup();
+        Ok((made, notes))
+    }
+}
+
+/// The reader of the points of a valid job.
+pub(super) fn converter<'a>(
+    job: &TranslateJob,
+    cloud: &'a PointCloud,
+) -> Result<PointFormatConverter<'a>> {
+    let has_dimension = job.above.heights == Some(HeightsAs::Dimension);
+    let carrier = PointFormatConverter::new(cloud, job.target()?, has_dimension)?;
+    job.check((carrier.format(), job.packing()?), carrier.info())?;
+    Ok(carrier)
+}
+
+/// Least memory for a part of a job with `points` points, and its part for a thread.
+pub(super) fn least(job: &TranslateJob, cloud: &PointCloud, points: u64) -> Result<[u64; 2]> {
+    let carrier = converter(job, cloud)?;
+    let needed = job.needed(job.packing()?, carrier.info(), (points, true));
+    Ok(TranslateMemory::least((carrier.size(), carrier.extra_bytes()), needed))
+}

@@ -1,0 +1,168 @@
+//! Reprojects points: after selection and classification, before sorting and tiling.
+
+use crate::records::selection::place;
+use crate::records::{PointRecords, RecordUnit, Take};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Crs, Point, PointFrame, REACH};
+use terrane_cloud::CloudInfo;
+use terrane_crs::CoordinateOperation;
+
+/// Approximate metres of a degree.
+const DEGREE: f64 = 111_320.0;
+/// Positions along a side of the point cloud, transformed to estimate its bounds.
+const PLACES: u32 = 32;
+/// Margin of these bounds, as a fraction of the size.
+const MARGIN: f64 = 0.01;
+
+/// A reprojection of a point cloud.
+pub(super) struct CloudReprojection {
+    pub(super) operation: CoordinateOperation,
+    from: PointFrame,
+    /// Frame, bounds and CRS of the output.
+    pub(super) info: CloudInfo,
+    /// Notes for the report.
+    pub(super) notes: Vec<String>,
+}
+
+impl CloudReprojection {
+    /// The reprojection of a point cloud by an operation.
+    ///
+    /// # Errors
+    /// Positions that cannot be transformed.
+    pub(super) fn new(info: &CloudInfo, operation: CoordinateOperation) -> Result<Self> {
+        let [low, high] = extent(info, &operation)?;
+        let asked = scale(&info.frame, (&info.crs, operation.target()), operation.keeps_heights());
+        let reach = |axis: usize| (high[axis] - low[axis]) / f64::from(REACH);
+        let coarser = |axis: usize| {
+            let finer = asked[axis] < reach(axis);
+            if finer { power_of_ten(reach(axis).log10().ceil() as i32) } else { asked[axis] }
+        };
+        let scale = [coarser(0), coarser(1), coarser(2)];
+        let note = (scale != asked).then(|| {
+            format!("coordinates have a scale of {scale:?}: finer scales do not cover the extent")
+        });
+        let heights = operation.keeps_heights().then_some(info.frame.offset[2]);
+        let offset = [low[0].floor(), low[1].floor(), heights.unwrap_or_else(|| low[2].floor())];
+        let frame = PointFrame { scale, offset };
+        let steps = |world: [f64; 3], up: i32| {
+            let [x, y, z] = [0, 1, 2].map(|axis| frame.steps(axis, world[axis]).round() as i32);
+            Point { x: x.saturating_add(up), y: y.saturating_add(up), z: z.saturating_add(up) }
+        };
+        let bounds = info.bounds.map(|_| [steps(low, -1), steps(high, 1)]);
+        let crs = operation.target().clone();
+        let kept = operation.keeps_heights().then(|| note_on_heights(&info.crs, &crs)).flatten();
+        let notes = operation.notes().iter().cloned().chain(kept).chain(note).collect();
+        let from = info.frame;
+        Ok(Self {
+            operation,
+            from,
+            info: CloudInfo { frame, bounds, count: info.count, crs },
+            notes,
+        })
+    }
+}
+
+/// The note on unchanged heights, if the horizontal unit changes, or only one CRS defines heights.
+fn note_on_heights(from: &Crs, to: &Crs) -> Option<String> {
+    let (across, other) = (from.horizontal_unit(), to.horizontal_unit());
+    let is_length = |unit: &str| !matches!(unit, "degree" | "unit");
+    let unit = match (&from.vertical_unit, &to.vertical_unit) {
+        (Some(unit), None) if unit != other => unit.as_str(),
+        (None, None) if is_length(across) && across != other => "an unknown unit",
+        _ => return None,
+    };
+    Some(format!(
+        "heights stay in {unit}: the target CRS does not define them (a compound CRS such as EPSG:26910+5703 does)"
+    ))
+}
+
+/// Lowest and highest coordinates of a point cloud in the target CRS, with a margin.
+fn extent(info: &CloudInfo, operation: &CoordinateOperation) -> Result<[[f64; 3]; 2]> {
+    let (mut lowest, mut highest) = ([f64::MAX; 3], [f64::MIN; 3]);
+    let Some([low, high]) = info.bounds else { return Ok([[0.0; 3]; 2]) };
+    let [low, high] = [low, high].map(|point| info.frame.world(point));
+    let along = |axis: usize, i: u32| {
+        low[axis] + (high[axis] - low[axis]) * f64::from(i) / f64::from(PLACES)
+    };
+    for i in 0..=PLACES {
+        for j in 0..=PLACES {
+            for z in [low[2], high[2]] {
+                let at = operation.point([along(0, i), along(1, j), z])?;
+                lowest = std::array::from_fn(|axis| lowest[axis].min(at[axis]));
+                highest = std::array::from_fn(|axis| highest[axis].max(at[axis]));
+            }
+        }
+    }
+    let margin = std::array::from_fn::<_, 3, _>(|axis| (highest[axis] - lowest[axis]) * MARGIN);
+    Ok([
+        std::array::from_fn(|axis| lowest[axis] - margin[axis]),
+        std::array::from_fn(|axis| highest[axis] + margin[axis]),
+    ])
+}
+
+/// Scales as powers of ten, not coarser than those of the point cloud.
+fn scale(frame: &PointFrame, (from, to): (&Crs, &Crs), keeps_heights: bool) -> [f64; 3] {
+    let metres = |crs: &Crs| crs.horizontal_metres().unwrap_or(DEGREE);
+    let below = |length: f64| power_of_ten((length.log10() + 1e-9).floor() as i32);
+    let across = |axis: usize| below(frame.scale[axis] * metres(from) / metres(to));
+    let height = if keeps_heights { frame.scale[2] } else { below(frame.scale[2]) };
+    [across(0), across(1), height]
+}
+
+/// The nearest number to a power of ten.
+fn power_of_ten(power: i32) -> f64 {
+    format!("1e{power}").parse().unwrap_or(1.0)
+}
+
+/// Reprojected records.
+pub(super) struct MovedRecords<'a> {
+    pub(super) records: &'a dyn PointRecords,
+    pub(super) to: &'a CloudReprojection,
+    /// Bytes of a record.
+    pub(super) record: usize,
+}
+
+impl MovedRecords<'_> {
+    fn place(&self, record: &[u8]) -> Result<Point> {
+        let CloudReprojection { operation, from, info, .. } = self.to;
+        let world = operation.point(from.world(place(record)))?;
+        let steps = [0, 1, 2].map(|axis| info.frame.steps(axis, world[axis]).round());
+        let [x, y, z] = steps.map(|step| step as i32);
+        let within = |[low, high]: [Point; 2]| {
+            (low.x..=high.x).contains(&x)
+                && (low.y..=high.y).contains(&y)
+                && (low.z..=high.z).contains(&z)
+        };
+        match info.bounds.is_some_and(within) {
+            true => Ok(Point { x, y, z }),
+            false => Err(Error::unsupported(format!(
+                "the position {world:?} of a point in {} is far from its neighbours",
+                info.crs.label()
+            ))
+            .remedy("exclude it with ‹bounds›")),
+        }
+    }
+}
+
+impl PointRecords for MovedRecords<'_> {
+    fn units(&self) -> usize {
+        self.records.units()
+    }
+
+    fn unit(&self, unit: usize) -> RecordUnit<'_> {
+        self.records.unit(unit)
+    }
+
+    fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
+        let mut moved = Vec::new();
+        self.records.read(unit, &mut |bytes| {
+            moved.clear();
+            moved.extend_from_slice(bytes);
+            for record in moved.chunks_exact_mut(self.record) {
+                let Point { x, y, z } = self.place(record)?;
+                record[..12].copy_from_slice([x, y, z].map(i32::to_le_bytes).as_flattened());
+            }
+            take(&moved)
+        })
+    }
+}

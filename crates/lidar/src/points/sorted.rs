@@ -1,0 +1,330 @@
+//! External sort of records: sorted runs that fit into memory are spilled and merged.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::path::Path;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use terrane_options::Choice;
+
+use crate::records::selection::{place, time};
+use crate::records::{PointRecords, RecordFlow, RecordUnit, Take, total};
+use terrane_base::bits::ordered;
+use terrane_base::error::{Error, Result};
+use terrane_cloud::PointFormat;
+use terrane_engine::plan::RunControl;
+use terrane_files::{SpoolExtent, SpoolFile};
+
+/// An order of points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sort {
+    /// Morton order (z-order curve) of x and y, then z and time
+    Morton,
+    /// by time
+    Time,
+}
+
+/// Sort key of records; the sort is stable.
+type Key = [u64; 3];
+
+/// How records are compared.
+#[derive(Clone, Copy)]
+struct RecordOrder {
+    by: Sort,
+    /// Offset of the time in a record.
+    time: Option<usize>,
+}
+
+impl RecordOrder {
+    fn key(self, record: &[u8]) -> Key {
+        let at = place(record);
+        let time = time(record, self.time);
+        match self.by {
+            Sort::Morton => {
+                [spread(ordered(at.x)) | spread(ordered(at.y)) << 1, ordered(at.z), time]
+            }
+            Sort::Time => [time, 0, 0],
+        }
+    }
+}
+
+/// The 32 bits of a number, each with a zero before it.
+fn spread(bits: u64) -> u64 {
+    [(16, 0x0000_FFFF_0000_FFFF), (8, 0x00FF_00FF_00FF_00FF), (4, 0x0F0F_0F0F_0F0F_0F0F)]
+        .into_iter()
+        .chain([(2, 0x3333_3333_3333_3333), (1, 0x5555_5555_5555_5555)])
+        .fold(bits, |bits, (by, mask)| (bits | bits << by) & mask)
+}
+
+/// Bytes of a piece of a run.
+const PIECE: usize = if cfg!(test) { 256 } else { 128 << 10 };
+/// Least memory for a run, or for the pieces of merged runs.
+pub(super) const LEAST: u64 = 4 << 20;
+/// Bytes for the key of a record while a run is sorted.
+const KEY: usize = size_of::<(Key, u32)>();
+
+/// A run: sorted records in pieces.
+type Run = Vec<SortedRunPiece>;
+
+struct SortedRunPiece {
+    extent: SpoolExtent,
+    bytes: usize,
+}
+
+/// Sorted records.
+pub(super) struct SortedRecords {
+    order: RecordOrder,
+    /// Bytes of a record.
+    record: usize,
+    spool: SpoolFile,
+    runs: Vec<Run>,
+    points: u64,
+}
+
+/// Read position in a run.
+struct SortedRunCursor<'a> {
+    pieces: std::slice::Iter<'a, SortedRunPiece>,
+    records: Vec<u8>,
+    at: usize,
+}
+
+impl SortedRecords {
+    /// Reads all records once; uses `memory` bytes, and spills the rest to `folder`.
+    ///
+    /// # Errors
+    /// An order by time for a format without times.
+    pub(super) fn new(
+        records: &dyn PointRecords,
+        (by, format): (Sort, PointFormat),
+        (flow, memory, folder): (RecordFlow, u64, &Path),
+        at: RunControl<'_>,
+    ) -> Result<Self> {
+        check(by, format)?;
+        let (order, spool) = (RecordOrder { by, time: format.time_at() }, SpoolFile::new(folder));
+        let record = flow.record;
+        let mut sorted = Self { order, record, spool, runs: Vec::new(), points: 0 };
+        at.progress.begin("sorting", total(records));
+        sorted.fill(records, (flow, memory), at)?;
+        let most = (memory as usize / PIECE).max(3) - 1;
+        while sorted.runs.len() > most {
+            at.cancel.check()?;
+            sorted.merge_some(most)?;
+        }
+        at.progress.end();
+        Ok(sorted)
+    }
+
+    fn fill(
+        &mut self,
+        records: &dyn PointRecords,
+        (flow, memory): (RecordFlow, u64),
+        at: RunControl<'_>,
+    ) -> Result<()> {
+        let each = (self.record + KEY) as u64;
+        let most = (memory / each).clamp(1, u32::MAX.into()) as usize * self.record;
+        let all = total(records).saturating_mul(self.record as u64);
+        let mut held: Vec<u8> = Vec::with_capacity(all.min(most as u64) as usize);
+        flow.run(records, at, &mut |mut bytes| {
+            while !bytes.is_empty() {
+                let (now, later) = bytes.split_at(bytes.len().min(most - held.len()));
+                held.extend_from_slice(now);
+                bytes = later;
+                if held.len() == most {
+                    self.sort(&held)?;
+                    held.clear();
+                }
+            }
+            Ok(())
+        })?;
+        self.sort(&held)
+    }
+
+    /// Adds a run.
+    fn sort(&mut self, records: &[u8]) -> Result<()> {
+        let keys = records.par_chunks(self.record).enumerate();
+        let mut keys: Vec<_> =
+            keys.map(|(number, record)| (self.order.key(record), number as u32)).collect();
+        keys.par_sort_unstable();
+        self.points += keys.len() as u64;
+        let (mut run, mut piece) = (Run::new(), Vec::new());
+        for (_, number) in keys {
+            let first = number as usize * self.record;
+            piece.extend_from_slice(&records[first..first + self.record]);
+            self.put(&mut piece, PIECE, &mut run)?;
+        }
+        self.put(&mut piece, 1, &mut run)?;
+        if !run.is_empty() {
+            self.runs.push(run);
+        }
+        Ok(())
+    }
+
+    /// Adds a piece to a run, if it has at least `least` bytes.
+    fn put(&self, piece: &mut Vec<u8>, least: usize, run: &mut Run) -> Result<()> {
+        if piece.len() >= least {
+            run.push(SortedRunPiece { extent: self.spool.put(&[piece])?, bytes: piece.len() });
+            piece.clear();
+        }
+        Ok(())
+    }
+
+    /// Merges adjacent runs, `most` at a time.
+    fn merge_some(&mut self, most: usize) -> Result<()> {
+        let mut merged = Vec::new();
+        for some in std::mem::take(&mut self.runs).chunks_mut(most) {
+            let mut run = Run::new();
+            self.merge(some, &mut |bytes| {
+                let mut piece = bytes.to_vec();
+                self.put(&mut piece, 1, &mut run)
+            })?;
+            some.iter_mut()
+                .flat_map(std::mem::take)
+                .for_each(|piece| self.spool.free(piece.extent));
+            merged.push(run);
+        }
+        self.runs = merged;
+        Ok(())
+    }
+
+    /// Merges some runs, a piece at a time; equal records keep the order of runs.
+    fn merge(&self, runs: &[Run], take: &mut Take<'_>) -> Result<()> {
+        let mut cursors: Vec<_> = runs.iter().map(|run| SortedRunCursor::new(run)).collect();
+        let mut next = BinaryHeap::new();
+        for (number, cursor) in cursors.iter_mut().enumerate() {
+            next.extend(cursor.key(self)?.map(|key| Reverse((key, number))));
+        }
+        let mut piece = Vec::new();
+        while let Some(Reverse((_, number))) = next.pop() {
+            let cursor = &mut cursors[number];
+            piece.extend_from_slice(&cursor.records[cursor.at..cursor.at + self.record]);
+            cursor.at += self.record;
+            next.extend(cursor.key(self)?.map(|key| Reverse((key, number))));
+            if piece.len() >= PIECE {
+                take(&piece)?;
+                piece.clear();
+            }
+        }
+        take(&piece)
+    }
+}
+
+impl<'a> SortedRunCursor<'a> {
+    fn new(run: &'a [SortedRunPiece]) -> Self {
+        Self { pieces: run.iter(), records: Vec::new(), at: 0 }
+    }
+
+    /// The key of the next record; `None` at the end of the run.
+    fn key(&mut self, sorted: &SortedRecords) -> Result<Option<Key>> {
+        if self.at == self.records.len() {
+            let Some(SortedRunPiece { extent, bytes }) = self.pieces.next() else {
+                return Ok(None);
+            };
+            self.records.resize(*bytes, 0);
+            sorted.spool.get(extent, 0, &mut [&mut self.records])?;
+            self.at = 0;
+        }
+        Ok(Some(sorted.order.key(&self.records[self.at..self.at + sorted.record])))
+    }
+}
+
+impl PointRecords for SortedRecords {
+    fn units(&self) -> usize {
+        1
+    }
+
+    fn unit(&self, _: usize) -> RecordUnit<'_> {
+        RecordUnit::of(self.points)
+    }
+
+    fn read(&self, _: usize, take: &mut Take<'_>) -> Result<()> {
+        self.merge(&self.runs, take)
+    }
+}
+
+/// Fails if a point format does not support an order.
+pub(super) fn check(by: Sort, format: PointFormat) -> Result<()> {
+    if by == Sort::Time && format.time_at().is_none() {
+        let number = format.number();
+        return Err(Error::usage(format!(
+            "‹sort› time requires GPS times, which point format {number} lacks"
+        ))
+        .remedy("pass ‹sort› morton, or leave out ‹sort›"));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use terrane_engine::{Cancel, Silent};
+
+    /// Records of format 1 in units of a few.
+    struct Listed(Vec<Vec<u8>>);
+
+    impl PointRecords for Listed {
+        fn units(&self) -> usize {
+            self.0.len().div_ceil(7)
+        }
+
+        fn unit(&self, unit: usize) -> RecordUnit<'_> {
+            RecordUnit::of(self.0.len().saturating_sub(7 * unit).min(7) as u64)
+        }
+
+        fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
+            self.0.iter().skip(7 * unit).take(7).try_for_each(|record| take(record))
+        }
+    }
+
+    fn record(number: usize, (x, y, z, time): (i32, i32, i32, f64)) -> Vec<u8> {
+        let mut record = [x, y, z].map(i32::to_le_bytes).concat();
+        record.extend_from_slice(&(number as u64).to_le_bytes());
+        record.extend_from_slice(&time.to_le_bytes());
+        record
+    }
+
+    /// The order of places bit by bit, from the highest on: y before x.
+    fn interleaved(x: i32, y: i32) -> Vec<bool> {
+        let bit = |value: i32, bit: u32| (i64::from(value) + (1 << 31)) >> bit & 1 == 1;
+        (0..32).rev().flat_map(|at| [bit(y, at), bit(x, at)]).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn like_a_stable_sort_in_any_memory(
+            points in prop::collection::vec((-3..3i32, any::<i32>(), -2..2i32, -2..3i32), 0..120),
+            memory in prop::sample::select(vec![0_u64, 300, 2000, 1 << 20]),
+            by in prop::sample::select(vec![Sort::Morton, Sort::Time]),
+        ) {
+            let value = |(x, y, z, time): (i32, i32, i32, i32)| (x, y / 7 * 7 % 50, z, f64::from(time) / 2.0);
+            let all: Vec<_> = points.into_iter().map(value).enumerate().collect();
+            let records = Listed(all.iter().map(|(number, value)| record(*number, *value)).collect());
+            let mut expected = all;
+            expected.sort_by(|(_, a), (_, b)| match by {
+                Sort::Morton => interleaved(a.0, a.1).cmp(&interleaved(b.0, b.1))
+                    .then(a.2.cmp(&b.2)).then(a.3.total_cmp(&b.3)),
+                Sort::Time => a.3.total_cmp(&b.3),
+            });
+            let folder = tempfile::tempdir().unwrap();
+            let (flow, at) = (RecordFlow { record: 28, round: 100 }, RunControl { progress: &Silent, cancel: &Cancel::default() });
+            let format = PointFormat::new(1).unwrap();
+            let sorted = SortedRecords::new(&records, (by, format), (flow, memory, folder.path()), at).unwrap();
+            for _ in 0..2 {
+                let mut found = Vec::new();
+                sorted.read(0, &mut |bytes| {
+                    found.extend_from_slice(bytes);
+                    Ok(())
+                }).unwrap();
+                let expected: Vec<_> = expected.iter().map(|(number, value)| record(*number, *value)).collect();
+                prop_assert_eq!(found, expected.concat());
+            }
+        }
+    }
+
+    #[test]
+    fn points_without_times_are_not_sorted_by_time() {
+        assert!(check(Sort::Time, PointFormat::new(2).unwrap()).is_err());
+    }
+}

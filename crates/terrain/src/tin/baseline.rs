@@ -1,0 +1,301 @@
+//! Meshes of a grid by textbook methods: read whole, triangulated on one thread, written.
+
+use std::time::Instant;
+
+use super::goal::TinGoal;
+use super::job::TinJob;
+use super::make::{OpenedTinJob, TinMaker, in_input, options};
+use super::report::{StageReport, TinReport};
+use super::run::TinOutcome;
+use super::window::HeightBuffers;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Point3, Rect};
+use terrane_baselines::{
+    BaselineGoal, BaselineMethod, BaselineTask, BaselineTin, HeightGrid, MOST_SIDE, MethodPromise,
+    PackedSample, SampleStatistics, TriangulationRule,
+};
+use terrane_engine::{Cancel, Progress, Resources, memory};
+use terrane_files::atomic::refuse_existing;
+use terrane_mesh::{MeshBatch, MeshSink};
+use terrane_raster::GridOpenOptions;
+use terrane_tin::TinSpec;
+
+/// A textbook method and its triangulation.
+#[derive(Clone, Copy, Debug)]
+pub struct TextbookMethod {
+    /// The method.
+    pub method: &'static BaselineMethod,
+    /// The triangulation, for methods that support several.
+    pub triangulation: TriangulationRule,
+}
+
+/// Vertices or triangles that are written at a time.
+const BATCH: usize = 1 << 16;
+
+/// Runs a job from file to file by a textbook method; options of tiles and dropping are ignored. The mesh
+/// states the tolerance if the method guarantees one, and its true error otherwise.
+///
+/// # Errors
+/// Those of [`run`](super::run); `Limit` for a grid with a side of more than 2^14 samples, `Resource` for one
+/// that does not fit into memory; both before any sample is read.
+pub fn run_by(
+    job: &TinJob,
+    by: &TextbookMethod,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<TinReport> {
+    let started = Instant::now();
+    job.goal.check()?;
+    if job.refinement.files() != [None; 2] {
+        let message =
+            format!("the method {} does not support points to keep or breaklines", by.method.name);
+        return Err(Error::usage(message).remedy("leave them out, or leave out ‹method›"));
+    }
+    refuse_water(job, by.method.name)?;
+    refuse_existing(&job.output, job.overwrite)?;
+    let named = |error| in_input(error, &job.input);
+    let whole = WholeGridMethod {
+        what: by.method.name.to_owned(),
+        sample_bytes: by.method.sample_bytes,
+        otherwise: "leave out ‹method›".to_owned(),
+    };
+    let mut opened = OpenedTinJob::with(job, || open(job, &options(job)?, &whole).map_err(named))?;
+    opened.carried.triangulation = other_triangles(by);
+    let maker = TinMaker { job, opened: &opened, progress, cancel };
+    let mut report = make(&maker, by).map_err(named)?;
+    report.took(started.elapsed());
+    Ok(report)
+}
+
+/// Name of the triangulation, if it is not Delaunay.
+fn other_triangles(by: &TextbookMethod) -> Option<&'static str> {
+    match by.method.is_delaunay {
+        true if by.triangulation == TriangulationRule::Delaunay => None,
+        true => Some(by.triangulation.name()),
+        false => Some(by.method.name),
+    }
+}
+
+/// A computation on the whole grid in memory.
+pub(super) struct WholeGridMethod {
+    /// Its name in errors.
+    pub(super) what: String,
+    /// Most bytes for a sample, the result included.
+    pub(super) sample_bytes: u64,
+    /// An alternative if the grid does not fit into memory.
+    pub(super) otherwise: String,
+}
+
+/// Fails if water is to be flattened: `what` does not insert edges along banks.
+pub(super) fn refuse_water(job: &TinJob, what: &str) -> Result<()> {
+    match job.reading.water {
+        None => Ok(()),
+        Some(_) => {
+            let message = format!("the method {what} does not support ‹water›");
+            Err(Error::usage(message)
+                .remedy("leave it out, or flatten the grid first: ‹terrane convert› with ‹water›"))
+        }
+    }
+}
+
+/// Opens the input; fails if it does not fit into memory.
+pub(super) fn open(
+    job: &TinJob,
+    options: &GridOpenOptions,
+    whole: &WholeGridMethod,
+) -> Result<memory::Opened> {
+    let resources = &job.resources;
+    let source = memory::open_for_estimate(&job.input, options)?;
+    let (width, height) = (source.info().width, source.info().height);
+    terrane_baselines::check_sides(width, height).map_err(|e| {
+        e.remedy(format!("{} (its limit is {MOST_SIDE} samples a side)", whole.otherwise))
+    })?;
+    let worker = u64::from(width) * u64::from(height) * (whole.sample_bytes + READ_BYTES);
+    let least = memory::least(worker, source.block_bytes());
+    if least > resources.memory {
+        return Err(too_large(whole, [width, height], least, resources));
+    }
+    memory::open(&job.input, options, &Resources { threads: 1, ..resources.clone() }, worker)
+}
+
+/// Bytes for a sample while the grid is read.
+pub(super) const READ_BYTES: u64 = 20;
+
+fn too_large(
+    whole: &WholeGridMethod,
+    [width, height]: [u32; 2],
+    least: u64,
+    resources: &Resources,
+) -> Error {
+    let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+    let room = resources.memory.saturating_sub(memory::least(0, 0));
+    let side = (room / (whole.sample_bytes + READ_BYTES)).isqrt();
+    let message = format!(
+        "{} holds the whole grid in memory: {width} x {height} samples need {} MiB, {} MiB are allowed",
+        whole.what,
+        mib(least),
+        resources.memory >> 20
+    );
+    let smaller = format!("use a grid of at most {side} x {side} samples, or {}", whole.otherwise);
+    memory::short(message, least).or(&smaller)
+}
+
+fn make(maker: &TinMaker<'_>, by: &TextbookMethod) -> Result<TinReport> {
+    maker.check_output()?;
+    let mut stages = StageTimes::default();
+    let mut window = HeightBuffers::default();
+    let heights = stages.time(maker, "read", || read(maker, &mut window))?;
+    let info = maker.opened.source.info();
+    let whole = Rect::new(0, 0, info.width, info.height);
+    let (suspects, odd_range) = (window.suspects(whole, info), window.odd_range());
+    drop(window);
+    let grid = HeightGrid::new(info.width, info.height, &heights, maker.opened.rounding())?;
+    let tin = stages.time(maker, "method", || triangulate(maker, by, grid))?;
+    maker.opened.format.check_capacity(tin.vertices.len() as u64, tin.triangles.len() as u64)?;
+    let write = |sink, _| {
+        let to_world = &info.transform;
+        let position = |at: PackedSample| {
+            let [x, y] = to_world.apply(f64::from(at.col()), f64::from(at.row()));
+            [x, y, grid.vertex(at)]
+        };
+        let (mesh, is_mirrored) = ((&*tin.vertices, &*tin.triangles), to_world.determinant() < 0.0);
+        let output_bytes = stages.time(maker, "write", || {
+            write(mesh, position, |_| std::iter::empty(), sink, is_mirrored)
+        })?;
+        let known = TinOutcome { suspects, odd_range, ..outcome(&tin) };
+        Ok(TinOutcome { output_bytes, stages: stages.0, ..known })
+    };
+    let report = maker.complete(stated(maker.job.goal, by.method, &tin), 0, write)?;
+    let triangulation = by.method.takes_triangulation.then(|| by.triangulation.to_string());
+    Ok(TinReport {
+        method: Some(by.method.name.to_owned()),
+        triangulation,
+        tiles: 1,
+        tile_cells: info.width.max(info.height) - 1,
+        max_error: Some(tin.max_error),
+        rmse: Some((tin.square_sum / surface(&tin.census)).sqrt()),
+        ..report
+    })
+}
+
+/// The bound that the mesh states.
+fn stated(goal: TinGoal, method: &BaselineMethod, tin: &BaselineTin) -> f64 {
+    match goal {
+        TinGoal::MaxError(tolerance) if method.promise == MethodPromise::Samples => tolerance,
+        _ => tin.max_error,
+    }
+}
+
+/// Samples on the surface.
+pub(super) fn surface(census: &SampleStatistics) -> f64 {
+    (census.valid - census.isolated).max(1) as f64
+}
+
+fn outcome(tin: &BaselineTin) -> TinOutcome {
+    TinOutcome {
+        vertices: tin.vertices.len() as u64,
+        triangles: tin.triangles.len() as u64,
+        valid: tin.census.valid,
+        isolated: tin.census.isolated,
+        max_error: tin.max_error,
+        square_sum: tin.square_sum,
+        ..TinOutcome::default()
+    }
+}
+
+/// All heights, checked like those of tiles.
+fn read(maker: &TinMaker<'_>, window: &mut HeightBuffers) -> Result<Vec<f64>> {
+    maker.cancel.check()?;
+    let info = maker.opened.source.info();
+    window.read(&*maker.opened.source, Rect::new(0, 0, info.width, info.height))?;
+    if let TinGoal::MaxError(tolerance) = maker.job.goal {
+        window.check_rounding(&TinSpec { ..maker.spec(tolerance) })?;
+    }
+    Ok(all_heights(window))
+}
+
+/// All heights that a window has, exact.
+pub(super) fn all_heights(window: &HeightBuffers) -> Vec<f64> {
+    let heights = window.heights();
+    let narrow = || heights.f32.iter().map(|&height| f64::from(height)).collect();
+    heights.f64.map_or_else(narrow, <[f64]>::to_vec)
+}
+
+/// The goal, converted for methods.
+pub(super) fn baseline_goal(goal: TinGoal) -> BaselineGoal {
+    match goal {
+        TinGoal::MaxError(tolerance) => BaselineGoal::MaxError(tolerance),
+        TinGoal::MaxVertices(most) => BaselineGoal::MaxVertices(most),
+        TinGoal::MaxTriangles(most) => BaselineGoal::MaxTriangles(most),
+    }
+}
+
+fn triangulate(
+    maker: &TinMaker<'_>,
+    by: &TextbookMethod,
+    grid: HeightGrid<'_>,
+) -> Result<BaselineTin> {
+    let goal = baseline_goal(maker.job.goal);
+    let pulse = || maker.cancel.check();
+    (by.method.run)(&BaselineTask {
+        triangulation: by.triangulation,
+        pulse: &pulse,
+        ..BaselineTask::new(grid, goal)
+    })
+}
+
+/// Vertices and then triangles, in batches, counter-clockwise in the world: `position` gives the world position
+/// of a sample, `values` its attributes.
+pub(super) fn write<V: Iterator<Item = f64>>(
+    (samples, triangles): (&[PackedSample], &[[u32; 3]]),
+    position: impl Fn(PackedSample) -> Point3,
+    values: impl Fn(PackedSample) -> V,
+    mut sink: Box<dyn MeshSink>,
+    is_mirrored: bool,
+) -> Result<u64> {
+    for batch in samples.chunks(BATCH) {
+        let vertices: Vec<Point3> = batch.iter().map(|&at| position(at)).collect();
+        let values: Vec<f64> = batch.iter().flat_map(|&at| values(at)).collect();
+        let (vertices, values) = (&vertices, &values);
+        sink.push(MeshBatch { vertices, values, triangles: &[], corners: &[] })?;
+    }
+    for batch in triangles.chunks(BATCH) {
+        let turned = |&[a, b, c]: &[u32; 3]| {
+            (if is_mirrored { [a, c, b] } else { [a, b, c] }).map(u64::from)
+        };
+        let triangles: Vec<[u64; 3]> = batch.iter().map(turned).collect();
+        let wanted = if sink.wants_corners() { &triangles[..] } else { &[] };
+        let corners: Vec<[Point3; 3]> =
+            wanted.iter().map(|ids| ids.map(|id| position(samples[id as usize]))).collect();
+        sink.push(MeshBatch {
+            vertices: &[],
+            values: &[],
+            triangles: &triangles,
+            corners: &corners,
+        })?;
+    }
+    sink.finish()
+}
+
+/// Stages and their times.
+#[derive(Default)]
+pub(super) struct StageTimes(pub(super) Vec<StageReport>);
+
+impl StageTimes {
+    pub(super) fn time<T>(
+        &mut self,
+        maker: &TinMaker<'_>,
+        name: &str,
+        work: impl FnOnce() -> Result<T>,
+    ) -> Result<T> {
+        let info = maker.opened.source.info();
+        let samples = u64::from(info.width) * u64::from(info.height);
+        maker.progress.begin(name, samples);
+        let started = Instant::now();
+        let done = work();
+        maker.progress.end();
+        let thread_seconds = started.elapsed().as_secs_f64();
+        self.0.push(StageReport { name: name.to_owned(), thread_seconds, samples });
+        done
+    }
+}

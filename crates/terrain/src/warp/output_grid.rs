@@ -1,0 +1,253 @@
+//! The lattice of the output.
+//!
+//! By default the output covers the bounding rectangle of the grid, and its cells are squares as large as the
+//! cell at the centre of the grid. Only the outline is transformed for that: operations are continuous, so the
+//! inside stays inside. With a resolution, but no rectangle, edges of cells lie at whole multiples of it, so
+//! that parts of one grid, written one by one, are on one lattice.
+
+use std::path::Path;
+
+use super::mapping::CrsTransform;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Affine, Crs};
+use terrane_base::limits;
+use terrane_engine::memory;
+use terrane_engine::options::{BoundsText, CellSize, FileName};
+use terrane_options::Options;
+use terrane_raster::{GridInfo, GridOpenOptions, Inputs};
+
+/// Output lattice
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(heading = "Lattice", setters = group)]
+pub struct LatticeOptions {
+    /// Output cell size, or cell width and height, in CRS units; edges are at multiples of it
+    #[option(value = "X[,Y]", with = CellSize, default_text = "that of the input at its centre")]
+    pub resolution: Option<[f64; 2]>,
+    /// Output extent, in the CRS of the output
+    #[option(value = "XMIN,YMIN,XMAX,YMAX", with = BoundsText, default_text = "all of the input")]
+    pub extent: Option<[f64; 4]>,
+    /// Grid that defines the output lattice
+    #[option(value = "GRID", with = FileName, role = ReadsGrid)]
+    pub like: Option<String>,
+}
+
+/// Geotransform and size of the output.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct TargetGrid {
+    pub(super) transform: Affine,
+    pub(super) width: u32,
+    pub(super) height: u32,
+}
+
+/// Less of a cell than this is rounding.
+const HAIR: f64 = 1e-6;
+
+/// Most positions transformed along each edge of the grid.
+const MAX_PLACES: u32 = 1 << 14;
+
+/// The lattice in the target CRS of `way`.
+pub(super) fn of(
+    wanted: &LatticeOptions,
+    grid: &GridInfo,
+    crs: &Crs,
+    way: &CrsTransform,
+) -> Result<TargetGrid> {
+    let outline = WarpedExtent::of(grid, way);
+    if let Some(like) = &wanted.like {
+        let lattice = alike(like, crs)?;
+        outline.check_near(lattice.extent()).map_err(|e| e.in_file(Path::new(like)))?;
+        return Ok(lattice);
+    }
+    let cell = match wanted.resolution {
+        Some(cell) => cell,
+        None => natural(grid, way)?,
+    };
+    match (wanted.extent, wanted.resolution) {
+        (Some(extent), None) => {
+            outline.check_near(extent)?;
+            let count = spans(extent, cell).map(|span| span.round().max(1.0));
+            let [width, height] = [extent[2] - extent[0], extent[3] - extent[1]];
+            upright([extent[0], extent[3]], [width / count[0], height / count[1]], count)
+        }
+        (Some(extent), Some(cell)) => {
+            outline.check_near(extent)?;
+            covering(extent, cell)
+        }
+        (None, None) => covering(outline.whole()?, cell),
+        (None, Some(cell)) => {
+            let [x0, y0, x1, y1] = outline.whole()?;
+            // A hair inward: an extent on the lattice, rounded, would get a row of cells without samples.
+            let low = |at: f64, cell: f64| (at / cell + HAIR).floor() * cell;
+            let high = |at: f64, cell: f64| (at / cell - HAIR).ceil() * cell;
+            let snapped =
+                [low(x0, cell[0]), low(y0, cell[1]), high(x1, cell[0]), high(y1, cell[1])];
+            covering(snapped, cell)
+        }
+    }
+}
+
+/// Columns and rows of the grid for each of the lattice, at the centre of the lattice or, if that is far from
+/// the grid, at the centre of the grid.
+pub(super) fn scale(lattice: &TargetGrid, grid: &GridInfo, way: &CrsTransform) -> Result<[f64; 2]> {
+    let back = |at: [f64; 2]| {
+        let [x, y] = lattice.transform.apply(at[0], at[1]);
+        way.back([x, y]).map(|[x, y]| grid.transform.invert(x, y))
+    };
+    let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
+    if let Some(by) = slopes(back, [lattice.width, lattice.height].map(middle)) {
+        return Ok([by[0][0].hypot(by[1][0]), by[0][1].hypot(by[1][1])]);
+    }
+    let there = |at: [f64; 2]| {
+        let [x, y] = way.there(grid.transform.apply(at[0], at[1])).ok()?;
+        Some(lattice.transform.invert(x, y))
+    };
+    // Where the middle of the target has no place in the grid's system, by the inverse of the way there.
+    let Some([a, b]) = slopes(there, [grid.width, grid.height].map(middle)) else {
+        return Err(placeless().remedy("clip the grid with ‹bounds›"));
+    };
+    let whole = (a[0] * b[1] - a[1] * b[0]).abs();
+    Ok([b[1].hypot(b[0]) / whole, a[1].hypot(a[0]) / whole])
+}
+
+fn placeless() -> Error {
+    Error::unsupported("the centre of the grid cannot be transformed to the target CRS")
+}
+
+/// Derivatives of a map by both coordinates, by central differences.
+fn slopes(
+    map: impl Fn([f64; 2]) -> Option<[f64; 2]>,
+    [col, row]: [f64; 2],
+) -> Option<[[f64; 2]; 2]> {
+    let along = |step: [f64; 2]| {
+        let [a, b] = [map([col - step[0], row - step[1]])?, map([col + step[0], row + step[1]])?];
+        let by = [b[0] - a[0], b[1] - a[1]];
+        by.iter().all(|by| by.is_finite()).then_some(by)
+    };
+    Some([along([0.5, 0.0])?, along([0.0, 0.5])?])
+}
+
+/// The cell size at the centre of the grid.
+fn natural(grid: &GridInfo, way: &CrsTransform) -> Result<[f64; 2]> {
+    let map = grid.transform;
+    if way.is_none() && map.b == 0.0 && map.d == 0.0 {
+        return Ok([map.a.abs(), map.e.abs()]);
+    }
+    let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
+    let there = |at: [f64; 2]| {
+        let [x, y] = map.apply(at[0], at[1]);
+        way.there([x, y]).ok()
+    };
+    let side = slopes(there, [middle(grid.width), middle(grid.height)])
+        // A square of the area of a cell there: about as many samples as the grid has.
+        .map(|[a, b]| (a[0] * b[1] - a[1] * b[0]).abs().sqrt())
+        .filter(|side| *side > 0.0 && side.is_finite());
+    side.map(|side| [side; 2])
+        .ok_or_else(|| placeless().remedy("pass the cell size with ‹resolution›"))
+}
+
+/// The bounding rectangle of the cells of a grid in another CRS.
+struct WarpedExtent {
+    /// Bounds of the edge positions that can be transformed.
+    extent: [f64; 4],
+    /// The first error of the others.
+    lost: Option<Error>,
+}
+
+impl WarpedExtent {
+    fn of(grid: &GridInfo, way: &CrsTransform) -> Self {
+        let mut outline = Self { extent: [f64::MAX, f64::MAX, f64::MIN, f64::MIN], lost: None };
+        let steps = grid.width.max(grid.height).min(MAX_PLACES);
+        let [right, bottom] = [grid.width, grid.height].map(f64::from);
+        for step in 0..=steps {
+            let share = f64::from(step) / f64::from(steps);
+            let [col, row] = [share * right, share * bottom];
+            for [col, row] in [[col, 0.0], [col, bottom], [0.0, row], [right, row]] {
+                outline.add(way.there(grid.transform.apply(col - 0.5, row - 0.5)));
+            }
+        }
+        outline
+    }
+
+    fn add(&mut self, place: Result<[f64; 2]>) {
+        match place {
+            Ok([x, y]) => {
+                let [x0, y0, x1, y1] = self.extent;
+                self.extent = [x0.min(x), y0.min(y), x1.max(x), y1.max(y)];
+            }
+            Err(error) => self.lost = self.lost.take().or(Some(error)),
+        }
+    }
+
+    /// The rectangle, if all edge positions can be transformed.
+    fn whole(self) -> Result<[f64; 4]> {
+        self.lost.map_or(Ok(self.extent), |error| {
+            Err(error.remedy("pass the output extent with ‹extent› or ‹like›"))
+        })
+    }
+
+    /// Fails if the grid does not intersect a rectangle.
+    fn check_near(&self, [x0, y0, x1, y1]: [f64; 4]) -> Result<()> {
+        let [left, low, right, high] = self.extent;
+        if self.lost.is_some() || (x0 < right && left < x1 && y0 < high && low < y1) {
+            return Ok(());
+        }
+        let message = format!("the output extent {x0},{y0},{x1},{y1} does not intersect the grid");
+        Err(Error::usage(message).remedy(format!(
+            "pass XMIN,YMIN,XMAX,YMAX in the target CRS, where the grid covers {left},{low},{right},{high}"
+        )))
+    }
+}
+
+impl TargetGrid {
+    /// The rectangle around all cells.
+    fn extent(&self) -> [f64; 4] {
+        let [right, bottom] = [self.width, self.height].map(|side| f64::from(side) - 0.5);
+        let corners = [[-0.5, -0.5], [right, -0.5], [-0.5, bottom], [right, bottom]];
+        let corners = corners.map(|[col, row]| self.transform.apply(col, row));
+        let low = [0, 1].map(|axis| corners.iter().map(|c| c[axis]).fold(f64::MAX, f64::min));
+        let high = [0, 1].map(|axis| corners.iter().map(|c| c[axis]).fold(f64::MIN, f64::max));
+        [low[0], low[1], high[0], high[1]]
+    }
+}
+
+/// The lattice of another grid.
+fn alike(name: &str, crs: &Crs) -> Result<TargetGrid> {
+    let other = memory::open_for_estimate(
+        &Inputs::from(vec![name.to_owned()]),
+        &GridOpenOptions::default(),
+    )?;
+    let GridInfo { transform, width, height, .. } = *other.info();
+    if other.info().crs.is_named() && !other.info().crs.agrees(crs) {
+        let [theirs, ours] = other.info().crs.distinct_names(crs);
+        let message = format!("its CRS is {theirs}, that of the output is {ours}");
+        return Err(Error::usage(message)
+            .in_file(Path::new(name))
+            .remedy("pass its CRS as ‹to_crs›"));
+    }
+    Ok(TargetGrid { transform, width, height })
+}
+
+/// Columns and rows of a rectangle.
+fn spans([x0, y0, x1, y1]: [f64; 4], cell: [f64; 2]) -> [f64; 2] {
+    [(x1 - x0) / cell[0], (y1 - y0) / cell[1]]
+}
+
+/// Cells of this size from the upper left corner of a rectangle on, until it is covered.
+fn covering(extent: [f64; 4], cell: [f64; 2]) -> Result<TargetGrid> {
+    let count = spans(extent, cell).map(|span| (span - HAIR).ceil().max(1.0));
+    upright([extent[0], extent[3]], cell, count)
+}
+
+/// A north-up lattice.
+fn upright([x, y]: [f64; 2], [across, down]: [f64; 2], count: [f64; 2]) -> Result<TargetGrid> {
+    let transform = Affine::from_gdal([x, across, 0.0, y, 0.0, -down]);
+    let most = limits::MAX_SIDE as f64;
+    let is_good = count.iter().all(|count| (1.0..=most).contains(count)) && transform.is_valid();
+    if !is_good {
+        let message =
+            format!("the output size of {} x {} samples is out of range", count[0], count[1]);
+        return Err(Error::usage(message).remedy("raise ‹resolution›, or reduce ‹extent›"));
+    }
+    let [width, height] = count.map(|count| count as u32);
+    Ok(TargetGrid { transform, width, height })
+}

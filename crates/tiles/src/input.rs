@@ -1,0 +1,138 @@
+//! An open grid, and the division of its work.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::division::{REGION, TilesDivision};
+use super::georeference::{self, GridFootprint, HeightReference};
+use super::job::{TilesJob, check_formats};
+use super::mask::TileWaterMask;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::Rect;
+use terrane_engine::memory::{self, MemoryShares};
+use terrane_engine::plan;
+use terrane_globe::{
+    DEEPEST, GatheredOverview, GridGeolocation, GridOverview, HeightPatch, OverviewPlan,
+    SampleBlocks, deepest_for,
+};
+use terrane_raster::{GridSource, Water};
+
+/// Largest magnitude of a height in metres.
+const MAX_HEIGHT: f64 = 1e6;
+/// Margin of samples around a region, for slopes.
+pub(super) const APRON: u32 = 10;
+
+/// An open grid with its division of work.
+pub(super) struct OpenedTilesGrid {
+    pub(super) job: TilesJob,
+    pub(super) grid: Box<dyn GridSource>,
+    pub(super) shares: MemoryShares,
+    pub(super) heights: HeightReference,
+    /// Water, for water masks.
+    pub(super) mask: Option<TileWaterMask>,
+    pub(super) division: TilesDivision,
+    /// Plan of the first pass.
+    pub(super) look: OverviewPlan,
+}
+
+/// Largest number of samples of a region with its margin; twice as many for a bent grid, whose rows may cross
+/// it.
+pub(super) fn max_samples(chart: &GridGeolocation) -> u64 {
+    let side = REGION as u64 + 2 * APRON as u64 + 4;
+    if chart.is_bent() { 2 * side * side } else { side * side }
+}
+
+/// Memory in bytes of a worker for near or far levels: two samples of each block with their points, and a row
+/// of blocks.
+pub(super) fn worker_bytes(plan: &OverviewPlan) -> u64 {
+    /// Two points in a list that grows, and the place of the next of each.
+    const BLOCK: u64 = 2 * (2 * 12 + 4);
+    let SampleBlocks { side, counts, .. } = plan.blocks;
+    let blocks = counts.map(u64::from).iter().product::<u64>();
+    let row = u64::from(plan.chart().whole()[0]) * u64::from(side) * 8;
+    near_bytes(plan.chart()).max((8 << 20) + blocks * BLOCK + row)
+}
+
+/// Memory in bytes of a worker for near levels: the samples of a region, and the points of a tile with their
+/// data.
+fn near_bytes(chart: &GridGeolocation) -> u64 {
+    let place = if chart.is_bent() { HeightPatch::PLACE_BYTES } else { 0 };
+    max_samples(chart) * (8 + place) + (24 << 20)
+}
+
+impl OpenedTilesGrid {
+    pub(super) fn new(job: &TilesJob) -> Result<Self> {
+        if let Some(level) = job.tiles.max_level.filter(|level| *level > DEEPEST) {
+            return Err(Error::usage(format!(
+                "‹max_level› {level} exceeds the limit of {DEEPEST}"
+            ))
+            .remedy(format!("pass {DEEPEST} or less")));
+        }
+        check_formats(&job.tiles)?;
+        let options = job.reading.options(&job.resources, 0)?;
+        let seen = memory::open_for_estimate(&job.input, &options)?;
+        let (input, resources) = ((&job.input, job.tiles.geoid.as_deref()), &job.resources);
+        let (chart, heights) = georeference::of(seen.info(), input, resources)?;
+        let chart = chart.sloping(job.tiles.beyond.slope());
+        let last = job.tiles.max_level.unwrap_or_else(|| deepest_for(chart.spacing()));
+        let water = options.water.as_ref().filter(|_| job.tiles.water_mask);
+        let mask = |water: &Arc<Water>| TileWaterMask::of(water, seen.info(), last, resources);
+        let mask = water.map(mask).transpose()?;
+        let division = TilesDivision::new(GridFootprint::of(&chart), last);
+        let [meridians, parallels] = division.lines();
+        let look = OverviewPlan::new(chart, [&meridians, &parallels]);
+        let [shared, each] = mask.as_ref().map_or([0; 2], |mask| mask.bytes(resources.threads));
+        let held = memory::with_slack(look.bytes() + heights.lift.bytes() + shared);
+        let worker = worker_bytes(&look) + each;
+        let (grid, shares) =
+            memory::open_beside(held, &job.input, &options, &job.resources, worker)?;
+        Ok(Self { job: job.clone(), grid, shares, heights, mask, division, look })
+    }
+
+    /// Reads heights in metres.
+    pub(super) fn read(&self, rect: Rect, heights: &mut Vec<f64>) -> Result<()> {
+        heights.clear();
+        heights.resize(rect.len(), 0.0);
+        self.grid.read_f64(rect, heights)?;
+        let width = rect.width as usize;
+        self.heights.lift.lift(heights, |number| {
+            let [col, row] = [number % width, number / width].map(|at| at as f64);
+            let [first, top] = [rect.col, rect.row].map(f64::from);
+            Ok(self.look.chart().place([first + col, top + row]))
+        })
+    }
+
+    /// Input files.
+    pub(super) fn files(&self) -> Vec<PathBuf> {
+        let Self { job, grid, .. } = self;
+        let geoid = job.tiles.geoid.iter().map(PathBuf::from);
+        plan::grid_files(&job.input, &job.reading, &**grid).into_iter().chain(geoid).collect()
+    }
+
+    /// Name of the grid.
+    pub(super) fn name(&self) -> PathBuf {
+        PathBuf::from(self.job.input.to_string())
+    }
+
+    /// Overview of the grid.
+    ///
+    /// # Errors
+    /// A grid without valid samples, or with heights out of range.
+    pub(super) fn seen(&self, gathered: GatheredOverview) -> Result<GridOverview> {
+        let refuse = |error: Error, remedy: &str| error.in_file(&self.name()).remedy(remedy);
+        let overview = gathered.finish().ok_or_else(|| {
+            let remedy = "check its nodata value, or choose another ‹band›";
+            refuse(Error::bad_input("the grid has no valid sample"), remedy)
+        })?;
+        let [lowest, highest] = overview.range;
+        let furthest = if lowest < -MAX_HEIGHT { lowest } else { highest };
+        if furthest.abs() > MAX_HEIGHT {
+            // Converted to the stored type, to report the digits of the file.
+            let stored = (furthest / self.heights.lift.metres) as f32;
+            let remedy = format!("if it is nodata, pass ‹nodata› {stored:e}");
+            let error = Error::bad_input(format!("height {stored:e} is out of range"));
+            return Err(refuse(error, &remedy));
+        }
+        Ok(overview)
+    }
+}

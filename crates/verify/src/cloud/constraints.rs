@@ -1,0 +1,154 @@
+//! What a mesh of a cloud has to keep, sought anew: the points nearest to positions, and lines as far as they are over
+//! the hull, by domain.
+
+use super::context::CloudProofContext;
+use super::points::SpreadPoints;
+use terrane_base::error::Result;
+use terrane_base::geom::Point;
+use terrane_engine::cloud_constraints::OnCloud;
+use terrane_files::Buckets;
+use terrane_proof::cloud::{
+    CloudTrack, NearestQuery, ProofHull, ProofNearestPoints, order, position,
+};
+use terrane_proof::{DomainLayout, GridDomain, ProofPosition};
+
+/// Points that are looked through at a time.
+const HEAP: usize = 1 << 16;
+
+/// What is kept, and where.
+pub(super) struct ConstraintChecks {
+    /// Points by domain, in order.
+    points: Vec<(u64, Point)>,
+    /// Positions that are beyond the hull.
+    pub(super) beyond: u64,
+    /// By line: none where it is not over the hull.
+    tracks: Vec<Option<CloudTrack>>,
+    /// Domains, and lines in them.
+    lines: Vec<(u64, u32)>,
+}
+
+impl ConstraintChecks {
+    pub(super) fn new(
+        context: &CloudProofContext<'_>,
+        points: &SpreadPoints,
+        hull: &ProofHull,
+        layout: DomainLayout,
+    ) -> Result<Self> {
+        let kept = &context.kept;
+        let tracks: Vec<_> =
+            kept.lines.iter().map(|line| CloudTrack::new(line.ends, line.heights, hull)).collect();
+        let mut lines = Vec::new();
+        for (number, track) in (0..).zip(&tracks) {
+            let Some(track) = track else { continue };
+            let domain = |at| layout.domain(layout.owner(at));
+            track.each_domain(domain, |at| lines.push((layout.owner(at), number)));
+        }
+        lines.sort_unstable();
+        let (nearest, beyond) = nearest(kept, &points.points, hull, layout)?;
+        let mut points: Vec<_> =
+            nearest.into_iter().map(|point| (layout.owner(position(point)), point)).collect();
+        points.sort_unstable_by_key(|(domain, point)| (*domain, order(point)));
+        points.dedup();
+        Ok(Self { points, beyond, tracks, lines })
+    }
+
+    /// Bytes held.
+    pub(super) fn bytes(&self) -> u64 {
+        let [points, tracks] = [size_of_val(&self.points[..]), size_of_val(&self.tracks[..])];
+        (points + tracks + size_of_val(&self.lines[..])) as u64
+    }
+
+    pub(super) fn is_outside(&self, line: usize) -> bool {
+        self.tracks[line].is_none()
+    }
+
+    /// What is in a domain of the layout, of that number.
+    pub(super) fn of(&self, domain: u64) -> (Vec<Point>, Vec<CloudTrack>) {
+        let points = &self.points[self.points.partition_point(|&(other, _)| other < domain)..];
+        let points = points.iter().take_while(|(other, _)| *other == domain);
+        let lines = &self.lines[self.lines.partition_point(|&(other, _)| other < domain)..];
+        let lines = lines.iter().take_while(|(other, _)| *other == domain);
+        let tracks = lines.filter_map(|&(_, line)| self.tracks[line as usize]);
+        (points.map(|&(_, point)| point).collect(), tracks.collect())
+    }
+}
+
+/// The points nearest to the positions in the hull, and how many positions are not.
+fn nearest(
+    kept: &OnCloud,
+    points: &Buckets<Point>,
+    hull: &ProofHull,
+    layout: DomainLayout,
+) -> Result<(Vec<Point>, u64)> {
+    let sample = |[x, y]: [i32; 2]| ProofPosition::sample(x.into(), y.into());
+    let all = kept.points.iter().map(|at| at.map(|steps| steps as i32));
+    let mut sought: Vec<_> = all.map(|at| NearestQuery { at, found: None }).collect();
+    let asked = sought.len() as u64;
+    sought.retain(|sought| hull.contains(sample(sought.at)));
+    let beyond = asked - sought.len() as u64;
+    sought.dedup();
+    sought.sort_by_key(|sought| layout.owner(sample(sought.at)));
+    let home = |sought: &NearestQuery| layout.owner(sample(sought.at));
+    for group in sought.chunk_by_mut(|a, b| home(a) == home(b)) {
+        seek(group, home(&group[0]), points, layout)?;
+    }
+    Ok((
+        sought.into_iter().filter_map(|sought| sought.found).map(|(_, point)| point).collect(),
+        beyond,
+    ))
+}
+
+/// Finds the nearest points of positions in one domain: looks there, then in all domains around it in the order of
+/// their distance, as long as that may help.
+fn seek(
+    group: &mut [NearestQuery],
+    home: u64,
+    points: &Buckets<Point>,
+    layout: DomainLayout,
+) -> Result<()> {
+    let [across, down] = layout.counts().map(i64::from);
+    let place = [home as i64 % across, home as i64 / across];
+    for far in 0..across.max(down) {
+        // A domain that is so many away is that many of them away, less one, from any position.
+        let away = (far - 1).max(0) * i64::from(layout.size[0].min(layout.size[1]));
+        if group.iter().all(|sought| sought.found.is_some_and(|(found, _)| found < away * away)) {
+            break;
+        }
+        let (rows, cols) = (place[1] - far..=place[1] + far, place[0] - far..=place[0] + far);
+        for row in rows.filter(|row| (0..down).contains(row)) {
+            let is_rim = (row - place[1]).abs() == far;
+            let cols = cols.clone().filter(|col| (0..across).contains(col));
+            for col in cols.filter(|col| is_rim || (col - place[0]).abs() == far) {
+                let number = (row * across + col) as u64;
+                let may = |sought: &NearestQuery| {
+                    let gap = gap(sought.at, layout.domain(number));
+                    sought.found.is_none_or(|(found, _)| gap <= found)
+                };
+                if points.len(number as usize) > 0 && group.iter().any(may) {
+                    look_in(group, points, number as usize)?;
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+fn look_in(group: &mut [NearestQuery], points: &Buckets<Point>, number: usize) -> Result<()> {
+    points.read(number, |run| {
+        for heap in run.chunks(HEAP) {
+            let heap = ProofNearestPoints::of(heap.to_vec());
+            group.iter_mut().for_each(|sought| heap.improve(sought));
+        }
+    })
+}
+
+/// The square of the distance of a position to a domain, at least.
+fn gap(at: [i32; 2], domain: GridDomain) -> i64 {
+    let rect = domain.rect;
+    let (low, high) = ([rect.col, rect.row], [rect.end_col() - 1, rect.end_row() - 1]);
+    let off = |axis: usize| {
+        let at = i64::from(at[axis]);
+        (at - at.clamp(low[axis].into(), high[axis].into())).pow(2)
+    };
+    off(0) + off(1)
+}

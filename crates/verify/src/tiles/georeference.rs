@@ -1,0 +1,168 @@
+//! Where the samples of a raster are, and their heights in metres.
+
+use terrane_base::error::Result;
+use terrane_base::geom::Rect;
+use terrane_engine::Resources;
+use terrane_engine::globe::{OnGlobe, VerticalShift};
+use terrane_proof::tiles::{LAST, ProofMeridian, ProofParallel, rows};
+use terrane_raster::GridSource;
+
+/// Metres that places may be off by: of sums of numbers of the size of the earth, and of one taken from one system to
+/// another.
+const ROUNDED: [f64; 2] = [1e-6, 1e-4];
+
+/// A raster on the globe.
+pub(super) struct GlobeRaster<'a> {
+    grid: &'a dyn GridSource,
+    on_globe: OnGlobe,
+    lift: VerticalShift,
+    /// Whether the raster says what heights are in.
+    pub(super) knows_unit: bool,
+    /// What is to be said of where it lies.
+    pub(super) notes: Vec<String>,
+}
+
+/// Where the samples of a window are.
+pub(super) enum WindowPositions {
+    /// Columns are meridians and rows parallels: degrees of each, and what is upright there.
+    Straight {
+        longitudes: Vec<f64>,
+        latitudes: Vec<f64>,
+        meridians: Vec<ProofMeridian>,
+        parallels: Vec<ProofParallel>,
+    },
+    /// Row by row, longitude and latitude in degrees.
+    Moved(Vec<[f64; 2]>),
+}
+
+impl<'a> GlobeRaster<'a> {
+    /// Those of a raster.
+    ///
+    /// # Errors
+    /// A raster whose place on the globe is not known, by what is missing; a geoid that cannot be read.
+    pub(super) fn of(
+        grid: &'a dyn GridSource,
+        geoid: Option<&str>,
+        resources: &Resources,
+    ) -> Result<Self> {
+        let info = grid.info();
+        let (on_globe, notes) = OnGlobe::of(info)?;
+        let (lift, knows_unit) = VerticalShift::of(&info.crs, geoid, resources)?;
+        Ok(Self { grid, on_globe, lift, knows_unit, notes })
+    }
+
+    /// Whether a geoid is added to heights.
+    pub(super) fn has_geoid(&self) -> bool {
+        self.lift.has_geoid()
+    }
+
+    /// The rectangle of all samples.
+    pub(super) fn bounds(&self) -> Rect {
+        self.grid.info().bounds()
+    }
+
+    /// Bytes of where a sample of a window is.
+    pub(super) fn sample_bytes(&self) -> u64 {
+        match self.on_globe {
+            OnGlobe::Straight(_) => 0,
+            OnGlobe::Moved(..) => size_of::<[f64; 2]>() as u64,
+        }
+    }
+
+    /// Metres that the place of a sample may be off by.
+    pub(super) fn rounded(&self) -> f64 {
+        match self.on_globe {
+            OnGlobe::Straight(_) => ROUNDED[0],
+            OnGlobe::Moved(..) => ROUNDED[1],
+        }
+    }
+
+    /// Degrees between neighbouring samples, about, along the finer axis; nothing where there is one sample.
+    pub(super) fn spacing(&self) -> f64 {
+        let Rect { width, height, .. } = self.bounds();
+        let apart = |a: [u32; 2], b: [u32; 2]| {
+            let [a, b] = [a, b].map(|[col, row]| self.place(col, row).unwrap_or([f64::NAN; 2]));
+            (0..2).map(|axis| (a[axis] - b[axis]).abs()).fold(0.0, f64::max)
+        };
+        let [col, row] = [width / 2, height / 2];
+        let along = (width > 1).then(|| apart([col, row], [col - 1, row]));
+        let down = (height > 1).then(|| apart([col, row], [col, row - 1]));
+        along.into_iter().chain(down).reduce(f64::min).unwrap_or_default()
+    }
+
+    /// Samples beside each other in a step of positions of a level, at the most; all where there is one sample.
+    pub(super) fn samples_of_step(&self, level: u8) -> f64 {
+        let step = 180.0 / f64::from(rows(level)) / f64::from(LAST);
+        // Systems have other scales elsewhere, by no more than half.
+        2.0 * step / self.spacing()
+    }
+
+    /// Longitude and latitude of a sample.
+    ///
+    /// # Errors
+    /// One beyond what its projection reaches.
+    pub(super) fn place(&self, col: u32, row: u32) -> Result<[f64; 2]> {
+        let at = [col, row].map(f64::from);
+        match &self.on_globe {
+            OnGlobe::Straight(map) => Ok([map.apply(at[0], 0.0)[0], map.apply(0.0, at[1])[1]]),
+            OnGlobe::Moved(map, operation) => operation.position(map.apply(at[0], at[1])),
+        }
+    }
+
+    /// Longitude and latitude of a position in the system of the raster.
+    ///
+    /// # Errors
+    /// One beyond what its projection reaches.
+    pub(super) fn bring(&self, at: [f64; 2]) -> Result<[f64; 2]> {
+        match &self.on_globe {
+            OnGlobe::Straight(_) => Ok(at),
+            OnGlobe::Moved(_, operation) => operation.position(at),
+        }
+    }
+
+    /// Whether the box around positions meets that of the samples.
+    pub(super) fn may_meet(&self, ring: &[[f64; 2]]) -> bool {
+        let info = self.grid.info();
+        let last = [info.width - 1, info.height - 1].map(f64::from);
+        let corners = [[0.0, 0.0], [last[0], 0.0], [0.0, last[1]], last];
+        let samples = corners.map(|[col, row]| info.transform.apply(col, row));
+        let reach = |all: &[[f64; 2]], axis: usize| {
+            let along = all.iter().map(|at| at[axis]);
+            along.clone().reduce(f64::min).zip(along.reduce(f64::max))
+        };
+        (0..2).all(|axis| match (reach(ring, axis), reach(&samples, axis)) {
+            (Some((low, high)), Some((from, to))) => low <= to && from <= high,
+            _ => false,
+        })
+    }
+
+    /// Where the samples of a window are, each by itself.
+    ///
+    /// # Errors
+    /// Samples beyond what their projection reaches.
+    pub(super) fn window(&self, rect: Rect) -> Result<WindowPositions> {
+        let (cols, rows) = (rect.col..rect.end_col(), rect.row..rect.end_row());
+        if let OnGlobe::Moved(..) = self.on_globe {
+            let all = rows.flat_map(|row| cols.clone().map(move |col| (col, row)));
+            return all
+                .map(|(col, row)| self.place(col, row))
+                .collect::<Result<_>>()
+                .map(WindowPositions::Moved);
+        }
+        let longitudes = cols.map(|col| Ok(self.place(col, 0)?[0])).collect::<Result<Vec<_>>>()?;
+        let latitudes = rows.map(|row| Ok(self.place(0, row)?[1])).collect::<Result<Vec<_>>>()?;
+        let meridians = longitudes.iter().map(|&at| ProofMeridian::at(at)).collect();
+        let parallels = latitudes.iter().map(|&at| ProofParallel::at(at)).collect();
+        Ok(WindowPositions::Straight { longitudes, latitudes, meridians, parallels })
+    }
+
+    /// Reads heights in metres; voids are NaN.
+    pub(super) fn read(&self, rect: Rect, heights: &mut [f64]) -> Result<()> {
+        self.grid.read_f64(rect, heights)?;
+        self.grid.copied(rect);
+        let width = rect.width as usize;
+        self.lift.lift(heights, |number| {
+            self.place(rect.col + (number % width) as u32, rect.row + (number / width) as u32)
+        })
+    }
+}

@@ -1,0 +1,232 @@
+//! Which points of a cloud a page shows: those whose places have the least hashes, so that each is as likely as any
+//! other, parts keep their densities, and neither the order of points nor of threads leaves a trace.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use rayon::prelude::*;
+
+use terrane_base::bits::{mixed, ordered};
+use terrane_base::error::Result;
+use terrane_base::geom::Point;
+use terrane_cloud::{
+    AppearanceReader, BATCH, PointAppearance, PointCloud, PointSource, ReturnCounts,
+};
+use terrane_engine::{Cancel, FileAt, Progress};
+use terrane_files::lock;
+
+/// A point, and the number that decides about it.
+pub(super) type Ranked = (u64, PointAppearance);
+
+/// What there is of all points, shown or not.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct PagePointTally {
+    pub(super) census: ReturnCounts,
+    /// Points by class, and by number of their return.
+    pub(super) classes: Vec<u64>,
+    pub(super) returns: Vec<u64>,
+    /// The largest intensity, and value of a colour.
+    pub(super) strongest: u16,
+    pub(super) brightest: u16,
+}
+
+impl Default for PagePointTally {
+    fn default() -> Self {
+        let (classes, returns) = (vec![0; 256], vec![0; 16]);
+        Self { census: ReturnCounts::default(), classes, returns, strongest: 0, brightest: 0 }
+    }
+}
+
+impl PagePointTally {
+    fn add(&mut self, seen: &PointAppearance) {
+        self.classes[usize::from(seen.class)] += 1;
+        self.returns[usize::from(seen.returns[0] & 15)] += 1;
+        self.strongest = self.strongest.max(seen.intensity);
+        self.brightest = seen.colour.into_iter().fold(self.brightest, u16::max);
+    }
+
+    fn and(mut self, other: Self) -> Self {
+        self.census.add(&other.census);
+        let sums = [(&mut self.classes, other.classes), (&mut self.returns, other.returns)];
+        for (own, more) in sums {
+            own.iter_mut().zip(more).for_each(|(own, more)| *own += more);
+        }
+        self.strongest = self.strongest.max(other.strongest);
+        self.brightest = self.brightest.max(other.brightest);
+        self
+    }
+}
+
+/// The least of all that are offered.
+struct FewestPoints {
+    most: usize,
+    /// No rank above it is wanted.
+    limit: AtomicU64,
+    kept: Mutex<Vec<Ranked>>,
+}
+
+impl FewestPoints {
+    fn new(most: usize) -> Self {
+        Self { most, limit: AtomicU64::new(u64::MAX), kept: Mutex::default() }
+    }
+
+    fn offer(&self, points: &[PointAppearance]) {
+        // A limit that is out of date is too high: points are offered in vain, none is lost.
+        let limit = self.limit.load(Ordering::Relaxed);
+        let ranked = points.iter().map(|seen| (rank(seen.point), *seen));
+        let wanted: Vec<Ranked> = ranked.filter(|(rank, _)| *rank <= limit).collect();
+        let mut kept = lock(&self.kept);
+        kept.extend(wanted);
+        if kept.len() > capacity(self.most) {
+            self.shorten(&mut kept);
+        }
+    }
+
+    fn shorten(&self, kept: &mut Vec<Ranked>) {
+        if let Some(last) = self.most.checked_sub(1).filter(|last| *last < kept.len()) {
+            let limit = kept.select_nth_unstable(last).1.0;
+            self.limit.store(limit, Ordering::Relaxed);
+        }
+        kept.truncate(self.most);
+    }
+
+    fn finish(self) -> Vec<Ranked> {
+        let mut kept = std::mem::take(&mut *lock(&self.kept));
+        self.shorten(&mut kept);
+        kept
+    }
+}
+
+/// So many are held before those beyond `most` are let go.
+fn capacity(most: usize) -> usize {
+    most + most / 4 + BATCH
+}
+
+/// Bytes that choosing so many points takes, with the slack of a list that grows.
+pub(super) fn needed(most: u64) -> u64 {
+    2 * (most + most / 4 + 2 * BATCH as u64) * size_of::<Ranked>() as u64
+}
+
+fn rank(Point { x, y, z }: Point) -> u64 {
+    mixed(&[x, y, z].map(ordered))
+}
+
+/// Reads all points that are wanted, and keeps so many of them. Within the threads that it is called on.
+pub(super) fn select(
+    cloud: &PointCloud,
+    most: usize,
+    (progress, cancel): (&dyn Progress, &Cancel),
+) -> Result<(Vec<Ranked>, PagePointTally)> {
+    let (sight, fewest) = (AppearanceReader::new(cloud)?, FewestPoints::new(most));
+    progress.begin("points", cloud.info().count);
+    let read = (0..cloud.parts()).into_par_iter().map(|part| {
+        FileAt::report_part(progress, cloud, part);
+        let mut tally = PagePointTally::default();
+        tally.census = sight.read(part, &mut |points| {
+            cancel.check()?;
+            points.iter().for_each(|seen| tally.add(seen));
+            points.chunks(BATCH).for_each(|some| fewest.offer(some));
+            Ok(())
+        })?;
+        progress.advance(cloud.points_of(part));
+        Ok(tally)
+    });
+    let tally = read.try_reduce(PagePointTally::default, |one, other| Ok(one.and(other)));
+    progress.end();
+    Ok((fewest.finish(), tally?))
+}
+
+/// Brings points that are near each other together: along a curve of the shape of Z (Morton 1966), and where places
+/// are the same by what else is known of them.
+pub(super) fn arrange(points: &mut [Ranked]) {
+    let west = points.iter().map(|(_, seen)| seen.point.x).min().unwrap_or(0);
+    let south = points.iter().map(|(_, seen)| seen.point.y).min().unwrap_or(0);
+    points.par_iter_mut().for_each(|(rank, seen)| {
+        *rank = spread(seen.point.x.abs_diff(west)) | spread(seen.point.y.abs_diff(south)) << 1;
+    });
+    points.par_sort_unstable();
+}
+
+/// The bits of a number with a gap behind each.
+fn spread(number: u32) -> u64 {
+    let steps = [
+        (16, 0x0000_FFFF_0000_FFFF),
+        (8, 0x00FF_00FF_00FF_00FF),
+        (4, 0x0F0F_0F0F_0F0F_0F0F),
+        (2, 0x3333_3333_3333_3333),
+        (1, 0x5555_5555_5555_5555),
+    ];
+    steps.iter().fold(number.into(), |bits: u64, (shift, mask)| (bits | bits << shift) & mask)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn seen(x: i32, y: i32, z: i32, class: u8) -> PointAppearance {
+        PointAppearance { point: Point::new(x, y, z), class, ..PointAppearance::default() }
+    }
+
+    /// All at once, and sorted.
+    fn chosen(points: &[PointAppearance], most: usize) -> Vec<Ranked> {
+        let mut all: Vec<Ranked> = points.iter().map(|seen| (rank(seen.point), *seen)).collect();
+        all.sort_unstable();
+        all.truncate(most);
+        all
+    }
+
+    proptest! {
+        #[test]
+        fn the_same_points_are_kept_in_whatever_batches_they_come(
+            points in prop::collection::vec((-9..9, -9..9, 0..3, 0..3u8), 0..400),
+            most in 0usize..300,
+            batch in 1usize..90,
+        ) {
+            let mut points: Vec<PointAppearance> = points.iter().map(|(x, y, z, c)| seen(*x, *y, *z, *c)).collect();
+            let expected = chosen(&points, most);
+            points.reverse();
+            let fewest = FewestPoints::new(most);
+            for some in points.chunks(batch) {
+                fewest.offer(some);
+                fewest.shorten(&mut lock(&fewest.kept));
+            }
+            let mut kept = fewest.finish();
+            kept.sort_unstable();
+            prop_assert_eq!(kept, expected);
+        }
+
+        #[test]
+        fn bits_are_spread_one_by_one(number in any::<u32>()) {
+            let slow = (0..32).fold(0u64, |all, bit| all | u64::from(number >> bit & 1) << (2 * bit));
+            prop_assert_eq!(spread(number), slow);
+        }
+    }
+
+    #[test]
+    fn a_tenth_of_a_lattice_is_a_tenth_of_each_of_its_parts() {
+        let points: Vec<PointAppearance> =
+            (0..90_000).map(|i| seen(i % 300, i / 300, 7, 2)).collect();
+        let kept = chosen(&points, 9_000);
+        let mut parts = [0; 9];
+        for (_, PointAppearance { point, .. }) in &kept {
+            parts[(point.x / 100 + point.y / 100 * 3) as usize] += 1;
+        }
+        // Each of 1,000, whose standard deviation is 30.
+        assert!(parts.iter().all(|part: &i32| part.abs_diff(1_000) < 120), "{parts:?}");
+    }
+
+    #[test]
+    fn neighbours_come_together() {
+        let square: Vec<PointAppearance> =
+            (0..4_096).map(|i| seen(i % 64 - 9, i / 64 + 5, 0, 0)).collect();
+        let mut points = chosen(&square, usize::MAX);
+        arrange(&mut points);
+        let apart = |pair: &[Ranked]| {
+            let [a, b] = [pair[0].1.point, pair[1].1.point];
+            a.x.abs_diff(b.x) + a.y.abs_diff(b.y)
+        };
+        let mean = points.windows(2).map(apart).sum::<u32>() as f64 / 4_095.0;
+        assert!(mean < 2.0, "{mean}");
+    }
+}

@@ -1,0 +1,66 @@
+//! Reports of meshes of any input.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::cli::shared::{VerbOutcome, args, output, report, text};
+use crate::cli::verify;
+use terrane_base::error::Result;
+use terrane_engine::skip_bad::Skipped;
+use terrane_terrain::tin::StageReport;
+use terrane_verify::{MeshOriginal, MeshReport};
+
+/// Report of both steps as one JSON object.
+#[derive(Serialize)]
+#[serde(bound = "T: Serialize")]
+pub(crate) struct MadeMeshReport<'a, T, O: MeshOriginal> {
+    #[serde(flatten)]
+    pub(crate) made: &'a T,
+    #[serde(rename = "verify", skip_serializing_if = "Option::is_none")]
+    pub(crate) checked: Option<&'a MeshReport<O>>,
+    #[serde(skip_serializing_if = "<[Skipped]>::is_empty")]
+    pub(crate) skipped: &'a [Skipped],
+    /// Unmet requirements.
+    #[serde(skip)]
+    pub(crate) unmet: Option<String>,
+}
+
+impl<T: Serialize, O: MeshOriginal> MadeMeshReport<'_, T, O> {
+    /// Prints the report of both steps, and writes it to a file if requested.
+    pub(super) fn print(
+        &self,
+        (show, file): (&args::ReportDisplay, Option<(&Path, bool)>),
+        made: impl FnOnce() -> String,
+        checked: impl FnOnce(&MeshReport<O>) -> String,
+    ) -> Result<VerbOutcome> {
+        if let Some((path, is_replaced)) = file {
+            report::write(path, is_replaced, self)?;
+        }
+        let is_told = show.print(self, || made() + &self.checked.map_or(String::new(), checked))?;
+        if let Some(unmet) = &self.unmet {
+            output::failure(unmet);
+        }
+        let Some(proof) = self.checked else {
+            return Ok(VerbOutcome::of(self.unmet.is_none(), true));
+        };
+        if !is_told {
+            verify::print(&proof.verdict);
+        }
+        Ok(verify::outcome(&proof.verdict))
+    }
+}
+
+/// Largest error, error bound, and RMSE.
+pub(super) fn errors(most: Option<f64>, allowed: f64, rmse: Option<f64>, unit: &str) -> String {
+    let found = most.map(|e| format!("{} {unit}, ", text::bound(e)));
+    let allowed = format!("{} {unit} allowed", text::number(allowed));
+    let rmse = rmse.map(|e| format!(", RMSE {} {unit}", text::number(e)));
+    found.unwrap_or_default() + &allowed + &rmse.unwrap_or_default()
+}
+
+/// Stages with their times.
+pub(crate) fn stages(stages: &[StageReport]) -> String {
+    let stage = |s: &StageReport| format!("{} {}", s.name, text::seconds(s.thread_seconds));
+    stages.iter().map(stage).collect::<Vec<_>>().join(", ")
+}
