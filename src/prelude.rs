@@ -3,7 +3,7 @@
 
 pub use crate::facade::Data;
 pub use terrane_engine::ResourcesSetters;
-pub use terrane_engine::local_frame::PlacingSetters;
+pub use terrane_engine::local_frame::LocalFrameSetters;
 pub use terrane_engine::options::{
     CloudInputSetters, ConstraintsSetters, FeatureInputSetters, FileOutputSetters,
     GridInputSetters, GridOutputSetters, PointFilterSetters, ReplacingSetters, ReprojectionSetters,
@@ -25,7 +25,7 @@ pub use terrane_terrain::relief::{
     SlopeSetters, TpiSetters, TriSetters,
 };
 pub use terrane_terrain::tin::{
-    BuildTin, RefinementSetters, SamplePositions, TinSetters, TinTargetSetters,
+    BuildTin, SamplePositions, TinMethodSetters, TinSetters, TinTargetSetters,
 };
 pub use terrane_terrain::warp::LatticeSetters;
 #[cfg(feature = "tiles")]

@@ -31,9 +31,9 @@ fn a_mesh_in_memory_tells_what_is_not_as_it_was_asked_for() {
     let land = terrane::open("synth:salt,size=570,seed=265").unwrap();
     let make = || land.tin().max_error(10.0).tile(32).drop(false);
     let tin = make().min_angle(26.5).build().unwrap();
-    let told = tin.unmet().unwrap();
+    let told = tin.shortfall().unwrap();
     assert!(told.starts_with("1 triangles have an angle below 26.5 degrees"), "{told}");
-    assert_eq!(make().build().unwrap().unmet(), None);
+    assert_eq!(make().build().unwrap().shortfall(), None);
 }
 
 #[test]

@@ -36,7 +36,8 @@ const ENDINGS: [&str; 2] = ["las", "laz"];
 const MAX_NOTES: usize = 20;
 
 /// Files that are listed in folders.
-const CLOUDS: FileKind = FileKind { what: "point cloud", is_member, file_name: |input| input };
+const CLOUDS: FileKind =
+    FileKind { what: "point cloud", is_member: is_cloud_file, file_name: |input| input };
 
 /// Options for reading a cloud.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -242,7 +242,7 @@ mod tests {
             bins.visit(&window, |run| seen.extend_from_slice(run));
             let inside = |p: &&Point| window.contains([p.x, p.y]);
             prop_assert!(bins.points().iter().filter(inside).all(|p| seen.contains(p)));
-            if point_bins::super::predicates::orient(corners[0], corners[1], corners[2]) <= 0 {
+            if super::super::predicates::orient(corners[0], corners[1], corners[2]) <= 0 {
                 return Ok(());
             }
             let disc = CircumscribedDisc::around(corners);

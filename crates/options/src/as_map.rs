@@ -4,7 +4,7 @@ use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::{Map, Value as Json};
 
-use crate::{Options, check, noted, values};
+use crate::{Options, check, fill, noted};
 
 /// Writes all values by name, as they are [noted].
 ///

@@ -11,7 +11,8 @@ use terrane_files::format::by_extension;
 const AMBIGUOUS_ENDINGS: [&str; 4] = ["txt", "csv", "tsv", "json"];
 
 /// Vector files as inputs.
-const FEATURES: FileKind = FileKind { what: "vector file", is_member, file_name: |input| input };
+const FEATURES: FileKind =
+    FileKind { what: "vector file", is_member: is_feature_file, file_name: |input| input };
 
 /// The files that `inputs` stand for, in order: those of a folder or pattern sorted by name.
 ///

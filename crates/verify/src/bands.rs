@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::context::MeshRequirements;
 use super::findings::{FaultReport, NO_BOUND};
-use super::options::{SelectedBands, LineProofQuestion, MeshProof};
+use super::options::{LineProofQuestion, MeshProof, SelectedBands};
 use super::parts::verify;
 use super::report::{BandProof, OfGrid, VerifyReport};
 use super::stated::tolerance;

@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use super::vertices::VertexCounts;
-use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::proof::ProofVerdict;
+use terrane_engine::run_statistics::RunStatistics;
 use terrane_mesh::{MeshInfo, Promises};
 use terrane_proof::{FaultCount, ProofPosition, ProofTally};
 
@@ -244,7 +244,8 @@ impl<O: MeshOriginal> MeshReport<O> {
         let plain = counts.into_iter().filter(|(count, _)| *count > 0);
         let mut failures: Vec<String> = plain.map(|(n, what)| format!("{n} {what}")).collect();
         let promises = self.promises();
-        failures.extend(promises.iter().filter_map(|(fault, what)| fault.sentence(what, O::describe)));
+        failures
+            .extend(promises.iter().filter_map(|(fault, what)| fault.sentence(what, O::describe)));
         if !found.area_matches {
             failures.push(self.of.wrong_area(self.mesh_area));
         }

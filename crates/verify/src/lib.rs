@@ -5,6 +5,7 @@
 //! times and memory depends on threads, memory budget, or the order of work.
 
 mod bands;
+mod buckets;
 mod cloud;
 mod context;
 mod findings;
@@ -13,11 +14,10 @@ mod lines;
 mod mesh;
 mod options;
 mod parts;
+mod plane_tiles;
 mod proofs;
 mod quality;
 mod report;
-mod buckets;
-mod plane_tiles;
 mod stated;
 #[cfg(feature = "tiles")]
 pub mod tiles;
@@ -29,8 +29,8 @@ pub use context::MeshRequirements;
 pub use findings::{FaultReport, MeshOriginal, MeshReport};
 pub use lines::{LineVerifyReport, verify_lines};
 pub use options::{
-    SelectedBands, CloudMeshProof, CloudMeshProofSetters, LineProof, LineProofSetters, LineVerifyJob,
-    MeshProof, MeshProofSetters, RemovedRings,
+    CloudMeshProof, CloudMeshProofSetters, LineProof, LineProofSetters, LineVerifyJob, MeshProof,
+    MeshProofSetters, RemovedRings, SelectedBands,
 };
 pub use parts::verify;
 pub use quality::{

@@ -18,8 +18,8 @@
 //! the format can say them; what it cannot say is named, never passed over.
 
 mod attributes;
-mod findings;
 mod feature;
+mod findings;
 mod pairs;
 
 use std::time::Instant;
@@ -33,9 +33,9 @@ use super::options::LineVerifyJob;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::plane::Xy;
 use terrane_base::geom::{Crs, wkt};
-use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::memory::PROGRAM;
 use terrane_engine::proof::ProofVerdict;
+use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::on_threads;
 use terrane_proof::lines::{

@@ -4,9 +4,9 @@
 use std::sync::Mutex;
 use std::time::Instant;
 
+use super::buckets::{MAX_TRIANGLES, MeshSpread};
 use super::context::{GridProofContext, MeshRequirements};
 use super::report::{VerifyReport, report};
-use super::buckets::{MAX_TRIANGLES, MeshSpread};
 use super::work::ProofResources;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;

@@ -6,8 +6,8 @@ use std::time::Instant;
 use bytemuck::Pod;
 
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::memory::{PROGRAM, beside_program, short};
+use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::Buckets;
 use terrane_mesh::MeshSource;

@@ -127,17 +127,17 @@ impl PlanRunSettings {
 
 fn tiles_summary(r: &RunReport<TilesRun>) -> String {
     let made = format!("{} tiles", text::count(r.of.made_tiles));
-    summary(r, &rows(r, made, None), r.of.tiles.as_ref().map(Summarize::summary))
+    run_summary(r, &rows(r, made, None), r.of.tiles.as_ref().map(Summarize::summary))
 }
 
 fn points_summary(r: &RunReport<PointTileRun>) -> String {
     let made = format!("{} points written", text::count(r.of.points));
-    summary(r, &rows(r, made, None), r.of.written.clone().map(points::by_plan))
+    run_summary(r, &rows(r, made, None), r.of.written.clone().map(points::by_plan))
 }
 
 fn cloud_summary(r: &RunReport<PointRun>) -> String {
     let made = format!("{} vertices chosen", text::count(r.of.vertices));
-    summary(r, &rows(r, made, None), r.of.mesh.as_ref().map(Summarize::summary))
+    run_summary(r, &rows(r, made, None), r.of.mesh.as_ref().map(Summarize::summary))
 }
 
 fn grid_summary(r: &RunReport<CellRun>) -> String {
@@ -146,13 +146,13 @@ fn grid_summary(r: &RunReport<CellRun>) -> String {
     if let (Some(path), None) = (&r.of.written, &r.of.grid) {
         rows.push(("grid", format!("{path}, written before")));
     }
-    summary(r, &rows, r.of.grid.as_ref().map(Summarize::summary))
+    run_summary(r, &rows, r.of.grid.as_ref().map(Summarize::summary))
 }
 
 fn summary(r: &RunReport<MeshRun>) -> String {
     let made = format!("{} samples", text::count(r.of.made_samples));
     let rows = rows(r, made, Some(tin::stages(&r.of.stages)));
-    summary(r, &rows, r.of.mesh.as_ref().map(Summarize::summary))
+    run_summary(r, &rows, r.of.mesh.as_ref().map(Summarize::summary))
 }
 
 /// Summary of a run of any plan: `made` is the result, `stages` the thread time of its stages.
@@ -186,7 +186,7 @@ fn rows<R: DescribesRun>(
 }
 
 /// Rows of a run, with the written output.
-fn summary<R>(
+fn run_summary<R>(
     r: &RunReport<R>,
     rows: &[(&'static str, String)],
     written: Option<String>,

@@ -1,14 +1,14 @@
 //! Summary of verified meshes of point clouds.
 
 use crate::cli::shared::{points, text};
-use crate::cli::verify::report;
+use crate::cli::verify::verdict;
 use terrane_verify::{CloudProofFindings, CloudVerifyReport};
 
 /// Summary of a verification.
 pub(crate) fn summary(r: &CloudVerifyReport) -> String {
     let whole =
         if r.of.breaklines.is_some() { "cloud, or anchor vertices of breaklines" } else { "cloud" };
-    let (mut rows, off) = (vec![("points", points(&r.of))], report::off_vertices(r, whole));
+    let (mut rows, off) = (vec![("points", points(&r.of))], verdict::off_vertices(r, whole));
     rows.extend(
         r.of.keep_points.as_ref().map(|kept| ("kept", text::required_points(kept, "cloud"))),
     );
@@ -17,7 +17,7 @@ pub(crate) fn summary(r: &CloudVerifyReport) -> String {
         ("breaklines", format!("{}, {vertices} vertices on them", text::breaklines(lines, "cloud")))
     }));
     let unit = format!(" ({})", r.of.vertical_unit);
-    report::summary(r, rows, off, &unit, text::rate(r.of.points_per_second, "points"))
+    verdict::summary(r, rows, off, &unit, text::rate(r.of.points_per_second, "points"))
 }
 
 fn points(r: &CloudProofFindings) -> String {

@@ -1,7 +1,7 @@
 //! Summary of verified meshes of grids.
 
 use crate::cli::shared::text;
-use crate::cli::verify::report;
+use crate::cli::verify::verdict;
 use terrane_base::bound::ErrorBound;
 use terrane_verify::{BandProof, OfGrid, VerifyReport};
 
@@ -17,8 +17,8 @@ pub(crate) fn summary(r: &VerifyReport) -> String {
         let vertices = text::count(r.of.on_breaklines);
         ("breaklines", format!("{}, {vertices} vertices on them", text::breaklines(lines, "grid")))
     }));
-    let off = report::off_vertices(r, "grid");
-    report::summary(r, rows, off, "", text::rate(r.of.samples_per_second, "samples"))
+    let off = verdict::off_vertices(r, "grid");
+    verdict::summary(r, rows, off, "", text::rate(r.of.samples_per_second, "samples"))
 }
 
 /// Error in a band.

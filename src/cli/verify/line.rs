@@ -1,13 +1,13 @@
 //! Summary of verified lines.
 
 use crate::cli::shared::{report, text};
-use crate::cli::verify::report;
+use crate::cli::verify::verdict;
 use terrane_simplify::DistanceKind;
 use terrane_verify::LineVerifyReport;
 
 /// Summary of a verification: verdict, failures, and figures.
 pub(super) fn summary(r: &LineVerifyReport) -> String {
-    let verdict = report::in_words(&r.verdict);
+    let verdict = verdict::in_words(&r.verdict);
     let unit = if r.measure == DistanceKind::Geographic { " m" } else { "" };
     let far = text::number(r.largest_distance);
     let place = r.farthest.map_or(String::new(), |[x, y]| format!(", at {x}, {y}"));

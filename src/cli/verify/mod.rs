@@ -4,11 +4,11 @@
 pub(crate) mod cloud;
 mod grid;
 mod line;
-mod report;
 mod tiles;
+mod verdict;
 
 pub(crate) use grid::summary;
-pub(crate) use report::{outcome, print};
+pub(crate) use verdict::{outcome, print};
 
 use std::path::{Path, PathBuf};
 

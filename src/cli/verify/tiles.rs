@@ -1,12 +1,12 @@
 //! Summary of verified terrain tiles.
 
 use crate::cli::shared::{report, text};
-use crate::cli::verify::report;
+use crate::cli::verify::verdict;
 use terrane_verify::tiles::{CheckReport, LevelProofReport, TilesVerifyReport};
 
 /// Summary of a verification: verdict, failures, and figures.
 pub(super) fn summary(r: &TilesVerifyReport) -> String {
-    let verdict = report::in_words(&r.verdict);
+    let verdict = verdict::in_words(&r.verdict);
     let failures: String = r.verdict.failures.iter().map(|f| format!("  - {f}\n")).collect();
     let sizes = [r.files, r.vertices, r.triangles].map(text::count);
     let mut rows = vec![(

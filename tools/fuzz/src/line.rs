@@ -2,7 +2,7 @@
 
 use terrane_line::metric::{DistanceMetric, largest_distance2};
 use terrane_line::topology::{
-    Chains, KeptChainVertices, RingCollapse, Strategy, UntangleOptions, refining, untangle,
+    Chains, RetainedChainVertices, RingCollapse, Strategy, UntangleOptions, refining, untangle,
 };
 use terrane_line::{Hierarchy, METHODS, PlaneMetric, SimplifyMethod, SimplifyScratch, Xy};
 use terrane_proof::lines::{LineQuestion, ProofDistance, ProofLines, check};
@@ -120,7 +120,7 @@ fn clean(line: &[Xy], tolerance: f64) {
                 let mut refine = refining(&points, |part, kept| {
                     (method.plane)(&PlaneMetric, part, tolerance, &mut scratch, kept);
                 });
-                let kept = KeptChainVertices::simplified(&chains, &mut refine);
+                let kept = RetainedChainVertices::simplified(&chains, &mut refine);
                 let options = UntangleOptions {
                     strategy,
                     collapse: RingCollapse::Keep,

@@ -160,7 +160,7 @@ mod tests {
             ArtifactLocation::new(folder.path(), (Digest::of(b""), "a", &[]), "tif"),
             Cancel::default(),
         );
-        let look = |look| FinishedArtifact::<Facts>::look(&place, look, &cancel);
+        let look = |look| FinishedArtifact::<Facts>::inspect(&place, look, &cancel);
         assert!(look(CheckDepth::Whole).unwrap().is_none(), "nothing is there");
         std::fs::write(&place.file, "one").unwrap();
         let done = FinishedArtifact::seal(&place, Facts { points: 3 }, None).unwrap();

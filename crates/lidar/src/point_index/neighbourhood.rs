@@ -289,7 +289,7 @@ mod tests {
         let corners = [Point::new(0, 0, 0), Point::new(9999, 9999, 0)];
         let store = PointStore::empty(Tiling::new(corners, 4_000_000), folder.path(), 50_000);
         store.add(&points).unwrap();
-        assert!(store.points.held() <= 50_000 && store.points.spilled() > 0);
+        assert!(store.points.memory_use() <= 50_000 && store.points.spilled() > 0);
         let hull = store.hull().unwrap();
         assert_eq!(hull.ring(), ConvexHull::of(points.clone()).ring());
         let bins = PointBins::new(&points);

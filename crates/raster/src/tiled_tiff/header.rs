@@ -26,7 +26,7 @@ pub(super) enum TiledTiffGeoreference {
     Matrix(Vec<f64>),
 }
 
-/// Metadata from which the whole `StorePreamble` is generated.
+/// Metadata from which the whole `TiledTiffPreamble` is generated.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct TiledTiffHeader {
     pub(super) layout: TiledTiffLayout,

@@ -8,7 +8,7 @@
 //! 0              16                                                                   a multiple of 4096
 //! ```
 //!
-//! Everything before the tiles is generated from a few values (`StoreHeader`). Opening a store reads these
+//! Everything before the tiles is generated from a few values (`TiledTiffHeader`). Opening a store reads these
 //! values, encodes them again, and compares every byte and the file length. Other files, including stores
 //! edited by other programs, are opened by the general GeoTIFF reader.
 

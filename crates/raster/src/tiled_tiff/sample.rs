@@ -328,7 +328,7 @@ macro_rules! bytes_of {
 
 macro_rules! stored_integer {
     ($($t:ty),*) => {$(
-        impl StoreSample for $t {
+        impl TiledTiffSample for $t {
             bytes_of!($t);
             const ZERO: Self = 0;
             const HOLE: Option<Self> = None;
@@ -356,7 +356,7 @@ macro_rules! stored_integer {
                 (whole as $t, f64::from(whole as $t) == whole)
             }
 
-            fn write_whole<H: StoreHeight>(heights: &[H], bytes: &mut [u8], fill: Option<Self>) -> bool {
+            fn write_whole<H: TiledTiffHeight>(heights: &[H], bytes: &mut [u8], fill: Option<Self>) -> bool {
                 let mut all = true;
                 for (bytes, height) in bytes.chunks_exact_mut(Self::BYTES).zip(heights) {
                     let height = height.to_f64();
@@ -403,12 +403,12 @@ macro_rules! float_rules {
 
         #[inline(always)]
         fn meets(self, nodata: Self) -> bool {
-            let nodata = StoreSample::to_f64(nodata);
-            (StoreSample::to_f64(self) - nodata).abs() <= 4.0 * $epsilon * nodata.abs()
+            let nodata = TiledTiffSample::to_f64(nodata);
+            (TiledTiffSample::to_f64(self) - nodata).abs() <= 4.0 * $epsilon * nodata.abs()
         }
 
         fn aside(self) -> Self {
-            let value = StoreSample::to_f64(self);
+            let value = TiledTiffSample::to_f64(self);
             Self::nearest(if value == 0.0 { $step } else { value * (1.0 - $step) }).0
         }
     };

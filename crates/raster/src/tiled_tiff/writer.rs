@@ -18,7 +18,7 @@ use terrane_base::geom::Rect;
 use terrane_files::atomic::AtomicFile;
 use terrane_files::write_all_at;
 
-/// Heights handed to a [`StoreWriter`]; voids are NaN.
+/// Heights handed to a [`TiledTiffWriter`]; voids are NaN.
 #[derive(Clone, Copy, Debug)]
 pub enum HeightSlice<'a> {
     /// Exact for the types of [`GridInfo::exact_in_f32`].

@@ -18,7 +18,7 @@ use terrane_raster::{ArrayGrid, ArraySample, GridOpenOptions};
 ///
 /// Vertices are samples of the grid it was made from; triangles refer to them by index and are
 /// counter-clockwise seen from above. The mesh is Delaunay on the lattice of samples (unless
-/// [asked not to be](super::RefinementSetters::triangulation)), has no cracks, and covers every cell whose
+/// [asked not to be](super::TinMethodSetters::triangulation)), has no cracks, and covers every cell whose
 /// four samples are valid, and nothing else.
 ///
 /// ```
@@ -65,7 +65,7 @@ pub struct TinParts {
 impl Tin {
     /// A mesh of `height` rows of `width` samples each, row by row, of any type of number. NaN and infinities
     /// are voids. x is the column and y the row with its sign changed, unless
-    /// [`place`](PlaceSamples::place)d elsewhere.
+    /// [`place`](SamplePositions::place)d elsewhere.
     ///
     /// # Errors
     /// A number of samples other than `width * height`, or 0.
@@ -79,13 +79,13 @@ impl Tin {
     }
 
     /// Requirements that the mesh does not meet, as text: triangles with an angle below
-    /// [`min_angle`](super::RefinementSetters::min_angle), or vertices on
+    /// [`min_angle`](super::TinMethodSetters::min_angle), or vertices on
     /// [`breaklines`](terrane_engine::options::ConstraintsSetters::breaklines) without an edge along them.
     /// `None` for nearly every mesh. The error bound always holds.
     ///
     /// ```
     /// # fn main() -> terrane_base::Result<()> {
-    /// use terrane_terrain::tin::{BuildTin, RefinementSetters, TinTargetSetters, Tin};
+    /// use terrane_terrain::tin::{BuildTin, TinMethodSetters, TinTargetSetters, Tin};
     /// let tin = Tin::from_array(&[0.0_f32, 1.0, 4.0, 9.0, 2.0, 3.0], 3, 2)?.max_error(0.5).min_angle(20.0).build()?;
     /// assert_eq!(tin.unmet(), None);
     /// # Ok(())

@@ -53,7 +53,7 @@ pub use layout::{TILE_CELLS, USUAL_TILE};
 pub use make::run;
 pub use names::{GREEDY, MeshMethodName, TriangulationName};
 pub use options::{TinOptions, TinSetters, TinTarget, TinTargetSetters};
-pub use refinement::{RefinementSetters, TinMethod};
+pub use refinement::{TinMethod, TinMethodSetters};
 pub use report::{FlawReport, StageReport, TinReport};
 pub use run::{TinOutcome, run_on};
 pub use settings::TinSettings;

@@ -5,8 +5,8 @@ use crate::work::ProofResources;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 use terrane_cloud::PointSource;
-use terrane_engine::constraints::ConstraintFeatures;
 use terrane_engine::cloud_constraints::OnCloud;
+use terrane_engine::constraints::ConstraintFeatures;
 use terrane_mesh::Promises;
 use terrane_proof::cloud::{LatticeSnapper, VerticalBound};
 

@@ -7,8 +7,8 @@
 //! point is judged in `i128`. The outline and the area of the mesh must be those of the convex hull,
 //! which is gathered anew while the points are read.
 
-mod context;
 mod constraints;
+mod context;
 mod parts;
 mod points;
 mod report;
@@ -18,9 +18,9 @@ mod tests;
 use std::path::Path;
 use std::time::Instant;
 
+use super::buckets::MeshSpread;
 use super::header::{CheckedHeader, judge_bounds};
 use super::options::{CloudMeshProof, LineProofQuestion};
-use super::buckets::MeshSpread;
 use super::stated::{leave_files, open_mesh, stated, tolerance};
 use super::work::ProofResources;
 use context::{CloudProofContext, no_surface, surface_bounds};

@@ -6,8 +6,8 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::context::CloudProofContext;
 use super::constraints::ConstraintChecks;
+use super::context::CloudProofContext;
 use super::points::SpreadPoints;
 use crate::buckets::{MAX_TRIANGLES, MeshSpread};
 use crate::plane_tiles::{CROWD, MOST, RUN_BYTES, SHARES, divide, load, pieces, respread};

@@ -2,11 +2,11 @@
 
 use serde::Serialize;
 
-use super::context::CloudProofContext;
 use super::constraints::ConstraintChecks;
+use super::context::CloudProofContext;
 use super::points::SpreadPoints;
-use crate::findings::{FaultReport, MeshFindings, MeshOriginal, MeshReport, area, is_zero};
 use crate::buckets::MeshSpread;
+use crate::findings::{FaultReport, MeshFindings, MeshOriginal, MeshReport, area, is_zero};
 use terrane_base::error::Result;
 use terrane_cloud::ReturnCounts;
 use terrane_engine::breaklines::BreaklinesReport;

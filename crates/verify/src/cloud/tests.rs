@@ -1,21 +1,21 @@
 //! Meshes that the job makes of clouds, sound and spoiled, on any machine.
 
-#[path = "../../../lidar/src/few.rs"]
-#[allow(dead_code)]
-mod few;
 mod lines;
+#[path = "../../../lidar/src/test_cloud.rs"]
+#[allow(dead_code)]
+mod test_cloud;
 
 use std::path::Path;
 
 use super::*;
-use few::PointSample;
 use terrane_base::geom::{Point, Point3, PointFrame};
 use terrane_cloud::CloudOpenOptions;
 use terrane_engine::Silent;
-use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::plan::RunControl;
+use terrane_engine::run_statistics::RunStatistics;
 use terrane_lidar::cloud_tin::{self, CloudTinJob};
 use terrane_mesh::{self as mesh, MeshInfo};
+use test_cloud::PointSample;
 
 const FRAME: PointFrame =
     PointFrame { scale: [0.01, 0.01, 0.01], offset: [500_000.0, 4_750_000.0, 0.0] };

@@ -4,8 +4,8 @@ use std::collections::{HashMap, HashSet, VecDeque};
 use std::path::Path;
 
 use super::attributes::{AttributeRules, Facts, shown};
+use super::feature::{ComparedFeature, FeaturePart, MatchedParts, key, match_parts};
 use super::findings::FeatureFindings;
-use super::feature::{ComparedFeature, MatchedParts, FeaturePart, match_parts, key};
 use crate::options::LineVerifyJob;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::memory::{PROGRAM, short};

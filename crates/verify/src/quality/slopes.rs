@@ -1,10 +1,10 @@
 //! The slopes of a grid, rectangle by rectangle, and those of the triangles over them.
 
 use super::report::SlopeReport;
+use crate::buckets::{DomainReach, MeshSpread};
 use crate::context::{GridProofContext, MeshRequirements};
 use crate::parts;
 use crate::report::place;
-use crate::buckets::{DomainReach, MeshSpread};
 use crate::work::ProofResources;
 use terrane_base::error::Result;
 use terrane_engine::ground_units::GroundScale;

@@ -1,8 +1,8 @@
 //! The context of both passes over a set of tiles: the set, the raster, and the allowed errors.
 
 use super::folder::{self, FolderTiles};
-use super::layer::TilesetPromises;
 use super::georeference::GlobeRaster;
+use super::layer::TilesetPromises;
 use super::memory_shares::DividedBudget;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::{Cancel, Progress};

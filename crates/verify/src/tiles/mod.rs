@@ -4,22 +4,22 @@
 //! the surfaces of all levels ([`terrane_proof::tiles`]). Nothing in the report but times and memory depends on
 //! threads, memory budget, or the order of work.
 
-mod tile_checks;
 mod availability;
 mod cache;
 mod context;
 mod folder;
+mod georeference;
 mod layer;
 mod level;
+mod memory_shares;
 mod options;
-mod georeference;
 mod proofs;
 mod report;
-mod memory_shares;
-mod water_polygons;
 mod sweep;
+mod tile_checks;
 mod tiles_3d;
 mod tileset;
+mod water_polygons;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -27,16 +27,16 @@ use std::time::Instant;
 
 use self::context::TilesProofContext;
 use self::folder::FolderTiles;
-use self::layer::{TilesetKind, TilesetPromises};
 use self::georeference::GlobeRaster;
+use self::layer::{TilesetKind, TilesetPromises};
 use self::memory_shares::TilesProofMemory;
 use super::context::check_grid;
 use super::options::LineProofQuestion;
 use terrane_base::error::{Error, Result};
-use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::memory::{cache_beside, too_little, with_polygons};
 use terrane_engine::options::GridInput;
 use terrane_engine::proof::WrittenOutput;
+use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_proof::tiles::WaterShore;
 use terrane_raster::{self as raster, Water};
@@ -44,7 +44,7 @@ use terrane_tiles::CloudModel;
 
 pub use context::ROUNDING;
 pub use options::{CloudTilesProof, CloudTilesProofSetters, TilesProof, TilesProofSetters};
-pub use report::{CheckReport, TileFault, LevelProofReport, TilesVerifyReport};
+pub use report::{CheckReport, LevelProofReport, TileFault, TilesVerifyReport};
 
 /// Least memory that a proof can work in.
 const MIN_MEMORY: u64 = 32 << 20;

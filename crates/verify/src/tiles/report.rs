@@ -2,15 +2,15 @@
 
 use serde::Serialize;
 
-use super::tile_checks::{self, TileRecord};
 use super::context::{ROUNDING, TilesProofContext};
 use super::folder;
 use super::layer::TilesetPromises;
 use super::level::StatedLevel;
 use super::sweep::{self, FarthestSample, TileSamples};
+use super::tile_checks::{self, TileRecord};
 use terrane_base::geom::Crs;
-use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::proof::ProofVerdict;
+use terrane_engine::run_statistics::RunStatistics;
 use terrane_proof::tiles::{MaskPixels, ProofTileId, TilesetCheck, TilesetFault, TilesetFaults};
 
 /// Metres that a sphere may be larger than it has to be, and part that a tolerance may: rounding.

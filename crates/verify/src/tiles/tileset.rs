@@ -134,7 +134,12 @@ fn read_tileset(path: &Path, room: &TilesProofMemory, cancel: &Cancel) -> Result
 }
 
 impl StoredTilesetJson {
-    fn layer(self, path: &Path, room: &TilesProofMemory, cancel: &Cancel) -> Result<TilesetPromises> {
+    fn layer(
+        self,
+        path: &Path,
+        room: &TilesProofMemory,
+        cancel: &Cancel,
+    ) -> Result<TilesetPromises> {
         let of_file = |e: Error| e.in_file(path);
         self.check().map_err(of_file)?;
         let (Some(schema), Some(own)) = (self.schema, self.extras.terrane) else {

@@ -187,7 +187,7 @@ mod tests {
         let ground = ground(&minima, 100, &CELLS);
         assert!(ground.is_ground(0, 1, [0.5, 0.5], 7));
         assert!(!ground.is_ground(99, 1, [0.5, 0.5], 7));
-        assert!(pmf::ground(&[], 4, &CELLS).tolerances.is_empty());
+        assert!(super::ground(&[], 4, &CELLS).tolerances.is_empty());
     }
 
     /// The cells of a rectangle [west, south, east, north], which may go beyond the window.

@@ -106,7 +106,7 @@ pub struct RetainedChainVertices {
 }
 
 impl RetainedChainVertices {
-    /// Empty, to be filled with [`KeptChainVertices::close`].
+    /// Empty, to be filled with [`RetainedChainVertices::close`].
     pub fn new() -> Self {
         Self { vertices: Vec::new(), starts: vec![0] }
     }
