@@ -81,7 +81,7 @@ fn run(args: &DemoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let checked = prove(&job, &made, progress, cancel)?;
     terrane_viewer::view::run(&picture(&files.mesh, &files.picture, &resources), progress, cancel)?;
     let report =
-        tin::MadeMeshReport { made: &made, checked: Some(&checked), skipped: &[], unmet: None };
+        tin::MadeMeshReport { made: &made, checked: Some(&checked), skipped: &[], shortfall: None };
     report::write(&files.report, true, &report)?;
     if args.show.json {
         output::json(&report)?;

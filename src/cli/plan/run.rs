@@ -119,9 +119,9 @@ impl PlanRunSettings {
     ) -> Result<VerbOutcome> {
         let report = O::run_plan(job, self.show.progress().as_ref(), cancel)?;
         self.show.print(&report, || summary(&report))?;
-        let unmet = report.of.shortfall();
-        unmet.iter().for_each(|unmet| output::failure(unmet));
-        Ok(VerbOutcome::of(unmet.is_none(), true))
+        let shortfall = report.of.shortfall();
+        shortfall.iter().for_each(|shortfall| output::failure(shortfall));
+        Ok(VerbOutcome::of(shortfall.is_none(), true))
     }
 }
 

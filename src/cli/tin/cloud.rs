@@ -29,7 +29,7 @@ impl Summarize for CloudTinReport {
     }
 
     fn shortfall(&self) -> Option<String> {
-        self.unmet()
+        self.shortfall()
     }
 }
 

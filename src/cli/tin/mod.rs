@@ -141,7 +141,7 @@ impl TinVerbArgs {
             made: report,
             checked: checked.as_ref(),
             skipped,
-            unmet: report.shortfall(),
+            shortfall: report.shortfall(),
         };
         let file = self.report.as_deref().map(|path| (path, is_replacing(options)));
         told.print((&self.show, file), || report.summary(), summary)

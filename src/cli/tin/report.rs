@@ -23,7 +23,7 @@ pub(crate) struct MadeMeshReport<'a, T, O: MeshOriginal> {
     pub(crate) skipped: &'a [Skipped],
     /// Unmet requirements.
     #[serde(skip)]
-    pub(crate) unmet: Option<String>,
+    pub(crate) shortfall: Option<String>,
 }
 
 impl<T: Serialize, O: MeshOriginal> MadeMeshReport<'_, T, O> {
@@ -38,11 +38,11 @@ impl<T: Serialize, O: MeshOriginal> MadeMeshReport<'_, T, O> {
             report::write(path, is_replaced, self)?;
         }
         let is_told = show.print(self, || made() + &self.checked.map_or(String::new(), checked))?;
-        if let Some(unmet) = &self.unmet {
-            output::failure(unmet);
+        if let Some(shortfall) = &self.shortfall {
+            output::failure(shortfall);
         }
         let Some(proof) = self.checked else {
-            return Ok(VerbOutcome::of(self.unmet.is_none(), true));
+            return Ok(VerbOutcome::of(self.shortfall.is_none(), true));
         };
         if !is_told {
             verify::print(&proof.verdict);

@@ -53,7 +53,7 @@ impl Mesh {
     }
 
     #[getter]
-    fn unmet(&self) -> Option<&str> {
+    fn shortfall(&self) -> Option<&str> {
         self.tin.shortfall()
     }
 
@@ -93,12 +93,12 @@ impl Mesh {
 
     /// State without arrays, for pickles.
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let TinParts { tolerance, max_error, rmse, unmet, header, .. } =
+        let TinParts { tolerance, max_error, rmse, shortfall, header, .. } =
             Tin::clone(&self.tin).into_parts();
         let MeshHeader { crs, origin, scale, bounds, promises, .. } = header;
         let state = PyDict::new(py);
         state.set_item("errors", [tolerance, max_error, rmse])?;
-        state.set_item("unmet", unmet)?;
+        state.set_item("shortfall", shortfall)?;
         state.set_item("crs", serde_json::to_string(&crs).unwrap_or_default())?;
         state.set_item("places", [origin, scale, bounds[0], bounds[1]])?;
         state.set_item("promises", promises.to_lines())?;
@@ -132,7 +132,7 @@ impl Mesh {
             tolerance,
             max_error,
             rmse,
-            unmet: state.unmet,
+            shortfall: state.shortfall,
             header,
         };
         told(py, Tin::from_parts(parts)).map(Self::from)
@@ -144,7 +144,7 @@ impl Mesh {
 #[pyo3(from_item_all)]
 struct MeshState {
     errors: [f64; 3],
-    unmet: Option<String>,
+    shortfall: Option<String>,
     crs: String,
     places: [[f64; 3]; 4],
     promises: Vec<String>,

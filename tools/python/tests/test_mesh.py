@@ -203,7 +203,7 @@ def test_pickles_and_copies(tmp_path: Path, mesh: terrane.Mesh) -> None:
         assert np.array_equal(other.vertices, mesh.vertices)
         assert np.array_equal(other.triangles, mesh.triangles)
         assert (other.error, other.rmse, other.tolerance) == (mesh.error, mesh.rmse, mesh.tolerance)
-        assert (other.crs, other.unmet) == (mesh.crs, mesh.unmet)
+        assert (other.crs, other.shortfall) == (mesh.crs, mesh.shortfall)
         mesh.write(tmp_path / "one.ply", overwrite=True)
         other.write(tmp_path / "other.ply", overwrite=True)
         assert (tmp_path / "one.ply").read_bytes() == (tmp_path / "other.ply").read_bytes()
@@ -286,7 +286,7 @@ def test_files_beside_a_grid_are_obeyed(tmp_path: Path, heights: NDArray[np.floa
     assert np.ptp(lake) == 0
     kept = {"breaklines": tmp_path / "road.wkt", "keep_points": tmp_path / "peaks.wkt"}
     mesh = terrane.tin(heights, max_error=30.0, **kept)
-    assert mesh.unmet is None
+    assert mesh.shortfall is None
     for peak in ((33, -44), (77, -88)):
         assert (mesh.vertices[:, :2] == peak).all(axis=1).any()
     report = terrane.verify(mesh, heights, **kept)

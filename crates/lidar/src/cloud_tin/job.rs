@@ -152,7 +152,7 @@ impl CloudTinReport {
     }
 
     /// Requirements that the mesh does not meet, as text.
-    pub fn unmet(&self) -> Option<String> {
+    pub fn shortfall(&self) -> Option<String> {
         let FlawReport { count, first } = self.apart?;
         let [x, y] = first?;
         Some(format!(

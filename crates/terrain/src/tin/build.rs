@@ -47,7 +47,7 @@ pub struct BuildOutcome {
     /// Counts and measured errors of the run.
     pub outcome: TinOutcome,
     /// Requirements that the mesh does not meet, as text.
-    pub unmet: Option<String>,
+    pub shortfall: Option<String>,
     /// Header for files of the mesh.
     pub header: MeshHeader,
 }
@@ -127,6 +127,11 @@ fn build_within(
     let [clip, water] = [clip, water].map(|path| path.map(feature_files::label));
     let from = MeshOrigin { input: info.format, clip, water, refinement: job.refinement };
     let flaws = |flaws| Some(FlawReport::of(flaws, &info.transform));
-    let unmet = shortfall(flaws(outcome.thin), flaws(outcome.apart), job.refinement.min_angle);
-    Ok(BuildOutcome { tolerance, outcome, unmet, header: header(info, from, &settings.spec, 0.0) })
+    let shortfall = shortfall(flaws(outcome.thin), flaws(outcome.apart), job.refinement.min_angle);
+    Ok(BuildOutcome {
+        tolerance,
+        outcome,
+        shortfall,
+        header: header(info, from, &settings.spec, 0.0),
+    })
 }

@@ -306,7 +306,7 @@ fn first_corner(triangle: &TileTriangle) -> TilePosition {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tin::layout::SeamPosition;
+    use crate::tin::layout::SeamKind;
 
     fn triangle(corners: [(u32, u32); 3]) -> TileTriangle {
         let corners = corners.map(|(col, row)| TilePosition::new(col, row));
@@ -317,7 +317,7 @@ mod tests {
     fn a_piece_is_divided_among_owners_and_found_again() {
         let layout = TileLayout::new(257, 129, 128).unwrap();
         let (left, right) = (TileId::new(0, 0), TileId::new(0, 1));
-        let zone = PatchTriangles::new(&layout, SeamPosition::Vertical, left, 64, 0);
+        let zone = PatchTriangles::new(&layout, SeamKind::Vertical, left, 64, 0);
         let triangles = [
             triangle([(0, 0), (127, 0), (64, 9)]),
             triangle([(64, 1), (65, 1), (64, 90)]),
@@ -357,7 +357,7 @@ mod tests {
         assert_eq!((container.inner.len(), container.triangles.len()), (1, 1));
         for (reach, taken) in [(8, 1), (32, 1), (60, 2)] {
             let mut found = Vec::new();
-            let zone = PatchTriangles::new(&layout, SeamPosition::Vertical, tile, reach, 0);
+            let zone = PatchTriangles::new(&layout, SeamKind::Vertical, tile, reach, 0);
             container.extract(&zone, tile, &layout, &mut found);
             assert_eq!(found.len(), if reach == 32 { 0 } else { taken.min(1) }, "reach {reach}");
         }

@@ -39,7 +39,7 @@ pub struct Tin {
     pub(super) tolerance: f64,
     pub(super) max_error: f64,
     rmse: f64,
-    unmet: Option<String>,
+    shortfall: Option<String>,
     pub(super) header: MeshHeader,
 }
 
@@ -57,7 +57,7 @@ pub struct TinParts {
     /// The root of the mean square of these distances.
     pub rmse: f64,
     /// Requirements that the mesh does not meet.
-    pub unmet: Option<String>,
+    pub shortfall: Option<String>,
     /// Header for its files.
     pub header: MeshHeader,
 }
@@ -87,12 +87,12 @@ impl Tin {
     /// # fn main() -> terrane_base::Result<()> {
     /// use terrane_terrain::tin::{BuildTin, TinMethodSetters, TinTargetSetters, Tin};
     /// let tin = Tin::from_array(&[0.0_f32, 1.0, 4.0, 9.0, 2.0, 3.0], 3, 2)?.max_error(0.5).min_angle(20.0).build()?;
-    /// assert_eq!(tin.unmet(), None);
+    /// assert_eq!(tin.shortfall(), None);
     /// # Ok(())
     /// # }
     /// ```
     pub fn shortfall(&self) -> Option<&str> {
-        self.unmet.as_deref()
+        self.shortfall.as_deref()
     }
 
     /// Positions, x, y and z in the units of the grid.
@@ -128,8 +128,8 @@ impl Tin {
 
     /// Takes the mesh apart, for storage elsewhere.
     pub fn into_parts(self) -> TinParts {
-        let Self { vertices, triangles, tolerance, max_error, rmse, unmet, header } = self;
-        TinParts { vertices, triangles, tolerance, max_error, rmse, unmet, header }
+        let Self { vertices, triangles, tolerance, max_error, rmse, shortfall, header } = self;
+        TinParts { vertices, triangles, tolerance, max_error, rmse, shortfall, header }
     }
 
     /// The mesh from its parts.
@@ -147,13 +147,13 @@ impl Tin {
     /// # }
     /// ```
     pub fn from_parts(parts: TinParts) -> Result<Self> {
-        let TinParts { vertices, triangles, tolerance, max_error, rmse, unmet, header } = parts;
+        let TinParts { vertices, triangles, tolerance, max_error, rmse, shortfall, header } = parts;
         let is_vertex = |corner: &u32| (*corner as usize) < vertices.len();
         if let Some(number) = triangles.iter().position(|t| !t.iter().all(is_vertex)) {
             return Err(Error::bad_input("a corner is not the index of a vertex")
                 .at(format_args!("triangle {number}")));
         }
-        Ok(Self { vertices, triangles, tolerance, max_error, rmse, unmet, header })
+        Ok(Self { vertices, triangles, tolerance, max_error, rmse, shortfall, header })
     }
 }
 
@@ -257,7 +257,7 @@ impl MemorySink {
     fn into_tin(self, built: BuildOutcome) -> Tin {
         let mut lists = lock(&self.0);
         let TinArrays { vertices, triangles } = std::mem::take(&mut *lists);
-        let BuildOutcome { tolerance, outcome, unmet, header } = built;
+        let BuildOutcome { tolerance, outcome, shortfall, header } = built;
         let surface = (outcome.valid - outcome.isolated).max(1) as f64;
         Tin {
             vertices,
@@ -265,7 +265,7 @@ impl MemorySink {
             tolerance,
             max_error: outcome.max_error,
             rmse: (outcome.square_sum / surface).sqrt(),
-            unmet,
+            shortfall,
             header,
         }
     }

@@ -42,7 +42,7 @@ impl TileId {
 
 /// Where a seam patch lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum SeamPosition {
+pub(super) enum SeamKind {
     /// Along the line of samples between a tile and the one on its right.
     Vertical,
     /// Along the line of samples between a tile and the one below.
@@ -203,28 +203,23 @@ impl TileLayout {
 
     /// The rectangle of the seam patch below and/or right of `tile`, `reach` cells wide on each
     /// side of the seam.
-    pub(super) fn patch(&self, seam: SeamPosition, tile: TileId, reach: u32) -> Rect {
+    pub(super) fn patch(&self, seam: SeamKind, tile: TileId, reach: u32) -> Rect {
         let (col, row) = self.origin(tile);
         let (mut first, mut last) = ([col, row], [col + self.tile, row + self.tile]);
-        if seam != SeamPosition::Horizontal {
+        if seam != SeamKind::Horizontal {
             (first[0], last[0]) = (last[0] - reach, last[0] + reach);
         }
-        if seam != SeamPosition::Vertical {
+        if seam != SeamKind::Vertical {
             (first[1], last[1]) = (last[1] - reach, last[1] + reach);
         }
         self.between(first, last)
     }
 
     /// The seam lines (column, row) of a patch, relative to `rect`, where they cross it.
-    pub(super) fn seam_lines(
-        &self,
-        seam: SeamPosition,
-        tile: TileId,
-        rect: Rect,
-    ) -> [Option<u32>; 2] {
+    pub(super) fn seam_lines(&self, seam: SeamKind, tile: TileId, rect: Rect) -> [Option<u32>; 2] {
         let (col, row) = self.origin(tile);
-        let col = (seam != SeamPosition::Horizontal).then_some(col + self.tile);
-        let row = (seam != SeamPosition::Vertical).then_some(row + self.tile);
+        let col = (seam != SeamKind::Horizontal).then_some(col + self.tile);
+        let row = (seam != SeamKind::Vertical).then_some(row + self.tile);
         let inside = |line: Option<u32>, first: u32| line.and_then(|line| line.checked_sub(first));
         [inside(col, rect.col), inside(row, rect.row)]
     }
@@ -311,16 +306,13 @@ mod tests {
         let layout = TileLayout::new(100, 100, 17).unwrap();
         let widest = layout.widest_reach();
         for col in 0..layout.cols - 2 {
-            let here = layout.patch(SeamPosition::Vertical, TileId::new(0, col), widest);
-            let next = layout.patch(SeamPosition::Vertical, TileId::new(0, col + 1), widest);
+            let here = layout.patch(SeamKind::Vertical, TileId::new(0, col), widest);
+            let next = layout.patch(SeamKind::Vertical, TileId::new(0, col + 1), widest);
             assert!(here.end_col() - 1 <= next.col);
         }
+        assert_eq!(layout.patch(SeamKind::Corner, TileId::new(4, 4), 8), Rect::new(77, 77, 17, 17));
         assert_eq!(
-            layout.patch(SeamPosition::Corner, TileId::new(4, 4), 8),
-            Rect::new(77, 77, 17, 17)
-        );
-        assert_eq!(
-            layout.patch(SeamPosition::Horizontal, TileId::new(4, 5), 8),
+            layout.patch(SeamKind::Horizontal, TileId::new(4, 5), 8),
             Rect::new(85, 77, 15, 17)
         );
     }
@@ -329,10 +321,10 @@ mod tests {
     fn the_grid_ends_at_its_borders() {
         let layout = TileLayout::new(129, 129, 64).unwrap();
         let ends = |seam, row, col| layout.grid_ends(layout.patch(seam, TileId::new(row, col), 8));
-        assert_eq!(ends(SeamPosition::Vertical, 0, 0), [false, false, true, false]);
-        assert_eq!(ends(SeamPosition::Vertical, 1, 0), [false, false, false, true]);
-        assert_eq!(ends(SeamPosition::Horizontal, 0, 1), [false, true, false, false]);
-        assert_eq!(ends(SeamPosition::Corner, 0, 0), [false; 4]);
+        assert_eq!(ends(SeamKind::Vertical, 0, 0), [false, false, true, false]);
+        assert_eq!(ends(SeamKind::Vertical, 1, 0), [false, false, false, true]);
+        assert_eq!(ends(SeamKind::Horizontal, 0, 1), [false, true, false, false]);
+        assert_eq!(ends(SeamKind::Corner, 0, 0), [false; 4]);
     }
 
     #[test]

@@ -10,7 +10,7 @@
 //! to 0.12 s, tiles 0.55 s.
 
 use super::boxes::{OffsetFrame, PositionShift, SampleBounds, inner_bounds};
-use super::layout::{SeamPosition, TileId, TileLayout};
+use super::layout::{SeamKind, TileId, TileLayout};
 use terrane_base::geom::Rect;
 use terrane_base::geom::predicates::{Lattice, in_circle};
 use terrane_tin::{TilePosition, TileTriangle};
@@ -33,7 +33,7 @@ impl PatchTriangles {
     /// and down the vertical line.
     pub(super) fn new(
         layout: &TileLayout,
-        seam: SeamPosition,
+        seam: SeamKind,
         tile: TileId,
         reach: u32,
         along: u32,
@@ -48,7 +48,7 @@ impl PatchTriangles {
         let rows = |reach| around(row, limits.height, reach);
         let band = SampleBounds { cols: cols(reach), rows: rows(reach) };
         let line = SampleBounds { cols: cols(0), rows: rows(along) };
-        Self { limits, bands: [band, if seam == SeamPosition::Corner { line } else { band }] }
+        Self { limits, bands: [band, if seam == SeamKind::Corner { line } else { band }] }
     }
 
     /// The largest rectangle the triangles can fill.
@@ -204,30 +204,22 @@ mod tests {
             let zone = PatchTriangles::new(&layout, seam, TileId::new(1, 1), reach, along);
             zone.seen_from((32, 32)).contains(&triangle(corners))
         };
-        assert!(takes(SeamPosition::Vertical, 0, 0, [(32, 0), (32, 9), (20, 4)]));
-        assert!(!takes(SeamPosition::Vertical, 0, 0, [(31, 0), (31, 9), (20, 4)]));
-        assert!(takes(SeamPosition::Vertical, 1, 0, [(31, 0), (31, 9), (20, 4)]));
-        assert!(
-            !takes(SeamPosition::Vertical, 1, 0, [(31, 0), (31, 9), (15, 4)]),
-            "beyond the limits"
-        );
-        assert!(takes(SeamPosition::Horizontal, 0, 0, [(5, 32), (9, 32), (7, 25)]));
-        assert!(
-            !takes(SeamPosition::Horizontal, 0, 0, [(5, 32), (9, 32), (40, 25)]),
-            "in two tiles"
-        );
+        assert!(takes(SeamKind::Vertical, 0, 0, [(32, 0), (32, 9), (20, 4)]));
+        assert!(!takes(SeamKind::Vertical, 0, 0, [(31, 0), (31, 9), (20, 4)]));
+        assert!(takes(SeamKind::Vertical, 1, 0, [(31, 0), (31, 9), (20, 4)]));
+        assert!(!takes(SeamKind::Vertical, 1, 0, [(31, 0), (31, 9), (15, 4)]), "beyond the limits");
+        assert!(takes(SeamKind::Horizontal, 0, 0, [(5, 32), (9, 32), (7, 25)]));
+        assert!(!takes(SeamKind::Horizontal, 0, 0, [(5, 32), (9, 32), (40, 25)]), "in two tiles");
         let above = [(32, 20), (32, 29), (30, 22)];
-        assert!(!takes(SeamPosition::Corner, 2, 2, above));
-        assert!(
-            takes(SeamPosition::Corner, 2, 3, above) && takes(SeamPosition::Corner, 3, 0, above)
-        );
+        assert!(!takes(SeamKind::Corner, 2, 2, above));
+        assert!(takes(SeamKind::Corner, 2, 3, above) && takes(SeamKind::Corner, 3, 0, above));
     }
 
     #[test]
     fn a_frontier_finds_what_is_not_delaunay_beyond_it() {
         let layout = TileLayout::new(129, 129, 32).unwrap();
         let tile = TileId::new(1, 1);
-        let zone = PatchTriangles::new(&layout, SeamPosition::Vertical, tile, 4, 0);
+        let zone = PatchTriangles::new(&layout, SeamKind::Vertical, tile, 4, 0);
         let base = (zone.limits().col, zone.limits().row);
         let border = [[(40, 40), (40, 50), (32, 45)].map(|(col, row)| TilePosition::new(col, row))];
         for (beyond, is_open, found) in [(41, true, true), (46, false, true), (0, false, false)] {

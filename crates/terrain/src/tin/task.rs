@@ -1,6 +1,6 @@
 //! One unit of work: a step for a tile.
 
-use super::layout::{SeamPosition, TileId};
+use super::layout::{SeamKind, TileId};
 
 /// Most rows or columns that a step lags.
 pub(super) const MAX_LAG: u32 = 3;
@@ -28,11 +28,11 @@ pub(super) enum TileStep {
 
 impl TileStep {
     /// The seam a step mends.
-    pub(super) fn seam(self) -> Option<SeamPosition> {
+    pub(super) fn seam(self) -> Option<SeamKind> {
         match self {
-            Self::Vertical => Some(SeamPosition::Vertical),
-            Self::Horizontal => Some(SeamPosition::Horizontal),
-            Self::Corner => Some(SeamPosition::Corner),
+            Self::Vertical => Some(SeamKind::Vertical),
+            Self::Horizontal => Some(SeamKind::Horizontal),
+            Self::Corner => Some(SeamKind::Corner),
             _ => None,
         }
     }

@@ -13,7 +13,7 @@ use super::breakline_check::BreaklineFans;
 use super::container::{MeshPiece, TileContainer};
 use super::counters::{MeshFlaws, SampleCounts};
 use super::kernel::PipelineKernel;
-use super::layout::{SeamPosition, TileId, TileLayout};
+use super::layout::{SeamKind, TileId, TileLayout};
 use super::numbering::{VertexFlags, VertexLookup, VertexRanks, positions};
 use super::patch_region::{PatchFrontier, PatchTriangles, rect_around};
 use super::report::{PipelineStage, StageClock};
@@ -130,9 +130,9 @@ impl<'a> TinWorker<'a> {
                 None => self.triangulate(task.tile),
                 Some(stock) => self.load(stock, task.tile),
             },
-            TileStep::Vertical => self.mend(SeamPosition::Vertical, task.tile),
-            TileStep::Horizontal => self.mend(SeamPosition::Horizontal, task.tile),
-            TileStep::Corner => self.mend(SeamPosition::Corner, task.tile),
+            TileStep::Vertical => self.mend(SeamKind::Vertical, task.tile),
+            TileStep::Horizontal => self.mend(SeamKind::Horizontal, task.tile),
+            TileStep::Corner => self.mend(SeamKind::Corner, task.tile),
             TileStep::Gather => self.gather(task.tile),
             TileStep::Number => self.number(task.tile),
             TileStep::Emit => self.emit(task.tile),
@@ -184,7 +184,7 @@ impl<'a> TinWorker<'a> {
     }
 
     /// Mends one seam, in a wider patch while the mesh beyond does not agree with the result.
-    fn mend(&mut self, seam: SeamPosition, tile: TileId) -> Result<()> {
+    fn mend(&mut self, seam: SeamKind, tile: TileId) -> Result<()> {
         let layout = self.job.layout;
         let along = self.reach_along(seam, tile)?;
         self.triangles.clear();
@@ -201,7 +201,7 @@ impl<'a> TinWorker<'a> {
             let patch = self.mend_rect(seam, tile, zone.limits(), rect);
             self.job.settings.cancel.check()?;
             let frontier = self.frontier(&patch, rect, &zone)?;
-            let is_done = seam != SeamPosition::Corner || patch.left.is_empty();
+            let is_done = seam != SeamKind::Corner || patch.left.is_empty();
             if is_widest && !is_done {
                 return Err(unbounded());
             }
@@ -215,9 +215,9 @@ impl<'a> TinWorker<'a> {
     }
 
     /// True around a corner near breaklines.
-    fn is_last_of_lines(&self, seam: SeamPosition, zone: &PatchTriangles) -> bool {
+    fn is_last_of_lines(&self, seam: SeamKind, zone: &PatchTriangles) -> bool {
         // No patch comes after this one, and the rest of a line may be anywhere within its reach.
-        seam == SeamPosition::Corner
+        seam == SeamKind::Corner
             && self.job.settings.kept.lines().paths().near(zone.limits()).next().is_some()
     }
 
@@ -229,8 +229,8 @@ impl<'a> TinWorker<'a> {
     }
 
     /// How far up and down from a tile corner the patch has to follow the vertical seam.
-    fn reach_along(&self, seam: SeamPosition, tile: TileId) -> Result<u32> {
-        if seam != SeamPosition::Corner {
+    fn reach_along(&self, seam: SeamKind, tile: TileId) -> Result<u32> {
+        if seam != SeamKind::Corner {
             return Ok(0);
         }
         let right = self.job.layout.clamp(tile, 0, 1);
@@ -238,15 +238,9 @@ impl<'a> TinWorker<'a> {
     }
 
     /// True when a patch has left a triangle with too small an angle, or a wider patch at a corner would take one in.
-    fn is_thin(
-        &self,
-        seam: SeamPosition,
-        tile: TileId,
-        along: u32,
-        patch: &PatchMesh,
-    ) -> Result<bool> {
+    fn is_thin(&self, seam: SeamKind, tile: TileId, along: u32, patch: &PatchMesh) -> Result<bool> {
         let Some(bound) = self.job.settings.spec.min_angle else { return Ok(false) };
-        if seam != SeamPosition::Corner {
+        if seam != SeamKind::Corner {
             return Ok(patch.thin > 0);
         }
         let layout = &self.job.layout;
@@ -286,13 +280,7 @@ impl<'a> TinWorker<'a> {
     }
 
     /// Mends the triangles in `rect`, whose heights have been read.
-    fn mend_rect(
-        &mut self,
-        seam: SeamPosition,
-        tile: TileId,
-        limits: Rect,
-        rect: Rect,
-    ) -> PatchMesh {
+    fn mend_rect(&mut self, seam: SeamKind, tile: TileId, limits: Rect, rect: Rect) -> PatchMesh {
         let started = Instant::now();
         let layout = &self.job.layout;
         let seams = layout.seam_lines(seam, tile, rect);
@@ -373,7 +361,7 @@ impl<'a> TinWorker<'a> {
     /// Stores a mended patch.
     fn settle(
         &mut self,
-        seam: SeamPosition,
+        seam: SeamKind,
         tile: TileId,
         rect: Rect,
         patch: &PatchMesh,
@@ -383,15 +371,15 @@ impl<'a> TinWorker<'a> {
         let PatchMesh { triangles, vertices, heights, .. } = patch;
         self.job.insert(MeshPiece { rect, triangles, vertices, heights })?;
         match seam {
-            SeamPosition::Vertical => self.release_left_of_seam(tile),
-            SeamPosition::Horizontal => {
+            SeamKind::Vertical => self.release_left_of_seam(tile),
+            SeamKind::Horizontal => {
                 let row = self.job.layout.widest_reach() as i32;
                 let seam = self.job.layout.seam_lines(seam, tile, rect)[1].unwrap_or_default();
                 let left = patch.left.iter().map(|at| at.row().abs_diff(seam)).max();
                 let reach = frontier.closed_reach(row).max(left.unwrap_or_default());
                 self.job.store.set_reach(tile, reach)?;
             }
-            SeamPosition::Corner => {}
+            SeamKind::Corner => {}
         }
         self.clock.add(PipelineStage::Seams, started, 0);
         Ok(())

@@ -59,9 +59,9 @@ class Mesh:
         return self._mesh.tolerance
 
     @property
-    def unmet(self) -> str | None:
+    def shortfall(self) -> str | None:
         """Requirements that are not met, in words: triangles with small angles, or breaklines without edges."""
-        return self._mesh.unmet
+        return self._mesh.shortfall
 
     @property
     def crs(self) -> str | None:

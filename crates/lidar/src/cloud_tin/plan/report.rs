@@ -35,6 +35,6 @@ impl DescribesRun for PointRun {
     }
 
     fn shortfall(&self) -> Option<String> {
-        self.mesh.as_ref().and_then(CloudTinReport::unmet)
+        self.mesh.as_ref().and_then(CloudTinReport::shortfall)
     }
 }
