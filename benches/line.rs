@@ -219,7 +219,7 @@ fn worst_cases(c: &mut Criterion) {
 criterion_group!(benches, methods, hierarchies, worst_cases);
 
 fn main() {
-    if !race::was_told(&coast()) {
+    if !race::is_from_env(&coast()) {
         benches();
         Criterion::default().configure_from_args().final_summary();
     }

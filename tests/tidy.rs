@@ -1,5 +1,5 @@
 //! Order in the house, as far as no compiler sees to it: a `//!` line on every file, no file too long,
-//! nothing left to do, no two types of one name, `unsafe` only where it is listed, pure rooms without
+//! nothing left to do, no two types of one name, no names in a language of its own, `unsafe` only where it is listed, pure rooms without
 //! files, threads or clocks, and manifests that say what the table of ARCHITECTURE.md does.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -21,6 +21,12 @@ const IMPURE: [&str; 10] = [
     "std::time",
     "rayon",
     "crossbeam",
+];
+
+/// Words of this project alone, which no name may have: a reader of GDAL's, PDAL's or CGAL's manual knows others.
+const PRIVATE_WORDS: [&str; 18] = [
+    "told", "asked", "unmet", "plumb", "knit", "sieve", "sift", "shelf", "stock", "recast",
+    "carry", "carried", "joints", "feed", "portion", "say", "saying", "figures",
 ];
 
 /// The one file of a pure room that names files: an error says which it is about.
@@ -124,6 +130,10 @@ fn faults(path: &str, text: &str, rules: &Rules) -> Vec<String> {
         let impure = IMPURE.iter().filter(|word| code.contains(**word));
         faults.extend(impure.map(|word| format!("must not name {word}, being of a pure room")));
     }
+    if !path.starts_with("tests/") && !path.contains("/tests") {
+        faults.extend(private_names(&code(text)));
+        faults.extend(unfinished(text));
+    }
     faults.iter().map(|fault| format!("{path}: {fault}")).collect()
 }
 
@@ -188,6 +198,51 @@ fn unexplained(text: &str) -> Vec<String> {
         .filter(|&at| !explained(at))
         .map(|at| format!("line {}: unsafe without a SAFETY comment", at + 1))
         .collect()
+}
+
+/// Names that are defined, with a word of this project alone in them.
+fn private_names(code: &str) -> Vec<String> {
+    let defined = code.lines().filter_map(|line| {
+        let mut words =
+            line.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|w| !w.is_empty());
+        words.find(|word| {
+            ["fn", "struct", "enum", "trait", "mod", "const", "static"].contains(word)
+        })?;
+        words.find(|word| !["fn", "unsafe", "mut"].contains(word))
+    });
+    let is_private =
+        |name: &&str| pieces(name).iter().any(|piece| PRIVATE_WORDS.contains(&piece.as_str()));
+    defined
+        .filter(is_private)
+        .map(|name| format!("{name}: a name with a word of this project alone"))
+        .collect()
+}
+
+/// The words of a name, in lower case.
+fn pieces(name: &str) -> Vec<String> {
+    let mut pieces = vec![String::new()];
+    let mut was_lower = false;
+    for c in name.chars() {
+        if c == '_' || (c.is_uppercase() && was_lower) {
+            pieces.push(String::new());
+        }
+        if c != '_' {
+            pieces.last_mut().unwrap().extend(c.to_lowercase());
+        }
+        was_lower = c.is_lowercase();
+    }
+    pieces
+}
+
+/// Documentation whose last sentence goes on in the next item.
+fn unfinished(text: &str) -> Vec<String> {
+    let doc =
+        |line: &str| line.trim_start().strip_prefix("///").map(|words| words.trim().to_owned());
+    let lines: Vec<&str> = text.lines().collect();
+    let ends = lines.windows(2).filter(|pair| doc(pair[1]).is_none_or(|next| next.is_empty()));
+    let last = ends.filter_map(|pair| doc(pair[0]));
+    let is_unfinished = |line: &String| line.ends_with(',') || line.ends_with(" and");
+    last.filter(is_unfinished).map(|line| format!("\"{line}\" goes on in the next item")).collect()
 }
 
 fn root() -> PathBuf {
@@ -353,6 +408,9 @@ fn every_check_can_fail() {
         ("crates/raster/src/map.rs", "fn f() {}", "holds none"),
         ("crates/mesh/src/a.rs", "const A: &str = \"pass --memory\";", "spells --memory"),
         ("crates/lidar/tin/src/a.rs", "rayon::join(a, b);", "must not name rayon"),
+        ("src/a.rs", "pub(crate) fn lines_told() {}", "lines_told: a name"),
+        ("src/a.rs", "struct PointSieve;", "PointSieve: a name"),
+        ("src/a.rs", "/// Lowest x, and\nlow: f64,", "goes on in the next item"),
         ("tests/a.rs", concat!("// TO", "DO"), "says"),
         ("crates/tin/src/a.rs", &"\n".repeat(MAX_LINES), "lines"),
     ];

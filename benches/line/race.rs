@@ -29,7 +29,7 @@ struct Race {
 }
 
 impl Race {
-    fn told() -> Option<Self> {
+    fn from_env() -> Option<Self> {
         let told = std::env::var("TERRANE_LINE_RACE").ok()?;
         let mut words = told.splitn(3, ' ').map(String::from);
         let mut word = || words.next().expect("TERRANE_LINE_RACE=\"METHOD TOLERANCE OUTPUT\"");
@@ -99,8 +99,8 @@ impl Race {
 }
 
 /// Runs what the environment tells, if it does.
-pub(crate) fn was_told(points: &[Xy]) -> bool {
-    let Some(race) = Race::told() else { return false };
+pub(crate) fn is_from_env(points: &[Xy]) -> bool {
+    let Some(race) = Race::from_env() else { return false };
     let starts = starts(points.len());
     let closed = vec![starts.len() > 2; starts.len() - 1];
     let chains = Chains { points, starts: &starts, closed: &closed };

@@ -64,7 +64,7 @@ impl Frontend {
             return Cow::Borrowed(report);
         }
         let (mut spelled, mut rest) = (String::with_capacity(report.len()), report);
-        while let Some(start) = TOLD.iter().filter_map(|key| value_of(rest, key)).min() {
+        while let Some(start) = NAMED_KEYS.iter().filter_map(|key| value_of(rest, key)).min() {
             let end = start + length(&rest[start..]);
             spelled += &rest[..start];
             spelled += &self.spell(&rest[start..end]);
@@ -105,7 +105,7 @@ impl Frontend {
 }
 
 /// Members of reports whose text is for people.
-const TOLD: [&str; 7] =
+const NAMED_KEYS: [&str; 7] =
     ["notes", "not_judged", "failures", "reason", "remedy", "about", "default_text"];
 
 /// Start of the value of a member.

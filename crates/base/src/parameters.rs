@@ -180,9 +180,9 @@ mod tests {
         Parameter::new("side", 7.0, [7.0, 18.0], "one or the other").ends(),
     ];
 
-    struct Told(ParameterValues);
+    struct Shown(ParameterValues);
 
-    impl fmt::Display for Told {
+    impl fmt::Display for Shown {
         fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
             self.0.write("tool", SOME, f)
         }
@@ -192,13 +192,13 @@ mod tests {
     fn values_are_read_as_they_are_written() {
         let read = |text: &str| ParameterValues::parse("tool", SOME, text).unwrap();
         assert_eq!(read(""), ParameterValues::usual(SOME));
-        assert_eq!(Told(read("")).to_string(), "tool:edge=auto,rounds=3,side=7");
+        assert_eq!(Shown(read("")).to_string(), "tool:edge=auto,rounds=3,side=7");
         assert_eq!(read("edge=AUTO,rounds=3"), read(""));
         let given = read("rounds = 5, EDGE=0.5");
         assert_eq!((given.get(SOME, "edge"), given.get(SOME, "rounds")), (0.5, 5.0));
         assert!(read("").get(SOME, "edge").is_nan() && given.get(SOME, "other").is_nan());
         assert_ne!(given, read(""));
-        assert_eq!(Told(given).to_string(), "tool:edge=0.5,rounds=5,side=7");
+        assert_eq!(Shown(given).to_string(), "tool:edge=0.5,rounds=5,side=7");
     }
 
     #[test]

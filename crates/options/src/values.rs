@@ -129,7 +129,7 @@ fn text_of(field: &OptionField, value: &Json) -> Option<String> {
 }
 
 /// Maximum characters of a value in messages.
-const MAX_TOLD: usize = 60;
+const MAX_LISTED: usize = 60;
 
 fn wrong(field: &OptionField, value: &Json) -> Error {
     let expected = match field.kind {
@@ -141,7 +141,7 @@ fn wrong(field: &OptionField, value: &Json) -> Error {
         OptionKind::Text | OptionKind::Path | OptionKind::Choice(_) => "text",
     };
     let text = value.to_string();
-    let told: String = text.chars().take(MAX_TOLD).collect();
+    let told: String = text.chars().take(MAX_LISTED).collect();
     let rest = if told.len() < text.len() { "..." } else { "" };
     Error::usage(format!("‹{}› is {told}{rest}: expected {expected}", field.name))
 }

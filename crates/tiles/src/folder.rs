@@ -33,7 +33,7 @@ const LAYER: &str = "layer.json";
 /// Name of a tile file.
 const ENDING: &str = "terrain";
 /// Interval of levels whose tiles list the tiles below them, for clients with that extension.
-const TOLD_LEVELS: u8 = 10;
+const AVAILABILITY_LEVELS: u8 = 10;
 /// Compression level, 0 to 12.
 const EFFORT: i32 = 9;
 
@@ -105,10 +105,10 @@ impl TileFile {
 
 /// Tiles below `tile` as JSON, for the next levels.
 fn below(id: GlobeTileId, last: u8, known: &KnownTiles) -> Option<String> {
-    if !id.level.is_multiple_of(TOLD_LEVELS) || id.level >= last {
+    if !id.level.is_multiple_of(AVAILABILITY_LEVELS) || id.level >= last {
         return None;
     }
-    let levels = 1..=TOLD_LEVELS.min(last - id.level);
+    let levels = 1..=AVAILABILITY_LEVELS.min(last - id.level);
     Some(Value::Array(levels.map(|by| known.below(id, by).rectangles()).collect()).to_string())
 }
 
@@ -331,7 +331,7 @@ fn layer(ground: &ScannedGrid<'_>, known: &KnownTiles, told: &[TileLevelReport])
         "bounds": [bounds.west, bounds.south, bounds.east, bounds.north],
         "minzoom": 0,
         "maxzoom": last,
-        "metadataAvailability": TOLD_LEVELS,
+        "metadataAvailability": AVAILABILITY_LEVELS,
         "available": available,
         "terrane": {
             "version": env!("CARGO_PKG_VERSION"),

@@ -108,8 +108,8 @@ pub(super) fn insert(
 pub(super) fn thin(bound: &MinimumAngle, mesh: &LatticeMesh) -> Vec<ThinTriangle> {
     let look = |id: u32| {
         let tri = &mesh.tris[id as usize];
-        let is_asked = tri.state != TriangleScanState::Outside;
-        let cosine = bound.excess(tri.corners).filter(|_| is_asked)?;
+        let is_requested = tri.state != TriangleScanState::Outside;
+        let cosine = bound.excess(tri.corners).filter(|_| is_requested)?;
         Some(ThinTriangle { id, corners: tri.corners, cosine })
     };
     let mut all: Vec<_> = mesh.ids().filter_map(look).collect();

@@ -165,9 +165,9 @@ impl PatchBorder<'_> {
         &'b self,
         tri: &'b LatticeTriangle,
     ) -> impl Iterator<Item = [TilePosition; 3]> + 'b {
-        let is_asked = move |edge| tri.source == NONE || self.is_on_seam(tri, edge);
+        let is_requested = move |edge| tri.source == NONE || self.is_on_seam(tri, edge);
         let is_open = move |&edge: &u32| {
-            tri.twins[edge as usize] == NONE && is_asked(edge) && self.is_frozen(tri, edge)
+            tri.twins[edge as usize] == NONE && is_requested(edge) && self.is_frozen(tri, edge)
         };
         let turned =
             move |edge| [edge, next(edge), prev(edge)].map(|i: u32| tri.corners[i as usize]);

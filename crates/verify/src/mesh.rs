@@ -26,7 +26,7 @@ pub(super) fn run(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<VerifyReport> {
-    let bands = job.options.asked_bands()?;
+    let bands = job.options.selected_bands()?;
     let mesh = open_mesh(&job.written.file)?;
     let of_bands = bands.as_ref();
     let options = [

@@ -156,7 +156,7 @@ impl MeshProof {
     }
 
     /// The bands that the mesh's channels are held to.
-    pub(super) fn asked_bands(&self) -> Result<Option<SelectedBands>> {
+    pub(super) fn selected_bands(&self) -> Result<Option<SelectedBands>> {
         if self.bands.is_empty() {
             return Ok(None);
         }

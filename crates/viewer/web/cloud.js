@@ -170,7 +170,7 @@ function under(px, py) {
 }
 
 function tellPlace(found) {
-  const [level, upright] = facts.told_steps;
+  const [level, upright] = facts.reported_steps;
   if (!found) return tell([['', 'Point at the cloud to read it · ? for help']]);
   const names = facts.geographic ? ['Lon', 'Lat'] : ['X', 'Y'];
   const name = facts.classes.find((of) => of.class === found.class)?.name ?? '';
@@ -187,7 +187,7 @@ function tellPlace(found) {
 const terrain = {
   level: 'in plan', apart, areaOf,
   get unit() { return facts.units[1]; },
-  get step() { return facts.told_steps[1]; },
+  get step() { return facts.reported_steps[1]; },
   placeOf: ({ x, y, z }) => [x, y, z],
   trace: (a, b) => [a, b],
 };
@@ -235,7 +235,7 @@ const KEYS = {
 
 function tellFigures() {
   const { bounds } = scene;
-  const [level, upright] = facts.told_steps;
+  const [level, upright] = facts.reported_steps;
   const span = ([low, high], step) => num(low, step) + ' – ' + num(high, step);
   const { shown: held, of } = facts.points;
   const [width, depth] = [0, 1].map((k) => drawing.top[k] * drawing.scale[k]);

@@ -25,7 +25,7 @@ async function start() {
 }
 
 const metre = (steps) => steps * facts.z.step;
-const told = (steps) => num(metre(steps), facts.told_steps[1]) + ' ' + facts.units[1];
+const told = (steps) => num(metre(steps), facts.reported_steps[1]) + ' ' + facts.units[1];
 const last = () => Math.max(...runs.map((run) => run.largest.length)) - 1;
 
 function restart() {

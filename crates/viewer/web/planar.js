@@ -65,8 +65,8 @@ function drawHeights(bins, ramp, [low, high], counted) {
     context.fillRect((g / groups) * width, height - 14 - tall, width / groups - 0.6, tall);
   });
   context.fillStyle = '#5b6876';
-  context.fillText(num(low, facts.told_steps[1]), 0, height - 2);
-  const text = counted + ' by height, to ' + num(high, facts.told_steps[1]) + ' ' + facts.units[1];
+  context.fillText(num(low, facts.reported_steps[1]), 0, height - 2);
+  const text = counted + ' by height, to ' + num(high, facts.reported_steps[1]) + ' ' + facts.units[1];
   context.fillText(text, width - context.measureText(text).width, height - 2);
 }
 

@@ -99,7 +99,7 @@ function slopeOf(t) {
 }
 
 function tellPlace(found) {
-  const [level, upright] = facts.told_steps;
+  const [level, upright] = facts.reported_steps;
   if (!found) return tell([['', 'Point at the surface to read it · ? for help']]);
   const names = facts.geographic ? ['Lon', 'Lat'] : ['X', 'Y'];
   const list = [[names[0], num(found.x, level)], [names[1], num(found.y, level)],
@@ -108,13 +108,13 @@ function tellPlace(found) {
   tell(list);
 }
 
-const tellError = (error) => (Number.isNaN(error) ? 'no sample in it' : num(error, facts.told_steps[1] / 10) + ' ' + facts.units[1]);
+const tellError = (error) => (Number.isNaN(error) ? 'no sample in it' : num(error, facts.reported_steps[1] / 10) + ' ' + facts.units[1]);
 
 /** What the tools ask of this page. */
 const terrain = {
   columns: 'x,y,height', level: 'in plan', apart, areaOf,
   get unit() { return facts.units[1]; },
-  get step() { return facts.told_steps[1]; },
+  get step() { return facts.reported_steps[1]; },
   placeOf: ({ x, y, z }) => [x, y, z],
   between: (a, b, share) => along(a, minus(b, a), share),
   trace: (a, b) => [a, b],
@@ -158,7 +158,7 @@ const KEYS = {
 
 function tellFigures() {
   const { bounds } = scene;
-  const [level, upright] = facts.told_steps;
+  const [level, upright] = facts.reported_steps;
   const span = ([low, high], step) => num(low, step) + ' – ' + num(high, step);
   $('about').textContent = facts.about;
   rows($('figures'), [

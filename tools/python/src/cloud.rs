@@ -8,7 +8,7 @@ use pyo3::types::PyDict;
 use terrane::{CloudInput, Flags, PointFlags};
 use terrane_options::{Options, fill};
 
-use crate::error::told;
+use crate::error::to_python;
 use crate::grid::{crs_of, inputs};
 use crate::mesh::crs_text;
 use crate::operation::options_of;
@@ -24,7 +24,7 @@ impl Cloud {
     fn open(py: Python<'_>, names: Vec<PathBuf>, reading: &Bound<'_, PyDict>) -> PyResult<Self> {
         let reading = options_of(CloudInput::TABLE, reading)?;
         let open = || terrane::open_cloud_as(inputs(names)?, fill(&reading?)?);
-        told(py, py.detach(open)).map(Self)
+        to_python(py, py.detach(open)).map(Self)
     }
 
     /// A point cloud from an array of three columns, with classes and returns.
@@ -41,7 +41,7 @@ impl Cloud {
     ) -> PyResult<Self> {
         let reading = options_of(CloudInput::TABLE, reading)?;
         let py = points.py();
-        let crs = told(py, crs_of(crs))?;
+        let crs = to_python(py, crs_of(crs))?;
         let points = points.readonly();
         let (positions, _) = points.as_slice()?.as_chunks::<3>();
         let column = |of: Option<&Bound<'_, PyArray1<u8>>>| {
@@ -61,7 +61,7 @@ impl Cloud {
         });
         let open =
             || terrane::open_points(positions, marks.as_deref(), crs)?.read_as(fill(&reading?)?);
-        told(py, py.detach(open)).map(Self)
+        to_python(py, py.detach(open)).map(Self)
     }
 
     /// Properties of the point cloud.

@@ -26,7 +26,7 @@ pub(crate) fn exception(py: Python<'_>, error: &Error) -> PyErr {
 }
 
 /// The result of a call of the library, for Python.
-pub(crate) fn told<T>(py: Python<'_>, result: terrane::Result<T>) -> PyResult<T> {
+pub(crate) fn to_python<T>(py: Python<'_>, result: terrane::Result<T>) -> PyResult<T> {
     result.map_err(|error| exception(py, &error))
 }
 

@@ -14,7 +14,7 @@ use terrane_files::name_of;
 use terrane_options::Options;
 
 use crate::array::NumpyElements;
-use crate::error::{exception, told};
+use crate::error::{exception, to_python};
 use crate::mesh::{Mesh, crs_text};
 use crate::operation;
 use crate::work::{BuilderSettings, JobSettings, run};
@@ -72,7 +72,7 @@ impl Grid {
             let is_placed = place.is_some() || crs != Crs::default();
             terrane::open_array(if is_placed { grid.placed(transform, crs) } else { grid })
         };
-        told(py, py.detach(open))
+        to_python(py, py.detach(open))
     }
 }
 
@@ -88,7 +88,7 @@ impl Grid {
             }
             Self::read_as(grid, reading)
         };
-        told(py, py.detach(open)).map(Self)
+        to_python(py, py.detach(open)).map(Self)
     }
 
     /// A grid from an array, with GDAL's geotransform `place`.
@@ -100,13 +100,13 @@ impl Grid {
         reading: GridReading,
     ) -> PyResult<Self> {
         let py = array.py();
-        let crs = told(py, crs_of(crs))?;
+        let crs = to_python(py, crs_of(crs))?;
         macro_rules! of_type {
             ($($type:ty)*) => {$(
                 if let Ok(array) = array.cast::<PyArrayDyn<$type>>() {
                     let grid = Self::held(array, place, crs, reading.nodata)?;
                     let rest = GridReading { nodata: None, ..reading };
-                    return told(py, py.detach(|| Self::read_as(grid, rest))).map(Self);
+                    return to_python(py, py.detach(|| Self::read_as(grid, rest))).map(Self);
                 }
             )*};
         }
@@ -145,7 +145,7 @@ impl Grid {
         let info = self.0.info();
         let all = Rect::new(0, 0, info.width, info.height);
         let heights = py.detach(|| self.0.heights(all));
-        Ok(PyArray1::from_vec(py, told(py, heights)?))
+        Ok(PyArray1::from_vec(py, to_python(py, heights)?))
     }
 
     /// A mesh in memory, with options by name.
@@ -155,7 +155,7 @@ impl Grid {
         options: &Bound<'_, PyDict>,
         settings: JobSettings,
     ) -> PyResult<Mesh> {
-        let options = told(py, operation::options_of(TinOptions::TABLE, options)?)?;
+        let options = to_python(py, operation::options_of(TinOptions::TABLE, options)?)?;
         let make = |machine: &BuilderSettings| {
             let job = self.0.tin().with_named(&options)?;
             job.progress(machine.progress.clone()).cancel(&machine.cancel).build()

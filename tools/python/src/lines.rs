@@ -11,7 +11,7 @@ use terrane_vector::{
     VectorOpenOptions, VectorWriteOptions,
 };
 
-use crate::error::told;
+use crate::error::to_python;
 use crate::grid::{crs_of, usage};
 use crate::mesh::{crs_text, rows};
 use crate::work::{JobSettings, run};
@@ -59,7 +59,7 @@ pub(crate) fn read_lines<'py>(
         let crs = crs_text(&source.layer().crs);
         Ok((flat, offsets, values, crs))
     };
-    let (flat, offsets, values, crs): (Vec<f64>, _, Vec<f64>, _) = told(py, py.detach(read))?;
+    let (flat, offsets, values, crs): (Vec<f64>, _, Vec<f64>, _) = to_python(py, py.detach(read))?;
     let offsets = PyArray1::from_vec(py, offsets);
     let values = PyArray1::from_vec(py, values);
     (rows(py, &flat, 2)?, offsets, values, crs).into_pyobject(py)
@@ -197,10 +197,10 @@ pub(crate) fn write_geometries(
     groups: Vec<Group<'_>>,
     crs: Option<&str>,
 ) -> PyResult<()> {
-    let layer = LayerHeader { crs: told(py, crs_of(crs))?, ..LayerHeader::default() };
-    let format = told(py, terrane_vector::by_path(&path, None))?;
+    let layer = LayerHeader { crs: to_python(py, crs_of(crs))?, ..LayerHeader::default() };
+    let format = to_python(py, terrane_vector::by_path(&path, None))?;
     let options = VectorWriteOptions::default();
-    let mut sink = told(py, terrane_vector::create(&path, format, &layer, &options))?;
+    let mut sink = to_python(py, terrane_vector::create(&path, format, &layer, &options))?;
     for (kind, positions, offsets) in groups {
         let unknown =
             || usage(py, &format!("{kind:?} is not a type of lines"), "pass lines or polygons");
@@ -218,10 +218,10 @@ pub(crate) fn write_geometries(
             let feature = Geometry::new(kind, geometry)
                 .map(|geometry| Feature { geometry, ..Feature::default() });
             let written = feature.and_then(|feature| sink.write(&feature));
-            told(py, written)?;
+            to_python(py, written)?;
         }
     }
-    told(py, sink.finish(&[])).map(drop)
+    to_python(py, sink.finish(&[])).map(drop)
 }
 
 /// The arrays of a [`Group`].

@@ -10,7 +10,7 @@ use terrane::{Crs, Surface, Tin, TinParts};
 use terrane_mesh::{MeshHeader, Promises};
 
 use crate::array::{NumpyElements, view};
-use crate::error::told;
+use crate::error::to_python;
 
 /// An immutable mesh in memory.
 #[pyclass(frozen, module = "terrane._terrane")]
@@ -80,7 +80,7 @@ impl Mesh {
 
     /// Error bound of the mesh in a file at `path`.
     fn tolerance_in(&self, py: Python<'_>, path: PathBuf) -> PyResult<f64> {
-        told(py, py.detach(|| self.tin.tolerance_in(path)))
+        to_python(py, py.detach(|| self.tin.tolerance_in(path)))
     }
 
     fn write(&self, py: Python<'_>, path: PathBuf, overwrite: bool) -> PyResult<u64> {
@@ -88,7 +88,7 @@ impl Mesh {
             true => self.tin.overwrite(path),
             false => self.tin.write(path),
         });
-        told(py, written)
+        to_python(py, written)
     }
 
     /// State without arrays, for pickles.
@@ -123,7 +123,7 @@ impl Mesh {
             scale,
             unit: None,
             bounds: [low, high],
-            promises: told(py, Promises::parse(state.promises))?,
+            promises: to_python(py, Promises::parse(state.promises))?,
             channels: Vec::new(),
         };
         let parts = TinParts {
@@ -135,7 +135,7 @@ impl Mesh {
             shortfall: state.shortfall,
             header,
         };
-        told(py, Tin::from_parts(parts)).map(Self::from)
+        to_python(py, Tin::from_parts(parts)).map(Self::from)
     }
 }
 

@@ -10,7 +10,7 @@ use terrane::{AnyOperation, Error, OPERATIONS, Reads, TinOptions, check_named};
 use terrane_files::name_of;
 use terrane_options::{OptionArity, OptionField, OptionKind, OptionRole, OptionTable, fill};
 
-use crate::error::told;
+use crate::error::to_python;
 use crate::report::{REPORTS, dictionary, report_named};
 
 /// The operation `name`.
@@ -112,12 +112,12 @@ pub(crate) fn check_operation(
     path: Option<PathBuf>,
 ) -> PyResult<()> {
     if let Ok(report) = report_named(operation) {
-        let options = told(py, options_of(report.table, options)?)?;
-        return told(py, (report.check)(&options));
+        let options = to_python(py, options_of(report.table, options)?)?;
+        return to_python(py, (report.check)(&options));
     }
     let operation = named(operation)?;
-    let options = told(py, options_of(operation.table, options)?)?;
-    told(
+    let options = to_python(py, options_of(operation.table, options)?)?;
+    to_python(
         py,
         match path {
             Some(path) => (operation.check)(&options, &path),
@@ -208,7 +208,7 @@ fn json_of(value: &Bound<'_, PyAny>, is_name: bool, nested: u32) -> PyResult<Opt
     let all = all.collect::<PyResult<Option<Vec<_>>>>()?;
     if all.as_ref().is_some_and(|all| all.len() > MAX_VALUES) {
         let error = Error::usage(format!("a list has more than {MAX_VALUES} values"));
-        return told(value.py(), Err(error.remedy("pass fewer values")));
+        return to_python(value.py(), Err(error.remedy("pass fewer values")));
     }
     Ok(all.map(Json::from))
 }

@@ -6,7 +6,7 @@ use terrane::prelude::*;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::error::told;
+use crate::error::to_python;
 use crate::work::{JobSettings, run, with_machine};
 
 /// A plan in a folder.
@@ -17,7 +17,7 @@ pub(crate) struct Plan(pub(crate) terrane::Plan);
 impl Plan {
     #[staticmethod]
     fn open(py: Python<'_>, folder: PathBuf) -> PyResult<Self> {
-        told(py, py.detach(|| terrane::open_plan(folder))).map(Self)
+        to_python(py, py.detach(|| terrane::open_plan(folder))).map(Self)
     }
 
     #[getter]
@@ -26,7 +26,7 @@ impl Plan {
     }
 
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let status = told(py, py.detach(|| self.0.status()))?;
+        let status = to_python(py, py.detach(|| self.0.status()))?;
         let report = PyDict::new(py);
         let tasks = PyList::empty(py);
         for task in &status.to_do {

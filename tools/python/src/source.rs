@@ -8,7 +8,7 @@ use terrane::{Cancel, Data, Progress, Reads};
 use terrane_files::name_of;
 
 use crate::cloud::Cloud;
-use crate::error::told;
+use crate::error::to_python;
 use crate::grid::Grid;
 use crate::operation::{named, options_of};
 use crate::plan::Plan;
@@ -62,7 +62,7 @@ pub(crate) fn run_operation<'py>(
     settings: JobSettings,
 ) -> PyResult<Bound<'py, PyAny>> {
     let operation = named(operation)?;
-    let options = told(py, options_of(operation.table, options)?)?;
+    let options = to_python(py, options_of(operation.table, options)?)?;
     let report = source.run(py, operation.reads, settings, |data, machine| {
         let watched: (&dyn Progress, &Cancel) = (&machine.progress, &machine.cancel);
         data.run(operation, &path, &options, watched)
@@ -82,7 +82,7 @@ pub(crate) fn plan_operation(
     settings: JobSettings,
 ) -> PyResult<Plan> {
     let operation = named(operation)?;
-    let options = told(py, options_of(operation.table, options)?)?;
+    let options = to_python(py, options_of(operation.table, options)?)?;
     let planned = source.run(py, operation.reads, settings, |data, machine| {
         let watched: (&dyn Progress, &Cancel) = (&machine.progress, &machine.cancel);
         data.plan(operation, &folder, &options, task_size, watched)
@@ -101,7 +101,7 @@ pub(crate) fn report_on<'py>(
     settings: JobSettings,
 ) -> PyResult<Bound<'py, PyAny>> {
     let asked = report_named(name)?;
-    let options = told(py, options_of(asked.table, options)?)?;
+    let options = to_python(py, options_of(asked.table, options)?)?;
     let reads = asked.reads;
     let report = source
         .run(py, reads, settings, |data, machine| (asked.run)(data, file, &options, machine))?;

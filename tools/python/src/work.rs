@@ -9,7 +9,7 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use terrane::{Cancel, Memory, Progress, Result};
 
-use crate::error::told;
+use crate::error::to_python;
 
 /// Interval of checks for signals, and of progress callbacks.
 const TICK: Duration = Duration::from_millis(30);
@@ -65,23 +65,23 @@ struct StageProgress {
 }
 
 impl SharedStage {
-    fn told(&self) -> std::sync::MutexGuard<'_, StageProgress> {
+    fn status(&self) -> std::sync::MutexGuard<'_, StageProgress> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Progress for SharedStage {
     fn begin(&self, stage: &str, total: u64) {
-        *self.told() = StageProgress { stage: stage.to_owned(), done: 0, total };
+        *self.status() = StageProgress { stage: stage.to_owned(), done: 0, total };
     }
 
     fn advance(&self, units: u64) {
-        self.told().done += units;
+        self.status().done += units;
     }
 
     fn end(&self) {
-        let mut told = self.told();
-        told.done = told.total;
+        let mut status = self.status();
+        status.done = status.total;
     }
 }
 
@@ -104,7 +104,7 @@ pub(crate) fn run<T: Send>(
     let mut look = |py: Python<'_>| -> PyResult<()> {
         py.check_signals()?;
         let Some(progress) = &progress else { return Ok(()) };
-        let now = stage.told().clone();
+        let now = stage.status().clone();
         if now != last {
             last = now.clone();
             progress.call1(py, (now.stage, now.done, now.total))?;
@@ -137,7 +137,7 @@ pub(crate) fn run<T: Send>(
     }
     let done =
         done.map_err(|_| PyRuntimeError::new_err("the job failed: internal error of terrane"))?;
-    let done = told(py, done)?;
+    let done = to_python(py, done)?;
     look(py)?;
     Ok(done)
 }

@@ -21,7 +21,7 @@ use crate::source::{CloudInfo, ReturnCounts};
 use crate::source_file::with_buffers;
 use crate::times::GpsTimeEpoch;
 use crate::version::{LasVersion, PointPacking};
-use crate::write::{CarriedMetadata, CloudWriteOptions, Vlr};
+use crate::write::{CloudWriteOptions, CopiedMetadata, Vlr};
 pub use colored_points::{AppearanceReader, PointAppearance};
 
 /// Numbers of [`extra::USER`] records: superseded ones, and waveform packet descriptors, followed by the record with
@@ -72,7 +72,7 @@ pub struct PointFormatConverter<'a> {
     format: PointFormat,
     version: LasVersion,
     extra: ExtraBytes,
-    carried: CarriedMetadata,
+    carried: CopiedMetadata,
     /// One per file.
     recasts: Vec<PointFormatConversion>,
     /// Offset of the height above ground in a record.
@@ -115,7 +115,7 @@ impl<'a> PointFormatConverter<'a> {
         notes.extend(times.note(packing));
         let has_time = packing != PointPacking::Text && format.time_at().is_some();
         let (time, time_offset) = times.written(version, has_time)?;
-        let carried = CarriedMetadata {
+        let carried = CopiedMetadata {
             encoding: time | encoding(&origins, format),
             time_offset,
             source: only.map_or(0, |header| header.source),

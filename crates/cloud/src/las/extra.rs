@@ -14,7 +14,7 @@ pub(crate) const NUMBER: u16 = 4;
 /// Bytes of a description.
 const BYTES: usize = 192;
 /// Maximum number of names in a note.
-const MAX_TOLD: usize = 8;
+const MAX_LISTED: usize = 8;
 /// Offsets within a description: reserved bytes, data type, options, name, nodata, minimum and maximum.
 const RESERVED: [Range<usize>; 2] = [0..2, 36..40];
 const KIND: usize = 2;
@@ -206,9 +206,9 @@ impl ExtraBytes {
 
     /// Notes on descriptions that do not match the records; `left_out` are ignored.
     fn notes(&self, left_out: &[[u8; BYTES]], bytes: usize) -> Vec<String> {
-        let named = left_out.iter().take(MAX_TOLD).map(|about| format!("\"{}\"", name(about)));
+        let named = left_out.iter().take(MAX_LISTED).map(|about| format!("\"{}\"", name(about)));
         let mut named = named.collect::<Vec<_>>().join(", ");
-        if left_out.len() > MAX_TOLD {
+        if left_out.len() > MAX_LISTED {
             named += ", ...";
         }
         let lost = left_out.first().map(|first| match size(first[KIND], first[OPTIONS]) {

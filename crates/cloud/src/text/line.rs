@@ -38,7 +38,7 @@ const COLOURS: [(&str, &str); 3] = [("r", "red"), ("g", "green"), ("b", "blue")]
 const WIDEST: u8 = 8;
 const RECORD: usize = PointFormat::NEW + 8;
 /// Maximum number of column names in a note.
-const MAX_TOLD: usize = 12;
+const MAX_LISTED: usize = 12;
 
 /// A point of a text file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -218,8 +218,9 @@ impl PointLineGrammar {
     pub(super) fn notes(&self) -> Vec<String> {
         let text = "column classification is missing; all points have class 0";
         let class = self.columns[NEEDED].is_none().then(|| text.to_owned());
-        let mut others = self.others.iter().take(MAX_TOLD).cloned().collect::<Vec<_>>().join(", ");
-        if self.others.len() > MAX_TOLD {
+        let mut others =
+            self.others.iter().take(MAX_LISTED).cloned().collect::<Vec<_>>().join(", ");
+        if self.others.len() > MAX_LISTED {
             others += ", ...";
         }
         let others = match (self.has_heading, self.count.saturating_sub(NEEDED)) {

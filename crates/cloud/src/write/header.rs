@@ -127,7 +127,7 @@ impl LasHeaderDraft {
             self.new_counts(tally, &mut bytes);
         }
         if self.version >= LasVersion::V1_5 {
-            let [first, last] = tally.times_told();
+            let [first, last] = tally.time_range();
             bytes.extend([last, first].iter().flat_map(|time| time.to_le_bytes()));
             bytes.extend_from_slice(&self.time_offset.to_le_bytes());
         }

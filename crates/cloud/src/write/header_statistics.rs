@@ -79,7 +79,7 @@ impl PointTally {
     }
 
     /// Minimum and maximum time except 0, which is nodata; zeros if empty.
-    pub(super) fn times_told(&self) -> [f64; 2] {
+    pub(super) fn time_range(&self) -> [f64; 2] {
         if self.told[0] <= self.told[1] { self.told } else { [0.0; 2] }
     }
 

@@ -16,7 +16,7 @@ mod vlr;
 
 pub use chunk::{CHUNK, PointChunk, PointLayout};
 pub use octree::{Key, OctreeCube};
-pub use options::{CarriedMetadata, CloudWriteOptions};
+pub use options::{CloudWriteOptions, CopiedMetadata};
 pub use record::PointRecord;
 pub use vlr::Vlr;
 

@@ -22,7 +22,7 @@ pub struct CloudWriteOptions {
     /// CRS as far as known: WKT for point formats 6 to 10, GeoKeys for others. LAS 1.5 supports WKT only.
     pub crs: Crs,
     /// Metadata of the input files.
-    pub carried: CarriedMetadata,
+    pub carried: CopiedMetadata,
     /// Replace an existing file.
     pub overwrite: bool,
 }
@@ -31,14 +31,14 @@ impl CloudWriteOptions {
     /// An uncompressed file with this point format, of the first version that supports it.
     pub fn new(format: PointFormat, frame: PointFrame, crs: Crs) -> Self {
         let (version, packing) = (LasVersion::of(format), PointPacking::default());
-        let carried = CarriedMetadata::default();
+        let carried = CopiedMetadata::default();
         Self { format, version, packing, cube: None, frame, crs, carried, overwrite: false }
     }
 }
 
 /// Metadata copied from input files.
 #[derive(Clone, Debug, PartialEq)]
-pub struct CarriedMetadata {
+pub struct CopiedMetadata {
     /// Bits of the global encoding, except the WKT bit.
     pub encoding: u16,
     /// Time offset in millions of seconds, if the encoding says so.
@@ -53,7 +53,7 @@ pub struct CarriedMetadata {
     pub vlrs: Vec<Vlr>,
 }
 
-impl Default for CarriedMetadata {
+impl Default for CopiedMetadata {
     /// No metadata; times are adjusted standard GPS times.
     fn default() -> Self {
         Self {

@@ -11,7 +11,7 @@
 
 use crate::csf::{ClothParameters, settled};
 use crate::densify::{DensifyLimits, densified};
-use crate::finder::{Asked, GroundFinder, GroundTiling, Method};
+use crate::finder::{GroundFinder, GroundTiling, Method, Request};
 use crate::grow::{grown, scatter};
 use crate::lowest_in_cells::{LowestCells, WIDEST};
 use crate::lowest_points::LowestPoints;
@@ -53,7 +53,7 @@ const MOST: f64 = 10.0;
 const CLOTH: ClothParameters =
     ClothParameters { rigidness: 1, time_step: 0.65, iterations: 500, mend: true };
 
-fn find(_: &Asked, lows: &LowestPoints<'_>) -> GroundSurface {
+fn find(_: &Request, lows: &LowestPoints<'_>) -> GroundSurface {
     let (cells, step) = (LowestCells::of(lows), lows.step[2]);
     let checked = checked(lows, &cells);
     let level = OF_SCATTER * scatter(lows, &checked).unwrap_or_default();

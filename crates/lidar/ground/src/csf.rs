@@ -5,7 +5,7 @@
 //! by Verlet's integration, neighbours one and two cells away draw them together, a node that meets the lowest
 //! point of its cell stays there, and steep slopes that the cloth spans are corrected at the end.
 
-use crate::finder::{Asked, GroundFinder, GroundTiling, Method};
+use crate::finder::{GroundFinder, GroundTiling, Method, Request};
 use crate::grid::{nearest_filled, neighbours, widened};
 use crate::lowest_points::LowestPoints;
 use crate::surface::GroundSurface;
@@ -38,7 +38,7 @@ pub(crate) const METHOD: Method = Method {
     finder: GroundFinder { lattice: |asked, _| GroundTiling::fixed(asked.value("cloth")), find },
 };
 
-fn find(asked: &Asked, lows: &LowestPoints<'_>) -> GroundSurface {
+fn find(asked: &Request, lows: &LowestPoints<'_>) -> GroundSurface {
     let step = lows.step[2];
     let cloth = ClothParameters {
         rigidness: asked.value("rigidness") as u32,

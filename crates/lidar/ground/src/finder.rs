@@ -7,14 +7,14 @@ use super::surface::GroundSurface;
 /// One method of the registry.
 pub type Method = method_call::FinderMethod<GroundFinder>;
 /// A method with its parameters.
-pub type Asked = method_call::FinderRequest<GroundFinder>;
+pub type Request = method_call::FinderRequest<GroundFinder>;
 
 /// How a method finds the ground.
 #[derive(Clone, Copy, Debug)]
 pub struct GroundFinder {
     /// Tiling of the plane, for points with a spacing in metres.
-    pub(crate) lattice: fn(&Asked, f64) -> GroundTiling,
-    pub(crate) find: fn(&Asked, &LowestPoints<'_>) -> GroundSurface,
+    pub(crate) lattice: fn(&Request, f64) -> GroundTiling,
+    pub(crate) find: fn(&Request, &LowestPoints<'_>) -> GroundSurface,
 }
 
 /// The tiles of cells that a method works in, with their halo.

@@ -1,7 +1,7 @@
 //! Landscapes whose ground is known, with what stands on them: all methods beside each other, with low outliers and
 //! without.
 
-use crate::finder::Asked;
+use crate::finder::Request;
 use crate::lowest_points::{LowestPoints, NO_POINT};
 use crate::method::METHODS;
 use terrane_base::geom::Point;
@@ -282,7 +282,7 @@ impl Landscape {
 
     /// Root of the mean square of what separates the triangulation of the ground that a method finds from the ground,
     /// in metres at the centres of cells; where points come from none is known, no cell counts.
-    fn error(&self, method: &Asked, points: &[Point]) -> f64 {
+    fn error(&self, method: &Request, points: &[Point]) -> f64 {
         let ground = model(&found(method, points));
         let (mut count, mut sum) = (0.0, 0.0);
         for (at, z) in ground.into_iter().enumerate() {
@@ -300,7 +300,7 @@ impl Landscape {
 }
 
 /// The points that a method finds to be ground.
-fn found(method: &Asked, points: &[Point]) -> Vec<Point> {
+fn found(method: &Request, points: &[Point]) -> Vec<Point> {
     let cell = method.lattice(1.0).cell;
     let (steps, width) = (cell * 1000.0, (SIDE as f64 / cell).ceil() as usize + 1);
     let place = |p: &Point| [p.x, p.y].map(|v| (f64::from(v) / steps).floor() as usize);
@@ -341,19 +341,19 @@ fn model(ground: &[Point]) -> Vec<Option<f64>> {
     (0..SIDE * SIDE).map(height).collect()
 }
 
-fn methods() -> impl Iterator<Item = Asked> {
-    METHODS.iter().map(Asked::plain)
+fn methods() -> impl Iterator<Item = Request> {
+    METHODS.iter().map(Request::plain)
 }
 
 #[test]
 fn the_best_method_is_about_the_best_on_every_landscape() {
     // A centimetre is what the ranging leaves of any.
-    let error = |land: &Landscape, method: &Asked| land.error(method, &land.points()).max(0.01);
+    let error = |land: &Landscape, method: &Request| land.error(method, &land.points()).max(0.01);
     let (mut sum, mut worst) = (0.0, 0.0_f64);
     for land in LANDSCAPES {
         let all: Vec<f64> = methods().map(|method| error(land, &method)).collect();
         let best = all.iter().copied().fold(f64::INFINITY, f64::min);
-        let ratio = error(land, &Asked::BEST) / best;
+        let ratio = error(land, &Request::BEST) / best;
         println!("{}: {ratio:.2} times {best:.3} m, {all:.3?}", land.name);
         sum += ratio.ln();
         worst = worst.max(ratio);

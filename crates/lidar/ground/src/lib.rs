@@ -1,6 +1,6 @@
 //! Ground classification: methods by name, from the lowest points of cells; and [`noise`] classification. Pure.
 //!
-//! A method ([`METHODS`], [`Asked`]) takes the lowest point of each cell of a window ([`LowestPoints`]) and
+//! A method ([`METHODS`], [`Request`]) takes the lowest point of each cell of a window ([`LowestPoints`]) and
 //! returns a surface with a tolerance ([`GroundSurface`]): points within it are ground. Low outliers are
 //! removed first. Methods without a bounded reach are defined on tiles of a fixed size with a halo
 //! ([`GroundTiling`]), so that the ground depends on the point cloud only.
@@ -28,7 +28,7 @@ mod smrf;
 mod surface;
 mod tin;
 
-pub use finder::{Asked, GroundFinder, GroundTiling, Method};
+pub use finder::{GroundFinder, GroundTiling, Method, Request};
 pub use lowest_points::{EMPTY, LowestPoints, NO_POINT};
 pub use method::METHODS;
 pub use surface::GroundSurface;

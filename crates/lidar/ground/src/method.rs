@@ -1,6 +1,6 @@
 //! The registry of ground methods, and the run of a requested one.
 
-use super::finder::{Asked, GroundFinder, GroundTiling, Method};
+use super::finder::{GroundFinder, GroundTiling, Method, Request};
 use super::lowest_points::LowestPoints;
 use super::method_call::FinderRegistry;
 use super::surface::GroundSurface;
@@ -15,7 +15,7 @@ impl FinderRegistry for GroundFinder {
     const METHODS: &'static [Method] = METHODS;
 }
 
-impl Asked {
+impl Request {
     /// The morphological filter.
     pub const FILTER: Self = Self::plain(&pmf::METHOD);
     /// The default method.
@@ -44,27 +44,27 @@ mod tests {
 
     #[test]
     fn methods_are_read_with_their_parameters() {
-        let asked = Asked::parse("CSF:rigidness=1, cloth=0.5").unwrap();
+        let asked = Request::parse("CSF:rigidness=1, cloth=0.5").unwrap();
         assert_eq!(
             (asked.name(), asked.value("rigidness"), asked.value("cloth")),
             ("csf", 1.0, 0.5)
         );
-        assert_eq!(Asked::parse(&asked.to_string()).unwrap(), asked, "{asked}");
+        assert_eq!(Request::parse(&asked.to_string()).unwrap(), asked, "{asked}");
         assert_eq!(asked.value("iterations"), 500.0, "what is not given is as published");
-        assert_eq!(Asked::parse("filter").unwrap(), Asked::FILTER);
-        assert_ne!(asked, Asked::parse("csf").unwrap());
+        assert_eq!(Request::parse("filter").unwrap(), Request::FILTER);
+        assert_ne!(asked, Request::parse("csf").unwrap());
         for method in METHODS {
             assert!(method.parameters.len() <= terrane_base::parameters::MOST, "{}", method.name);
             assert!(method.parameters.iter().all(|p| p.allows(p.default)), "{}", method.name);
-            let plain = Asked::plain(method);
-            assert_eq!(Asked::parse(method.name).unwrap(), plain);
-            assert_eq!(Asked::parse(&plain.to_string()).unwrap(), plain, "{plain}");
+            let plain = Request::plain(method);
+            assert_eq!(Request::parse(method.name).unwrap(), plain);
+            assert_eq!(Request::parse(&plain.to_string()).unwrap(), plain, "{plain}");
         }
     }
 
     #[test]
     fn what_is_not_known_is_told_with_what_is() {
-        let told = |text: &str| Asked::parse(text).unwrap_err().to_string();
+        let told = |text: &str| Request::parse(text).unwrap_err().to_string();
         assert!(METHODS.iter().all(|m| told("moss").contains(m.name)), "{}", told("moss"));
         for wrong in
             ["csf:rigid=1", "csf:rigidness=9", "csf:rigidness=1.5", "csf:cloth=nan", "csf:cloth"]
@@ -94,15 +94,15 @@ mod tests {
         let lows =
             LowestPoints { points: &points, width, cell: 1.0, corner: [0.0; 2], step: [0.01; 3] };
         for method in METHODS {
-            let ground = Asked::plain(method).find(&lows);
+            let ground = Request::plain(method).find(&lows);
             for at in (0..points.len()).filter(|&at| !hole(at)) {
                 let is = ground.is_ground(at % width, at / width, [0.5; 2], points[at].z);
                 assert_eq!(is, !shed(at), "{}: {at}", method.name);
             }
             let empty = LowestPoints { points: &[], ..lows };
-            Asked::plain(method).find(&empty);
+            Request::plain(method).find(&empty);
             let none = LowestPoints { points: &[NO_POINT; 9], width: 3, ..lows };
-            assert!(!Asked::plain(method).find(&none).is_ground(1, 1, [0.5; 2], 0));
+            assert!(!Request::plain(method).find(&none).is_ground(1, 1, [0.5; 2], 0));
         }
     }
 
@@ -119,7 +119,7 @@ mod tests {
         let points: Vec<Point> = cells.iter().map(point).collect();
         let lows =
             LowestPoints { points: &points, width, cell: 1.0, corner: [0.0; 2], step: [0.01; 3] };
-        let ground = Asked::parse(asked).unwrap().find(&lows);
+        let ground = Request::parse(asked).unwrap().find(&lows);
         let is_in = |&(col, row): &(usize, usize)| {
             (12..width - 12).contains(&col) && (12..rows - 12).contains(&row)
         };
@@ -206,7 +206,7 @@ mod tests {
                     step: [0.01; 3],
                 };
                 for method in ["adaptive", "ptd"] {
-                    let ground = Asked::parse(method).unwrap().find(&lows);
+                    let ground = Request::parse(method).unwrap().find(&lows);
                     let is_ground =
                         |k: &usize| ground.is_ground(k % width, k / width, [0.5; 2], points[*k].z);
                     let there = (0..points.len()).filter(|k| points[*k] != NO_POINT);

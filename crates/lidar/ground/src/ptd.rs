@@ -4,7 +4,7 @@
 //! After Axelsson, "DEM generation from laser scanner data using adaptive TIN models" (2000).
 
 use crate::densify::{DensifyLimits, densified};
-use crate::finder::{Asked, GroundFinder, GroundTiling, Method};
+use crate::finder::{GroundFinder, GroundTiling, Method, Request};
 use crate::lowest_in_cells::{LowestCells, WIDEST};
 use crate::lowest_points::LowestPoints;
 use crate::surface::GroundSurface;
@@ -52,7 +52,7 @@ pub(crate) const METHOD: Method = Method {
     },
 };
 
-fn find(asked: &Asked, lows: &LowestPoints<'_>) -> GroundSurface {
+fn find(asked: &Request, lows: &LowestPoints<'_>) -> GroundSurface {
     let (cells, step) = (LowestCells::of(lows), lows.step[2]);
     let [distance, spacing] = ["distance", "spacing"].map(|key| asked.value(key));
     let limits = DensifyLimits { sine: asked.value("angle").to_radians().sin(), distance, spacing };

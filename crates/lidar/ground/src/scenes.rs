@@ -1,6 +1,6 @@
 //! Scenes whose ground is known exactly, for the method `adaptive`.
 
-use crate::finder::Asked;
+use crate::finder::Request;
 use crate::lowest_points::{LowestPoints, NO_POINT};
 use terrane_base::geom::Point;
 
@@ -26,7 +26,7 @@ fn wrong(scene: impl Fn(usize, usize) -> Option<Low>) -> [Vec<(usize, usize)>; 2
         corner: [0.0; 2],
         step: [0.01; 3],
     };
-    let found = Asked::BEST.find(&lows);
+    let found = Request::BEST.find(&lows);
     let mut wrong = [vec![], vec![]];
     for (at, (col, row)) in cells.into_iter().enumerate() {
         let Some((_, is_ground)) = scene(col, row) else { continue };

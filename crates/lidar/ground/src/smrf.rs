@@ -5,7 +5,7 @@
 //! than their radius times a slope are objects; holes are filled by springs; points near the resulting surface
 //! are ground, with a tolerance that grows with the slope.
 
-use crate::finder::{Asked, GroundFinder, GroundTiling, Method};
+use crate::finder::{GroundFinder, GroundTiling, Method, Request};
 use crate::grid::{nearest_filled, neighbours, widened};
 use crate::lowest_points::LowestPoints;
 use crate::surface::GroundSurface;
@@ -42,7 +42,7 @@ const RELAXED: usize = 200;
 /// Over-relaxation factor.
 const BEYOND: f64 = 1.85;
 
-fn find(asked: &Asked, lows: &LowestPoints<'_>) -> GroundSurface {
+fn find(asked: &Request, lows: &LowestPoints<'_>) -> GroundSurface {
     let (cell, step) = (lows.cell, lows.step[2]);
     let heights = lows.heights();
     let radius = (asked.value("window") / cell).ceil() as usize;

@@ -66,14 +66,14 @@ impl<'a> RegionMesh<'a> {
 
     /// Loads tiles that may have vertices in the circles; false if there are none.
     fn complete(&mut self) -> Result<bool> {
-        let mut wanted = self.unmet_points();
+        let mut wanted = self.missing_points();
         wanted.truncate(AT_ONCE);
         wanted.iter().try_for_each(|&square| self.load(square))?;
         Ok(!wanted.is_empty())
     }
 
     /// Tiles not loaded that may have vertices in the circle of a triangle of the region, the nearest first.
-    fn unmet_points(&self) -> Vec<usize> {
+    fn missing_points(&self) -> Vec<usize> {
         let mut wanted = Vec::new();
         for disc in self.discs().filter(|disc| !self.vertices.is_within(disc, &self.whole)) {
             let met = self.vertices.squares_in(disc);

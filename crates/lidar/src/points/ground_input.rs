@@ -1,7 +1,7 @@
 //! The points of the ground, if these differ from the requested points.
 
 use super::context::TranslateContext;
-use super::height_above_ground::results::Told;
+use super::height_above_ground::results::AnnotatedRecords;
 use super::input_records::InputRecords;
 use super::job::TranslateJob;
 use super::noise::noise_index::Noise;
@@ -29,7 +29,7 @@ impl TranslateJob {
         let chosen = &own.filter;
         let is_same =
             chosen.classes.is_none() && chosen.returns.is_none() && chosen.condition.is_none();
-        if (is_same && !is_part) || !self.above.is_asked() {
+        if (is_same && !is_part) || !self.above.is_requested() {
             return Ok(None);
         }
         let filter = CloudFilter { classes: None, returns: None, condition: None, ..own.filter };
@@ -40,15 +40,15 @@ impl TranslateJob {
 
 impl TranslateContext<'_> {
     /// The records with heights and classes.
-    pub(super) fn tell<'r>(
+    pub(super) fn annotate<'r>(
         &self,
         records: &'r dyn PointRecords,
         wide: Option<&GroundInput>,
-    ) -> Result<Told<'r>> {
+    ) -> Result<AnnotatedRecords<'r>> {
         let looking = self.looking();
         let at = self.carrier.heights_at();
         let Some(GroundInput { cloud, target, is_same }) = wide else {
-            return looking.tell(records, None, at);
+            return looking.annotate(records, None, at);
         };
         let carrier = PointFormatConverter::new(cloud, *target, at.is_some())?;
         let noise = self.portion.and_then(TileSubset::noise).map(Noise::of_ground);
@@ -56,7 +56,7 @@ impl TranslateContext<'_> {
         let single = if *is_same { self.single(&wide)? } else { None };
         let wide = over(&single, &wide);
         let marked = self.mark(wide)?;
-        looking.tell(records, Some(over(&marked, wide)), at)
+        looking.annotate(records, Some(over(&marked, wide)), at)
     }
 
     /// Statistics of the ground of all points, with recorded noise.

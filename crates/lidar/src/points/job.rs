@@ -116,7 +116,7 @@ impl TranslateJob {
         (points, is_part): (u64, bool),
     ) -> [u64; 2] {
         // However far around a part the ground is read.
-        let is_wide = is_part && self.dedupe && self.above.is_asked();
+        let is_wide = is_part && self.dedupe && self.above.is_requested();
         let wide = if is_wide { needed(info.count) } else { 0 };
         let choices = self.choices() * needed(points) + wide;
         let is_spread =
@@ -162,7 +162,7 @@ impl TranslateJob {
     fn is_copy(&self) -> bool {
         let is_divided = self.squares.is_some() || self.overlap.is_some() || self.thin.is_some();
         let is_measured = self.distance.is_some() || self.transform.is_some();
-        let is_looked_at = self.above.is_asked() || self.above.noise().is_some();
+        let is_looked_at = self.above.is_requested() || self.above.noise().is_some();
         !(is_divided || is_measured || is_looked_at)
     }
 

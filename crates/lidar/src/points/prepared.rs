@@ -158,7 +158,7 @@ impl Prepared<'_> {
         let mut noise = marked.as_ref().map(noted).transpose()?;
         let seen = match wide {
             Some(wide) => Some(work.look_at_wide(&wide, noise.as_mut())?),
-            None if above.is_asked() => Some(work.looking().scan(over(&marked, records))?),
+            None if above.is_requested() => Some(work.looking().scan(over(&marked, records))?),
             None => None,
         };
         Ok(CloudKnowledge { noise, seen })
@@ -177,7 +177,7 @@ impl TranslateContext<'_> {
         let records = over(&single, source);
         let marked = self.mark(records)?;
         let records = over(&marked, records);
-        let told = job.above.is_asked().then(|| self.tell(records, wide)).transpose()?;
+        let told = job.above.is_requested().then(|| self.annotate(records, wide)).transpose()?;
         let records = over(&told, records);
         let (assigning, cloud) = (self.assigning, self.input);
         let assigned = (!job.assign.is_empty()).then_some(AssignedRecords {

@@ -53,7 +53,7 @@ impl GridSource for Told {
     }
 }
 
-fn told(transform: Affine, size: [u32; 2], crs: Crs) -> Box<dyn GridSource> {
+fn transformed(transform: Affine, size: [u32; 2], crs: Crs) -> Box<dyn GridSource> {
     let plain = GridInfo::plain("told", size[0], size[1], SampleType::F32);
     Box::new(Told { info: GridInfo { transform, crs, ..plain } })
 }
@@ -135,7 +135,7 @@ proptest! {
         let any = (0..SIDE * SIDE).any(|i| inside(i % SIDE, i / SIDE));
         let clip = clip_of(&features, Crs::default());
         let opened = clipped(&clip, &GridOpenOptions::default(), |_| {
-            Ok(told(map, [SIDE; 2], Crs::default()))
+            Ok(transformed(map, [SIDE; 2], Crs::default()))
         });
         prop_assert_eq!(opened.is_ok(), any);
         for rect in [whole, Rect::new(col, row, width, height).intersect(&whole)] {
@@ -235,7 +235,7 @@ fn refusal(features: &Features, crs: [Crs; 2], cache_bytes: usize) -> (ErrorKind
     let [own, grids] = crs;
     let clip = clip_of(features, own);
     let options = GridOpenOptions { cache_bytes, ..GridOpenOptions::default() };
-    let opened = clipped(&clip, &options, |_| Ok(told(Affine::LATTICE, [9, 9], grids)));
+    let opened = clipped(&clip, &options, |_| Ok(transformed(Affine::LATTICE, [9, 9], grids)));
     let error = opened.err().expect("a refusal");
     (error.kind(), error.to_string())
 }

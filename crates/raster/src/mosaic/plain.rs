@@ -18,7 +18,7 @@ use super::recode::{HeightRecoding, is_same, void_range, wider};
 use super::{Mosaic, MosaicPart, members};
 
 /// Maximum number of nodata values in details.
-const MAX_TOLD: usize = 8;
+const MAX_LISTED: usize = 8;
 
 /// Metadata of a file in a mosaic.
 struct MosaicMember {
@@ -202,7 +202,7 @@ fn facts(members: &[MosaicMember], first: &GridInfo) -> Vec<(String, String)> {
     facts.extend(members.iter().find_map(|member| member.mask.clone()));
     let declared = declared(members);
     if declared.len() > 1 {
-        let values: Vec<_> = declared.iter().take(MAX_TOLD).map(f64::to_string).collect();
+        let values: Vec<_> = declared.iter().take(MAX_LISTED).map(f64::to_string).collect();
         facts.push((NODATA_VALUES.to_owned(), values.join(", ")));
     }
     facts

@@ -18,7 +18,7 @@ use terrane_base::geom::Rect;
 ///
 /// # Errors
 /// Usage: a type that grayscale does not support.
-pub(super) fn is_asked(order: &GridWriteRequest<'_>) -> Result<bool> {
+pub(super) fn is_requested(order: &GridWriteRequest<'_>) -> Result<bool> {
     let asked = order.options.sample_type;
     let is_held = matches!(asked, Some(SampleType::U8 | SampleType::U16));
     match (order.creation.word("ENCODING"), asked) {

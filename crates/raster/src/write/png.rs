@@ -42,7 +42,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     holds_types: false,
     names_voids: true,
     bytes_per_sample: 24,
-    create: |order| match (order.options.are_colours, gray::is_asked(order)?) {
+    create: |order| match (order.options.are_colours, gray::is_requested(order)?) {
         (true, _) => Ok(Box::new(PictureSink::new(order)?)),
         (_, true) => Ok(Box::new(GraySink::new(order)?)),
         (_, false) => Ok(Box::new(PngSink::new(order)?)),

@@ -290,7 +290,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_distance_is_beyond_the_number_before_it_and_never_told_too_small() {
+    fn distances_exceed_the_number_before_them_and_are_never_too_small() {
         let corners = [[0, 0], [90, 0], [0, 90]].map(|[x, y]| Point::new(x, y, 0));
         let points = [Point::new(20, 20, 7)];
         let mut mesh = ScatterMesh::new(corners).unwrap();

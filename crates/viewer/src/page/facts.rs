@@ -95,7 +95,7 @@ pub(super) fn put(
     page.fact("geographic", system.geographic);
     page.fact("units", json!(system.units));
     page.fact("ground", json!(system.ground(bounds)));
-    page.fact("told_steps", json!(steps));
+    page.fact("reported_steps", json!(steps));
     job.add_settings(page);
     let [land, water] = crate::render::palette();
     page.fact("palette", json!({ "land": land, "water": water }));

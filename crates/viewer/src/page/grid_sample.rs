@@ -4,7 +4,7 @@ use serde_json::json;
 
 use super::facts::{self, SurfaceSystem};
 use super::solid::{PageMesh, TRIANGLE_BYTES, VERTEX_BYTES};
-use super::surface::{new_page, told_steps};
+use super::surface::{new_page, reported_steps};
 use super::{MAX_SAMPLES, PageJob, PageReport, within_memory};
 use crate::html::HtmlPage;
 use terrane_base::error::{Error, Result};
@@ -33,7 +33,7 @@ pub(super) fn page(
     let mut report = shape.put(&mut page)?;
     report.stride = Some(stride);
     let system = SurfaceSystem::of_grid(info);
-    let steps = told_steps(&report, system.geographic);
+    let steps = reported_steps(&report, system.geographic);
     facts::put(&mut page, job, &system, report.bounds, steps);
     page.fact("about", facts::about(&system));
     let size = format!("{} × {} samples", info.width, info.height);

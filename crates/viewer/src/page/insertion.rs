@@ -4,7 +4,7 @@ use serde_json::json;
 
 use super::facts::{self, SurfaceSystem};
 use super::grid_sample::{part, places};
-use super::surface::told_steps;
+use super::surface::reported_steps;
 use super::{PageJob, PageReport, within_memory};
 use crate::html::HtmlPage;
 use crate::html::pack::QuantizedAxis;
@@ -47,7 +47,7 @@ pub(super) fn page(
     page.axis("z", &axis);
     let report = report(&heights, axis.rounding, &info.transform, [&cols, &rows], stride);
     let system = SurfaceSystem::of_grid(info);
-    facts::put(&mut page, job, &system, report.bounds, told_steps(&report, system.geographic));
+    facts::put(&mut page, job, &system, report.bounds, reported_steps(&report, system.geographic));
     let ground = system.ground(report.bounds);
     let map = &info.transform;
     let cell = [

@@ -54,7 +54,7 @@ pub(super) fn page(
     }
     let mut report = shape.put(&mut page)?;
     report.max_error = measured;
-    let steps = told_steps(&report, system.geographic);
+    let steps = reported_steps(&report, system.geographic);
     facts::put(&mut page, job, &system, report.bounds, steps);
     page.fact("about", facts::about(&system));
     figures.extend(stated(mesh.info()));
@@ -160,7 +160,7 @@ fn stated(info: &MeshInfo) -> Vec<(&'static str, Value)> {
 }
 
 /// To what step positions and heights are told.
-pub(super) fn told_steps(report: &PageReport, geographic: bool) -> [f64; 2] {
+pub(super) fn reported_steps(report: &PageReport, geographic: bool) -> [f64; 2] {
     let [west, _, east, _] = report.bounds;
     let level = if geographic { 1e-6 } else { decade((east - west) * 1e-6).clamp(1e-4, 1.0) };
     let range = report.highest.unwrap_or(0.0) - report.lowest.unwrap_or(0.0);

@@ -21,7 +21,7 @@ const TILESET: &str = "tileset.json";
 /// The names of folders beside each other, where there are tiles of several formats.
 const SETS: [&str; 2] = ["quantized-mesh", "3dtiles"];
 /// Most bytes of what says what there is: rectangles of a million tiles that touch no other.
-const MAX_TOLD: u64 = 64 << 20;
+const MAX_LISTED: u64 = 64 << 20;
 
 /// What is read of a `layer.json`; the page reads it again, and more of it.
 #[derive(Debug, Deserialize)]
@@ -144,8 +144,8 @@ impl ViewedTileset {
 /// What says what there is.
 fn parsed<T: DeserializeOwned>(path: &Path) -> Result<T> {
     let file = RawFile::open(path)?;
-    if file.size() > MAX_TOLD {
-        return Err(Error::limit("the file", file.size(), MAX_TOLD).in_file(path));
+    if file.size() > MAX_LISTED {
+        return Err(Error::limit("the file", file.size(), MAX_LISTED).in_file(path));
     }
     let bytes = file.read_vec(0, file.size())?;
     serde_json::from_slice(&bytes).map_err(|e| {

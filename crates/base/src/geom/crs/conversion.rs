@@ -107,7 +107,7 @@ impl Crs {
     }
 
     fn depends_on_ellipsoid(&self) -> bool {
-        self.epsg.is_some() || self.wkt.is_some() || GeoKeys::of(self).tells_figure()
+        self.epsg.is_some() || self.wkt.is_some() || GeoKeys::of(self).defines_ellipsoid()
     }
 
     /// The vertical reference.

@@ -289,7 +289,7 @@ impl GeoKeys {
     }
 
     /// True if keys describe the ellipsoid, known or not.
-    pub(super) fn tells_figure(&self) -> bool {
+    pub(super) fn defines_ellipsoid(&self) -> bool {
         let is_told = |key| self.short(key).is_some_and(|code| code != 0);
         [GEODETIC_CRS, PROJECTED_CRS, DATUM, ELLIPSOID].into_iter().any(is_told)
             || self.double(SEMI_MAJOR_AXIS).is_some()

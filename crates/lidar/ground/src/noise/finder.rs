@@ -11,10 +11,10 @@ use crate::method_call;
 /// One method of the registry.
 pub type Method = method_call::FinderMethod<NoiseFinder>;
 /// A method with its parameters.
-pub type Asked = method_call::FinderRequest<NoiseFinder>;
+pub type Request = method_call::FinderRequest<NoiseFinder>;
 
-type Reach = fn(&Asked, &NoiseSpace) -> Result<[i64; 3]>;
-type Scores = fn(&Asked, &NoiseSpace, &[Point], &mut dyn NeighborParts) -> Result<Vec<u64>>;
+type Reach = fn(&Request, &NoiseSpace) -> Result<[i64; 3]>;
+type Scores = fn(&Request, &NoiseSpace, &[Point], &mut dyn NeighborParts) -> Result<Vec<u64>>;
 
 /// How a method finds noise.
 #[derive(Clone, Copy, Debug)]
@@ -23,9 +23,9 @@ pub struct NoiseFinder {
     /// unsuitable. `None` if the limit depends on all points.
     pub(super) reach: Option<Reach>,
     pub(super) scores: Scores,
-    pub(super) limit: fn(&Asked, &ScoreSums) -> ScoreLimit,
+    pub(super) limit: fn(&Request, &ScoreSums) -> ScoreLimit,
     /// Bytes that scores take for each point of a part.
-    pub(super) bytes: fn(&Asked) -> u64,
+    pub(super) bytes: fn(&Request) -> u64,
 }
 
 /// The class assigned to noise.

@@ -1,6 +1,6 @@
 //! Noise classification: methods by name, from the neighbours of each point.
 //!
-//! A method ([`METHODS`], [`Asked`]) assigns a score to each point of a part of the point cloud, from the
+//! A method ([`METHODS`], [`Request`]) assigns a score to each point of a part of the point cloud, from the
 //! points of the part and those around it ([`NeighborParts`]); a score does not depend on the division into
 //! parts. The threshold ([`ScoreLimit`]) may depend on the scores of all points, by integer sums
 //! ([`ScoreSums`]) that are independent of the order.
@@ -18,7 +18,7 @@ use terrane_base::geom::Point;
 use crate::method_call::FinderRegistry;
 use finder::CLASS;
 
-pub use finder::{Asked, Method, NeighborParts, NoiseFinder, ScoreLimit};
+pub use finder::{Method, NeighborParts, NoiseFinder, Request, ScoreLimit};
 pub use position::{Bounds, NoiseSpace};
 pub use score_statistics::ScoreSums;
 
@@ -30,7 +30,7 @@ impl FinderRegistry for NoiseFinder {
     const METHODS: &'static [Method] = METHODS;
 }
 
-impl Asked {
+impl Request {
     /// The default method.
     pub const BEST: Self = Self::plain(&voxel::METHOD);
 

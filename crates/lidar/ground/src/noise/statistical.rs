@@ -7,7 +7,7 @@
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 
-use super::finder::{Asked, CLASS, Method, NeighborParts, NoiseFinder, ScoreLimit};
+use super::finder::{CLASS, Method, NeighborParts, NoiseFinder, Request, ScoreLimit};
 use super::position::{NoiseSpace, bounds};
 use super::score_statistics::ScoreSums;
 use super::tree::NoiseKdTree;
@@ -70,7 +70,7 @@ impl NearestDistances {
 }
 
 fn scores(
-    asked: &Asked,
+    asked: &Request,
     space: &NoiseSpace,
     own: &[Point],
     around: &mut dyn NeighborParts,

@@ -50,7 +50,7 @@ fn parts(points: &[Point], side: i32) -> Vec<Vec<(usize, Point)>> {
 }
 
 /// The scores of all, part by part.
-fn scores(asked: &Asked, space: NoiseSpace, points: &[Point], side: i32) -> Vec<u64> {
+fn scores(asked: &Request, space: NoiseSpace, points: &[Point], side: i32) -> Vec<u64> {
     let parts = parts(points, side);
     let places: Vec<Vec<Point>> =
         parts.iter().map(|part| part.iter().map(|(_, point)| *point).collect()).collect();
@@ -66,7 +66,7 @@ fn scores(asked: &Asked, space: NoiseSpace, points: &[Point], side: i32) -> Vec<
 }
 
 /// Which points are noise, by the scores of all.
-fn noise(asked: &Asked, scores: &[u64]) -> Vec<bool> {
+fn noise(asked: &Request, scores: &[u64]) -> Vec<bool> {
     let mut sums = ScoreSums::default();
     scores.iter().for_each(|score| sums.add(*score));
     let limit = asked.limit(&sums);
@@ -139,10 +139,10 @@ proptest! {
     ) {
         let points = cloud(seed, count, extent, height);
         let space = space([0.01, 0.01, 0.01 / f64::from(high)], [zero, 2 * zero, -zero]);
-        let asked = Asked::parse(&format!("voxel:step={cube},isolated={most}")).unwrap();
+        let asked = Request::parse(&format!("voxel:step={cube},isolated={most}")).unwrap();
         let found = noise(&asked, &scores(&asked, space, &points, side));
         prop_assert_eq!(found, alone(&space, &points, cube, most));
-        let asked = Asked::parse(&format!("statistical:k={k}")).unwrap();
+        let asked = Request::parse(&format!("statistical:k={k}")).unwrap();
         let found = scores(&asked, space, &points, side);
         for (score, mean) in found.iter().zip(means(&space, &points, k)) {
             let own = *score as f64 * space.unit();
@@ -156,24 +156,24 @@ proptest! {
 #[test]
 fn few_points_are_no_outliers_and_are_alone() {
     let space = space([0.01; 3], [0; 3]);
-    let statistical = Asked::parse("statistical:k=8,m=0").unwrap();
+    let statistical = Request::parse("statistical:k=8,m=0").unwrap();
     for count in 0..3 {
         let points = cloud(7, count, 100_000, 10);
         let found = scores(&statistical, space, &points, 50);
         assert!(noise(&statistical, &found).iter().all(|is| !is), "{found:?}");
-        let found = noise(&Asked::BEST, &scores(&Asked::BEST, space, &points, 50));
+        let found = noise(&Request::BEST, &scores(&Request::BEST, space, &points, 50));
         assert!(found.iter().all(|is| *is));
     }
     let same = vec![Point::new(3, 4, 5); 300];
     assert_eq!(scores(&statistical, space, &same, 50), vec![0; 300]);
-    assert!(noise(&Asked::BEST, &scores(&Asked::BEST, space, &same, 50)).iter().all(|is| !is));
+    assert!(noise(&Request::BEST, &scores(&Request::BEST, space, &same, 50)).iter().all(|is| !is));
 }
 
 #[test]
 fn a_lattice_has_no_outliers_and_a_bird_above_it_is_one() {
     let space = space([0.5, 0.5, 0.01], [0; 3]);
     let mut points: Vec<Point> = (0..900).map(|i| Point::new(i % 30, i / 30, 0)).collect();
-    let asked = Asked::parse("statistical:k=2,m=3,class=18").unwrap();
+    let asked = Request::parse("statistical:k=2,m=3,class=18").unwrap();
     let found = scores(&asked, space, &points, 8);
     assert!(noise(&asked, &found).iter().all(|is| !is));
     points.push(Point::new(15, 15, 900_000));
@@ -181,27 +181,27 @@ fn a_lattice_has_no_outliers_and_a_bird_above_it_is_one() {
     assert_eq!(noise(&asked, &found).iter().filter(|is| **is).count(), 1);
     let mean = found[900] as f64 * space.unit();
     assert!((mean - (9000.0 + 9000.0_f64.hypot(0.5)) / 2.0).abs() < 1e-3, "{mean}");
-    assert_eq!((asked.class(), Asked::BEST.class()), (18, 7));
+    assert_eq!((asked.class(), Request::BEST.class()), (18, 7));
 }
 
 #[test]
 fn parameters_are_read_and_refused_by_name() {
     for method in METHODS {
-        let plain = Asked::plain(method);
-        assert_eq!(Asked::parse(method.name).unwrap(), plain);
-        assert_eq!(Asked::parse(&plain.to_string()).unwrap(), plain, "{plain}");
+        let plain = Request::plain(method);
+        assert_eq!(Request::parse(method.name).unwrap(), plain);
+        assert_eq!(Request::parse(&plain.to_string()).unwrap(), plain, "{plain}");
     }
-    let told = |text: &str| Asked::parse(text).unwrap_err().to_string();
+    let told = |text: &str| Request::parse(text).unwrap_err().to_string();
     assert!(told("moss").contains("known methods are voxel, statistical"), "{}", told("moss"));
     assert!(told("voxel:class=8").contains("class=7 (7 or 18)"), "{}", told("voxel:class=8"));
     assert!(told("statistical:k=0").contains("k=8 (a whole number from 1 to 100)"));
     let coarse = NoiseSpace { step: [5.0, 0.01, 0.01], zero: [0; 3] };
     assert!(
-        Asked::BEST
+        Request::BEST
             .reach(&coarse)
             .unwrap_err()
             .to_string()
             .contains("smaller than the coordinate resolution")
     );
-    assert!(Asked::BEST.is_local() && !Asked::parse("statistical").unwrap().is_local());
+    assert!(Request::BEST.is_local() && !Request::parse("statistical").unwrap().is_local());
 }

@@ -6,7 +6,7 @@
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 
-use super::finder::{Asked, CLASS, Method, NeighborParts, NoiseFinder, ScoreLimit};
+use super::finder::{CLASS, Method, NeighborParts, NoiseFinder, Request, ScoreLimit};
 use super::position::{Bounds, NoiseSpace};
 use terrane_base::parameters::Parameter;
 
@@ -34,7 +34,7 @@ pub(super) const METHOD: Method = Method {
     },
 };
 
-fn most(asked: &Asked) -> u64 {
+fn most(asked: &Request) -> u64 {
     asked.value("isolated") as u64
 }
 
@@ -51,7 +51,7 @@ struct Voxels {
 }
 
 impl Voxels {
-    fn new(asked: &Asked, space: &NoiseSpace) -> Result<Self> {
+    fn new(asked: &Request, space: &NoiseSpace) -> Result<Self> {
         let side = asked.value("step");
         if let Some(step) = space.step.into_iter().find(|step| side < *step) {
             return Err(too_small(side, step));
@@ -101,7 +101,7 @@ impl VoxelCounts {
 }
 
 fn scores(
-    asked: &Asked,
+    asked: &Request,
     space: &NoiseSpace,
     own: &[Point],
     around: &mut dyn NeighborParts,

@@ -13,7 +13,7 @@ mod low;
 mod opening;
 mod parameters;
 
-use crate::finder::{Asked, GroundFinder, GroundTiling, Method};
+use crate::finder::{GroundFinder, GroundTiling, Method, Request};
 use crate::lowest_points::{EMPTY, LowestPoints};
 use crate::surface::{BESIDE, GroundSurface};
 use holes::{filled, widened};
@@ -37,7 +37,7 @@ pub(crate) const METHOD: Method = Method {
 /// Side of a cell in metres, unless points are further apart.
 const CELL: f64 = 1.0;
 
-fn find(_: &Asked, lows: &LowestPoints<'_>) -> GroundSurface {
+fn find(_: &Request, lows: &LowestPoints<'_>) -> GroundSurface {
     let minima: Vec<i32> = lows.points.iter().map(|p| p.z).collect();
     ground(&minima, lows.width, &Parameters::metres(lows.cell, lows.step[2]))
 }

@@ -12,7 +12,7 @@ use terrane_base::error::Result;
 use terrane_base::geom::{Point, REACH};
 use terrane_delaunay::SiteWindow;
 use terrane_engine::{Cancel, Progress, workers};
-use terrane_ground::{Asked, GroundSurface, GroundTiling, LowestPoints, NO_POINT};
+use terrane_ground::{GroundSurface, GroundTiling, LowestPoints, NO_POINT, Request};
 
 /// Bytes of a method for each cell of a tile and its halo, for tiles of any size.
 const BYTES_PER_CELL: u64 = 72;
@@ -27,7 +27,7 @@ pub(crate) struct GroundFilter<'a> {
     candidates: Vec<&'a PointStore>,
     /// Other points that may lie on the ground.
     others: Option<&'a PointStore>,
-    method: Asked,
+    method: Request,
     lattice: GroundTiling,
     /// Metres to a step.
     step: [f64; 3],
@@ -89,7 +89,7 @@ impl<'a> GroundFilter<'a> {
     pub(crate) fn new(
         candidates: Vec<&'a PointStore>,
         metres: &MetricFrame,
-        method: Asked,
+        method: Request,
         memory: u64,
     ) -> Self {
         let lattice = method.lattice(spacing(&candidates, metres));
@@ -100,7 +100,7 @@ impl<'a> GroundFilter<'a> {
         lattice: GroundTiling,
         candidates: Vec<&'a PointStore>,
         metres: &MetricFrame,
-        method: Asked,
+        method: Request,
         memory: u64,
     ) -> Self {
         let step = metres.step;
@@ -119,7 +119,7 @@ impl<'a> GroundFilter<'a> {
         spacing: f64,
         candidates: Vec<&'a PointStore>,
         metres: &MetricFrame,
-        method: Asked,
+        method: Request,
         memory: u64,
     ) -> Self {
         let of = Self::on(method.lattice(spacing), candidates, metres, method, memory);
@@ -281,7 +281,7 @@ fn cell(lattice: &GroundTiling, metres: &MetricFrame) -> [f64; 2] {
 
 /// The window of all points that decide which points of a window are ground, for points `spacing` metres apart.
 pub(crate) fn around(
-    method: &Asked,
+    method: &Request,
     metres: &MetricFrame,
     spacing: f64,
     window: SiteWindow,
@@ -298,7 +298,7 @@ pub(crate) fn around(
 
 /// Bytes of a tile of a method with fixed tiles, for a point cloud of this width and height in metres and any
 /// density; 0 for a method with tiles of any size.
-pub(crate) fn square_bytes(method: &Asked, extent: [f64; 2]) -> u64 {
+pub(crate) fn square_bytes(method: &Request, extent: [f64; 2]) -> u64 {
     bytes_of(method.lattice(0.0), extent)
 }
 
@@ -344,12 +344,12 @@ mod tests {
         store
     }
 
-    fn found(candidates: &PointStore, method: Asked, memory: u64, threads: usize) -> Vec<Point> {
+    fn found(candidates: &PointStore, method: Request, memory: u64, threads: usize) -> Vec<Point> {
         let folder = Resources::default().temp_dir.unwrap_or_else(std::env::temp_dir);
         let into = PointStore::empty(*candidates.tiling(), &folder, 1 << 24);
         let metres = MetricFrame { step: [0.01; 3], is_guess: false };
         let filter = GroundFilter::new(vec![candidates], &metres, method, memory);
-        assert!(memory > 0 || method != Asked::FILTER || filter.tiles().unwrap().len() > 8);
+        assert!(memory > 0 || method != Request::FILTER || filter.tiles().unwrap().len() > 8);
         filter.run(&into, threads, &Silent, &Cancel::default()).unwrap();
         let (mut all, mut points) = (Vec::new(), Vec::new());
         for square in 0..into.tiling().count() {
@@ -363,7 +363,7 @@ mod tests {
     fn tiles_find_the_ground_of_the_whole() {
         let folder = tempfile::tempdir().unwrap();
         let store = store(folder.path());
-        let found = |memory, threads| found(&store, Asked::FILTER, memory, threads);
+        let found = |memory, threads| found(&store, Request::FILTER, memory, threads);
         let (tiled, whole) = (found(0, 3), found(1 << 30, 1));
         assert_eq!(tiled, whole);
         let plane = |p: &Point| f64::from(p.x) / 20.0 - f64::from(p.y) / 30.0;
@@ -377,7 +377,7 @@ mod tests {
         let store = store(folder.path());
         let plane = |p: &Point| f64::from(p.x) / 20.0 - f64::from(p.y) / 30.0;
         for method in terrane_ground::METHODS {
-            let found = |memory, threads| found(&store, Asked::plain(method), memory, threads);
+            let found = |memory, threads| found(&store, Request::plain(method), memory, threads);
             let whole = found(1 << 30, 1);
             assert_eq!(found(0, 3), whole, "{}", method.name);
             let off = whole.iter().filter(|p| (f64::from(p.z) - plane(p)).abs() > 100.0).count();

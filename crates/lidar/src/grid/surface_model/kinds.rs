@@ -44,12 +44,12 @@ pub enum GroundFrom {
     /// Points of the ground classes.
     Class,
     /// Points found by a method among last returns without noise.
-    Method(ground::Asked),
+    Method(ground::Request),
 }
 
 impl GroundFrom {
     /// By the morphological filter.
-    pub const FILTER: Self = Self::Method(ground::Asked::FILTER);
+    pub const FILTER: Self = Self::Method(ground::Request::FILTER);
 
     /// True if a method is named, so that classes are ignored.
     pub(crate) fn is_method(self) -> bool {
@@ -57,10 +57,10 @@ impl GroundFrom {
     }
 
     /// The method to use without ground classes.
-    pub(crate) fn method(self) -> ground::Asked {
+    pub(crate) fn method(self) -> ground::Request {
         match self {
             Self::Method(asked) => asked,
-            Self::Auto | Self::Class => ground::Asked::BEST,
+            Self::Auto | Self::Class => ground::Request::BEST,
         }
     }
 }
@@ -73,7 +73,7 @@ impl FromStr for GroundFrom {
         match text.to_ascii_lowercase().as_str() {
             "auto" => Ok(Self::Auto),
             "class" => Ok(Self::Class),
-            _ => ground::Asked::parse(text).map(Self::Method),
+            _ => ground::Request::parse(text).map(Self::Method),
         }
     }
 }

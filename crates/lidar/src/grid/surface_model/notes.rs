@@ -5,7 +5,7 @@ use terrane_base::error::Error;
 use terrane_ground as ground;
 
 /// The note on the points found by a method, and the number and kind of candidates.
-pub(crate) fn found_by(method: &ground::Asked, found: u64, all: u64, points: &str) -> String {
+pub(crate) fn found_by(method: &ground::Request, found: u64, all: u64, points: &str) -> String {
     let by = match method.name() {
         "filter" => "the ground filter".to_owned(),
         name => format!("the method {name}"),

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use bytemuck::{Pod, Zeroable};
 
 use super::queries::{Classify, HeightQuery, HeightsAs, is_known_noise, is_there};
-use super::results::{NO_HEIGHT, PointAnnotations, Told, Z};
+use super::results::{AnnotatedRecords, NO_HEIGHT, PointAnnotations, Z};
 use crate::grid::surface_model::{
     CloudOverview, GroundFilter, MetricFrame, NOISE, found_by, no_ground, no_ground_of_class,
 };
@@ -201,12 +201,12 @@ impl GroundHeightSearch<'_> {
     ///
     /// # Errors
     /// No ground; coordinates without a unit of length, for a ground method.
-    pub(in crate::points) fn tell<'r>(
+    pub(in crate::points) fn annotate<'r>(
         &self,
         records: &'r dyn PointRecords,
         wide: Option<&dyn PointRecords>,
         at: Option<usize>,
-    ) -> Result<Told<'r>> {
+    ) -> Result<AnnotatedRecords<'r>> {
         let GroundSearchResult { surface, entries, firsts, count, mut notes } =
             self.find(records, wide)?;
         let values = PointAnnotations::new(count, self.folder);
@@ -225,7 +225,7 @@ impl GroundHeightSearch<'_> {
         let is_z = self.above.heights == Some(HeightsAs::Z);
         let at = if is_z { Some(Z) } else { at };
         let (format, record) = (self.format, self.flow.record);
-        Ok(Told { records, format, record, at, values, firsts, notes })
+        Ok(AnnotatedRecords { records, format, record, at, values, firsts, notes })
     }
 
     /// Statistics of the ground of all points, for work in portions.

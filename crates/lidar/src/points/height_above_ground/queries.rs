@@ -29,7 +29,7 @@ pub enum HeightsAs {
 #[serde(into = "String", try_from = "String")]
 pub enum Classify {
     /// Noise found by a method gets its class; applied first, because noise is not ground.
-    Noise(noise::Asked),
+    Noise(noise::Request),
     /// Among the classes that may change, ground points get class 2 and others lose it.
     Ground(Reclassify),
     /// Points of class 0 or 1 are classified by height above ground.
@@ -79,11 +79,11 @@ impl FromStr for Classify {
         match text.split_once(':') {
             None if text == "ground" => Ok(Self::Ground(Reclassify::default())),
             None if text == "height" => Ok(Self::Height(HeightClasses::default())),
-            None if text == "noise" => Ok(Self::Noise(noise::Asked::BEST)),
+            None if text == "noise" => Ok(Self::Noise(noise::Request::BEST)),
             Some(("ground", classes)) => classes.parse().map(Self::Ground),
             Some(("height", layers)) => layers.parse().map(Self::Height),
             Some(("noise", method)) => {
-                noise::Asked::parse(method).map(Self::Noise).map_err(|e| e.to_string())
+                noise::Request::parse(method).map(Self::Noise).map_err(|e| e.to_string())
             }
             _ => Err("expected ground, ground:reclassify=CLASS,..., height, height:CLASS=FROM,..., noise, noise:METHOD".to_owned()),
         }
@@ -153,13 +153,13 @@ pub(in crate::points) fn is_there(
 
 impl HeightQuery {
     /// Whether the ground is needed.
-    pub(in crate::points) fn is_asked(&self) -> bool {
+    pub(in crate::points) fn is_requested(&self) -> bool {
         let is_noise = |one: &Classify| matches!(one, Classify::Noise(_));
         self.heights.is_some() || !self.classify.iter().all(is_noise)
     }
 
     /// The noise method, if any.
-    pub(in crate::points) fn noise(&self) -> Option<&noise::Asked> {
+    pub(in crate::points) fn noise(&self) -> Option<&noise::Request> {
         self.classify.iter().find_map(|one| match one {
             Classify::Noise(asked) => Some(asked),
             _ => None,
@@ -174,7 +174,7 @@ impl HeightQuery {
     /// Bytes for a point cloud, and for each thread.
     pub(in crate::points) fn needed(&self, info: &CloudInfo) -> [u64; 2] {
         let tables = (info.count / 4096).clamp(1, 1 << 18) * SQUARE;
-        match self.is_asked() {
+        match self.is_requested() {
             true => [2 * VALUES + tables + self.square(info), WORKER],
             false => [0; 2],
         }
@@ -184,7 +184,7 @@ impl HeightQuery {
     pub(in crate::points) fn square(&self, info: &CloudInfo) -> u64 {
         let metres = MetricFrame::of(&info.crs, &info.frame);
         match metres {
-            Ok(metres) if self.is_asked() && self.from != GroundFrom::Class => {
+            Ok(metres) if self.is_requested() && self.from != GroundFrom::Class => {
                 square_bytes(&self.from.method(), metres.extent(info.bounds))
             }
             _ => 0,
@@ -215,7 +215,7 @@ impl HeightQuery {
             )
             .remedy("leave out one of them"));
         }
-        if !self.is_asked() && self.from != GroundFrom::Auto {
+        if !self.is_requested() && self.from != GroundFrom::Auto {
             return Err(Error::usage(
                 "‹ground› has no effect without ‹height_above_ground› or ‹classify›",
             )

@@ -80,7 +80,7 @@ impl ValueWriter<'_> {
 pub(super) const Z: usize = 8;
 
 /// Records with heights and classes.
-pub(in crate::points) struct Told<'a> {
+pub(in crate::points) struct AnnotatedRecords<'a> {
     pub(super) records: &'a dyn PointRecords,
     pub(super) format: PointFormat,
     pub(super) record: usize,
@@ -92,7 +92,7 @@ pub(in crate::points) struct Told<'a> {
     pub(in crate::points) notes: Vec<String>,
 }
 
-impl PointRecords for Told<'_> {
+impl PointRecords for AnnotatedRecords<'_> {
     fn units(&self) -> usize {
         self.records.units()
     }

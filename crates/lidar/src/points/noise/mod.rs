@@ -23,7 +23,7 @@ use terrane_cloud::{CloudInfo, PointFormat};
 use terrane_engine::plan::RunControl;
 use terrane_engine::workers;
 use terrane_files::{Buckets, lock};
-use terrane_ground::noise::{Asked, NoiseSpace, ScoreLimit, ScoreSums};
+use terrane_ground::noise::{NoiseSpace, Request, ScoreLimit, ScoreSums};
 
 /// Points divided together.
 const TOGETHER: usize = 1 << 14;
@@ -45,7 +45,7 @@ struct NoiseScore {
 }
 
 /// Bytes of memory for `points`, and for each thread.
-pub(super) fn needed(asked: &Asked, points: u64) -> [u64; 2] {
+pub(super) fn needed(asked: &Request, points: u64) -> [u64; 2] {
     [points / 8 + partition::tables(points) + HELD, THREAD + asked.bytes(partition::MOST)]
 }
 
@@ -53,7 +53,7 @@ pub(super) fn needed(asked: &Asked, points: u64) -> [u64; 2] {
 ///
 /// # Errors
 /// As [`space`], and cubes smaller than a step.
-pub(super) fn reach(asked: &Asked, info: &CloudInfo) -> Result<f64> {
+pub(super) fn reach(asked: &Request, info: &CloudInfo) -> Result<f64> {
     let [x, y, _] = asked.reach(&space(info)?.0)?;
     Ok((x as f64 * info.frame.scale[0]).max(y as f64 * info.frame.scale[1]))
 }
@@ -76,7 +76,7 @@ fn space(info: &CloudInfo) -> Result<(NoiseSpace, bool)> {
 
 /// Context of the search for noise.
 pub(super) struct NoiseSearch<'a> {
-    pub(super) asked: &'a Asked,
+    pub(super) asked: &'a Request,
     /// Frame and bounds of the records.
     pub(super) info: &'a CloudInfo,
     pub(super) format: PointFormat,
@@ -106,7 +106,7 @@ impl NoiseSearch<'_> {
         let limit = self.judge(&space, &parts, &noise)?;
         drop(parts);
         let noise = noise.into_inner().unwrap_or_default();
-        let notes = self.told(&noise, &limit, (&space, is_guess));
+        let notes = self.notes_on_noise(&noise, &limit, (&space, is_guess));
         let (format, record, class) = (self.format, self.flow.record, self.asked.class());
         Ok(MarkedRecords { records, format, record, class, noise, firsts, count, notes })
     }
@@ -187,7 +187,7 @@ impl NoiseSearch<'_> {
     }
 
     /// Notes on the noise, one line each.
-    fn told(
+    fn notes_on_noise(
         &self,
         noise: &BitSet,
         limit: &ScoreLimit,

@@ -80,8 +80,8 @@ impl OpenedTranslate {
     /// excluded from the ground.
     fn scan(&self, at: RunControl<'_>) -> Result<CloudKnowledge> {
         let above = &self.job.above;
-        let is_local = above.noise().is_none_or(noise::Asked::is_local);
-        match above.is_asked() || !is_local {
+        let is_local = above.noise().is_none_or(noise::Request::is_local);
+        match above.is_requested() || !is_local {
             true => prepared(&self.job, &self.cloud, None, at, |of| of.scan()),
             false => Ok(CloudKnowledge::default()),
         }

@@ -13,7 +13,7 @@ use terrane_base::error::{Error, Result};
 pub const MAX_SUBTREE_LEVELS: u8 = 12;
 
 /// What has to be told of a tile, by its meaning, and how many numbers that are.
-const TOLD: [(&str, usize); 5] = [
+const PROPERTIES: [(&str, usize); 5] = [
     ("TILE_MINIMUM_HEIGHT", 1),
     ("TILE_MAXIMUM_HEIGHT", 1),
     ("TILE_BOUNDING_SPHERE", 4),
@@ -262,7 +262,8 @@ impl<'a> SubtreeFile<'a> {
         if table.count != count {
             return Err(bad(format!("tells of {} tiles, and there are {count}", table.count)));
         }
-        let columns = TOLD.map(|(semantic, numbers)| self.column(schema, table, semantic, numbers));
+        let columns =
+            PROPERTIES.map(|(semantic, numbers)| self.column(schema, table, semantic, numbers));
         let [low, high, sphere, horizon, error] = columns;
         let (low, high, sphere, horizon, error) = (low?, high?, sphere?, horizon?, error?);
         let about = |i: usize| StatedTileMetadata {
