@@ -89,7 +89,7 @@ fn is_lower(a: &Xy, b: &Xy) -> bool {
     (a[1], a[0]) <= (b[1], b[0])
 }
 
-/// Clip polygons. Takes [`held`](Self::held) bytes, independent of the grid.
+/// Clip polygons. Takes [`held`](Self::memory_use) bytes, independent of the grid.
 #[derive(Debug)]
 pub struct Clip {
     path: PathBuf,
