@@ -446,7 +446,7 @@ mod tests {
             assert!(body(one) == body(other), "{ending}");
         }
         let plan = array.tin().max_error(3.0).plan(path("plan"), None).err().unwrap();
-        assert!(plan.remedy_text().is_some_and(|remedy| remedy.contains("into a file")), "{plan}");
+        assert!(plan.remedy_text().is_some_and(|remedy| remedy.contains("to a file")), "{plan}");
         Ok(())
     }
 

@@ -90,7 +90,7 @@ fn outputs_that_cannot_be() {
     convert(&["out.tif", "--type", "int64"], &["int64", "int32", "float32"]);
     let narrow = ["convert", "good.asc", "out.tif", "--type", "uint8"];
     place.fails(&narrow, 65, &["column 3, row 2", "--out-nodata"]);
-    place.fails(&["convert", "noise.tif", "noise.tif", "--overwrite"], 2, &["itself"]);
+    place.fails(&["convert", "noise.tif", "noise.tif", "--overwrite"], 2, &["also an input"]);
     let report = ["tin", "good.asc", "out.ply", "--max-error", "1", "--report", "taken.tif"];
     place.fails(&report, 2, &["taken.tif", "exists"]);
     for kept in ["taken.ply", "taken.png", "taken.tif"] {
@@ -312,7 +312,11 @@ fn options_out_of_range() {
     ] {
         place.fails(&[&view[..], &[option, value]].concat(), 2, &[]);
     }
-    place.fails(&[&view[..], &["--bbox", "0,0,1,1"]].concat(), 2, &["--bounds", "reach"]);
+    place.fails(
+        &[&view[..], &["--bbox", "0,0,1,1"]].concat(),
+        2,
+        &["--bounds", "outside the data"],
+    );
     place.fails(&[&view[..], &["--edges"]].concat(), 2, &["edges"]);
     place.fails(&["frobnicate"], 2, &["frobnicate"]);
 }

@@ -81,7 +81,7 @@ fn fields_bounds_and_heights_are_told() {
         "-7, 0, 5, 60",
         "-2 to 9",
         "EPSG:4326",
-        "name: text, none in 2 features",
+        "name: text, null in 2 features",
     ] {
         assert!(text.contains(told), "{told:?} missing: {text}");
     }

@@ -66,8 +66,12 @@ fn a_mesh_of_many_files_is_that_of_the_whole() {
 fn an_output_is_no_input() {
     let place = place();
     place.ok(&["convert", "whole.asc", "d/e.tif"]);
-    place.fails(&["convert", "d", "d/e.tif", "--overwrite"], 2, &["d/e.tif", "itself"]);
-    place.fails(&["convert", "d/a.asc", "d/e.tif", "d/./e.tif", "--overwrite"], 2, &["itself"]);
+    place.fails(&["convert", "d", "d/e.tif", "--overwrite"], 2, &["d/e.tif", "also an input"]);
+    place.fails(
+        &["convert", "d/a.asc", "d/e.tif", "d/./e.tif", "--overwrite"],
+        2,
+        &["also an input"],
+    );
     place.fails(
         &["tin", "d/a.asc", "--max-error", "1"],
         2,

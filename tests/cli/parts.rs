@@ -79,7 +79,7 @@ fn boxes_that_cannot_be_are_refused() {
         place.fails(
             &[verb, &["--bbox", "0,0,1,1"]].concat(),
             2,
-            &["contains no cell", "max y within"],
+            &["contains no cell", "y max within"],
         );
         place.fails(&[verb, &["--bbox", "1,2,3"]].concat(), 2, &["--bounds"]);
     }

@@ -93,7 +93,7 @@ fn a_run_with_a_workdir_goes_on() {
     tin("mesh.ply", &["--workdir", "work", "--verify"]);
     assert!(place.bytes("mesh.ply") == place.bytes("whole.ply"));
     let other = ["tin", "c.laz", "x.ply", "--max-error", "0.6", "--workdir", "work"];
-    place.fails(&other, 2, &["work", "another plan", "max_error is 0.5 there and 0.6 here"]);
+    place.fails(&other, 2, &["work", "another plan", "max_error is 0.5 in the plan, 0.6 now"]);
 }
 
 #[test]

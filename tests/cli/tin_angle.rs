@@ -84,8 +84,7 @@ fn plans_threads_and_memory_make_the_same_mesh_of_wide_angles() {
 fn angles_that_cannot_be_are_refused_by_name() {
     let place = Place::new();
     let job = ["tin", GRIDS[0], "o.ply", "--max-error", "4"];
-    for (angle, told) in [("26.6", "--min-angle 26.565"), ("60", "26.565"), ("0", "0"), ("x", "x")]
-    {
+    for (angle, told) in [("26.6", "at most 26.565"), ("60", "26.565"), ("0", "0"), ("x", "x")] {
         place.fails(&[&job[..], &["--min-angle", angle]].concat(), 2, &[told]);
     }
     place.fails(

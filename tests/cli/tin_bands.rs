@@ -190,7 +190,7 @@ fn heights_and_voids_of_bands_in_floats() {
     place.fails(
         &["tin", "two.tif", "o.glb", "--bands", "1,2", "--max-error", "3"],
         2,
-        &["GLB holds colours", "write PLY"],
+        &["GLB supports only vertex colours", "write PLY"],
     );
 }
 
@@ -316,7 +316,10 @@ fn what_makes_no_sense_is_refused_by_name() {
         let job = format!("tin photo.tif o.{format} --max-error 4 --bands 1,2,3");
         refused(&job, &[&name, "does not support --bands", "write PLY, or GLB"]);
     }
-    refused("tin photo.tif o.glb --max-error 4 --bands 1,2", &["GLB holds colours", "write PLY"]);
+    refused(
+        "tin photo.tif o.glb --max-error 4 --bands 1,2",
+        &["GLB supports only vertex colours", "write PLY"],
+    );
     refused("tin c.laz o.ply --max-error 4 --bands 1", &["--bands is for grids"]);
     refused("tin synth:rough,size=9 o.ply --max-error 4 --bands 1,2", &["the file has 1 band"]);
     refused("plan tin photo.tif -o w --max-error 4 --bands 1,2", &["--bands"]);

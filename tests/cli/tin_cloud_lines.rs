@@ -149,7 +149,7 @@ fn what_cannot_be_kept_over_a_cloud_is_refused() {
         "--breaklines",
         "wgs.wkt",
         65,
-        &["EPSG:4326", "that of the cloud is EPSG:32631", "reproject one of them"],
+        &["EPSG:4326", "the CRS of the cloud is EPSG:32631", "reproject one of them"],
     );
     let high = "LINESTRING Z (500010 4750010 1e12, 500020 4750010 0)";
     place.write("high.wkt", high).write("high.prj", "EPSG:32631");

@@ -128,7 +128,7 @@ fn what_cannot_be_kept_is_refused() {
     };
     tin("lost.geojson", 65, &["no such file"]);
     place.write("none.geojson", collection(&[]));
-    tin("none.geojson", 65, &["has no point"]);
+    tin("none.geojson", 65, &["contains no point"]);
     let far = format!(r#"{{"type":"Point","coordinates":{}}}"#, at([500.0, 3.0]));
     place.write("far.geojson", collection(&[far]));
     tin("far.geojson", 65, &["no point lies on the grid"]);

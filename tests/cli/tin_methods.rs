@@ -92,7 +92,10 @@ fn what_a_method_does_not_have_is_refused_by_name() {
             &["--method greedy1 cannot be used with", named],
         );
     }
-    refused("--max-error 4 --method vip --triangulation split3", &["vip has no --triangulation"]);
+    refused(
+        "--max-error 4 --method vip --triangulation split3",
+        &["vip does not support --triangulation"],
+    );
     refused("--max-error 4 --triangulation split3", &["greedy has no --triangulation"]);
     refused("--max-vertices 50 --method rtin", &["rtin has no --max-vertices", "--max-error"]);
     refused("--max-triangles 50 --method kdtree", &["kdtree has no --max-triangles"]);

@@ -320,7 +320,7 @@ fn geoids_and_grids_of_shifts_are_used() {
         let asked = ["tin", "dem.asc", "z.ply", "--max-error", "2"];
         place.fails(&[&asked[..], more].concat(), code, words);
     };
-    fails(&["--to-crs", "EPSG:4258", "--shift-grid", "t.gsb"], 65, &["is from CH1903+ to ETRS89"]);
+    fails(&["--to-crs", "EPSG:4258", "--shift-grid", "t.gsb"], 65, &["from CH1903+ to ETRS89"]);
     fails(&["--to-crs", "EPSG:4979", "--geoid", "bad.gtx"], 65, &["bad.gtx", "not a valid GTX"]);
     fails(&["--to-crs", "EPSG:4979", "--geoid", "none.gtx"], 65, &["none.gtx", "no such file"]);
     fails(

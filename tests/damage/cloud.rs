@@ -126,7 +126,7 @@ fn a_layer_that_ends_early_costs_its_chunk() {
     let (points, census) = loose.unwrap();
     assert!(points == made.world()[30_000..] && census.lost == 30_000);
     let told = strict.unwrap_err().to_string();
-    assert!(told.contains("a.laz: chunk 0, points 0 to 29999: it is damaged"), "{told}");
+    assert!(told.contains("a.laz: chunk 0, points 0 to 29999: chunk is damaged"), "{told}");
 }
 
 /// Where the first chunk of a file is.

@@ -191,7 +191,7 @@ fn another_plan_is_refused_with_the_difference() {
     let folder = done(temp.path());
     assert!(plan(&folder, TERRAIN, 4).unwrap().to_do.is_empty(), "the same plan is taken as it is");
     let refused = plan(&folder, TERRAIN, 5).unwrap_err().to_string();
-    assert!(refused.contains("method.strip_rows is 4 there and 5 here"), "{refused}");
+    assert!(refused.contains("method.strip_rows is 4 in the plan, 5 now"), "{refused}");
     let mut job = PlanJob {
         job: tin(TERRAIN, Path::new("mesh.ply")),
         folder: folder.clone(),

@@ -119,7 +119,7 @@ mod tests {
             "12,345, 1.60 %",
             "4.99805 metre, 5 metre allowed",
             "12.3 M samples/s, 2 threads",
-            "2 valid without",
+            "2 isolated",
         ] {
             assert!(text.contains(part), "{part} in\n{text}");
         }
