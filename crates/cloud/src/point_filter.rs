@@ -152,7 +152,7 @@ impl PointFilterPass {
     /// whole records are needed.
     ///
     /// # Errors
-    /// Errors of [`sift`](Self::sift).
+    /// Errors of [`filter`](Self::filter).
     pub(super) fn pick<R: RawPoint>(
         &self,
         (raw, bytes): (R, &[u8]),

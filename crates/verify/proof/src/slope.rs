@@ -17,7 +17,7 @@ pub type Turn = [[f64; 2]; 2];
 /// A slope: by how much heights change along two directions.
 pub type Slope = [f64; 2];
 
-/// Bytes [`look`] takes for a sample: its height, slope and worst angle.
+/// Bytes [`measure`] takes for a sample: its height, slope and worst angle.
 const BYTES_PER_SAMPLE: u64 = 32;
 
 /// Everything found in the parts looked at so far; the same in any order.
@@ -55,7 +55,7 @@ impl SlopeTally {
 /// From a sample to the middle of its cell.
 const MIDDLE: i64 = ProofPosition::CELL / 2;
 
-/// Bytes [`look`] needs for a domain of `samples` samples touched by `triangles` triangles; heights and
+/// Bytes [`measure`] needs for a domain of `samples` samples touched by `triangles` triangles; heights and
 /// triangles included.
 pub fn bytes_needed(samples: u64, triangles: u64) -> u64 {
     let triangles = triangles.saturating_mul(size_of::<ProofTriangle>() as u64);

@@ -35,7 +35,7 @@ pub struct QualityPart<'a> {
     pub has_space: bool,
 }
 
-/// Bytes [`look`] needs for `triangles` triangles, these included.
+/// Bytes [`measure`] needs for `triangles` triangles, these included.
 pub fn bytes_needed(triangles: u64) -> u64 {
     let degrees = 3 * size_of::<u32>();
     triangles.saturating_mul((size_of::<ProofTriangle>() + BYTES_PER_TRIANGLE + degrees) as u64)

@@ -23,7 +23,7 @@ fn bounds(mesh: &[[[f64; 3]; 3]]) -> [[f64; 3]; 2] {
     [fold(f64::min, f64::INFINITY), fold(f64::max, f64::NEG_INFINITY)]
 }
 
-/// As [`look`], with the plane divided into domains of `size`, or whole.
+/// As [`measure`], with the plane divided into domains of `size`, or whole.
 fn quality(mesh: &[[[f64; 3]; 3]], size: Option<[u32; 2]>) -> (Quality, f64) {
     let plan = QualityLattice::new(bounds(mesh), [0.0; 3], false);
     let vertex = |p: [f64; 3]| plan.snap(p).vertex().unwrap();
