@@ -433,7 +433,7 @@ fn points_that_make_no_grid() {
     check("0 1 1\n1 1 2\n0 0 3\n1 0 4\n0 1 3\n", "line 5: point returns to an earlier row");
     check("0 1 1\n1 1 2\n1e10 0 3\n", "exceeds the limit");
     check("0 1 1\n1 1 2\n9999 0 3\n", "are too sparse for a grid");
-    check("0 1 1\n1 1 two\n", "line 2: \"two\" is not a number");
+    check("0 1 1\n1 1 two\n", "line 2: \"two\" is not a valid number");
     check("0 1 1\n1 1\n", "line 2: 2 values, expected");
     check(&format!("0 1 1{}\n", " ".repeat(5000)), "line exceeds 4096 bytes");
     check("\n\n", "cannot be determined");

@@ -411,7 +411,7 @@ fn a_box_keeps_the_cells_it_overlaps() {
     for bbox in [[0.0, 0.0, 1.0, 1.0], [x1, y0, x0, y1], [f64::NAN; 4]] {
         let error = part(bbox).err().unwrap();
         assert_eq!(error.kind(), ErrorKind::Usage);
-        assert!(error.to_string().contains("max y within"), "{error}");
+        assert!(error.to_string().contains("y max within"), "{error}");
     }
 }
 
