@@ -363,7 +363,7 @@ mod tests {
             ),
             ("cells not square", turned([30.0, 0.0, 0.0, -20.0]), "30 x 20 metre (ratio 1.5000)"),
             ("rotated", turned([30.0, 5.0, 5.0, -30.0]), "9.4623 degrees"),
-            ("south-up", turned([30.0, 0.0, 0.0, 30.0]), "southernmost"),
+            ("south-up", turned([30.0, 0.0, 0.0, 30.0]), "south to north"),
             ("mirrored", turned([-30.0, 0.0, 0.0, -30.0]), "east to west"),
             ("points", GridInfo { pixel_is_point: true, ..plain() }, "half a cell"),
             ("several bands", GridInfo { bands: 3, band: 2, ..plain() }, "3 bands; band 2 is"),

@@ -68,7 +68,7 @@ fn first_difference(name: &str, there: &Value, here: &Value) -> Option<String> {
         return pairs.find_map(|(i, (a, b))| first_difference(&within(&i.to_string()), a, b));
     }
     let short = |value: &Value| match value {
-        Value::Array(items) => format!("{} items", items.len()),
+        Value::Array(items) => format!("a list of {}", items.len()),
         other => other.to_string(),
     };
     Some(format!("{name} is {} in the plan, {} now", short(there), short(here)))
@@ -90,7 +90,7 @@ mod tests {
         assert_eq!(tell(r#"{"a":1,"b":null}"#, r#"{"a":1}"#), "");
         assert_eq!(
             tell(r#"{"f":["x","y"]}"#, r#"{"f":["x"]}"#),
-            "f is 2 of them there and 1 of them here"
+            "f is a list of 2 in the plan, a list of 1 now"
         );
         assert_eq!(
             tell(r#"{"f":["x","y"]}"#, r#"{"f":["x","z"]}"#),

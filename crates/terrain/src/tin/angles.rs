@@ -62,8 +62,8 @@ mod tests {
             let least = angle_bound(Some(most - 1e-9), &map).unwrap().unwrap();
             assert_eq!(least.degrees(), most - 1e-9);
             let error = angle_bound(Some(most + 1e-9), &map).unwrap_err().to_string();
-            let told = error.split("‹min_angle› ").nth(1).unwrap();
-            let told: f64 = told.split(' ').next().unwrap().parse().unwrap();
+            let told = error.split("at most ").nth(1).unwrap();
+            let told: f64 = told.split(':').next().unwrap().parse().unwrap();
             assert!(told <= most && told > most - 0.0011, "{error}");
             assert!(angle_bound(Some(told), &map).is_ok());
         }
