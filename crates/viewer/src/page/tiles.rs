@@ -248,7 +248,7 @@ mod tests {
             ("\"bounds\"", "\"projection\":\"EPSG:3857\",\"bounds\"", "EPSG:3857"),
             ("\"bounds\"", "\"parentUrl\":\"x\",\"bounds\"", "parentUrl"),
             ("\"available\"", "\"others\"", "available"),
-            ("\"format\"", "\"form\"", "as terrane does: missing field `format`"),
+            ("\"format\"", "\"form\"", "not a terrane tile set description: missing field `format`"),
         ] {
             let error = made(&LAYER_TEXT.replace(from, to)).unwrap_err().to_string();
             assert!(error.contains(told) && error.contains("; "), "{told}: {error}");
