@@ -248,7 +248,7 @@ mod tests {
             ("\"bounds\"", "\"projection\":\"EPSG:3857\",\"bounds\"", "EPSG:3857"),
             ("\"bounds\"", "\"parentUrl\":\"x\",\"bounds\"", "parentUrl"),
             ("\"available\"", "\"others\"", "available"),
-            ("\"format\"", "\"form\"", "not a terrane tile set description: missing field `format`"),
+            ("\"format\"", "\"form\"", "missing field `format`"),
         ] {
             let error = made(&LAYER_TEXT.replace(from, to)).unwrap_err().to_string();
             assert!(error.contains(told) && error.contains("; "), "{told}: {error}");
@@ -264,6 +264,6 @@ mod tests {
         std::fs::write(set.join(LAYER), "{}").unwrap();
         assert!(is_tiles(folder.path()) && page().contains("several formats"));
         std::fs::write(folder.path().join(TILESET), r#"{"asset":{"version":"1.1"}}"#).unwrap();
-        assert!(page().contains("as terrane does: missing field `extras`"));
+        assert!(page().contains("missing field `extras`"));
     }
 }
