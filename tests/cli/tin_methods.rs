@@ -96,9 +96,9 @@ fn what_a_method_does_not_have_is_refused_by_name() {
         "--max-error 4 --method vip --triangulation split3",
         &["vip does not support --triangulation"],
     );
-    refused("--max-error 4 --triangulation split3", &["greedy has no --triangulation"]);
-    refused("--max-vertices 50 --method rtin", &["rtin has no --max-vertices", "--max-error"]);
-    refused("--max-triangles 50 --method kdtree", &["kdtree has no --max-triangles"]);
+    refused("--max-error 4 --triangulation split3", &["greedy does not support --triangulation"]);
+    refused("--max-vertices 50 --method rtin", &["rtin does not support --max-vertices", "--max-error"]);
+    refused("--max-triangles 50 --method kdtree", &["kdtree does not support --max-triangles"]);
     refused("--max-error 4 --method delatin", &["delatin", "greedy, greedy1", "collapse"]);
     refused("--max-error 4 --method greedy1 --triangulation best", &["best", "data-dependent"]);
     place.ok(&["synth", "cloud,size=20,density=2", "c.laz", "-q"]);

@@ -79,7 +79,7 @@ pub(super) enum FrameTransform {
 
 impl FrameTransform {
     /// Transforms the position `raw`, which is within the file's bounds.
-    pub(super) fn to_frame(&self, raw: [i32; 3], claim: &ClaimedExtent) -> Point {
+    pub(super) fn in_frame(&self, raw: [i32; 3], claim: &ClaimedExtent) -> Point {
         let [x, y, z] = match self {
             Self::Shift(by) => std::array::from_fn(|axis| raw[axis].wrapping_sub(by[axis])),
             Self::Round(frame) => {
@@ -267,7 +267,7 @@ mod tests {
         let far = claim(0.001, 0.0, 1_999_000.0, 2_000_000.0);
         let found = common(&[far], false).unwrap();
         let raw = [1_999_500_123; 3];
-        let point = found.maps[0].to_frame(raw, &far);
+        let point = found.maps[0].in_frame(raw, &far);
         assert!(point.x.abs() <= REACH);
         let world = found.frame.world(point)[0];
         assert!((world - 1_999_500.123).abs() < 1e-6, "{world}");
@@ -288,7 +288,7 @@ mod tests {
         let told = common(&[high], false).unwrap_err().to_string();
         assert!(told.contains("z ranges") && told.contains("‹z_range›"), "{told}");
         let all = common(&[high], true).unwrap();
-        assert_eq!(all.maps[0].to_frame([0, 0, i32::MIN], &high), Point::new(0, 0, i32::MIN));
+        assert_eq!(all.maps[0].in_frame([0, 0, i32::MIN], &high), Point::new(0, 0, i32::MIN));
         // Within range, any extent gives the same frame.
         let near = claim(0.001, 0.0, 1_999_000.0, 2_000_000.0);
         assert_eq!(common(&[near], true).unwrap(), common(&[near], false).unwrap());
@@ -302,7 +302,7 @@ mod tests {
         let (a, b) = (claim(0.01, 0.0, 0.0, 10.0), claim(0.01, 1000.0, 1000.0, 1010.0));
         let (one, two) = (common(&[a, b], false).unwrap(), common(&[b, a], false).unwrap());
         assert_eq!((one.frame, one.moved), (two.frame, [0.0; 3]));
-        assert_eq!(one.maps[1].to_frame([7; 3], &b), Point::new(100_007, 100_007, 100_007));
+        assert_eq!(one.maps[1].in_frame([7; 3], &b), Point::new(100_007, 100_007, 100_007));
         assert_eq!(two.maps[0], one.maps[1]);
     }
 
@@ -311,7 +311,7 @@ mod tests {
         let (a, b) = (claim(0.01, 0.0, 0.0, 10.0), claim(0.001, 0.0005, 1.0, 2.0));
         let found = common(&[a, b], false).unwrap();
         assert_eq!(found.frame.scale, [0.001; 3]);
-        assert_eq!(found.maps[0].to_frame([123; 3], &a), Point::new(1230, 1230, 1230));
+        assert_eq!(found.maps[0].in_frame([123; 3], &a), Point::new(1230, 1230, 1230));
         assert_eq!(found.moved, [0.0005; 3]);
         assert_eq!(common(&[b, a], false).unwrap().frame, found.frame);
         // Points already on the finer lattice do not move.

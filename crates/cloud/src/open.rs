@@ -401,7 +401,7 @@ fn nowhere(files: &[CloudFile]) -> CommonFrame {
 
 /// Minimum and maximum corner of an extent in the frame.
 fn placed(claim: &ClaimedExtent, map: &FrameTransform) -> [Point; 2] {
-    [map.to_frame(claim.low, claim), map.to_frame(claim.high, claim)]
+    [map.in_frame(claim.low, claim), map.in_frame(claim.high, claim)]
 }
 
 /// The bounding box of two boxes.

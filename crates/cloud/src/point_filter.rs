@@ -177,7 +177,7 @@ impl PointFilterPass {
     pub(super) fn record<R: RawPoint>(&self, record: R, index: u64) -> FilterRecord {
         let ([number, returns], raw) = (record.returns(), record.xyz());
         FilterRecord {
-            point: self.map.to_frame(raw, &self.claim),
+            point: self.map.in_frame(raw, &self.claim),
             world: self.claim.world(raw),
             class: record.class(),
             number,

@@ -110,10 +110,10 @@ fn square(number: Decimal, digits: u32) -> Option<u128> {
 /// One axis of a lattice, and the stretch of it that a grid covers.
 ///
 /// Where the cell size is a whole number of steps, points are put into cells in whole numbers. Elsewhere the
-/// cell of a point with world coordinate w is the one of lattice index floor((w - anchor) / cell), or ceil(...)
-/// - 1 where the upper border belongs to a cell: a rule that does not depend on the origin of the grid, so that
-/// it is the same for a grid and for parts of it. It is evaluated in `f64`, and near borders in integers of the
-/// last decimal of all inputs.
+/// cell of a point with world coordinate w has the lattice index floor((w - anchor) / cell). Where the upper
+/// border belongs to a cell, it has the index ceil((w - anchor) / cell) minus one. The rule does not depend on
+/// the origin of the grid, so that it is the same for a grid and for parts of it. It is evaluated in `f64`,
+/// and near borders in integers of the last decimal of all inputs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LatticeAxis {
     rule: BorderComparison,
