@@ -200,7 +200,7 @@ fn another_plan_is_refused_with_the_difference() {
     };
     job.job.goal = TinGoal::MaxError(9.0);
     let refused = plan_work(&job, &Silent, &Cancel::default()).unwrap_err().to_string();
-    assert!(refused.contains("method.max_error is 8.0 there and 9.0 here"), "{refused}");
+    assert!(refused.contains("method.max_error is 8.0 in the plan, 9.0 now"), "{refused}");
     let other = temp.path().join("other");
     std::fs::create_dir(&other).unwrap();
     std::fs::write(other.join("precious"), b"x").unwrap();
