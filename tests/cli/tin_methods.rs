@@ -97,7 +97,10 @@ fn what_a_method_does_not_have_is_refused_by_name() {
         &["vip does not support --triangulation"],
     );
     refused("--max-error 4 --triangulation split3", &["greedy does not support --triangulation"]);
-    refused("--max-vertices 50 --method rtin", &["rtin does not support --max-vertices", "--max-error"]);
+    refused(
+        "--max-vertices 50 --method rtin",
+        &["rtin does not support --max-vertices", "--max-error"],
+    );
     refused("--max-triangles 50 --method kdtree", &["kdtree does not support --max-triangles"]);
     refused("--max-error 4 --method delatin", &["delatin", "greedy, greedy1", "collapse"]);
     refused("--max-error 4 --method greedy1 --triangulation best", &["best", "data-dependent"]);
