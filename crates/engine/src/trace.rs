@@ -29,3 +29,42 @@ impl WorkSpan {
         Self::enter(caller.file(), &(caller.line(), unit))
     }
 }
+
+#[cfg(all(test, feature = "tracing"))]
+mod tests {
+    use std::io::Write;
+    use std::sync::{Arc, Mutex};
+
+    use crate::{Cancel, workers};
+    use terrane_files::lock;
+    use tracing_subscriber::fmt::format::FmtSpan;
+
+    #[derive(Clone, Default)]
+    struct TraceText(Arc<Mutex<Vec<u8>>>);
+
+    impl Write for TraceText {
+        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+            lock(&self.0).write(bytes)
+        }
+
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn each_unit_has_a_span_with_its_number_and_its_time() {
+        let text = TraceText::default();
+        let copy = text.clone();
+        let printed =
+            tracing_subscriber::fmt().with_max_level(tracing::Level::DEBUG).with_ansi(false);
+        printed.with_span_events(FmtSpan::CLOSE).with_writer(move || copy.clone()).init();
+        workers::run(2, 3, &Cancel::default(), || (), |(), _| Ok(()), Ok).unwrap();
+        let text = String::from_utf8(lock(&text.0).clone()).unwrap();
+        assert_eq!(text.lines().count(), 3, "{text}");
+        for unit in 0..3 {
+            assert!(text.contains(&format!(", {unit})")), "{text}");
+        }
+        assert!(text.contains("src/trace.rs") && text.contains("time.busy="), "{text}");
+    }
+}
