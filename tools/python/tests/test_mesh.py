@@ -177,7 +177,7 @@ def test_files(tmp_path: Path, heights: NDArray[np.float32], ending: str) -> Non
     assert isinstance(caught.value, terrane.OutputError)
     assert mesh.write(path, overwrite=True) == len(before)
     assert path.read_bytes() == before
-    with pytest.raises(ValueError, match="which mesh format"):
+    with pytest.raises(ValueError, match="matches no mesh format"):
         mesh.write(tmp_path / "mesh.xyz")
 
 

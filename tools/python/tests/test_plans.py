@@ -59,7 +59,7 @@ def test_what_cannot_be_planned_is_refused(tmp_path: Path, heights: NDArray[np.f
         terrane.open_plan(tmp_path / "work")
     with pytest.raises(terrane.Error, match=r"no target given; pass max_error$"):
         terrane.plan_tin(DEM, tmp_path / "work")
-    with pytest.raises(terrane.Error, match="disk_check is for runs.*; leave disk_check out"):
+    with pytest.raises(terrane.Error, match="disk_check applies to runs, not to plans; leave disk_check out"):
         terrane.plan_tin(DEM, tmp_path / "work", 5.0, disk_check=False)
     plan = terrane.plan(DEM, tmp_path / "work", 5.0, tile=64, task_size=2)
     with pytest.raises(terrane.Error, match="task is 3, expected a name; pass one such as 'strip-0'"):
