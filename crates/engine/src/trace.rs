@@ -61,10 +61,12 @@ mod tests {
         printed.with_span_events(FmtSpan::CLOSE).with_writer(move || copy.clone()).init();
         workers::run(2, 3, &Cancel::default(), || (), |(), _| Ok(()), Ok).unwrap();
         let text = String::from_utf8(lock(&text.0).clone()).unwrap();
-        assert_eq!(text.lines().count(), 3, "{text}");
+        // Other tests of this process have spans of other files.
+        let own: Vec<&str> = text.lines().filter(|line| line.contains("src/trace.rs")).collect();
+        assert_eq!(own.len(), 3, "{text}");
         for unit in 0..3 {
-            assert!(text.contains(&format!(", {unit})")), "{text}");
+            assert!(own.iter().any(|line| line.contains(&format!(", {unit})"))), "{text}");
         }
-        assert!(text.contains("src/trace.rs") && text.contains("time.busy="), "{text}");
+        assert!(own.iter().all(|line| line.contains("time.busy=")), "{text}");
     }
 }
