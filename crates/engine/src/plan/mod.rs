@@ -1,5 +1,5 @@
-//! Plans: work written down in a folder, to be done in pieces, by anyone, and resumed. One engine for
-//! every kind of plan; what a kind's tasks are, and what one does, it says itself (`PlannedWork`).
+//! Plans: work stored in a folder, done in tasks by any number of processes, and resumable. One engine runs every kind
+//! of plan; `PlannedWork` defines the tasks of a kind.
 //!
 //! | name | what |
 //! |---|---|
@@ -41,7 +41,8 @@ pub use report::{PlanNeeds, shared};
 pub use run::{PlanJob, RunJob};
 pub use run::{run, run_in, run_named, status};
 
-/// What [`Divisible`](crate::operation::Divisible) asks of an operation whose plans are of this kind of work.
+/// Implements the plan methods of [`Divisible`](crate::operation::Divisible) for an operation whose plans are of this
+/// kind.
 #[macro_export]
 macro_rules! planned_as {
     ($work:ty, $status:ty, $done:ty) => {
