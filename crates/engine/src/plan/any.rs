@@ -54,21 +54,21 @@ impl PlanOperations {
 
 /// Type-erased operation.
 pub struct AnyOperation {
-    /// Its name, with dashes.
+    /// Name, with dashes.
     pub name: &'static str,
-    /// Its options.
+    /// Options.
     pub table: &'static OptionTable,
-    /// What it reads.
+    /// Kind of input.
     pub reads: Reads,
-    /// What it writes.
+    /// Kind of output.
     pub writes: Writes,
-    /// The defaults of its options.
+    /// Defaults of the options.
     pub defaults: fn() -> Map<String, Json>,
-    /// What can be known of options by name before anything is opened.
+    /// Checks options given by name, before the input is opened.
     pub check: fn(&Map<String, Json>, &Path) -> Result<()>,
-    /// Runs it with options by name, where how the grid is read is said already.
+    /// Runs the operation with options by name; the reading options are already set.
     pub run: fn(&OperationCall<'_>) -> Result<Json>,
-    /// What its plans do, where it can be divided.
+    /// Plan functions, if the operation is divisible.
     pub division: Option<PlanOperations>,
 }
 

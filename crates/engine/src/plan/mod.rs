@@ -6,7 +6,7 @@
 //! | `plan.json` | the plan |
 //! | `objects/` | the result of each task that is done |
 //! | `finished.json` | where the result is written, and its digest once it is there |
-//! | `lock` | held by whoever does all that is left in the folder |
+//! | `lock` | held by a run of all pending tasks |
 
 mod any;
 mod artifact;
