@@ -57,7 +57,7 @@ impl Triangulation {
         }
     }
 
-    /// Makes room for so many more points.
+    /// Reserves capacity for additional points.
     pub fn reserve(&mut self, more: usize) {
         self.sides.reserve_exact(6 * more);
         self.ordered.sites.reserve_exact(more);
@@ -123,7 +123,7 @@ impl Triangulation {
         [s, next(s)].map(|s| self.site(self.from(s)))
     }
 
-    /// Whether a new site can be at a position of a triangle, where none may be on the side of one that is `frozen`.
+    /// True if a new site may be at a position of a triangle: not on a side of a `frozen` triangle.
     fn takes(&self, triangle: u32, at: Site, frozen: impl Fn(u32) -> bool) -> bool {
         let is_free = |s: u32| {
             let ([a, b], twin) = (self.ends(s), self.twin(s));
@@ -160,7 +160,7 @@ impl Triangulation {
         across.to_vec()
     }
 
-    /// Whether the side across from a new site is not Delaunay. A site on it lies in no circle of it.
+    /// True if the side across from a new site is not Delaunay. A site on it lies in no circle of it.
     fn is_to_flip(&self, s: u32, at: Site) -> bool {
         let beyond = self.from(prev(self.twin(s)));
         let [a, b] = self.ends(s);

@@ -75,8 +75,7 @@ pub struct TileInput<'a> {
     /// Required samples: vertices wherever there is surface, at their own heights, sorted. Both tiles at a border need
     /// the samples on it.
     pub kept: &'a [TilePosition],
-    /// Paths that edges have to follow wherever there is surface; what [`PathStretch::ends`] tells of each has to be
-    /// kept.
+    /// Paths that edges follow wherever there is surface; the samples of [`PathStretch::ends`] must be in `kept`.
     pub lines: &'a [PathStretch],
 }
 

@@ -69,7 +69,7 @@ pub struct MultichannelTin {
     pub max_error: f64,
     /// The errors of each channel, in their order.
     pub channels: Vec<ChannelErrors>,
-    /// What the samples are.
+    /// Roles of the samples.
     pub census: SampleStatistics,
 }
 
@@ -84,7 +84,7 @@ pub fn join_voids(planes: &mut [Vec<f64>]) {
 }
 
 impl<'a> WeightedChannels<'a> {
-    /// Most bytes for a sample, the result included, for so many channels.
+    /// Maximum bytes per sample, including the result, for a number of channels.
     pub fn sample_bytes(channels: usize) -> u64 {
         GREEDY_BYTES + 8 * channels as u64
     }

@@ -30,7 +30,7 @@ pub struct PictureJob {
     pub output: PathBuf,
     /// Replace an existing picture.
     pub overwrite: bool,
-    /// What it shows.
+    /// Displayed quantity.
     pub shows: PictureContent,
     /// Side of a cell, in units of x and y; by the density of the points when `None`.
     pub cell: Option<f64>,

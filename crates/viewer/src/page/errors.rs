@@ -11,14 +11,14 @@ use terrane_base::geom::{Affine, Rect};
 use terrane_engine::{Cancel, Progress};
 use terrane_raster::GridSource;
 
-/// What was measured.
+/// Measured errors.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct TriangleErrors {
     /// The largest error of each triangle; NaN where no valid sample lies in it.
     pub(super) of_triangles: Vec<f32>,
     /// The largest of all.
     pub(super) largest: f64,
-    /// Of all samples that lie in a triangle, each by the first that it lies in.
+    /// Statistics of all samples in a triangle, each by the first triangle that contains it.
     pub(super) root_mean_square: f64,
     /// Valid samples that lie in a triangle.
     pub(super) samples: u64,
