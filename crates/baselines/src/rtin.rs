@@ -110,7 +110,7 @@ impl<'a> RtinHierarchy<'a> {
         triangle.level < self.levels && self.cut.contains(self.bit(triangle))
     }
 
-    /// Corners of the bounding box of a triangle.
+    /// Coverage of the bounding box of a triangle.
     fn extent_around(&self, triangle: RightTriangle) -> SurfaceCoverage {
         let ends = |axis: usize| {
             let [a, b, c] = triangle.corners.map(|corner| corner[axis]);

@@ -15,7 +15,7 @@ use super::space::{NeededWindow, PointIndex};
 use super::window::SiteWindow;
 use terrane_base::geom::Point;
 
-/// The simplex at a position.
+/// Location of a position in the triangulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Location {
     /// Inside a triangle: its corners counter-clockwise, from the lowest on. A position on an edge

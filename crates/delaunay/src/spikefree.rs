@@ -138,10 +138,10 @@ fn sorted(mut points: Vec<Point>) -> Vec<Point> {
     points
 }
 
-/// Where walks begin: a triangle that was near each square of the plane. Squares are halves of those of the level
-/// before, down to two points or so.
+/// Starting triangles of walks: one near each cell of a quadtree. Cells halve those of the previous level, down to
+/// about two points.
 struct WalkHints {
-    /// Of each level but the first, which is one square, the squares row by row.
+    /// Cells row by row, per level except the first, which is one cell.
     levels: Vec<Vec<u32>>,
     /// Bits of a coordinate.
     bits: u32,

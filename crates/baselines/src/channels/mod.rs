@@ -69,7 +69,7 @@ pub struct MultichannelTin {
     pub max_error: f64,
     /// The errors of each channel, in their order.
     pub channels: Vec<ChannelErrors>,
-    /// Roles of the samples.
+    /// Statistics of the samples.
     pub census: SampleStatistics,
 }
 

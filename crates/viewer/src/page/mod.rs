@@ -172,7 +172,7 @@ mod tests {
         PageJob { input, output, overwrite: false, lighting, edges: false, resources }
     }
 
-    /// The memory limit of a job that requires this amount of memory.
+    /// Resources with this memory limit.
     pub(super) fn within(memory: u64) -> Resources {
         Resources { memory, ..Resources::default() }
     }

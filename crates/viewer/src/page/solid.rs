@@ -122,7 +122,7 @@ mod tests {
         shape
     }
 
-    /// Arrays of a page between two texts.
+    /// The text of a page between two texts.
     fn between<'a>(html: &'a str, from: &str, to: &str) -> &'a str {
         html.split(from).nth(1).unwrap().split(to).next().unwrap()
     }

@@ -141,7 +141,7 @@ impl ViewedTileset {
     }
 }
 
-/// File that describes the tiles.
+/// Parses a JSON file that describes the tiles.
 fn parsed<T: DeserializeOwned>(path: &Path) -> Result<T> {
     let file = RawFile::open(path)?;
     if file.size() > MAX_LISTED {

@@ -33,7 +33,7 @@ pub(crate) struct ServerConnection<'a> {
     stream: &'a TcpStream,
     client: &'a Client<'a>,
     port: u16,
-    /// Outcome after a request.
+    /// Bytes received after this request.
     ahead: Vec<u8>,
 }
 
