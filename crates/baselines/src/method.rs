@@ -10,8 +10,7 @@ use terrane_base::registry::RegistryEntry;
 pub enum MethodPromise {
     /// No sample is further off than the tolerance; equal is allowed.
     Samples,
-    /// Nothing by itself: the error is measured, and told. Where a largest error is given, as many vertices are
-    /// taken as keep it.
+    /// None: the error is measured and reported. For a given maximum error, takes the number of vertices that keeps it.
     Measured,
 }
 

@@ -158,8 +158,8 @@ pub struct PatchMesh {
     /// `[from, to, third corner]`. If the triangle beyond is not Delaunay with it, a larger patch would have changed
     /// more.
     pub border: Vec<[TilePosition; 3]>,
-    /// Samples between which an edge is beyond the tolerance, and which the frozen border keeps from being
-    /// vertices: a neighbouring or larger patch has to mend that. Empty where samples alone are judged.
+    /// Samples beside edges beyond the tolerance that cannot be inserted because of the frozen border: a neighbouring
+    /// or larger patch has to mend them. Empty if the tolerance holds at samples only.
     pub left: Vec<TilePosition>,
     /// Number of triangles that still have too small an angle; a neighbouring or larger patch may mend them.
     pub thin: u64,

@@ -69,7 +69,7 @@ impl CloudInfoReport {
     }
 }
 
-/// Actual extent of points beyond the header's.
+/// A note on points outside the bounds in the header.
 fn outside(claimed: Option<[Point3; 2]>, stats: Option<&CloudStats>) -> Option<String> {
     let ([low, high], [lowest, highest]) = (claimed?, stats?.bounds?);
     // Coordinates have errors; a step is far more.

@@ -18,7 +18,7 @@ pub(super) struct TriangleErrors {
     pub(super) of_triangles: Vec<f32>,
     /// The largest of all.
     pub(super) largest: f64,
-    /// Statistics of all samples in a triangle, each by the first triangle that contains it.
+    /// RMS error of all samples in a triangle, each by the first triangle that contains it.
     pub(super) root_mean_square: f64,
     /// Valid samples that lie in a triangle.
     pub(super) samples: u64,
