@@ -123,7 +123,7 @@ impl ConvexHull {
     }
 }
 
-/// The points furthest in eight directions: what lies strictly within them is not on the hull.
+/// The extreme points in eight directions: points strictly within them are not on the hull.
 fn extremes(points: &[Point]) -> Vec<Point> {
     let axes: [fn(&Point) -> i32; 4] = [|p| p.x, |p| p.y, |p| p.x + p.y, |p| p.x - p.y];
     let ends = axes.iter().flat_map(|axis| {

@@ -64,10 +64,9 @@ impl Triangulation {
         self.ordered.ids.reserve_exact(more);
     }
 
-    /// Adds a point, `id` from now on, at a position inside the triangle of this number, which
-    /// [`find`](Self::find) tells. Two more triangles get the next numbers; `changed` is told the number of
-    /// each triangle that is not what it was, maybe more than once. False, and nothing is done, where there
-    /// is a point already, or the position is on the boundary of the hull.
+    /// Adds a point with number `id` at a position inside the given triangle, as returned by [`find`](Self::find). Two
+    /// more triangles get the next numbers; calls `changed` with the number of each changed triangle, possibly more
+    /// than once. Returns false, without changes, if the position is occupied or is on the boundary of the hull.
     pub fn insert(
         &mut self,
         at: Site,

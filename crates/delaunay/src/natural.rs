@@ -41,7 +41,7 @@ pub struct Natural<'a, S> {
     cavity: NaturalNeighborCavity,
 }
 
-/// Why there is no value.
+/// Reason for a missing value.
 enum MissingPoints {
     /// A known point lies in a disc but not in the window.
     Grow,

@@ -309,7 +309,7 @@ mod tests {
     use super::super::space::{LoadedPoints, OccupancyGrid};
     use super::*;
 
-    /// What lies at a position, by looking at every triangle.
+    /// The location of a position, by testing every triangle.
     fn brute(
         points: &[Point],
         triangles: &[[Point; 3]],

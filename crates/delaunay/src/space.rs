@@ -1,5 +1,4 @@
-//! What is known of the points of a cloud: where they are, where none can be, and where more must be
-//! loaded before anything can be said.
+//! Partially loaded points of a cloud: their positions, empty regions, and regions to load.
 
 use super::disc::CircumscribedDisc;
 use super::point_bins::PointBins;
@@ -13,8 +12,8 @@ use terrane_base::geom::Point;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NeededWindow(pub SiteWindow);
 
-/// What is known of a cloud. Every method hands out points in runs; a run may hold points that were
-/// not asked for.
+/// A partially loaded point cloud. Every method returns points in runs; a run may include points that were not
+/// requested.
 pub trait PointIndex {
     /// A length that holds a few points where the cloud is dense; at least 1.
     fn pitch(&self) -> i32;

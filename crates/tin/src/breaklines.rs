@@ -5,10 +5,10 @@
 //! a later one, so that edges run along the whole path. The implementation joins neighbouring vertices on a path.
 //!
 //! Where an edge is missing, a sample in the middle of that part of the path becomes a vertex (a conforming
-//! triangulation, as in Edelsbrunner & Tan 1993): the mesh stays Delaunay, tiles and seams are as without, and
-//! lines that cross get a vertex in common. It ends because a step of a path is an edge of every Delaunay
-//! triangulation that has both samples: the circle around it holds no other. The paths are the same whichever
-//! way a segment runs, so that borders may be shared.
+//! triangulation, as in Edelsbrunner & Tan 1993). The mesh stays Delaunay, tiles and seams are unchanged, and crossing
+//! lines share a vertex. The insertion terminates because a step of a path is an edge of every Delaunay triangulation
+//! that has both samples: its diametral circle contains no other. A path does not depend on the direction of its
+//! segment, so that borders may be shared.
 
 use super::angles::{WalkEnd, walk};
 use super::heights::HeightField;

@@ -1,13 +1,13 @@
 //! Error bound between samples: where an edge crosses the line between two samples beyond the tolerance, one of the two
 //! becomes a vertex.
 //!
-//! In rounds. Each takes all crossings beyond the tolerance, the worst first, and inserts the nearer of
-//! their samples (the other, where that is a vertex or may not be one); what an insertion of the round has
-//! touched waits for the next. Then samples are brought within the tolerance again. That ends, because a
-//! line whose two samples are vertices is an edge, which nothing crosses.
+//! Each round takes all crossings beyond the tolerance, the worst first, and inserts the nearer of their samples (the
+//! other one if the nearer is a vertex or cannot be inserted). Crossings near an insertion wait for the next round.
+//! Then samples are brought within the tolerance again. The rounds terminate, because a line whose two samples are
+//! vertices is an edge, which nothing crosses.
 //!
-//! What a tile cannot mend is left to the patches of its seams: there the sample wanted lies on a rim, so
-//! the edge ends on that rim, and both triangles beside it are within reach of a patch.
+//! Errors at a rim are left to the seam patches: the required sample lies on the rim, so the edge ends on the rim, and
+//! both triangles beside it are within reach of a patch.
 
 use super::crossing::{CrossingJudge, EdgeCrossing};
 use super::lattice_position::TilePosition;

@@ -1,18 +1,16 @@
 //! One tile: rim and outline vertices, greedy insertion, the drop pass, and the finished mesh.
 //!
-//! **Posts.** A patch has room for half a tile on each side of its seam, so no triangle may be so large
-//! that what happens at the seam reaches further. A tile therefore begins with vertices on a lattice of a
-//! quarter of its side, its rims included: the circle around any triangle is then at most as wide as the
-//! diagonal of a square of that lattice (a larger one would hold a post), a triangle at most a third of a
-//! tile, and the triangles that change where two tiles meet lie within a third of a tile of the seam.
-//! Posts are dropped like other vertices, but no vertex goes if a larger circle would take its place: on
-//! land, where triangles are small, none are left; a flat sea keeps sixteen to a tile. Outlines of voids
-//! need no such care, because a circle through a unit edge from the other side holds no cell of the
-//! surface.
+//! **Anchor vertices.** A patch extends half a tile on each side of its seam, so triangles must be small enough for
+//! changes at the seam to stay within it. A tile therefore begins with vertices on a lattice of a quarter of its side,
+//! including its rims. The circumcircle of any triangle is then at most as wide as the diagonal of a lattice cell (a
+//! larger one would contain an anchor vertex), a triangle is at most a third of a tile, and the triangles that change
+//! where two tiles meet lie within a third of a tile of the seam. Anchor vertices are dropped like other vertices,
+//! except where a larger circle would result: on land, where triangles are small, none remain; a flat sea keeps sixteen
+//! per tile. Outlines of voids need no such care, because a circle through a unit edge from the other side contains no
+//! cell of the surface.
 //!
-//! What insertions change beyond that is not bounded, but dies away within a few triangles: no edge of
-//! 3,000 random meshes with tiles of 16 to 64 cells is non-Delaunay (`TERRANE_MESHES=3000 cargo test
-//! --test jobs every_edge`).
+//! The reach of insertions beyond that is not bounded, but decays within a few triangles: no edge of 3,000 random
+//! meshes with tiles of 16 to 64 cells is non-Delaunay (`TERRANE_MESHES=3000 cargo test --test jobs every_edge`).
 
 use super::breaklines::{self, PathStretch};
 use super::crossing::CrossingJudge;

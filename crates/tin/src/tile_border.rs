@@ -1,11 +1,11 @@
 //! Required vertices on a tile border, computed identically on both sides: rim samples, and samples along the outline
 //! of voids.
 //!
-//! **Rims.** The corners of a tile are vertices. Others along each rim line are chosen by a
-//! one-dimensional greedy over the line's samples: in `f64`, from low to high index, the first maximum
-//! wins. That is a pure function of the line and the tolerance, so two tiles that share a line choose the
-//! same vertices without exchanging a word. Rim samples take no part in the tile's own scans, and rim
-//! vertices are neither inserted nor dropped by a tile.
+//! **Rims.** The corners of a tile are vertices. Further vertices along each rim line are chosen by one-dimensional
+//! greedy insertion over the line's samples: in `f64`, from low to high index, the first maximum wins. The choice is a
+//! pure function of the line and the tolerance, so two tiles that share a line choose the same vertices without
+//! communication. Rim samples are excluded from the tile's own scans, and a tile neither inserts nor drops rim
+//! vertices.
 //!
 //! **Voids.** The surface is the union of the cells whose four samples are valid. Samples on its outline
 //! are vertices from the start. Edges of the unit lattice are Delaunay edges whatever else is inserted

@@ -1,15 +1,15 @@
 //! Lines over a point cloud: lattice paths along which mesh edges run.
 //!
-//! A line from one position to another is followed by a [`SampleSegment`]'s path on the lattice of the frame, as over the
-//! samples of a grid: from each vertex on it an edge has to go on to one further along it. Where none does, a *post*
-//! between two neighbouring vertices of the path becomes a vertex; nothing is forced, so the mesh stays the Delaunay
-//! triangulation of its vertices. It ends because a step of a path is an edge of every triangulation that has both of
-//! its ends: the circle around it holds no other position.
+//! A line between two positions is represented by a [`SampleSegment`]'s path on the point cloud's lattice, as over the
+//! samples of a grid: from each vertex on the path an edge has to lead to a later one. Where none does, an *anchor
+//! vertex* is inserted between two neighbouring vertices of the path; no edge is forced, so the mesh stays the Delaunay
+//! triangulation of its vertices. The insertion terminates because a step of a path is an edge of every triangulation
+//! that has both of its ends: its diametral circle contains no other position.
 //!
-//! Which post is tried (after the shells of Ruppert 1995, and Si 2015): of the vertices that the missing edge would
-//! pass, the one that sees it under the widest angle is in the way; the post is as far from the nearer end as that
-//! vertex is. So a point close to a line costs one post rather than a cascade down to single steps, and two lines
-//! that meet under a small angle get posts at the same distances, which are not in each other's way.
+//! Placement follows the shells of Ruppert (1995) and Si (2015). Of the vertices along the missing edge, the one with
+//! the widest angle to it encroaches; the anchor vertex is as far from the nearer end as that vertex. A point close to
+//! a line therefore costs one anchor vertex and not a cascade down to single steps, and two lines that meet at a small
+//! angle get anchor vertices at equal distances, which do not encroach on each other.
 
 use std::ops::RangeInclusive;
 

@@ -1,8 +1,8 @@
 //! The largest error of each triangle: the vertical distance of the grid's samples in it from its plane.
 //!
-//! Grid rows are read in bands; each band knows the triangles that reach into it. A sample on an edge is one of both
-//! triangles, one at a vertex of all of its; the root mean square is that of samples, each counted once. Distances are those of doubles, not exact: what is *within* a
-//! bound is for `terrane verify` to say.
+//! Grid rows are read in bands; each band knows the triangles that reach into it. A sample on an edge counts for both
+//! triangles, a sample at a vertex for all of its triangles; in the root mean square each counts once. Distances are
+//! rounded to doubles; `terrane verify` checks bounds exactly.
 
 use super::solid::PageMesh;
 use terrane_base::bits::BitSet;
