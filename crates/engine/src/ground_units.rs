@@ -47,7 +47,7 @@ impl GroundScale {
         self.notes.clone()
     }
 
-    /// A conversion with a given ratio of height units to units of x and y.
+    /// A conversion with `scale` height units per unit of x and y.
     pub fn scaled(info: &GridInfo, scale: f64) -> Self {
         let across = HorizontalUnit::Everywhere(scale);
         Self { map: info.transform, across, rise: 1.0, notes: Vec::new() }

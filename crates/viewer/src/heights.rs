@@ -33,7 +33,7 @@ pub(crate) struct HeightCounts {
 pub struct HeightDistribution {
     /// Mean height.
     pub mean: f64,
-    /// Percentiles of heights, with their accuracy.
+    /// Pairs of a percentage and its percentile height.
     pub percentiles: Vec<(u64, f64)>,
     /// See [`percentiles`](Self::percentiles).
     pub within: f64,

@@ -42,7 +42,7 @@ impl Digest {
         Self(*hasher.finalize().as_bytes())
     }
 
-    /// The first 16 hexadecimal digits, for file names.
+    /// The first 16 hexadecimal digits: enough to distinguish files.
     pub fn short(&self) -> String {
         self.to_string()[..16].to_owned()
     }
