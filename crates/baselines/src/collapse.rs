@@ -47,7 +47,7 @@ fn run(task: &BaselineTask<'_>) -> Result<BaselineTin> {
 struct Quadric([f64; 10]);
 
 impl Quadric {
-    /// Of the plane through three corners, weighted by twice its area.
+    /// Quadric of the plane through three corners, weighted by twice its area.
     fn of_plane(grid: &HeightGrid<'_>, corners: [PackedSample; 3]) -> Self {
         let [a, b, c] = corners.map(PackedSample::lattice);
         let [x, y, z] = corners.map(|corner| grid.vertex(corner));
@@ -160,7 +160,7 @@ impl<'a> CollapsingMesh<'a> {
         })
     }
 
-    /// Puts the collapses into the neighbours of a vertex into the heap. What is there of it counts no more.
+    /// Puts the collapses into the neighbours of a vertex into the heap. Invalidates existing entries.
     fn weigh(&mut self, vertex: PackedSample) {
         let grid = &self.task.grid;
         let index = grid.index(vertex);

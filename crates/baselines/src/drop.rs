@@ -93,7 +93,7 @@ impl<'a> DroppingMesh<'a> {
         }
     }
 
-    /// Puts the removal of a vertex into the heap, if it is allowed. What is there of it counts no more.
+    /// Puts the removal of a vertex into the heap, if it is allowed. Invalidates existing entries.
     fn weigh(&mut self, vertex: PackedSample) {
         let index = self.task.grid.index(vertex);
         self.stamps[index] += 1;

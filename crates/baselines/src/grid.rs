@@ -83,7 +83,7 @@ impl<'a> HeightGrid<'a> {
         self.height
     }
 
-    /// Where a sample is, counted row by row.
+    /// Index of a sample, row by row.
     #[inline(always)]
     pub(crate) fn index(&self, at: PackedSample) -> usize {
         at.row() as usize * self.width as usize + at.col() as usize
@@ -134,7 +134,7 @@ impl<'a> HeightGrid<'a> {
     }
 }
 
-/// Fails when a grid of so many samples along its sides cannot be worked on.
+/// Fails if a grid with these sides is too large.
 ///
 /// # Errors
 /// Limit: a side of more than 2^14 samples.

@@ -13,7 +13,7 @@ use terrane_base::geom::predicates::orient;
 /// "No half-edge": the border of the mesh.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// What a triangle is.
+/// State of a triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum TriangleState {
     /// Part of the surface.
@@ -32,7 +32,7 @@ pub(crate) struct BaselineTriangle {
     pub(crate) state: TriangleState,
 }
 
-/// An edge of the ring around what is replaced: where it starts, and the half-edge beyond it.
+/// An edge of the ring around a hole: its start, and the half-edge beyond it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RingEdge {
     pub(crate) from: PackedSample,
@@ -58,7 +58,7 @@ pub(crate) fn prev(i: u32) -> u32 {
     if i == 0 { 2 } else { i - 1 }
 }
 
-/// Where a sample lies in a triangle that holds it.
+/// Location of a sample within its triangle.
 enum SampleLocation {
     Inside,
     Edge(u32),
@@ -305,7 +305,7 @@ impl BaselineMesh {
         (vec![t, twin >> 2], self.around(&edges), None)
     }
 
-    /// Looks at the edges across from the new corner 0 of `waiting`, and at those that flips bring up.
+    /// Tests the edges across from the new corner 0 of `waiting`, and edges created by flips.
     fn legalise(
         &mut self,
         grid: &HeightGrid<'_>,

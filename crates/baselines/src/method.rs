@@ -5,13 +5,12 @@ use crate::settings::BaselineTask;
 use terrane_base::error::Result;
 use terrane_base::registry::RegistryEntry;
 
-/// What a method says of the error of its mesh.
+/// Error promise of a method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MethodPromise {
     /// No sample is further off than the tolerance; equal is allowed.
     Samples,
-    /// Nothing by itself: the error is measured, and told. Where a largest error is given, as many vertices are
-    /// taken as keep it.
+    /// None: the error is measured and reported. For a given maximum error, takes the number of vertices that keeps it.
     Measured,
 }
 
@@ -32,19 +31,19 @@ pub struct BaselineMethod {
     pub name: &'static str,
     /// One line for help texts.
     pub about: &'static str,
-    /// Who described it.
+    /// Source in the literature.
     pub source: &'static str,
     /// Complexity, for m vertices of n samples.
     pub time: &'static str,
-    /// What it holds in memory.
+    /// Data held in memory.
     pub memory: &'static str,
-    /// What it promises when it is given a largest error.
+    /// Promise for a given maximum error.
     pub promise: MethodPromise,
-    /// Whether it leaves open how vertices are connected.
+    /// True if the connectivity of vertices is free.
     pub takes_triangulation: bool,
-    /// Whether its triangles are Delaunay on the lattice of samples, unless another triangulation is asked for.
+    /// True if its triangles are Delaunay on the sample lattice by default.
     pub is_delaunay: bool,
-    /// Whether it can be given a number of vertices or triangles instead of a largest error.
+    /// True if a number of vertices or triangles can be given instead of a maximum error.
     pub takes_budget: bool,
     /// Most bytes it takes for a sample, its height and the result included.
     pub sample_bytes: u64,

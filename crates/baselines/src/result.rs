@@ -17,7 +17,7 @@ pub struct BaselineTin {
     pub max_error: f64,
     /// Sum of the squared errors of the samples of the surface.
     pub square_sum: f64,
-    /// What the samples of the grid are.
+    /// Statistics of the grid's samples.
     pub census: SampleStatistics,
 }
 

@@ -55,7 +55,7 @@ fn run(task: &BaselineTask<'_>) -> Result<BaselineTin> {
 #[derive(Clone, Copy, Debug)]
 struct RightTriangle {
     corners: [[u32; 2]; 3],
-    /// How often the square was halved.
+    /// Number of halvings of the square.
     level: u32,
 }
 
@@ -82,7 +82,7 @@ struct RtinHierarchy<'a> {
     cells: SurfaceCellSums,
     /// Cells along a side.
     side: u32,
-    /// How often the square can be halved.
+    /// Maximum number of halvings of the square.
     levels: u32,
     cut: BitSet,
 }
@@ -100,7 +100,7 @@ impl<'a> RtinHierarchy<'a> {
         [[c, a, b], [a, c, d]].map(|corners| RightTriangle { corners, level: 0 })
     }
 
-    /// Where the middle of a triangle's longest side has its bit.
+    /// Bit index of the midpoint of a triangle's longest side.
     fn bit(&self, triangle: RightTriangle) -> usize {
         let [col, row] = triangle.middle();
         row as usize * (self.side as usize + 1) + col as usize
@@ -110,7 +110,7 @@ impl<'a> RtinHierarchy<'a> {
         triangle.level < self.levels && self.cut.contains(self.bit(triangle))
     }
 
-    /// Of the rectangle around a triangle.
+    /// Coverage of the bounding box of a triangle.
     fn extent_around(&self, triangle: RightTriangle) -> SurfaceCoverage {
         let ends = |axis: usize| {
             let [a, b, c] = triangle.corners.map(|corner| corner[axis]);

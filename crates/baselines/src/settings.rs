@@ -1,4 +1,4 @@
-//! What a method is asked for, and how far it may go.
+//! Target and limits of a method.
 
 use crate::grid::{HeightGrid, PackedSample};
 use crate::mesh::{BaselineMesh, TriangleState};
@@ -12,9 +12,9 @@ use terrane_base::error::{Error, Result};
 pub enum BaselineGoal {
     /// No valid sample further than this from the surface, vertically; equal is allowed.
     MaxError(f64),
-    /// At most so many vertices.
+    /// Maximum number of vertices.
     MaxVertices(u64),
-    /// At most so many triangles.
+    /// Maximum number of triangles.
     MaxTriangles(u64),
 }
 

@@ -21,7 +21,7 @@ pub(crate) enum SampleRole {
 }
 
 impl HeightGrid<'_> {
-    /// What a sample is to the surface.
+    /// Role of a sample in the surface.
     pub(crate) fn role(&self, at: PackedSample) -> SampleRole {
         let (mut held, mut missing) = (false, false);
         for (col, row) in cells_around(self, at) {
@@ -110,7 +110,7 @@ fn area(low: [u32; 2], high: [u32; 2]) -> u64 {
 pub struct SampleStatistics {
     /// With a height.
     pub valid: u64,
-    /// Of those, the ones without a cell of four valid samples: they have no surface.
+    /// Number of valid samples without a cell of four valid samples: they have no surface.
     pub isolated: u64,
 }
 

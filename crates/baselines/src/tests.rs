@@ -113,7 +113,7 @@ pub(crate) fn worst(grid: &HeightGrid<'_>, tin: &BaselineTin) -> (i64, i64) {
     worst
 }
 
-/// What a method makes, by every triangulation that it takes.
+/// The meshes of a method, one for each triangulation that it accepts.
 fn made(method: &BaselineMethod, grid: HeightGrid<'_>, goal: BaselineGoal) -> Vec<BaselineTin> {
     let count = if method.takes_triangulation { 3 } else { 1 };
     let all = TriangulationRule::ALL[..count].iter();

@@ -51,7 +51,7 @@ fn run(task: &BaselineTask<'_>) -> Result<BaselineTin> {
     mesh(task, &outline, &order[..room.min(order.len())])
 }
 
-/// How many of the first samples make no more than so many triangles: two each, or one on a side of the grid.
+/// Number of first samples that make at most the given number of triangles: two each, or one on a side of the grid.
 fn with_triangles(grid: &HeightGrid<'_>, order: &[PackedSample], most: u64) -> usize {
     let is_side = |at: u32, count: u32| at == 0 || at + 1 == count;
     let grown = order.iter().scan(0, |sum, at| {
@@ -116,7 +116,7 @@ fn interleaved(number: u32) -> u64 {
     (0..14).map(|bit| u64::from(number >> bit & 1) << (2 * bit)).sum()
 }
 
-/// A mesh of so many of the first samples that the error is kept, and with one fewer is not.
+/// The mesh with the smallest number of first samples that keeps the error.
 fn enough(
     task: &BaselineTask<'_>,
     outline: &BaselineMesh,

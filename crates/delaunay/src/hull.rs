@@ -16,10 +16,10 @@ pub struct ConvexHull {
     ring: Vec<Point>,
 }
 
-/// So many points are not worth thinning out.
+/// Minimum number of points for thinning out.
 const FEW: usize = 64;
 
-/// Where a position lies with respect to a hull.
+/// Position relative to a hull.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HullLocation {
     /// Strictly inside.
@@ -101,7 +101,7 @@ impl ConvexHull {
         self.lower == self.upper
     }
 
-    /// Where a position lies; logarithmic. Nothing lies inside a flat hull.
+    /// Locates a position; logarithmic. Nothing lies inside a flat hull.
     pub fn locate(&self, q: FixedPosition) -> HullLocation {
         let below = side(&self.lower, q);
         let above = side(&self.upper, q);
@@ -123,7 +123,7 @@ impl ConvexHull {
     }
 }
 
-/// The points furthest in eight directions: what lies strictly within them is not on the hull.
+/// The extreme points in eight directions: points strictly within them are not on the hull.
 fn extremes(points: &[Point]) -> Vec<Point> {
     let axes: [fn(&Point) -> i32; 4] = [|p| p.x, |p| p.y, |p| p.x + p.y, |p| p.x - p.y];
     let ends = axes.iter().flat_map(|axis| {

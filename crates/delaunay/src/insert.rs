@@ -57,17 +57,16 @@ impl Triangulation {
         }
     }
 
-    /// Makes room for so many more points.
+    /// Reserves capacity for additional points.
     pub fn reserve(&mut self, more: usize) {
         self.sides.reserve_exact(6 * more);
         self.ordered.sites.reserve_exact(more);
         self.ordered.ids.reserve_exact(more);
     }
 
-    /// Adds a point, `id` from now on, at a position inside the triangle of this number, which
-    /// [`find`](Self::find) tells. Two more triangles get the next numbers; `changed` is told the number of
-    /// each triangle that is not what it was, maybe more than once. False, and nothing is done, where there
-    /// is a point already, or the position is on the boundary of the hull.
+    /// Adds a point with number `id` at a position inside the given triangle, as returned by [`find`](Self::find). Two
+    /// more triangles get the next numbers; calls `changed` with the number of each changed triangle, possibly more
+    /// than once. Returns false, without changes, if the position is occupied or is on the boundary of the hull.
     pub fn insert(
         &mut self,
         at: Site,
@@ -123,7 +122,7 @@ impl Triangulation {
         [s, next(s)].map(|s| self.site(self.from(s)))
     }
 
-    /// Whether a new site can be at a position of a triangle, where none may be on the side of one that is `frozen`.
+    /// True if a new site may be at a position of a triangle: not on a side of a `frozen` triangle.
     fn takes(&self, triangle: u32, at: Site, frozen: impl Fn(u32) -> bool) -> bool {
         let is_free = |s: u32| {
             let ([a, b], twin) = (self.ends(s), self.twin(s));
@@ -160,7 +159,7 @@ impl Triangulation {
         across.to_vec()
     }
 
-    /// Whether the side across from a new site is not Delaunay. A site on it lies in no circle of it.
+    /// True if the side across from a new site is not Delaunay. A site on it lies in no circle of it.
     fn is_to_flip(&self, s: u32, at: Site) -> bool {
         let beyond = self.from(prev(self.twin(s)));
         let [a, b] = self.ends(s);

@@ -41,7 +41,7 @@ pub struct Natural<'a, S> {
     cavity: NaturalNeighborCavity,
 }
 
-/// Why there is no value.
+/// Reason for a missing value.
 enum MissingPoints {
     /// A known point lies in a disc but not in the window.
     Grow,
@@ -126,7 +126,7 @@ impl<'a, S: PointIndex> Natural<'a, S> {
         }
     }
 
-    /// Corners of a triangle that is no ghost, from the beginning of side `s` on.
+    /// Corners of a triangle that is not a ghost, from the start of side `s`.
     fn corners(&self, s: u32) -> [Point; 3] {
         [s, next(s), prev(s)].map(|s| self.point(s).unwrap_or_default())
     }
@@ -163,7 +163,7 @@ impl<'a, S: PointIndex> Natural<'a, S> {
         }
     }
 
-    /// Whether the triangle of a side is part of the whole triangulation.
+    /// True if the triangle of a side is part of the whole triangulation.
     fn check_final(
         &mut self,
         s: u32,
@@ -182,7 +182,7 @@ impl<'a, S: PointIndex> Natural<'a, S> {
     }
 }
 
-/// What a position takes from its neighbours. Lengths in steps, relative to the position.
+/// Neighbour weights at a position. Lengths in steps, relative to the position.
 #[derive(Debug, Default)]
 struct NaturalNeighborCavity {
     q: FixedPosition,

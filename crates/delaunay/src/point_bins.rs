@@ -20,7 +20,7 @@ pub struct PointBins {
     /// 2^63 by the size, rounded up: products are quicker than quotients.
     inverse: u64,
     columns: usize,
-    /// Where each bin's points begin; one more than there are bins.
+    /// Start of each bin's points; one more than there are bins.
     starts: Vec<u32>,
     points: Vec<Point>,
 }

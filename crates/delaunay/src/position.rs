@@ -42,7 +42,7 @@ impl FixedPosition {
         [self.x, self.y].map(|v| v as f64 / f64::from(1u32 << FRACTION))
     }
 
-    /// Where a site is, seen from here: below 2^39 in magnitude.
+    /// Offset of a site from this position: below 2^39 in magnitude.
     #[inline(always)]
     pub(super) fn to(self, site: Site) -> SiteOffset {
         let there = Self::of(site);

@@ -15,7 +15,7 @@ use super::space::{NeededWindow, PointIndex};
 use super::window::SiteWindow;
 use terrane_base::geom::Point;
 
-/// What lies at a position.
+/// Location of a position in the triangulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Location {
     /// Inside a triangle: its corners counter-clockwise, from the lowest on. A position on an edge
@@ -47,7 +47,7 @@ pub(super) fn site(p: &Point) -> Site {
 }
 
 impl<'a, S: PointIndex> TriangleFinder<'a, S> {
-    /// A finder in a space. `hull` is that of all points of the cloud, known or not.
+    /// A finder in a space. `hull` is the hull of all points of the cloud, known or not.
     pub fn new(space: &'a S, hull: &'a ConvexHull) -> Self {
         Self { space, hull, last: None }
     }
@@ -55,7 +55,7 @@ impl<'a, S: PointIndex> TriangleFinder<'a, S> {
     /// The Delaunay triangle of the whole cloud that contains `q`.
     ///
     /// # Errors
-    /// What has to be known in addition, if what is known does not suffice to be certain.
+    /// The region to load if the known points do not suffice for certainty.
     pub fn find(&mut self, q: FixedPosition) -> Result<Location, NeededWindow> {
         if let Some(found) = self.last.and_then(|last| EnclosingTriangle::around(q, last, false)) {
             return Ok(found.result());
@@ -78,7 +78,7 @@ impl<'a, S: PointIndex> TriangleFinder<'a, S> {
     /// that one. So what is made of small triangles alone has the sides of all of them.
     ///
     /// # Errors
-    /// Those of [`find`](Self::find).
+    /// The errors of [`find`](Self::find).
     pub fn find_small(
         &mut self,
         q: FixedPosition,
@@ -190,7 +190,7 @@ pub(super) fn deepest(
     point
 }
 
-/// Where the search begins.
+/// Start of the search.
 enum FinderStart {
     At(Point),
     Outside,
@@ -250,7 +250,7 @@ impl Quadrants {
 /// A counter-clockwise triangle around a position.
 struct EnclosingTriangle {
     q: FixedPosition,
-    /// Whether the position is moved backwards where it is on a line.
+    /// True if the position is moved backwards when it is on a line.
     back: bool,
     corners: [Point; 3],
     arms: [SiteOffset; 3],
@@ -287,7 +287,7 @@ impl EnclosingTriangle {
     }
 }
 
-/// Whether a position in a triangle is on one of its sides.
+/// True if a position in a triangle is on one of its sides.
 fn is_on_side(corners: &[Point; 3], q: FixedPosition) -> bool {
     let [a, b, c] = corners.map(|p| q.to(site(&p)));
     [(a, b), (b, c), (c, a)].into_iter().any(|(from, to)| from.cross(to) == 0)
@@ -309,7 +309,7 @@ mod tests {
     use super::super::space::{LoadedPoints, OccupancyGrid};
     use super::*;
 
-    /// What lies at a position, by looking at every triangle.
+    /// The location of a position, by testing every triangle.
     fn brute(
         points: &[Point],
         triangles: &[[Point; 3]],

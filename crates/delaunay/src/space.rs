@@ -1,5 +1,4 @@
-//! What is known of the points of a cloud: where they are, where none can be, and where more must be
-//! loaded before anything can be said.
+//! Partially loaded points of a cloud: their positions, empty regions, and regions to load.
 
 use super::disc::CircumscribedDisc;
 use super::point_bins::PointBins;
@@ -13,8 +12,8 @@ use terrane_base::geom::Point;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NeededWindow(pub SiteWindow);
 
-/// What is known of a cloud. Every method hands out points in runs; a run may hold points that were
-/// not asked for.
+/// A partially loaded point cloud. Every method returns points in runs; a run may include points that were not
+/// requested.
 pub trait PointIndex {
     /// A length that holds a few points where the cloud is dense; at least 1.
     fn pitch(&self) -> i32;
@@ -25,17 +24,17 @@ pub trait PointIndex {
     /// Hands out all known points in both the window and the disc.
     fn visit_disc(&self, disc: &CircumscribedDisc, window: &SiteWindow, each: impl FnMut(&[Point]));
 
-    /// Where known points are; nothing is handed out beyond.
+    /// Bounds of the known points; nothing is handed out beyond.
     fn extent(&self) -> SiteWindow;
 
-    /// Whether every point of the cloud in the disc is known.
+    /// True if every point of the cloud in the disc is known.
     ///
     /// # Errors
-    /// What has to be known in addition.
+    /// The region to load.
     fn certify(&self, disc: &CircumscribedDisc) -> Result<(), NeededWindow>;
 }
 
-/// Where a cloud has points at all, coarsely: squares that hold at least one.
+/// Coarse occupancy of a cloud: cells that contain at least one point.
 #[derive(Clone, Debug)]
 pub struct OccupancyGrid {
     window: SiteWindow,
@@ -44,7 +43,7 @@ pub struct OccupancyGrid {
     holds: Vec<bool>,
 }
 
-/// Most squares of a [`OccupancyGrid`].
+/// Maximum number of cells of an [`OccupancyGrid`].
 const MAX_SQUARES: usize = 1 << 24;
 
 impl OccupancyGrid {
@@ -76,7 +75,7 @@ impl OccupancyGrid {
         [0, 1].map(|i| ((p[i] - self.window.low[i]) / self.size) as usize)
     }
 
-    /// The smallest window of squares that hold points, touch the disc and do not lie in `known`.
+    /// The smallest window of occupied cells that touch the disc and do not lie in `known`.
     fn unknown(&self, disc: &CircumscribedDisc, known: &SiteWindow) -> Option<SiteWindow> {
         let part = disc.clip(&self.window)?;
         let rows = self.square(part.low)[1]..=self.square(part.high)[1];
@@ -89,7 +88,7 @@ impl OccupancyGrid {
         found
     }
 
-    /// The squares of a row that hold points and touch the disc.
+    /// The occupied cells of a row that touch the disc.
     fn row_squares(
         &self,
         disc: &CircumscribedDisc,
@@ -121,7 +120,7 @@ pub struct LoadedPoints<'a> {
     pub known: SiteWindow,
     /// No point lies outside.
     pub bounds: SiteWindow,
-    /// Where within the bounds points are, when that is known; it covers the bounds.
+    /// Occupancy within the bounds, if known; it covers the bounds.
     pub coverage: Option<&'a OccupancyGrid>,
 }
 
@@ -178,7 +177,7 @@ mod tests {
 
     const BOUNDS: SiteWindow = SiteWindow { low: [-40, 20], high: [170, 190] };
 
-    /// How far a position is from the nearest of a square.
+    /// Distance of a position from the nearest point of a cell.
     fn gap(square: &SiteWindow, centre: [f64; 2]) -> f64 {
         let along = |i: usize| {
             let (low, high) = (f64::from(square.low[i]), f64::from(square.high[i]));

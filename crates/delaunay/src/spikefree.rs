@@ -31,13 +31,13 @@ pub struct FreezeRule {
 }
 
 impl FreezeRule {
-    /// Whether a triangle is small enough.
+    /// True if a triangle is small enough.
     fn is_small(&self, [a, b, c]: &[Point; 3]) -> bool {
         let [x, y, _] = self.step;
         [(a, b), (b, c), (c, a)].into_iter().all(|(p, q)| is_within(*p, *q, [x, y], self.edge))
     }
 
-    /// Whether a triangle is frozen for points that are no higher than `z`.
+    /// True if a triangle is frozen for points no higher than `z`.
     fn holds(&self, corners: &[Point; 3], z: i32) -> bool {
         let [a, b, c] = corners.map(|p| i64::from(p.z));
         let above = a.min(b).min(c) - i64::from(z);
@@ -138,16 +138,16 @@ fn sorted(mut points: Vec<Point>) -> Vec<Point> {
     points
 }
 
-/// Where walks begin: a triangle that was near each square of the plane. Squares are halves of those of the level
-/// before, down to two points or so.
+/// Starting triangles of walks: one near each cell of a quadtree. Cells halve those of the previous level, down to
+/// about two points.
 struct WalkHints {
-    /// Of each level but the first, which is one square, the squares row by row.
+    /// Cells row by row, per level except the first, which is one cell.
     levels: Vec<Vec<u32>>,
     /// Bits of a coordinate.
     bits: u32,
 }
 
-/// No triangle was near a square.
+/// Marks a cell without a known triangle.
 const NOWHERE: u32 = u32::MAX;
 /// Most levels.
 const DEEPEST: u32 = 12;
@@ -160,21 +160,21 @@ impl WalkHints {
         Self { levels: (1..=depth).map(level).collect(), bits }
     }
 
-    /// The square of a level that holds a site.
+    /// The cell of a level that contains a site.
     fn square(&self, level: usize, [x, y]: Site) -> usize {
         let level = level as u32 + 1;
         let at = |v: i32| (v >> (self.bits - level)) as usize;
         (at(y) << level) + at(x)
     }
 
-    /// A triangle near a site, that of the finest square that has one.
+    /// A triangle near a site, from the finest cell that has one.
     fn near(&self, at: Site) -> u32 {
         let hint = |level: usize| self.levels[level][self.square(level, at)];
         let mut hints = (0..self.levels.len()).rev().map(hint);
         hints.find(|hint| *hint != NOWHERE).unwrap_or(0)
     }
 
-    /// Notes a triangle for the squares around a site: the finest, and those that have none yet.
+    /// Records a triangle for the cells around a site: the finest, and those that have none yet.
     fn note(&mut self, at: Site, triangle: u32) {
         for level in (0..self.levels.len()).rev() {
             let square = self.square(level, at);

@@ -1,4 +1,4 @@
-//! The part of the whole triangulation that a block owns, from what is known around the block.
+//! The part of the whole triangulation that a block owns, from the known points around the block.
 //!
 //! A triangle belongs to the block that holds its lowest corner (x, then y), so blocks share nothing
 //! and are never merged. Points of the block and a margin are triangulated together with the hull of
@@ -30,7 +30,7 @@ const MARGIN: i32 = 6;
 /// points known, those near the block are triangulated and others fetched where a disc reaches them;
 /// blocks of 20,000 to 60,000 points stay in the cache.
 ///
-/// The inner result is what has to be known in addition, where what is known does not suffice.
+/// The inner result lists the regions to load if the known points do not suffice.
 ///
 /// # Errors
 /// More points than [`Triangulation::new`] takes.
@@ -71,7 +71,7 @@ struct StarRound<'a, S> {
     block: &'a SiteWindow,
     /// Points found in discs of triangles.
     found: Vec<Point>,
-    /// What must be known for the triangles whose discs hold no known point.
+    /// The regions required for triangles whose discs contain no known point.
     needs: Option<SiteWindow>,
 }
 
@@ -94,7 +94,7 @@ impl<S: PointIndex> StarRound<'_, S> {
         owned
     }
 
-    /// Whether a triangle is final.
+    /// True if a triangle is final.
     fn check(&mut self, corners: [Site; 3]) {
         let disc = CircumscribedDisc::around(corners);
         if !disc.lies_in(self.window)
@@ -136,7 +136,7 @@ mod tests {
         cuts(0).into_iter().flat_map(|x| rows.iter().map(move |y| block(x, *y))).collect()
     }
 
-    /// A point of each coarse square: the first in order.
+    /// A point of each coarse cell: the first in order.
     fn skeleton(points: &[Point], size: i32) -> Vec<Point> {
         let mut sorted = points.to_vec();
         sorted.sort_by_key(|p| (p.x.div_euclid(size), p.y.div_euclid(size), *p));
@@ -144,7 +144,7 @@ mod tests {
         sorted
     }
 
-    /// Loads what is needed, and only that, until the block is done; also how often it had to.
+    /// Loads only the required regions until the block is done; also returns the number of loads.
     fn load(
         points: &[Point],
         block: &SiteWindow,

@@ -38,7 +38,7 @@ impl SiteWindow {
         }
     }
 
-    /// What lies in both, if anything does.
+    /// The intersection of both, if any.
     #[inline]
     #[must_use]
     pub fn intersection(&self, other: &Self) -> Option<Self> {

@@ -1,4 +1,4 @@
-//! Several bands of one grid: which, how much an error in each counts, and the grids that they are.
+//! Several bands of one grid, with weights of their errors.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,34 +10,34 @@ use terrane_base::geom::Rect;
 use terrane_mesh::{ChannelKind, HeightBand, MaxError, Promises};
 use terrane_raster::{self as raster, GridInfo, GridOpenOptions, GridSource, Inputs, SampleType};
 
-/// Bands that a mesh keeps, each with a weight. Every sample that is void in one of them is void.
+/// Bands of a mesh, each with a weight. A sample that is void in one of them is void in all.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshBands {
     /// At least one.
     list: Vec<(u32, f64)>,
-    /// The band whose values are heights; without one all vertices are at 0.
+    /// The band of heights; `None` places all vertices at 0.
     heights: Option<u32>,
 }
 
-/// What became of a band.
+/// Report on a band.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MeshBandReport {
     /// Its number, from 1.
     pub band: u32,
-    /// What errors in it were multiplied by.
+    /// Factor of its errors.
     pub weight: f64,
-    /// The largest difference between it and the mesh, not multiplied.
+    /// Maximum difference to the mesh, unweighted.
     pub max_error: Option<f64>,
     /// Root mean square of these differences.
     pub rmse: Option<f64>,
 }
 
 impl MeshBands {
-    /// Bands by number, from 1; no weights are weights of 1.
+    /// Bands by number, from 1; without weights, all weights are 1.
     ///
     /// # Errors
-    /// Usage: no band, one twice or of number 0, not as many weights as bands, a weight that is not finite and
-    /// above 0, heights of a band that is not among them.
+    /// Usage: no band, a repeated band or number 0, a different number of weights, a weight that is not finite and
+    /// positive, a band of heights that is not among the bands.
     pub fn new(bands: &[u32], weights: &[f64], heights: Option<u32>) -> Result<Self> {
         let label = label(bands);
         if bands.is_empty() || bands.contains(&0) {
@@ -74,17 +74,17 @@ impl MeshBands {
         &self.list
     }
 
-    /// The band whose values are heights.
+    /// The band of heights.
     pub fn heights(&self) -> Option<u32> {
         self.heights
     }
 
-    /// The numbers as they are given: "1,2,3".
+    /// The band numbers as an option value: "1,2,3".
     pub fn label(&self) -> String {
         label(&self.list.iter().map(|(band, _)| *band).collect::<Vec<_>>())
     }
 
-    /// Makes a mesh promise them; their tolerance has no unit.
+    /// Adds the bands to the promises of a mesh; their tolerance has no unit.
     pub fn promise(&self, promises: &mut Promises, tolerance: f64) {
         let (bands, weights) = self.list.iter().copied().unzip();
         promises.max_error = Some(MaxError { value: tolerance, unit: None });
@@ -93,12 +93,12 @@ impl MeshBands {
         promises.heights = Some(self.heights.map_or(HeightBand::None, HeightBand::Band));
     }
 
-    /// How to open one of them.
+    /// Open options of one band.
     pub fn options(band: u32, options: &GridOpenOptions) -> GridOpenOptions {
         GridOpenOptions { band, colours: true, ..options.clone() }
     }
 
-    /// Fails when the grid does not have all of them.
+    /// Fails if the grid lacks a band.
     pub fn check(&self, info: &GridInfo) -> Result<()> {
         match self.list.iter().find(|(band, _)| *band > info.bands) {
             None => Ok(()),
@@ -106,7 +106,7 @@ impl MeshBands {
         }
     }
 
-    /// All of them as grids that are void wherever one is, for `open` to open by their numbers.
+    /// Opens all bands as grids that share their voids; `open` opens them by number.
     pub fn open(&self, inputs: &Inputs, options: &GridOpenOptions) -> Result<JoinedBands> {
         // Band 1 is always there, and tells how many there are.
         let cache_bytes = options.cache_bytes / self.list.len();
@@ -130,7 +130,7 @@ impl MeshBands {
     }
 }
 
-/// Numbers as they are given: "1,2,3".
+/// Band numbers as an option value: "1,2,3".
 pub fn label(bands: &[u32]) -> String {
     bands.iter().map(u32::to_string).collect::<Vec<_>>().join(",")
 }
@@ -143,7 +143,7 @@ fn out_of_range(band: u32, bands: u32) -> Error {
     Error::usage(format!("band {band} is out of range: the file has {bands} {noun}")).remedy(remedy)
 }
 
-/// How the values of a band are stored at vertices, as far as its type tells.
+/// How band values are stored at vertices, by the sample type.
 pub fn kind_of(info: &GridInfo) -> ChannelKind {
     match info.sample_type {
         SampleType::U8 if info.exact_in_f32() => ChannelKind::Byte,
@@ -156,12 +156,12 @@ pub fn kind_of(info: &GridInfo) -> ChannelKind {
 pub struct JoinedBands(Arc<[Box<dyn GridSource>]>);
 
 impl JoinedBands {
-    /// A band alone.
+    /// A single band.
     pub fn of(band: Box<dyn GridSource>) -> Self {
         Self(Arc::new([band]))
     }
 
-    /// The band in this place, void wherever another is.
+    /// The band at an index, void wherever another band is void.
     pub fn band(&self, place: usize) -> Box<dyn GridSource> {
         let info = self.0[place].info().clone();
         Box::new(JointlyValidBand { info, all: self.0.clone(), place, is_flat: false })

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Ends, Paths, SampleSegment, cut};
 
-/// A segment, and the first and last step of its path that lie in a tile.
+/// A segment, with the first and last step of its path in a tile.
 type Part = (SampleSegment, [u64; 2]);
 
 /// Segments that edges of a mesh follow.
@@ -20,11 +20,12 @@ pub struct Breaklines {
 }
 
 impl Breaklines {
-    /// None.
+    /// No breaklines.
     pub const NONE: Self = Self { paths: Paths::NONE, path: None, asked: 0, outside: 0 };
 
-    /// Those of lines through positions on the lattice of a grid of `size` columns and rows, each of which ends at
-    /// one of `ends`. An end of a segment is the sample nearest to where the segment is, or enters the grid.
+    /// Breaklines along lines through positions on the lattice of a grid of `size` columns and rows; `ends` holds the
+    /// end index of each line. An end of a segment is the sample nearest to its position, or to its entry into the
+    /// grid.
     ///
     /// # Errors
     /// No line on the grid.
@@ -45,7 +46,7 @@ impl Breaklines {
         Ok(Self { path: Some(path), asked, outside, ..Self::of(segments) })
     }
 
-    /// These, and the sides of the water of a file.
+    /// Adds the banks of a water file.
     pub fn and_banks(self, banks: Vec<Ends>, water: &Path) -> Self {
         let (asked, outside) = (self.asked + banks.len() as u64, self.outside);
         let path = match self.path {
@@ -55,23 +56,23 @@ impl Breaklines {
         Self { paths: self.paths.and(banks), path: Some(path), asked, outside }
     }
 
-    /// These, in any order and either direction.
+    /// Breaklines of the given segments, in any order and direction.
     pub fn of(segments: Vec<Ends>) -> Self {
         Self { asked: segments.len() as u64, paths: Paths::of(segments), ..Self::default() }
     }
 
-    /// The paths of all of them.
+    /// The paths of all segments.
     pub fn paths(&self) -> &Paths {
         &self.paths
     }
 
-    /// Most bytes of those of lines with so many vertices, with what a worker lists of them.
+    /// Maximum bytes of lines with `vertices` vertices, including a worker's list.
     pub fn max_bytes(vertices: usize) -> u64 {
         (vertices * (size_of::<Ends>() + size_of::<SampleSegment>() + size_of::<Part>())) as u64
     }
 
-    /// About how many vertices they have, and hardly more, in a mesh that has so many of so many samples without
-    /// them (measured: 1.8 for each that a line of its length would meet, and those at the ends).
+    /// Estimated number of vertices on the lines, slightly high, for a mesh with `vertices` vertices on `samples`
+    /// samples without lines (measured: 1.8 per expected crossing, plus the ends).
     pub fn vertices_in(&self, vertices: u64, samples: u64) -> u64 {
         let density = vertices as f64 / samples.max(1) as f64;
         let met = 2.0 * self.paths.steps() as f64 * density.sqrt();
@@ -79,7 +80,7 @@ impl Breaklines {
         most.min(samples - vertices.min(samples))
     }
 
-    /// What a report says; `None` where no lines were asked for.
+    /// The report; `None` if no lines were requested.
     pub fn report(&self, apart: u64) -> Option<BreaklinesReport> {
         (self.asked > 0).then(|| BreaklinesReport {
             file: self.path.as_deref().map_or_else(String::new, |path| path.display().to_string()),
@@ -90,16 +91,16 @@ impl Breaklines {
     }
 }
 
-/// What became of breaklines.
+/// Report on breaklines.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BreaklinesReport {
-    /// The file they are in.
+    /// The source file.
     pub file: String,
-    /// Segments of its lines and rings.
+    /// Segments of lines and rings.
     pub segments: u64,
-    /// Those that lie beyond the grid.
+    /// Segments beyond the grid.
     pub outside: u64,
-    /// Vertices from which a line should go on along an edge, and does not.
+    /// Vertices at which a line does not continue along an edge.
     pub apart: u64,
 }
 

@@ -1,5 +1,5 @@
-//! What a mesh of a cloud has to keep of files of features, in steps of the cloud's frame: positions whose nearest
-//! points are vertices, and lines from position to position that edges follow.
+//! Constraints of a point cloud's mesh, in steps of the cloud's lattice: positions whose nearest points become
+//! vertices, and lines between positions that edges follow.
 
 use std::path::PathBuf;
 
@@ -9,42 +9,42 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Ends, Point, PointFrame, REACH, cut};
 use terrane_cloud::CloudInfo;
 
-/// A straight line on the lattice of a cloud, whose columns and rows are steps east and north of the lowest x and y.
+/// A segment on the lattice of a point cloud, whose columns and rows are steps east and north of the lowest x and y.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct LatticeLine {
-    /// Its ends, the lower first (by row, then column).
+    /// The ends, the lower one first (by row, then column).
     pub ends: Ends,
-    /// The heights of its ends, in steps, where the file has them.
+    /// The heights of the ends, in steps, if the file has heights.
     pub heights: Option<[i32; 2]>,
 }
 
-/// What is to be kept, and of how much.
+/// Constraints on the lattice of a point cloud, with counts for the report.
 #[derive(Clone, Debug, Default)]
 pub struct OnCloud {
-    /// Positions within the bounds of the cloud, sorted, as often as there are points at them.
+    /// Positions within the bounds of the cloud, sorted, with repetitions.
     pub points: Vec<[u32; 2]>,
-    /// Lines within the bounds, sorted, each once.
+    /// Segments within the bounds, sorted, without duplicates.
     pub lines: Vec<LatticeLine>,
     points_asked: Option<(PathBuf, u64)>,
     lines_asked: Option<(PathBuf, u64)>,
-    /// Segments beyond the bounds.
+    /// Number of segments beyond the bounds.
     lines_beyond: u64,
-    /// How often each of `lines` is in the file, where that is more than once.
+    /// Number of occurrences of each segment that occurs more than once.
     repeats: Vec<(u32, u64)>,
 }
 
 impl ConstraintFeatures {
-    /// Where it is on a cloud within `bounds`. Time O(n log n) for n points.
+    /// Places the constraints on a cloud within `bounds`. Time O(n log n) for n points.
     ///
     /// # Errors
-    /// Features in another system; heights beyond all bounds.
+    /// Features in another CRS; heights out of range.
     pub fn on_cloud(self, info: &CloudInfo, bounds: [Point; 2]) -> Result<OnCloud> {
         OnCloud::new((self.points, self.lines), info, bounds)
     }
 }
 
 impl OnCloud {
-    /// The points and lines of files over a cloud within `bounds`.
+    /// The points and lines of files, on a cloud within `bounds`.
     pub fn new(
         (points, lines): (Option<ConstraintVertices>, Option<ConstraintVertices>),
         info: &CloudInfo,
@@ -91,28 +91,28 @@ impl OnCloud {
         Ok(())
     }
 
-    /// True where there are lines for edges to follow.
+    /// True if there are lines.
     pub fn has_lines(&self) -> bool {
         self.lines_asked.is_some()
     }
 
-    /// The bounds of a cloud and of the heights that lines have over it.
+    /// The bounds of a cloud, extended by the heights of the lines.
     pub fn and_heights(&self, [low, high]: [Point; 2]) -> [Point; 2] {
         let heights = || self.lines.iter().filter_map(|line| line.heights).flatten();
         let (least, most) = (heights().fold(low.z, i32::min), heights().fold(high.z, i32::max));
         [Point { z: least, ..low }, Point { z: most, ..high }]
     }
 
-    /// Bytes held.
+    /// Bytes in memory.
     pub fn bytes(&self) -> u64 {
         (size_of_val(&self.points[..]) + size_of_val(&self.lines[..])) as u64
     }
 
-    /// What a report says where so many of the positions lie beyond the hull of the cloud, and so many points are
-    /// nearest to the others, of which so many are vertices; `None` where none were asked for.
+    /// The report on required points: the number of positions beyond the cloud's hull, of points nearest to the others,
+    /// and of vertices among these. `None` if no points were requested.
     ///
     /// # Errors
-    /// None is on the cloud.
+    /// No point is on the cloud.
     pub fn constraints(
         &self,
         beyond_hull: u64,
@@ -135,11 +135,11 @@ impl OnCloud {
         }))
     }
 
-    /// What a report says where some of the lines have no position in the hull of the cloud; `None` where no lines
-    /// were asked for.
+    /// The report on breaklines; `is_outside` tests whether a line lies beyond the hull of the cloud. `None` if no
+    /// lines were requested.
     ///
     /// # Errors
-    /// None is on the cloud.
+    /// No line is on the cloud.
     pub fn followed(
         &self,
         is_outside: impl Fn(usize) -> bool,
@@ -159,7 +159,7 @@ impl OnCloud {
     }
 }
 
-/// Where the world is on the lattice of a cloud.
+/// The lattice of a point cloud in world coordinates.
 struct CloudLattice {
     frame: PointFrame,
     low: Point,
@@ -186,7 +186,7 @@ impl CloudLattice {
         (inside(0) && inside(1)).then(|| at.map(|at| at as u32))
     }
 
-    /// A segment as far as it is within the bounds: the same in both directions.
+    /// A segment clipped to the bounds; independent of its direction.
     fn line(&self, vertices: [([f64; 2], f64); 2]) -> Result<Option<LatticeLine>> {
         let [a, b] = vertices.map(|(at, z)| (self.steps(at), z));
         let order = |(at, z): ([f64; 2], f64)| [at[1], at[0], z];
@@ -200,7 +200,7 @@ impl CloudLattice {
         Ok(Some(LatticeLine { ends, heights: Some(heights) }))
     }
 
-    /// The height so far along a segment between these, in steps.
+    /// The height at a fraction of a segment between two heights, in steps.
     fn height(&self, share: f64, [p, q]: [f64; 2]) -> Result<i32> {
         let ruler = self.frame.ruler(2);
         // Halves, as the difference of what is far apart may be no number.
@@ -220,7 +220,7 @@ impl CloudLattice {
     }
 }
 
-/// Ends in their order, with what belongs to each.
+/// Ends in order, each with its height.
 fn sorted([a, b]: Ends, [p, q]: [i32; 2]) -> (Ends, [i32; 2]) {
     match ([a[1], a[0]], p) <= ([b[1], b[0]], q) {
         true => ([a, b], [p, q]),
@@ -228,7 +228,7 @@ fn sorted([a, b]: Ends, [p, q]: [i32; 2]) -> (Ends, [i32; 2]) {
     }
 }
 
-/// How far along a segment the position is that an end was cut to: 0 or 1 where nothing was cut off.
+/// The position of a clipped end as a fraction of the segment: 0 or 1 if it is not clipped.
 fn share([a, b]: [[f64; 2]; 2], end: [f64; 2]) -> f64 {
     let is_at = |at: [f64; 2]| (0..2).all(|axis| (at[axis] + 0.5).floor() == end[axis]);
     if is_at(a) {

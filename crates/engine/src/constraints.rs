@@ -1,6 +1,6 @@
-//! What a mesh has to keep of files of features: samples nearest to points, which are vertices, and breaklines.
+//! Constraints of a mesh from feature files: required vertices at the samples nearest to points, and breaklines.
 //!
-//! These vertices are there from the start, and no pass drops or moves them.
+//! These vertices exist from the start; no pass drops or moves them.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Rect};
 use terrane_raster::{GridInfo, Water};
 
-/// What a mesh has to keep, where it is in the world.
+/// Constraints in world coordinates.
 #[derive(Default)]
 pub struct ConstraintFeatures {
     pub(super) points: Option<ConstraintVertices>,
@@ -23,11 +23,11 @@ pub struct ConstraintFeatures {
 }
 
 impl ConstraintFeatures {
-    /// Reads the files of points and of breaklines of these names; the banks of `water` are breaklines, too.
+    /// Reads the files of points and of breaklines; the banks of `water` are breaklines, too.
     ///
     /// # Errors
-    /// Whatever the reader of a format finds; a file without a point, or without a line; more points than a
-    /// quarter of the memory holds.
+    /// Errors of the format's reader; a file without points, or without lines; more points than a quarter of the memory
+    /// holds.
     pub fn read(
         points: Option<&str>,
         lines: Option<&str>,
@@ -45,7 +45,7 @@ impl ConstraintFeatures {
         })
     }
 
-    /// The same of meshes of clouds: lines have the heights that their vertices have.
+    /// The same for meshes of point clouds: lines have the heights of their vertices.
     ///
     /// # Errors
     /// As [`read`](Self::read).
@@ -59,17 +59,17 @@ impl ConstraintFeatures {
         Ok(Self { lines, ..Self::read(points, None, None, resources)? })
     }
 
-    /// Those of these points and lines.
+    /// Constraints of these points and lines.
     pub fn of(points: Option<ConstraintVertices>, lines: Option<ConstraintVertices>) -> Self {
         Self { points, lines, water: None }
     }
 
-    /// True where there are lines for edges to follow.
+    /// True if there are lines.
     pub fn has_lines(&self) -> bool {
         self.lines.is_some() || self.water.is_some()
     }
 
-    /// Most bytes that all of it takes.
+    /// Maximum bytes of all constraints.
     pub fn bytes(&self) -> u64 {
         let lines = self.lines.as_ref().map_or(0, |lines| lines.at.len());
         let banks = self.water.as_ref().map_or(0, |water| water.vertices());
@@ -77,10 +77,10 @@ impl ConstraintFeatures {
         self.points.as_ref().map_or(0, |points| bytes(points.at.len())) + lines
     }
 
-    /// Where it is on a grid. Time O(n log n) for n points.
+    /// Places the constraints on a grid. Time O(n log n) for n points.
     ///
     /// # Errors
-    /// Features in another system; none that is on the grid.
+    /// Features in another CRS; no feature on the grid.
     pub fn on(self, grid: &GridInfo) -> Result<GridConstraints> {
         let mut kept =
             self.points.map_or_else(|| Ok(GridConstraints::default()), |points| points.on(grid))?;
@@ -94,33 +94,31 @@ impl ConstraintFeatures {
     }
 }
 
-/// Points of a file where they are in the world: those of its points, and the vertices of its lines and
-/// polygons.
+/// Points of a file in world coordinates: its points, and the vertices of its lines and polygons.
 pub struct ConstraintVertices {
     /// The file.
     pub path: PathBuf,
-    /// Its reference system.
+    /// Its CRS.
     pub crs: Crs,
-    /// x and y of each.
+    /// x and y of each point.
     pub at: Vec<[f64; 2]>,
-    /// Heights, where they were asked for; NaN where there is none.
+    /// Heights, if requested; NaN where the file has no height.
     pub z: Vec<f64>,
-    /// Where each line or ring ends.
+    /// End index of each line or ring.
     pub ends: Vec<u32>,
 }
 
 impl ConstraintVertices {
-    /// Bytes for a point while a list of them grows, and for one with a height and what is known of lines over a
-    /// cloud.
+    /// Bytes per point: for a growing list, and for a point with a height and the data of its line on a point cloud.
     const BYTES: u64 = 48;
     const SOLID: u64 = 192;
 
-    /// Reads all points, or those of lines and rings alone.
+    /// Reads all points, or only the vertices of lines and rings.
     fn read(name: &str, what: &str, resources: &Resources) -> Result<Self> {
         Self::read_as(name, what, Self::BYTES, resources)
     }
 
-    /// Reads those of lines and rings, with heights.
+    /// Reads the vertices of lines and rings, with heights.
     fn read_solid(name: &str, resources: &Resources) -> Result<Self> {
         Self::read_as(name, "line", Self::SOLID, resources)
     }
@@ -166,7 +164,7 @@ impl ConstraintVertices {
         Breaklines::on(&at, &self.ends, [grid.width, grid.height], self.path)
     }
 
-    /// The samples of a grid that are nearest to the points.
+    /// The grid samples nearest to the points.
     fn on(self, grid: &GridInfo) -> Result<GridConstraints> {
         grid.crs.check_same(&self.crs, "points").map_err(|e| e.in_file(&self.path))?;
         let nearest = |at: f64, side: u32| {
@@ -199,10 +197,10 @@ fn bytes(samples: usize) -> u64 {
     (samples * size_of::<[u32; 2]>()) as u64
 }
 
-/// Samples to keep.
+/// Required samples.
 #[derive(Clone, Debug, Default)]
 pub struct GridConstraints {
-    /// Columns and rows, each sample once, ordered by block, then row and column.
+    /// Columns and rows, without duplicates, ordered by block, then row and column.
     samples: Vec<[u32; 2]>,
     path: Option<PathBuf>,
     points: u64,
@@ -210,7 +208,7 @@ pub struct GridConstraints {
     lines: Breaklines,
 }
 
-/// Samples along the side of a block.
+/// Samples along a block side.
 const BLOCK: u32 = 256;
 
 /// The block of a sample: row, then column.
@@ -219,11 +217,11 @@ fn block([col, row]: [u32; 2]) -> [u32; 2] {
 }
 
 impl GridConstraints {
-    /// None.
+    /// No constraints.
     pub const NONE: &Self =
         &Self { samples: Vec::new(), path: None, points: 0, outside: 0, lines: Breaklines::NONE };
 
-    /// These, by column and row, in any order.
+    /// The given samples, by column and row, in any order.
     pub fn of(mut samples: Vec<[u32; 2]>) -> Self {
         let points = samples.len() as u64;
         samples.sort_unstable_by_key(|&at| (block(at), at[1], at[0]));
@@ -231,7 +229,7 @@ impl GridConstraints {
         Self { samples, points, ..Self::default() }
     }
 
-    /// The same, and breaklines.
+    /// The same with breaklines.
     pub fn with(self, lines: Breaklines) -> Self {
         Self { lines, ..self }
     }
@@ -241,8 +239,8 @@ impl GridConstraints {
         &self.lines
     }
 
-    /// The samples in a rectangle, row by row within blocks. Time linear in those of all blocks that it
-    /// touches, and logarithmic in all.
+    /// The samples in a rectangle, row by row within blocks. Time linear in the samples of the touched blocks, and
+    /// logarithmic in all.
     pub fn within(&self, rect: Rect) -> impl Iterator<Item = [u32; 2]> + '_ {
         let [first, last] = match rect.is_empty() || self.samples.is_empty() {
             true => [[1, 0], [0, 0]],
@@ -257,7 +255,7 @@ impl GridConstraints {
         (first[0]..=last[0]).flat_map(row_of_blocks).copied().filter(inside)
     }
 
-    /// Bytes held.
+    /// Bytes in memory.
     pub fn bytes(&self) -> u64 {
         bytes(self.samples.len()) + self.lines.paths().bytes()
     }
@@ -267,8 +265,8 @@ impl GridConstraints {
         self.samples.len() as u64
     }
 
-    /// What a report says where so many of the samples belong to the surface, and so many are vertices; `None`
-    /// where nothing was to be kept.
+    /// The report: the number of samples on the surface and of vertices among these; `None` if there are no
+    /// constraints.
     pub fn report(&self, on_surface: u64, vertices: u64) -> Option<RequiredPointsReport> {
         let Self { points, outside, .. } = *self;
         let samples = self.count();
@@ -283,20 +281,20 @@ impl GridConstraints {
     }
 }
 
-/// What became of points to keep.
+/// Report on required points.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RequiredPointsReport {
-    /// The file they are in.
+    /// The source file.
     pub file: String,
-    /// Points in it.
+    /// Number of points in the file.
     pub points: u64,
-    /// Those that lie beyond the grid by more than half a cell.
+    /// Points beyond the grid by more than half a cell.
     pub outside: u64,
-    /// Samples nearest to the others.
+    /// Samples nearest to the other points.
     pub samples: u64,
-    /// Those of them that are voids or touch no cell of the surface.
+    /// Samples that are voids or touch no cell of the surface.
     pub without_surface: u64,
-    /// Those that are vertices.
+    /// Samples that are vertices.
     pub vertices: u64,
 }
 
@@ -344,7 +342,7 @@ mod tests {
     }
 
     proptest! {
-        /// Its twin looks at every sample.
+        /// Reference implementation that scans every sample.
         #[test]
         fn a_rectangle_has_its_own_samples(
             at in prop::collection::vec((0..700_u32, 0..600_u32), 1..300),

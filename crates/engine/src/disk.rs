@@ -1,11 +1,11 @@
-//! Room on disk, looked at before it is needed.
+//! Checks of free disk space.
 
 use std::path::Path;
 
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::folder_for;
 
-/// Fails when the file system of `folder` has less than about `needed` bytes free.
+/// Fails if the file system of `folder` has less than about `needed` bytes free.
 pub fn check(folder: &Path, needed: u64) -> Result<()> {
     match free(folder) {
         Some(free) if free < needed => Err(Error::new(
@@ -22,19 +22,18 @@ pub fn check(folder: &Path, needed: u64) -> Result<()> {
     }
 }
 
-/// Whether a run is to begin at all where the disk seems to have too little room.
+/// Whether to check free disk space before a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DiskCheck {
-    /// Fail before the work.
+    /// Check and fail early.
     #[default]
     On,
-    /// Begin all the same: the user knows better.
+    /// Do not check.
     Off,
 }
 
 impl DiskCheck {
-    /// Fails when the disks of the plan's `folder` and of `output` will not hold the results that are
-    /// not there yet and the output.
+    /// Fails if the disks of the plan's `folder` and of `output` lack space for the pending results and the output.
     pub fn check(self, folder: &Path, output: &Path, [objects, written]: [u64; 2]) -> Result<()> {
         if self == Self::Off {
             return Ok(());
@@ -52,7 +51,7 @@ impl DiskCheck {
     }
 }
 
-/// True when both folders are known to be on one file system.
+/// True if both folders are known to be on one file system.
 pub fn are_one(a: &Path, b: &Path) -> bool {
     device(a).is_some_and(|device_of_a| device(b) == Some(device_of_a))
 }
@@ -67,7 +66,7 @@ fn device(_folder: &Path) -> Option<u64> {
     None
 }
 
-/// Bytes that may still be written there, where the system tells.
+/// Free bytes, if the system reports them.
 #[cfg(unix)]
 fn free(folder: &Path) -> Option<u64> {
     let stat = rustix::fs::statvfs(folder).ok()?;

@@ -1,4 +1,4 @@
-//! Files of features that are read beside a grid: polygons to clip it to, points to keep.
+//! Feature files that are read beside a grid: clip polygons, required points.
 
 use std::path::{Path, PathBuf};
 
@@ -9,22 +9,22 @@ use terrane_files::{is_in_memory, name_of, path_of};
 use terrane_raster::Inputs;
 use terrane_vector::{self as vector, Feature, FeatureSource};
 
-/// MiB that are enough for the job beside such a file: the program may have half of the memory with its workers.
+/// Memory limit in MiB that suffices for the job beside such a file: the program and its workers may use half of it.
 const BESIDE: u64 = 2 * (PROGRAM >> 20) + 40;
 
-/// Such a file, open.
+/// An opened feature file.
 pub struct AuxiliaryFeatures {
-    /// Where it is.
+    /// Its path.
     pub path: PathBuf,
-    /// What is in it.
+    /// Its features.
     pub source: Box<dyn FeatureSource>,
-    /// Bytes that a vertex takes, and what to do where there are too many.
+    /// Bytes per vertex, and the remedy if there are too many.
     bytes_each: u64,
     remedy: &'static str,
 }
 
 impl AuxiliaryFeatures {
-    /// Opens a file of `what`. Of TopoJSON the first object is read.
+    /// Opens a file of `what`. Reads the first object of TopoJSON.
     pub fn open(name: &str, what: &str, bytes_each: u64, remedy: &'static str) -> Result<Self> {
         let path = path_of(name).into_owned();
         if vector::synthetic(&path).is_none() && !path.exists() {
@@ -34,8 +34,8 @@ impl AuxiliaryFeatures {
         Ok(Self { path, source, bytes_each, remedy })
     }
 
-    /// Hands all features to `add` and returns how many vertices they have; fails where these take more than
-    /// `share` bytes of the memory, and then hands on no more.
+    /// Passes all features to `add` and returns the number of their vertices. Fails, and stops, if these take more than
+    /// `share` bytes of the memory.
     pub fn each(
         &mut self,
         (share, resources): (u64, &Resources),
@@ -69,12 +69,12 @@ impl AuxiliaryFeatures {
     }
 }
 
-/// [`label`] of a file as an option names it.
+/// The [`label`] of a file by its option value.
 pub fn label_of(name: &str) -> String {
     label(&path_of(name))
 }
 
-/// The name of the same file wherever the process works.
+/// The absolute path of a file name.
 pub fn absolute(name: &str) -> Result<String> {
     let path = path_of(name);
     if vector::synthetic(&path).is_some() {
@@ -83,7 +83,7 @@ pub fn absolute(name: &str) -> Result<String> {
     name_of(std::path::absolute(&path).map_err(|e| Error::read(&path, e))?)
 }
 
-/// The file, and what else is read with it.
+/// The file and its companion files.
 pub fn files(name: &str) -> Vec<PathBuf> {
     let path = path_of(name);
     if vector::synthetic(&path).is_some() {
@@ -95,26 +95,25 @@ pub fn files(name: &str) -> Vec<PathBuf> {
     std::iter::once(path.clone().into_owned()).chain(beside).collect()
 }
 
-/// The files of a cloud by their names alone: the order in which they are given leaves no trace, nor do their folders.
+/// The files of a point cloud sorted by name: the result does not depend on their order or their folders.
 pub fn in_order(files: &[String]) -> Inputs {
     let mut files = files.to_vec();
     files.sort_by_cached_key(|name| label(&path_of(name)));
     Inputs::from(files)
 }
 
-/// What a file says that it is made of: names without folders.
+/// The source as stored in output files: names without folders.
 pub fn source(input: &Inputs) -> String {
     let name = input.to_string();
     if is_in_memory(&name) { "points".to_owned() } else { label(Path::new(&name)) }
 }
 
-/// The same input called what a file says that it is made of: folders that lead to it leave no trace.
+/// The same input under the name that is stored in output files: without folders.
 pub fn noted(input: &Inputs) -> Inputs {
     input.called(source(input))
 }
 
-/// The last part of a name, for what a mesh is told of it: plans know the whole path, which is no part of the
-/// mesh.
+/// The last part of a path, for the metadata of a mesh. Plans store the whole path, which is not part of the mesh.
 pub fn label(path: &Path) -> String {
     path.file_name().map_or_else(String::new, |name| name.display().to_string())
 }

@@ -1,5 +1,5 @@
-//! The heights of a geoid from a file: GTX, or a GeoTIFF as PROJ has them (Geodetic TIFF grids), whose samples lie at the
-//! middles of its pixels and are the heights there.
+//! Reads a geoid model: GTX, or a GeoTIFF in PROJ's form (Geodetic TIFF grid), whose samples are the heights at pixel
+//! centres.
 
 use std::path::Path;
 
@@ -12,13 +12,14 @@ use terrane_crs::{Geoid, MAX_GRID_BYTES};
 use terrane_files::RawFile;
 use terrane_raster::{FORMATS, GridInfo, GridOpenOptions, GridSource, SampleType};
 
-/// What geodetic grids are called that are geoids.
+/// The `TYPE` of geodetic grids that hold geoids.
 const KIND: &str = "VERTICAL_OFFSET_GEOGRAPHIC_TO_VERTICAL";
 
-/// The heights of a geoid, of a file that takes a small part of the memory.
+/// Reads a geoid model, which must fit into a small part of the memory.
 ///
 /// # Errors
-/// A file that cannot be read, is no geoid above the ellipsoid by longitudes and latitudes in metres, or is too large.
+/// A file that cannot be read, is too large, or is not a geoid model above the ellipsoid in metres, by longitude and
+/// latitude.
 pub fn read(path: &Path, resources: &Resources) -> Result<Geoid> {
     let file = RawFile::open(path).map_err(|e| e.remedy("check the name"))?;
     let head = file.head(64)?;
@@ -56,7 +57,7 @@ fn of_tiff(path: &Path, resources: &Resources) -> Result<Geoid> {
     Geoid::new([map.x0, south], [map.a, map.e.abs()], [columns, rows], heights)
 }
 
-/// As many rows at a time as blocks have, so that each of these is decoded once.
+/// Reads as many rows at a time as a block has, so that each block is decoded once.
 fn read_rows(grid: &dyn GridSource, heights: &mut [f32]) -> Result<()> {
     let info = grid.info();
     let mut row = 0;
@@ -70,7 +71,7 @@ fn read_rows(grid: &dyn GridSource, heights: &mut [f32]) -> Result<()> {
     Ok(())
 }
 
-/// The last row first.
+/// Reverses the order of the rows.
 fn turn_over(heights: &mut [f32], columns: usize) {
     let half = heights.len() / columns / 2 * columns;
     let (above, below) = heights.split_at_mut(half);
@@ -79,7 +80,7 @@ fn turn_over(heights: &mut [f32], columns: usize) {
     }
 }
 
-/// Fails on what has other values than heights of a geoid in metres.
+/// Fails if the values are not geoid heights in metres.
 fn check_kind(info: &GridInfo) -> Result<()> {
     let detail = |name: &str| {
         info.details.iter().find(|(own, _)| own == name).map(|(_, text)| text.as_str())
@@ -112,7 +113,7 @@ fn check_kind(info: &GridInfo) -> Result<()> {
     Ok(())
 }
 
-/// Fails on samples that do not lie along meridians and parallels, by degrees from Greenwich on.
+/// Fails if rows and columns are not parallels and meridians, in degrees from Greenwich.
 fn check_place(info: &GridInfo) -> Result<()> {
     let (crs, map) = (&info.crs, info.transform);
     let remedy = "reproject it to longitude and latitude: gdalwarp -t_srs EPSG:4326";

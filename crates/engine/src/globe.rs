@@ -1,4 +1,4 @@
-//! Where the samples of a grid are on the globe, and how high.
+//! Longitudes, latitudes and ellipsoidal heights of grid samples.
 
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use terrane_base::geom::{Affine, Crs, VerticalReference};
 use terrane_crs::{CoordinateOperation, Geoid};
 use terrane_raster::GridInfo;
 
-/// Systems of longitudes and latitudes that are WGS 84, and those that are within a metre or two of it.
+/// Geographic CRSs that are WGS 84, or within a metre or two of it.
 const SAME: [u32; 2] = [4326, 4979];
 const NEAR: [(u32, &str); 6] = [
     (4258, "ETRS89"),
@@ -21,19 +21,19 @@ const NEAR: [(u32, &str); 6] = [
     (6668, "JGD2011"),
 ];
 
-/// Where the samples of a grid are on the globe.
+/// Geographic positions of grid samples.
 pub enum OnGlobe {
     /// Columns are meridians and rows parallels: the map to longitudes and latitudes.
     Straight(Affine),
-    /// The map to positions, and what brings these to longitudes and latitudes.
+    /// The map to positions, and the operation to longitudes and latitudes.
     Moved(Affine, Box<CoordinateOperation>),
 }
 
 impl OnGlobe {
-    /// Of a grid, and what is to be said of it.
+    /// The positions for a grid, with notes for the report.
     ///
     /// # Errors
-    /// A grid whose place on the globe is not known, or that reaches beyond a pole or 180 degrees.
+    /// A grid without a known CRS or georeference, or beyond a pole or 180 degrees.
     pub fn of(info: &GridInfo) -> Result<(Self, Vec<String>)> {
         let crs = &info.crs;
         if !info.georeferenced || crs.is_unknown() {
@@ -80,9 +80,9 @@ impl OnGlobe {
     }
 }
 
-/// Fails for a system of another body than the earth.
+/// Fails for a CRS of a body other than the Earth.
 fn check_body(crs: &Crs) -> Result<()> {
-    /// The radii of all ellipsoids of the earth that are in use, in metres.
+    /// Range of the radii of Earth ellipsoids, in metres.
     const EARTH: RangeInclusive<f64> = 6.35e6..=6.40e6;
     let Ok(conversion) = crs.conversion() else { return Ok(()) };
     let axis = conversion.datum.axis;
@@ -96,20 +96,20 @@ fn check_body(crs: &Crs) -> Result<()> {
         .remedy("tiles require WGS 84; make a mesh with ‹terrane tin› instead"))
 }
 
-/// What brings the heights of a grid to metres above the ellipsoid.
+/// Conversion of grid heights to metres above the ellipsoid.
 #[derive(Clone, Debug)]
 pub struct VerticalShift {
-    /// Metres in a unit, less than none where heights are counted downwards.
+    /// Metres per unit; negative for depths.
     pub metres: f64,
     geoid: Option<Arc<Geoid>>,
 }
 
 impl VerticalShift {
-    /// Of the heights of a system, with the file of a geoid where they are counted from one; and whether the system
-    /// says what they are in.
+    /// The conversion for heights of a CRS, with a geoid model if they refer to a geoid; and whether the CRS declares
+    /// the unit.
     ///
     /// # Errors
-    /// A geoid that cannot be read, or is of no use, as heights are counted from the ellipsoid already.
+    /// A geoid model that cannot be read, or is not applicable to ellipsoidal heights.
     pub fn of(crs: &Crs, geoid: Option<&str>, resources: &Resources) -> Result<(Self, bool)> {
         let unit = crs.vertical_metres();
         let heights = crs.heights();
@@ -130,20 +130,20 @@ impl VerticalShift {
         Ok((Self { metres, geoid }, unit.is_some()))
     }
 
-    /// Whether a geoid is added.
+    /// True if a geoid height is added.
     pub fn has_geoid(&self) -> bool {
         self.geoid.is_some()
     }
 
-    /// Bytes that it holds.
+    /// Bytes in memory.
     pub fn bytes(&self) -> u64 {
         self.geoid.as_ref().map_or(0, |geoid| geoid.bytes())
     }
 
-    /// Lifts heights, whose places are told by number; voids stay.
+    /// Converts heights in place; `place` maps an index to a position. Keeps voids.
     ///
     /// # Errors
-    /// A place that the geoid is not known at.
+    /// A position beyond the geoid model.
     pub fn lift(
         &self,
         heights: &mut [f64],
@@ -160,7 +160,7 @@ impl VerticalShift {
     }
 }
 
-/// Whether longitudes and latitudes are those of WGS 84, or nearly.
+/// True if the CRS is WGS 84, or nearly.
 fn is_near(crs: &Crs, notes: &mut Vec<String>) -> bool {
     let known = |code: u32| Crs { epsg: Some(code), geographic: Some(true), ..Crs::default() };
     let is_one = |code: u32| crs.epsg == Some(code) || crs.agrees(&known(code));
@@ -188,11 +188,11 @@ fn check_world(map: &Affine, whole: [u32; 2]) -> Result<()> {
     ))
 }
 
-/// Degrees by which samples may be beyond the world: rounding.
+/// Tolerance in degrees for samples beyond the world, for rounding errors.
 const HAIR: f64 = 1e-9;
 
-/// A map to longitudes and latitudes, of a grid that is not turned, with ends that are a hair beyond 180 degrees or
-/// a pole on it.
+/// A map to longitudes and latitudes of an unrotated grid, with ends within the tolerance snapped to 180 degrees or a
+/// pole.
 pub fn into_world(map: Affine, [width, height]: [u32; 2]) -> Affine {
     let last = |samples: u32| f64::from(samples.saturating_sub(1));
     let [x0, a] = within([map.x0, map.a], last(width), 180.0);
@@ -200,7 +200,7 @@ pub fn into_world(map: Affine, [width, height]: [u32; 2]) -> Affine {
     Affine { x0, a, y0, e, ..map }
 }
 
-/// Where an axis begins, and its step.
+/// Start and step of an axis after snapping.
 fn within([start, step]: [f64; 2], last: f64, most: f64) -> [f64; 2] {
     let ends = [start, start + step * last];
     let back = |end: f64| if end.abs() - most < HAIR { end.clamp(-most, most) } else { end };

@@ -1,4 +1,4 @@
-//! Files read whole into a small part of the memory: grids of shifts, and geoids.
+//! Files held whole in a small part of the memory: datum shift grids and geoid models.
 
 use std::path::Path;
 
@@ -7,17 +7,17 @@ use crate::memory::short;
 use terrane_base::error::Result;
 use terrane_files::RawFile;
 
-/// A grid of shifts or a geoid may take one part in so many of the memory, beside what is divided.
+/// Maximum size of a shift grid or geoid model, as a fraction 1/`SHARE` of the memory.
 pub const SHARE: u64 = 8;
 
-/// All of a file that takes a small part of the memory.
+/// Reads a file that must fit into a small part of the memory.
 pub fn read(path: &Path, resources: &Resources) -> Result<Vec<u8>> {
     let file = RawFile::open(path).map_err(|e| e.remedy("check the name"))?;
     check_memory(file.size(), resources.memory).map_err(|e| e.in_file(path))?;
     file.read_vec(0, file.size())
 }
 
-/// Fails where a file that is held whole leaves too little memory for the rest.
+/// Fails if a file held in memory leaves too little for the rest.
 pub fn check_memory(bytes: u64, memory: u64) -> Result<()> {
     let needed = bytes.saturating_mul(SHARE);
     if needed <= memory {

@@ -1,36 +1,36 @@
-//! What slopes of a grid are on the ground: its axes, and its units.
+//! Slopes of a grid on the ground: its axes and its units.
 
 use crate::local_frame::spheroid;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, Rect, Spheroid};
 use terrane_raster::GridInfo;
 
-/// A matrix, row by row, that turns a slope by column and row into one on the ground.
+/// A matrix, row by row, that converts a slope by column and row into a slope on the ground.
 pub type Turn = [[f64; 2]; 2];
 
-/// How a slope by column and row lies on the ground.
+/// Conversion of slopes by column and row to slopes on the ground.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GroundScale {
     map: Affine,
     across: HorizontalUnit,
-    /// Metres of a unit of heights.
+    /// Metres per unit of height.
     rise: f64,
     notes: Vec<String>,
 }
 
-/// Metres of a unit of x and y.
+/// Metres per unit of x and y.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum HorizontalUnit {
     Everywhere(f64),
-    /// As long as a degree is at its latitude on the ellipsoid.
+    /// Degrees, with their length at each latitude of the ellipsoid.
     Degrees(Spheroid),
 }
 
 impl GroundScale {
-    /// Of a grid with a map that has an inverse.
+    /// The conversion for a grid with an invertible map.
     ///
     /// # Errors
-    /// Heights in a unit whose length is not known, an ellipsoid that is not known, latitudes beyond the poles.
+    /// Heights in an unknown unit, an unknown ellipsoid, latitudes beyond the poles.
     pub fn of(info: &GridInfo) -> Result<Self> {
         let mut notes = Vec::new();
         let across = across(&info.crs, &mut notes)?;
@@ -42,24 +42,24 @@ impl GroundScale {
         Ok(Self { map, across, rise, notes })
     }
 
-    /// What was taken for granted.
+    /// Assumptions, for the report.
     pub fn notes(&self) -> Vec<String> {
         self.notes.clone()
     }
 
-    /// Where a unit of x and y is so many units of heights.
+    /// A conversion with `scale` height units per unit of x and y.
     pub fn scaled(info: &GridInfo, scale: f64) -> Self {
         let across = HorizontalUnit::Everywhere(scale);
         Self { map: info.transform, across, rise: 1.0, notes: Vec::new() }
     }
 
-    /// Whether it is the same along a row.
+    /// True if it is constant along a row.
     pub fn is_by_row(&self) -> bool {
         !matches!(self.across, HorizontalUnit::Degrees(_)) || self.map.d == 0.0
     }
 
-    /// At a place in columns and rows: both slopes in units of height by column and row to those by metre east
-    /// and north.
+    /// The matrix at a column and row: converts both slopes from height units per column and row to slopes per metre
+    /// east and north.
     pub fn turn(&self, col: f64, row: f64) -> Turn {
         let Affine { a, b, d, e, .. } = self.map;
         let [east, north] = match self.across {
@@ -103,7 +103,7 @@ fn rise(crs: &Crs, across: HorizontalUnit, notes: &mut Vec<String>) -> Result<f6
     }
 }
 
-/// Fails where the middle of a cell lies beyond a pole. The map is affine: its corners tell.
+/// Fails if the centre of a cell is beyond a pole. The map is affine: checking corners suffices.
 fn check_latitudes(map: &Affine, Rect { width, height, .. }: Rect) -> Result<()> {
     let middle = |side: u32| [0.5, (f64::from(side) - 1.5).max(0.5)];
     let [columns, rows] = [width, height].map(middle);
@@ -126,7 +126,7 @@ mod tests {
         GridInfo { transform, crs, ..GridInfo::plain("test", 10, 10, SampleType::F64) }
     }
 
-    /// A tilted plane by column and row, so steep by x and y of the grid.
+    /// The slopes by column and row of a plane with the given slopes by x and y.
     fn by_lattice(map: &Affine, [by_x, by_y]: [f64; 2]) -> [f64; 2] {
         [by_x * map.a + by_y * map.d, by_x * map.b + by_y * map.e]
     }

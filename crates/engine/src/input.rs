@@ -1,4 +1,4 @@
-//! Any file with a surface in it, grid or mesh: opening it and measuring it, out of core.
+//! Opens and measures a surface from any file, grid or mesh, out of core.
 
 use std::io::Read;
 use std::path::Path;
@@ -13,7 +13,7 @@ use terrane_files::{is_made, path_of};
 use terrane_mesh::{self as mesh, MeshInfo, MeshSource};
 use terrane_raster::{self as raster, GridInfo, GridOpenOptions, GridSource};
 
-/// What a file turned out to hold.
+/// An opened surface.
 pub enum SurfaceInput {
     /// A grid of heights.
     Grid(Box<dyn GridSource>),
@@ -21,8 +21,8 @@ pub enum SurfaceInput {
     Mesh(Box<dyn MeshSource>),
 }
 
-/// Opens a grid or a mesh, told apart by the registries: first by the file's ending, then by its
-/// first bytes. An input may be a synthetic terrain by name; several are one mosaic.
+/// Opens a grid or a mesh, detected by file extension, then by the first bytes. An input may be a synthetic terrain by
+/// name; several inputs form one mosaic.
 pub fn open(inputs: &[String], options: &GridOpenOptions) -> Result<SurfaceInput> {
     match inputs {
         [one] if is_mesh(one)? => mesh::open(&path_of(one)).map(SurfaceInput::Mesh),
@@ -30,7 +30,7 @@ pub fn open(inputs: &[String], options: &GridOpenOptions) -> Result<SurfaceInput
     }
 }
 
-/// True when `input` is a mesh, false when it is a grid. Fails when it is neither, or unreadable.
+/// True if `input` is a mesh, false if it is a grid. Fails if it is neither, or unreadable.
 pub fn is_mesh(input: &str) -> Result<bool> {
     let path = &*path_of(raster::file_name(input));
     if mesh::split::is_split(path) {
@@ -77,7 +77,7 @@ fn head(path: &Path) -> Result<Vec<u8>> {
     Ok(head)
 }
 
-/// What the heights of a grid are.
+/// Height statistics of a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct GridStats {
     /// Samples with a height.
@@ -92,17 +92,15 @@ pub struct GridStats {
     pub std_dev: Option<f64>,
     /// Samples at the lowest height.
     pub at_min: u64,
-    /// The stored value to pass as nodata, when the lowest height looks like one that the file does
-    /// not declare.
+    /// Suggested nodata value: the stored lowest height, if it looks like an undeclared nodata value.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub suspected_nodata: Option<f64>,
 }
 
-/// Most samples a worker reads at once.
+/// Maximum samples per read of a worker.
 const WINDOW_SAMPLES: u64 = 1 << 20;
 
-/// Measures all heights of a grid, window by window. The result does not depend on the number of
-/// threads.
+/// Computes the height statistics of a grid, window by window. The result does not depend on the number of threads.
 pub fn grid_stats(
     grid: &dyn GridSource,
     resources: &Resources,
@@ -129,18 +127,18 @@ pub fn grid_stats(
     Ok(GridStats { suspected_nodata, ..stats })
 }
 
-/// Samples a worker may hold, at 8 bytes each: all workers together a quarter of the budget.
+/// Samples per worker, at 8 bytes each: all workers together use a quarter of the budget.
 pub fn window_samples(resources: &Resources) -> u64 {
     (resources.memory / 32 / resources.threads.max(1) as u64).clamp(1 << 12, WINDOW_SAMPLES)
 }
 
-/// A thread pool of the size asked for.
+/// A thread pool of the requested size.
 pub fn workers(resources: &Resources) -> Result<rayon::ThreadPool> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(resources.threads).build();
     pool.map_err(|e| Error::new(ErrorKind::Resource, format!("cannot start threads: {e}")))
 }
 
-/// Windows that cover a grid, row by row, along its blocks, each of about `most` samples or fewer.
+/// Windows that cover a grid, row by row, aligned to its blocks, of about `most` samples at most.
 fn windows(info: &GridInfo, most: u64) -> Vec<Rect> {
     let (block_cols, block_rows) = (info.block.0.max(1), info.block.1.max(1));
     let multiple = |of: u32, room: u64, end: u32| -> u32 {
@@ -161,7 +159,7 @@ fn windows(info: &GridInfo, most: u64) -> Vec<Rect> {
         .collect()
 }
 
-/// Count, extremes, mean and sum of squared deviations of some heights.
+/// Count, extremes, mean and sum of squared deviations of heights.
 #[derive(Clone, Copy)]
 struct HeightMoments {
     count: u64,
@@ -196,7 +194,7 @@ impl HeightMoments {
         Self { count, min, at_min, max, mean, squares }
     }
 
-    /// Both together (Chan, Golub & LeVeque 1979).
+    /// Merges two sets of statistics (Chan, Golub & LeVeque 1979).
     fn and(self, other: Self) -> Self {
         let count = self.count + other.count;
         if self.count == 0 || other.count == 0 {
@@ -233,11 +231,10 @@ impl HeightMoments {
     }
 }
 
-/// Vertices read at once.
+/// Vertices per read.
 const VERTEX_BATCH: u64 = 1 << 16;
 
-/// Smallest and largest coordinates of a mesh's vertices, `None` without vertices. Vertices that
-/// are not finite do not count.
+/// Minimum and maximum coordinates of a mesh's vertices, `None` without vertices. Ignores vertices that are not finite.
 pub fn mesh_bounds(
     mesh: &dyn MeshSource,
     progress: &dyn Progress,
@@ -259,20 +256,20 @@ pub fn mesh_bounds(
     Ok((bounds[0][0] <= bounds[1][0]).then_some(bounds))
 }
 
-/// Vertices that [`MeshSource::read_vertices`] can read.
+/// Number of vertices that [`MeshSource::read_vertices`] can read.
 pub fn vertex_count(mesh: &dyn MeshSource) -> u64 {
     let info = mesh.info();
     if info.indexed { info.vertices } else { info.triangles.saturating_mul(3) }
 }
 
-/// True when x and y of a mesh are longitudes and latitudes.
+/// True if x and y of a mesh are longitudes and latitudes.
 pub fn is_geographic(info: &MeshInfo) -> bool {
     // Only degrees are stored in a unit of their own along each axis.
     let [x, y, _] = info.scale;
     x != y || info.crs.as_deref().is_some_and(names_geographic)
 }
 
-/// True when a label such as "EPSG:4326 (WGS 84)" names a system of latitude and longitude.
+/// True if a label such as "EPSG:4326 (WGS 84)" names a geographic CRS.
 fn names_geographic(label: &str) -> bool {
     let digits = label.split("EPSG:").nth(1).unwrap_or_default();
     let code: String = digits.chars().take_while(char::is_ascii_digit).collect();

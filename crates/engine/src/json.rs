@@ -1,5 +1,5 @@
-//! Plans, tasks and reports as JSON. Values are passed as trait objects, so that the code that serializes a type is
-//! compiled once, and not again for each kind of output.
+//! Plans, tasks and reports as JSON. Values are trait objects, so that serialization code is compiled once per type and
+//! not once per output.
 
 use erased_serde::Serialize;
 use serde_json::{Result, Value};

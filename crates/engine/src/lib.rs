@@ -1,4 +1,4 @@
-//! What every job is made with: memory, threads and progress, options and operations, plans, files beside the input.
+//! The base of every job: memory, threads and progress, options and operations, plans, auxiliary files.
 
 // The derive of options names this crate.
 extern crate self as terrane_engine;
@@ -37,6 +37,6 @@ pub use resources::{Resources, ResourcesSetters, peak_memory};
 pub use terrane_base::Cancel;
 pub use trace::WorkSpan;
 
-/// Changed whenever the same job would write other bytes, or a plan has another form: plans of another
-/// revision are not gone on with. `tests/golden.rs` holds it to that.
+/// Incremented when the output bytes of a job or the form of plans change; plans of another revision are not resumed.
+/// Enforced by `tests/golden.rs`.
 pub const REVISION: u32 = 18;

@@ -1,15 +1,12 @@
-//! Where a mesh lies in a file of its own coordinates: for viewers, in metres; for printers, in
-//! millimetres of the print.
+//! Local coordinates of a mesh file: in metres for viewers, in millimetres of the print for printers.
 //!
-//! The map is affine along each axis, `stored = (position - origin) * scale`: planes stay planes and the
-//! vertical error stays what it is, so that reading undoes it and the proof holds. Degrees become metres
-//! east and north by the radii of curvature of the system's ellipsoid at the latitude in the middle; a
-//! plane that touches the ellipsoid there would bend with the distance, and heights with it.
+//! The map is affine along each axis, `stored = (position - origin) * scale`: it keeps planes and vertical errors, so
+//! that it can be inverted for verification. Degrees become metres east and north by the radii of curvature of the
+//! CRS's ellipsoid at the middle latitude; a tangent plane would distort heights with distance.
 //!
-//! Heights are rounded as they will be stored, scale and all, before the bound is kept
-//! (`geom::HeightQuantization`), and the proof has a formula of its own for what a stored height may be. A plane
-//! that touches the ellipsoid would take heights off by 8 m at 10 km, and no bound in the unit of the
-//! data would be one in the file.
+//! Heights are rounded as they will be stored, including the scale, before the bound is checked
+//! (`geom::HeightQuantization`); verification has its own formula for stored heights. A tangent plane would be off by 8
+//! m at 10 km, and a bound in data units would not hold in the file.
 
 use serde::{Deserialize, Serialize};
 use terrane_options::{OptionRange, OptionRule, Options};
@@ -47,12 +44,12 @@ const OF_PLACING: &[OptionRule] = &[
     OptionRule::NotWith("scale", &["keep_degrees"]),
 ];
 
-/// How a mesh lies in its file.
+/// Placement of a mesh in its file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StorageScale {
-    /// Stored units in one unit of x, y and z.
+    /// Stored units per unit of x, y and z.
     pub scale: Point3,
-    /// The stored unit, if it differs from the unit of the coordinates.
+    /// The stored unit, if it differs from the coordinates' unit.
     pub unit: Option<String>,
 }
 
@@ -63,18 +60,17 @@ impl Default for StorageScale {
 }
 
 impl StorageScale {
-    /// True where the file does not have the coordinates of the data.
+    /// True if the file has other coordinates than the data.
     pub fn is_local(&self) -> bool {
         *self != Self::default()
     }
 }
 
-/// Digits behind the point of an origin's x and y: a metre of degrees. The header of an STL has room for
-/// few.
+/// Decimals of the x and y of an origin: about a metre in degrees. An STL header has little space.
 const ORIGIN_DIGITS: i32 = 5;
 
 impl StorageScale {
-    /// An origin near `origin` that is told in few digits, where the file has coordinates of its own.
+    /// An origin near `origin` with few digits, for files with local coordinates.
     pub fn origin(&self, origin: Point3, [low, high]: [Point3; 2]) -> Point3 {
         let unit = 10_f64.powi(ORIGIN_DIGITS);
         let short = |axis: usize| {
@@ -87,11 +83,11 @@ impl StorageScale {
     }
 }
 
-/// Nearer to a pole than this a degree of longitude is no length to speak of.
+/// Maximum latitude: nearer to a pole, the length of a degree of longitude vanishes.
 const MAX_LATITUDE: f64 = 89.9;
 
 impl LocalFrame {
-    /// The option that asks for coordinates of the file's own, if any.
+    /// The option that requests local coordinates, if any.
     pub fn given(&self) -> Option<&'static str> {
         let options = [
             ("‹keep_degrees›", self.keep_degrees),
@@ -102,13 +98,12 @@ impl LocalFrame {
         options.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
     }
 
-    /// How a mesh of `crs` within `bounds` lies in a file of `format`, and what its user should know.
-    /// Vertices differ by `steps` at least.
+    /// The placement of a mesh of `crs` within `bounds` in a file of `format`, with notes for the user. `steps` is the
+    /// minimum distance of vertices.
     ///
     /// # Errors
-    /// What cannot be done: options of formats that keep the coordinates, degrees kept where there are
-    /// none, units that are not known to be lengths, places too near to a pole, sizes that the format
-    /// does not hold.
+    /// An option that the format does not support, degrees for a CRS that is not geographic, units of unknown length,
+    /// positions too near to a pole, sizes that exceed the format.
     pub fn place(
         &self,
         crs: &Crs,
@@ -160,8 +155,7 @@ impl LocalFrame {
         Ok((StorageScale { scale, unit: Some(unit.to_owned()) }, notes))
     }
 
-    /// Fails where the format, which holds f32, would not tell vertices apart, or not hold their
-    /// coordinates.
+    /// Fails if the format, which stores f32, would merge vertices, or if their coordinates overflow.
     fn check_size(
         &self,
         placed: &StorageScale,
@@ -195,7 +189,7 @@ impl LocalFrame {
         })
     }
 
-    /// For formats that have the coordinates of the data.
+    /// Formats that keep the coordinates of the data.
     fn keep(
         &self,
         is_geographic: bool,
@@ -211,7 +205,7 @@ impl LocalFrame {
         }
     }
 
-    /// Metres of the file for one of the ground.
+    /// Metres in the file per metre on the ground.
     fn shrink(&self, metres: Point3, [low, high]: [Point3; 2]) -> Result<f64> {
         let Some(size) = self.size else { return Ok(self.scale.unwrap_or(1.0)) };
         let side = |axis: usize| (high[axis] - low[axis]) * metres[axis];
@@ -223,7 +217,7 @@ impl LocalFrame {
     }
 }
 
-/// Metres.
+/// In metres.
 const MILLIMETRE: f64 = 1e-3;
 
 fn refusal(option: &str, why: &str) -> Error {
@@ -239,7 +233,7 @@ fn notes_on_degrees(is_geographic: bool, format: &MeshFormat) -> Vec<String> {
     if is_geographic { vec![note] } else { Vec::new() }
 }
 
-/// Metres in one unit of x, y and z in the middle of `bounds`.
+/// Metres per unit of x, y and z at the centre of `bounds`.
 fn metres(crs: &Crs, [low, high]: [Point3; 2]) -> Result<(Point3, Vec<String>)> {
     let mut notes = Vec::new();
     let across = crs.horizontal_unit();
@@ -272,10 +266,10 @@ fn metres(crs: &Crs, [low, high]: [Point3; 2]) -> Result<(Point3, Vec<String>)> 
     Ok(([x, y, z], notes))
 }
 
-/// The ellipsoid of longitudes and latitudes, with a note where that of the Earth is taken for granted.
+/// The ellipsoid of a geographic CRS, with a note if an Earth ellipsoid is assumed.
 ///
 /// # Errors
-/// An ellipsoid that the system tells in a way not known here.
+/// An ellipsoid in an unsupported form.
 pub fn spheroid(crs: &Crs, notes: &mut Vec<String>) -> Result<Spheroid> {
     Ok(crs.spheroid()?.unwrap_or_else(|| {
         notes.push("the ellipsoid is unknown; WGS 84 is assumed".to_owned());
@@ -283,7 +277,7 @@ pub fn spheroid(crs: &Crs, notes: &mut Vec<String>) -> Result<Spheroid> {
     }))
 }
 
-/// Metres of a degree of longitude and of one of latitude.
+/// Lengths in metres of a degree of longitude and of latitude.
 fn degree(spheroid: &Spheroid, latitude: f64) -> Result<[f64; 2]> {
     if latitude.abs() > MAX_LATITUDE || !latitude.is_finite() {
         return Err(Error::usage(format!("latitude {latitude} is outside -90 to 90 degrees"))
@@ -292,7 +286,7 @@ fn degree(spheroid: &Spheroid, latitude: f64) -> Result<[f64; 2]> {
     Ok(spheroid.degree_metres(latitude))
 }
 
-/// To seven digits: enough for any model, and few enough for the header of an STL.
+/// Rounds to seven digits: enough for any model, and few enough for an STL header.
 fn rounded(scale: Point3) -> Point3 {
     scale.map(|factor| format!("{factor:.6e}").parse().unwrap_or(factor))
 }

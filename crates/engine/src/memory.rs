@@ -1,15 +1,15 @@
-//! How the memory budget of a tile job is divided.
+//! Division of a tile job's memory budget.
 //!
 //! | share | bytes |
 //! |---|---|
-//! | the program itself: code, stacks, the allocator's slack, a sink's buffers; more in builds with checks | 16 MiB, 20 MiB |
-//! | each worker: the most a tile can need | given |
-//! | half of the rest, at most 1 GiB: decoded blocks of the input | [`MemoryShares::cache`] |
-//! | what is left, but for an eighth: unfinished mesh, and parts that wait for the writer | [`MemoryShares::mesh`] |
-//! | that eighth: holes between them, as they come and go in any size and order | |
+//! | program: code, stacks, allocator slack, sink buffers; more in debug builds | 16 MiB, 20 MiB |
+//! | each worker: the maximum of a tile | given |
+//! | decoded blocks of the input: half of the rest, at most 1 GiB | [`MemoryShares::cache`] |
+//! | unfinished mesh and parts waiting for the writer: seven eighths of the remainder | [`MemoryShares::mesh`] |
+//! | fragmentation between them: the last eighth | |
 //!
-//! Workers come first: a worker too many would break the budget, one too few costs time only, and
-//! what does not fit of the other two is read again or spilled. No result depends on it.
+//! Workers come first: a worker too many would break the budget, one too few costs only time. The other two are read
+//! again or spilled if they do not fit. The result does not depend on the division.
 
 use crate::Resources;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -18,27 +18,27 @@ use terrane_raster::{self as raster, GridOpenOptions, GridSource, Inputs};
 
 /// Bytes for the program itself.
 pub const PROGRAM: u64 = if cfg!(debug_assertions) { 20 << 20 } else { 16 << 20 };
-/// Least that is left beside the program, however little is allowed.
+/// Minimum memory beside the program, whatever the limit.
 const MIN_BESIDE: u64 = 4 << 20;
-/// Fewest bytes for cache and mesh together.
+/// Minimum bytes for cache and mesh together.
 const MIN_SHARED: u64 = 6 << 20;
-/// Most bytes for decoded blocks: more than a few rows of them are never read again.
+/// Maximum bytes for decoded blocks: more than a few rows of blocks are never read again.
 const MAX_CACHE: u64 = 1 << 30;
 
-/// What is left of `memory` beside the program; of less than the program takes, a little all the same.
+/// The memory left beside the program; a small minimum if `memory` is less than the program takes.
 pub fn beside_program(memory: u64) -> u64 {
     memory.saturating_sub(PROGRAM).max(memory.min(MIN_BESIDE))
 }
 
-/// Bytes for decoded blocks of a grid that is read beside other work of a job with `memory`.
+/// Bytes for decoded blocks of a grid that is read beside the main work of a job with `memory`.
 pub fn cache_beside(memory: u64) -> usize {
     usize::try_from(beside_program(memory) / 4).unwrap_or(usize::MAX)
 }
 
-/// One in so many bytes for unfinished mesh, or for what is held, is left to the allocator.
+/// One in `SLACK` bytes of unfinished mesh, or of held data, is left to the allocator.
 const SLACK: u64 = 8;
 
-/// So many bytes with what the allocator takes beside them.
+/// A number of bytes with the allocator's slack.
 pub fn with_slack(bytes: u64) -> u64 {
     // The inverse of m - m / 8, as `divide` leaves it.
     bytes + bytes / (SLACK - 1)
@@ -55,18 +55,18 @@ pub struct MemoryShares {
     pub mesh: u64,
 }
 
-/// Bytes that are enough for one worker of `worker` bytes and decoded blocks of `block` bytes.
+/// Bytes that suffice for one worker of `worker` bytes and decoded blocks of `block` bytes.
 pub fn least(worker: u64, block: u64) -> u64 {
     PROGRAM + worker + MIN_SHARED.max(2 * block)
 }
 
-/// Divides `memory` among up to `threads` workers that take `worker` bytes each. Fails with
-/// [`ErrorKind::Resource`] when not even one fits; the error says how much is needed.
+/// Divides `memory` among up to `threads` workers of `worker` bytes each. Fails with [`ErrorKind::Resource`] if not
+/// even one fits; the error states the required memory.
 pub fn divide(memory: u64, threads: usize, worker: u64) -> Result<MemoryShares> {
     divide_beside(memory, 0, threads, worker)
 }
 
-/// As [`divide`], beside so many bytes that are `held` all the time.
+/// As [`divide`], with `held` bytes in permanent use.
 fn divide_beside(memory: u64, held: u64, threads: usize, worker: u64) -> Result<MemoryShares> {
     let least = least(worker, 0).saturating_add(held);
     if memory < least {
@@ -82,12 +82,12 @@ fn divide_beside(memory: u64, held: u64, threads: usize, worker: u64) -> Result<
     Ok(MemoryShares { threads, cache, mesh: mesh - mesh / SLACK })
 }
 
-/// The error of a job whose workers take less where its tiles are smaller.
+/// Adds to the error that smaller tiles need less memory per worker.
 pub fn or_smaller_tiles(error: Error) -> Error {
     if error.kind() == ErrorKind::Resource { error.or("a smaller ‹tile›") } else { error }
 }
 
-/// The error of a job that takes `least` bytes.
+/// The error for a job that requires `least` bytes.
 pub fn too_little(memory: u64, least: u64) -> Error {
     let needed = least.div_ceil(1 << 20);
     let allowed = memory as f64 / (1 << 20) as f64;
@@ -97,25 +97,24 @@ pub fn too_little(memory: u64, least: u64) -> Error {
     )
 }
 
-/// The error of what memory does not hold, where so many bytes are `enough`.
+/// The error for too little memory, where `enough` bytes suffice.
 pub fn short(message: impl Into<String>, enough: u64) -> Error {
     let remedy = format!("pass ‹memory› {}M or more", enough.div_ceil(1 << 20));
     Error::new(ErrorKind::Resource, message).remedy(remedy)
 }
 
-/// Bytes of the polygons that points are within.
+/// Bytes of the clip polygons of point clouds.
 pub fn polygon_bytes(options: &cloud::CloudOpenOptions) -> u64 {
     options.filter.polygon.as_ref().map_or(0, |polygon| polygon.bytes())
 }
 
-/// What the polygons that points are within leave of the memory.
+/// The resources that the clip polygons of point clouds leave.
 pub fn beside_polygons(options: &cloud::CloudOpenOptions, resources: &Resources) -> Resources {
     let memory = resources.memory.saturating_sub(polygon_bytes(options));
     Resources { memory, ..resources.clone() }
 }
 
-/// Does work with what the polygons that points are within leave of the memory; where that does not suffice, they are
-/// named.
+/// Does work with the memory that the clip polygons of point clouds leave; an error for too little memory names them.
 pub fn with_polygons<T>(
     options: &cloud::CloudOpenOptions,
     resources: &Resources,
@@ -135,7 +134,7 @@ pub fn with_polygons<T>(
     })
 }
 
-/// A remedy that advises so many MiB more.
+/// A remedy that asks for a number of MiB more.
 fn with_more(remedy: &str, more: u64) -> String {
     let advised = || {
         let (before, rest) = remedy.split_once("‹memory› ")?;
@@ -145,12 +144,12 @@ fn with_more(remedy: &str, more: u64) -> String {
     advised().unwrap_or_else(|| remedy.to_owned())
 }
 
-/// An opened grid and how its memory is divided.
+/// An opened grid with its memory shares.
 pub type Opened = (Box<dyn GridSource>, MemoryShares);
 
-/// Divides the memory among workers that take `worker` bytes each, and opens `input` with its share:
-/// with fewer workers where one block of it does not fit beside all. Where the memory does not suffice,
-/// the error says how much does, for the blocks of this input, too.
+/// Divides the memory among workers of `worker` bytes each, and opens `input` with its share; uses fewer workers if a
+/// block of the input does not fit beside all. The error for too little memory states how much suffices, including the
+/// blocks of this input.
 pub fn open(
     input: &Inputs,
     options: &GridOpenOptions,
@@ -160,7 +159,7 @@ pub fn open(
     open_beside(0, input, options, resources, worker)
 }
 
-/// As [`open`], beside so many bytes that are `held` all the time.
+/// As [`open`], with `held` bytes in permanent use.
 pub fn open_beside(
     held: u64,
     input: &Inputs,
@@ -189,7 +188,7 @@ pub fn open_beside(
     }
 }
 
-/// The error that tells how much memory is enough; `None` where none is.
+/// The error that states how much memory suffices; `None` if no amount does.
 fn enough(
     held: u64,
     input: &Inputs,
@@ -208,7 +207,7 @@ fn enough(
     })
 }
 
-/// Opens a grid only to learn what it is: no block of it is ever held.
+/// Opens a grid for its metadata only: no block is ever held.
 pub fn open_for_estimate(input: &Inputs, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     let options = GridOpenOptions { cache_bytes: usize::MAX >> 8, threads: 1, ..options.clone() };
     raster::open_all(input.names(), &options)

@@ -1,11 +1,10 @@
-//! Operations: what can be done with grids and features, in one struct of options each, which every door is made from.
+//! Operations on grids, point clouds and features: one struct of options each, from which all interfaces are derived.
 //!
-//! The command line takes the options by name, Rust by setters of [`Job`], Python by keywords; all come to
-//! [`Operation::run`].
+//! The command line takes options by name, Rust by setters of [`Job`], Python by keywords; all call [`Operation::run`].
 //!
-//! Setters are traits, as a crate cannot add methods to a type of another: [`Job`] is of this crate, the structs of
-//! options are of the crates of their subjects. The list of all operations is in the package `terrane`, which alone
-//! knows all subjects.
+//! Setters are traits, as a crate cannot add methods to another crate's type: [`Job`] belongs to this crate, the
+//! structs of options to the crates of their subjects. The package `terrane`, which depends on all of them, lists the
+//! operations.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -33,16 +32,17 @@ use terrane_mesh::split;
 use terrane_raster::{self as raster, Inputs};
 use terrane_vector as vector;
 
-/// A struct of options that has a group of them.
+/// Structs of options that contain a group.
 pub trait HasGroup<G> {
     /// The group.
     fn part(&self) -> &G;
 
-    /// The same to change it.
+    /// The group, mutable.
     fn part_mut(&mut self) -> &mut G;
 }
 
-/// Says that structs of options that have a group have the groups in it, too:
+/// Implements `HasGroup` for the groups nested in a group: `has_within!(SlopeOptions AspectOptions: DerivativeOptions
+/// => [GridInput GridOutput])`.
 /// `has_within!(SlopeOptions AspectOptions: DerivativeOptions => [GridInput GridOutput])`.
 #[macro_export]
 macro_rules! has_within {
@@ -62,8 +62,8 @@ macro_rules! has_within {
     )+};
 }
 
-/// Whoever has a group of this crate has the group in it. Only the crate of [`HasGroup`] can say so of all structs; others name
-/// them with [`has_within`](crate::has_within).
+/// Implements [`HasGroup`] for groups of this crate nested in another group, for all structs of options. Only the crate of
+/// [`HasGroup`] can do so; others list the structs with [`has_within`](crate::has_within).
 macro_rules! has_nested {
     ($($group:ty => $inner:ty),+) => {$(
         impl<O: HasGroup<$group>> HasGroup<$inner> for O {
@@ -80,23 +80,23 @@ macro_rules! has_nested {
 
 has_nested!(CloudInput => PointFilter, FileOutput => Replacing);
 
-/// What an operation reads.
+/// Input kind of an operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reads {
     /// A grid.
     Grid,
-    /// A cloud of points.
+    /// A point cloud.
     Cloud,
     /// Features: lines, polygons and points.
     Features,
 }
 
-/// What an operation writes.
+/// Output kind of an operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Writes {
-    /// A grid, in any format that is written.
+    /// A grid, in any supported format.
     Grid,
-    /// Colours, in a format that holds them.
+    /// Colours, in a format that supports them.
     Colours,
     /// A mesh: a file, or a folder of files.
     Mesh,
@@ -112,12 +112,12 @@ pub enum Writes {
     Page,
 }
 
-/// A group of options that says how what an operation reads is read.
+/// A group of options for reading the input of an operation.
 pub trait InputOptions: Options + Clone {
-    /// What it is.
+    /// Kind of input.
     const READS: Reads;
 
-    /// The files that names stand for.
+    /// The files that names and patterns expand to.
     ///
     /// # Errors
     /// Folders and patterns without files.
@@ -152,88 +152,88 @@ impl InputOptions for FeatureInput {
     }
 }
 
-/// What a run reads and writes, and who watches it.
+/// Input, output and watchers of a run.
 #[derive(Clone, Copy)]
 pub struct RunRequest<'a> {
-    /// Files of the grid, of the cloud, or of features.
+    /// Files of the grid, point cloud or features.
     pub inputs: &'a Inputs,
     /// File to write.
     pub output: &'a Path,
-    /// Files that were left out of the inputs, as they cannot be read.
+    /// Unreadable files that are left out of the inputs.
     pub skipped: &'a [Skipped],
-    /// Whether errors are measured for the report where that takes time.
+    /// Whether to measure errors for the report if that takes time.
     pub is_measured: bool,
-    /// Who is told how far it is.
+    /// Progress watcher.
     pub progress: &'a dyn Progress,
-    /// What may stop it.
+    /// Cancellation.
     pub cancel: &'a Cancel,
 }
 
-/// Something that is made of a grid, a cloud or features: a struct of options.
+/// An operation on a grid, point cloud or features: a struct of options.
 pub trait Operation:
     Options + Clone + fmt::Debug + Send + Sync + 'static + HasGroup<Resources> + HasGroup<Self::Input>
 {
-    /// Its name, which is that of its verb, with dashes; behind `cloud-` where the verb makes the same of grids.
+    /// Name, equal to the verb, with dashes; with the prefix `cloud-` if the verb also exists for grids.
     const NAME: &'static str;
-    /// How what it reads is read.
+    /// Options for reading the input.
     type Input: InputOptions;
-    /// What it writes.
+    /// Kind of output.
     const WRITES: Writes;
-    /// What is told of a run.
+    /// Report type.
     type Report: Serialize + Send;
 
-    /// True where the output is a folder.
+    /// True if the output is a folder.
     fn is_folder(&self) -> bool {
         Self::WRITES == Writes::Tiles
     }
 
-    /// What can be known to be wrong before the grid is opened, beside ranges and rules of the options.
+    /// Checks the options before the grid is opened, beyond their ranges and rules.
     ///
     /// # Errors
-    /// An output or options that cannot be.
+    /// An invalid output or invalid options.
     fn check(&self, output: &Path) -> Result<()>;
 
-    /// Makes it. Nothing appears under the output's name unless it succeeds.
+    /// Runs the operation. Nothing appears under the output's name unless it succeeds.
     ///
     /// # Errors
-    /// Those of [`check`](Self::check); what is wrong with the grid, the output or the machine.
+    /// The errors of [`check`](Self::check); faults of the grid, the output or the machine.
     fn run(&self, request: RunRequest<'_>) -> Result<Self::Report>;
 }
 
-/// An operation that can be divided into tasks, for many nights or many machines.
+/// An operation that can be divided into tasks, for several runs or machines.
 pub trait Divisible: Operation {
     /// The kind of its plans.
     const KIND: PlanKind;
-    /// What a task has so many of, for people.
+    /// Unit of the task size.
     const TASK_SIZE: &'static str;
-    /// What is told of its plan beside what is told of all.
+    /// Status report fields of its plans.
     type Status: Serialize;
-    /// What is told of work on its plan beside what is told of all.
+    /// Run report fields of its plans.
     type Done: Serialize + DescribesRun;
 
-    /// Writes down the work in a folder, which is the request's output; each task has so many of what
-    /// [`TASK_SIZE`](Self::TASK_SIZE) says, or as many as make a fair piece of work.
+    /// Writes a plan into a folder, the request's output. [`TASK_SIZE`](Self::TASK_SIZE) names the unit of the task
+    /// size; the default is a task of moderate size.
     ///
     /// # Errors
-    /// Those of [`run`](Operation::run) that are found before the work; options that cannot act in pieces; a folder that
-    /// holds another plan or other files.
+    /// The errors of [`run`](Operation::run) that are found before the work; options that plans do not support; a
+    /// folder with another plan or other files.
     fn plan(
         &self,
         request: RunRequest<'_>,
         task_size: Option<u32>,
     ) -> Result<StatusReport<Self::Status>>;
 
-    /// How far the work on its plan in a folder has come; results are looked at, not read through.
+    /// Progress of its plan in a folder; checks results quickly, without reading them through.
     ///
     /// # Errors
-    /// A folder without such a plan.
+    /// The folder has no such plan.
     fn status(folder: &Path) -> Result<StatusReport<Self::Status>>;
 
-    /// Works on its plan. What is written is what [`run`](Operation::run) writes, byte for byte, whoever did which task how
-    /// often.
+    /// Runs its plan. The output is byte for byte that of [`run`](Operation::run), however the tasks were distributed
+    /// or repeated.
     ///
     /// # Errors
-    /// Those of [`run`](Operation::run), and of any [`RunJob`].
+    /// The errors of [`run`](Operation::run) and of any [`RunJob`].
     fn run_plan(
         job: &RunJob,
         progress: &dyn Progress,
@@ -241,18 +241,18 @@ pub trait Divisible: Operation {
     ) -> Result<RunReport<Self::Done>>;
 }
 
-/// What a run is asked for.
+/// The call of an operation with options by name.
 pub struct OperationCall<'a> {
-    /// What it reads and writes.
+    /// Input and output.
     pub request: RunRequest<'a>,
-    /// How inputs are read, by the names of options, unless one of these says otherwise.
+    /// Reading options by name; `options` takes precedence.
     pub reading: Map<String, Json>,
     /// Options by name.
     pub options: &'a Map<String, Json>,
 }
 
 impl OperationCall<'_> {
-    /// All that is given, by name.
+    /// All given options, by name.
     fn given(&self) -> Map<String, Json> {
         let mut given = self.reading.clone();
         given.extend(self.options.clone());
@@ -260,21 +260,21 @@ impl OperationCall<'_> {
     }
 }
 
-/// Options by name that go together; those of `given` that ask for anything count as given.
+/// Fills in options by name and checks their combination; options of `given` that are not off count as given.
 fn filled<O: Options>(all: &Map<String, Json>, given: &Map<String, Json>) -> Result<O> {
     let options: O = fill(all)?;
     check_given(&options, &given_names(O::TABLE, given))?;
     Ok(options)
 }
 
-/// The names of the options by which something is asked for: null, `false` of a flag and the like ask for nothing.
+/// The names of options that are set: null, `false` of a flag and the like are not.
 pub fn given_names(table: &'static OptionTable, given: &Map<String, Json>) -> Vec<&'static str> {
     let fields = given.iter().filter_map(|(name, value)| Some((table.find(name)?, value)));
     let asked = fields.filter(|(field, value)| field.is_given(value));
     asked.map(|(field, _)| field.name).collect()
 }
 
-/// Fails for options by name that are none, or do not go together.
+/// Fails for unknown options or invalid combinations.
 ///
 /// # Errors
 /// Usage: the first of these.
@@ -289,7 +289,7 @@ pub(crate) fn divide<O: Divisible>(call: &OperationCall<'_>, task_size: Option<u
     plan_of(&options, call.request, task_size).map(drop)
 }
 
-/// Fails for options that say something of a run alone.
+/// Fails for options that apply to runs only.
 fn refuse_of_runs<O: Options>(options: &O) -> Result<()> {
     let given = changed(options);
     let of_runs = O::TABLE.fields().into_iter().filter(|field| field.role == OptionRole::Run);
@@ -301,10 +301,10 @@ fn refuse_of_runs<O: Options>(options: &O) -> Result<()> {
     })
 }
 
-/// Plans what options say, none of which is for runs alone.
+/// Plans with options that do not apply to runs only.
 ///
 /// # Errors
-/// Those of [`Divisible::plan`], and of the options.
+/// The errors of [`Divisible::plan`] and of the options.
 pub fn plan_of<O: Divisible>(
     options: &O,
     request: RunRequest<'_>,
@@ -328,14 +328,14 @@ pub(crate) fn check_options<O: Operation>(given: &Map<String, Json>, output: &Pa
     filled::<O>(given, given)?.check(output)
 }
 
-/// All that can be known to be wrong before the work.
+/// Checks everything that can be checked before the work.
 fn check_all<O: Operation>(options: &O, request: RunRequest<'_>) -> Result<()> {
     check(options)?;
     options.check(request.output)?;
     not_read(options, request)
 }
 
-/// Fails when the output is a file that is read.
+/// Fails if the output is an input file.
 fn not_read<O: Operation>(
     options: &O,
     RunRequest { inputs, output, .. }: RunRequest<'_>,
@@ -346,10 +346,10 @@ fn not_read<O: Operation>(
     not_among(&[files, read_beside(options)?].concat(), &[output])
 }
 
-/// The files that options name, and that are read.
+/// The input files named by options.
 ///
 /// # Errors
-/// Those of finding the files of a grid.
+/// The errors of finding the files of a grid.
 pub fn read_beside<O: Options>(options: &O) -> Result<Vec<String>> {
     let values = to_map(options);
     let mut files = Vec::new();
@@ -364,8 +364,7 @@ pub fn read_beside<O: Options>(options: &O) -> Result<Vec<String>> {
     Ok(files)
 }
 
-/// An amount of memory: a number of bytes, or a text such as `"512M"` or `"4GiB"`. A text that is none
-/// fails the job it was given to.
+/// An amount of memory: a number of bytes, or a text such as `"512M"` or `"4GiB"`. An invalid text makes the job fail.
 ///
 /// ```
 /// use terrane_engine::operation::Memory;
@@ -376,10 +375,10 @@ pub fn read_beside<O: Options>(options: &O) -> Result<Vec<String>> {
 pub struct Memory(std::result::Result<u64, String>);
 
 impl Memory {
-    /// So many bytes.
+    /// The number of bytes.
     ///
     /// # Errors
-    /// Usage: a text that is no amount.
+    /// Usage: an invalid text.
     pub fn bytes(&self) -> Result<u64> {
         self.0.clone().map_err(|text| {
             Error::usage(format!("{text:?} is not an amount of memory"))
@@ -406,20 +405,20 @@ impl From<String> for Memory {
     }
 }
 
-/// An operation on some files, or on something in memory, to be told its options by setters and to be run by
-/// [`write`](Self::write) or what else ends it.
+/// An operation on files or on data in memory. Setters set its options; [`write`](Self::write) or another final method
+/// runs it.
 pub struct Job<'a, O, S = Inputs> {
     source: S,
     options: O,
     memory: Option<Memory>,
     progress: Box<dyn Progress + Send>,
     cancel: Cancel,
-    /// What is in memory has to stay there.
+    /// Borrows data in memory.
     held: PhantomData<&'a ()>,
 }
 
 impl<O, S> Job<'_, O, S> {
-    /// The options, to change them.
+    /// The options, mutable.
     pub fn options_mut(&mut self) -> &mut O {
         &mut self.options
     }
@@ -431,26 +430,26 @@ impl<O, S> Job<'_, O, S> {
 }
 
 impl<O: Options + HasGroup<Resources>, S> Job<'_, O, S> {
-    /// The operation on some files, or on something else.
+    /// An operation on a source: files, or data in memory.
     pub fn new(source: S, options: O) -> Self {
         let (progress, cancel) = (Box::new(Silent), Cancel::default());
         Self { source, options, memory: None, progress, cancel, held: PhantomData }
     }
 
-    /// The options as they are by now.
+    /// The current options.
     pub fn options(&self) -> &O {
         &self.options
     }
 
-    /// All of the options, instead of those that were told before.
+    /// Replaces all options.
     pub fn with(self, options: O) -> Self {
         Self { options, ..self }
     }
 
-    /// Options by name, beside those that were told before.
+    /// Sets options by name, in addition to the current ones.
     ///
     /// # Errors
-    /// Usage: a name of no option, a value that is none, options that do not go together.
+    /// Usage: an unknown name, an invalid value, an invalid combination of options.
     pub fn with_named(self, given: &Map<String, Json>) -> Result<Self> {
         let mut all = changed(&self.options);
         all.extend(given.clone().into_iter().filter(|(_, value)| !value.is_null()));
@@ -458,26 +457,26 @@ impl<O: Options + HasGroup<Resources>, S> Job<'_, O, S> {
         Ok(Self { options, ..self })
     }
 
-    /// Most memory for everything the job holds: bytes, or a text such as `"512M"`. Half of the machine's, at most
-    /// 4 GiB, unless told otherwise. No result depends on it.
+    /// Memory limit of the whole job: bytes, or a text such as `"512M"`. The default is half of the machine's memory,
+    /// at most 4 GiB. The result does not depend on it.
     pub fn memory(self, most: impl Into<Memory>) -> Self {
         Self { memory: Some(most.into()), ..self }
     }
 
-    /// Who is told how far the job is.
+    /// Sets the progress watcher.
     pub fn progress(self, told: impl Progress + Send + 'static) -> Self {
         Self { progress: Box::new(told), ..self }
     }
 
-    /// What may stop the job: once cancelled, it fails with [`ErrorKind::Interrupted`] and leaves nothing behind.
+    /// Sets the cancellation: once cancelled, the job fails with [`ErrorKind::Interrupted`] and leaves nothing behind.
     pub fn cancel(self, by: &Cancel) -> Self {
         Self { cancel: by.clone(), ..self }
     }
 
-    /// Does something with what the job is about, its options, and those who watch it.
+    /// Calls `act` with the source, the options and the watchers of the job.
     ///
     /// # Errors
-    /// Those of `act`; a text that is no amount of memory.
+    /// The errors of `act`; an invalid amount of memory.
     pub fn act<T>(
         mut self,
         act: impl FnOnce(S, &O, &dyn Progress, &Cancel) -> Result<T>,
@@ -504,11 +503,11 @@ impl<O: Options + HasGroup<Resources>> Job<'_, O> {
 }
 
 impl<O: Operation> Job<'_, O> {
-    /// Does the work and writes the file, within the memory allowed.
+    /// Runs the job and writes the file, within the memory limit.
     ///
     /// # Errors
-    /// Options out of their range, or that do not go together; damage in the input; too little memory; an output that
-    /// exists or cannot be written; cancelled.
+    /// Options out of range or in an invalid combination; damage in the input; too little memory; an output that exists
+    /// or cannot be written; cancelled.
     pub fn write(self, path: impl Into<PathBuf>) -> Result<O::Report> {
         self.with_request(&path.into(), |options, request| {
             check_all(options, request)?;
@@ -518,7 +517,7 @@ impl<O: Operation> Job<'_, O> {
 }
 
 impl<O: HasGroup<GridOutput>, S> Job<'_, O, S> {
-    /// A creation option of the format, such as `COMPRESS`, `DEFLATE`; one more each time.
+    /// Adds a creation option of the format, such as `COMPRESS`, `DEFLATE`.
     #[must_use]
     pub fn creation(mut self, key: impl Into<String>, value: impl Into<String>) -> Self {
         self.options.part_mut().co.push((key.into(), value.into()));

@@ -1,4 +1,4 @@
-//! Groups of options that several operations have.
+//! Groups of options shared by several operations.
 
 mod codecs;
 
@@ -43,17 +43,17 @@ pub struct GridInput {
 }
 
 impl GridInput {
-    /// A whole grid with the water of a file, if any.
+    /// A whole grid with the water features of a file, if any.
     pub fn with_water(water: Option<String>) -> Self {
         Self { water, ..Self::default() }
     }
 
-    /// The same of the whole grid.
+    /// The same without the bounding box.
     pub fn unbounded(&self) -> Self {
         Self { bounds: None, ..self.clone() }
     }
 
-    /// Fails when something else is said than which part is meant, as what is read is a mesh.
+    /// Fails if options other than the bounding box are set, as the input is a mesh.
     pub fn refuse_for_meshes(&self) -> Result<()> {
         let given = changed(&self.unbounded());
         let Some(name) = given.keys().next() else { return Ok(()) };
@@ -128,7 +128,7 @@ pub struct Constraints {
 }
 
 impl Constraints {
-    /// The same wherever the process works.
+    /// The same with absolute paths.
     pub fn absolute(&self) -> Result<Self> {
         let absolute =
             |name: &Option<String>| name.as_deref().map(feature_files::absolute).transpose();
@@ -173,7 +173,7 @@ pub struct Resuming {
 }
 
 impl Resuming {
-    /// Whether there has to be room on the disk.
+    /// Whether to check free disk space.
     pub fn disk(&self) -> DiskCheck {
         if self.disk_check { DiskCheck::On } else { DiskCheck::Off }
     }
@@ -203,7 +203,7 @@ pub struct GridOutput {
 }
 
 impl GridOutput {
-    /// The options of the format by name, in whatever order they were given.
+    /// The format's creation options, sorted by name.
     pub fn in_order(&self) -> Vec<(String, String)> {
         let mut creation = self.co.clone();
         creation.sort();
@@ -230,7 +230,7 @@ const OF_REPROJECTION: &[OptionRule] =
     &[OptionRule::Needs("shift_grid", &["to_crs"]), OptionRule::Needs("geoid", &["to_crs"])];
 
 impl Reprojection {
-    /// What is to be done, if anything.
+    /// The reprojection, if any.
     pub fn transform(&self) -> Option<TargetCrs> {
         let (shift_grid, geoid) = (self.shift_grid.clone(), self.geoid.clone());
         self.to_crs.clone().map(|target| TargetCrs { target, shift_grid, geoid })

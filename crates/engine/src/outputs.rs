@@ -1,4 +1,4 @@
-//! Outputs that would take the place of what is read.
+//! Checks that outputs do not overwrite inputs.
 
 use std::path::{Path, PathBuf};
 
@@ -18,8 +18,7 @@ pub fn not_among(files: &[String], outputs: &[&Path]) -> Result<()> {
     })
 }
 
-/// Fails when two of the files are one and the same: one would be replaced by the other. Outputs
-/// need not exist yet.
+/// Fails if two of the files are the same, as one would replace the other. Outputs need not exist yet.
 fn distinct(files: &[&Path]) -> Result<()> {
     for (i, &file) in files.iter().enumerate() {
         if files[..i].iter().any(|&other| is_same(file, other)) {
@@ -29,7 +28,7 @@ fn distinct(files: &[&Path]) -> Result<()> {
     Ok(())
 }
 
-/// Fails when an output is a file that a grid is made of, however that is named.
+/// Fails if an output is a file of a grid, under any name.
 pub fn not_member(source: &dyn GridSource, output: &Path) -> Result<()> {
     match source.members().iter().any(|member| is_same(member, output)) {
         true => Err(taken(output)),
@@ -43,11 +42,11 @@ fn taken(file: &Path) -> Error {
         .remedy("choose another name")
 }
 
-/// Endings that name a file of points, of tiles of others, or of a tile.
+/// File extensions of point clouds, tilesets and tiles.
 const OF_FILES: [&str; 11] =
     ["las", "laz", "copc", "pmtiles", "mbtiles", "3tz", "zip", "tar", "terrain", "b3dm", "subtree"];
 
-/// The ending of a name, where it is that of a file of some format.
+/// The extension of a name, if it belongs to a known format.
 fn known_ending(output: &Path) -> Option<String> {
     let ending = output.extension()?.to_str()?.to_lowercase();
     let all = [
@@ -59,7 +58,7 @@ fn known_ending(output: &Path) -> Option<String> {
     all.concat().into_iter().any(|known| *known == ending).then_some(ending)
 }
 
-/// Fails for the name of a file in place of a folder's, by its ending.
+/// Fails if the name of a folder has a file extension.
 pub fn refuse_file_name(output: &Path) -> Result<()> {
     let Some(ending) = known_ending(output) else { return Ok(()) };
     Err(Error::usage(format!(
@@ -69,18 +68,18 @@ pub fn refuse_file_name(output: &Path) -> Result<()> {
     .remedy("name a folder without this extension"))
 }
 
-/// Fails for a name that says another format than that of the file.
+/// Fails if the extension of a name differs from the file's format.
 pub fn refuse_other_name<F: FileFormat>(format: &F, output: &Path) -> Result<()> {
     let is_other = known_ending(output).is_some() && !format.has_extension_of(output);
     if is_other { Err(format.wrong_ending(output)) } else { Ok(()) }
 }
 
-/// True for two names of one file.
+/// True if both names refer to one file.
 pub fn is_same(a: &Path, b: &Path) -> bool {
     place(a) == place(b)
 }
 
-/// Where a file really is, links followed; one that is not there yet by its folder.
+/// The resolved path of a file, links followed; for a missing file by its folder.
 pub fn place(path: &Path) -> PathBuf {
     std::fs::canonicalize(path).unwrap_or_else(|_| {
         let path = atomic::resolve(path).unwrap_or_else(|_| path.to_path_buf());
@@ -90,7 +89,7 @@ pub fn place(path: &Path) -> PathBuf {
     })
 }
 
-/// Fails when `path` does not end in one of `endings`.
+/// Fails if `path` does not end in one of `endings`.
 pub fn check_ending(path: &Path, endings: &[&str], what: &str) -> Result<()> {
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     if endings.contains(&ending.as_str()) {

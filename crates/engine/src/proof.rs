@@ -1,4 +1,4 @@
-//! Proofs of written files, and reports on any files.
+//! Verification of written files, and reports on any files.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -11,31 +11,31 @@ use terrane_raster::Inputs;
 use crate::operation::{HasGroup, Job};
 use crate::{Cancel, Progress, Resources};
 
-/// A file or folder that was written, and what it was made from.
+/// A written file or folder and its source.
 #[derive(Clone, Debug)]
 pub struct WrittenOutput {
     /// The file or folder.
     pub file: PathBuf,
-    /// What it was made from.
+    /// The source.
     pub original: Inputs,
 }
 
-/// The result of a proof.
+/// Result of a verification.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ProofVerdict {
-    /// True when no promise is known to be broken.
+    /// True if no promise is known to be broken.
     pub passed: bool,
-    /// True when all that is promised was judged.
+    /// True if all promises were checked.
     pub judged: bool,
     /// One sentence for each broken promise.
     pub failures: Vec<String>,
-    /// What is promised and could not be judged.
+    /// Promises that could not be checked.
     pub not_judged: Vec<String>,
 }
 
 impl ProofVerdict {
-    /// A verdict with these broken promises, and with what could not be judged.
+    /// A verdict with these broken promises and unchecked promises.
     pub fn of(failures: Vec<String>, not_judged: Vec<String>) -> Self {
         let (passed, judged) = (failures.is_empty(), not_judged.is_empty());
         Self { passed, judged, failures, not_judged }
@@ -47,27 +47,26 @@ impl ProofVerdict {
         self.failures.push(failure);
     }
 
-    /// Adds what could not be judged.
+    /// Adds an unchecked promise.
     pub fn leave(&mut self, what: String) {
         self.judged = false;
         self.not_judged.push(what);
     }
 }
 
-/// A proof that a written file keeps its promises, by code that shares nothing with the code that wrote it: a struct of
-/// options.
+/// Verifies the promises of a written file, by code that is independent of the writer: a struct of options.
 pub trait OutputProof:
     Options + Clone + fmt::Debug + Send + Sync + 'static + HasGroup<Resources>
 {
-    /// What is proved, for people, such as "meshes of grids".
+    /// Kind of the verified files, such as "meshes of grids".
     const OF: &'static str;
-    /// What is told of it.
+    /// Report type.
     type Report: Serialize + Send;
 
-    /// The proof of what was written. A broken promise is no error but a report that says so.
+    /// Verifies a written file. A broken promise is reported, and is not an error.
     ///
     /// # Errors
-    /// What keeps the proof from being done: files that cannot be read, too little memory; cancelled.
+    /// Files that cannot be read; too little memory; cancelled.
     fn prove(
         &self,
         written: &WrittenOutput,
@@ -75,16 +74,16 @@ pub trait OutputProof:
         cancel: &Cancel,
     ) -> Result<Self::Report>;
 
-    /// The verdict of a report.
+    /// The verdict in a report.
     fn verdict(report: &Self::Report) -> &ProofVerdict;
 }
 
 impl<O: OutputProof> Job<'_, O, WrittenOutput> {
-    /// Does the proof. A broken promise is no error, but a report: its `verdict` has not `passed`, and its `failures` say
-    /// what and where; `judged` is true when all that is promised was looked at.
+    /// Runs the verification. A broken promise is reported, and is not an error: the `verdict` has not `passed`, and
+    /// its `failures` name each broken promise and its place; `judged` is true if all promises were checked.
     ///
     /// # Errors
-    /// Options that do not go together; files that cannot be read or compared; too little memory; cancelled.
+    /// Invalid combinations of options; files that cannot be read or compared; too little memory; cancelled.
     pub fn run(self) -> Result<O::Report> {
         self.act(|written, options, progress, cancel| {
             check(options)?;
@@ -97,12 +96,12 @@ impl<O: OutputProof> Job<'_, O, WrittenOutput> {
 pub trait Inspection:
     Options + Clone + fmt::Debug + Send + Sync + 'static + HasGroup<Resources>
 {
-    /// The kind of files, for people, such as "grids".
+    /// Kind of the files, such as "grids".
     const OF: &'static str;
-    /// What is told.
+    /// Report type.
     type Report: Serialize + Send;
 
-    /// What files are, out of core.
+    /// Reports on files, out of core.
     ///
     /// # Errors
     /// Files that cannot be read, or are of another kind; too little memory; cancelled.
@@ -115,10 +114,10 @@ pub trait Inspection:
 }
 
 impl<O: Inspection> Job<'_, O> {
-    /// Looks at the files and tells what they are.
+    /// Reports on the files.
     ///
     /// # Errors
-    /// Options that do not go together; files that cannot be read; too little memory; cancelled.
+    /// Invalid combinations of options; files that cannot be read; too little memory; cancelled.
     pub fn run(self) -> Result<O::Report> {
         self.act(|inputs, options, progress, cancel| {
             check(options)?;

@@ -1,4 +1,4 @@
-//! How a grid is read: its band, its voids, its water, and the polygons it is clipped to; and which points of a cloud.
+//! Reading options of a grid (band, voids, water, clip polygons) and of point clouds.
 
 use std::num::NonZeroU32;
 use std::path::PathBuf;
@@ -16,12 +16,12 @@ use terrane_raster::{Clip, ClipRings, GridOpenOptions};
 use terrane_vector::Feature;
 
 impl GridInput {
-    /// How to open the grid, with so many bytes for decoded blocks. Reads all polygons, and all water; of
-    /// TopoJSON those of its first object.
+    /// Open options of the grid, with `cache_bytes` for decoded blocks. Reads all clip polygons and water features;
+    /// from TopoJSON its first object.
     ///
     /// # Errors
-    /// Whatever the reader of the polygons' format finds; a feature with anything else than polygons in it, by
-    /// its number, or with a point among water; a file without a ring; more edges than half of the memory holds.
+    /// Errors of the format's reader; a clip feature with other geometries than polygons, by its number; a point among
+    /// water; a file without rings; more edges than half of the memory holds.
     pub fn options(&self, resources: &Resources, cache_bytes: usize) -> Result<GridOpenOptions> {
         let clip = self.clip.as_deref().map(|name| polygons(name, resources)).transpose()?;
         let water = self.water.as_deref().map(|name| water::read(name, resources)).transpose()?;
@@ -39,24 +39,24 @@ impl GridInput {
         })
     }
 
-    /// The same wherever the process works.
+    /// The same with absolute paths.
     pub fn absolute(&self) -> Result<Self> {
         let clip = self.clip.as_deref().map(feature_files::absolute).transpose()?;
         let water = self.water.as_deref().map(feature_files::absolute).transpose()?;
         Ok(Self { clip, water, ..self.clone() })
     }
 
-    /// The files of polygons and of water, and what else is read with them.
+    /// The files of polygons and of water, with their companion files.
     pub fn files(&self) -> Vec<PathBuf> {
         self.clip.iter().chain(&self.water).flat_map(|name| feature_files::files(name)).collect()
     }
 }
 
 impl CloudInput {
-    /// How clouds are opened. Reads the polygons.
+    /// Open options of point clouds. Reads the clip polygons.
     ///
     /// # Errors
-    /// A file of polygons that cannot be read, or holds anything else; more edges than half of the memory holds.
+    /// A polygon file that cannot be read, or has other geometries; more edges than half of the memory holds.
     pub fn options(&self, resources: &Resources) -> Result<cloud::CloudOpenOptions> {
         let Self { bounds, clip, points } = settled(self)?;
         let polygon = clip.map(|name| polygon(&name, resources)).transpose()?;
@@ -86,7 +86,7 @@ impl CloudInput {
     }
 }
 
-/// Polygons to clip a grid to.
+/// Clip polygons of a grid.
 fn polygons(name: &str, resources: &Resources) -> Result<Arc<Clip>> {
     let mut rings = ClipRings::default();
     let (path, crs) = rings_of(name, ("grid", ClipRings::EDGE_BYTES), resources, |feature| {
@@ -96,10 +96,10 @@ fn polygons(name: &str, resources: &Resources) -> Result<Arc<Clip>> {
     Ok(Arc::new(Clip::new(rings, &path, crs)))
 }
 
-/// Polygons that the points of a cloud are within.
+/// Clip polygons of a point cloud.
 ///
 /// # Errors
-/// Those of the polygons that a grid is clipped to.
+/// As for the clip polygons of a grid.
 pub fn polygon(name: &str, resources: &Resources) -> Result<FilterPolygon> {
     let mut rings = PolygonRings::default();
     let (path, crs) = rings_of(name, ("cloud", PolygonRings::EDGE_BYTES), resources, |feature| {
@@ -109,7 +109,7 @@ pub fn polygon(name: &str, resources: &Resources) -> Result<FilterPolygon> {
     Ok(FilterPolygon::new(rings).of_file(&path, crs))
 }
 
-/// Hands on all features of a file of polygons that something is clipped to; returns its path and system.
+/// Passes all features of a clip polygon file on; returns its path and CRS.
 fn rings_of(
     name: &str,
     (whole, edge_bytes): (&str, u64),

@@ -27,7 +27,7 @@ fn default_memory() -> u64 {
     physical_memory().map_or(DEFAULT_MEMORY, |all| (all / 2).min(DEFAULT_MEMORY))
 }
 
-/// Largest resident memory of this process so far, in bytes, where the system tells.
+/// Peak resident memory of this process so far, in bytes, if the system reports it.
 pub fn peak_memory() -> Option<u64> {
     proc_bytes("/proc/self/status", "VmHWM:")
 }

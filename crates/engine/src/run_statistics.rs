@@ -1,4 +1,4 @@
-//! Figures of a run, which every job reports alike: what it was allowed and what it took.
+//! Statistics of a run, common to all jobs: limits and usage.
 
 use std::time::Instant;
 
@@ -6,25 +6,25 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Resources, peak_memory};
 
-/// What a run was allowed and what it took.
+/// Limits and usage of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct RunStatistics {
     /// Threads used.
     pub threads: usize,
-    /// Bytes that it might hold.
+    /// Memory limit, in bytes.
     pub memory_budget: u64,
-    /// Largest resident memory of the process so far, in bytes, where the system tells.
+    /// Peak resident memory of the process so far, in bytes, if the system reports it.
     pub peak_memory: Option<u64>,
-    /// Bytes that went through temporary files, where they are counted.
+    /// Bytes written to temporary files, if counted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spilled_bytes: Option<u64>,
-    /// Seconds from start to end.
+    /// Elapsed seconds.
     pub wall_seconds: f64,
 }
 
 impl RunStatistics {
-    /// Of a run with `resources` that began at `started` and ends now.
+    /// Statistics of a run with `resources` from `started` to now.
     pub fn since(started: Instant, resources: &Resources) -> Self {
         Self {
             threads: resources.threads,
@@ -35,17 +35,17 @@ impl RunStatistics {
         }
     }
 
-    /// Of a run that used so many threads.
+    /// The same with the number of threads used.
     pub fn with_threads(self, threads: usize) -> Self {
         Self { threads, ..self }
     }
 
-    /// Of a run of which so many bytes went through temporary files; `None` where they are not counted.
+    /// The same with the bytes written to temporary files; `None` if not counted.
     pub fn with_spilled(self, bytes: impl Into<Option<u64>>) -> Self {
         Self { spilled_bytes: bytes.into(), ..self }
     }
 
-    /// So many a second.
+    /// Units per second for a count of units.
     pub fn rate(&self, count: u64) -> f64 {
         count as f64 / self.wall_seconds.max(1e-9)
     }

@@ -1,4 +1,4 @@
-//! Bad files told from good ones before the work: each is opened by itself.
+//! Detects damaged files before the work by opening each of them.
 
 use std::collections::BTreeMap;
 
@@ -13,29 +13,28 @@ use terrane_files::{path_of, shown};
 use terrane_raster::{self as raster, GridOpenOptions};
 use terrane_vector as vector;
 
-/// A file that is left out.
+/// A file that is left out of the input.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Skipped {
     /// Its name.
     pub file: String,
-    /// What is wrong with it.
+    /// The reason.
     pub reason: String,
 }
 
-/// Files that can be opened, in their order, and those that cannot.
+/// Readable files, in their order, and unreadable ones.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReadableFiles {
-    /// Names of the good ones.
+    /// Names of the readable files.
     pub names: Vec<String>,
-    /// The others.
+    /// The unreadable files.
     pub skipped: Vec<Skipped>,
 }
 
-/// Of files of grids.
+/// Checks files of grids.
 ///
 /// # Errors
-/// Those of all files, where none can be opened; failures that are no file's, such as a band that
-/// there is not.
+/// The error of a file if none can be opened; errors that do not depend on a file, such as a missing band.
 pub fn grids(
     names: &[String],
     options: &GridOpenOptions,
@@ -45,7 +44,7 @@ pub fn grids(
     check_file(names, resources, |name| raster::open(name, &alone).map(drop))
 }
 
-/// Of files of clouds.
+/// Checks files of point clouds.
 ///
 /// # Errors
 /// As [`grids`].
@@ -58,7 +57,7 @@ pub fn clouds(
     check_file(names, resources, |name| cloud::open(&[name.to_owned()], &alone).map(drop))
 }
 
-/// Of files of features, which are read to their ends: their headers say little.
+/// Checks files of features, which are read to their ends, as their headers are not sufficient.
 ///
 /// # Errors
 /// As [`grids`].
@@ -75,8 +74,8 @@ pub fn features(
 }
 
 impl Skipped {
-    /// The file `name`, left out because of `error`. The reason names the file only where it is another
-    /// one, such as a source of a VRT.
+    /// The file `name`, left out because of `error`. The reason names a file only if it differs from `name`, such as a
+    /// source of a VRT.
     pub fn new(name: &str, error: &Error) -> Self {
         let (file, told) = (shown(name), error.to_string());
         let reason = told.strip_prefix(&format!("{file}: ")).unwrap_or(&told).to_owned();
@@ -84,17 +83,17 @@ impl Skipped {
     }
 }
 
-/// Files that damage was passed over in, each with the points that are lost.
+/// Damaged files that were salvaged, each with the number of lost points.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LostPoints(BTreeMap<String, u64>);
 
 impl LostPoints {
-    /// Of a cloud, as far as it was read.
+    /// The losses of a point cloud in the parts read so far.
     pub fn of(cloud: &dyn PointSource) -> Self {
         Self(cloud.losses().into_iter().collect())
     }
 
-    /// Adds those of the same cloud when more or less of it was read.
+    /// Updates the losses after other parts of the same point cloud were read.
     pub fn add(&mut self, other: &Self) {
         for (file, points) in &other.0 {
             let most = self.0.entry(file.clone()).or_default();
@@ -102,12 +101,12 @@ impl LostPoints {
         }
     }
 
-    /// True where nothing was lost.
+    /// True if nothing was lost.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// A line for each file.
+    /// One line per file.
     pub fn notes(&self) -> impl Iterator<Item = String> {
         self.0.iter().map(|(file, points)| format!("{file} is damaged: {points} points are lost"))
     }

@@ -1,4 +1,4 @@
-//! Spans of `tracing` around units of work, with the feature `tracing`; without it they compile to nothing.
+//! `tracing` spans around units of work, with the feature `tracing`; otherwise they compile to nothing.
 
 use std::fmt::Debug;
 use std::panic::Location;
@@ -11,7 +11,7 @@ pub struct WorkSpan {
 }
 
 impl WorkSpan {
-    /// A span named `work` with the kind and the place of the work, such as a tile and the step it is at.
+    /// A span named `work` with the kind and the place of the work, such as a tile and its step.
     #[cfg_attr(
         not(feature = "tracing"),
         expect(unused_variables, reason = "recorded with the feature `tracing`")

@@ -1,5 +1,5 @@
-//! Outputs in another reference system than the input: what is asked for, and features that are taken
-//! there as they are written. All that is decided is decided before, in the system of the input.
+//! Output in another CRS: the request, and sinks that reproject features and meshes as they are written. Processing
+//! uses the CRS of the input.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -17,31 +17,31 @@ use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_raster::GridInfo;
 use terrane_vector::{CoordinateSequence, Feature, FeatureSink, JsonMember, WrittenFeatures};
 
-/// The system that an output is to be in, and what leads there.
+/// Target CRS, with the files for the transformation.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TargetCrs {
-    /// The system: a code ("EPSG:4326", "EPSG:6339+6360") or well-known text.
+    /// The CRS: a code ("EPSG:4326", "EPSG:6339+6360") or WKT.
     pub target: String,
-    /// A grid of shifts between the datums (NTv2).
+    /// Datum shift grid (NTv2).
     pub shift_grid: Option<PathBuf>,
-    /// Heights of a geoid above the ellipsoid (GTX or GeoTIFF).
+    /// Geoid model (GTX or GeoTIFF).
     pub geoid: Option<PathBuf>,
 }
 
-/// What was done to positions.
+/// Report on the transformation.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[allow(missing_docs)]
 pub struct Transformed {
-    /// The system of the output.
+    /// CRS of the output.
     pub crs: String,
-    /// What led there.
+    /// Coordinate operation.
     pub operation: String,
-    /// How right that is, in metres; 0 within one datum, nothing where it is not known.
+    /// Accuracy in metres; 0 within one datum, `None` if unknown.
     pub accuracy: Option<f64>,
 }
 
 impl Transformed {
-    /// What is told of an operation.
+    /// The report on an operation.
     pub fn of(operation: &CoordinateOperation) -> Self {
         Self {
             crs: operation.target().label(),
@@ -52,12 +52,12 @@ impl Transformed {
 }
 
 impl TargetCrs {
-    /// To a system by its code or text.
+    /// A target CRS by code or text.
     pub fn to(target: impl Into<String>) -> Self {
         Self { target: target.into(), ..Self::default() }
     }
 
-    /// The same, wherever the program stands.
+    /// The same with absolute paths.
     pub fn absolute(&self) -> Result<Self> {
         let absolute = |path: &Option<PathBuf>| {
             let name = path.clone().map(name_of).transpose()?;
@@ -68,21 +68,21 @@ impl TargetCrs {
         Ok(Self { shift_grid, geoid, ..self.clone() })
     }
 
-    /// The least memory that its files may be held in.
+    /// Minimum memory limit that holds its files.
     pub fn least_memory(&self) -> u64 {
         let bytes = |path: &Path| path.metadata().map_or(0, |file| file.len());
         self.files().map(bytes).max().unwrap_or(0).saturating_mul(SHARE)
     }
 
-    /// The files that are read for it.
+    /// Its files.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         self.shift_grid.iter().chain(&self.geoid).map(PathBuf::as_path)
     }
 
-    /// The operation for data of `input` in a system that lie in a rectangle: x and y low, x and y high.
+    /// The operation for data in the CRS `input` within a rectangle: x and y low, x and y high.
     ///
     /// # Errors
-    /// Those of [`CoordinateOperation::between`]; grids that cannot be read.
+    /// The errors of [`CoordinateOperation::between`]; grids that cannot be read.
     pub fn operation(
         &self,
         (input, from): (&Path, &Crs),
@@ -104,7 +104,7 @@ impl TargetCrs {
     }
 }
 
-/// The rectangle that the samples of a grid lie in.
+/// The bounds of a grid's samples.
 pub fn extent_of(info: &GridInfo) -> [f64; 4] {
     let [east, south] = [info.width, info.height].map(|samples| f64::from(samples.max(1) - 1));
     let mut extent = PositionExtent::NONE;
@@ -114,31 +114,31 @@ pub fn extent_of(info: &GridInfo) -> [f64; 4] {
     extent.0
 }
 
-/// The rectangle around positions.
+/// Bounds of positions.
 #[derive(Clone, Copy, Debug)]
 pub struct PositionExtent([f64; 4]);
 
 impl PositionExtent {
-    /// That of no position.
+    /// Bounds of no position.
     pub const NONE: Self = Self([f64::MAX, f64::MAX, f64::MIN, f64::MIN]);
 
-    /// Takes in one more position.
+    /// Extends the bounds by a position.
     pub fn add(&mut self, [x, y]: [f64; 2]) {
         let [x0, y0, x1, y1] = self.0;
         self.0 = [x0.min(x), y0.min(y), x1.max(x), y1.max(y)];
     }
 
-    /// `None` where nothing was added.
+    /// The bounds; `None` if nothing was added.
     pub fn get(self) -> Option<[f64; 4]> {
         (self.0[0] <= self.0[2] && self.0[1] <= self.0[3]).then_some(self.0)
     }
 }
 
-/// Takes features to another system before they are written.
+/// Reprojects features as they are written.
 pub struct FeatureReprojection {
-    /// Where they are written.
+    /// The sink of reprojected features.
     pub inner: Box<dyn FeatureSink>,
-    /// The operation between the two systems.
+    /// The operation between the two CRSs.
     pub operation: Arc<CoordinateOperation>,
 }
 
@@ -163,7 +163,7 @@ impl FeatureSink for FeatureReprojection {
     }
 }
 
-/// True but for rectangles around features, which are of the system before.
+/// True for members to keep: all but bounding boxes, which are in the source CRS.
 pub fn stays(member: &JsonMember) -> bool {
     member.name != "bbox"
 }
@@ -188,8 +188,8 @@ fn take(coordinates: &mut CoordinateSequence, operation: &CoordinateOperation) -
     Ok(())
 }
 
-/// Fails where a line goes from one edge of a map to the other: neighbours in the system before are half
-/// of the earth apart.
+/// Fails if a line jumps from one edge of a map to the other: two neighbours in the source CRS are half of the earth
+/// apart.
 fn check_steps(line: &[[f64; 2]], operation: &CoordinateOperation) -> Result<()> {
     const HALF: f64 = 20_037_508.0;
     let target = operation.target();
@@ -208,7 +208,7 @@ fn check_steps(line: &[[f64; 2]], operation: &CoordinateOperation) -> Result<()>
     })
 }
 
-/// Takes a mesh to another system as it is written. Triangles stay what they are, and must not turn over.
+/// Reprojects a mesh as it is written. Keeps the triangles, which must not be flipped.
 pub struct MovingMesh {
     inner: Box<dyn MeshSink>,
     operation: Arc<CoordinateOperation>,
@@ -217,12 +217,12 @@ pub struct MovingMesh {
 }
 
 impl MovingMesh {
-    /// Moves what is written to `inner`.
+    /// Reprojects to `inner`.
     pub fn new(inner: Box<dyn MeshSink>, operation: Arc<CoordinateOperation>) -> Self {
         Self { inner, operation, vertices: Vec::new(), corners: Vec::new() }
     }
 
-    /// The corners of triangles, each vertex computed once.
+    /// Adds the corners of triangles; computes each vertex once.
     fn take_corners(&mut self, batch: &MeshBatch<'_>) -> Result<()> {
         let mut known: HashMap<u64, Point3> = HashMap::new();
         self.corners.clear();
@@ -250,7 +250,7 @@ impl MovingMesh {
     }
 }
 
-/// True for corners that are counter-clockwise seen from above.
+/// True if the corners are counter-clockwise seen from above.
 fn is_upright([a, b, c]: &[Point3; 3]) -> bool {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0
 }

@@ -1,4 +1,4 @@
-//! Water of a file of features: polygons, and the centre lines of rivers.
+//! Water features of a file: polygons and centre lines of rivers.
 
 use std::sync::Arc;
 
@@ -8,11 +8,10 @@ use terrane_base::error::{Error, Result};
 use terrane_raster::{Water, WaterFeatures};
 use terrane_vector::{Feature, PartRole};
 
-/// Reads all of it; of TopoJSON the first object.
+/// Reads all features; from TopoJSON the first object.
 ///
 /// # Errors
-/// Whatever the reader of the format finds; a point; a file without a polygon; more vertices than a quarter of the
-/// memory holds.
+/// Errors of the format's reader; a point; a file without polygons; more vertices than a quarter of the memory holds.
 pub fn read(name: &str, resources: &Resources) -> Result<Arc<Water>> {
     let remedy = "simplify it with ‹terrane simplify›";
     let mut file = AuxiliaryFeatures::open(name, "water", WaterFeatures::VERTEX_BYTES, remedy)?;

@@ -10,8 +10,8 @@ use crate::{Cancel, WorkSpan};
 use terrane_base::error::{Error, Result};
 use terrane_files::lock;
 
-/// Runs `work` on every unit below `units`, on `threads` threads, each with a state of its own
-/// that `start` makes and `finish` takes. Stops early at the first error, which is returned.
+/// Runs `work` on every unit below `units` on `threads` threads. Each thread has its own state, made by `start` and
+/// consumed by `finish`. Stops at the first error, which is returned.
 #[track_caller]
 pub fn run<S>(
     threads: usize,
@@ -54,7 +54,7 @@ pub fn run<S>(
     lock(&error).take().map_or(Ok(()), Err)
 }
 
-/// Starts a thread; `None` where the system has none left, or no memory for it.
+/// Starts a thread; `None` if the system lacks threads or memory.
 pub fn spawn<'scope, T: Send + 'scope>(
     scope: &'scope Scope<'scope, '_>,
     work: impl FnOnce() -> T + Send + 'scope,
@@ -62,7 +62,7 @@ pub fn spawn<'scope, T: Send + 'scope>(
     std::thread::Builder::new().spawn_scoped(scope, work).ok()
 }
 
-/// As [`run`]; what each unit gives is taken in the order of units, whoever is done first.
+/// As [`run`]; consumes the results of units in order, whichever finishes first.
 #[track_caller]
 pub fn in_order<S, T: Send>(
     threads: usize,

@@ -77,7 +77,7 @@ impl CubicPolynomial {
 /// Heights and weights of one row of a run of columns.
 pub(super) struct OctaveSums<'a> {
     pub(super) height: &'a mut [f32],
-    /// What the next octave is multiplied by.
+    /// Factor of the next octave.
     pub(super) weight: &'a mut [f32],
 }
 

@@ -7,7 +7,7 @@
 use super::hash::mix64;
 use super::lattice::{Octave, OctaveRun, OctaveSums};
 
-/// What the octaves are. Octaves are named by the logarithm of their cell's side in samples.
+/// Parameters of the octaves. Octaves are named by the logarithm of their cell's side in samples.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct OctaveSpectrum {
     /// Coarsest octave, a swell.

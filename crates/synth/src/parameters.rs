@@ -3,9 +3,9 @@
 use super::SynthParameter;
 use terrane_base::error::{Error, Result};
 
-/// What words may be said of a thing.
+/// The parameters of a name.
 pub(super) struct NameGrammar {
-    /// What the thing is called in messages: "terrain", "cloud".
+    /// Noun for messages: "terrain", "cloud".
     pub(super) what: &'static str,
     /// Which of them: "rough".
     pub(super) kind: &'static str,

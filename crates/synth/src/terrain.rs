@@ -6,7 +6,7 @@ use terrane_base::geom::Rect;
 /// Most columns or rows of a terrain.
 pub const MAX_SIDE: u32 = 1 << 30;
 
-/// A number a terrain can be told, as `key=value`.
+/// A parameter of a terrain, as `key=value`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SynthParameter {
     /// Name before the equals sign.
@@ -38,7 +38,7 @@ pub struct TerrainKind {
     pub(super) finish: fn(&Terrain, SampleRunStart, &[f32], &mut [f32]),
 }
 
-/// Where a run of samples starts.
+/// Start of a run of samples.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SampleRunStart {
     pub(super) col: u32,

@@ -1,13 +1,13 @@
-//! Free heights: a vertex may lie above or below its sample, where the largest error around it is least.
+//! Free heights: a vertex may leave its sample's height to minimize the maximum error around it.
 //!
-//! With its neighbours held, each sample of a vertex's star is off by a linear function of the vertex's
-//! height. So the height with the least largest error is the solution of a linear program in one variable:
-//! where the upper envelope of the errors that grow meets that of the errors that shrink. Vertex by vertex
-//! errors even out, and the drop pass finds vertices that nothing needs any more.
+//! With fixed neighbours, the error of each sample in a vertex's star is a linear function of the vertex's height. The
+//! optimal height therefore solves a linear program in one variable: the intersection of the upper envelopes of
+//! increasing and of decreasing errors. Sweeps over the vertices balance the errors, and the drop pass then finds
+//! redundant vertices.
 //!
-//! A mesh begins with a looser tolerance that comes down in stages, each greedy insertion, the drop pass and
-//! sweeps over the vertices. What is inserted is put a part of the tolerance towards the mesh: to go through
-//! a summit is to be off on all its sides.
+//! A mesh starts with a larger tolerance that decreases in stages. Each stage consists of greedy insertion, the drop
+//! pass and sweeps over the vertices. A new vertex is moved by a fraction of the tolerance towards the mesh: a vertex
+//! exactly on a summit leaves errors on all its sides.
 //!
 //! Measured, vertices kept against samples' heights (SRTM N44E005 at 30 and 100 m, fractal, smooth), whole
 //! grids: sweeps and drops once the mesh is done, 91, 91, 81 and 92 %; from 1.25 times the tolerance in
@@ -23,24 +23,24 @@ use super::mesh::{LatticeMesh, LatticeTriangle, NONE, TriangleScanState};
 use super::tolerance::InsertionCriteria;
 use terrane_base::bits::BitSet;
 
-/// What the tolerance is multiplied with in the stages before it is reached.
+/// Factors of the tolerance in the stages before the final one.
 pub(super) const STAGES: [f64; 5] = [1.25, 1.195, 1.143, 1.093, 1.046];
-/// Sweeps and drops once it is.
+/// Sweeps and drops at the final tolerance.
 pub(super) const ROUNDS: usize = 4;
-/// How far below a summit, and above a hollow, a vertex is put in, in tolerances.
+/// How far a new vertex is moved towards the mesh (below a summit, above a hollow), in tolerances.
 const PUT_IN: f64 = 0.3;
-/// Stars with more triangles than this are left as they are.
+/// Stars with more triangles than this are skipped.
 const MAX_DEGREE: usize = 24;
-/// Meetings of the two envelopes that are tried: the rest of the way is left to the next sweep.
+/// Maximum number of envelope intersections tried; the next sweep does the rest.
 const STEPS: usize = 3;
-/// Samples of a triangle that are looked at before the tolerance is reached, about.
+/// Approximate number of samples tested per triangle before the final tolerance is reached.
 const ENOUGH: i64 = 32;
-/// A move has to bring the largest error of its star down by this share of it.
+/// Minimum relative reduction of a star's maximum error by a move.
 const GAIN: f32 = 1.0 / 32.0;
-/// The two envelopes have met when they differ by no more than this share.
+/// Maximum relative difference of the two envelopes at their intersection.
 const EVEN: f32 = 1.0 / 1024.0;
 
-/// Gives a sample that becomes a vertex its height, a little towards the triangle that held it.
+/// Sets the height of a new vertex, slightly towards the triangle that held it.
 pub(super) fn put_in(judge: &InsertionCriteria<'_>, corners: [TilePosition; 3], at: TilePosition) {
     let InsertionCriteria { field, tolerance, .. } = *judge;
     if at.col() == 0
@@ -62,11 +62,11 @@ pub(super) fn put_in(judge: &InsertionCriteria<'_>, corners: [TilePosition; 3], 
 /// Buffers of the sweeps.
 #[derive(Debug, Default)]
 pub(super) struct AdjustScratch {
-    /// Vertices whose star has changed since they were last looked at.
+    /// Vertices whose star has changed since they were last tested.
     due: BitSet,
     /// Vertices that have moved.
     moved: BitSet,
-    /// Those that never do.
+    /// Fixed vertices.
     held: BitSet,
     /// Height of the mesh above each sample of the star.
     offsets: Vec<f32>,
@@ -79,7 +79,7 @@ pub(super) struct AdjustScratch {
 /// The largest offsets of a star, after a move of its vertex.
 #[derive(Clone, Copy)]
 struct OffsetEnvelope {
-    /// Above the samples, and below them.
+    /// Maximum offsets above and below the samples.
     most: [f32; 2],
     step: f32,
 }
@@ -91,7 +91,7 @@ impl OffsetEnvelope {
 }
 
 impl AdjustScratch {
-    /// Starts over: no vertex is due, none has moved, and those to keep never will.
+    /// Resets the lists: no vertex is due or moved, and the `kept` ones are fixed.
     pub(super) fn reset(&mut self, field: &HeightField, kept: &[TilePosition]) {
         let samples = field.width() as usize * field.height() as usize;
         for bits in [&mut self.due, &mut self.moved, &mut self.held] {
@@ -102,12 +102,12 @@ impl AdjustScratch {
         }
     }
 
-    /// The corners of triangles that have changed are due.
+    /// Marks the corners of changed triangles as due.
     pub(super) fn look_at_changes(&mut self, field: &HeightField, mesh: &LatticeMesh) {
         self.examine(field, mesh, |tri| tri.source == NONE);
     }
 
-    /// The corners of those triangles are due.
+    /// Marks the corners of the given triangles as due.
     pub(super) fn examine(
         &mut self,
         field: &HeightField,
@@ -131,10 +131,10 @@ impl AdjustScratch {
         tri.corners.iter().any(|&p| self.moved.contains(field.index(p)))
     }
 
-    /// Looks at each vertex that is due, in the order of the triangles; the neighbours of one that moves are
-    /// due again. True when one moved. No vertex goes further than `tolerance` from its sample. Where the
-    /// judge's is that tolerance, too, all errors stay within it; where it is larger, they only shrink. Time
-    /// linear in the samples of the stars.
+    /// Tests each due vertex, in the order of the triangles; the neighbours of a moved vertex become due again. Returns
+    /// true if a vertex moved. No vertex moves further than `tolerance` from its sample. If the judge's tolerance is
+    /// the same, all errors stay within it; if it is larger, errors only decrease. Time linear in the samples of the
+    /// stars.
     pub(super) fn sweep(
         &mut self,
         judge: &InsertionCriteria<'_>,
@@ -166,8 +166,8 @@ impl AdjustScratch {
         any
     }
 
-    /// Moves the vertex from which `half_edge` starts to where the largest error of its star is least, if
-    /// that is worth it. True when it moved.
+    /// Moves the vertex from which `half_edge` starts to minimize the maximum error of its star, if the gain suffices.
+    /// Returns true if it moved.
     fn adjust(
         &mut self,
         judge: &InsertionCriteria<'_>,
@@ -194,7 +194,7 @@ impl AdjustScratch {
         stays
     }
 
-    /// True when a move that was made is of use, and finally keeps the tolerance.
+    /// True if a completed move reduces the error and, at the final tolerance, keeps it.
     fn keeps(
         &self,
         judge: &InsertionCriteria<'_>,
@@ -226,7 +226,7 @@ impl AdjustScratch {
         (is_clear || samples()) && edges()
     }
 
-    /// Lists the samples of the star: all of them, or enough.
+    /// Lists the samples of the star: all of them, or a subset.
     fn list(&mut self, field: &HeightField, mesh: &LatticeMesh, all: bool) {
         self.offsets.clear();
         self.shares.clear();
@@ -238,7 +238,7 @@ impl AdjustScratch {
         }
     }
 
-    /// Lists the samples of a triangle of which `corner` is to be moved, those on its edges too.
+    /// Lists the samples of a triangle with the moving `corner`, including its edges.
     fn list_triangle(
         &mut self,
         field: &HeightField,
@@ -287,7 +287,7 @@ impl AdjustScratch {
         OffsetEnvelope { most, step }
     }
 
-    /// The sample that is furthest off after a move, above (0) or below (1).
+    /// The sample with the maximum offset after a move, above (0) or below (1).
     fn extreme(&self, envelope: OffsetEnvelope, side: usize) -> usize {
         let sign = [1.0, -1.0][side];
         let is_most = |(&offset, &share): (&f32, &f32)| {
@@ -296,9 +296,8 @@ impl AdjustScratch {
         self.offsets.iter().zip(&self.shares).position(is_most).unwrap_or(0)
     }
 
-    /// The move that leaves the least largest error of so many `steps` towards the best one, if it is worth it:
-    /// from meeting to meeting of the two lines that are furthest out, halving what is left where that leads
-    /// away.
+    /// The move with the least maximum error among `steps` iterations, if the gain suffices. Iterates over
+    /// intersections of the two extreme lines, and bisects if an intersection diverges.
     fn best_move(&self, steps: usize) -> Option<f32> {
         let first = self.envelope(0.0);
         let (mut at, mut best) = (first, first);
@@ -323,7 +322,7 @@ impl AdjustScratch {
         (best.largest() < first.largest() * (1.0 - GAIN)).then_some(best.step)
     }
 
-    /// Where the line furthest above meets that furthest below.
+    /// Intersection of the extreme lines above and below.
     fn meeting(&self, envelope: OffsetEnvelope) -> Option<f32> {
         let [top, bottom] = [0, 1].map(|side| self.extreme(envelope, side));
         let shares = self.shares.get(top)? + self.shares.get(bottom)?;

@@ -1,5 +1,5 @@
-//! The bound on angles: where a triangle has a smaller one, the sample nearest to the centre of its circle
-//! becomes a vertex (Ruppert 1995).
+//! Minimum angle: for a triangle with a smaller one, the sample nearest to its circumcentre becomes a vertex (Ruppert
+//! 1995).
 //!
 //! The nearest sample is at most half the diagonal of a cell from the centre, and so inside the circle, where
 //! no vertex is, unless the triangle is half a cell: each insertion makes an end of the triangle it is for, and
@@ -12,39 +12,39 @@ use super::lattice_position::TilePosition;
 use super::mesh::{LatticeMesh, NONE, TriangleScanState};
 use terrane_base::geom::predicates::{Lattice, orient};
 
-/// The smallest angle, in plan, that a triangle may have.
+/// Minimum angle of triangles, in plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MinimumAngle {
     degrees: f64,
-    /// Of this angle, and a little more: what differs by rounding alone is not mended.
+    /// Cosine of the angle plus a tolerance: differences by rounding are ignored.
     cosine: f64,
-    /// Squares of the lengths of a column and a row, and between them their product.
+    /// Squared lengths of a column and a row, with their dot product in between.
     metric: [f64; 3],
 }
 
 impl MinimumAngle {
-    /// What is small enough to be rounding.
+    /// Tolerance for rounding.
     const ROUNDING: f64 = 1e-12;
 
-    /// So many degrees where a column goes on by the vector `col`, and a row by `row`.
+    /// A minimum angle in degrees; `col` and `row` are the vectors of one column and one row.
     pub fn new(degrees: f64, col: [f64; 2], row: [f64; 2]) -> Self {
         let product = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
         let metric = [product(col, col), product(col, row), product(row, row)];
         Self { degrees, cosine: degrees.to_radians().cos() + Self::ROUNDING, metric }
     }
 
-    /// The angle.
+    /// The angle in degrees.
     pub fn degrees(&self) -> f64 {
         self.degrees
     }
 
-    /// The cosine of the smallest angle of a triangle, where it is too small.
+    /// The cosine of the smallest angle of a triangle, if it is too small.
     pub(crate) fn excess(&self, corners: [TilePosition; 3]) -> Option<f64> {
         let cosine = self.cosine_of(corners);
         (cosine > self.cosine).then_some(cosine)
     }
 
-    /// True when no angle of a triangle is too small.
+    /// True if no angle of a triangle is too small.
     pub fn holds(&self, corners: [TilePosition; 3]) -> bool {
         self.excess(corners).is_none()
     }
@@ -70,7 +70,7 @@ impl MinimumAngle {
     }
 }
 
-/// A triangle with an angle that is too small, and its cosine.
+/// A triangle with too small an angle, and its cosine.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ThinTriangle {
     id: u32,
@@ -78,9 +78,9 @@ pub(super) struct ThinTriangle {
     cosine: f64,
 }
 
-/// Inserts samples until no triangle has too small an angle that can be mended. After each round, which takes
-/// the smallest angles first, `settle` brings back what else is promised of the mesh. A sample that a triangle
-/// holds is inserted where it `may` be. Each round is linear in the triangles.
+/// Inserts samples until no mendable triangle has too small an angle. After each round, smallest angles first, `settle`
+/// restores the other promises of the mesh. A sample in a triangle is inserted if `may` allows it. Each round is linear
+/// in the triangles.
 pub(super) fn insert(
     bound: &MinimumAngle,
     mesh: &mut LatticeMesh,
@@ -117,7 +117,7 @@ pub(super) fn thin(bound: &MinimumAngle, mesh: &LatticeMesh) -> Vec<ThinTriangle
     all
 }
 
-/// Makes an end of a thin triangle; false where this cannot be, or it has ended already.
+/// Removes a thin triangle; false if this is not possible, or if it is already gone.
 fn mend(
     mesh: &mut LatticeMesh,
     thin: &ThinTriangle,
@@ -141,7 +141,7 @@ fn mend(
     }
 }
 
-/// The sample nearest to the centre of the circle through three.
+/// The sample nearest to the circumcentre of three samples.
 fn centre([a, b, c]: [TilePosition; 3]) -> Lattice {
     let origin = a.lattice();
     let from = |p: TilePosition| {
@@ -155,11 +155,11 @@ fn centre([a, b, c]: [TilePosition; 3]) -> Lattice {
     [0, 1].map(|axis| origin[axis] + (at[axis] + 0.5).floor() as i32)
 }
 
-/// Where a walk towards a position ends.
+/// The end of a walk towards a position.
 pub(super) enum WalkEnd {
-    /// In the triangle that holds it.
+    /// The triangle that contains it.
     Triangle(u32),
-    /// On the way.
+    /// A border on the way.
     Border(u32),
 }
 
@@ -189,14 +189,14 @@ pub(super) fn walk(mesh: &LatticeMesh, start: u32, target: Lattice) -> WalkEnd {
     }
 }
 
-/// True where an edge of the border would be seen from `at` under more than a right angle.
+/// True if an edge of the border is seen from `at` under more than a right angle.
 fn encroaches(mesh: &LatticeMesh, at: Lattice, half_edge: u32) -> bool {
     let ends = [mesh.origin(half_edge), mesh.end(half_edge)].map(TilePosition::lattice);
     let [from, to] = ends.map(|end| [0, 1].map(|axis| i64::from(end[axis] - at[axis])));
     mesh.twin(half_edge) == NONE && from[0] * to[0] + from[1] * to[1] < 0
 }
 
-/// Splits an edge of the border in the middle, where that may be.
+/// Splits an edge of the border at its middle, if allowed.
 fn split(
     mesh: &mut LatticeMesh,
     half_edge: u32,

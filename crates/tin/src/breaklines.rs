@@ -1,15 +1,14 @@
-//! Breaklines: paths of samples along which edges of the mesh run.
+//! Breaklines: paths of samples along which mesh edges run.
 //!
-//! What follows a segment of a line is a *path*: samples from one end of it to the other, each a step along a
-//! row or a column from the one before, none further than 0.71 cells from the straight segment. Promised is
-//! that from each vertex on a path an edge goes on to one further along it, so that edges run along the whole of
-//! it. Made is a little more: neighbouring vertices on a path are joined.
+//! The *path* of a segment consists of samples from one end to the other, each a step along a row or a column from the
+//! previous one, at most 0.71 cells from the straight segment. The promise: from each vertex on a path an edge leads to
+//! a later one, so that edges run along the whole path. The implementation joins neighbouring vertices on a path.
 //!
 //! Where an edge is missing, a sample in the middle of that part of the path becomes a vertex (a conforming
-//! triangulation, as in Edelsbrunner & Tan 1993): the mesh stays Delaunay, tiles and seams are as without, and
-//! lines that cross get a vertex in common. It ends because a step of a path is an edge of every Delaunay
-//! triangulation that has both samples: the circle around it holds no other. The paths are the same whichever
-//! way a segment runs, so that borders may be shared.
+//! triangulation, as in Edelsbrunner & Tan 1993). The mesh stays Delaunay, tiles and seams are unchanged, and crossing
+//! lines share a vertex. The insertion terminates because a step of a path is an edge of every Delaunay triangulation
+//! that has both samples: its diametral circle contains no other. A path does not depend on the direction of its
+//! segment, so that borders may be shared.
 
 use super::angles::{WalkEnd, walk};
 use super::heights::HeightField;
@@ -18,7 +17,7 @@ use super::mesh::{LatticeMesh, TriangleScanState};
 use terrane_base::bits::BitSet;
 use terrane_base::geom::SampleSegment;
 
-/// A part of a segment's path, whose samples all lie in a tile or patch.
+/// A part of a segment's path whose samples all lie in a tile or patch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct PathStretch {
     segment: SampleSegment,
@@ -27,7 +26,7 @@ pub struct PathStretch {
 }
 
 impl PathStretch {
-    /// What lies in a rectangle of so many samples, from whose first one positions are counted.
+    /// The part of a segment in a rectangle of samples; positions are relative to its first sample.
     pub fn of(segment: SampleSegment, width: u32, height: u32) -> Option<Self> {
         let high = [width, height].map(|count| i64::from(count) - 1);
         let steps = segment.within([0, 0], high)?;
@@ -44,8 +43,8 @@ impl PathStretch {
         TilePosition::new(col as u32, row as u32)
     }
 
-    /// The samples that have to be vertices if the rectangle is a tile, the same for all tiles that have them:
-    /// ends of the segment, and where the path comes to a side of the tile or leaves it.
+    /// The samples that must be vertices if the rectangle is a tile, the same for all tiles that share them: ends of
+    /// the segment, and positions where the path enters or leaves a side of the tile.
     pub fn ends(&self, width: u32, height: u32) -> impl Iterator<Item = TilePosition> + '_ {
         let high = [width, height].map(|count| i64::from(count) - 1);
         let is_end = move |&step: &u64| {
@@ -62,18 +61,18 @@ impl PathStretch {
     }
 }
 
-/// Edges from samples on paths.
+/// Mesh edges from samples on paths.
 #[derive(Debug, Default)]
 pub(super) struct PathEdges {
-    /// Samples on paths, and those of them that are vertices.
+    /// Samples on paths, and the vertices among them.
     on: BitSet,
     vertices: BitSet,
     width: usize,
-    /// Where from, where to, and the half-edge, sorted.
+    /// Start, end and half-edge, sorted.
     all: Vec<(TilePosition, TilePosition, u32)>,
 }
 
-/// Two vertices on a path that no edge joins.
+/// Two neighbouring vertices on a path without a common edge.
 #[derive(Clone, Copy, Debug)]
 struct PathGap<'a> {
     line: &'a PathStretch,
@@ -81,7 +80,7 @@ struct PathGap<'a> {
 }
 
 impl PathGap<'_> {
-    /// The samples between the two, the middle first.
+    /// The samples between the two, the middle one first.
     fn samples(&self) -> impl Iterator<Item = TilePosition> + '_ {
         let [from, to] = self.steps;
         let middle = from.midpoint(to);
@@ -90,9 +89,9 @@ impl PathGap<'_> {
     }
 }
 
-/// Inserts samples until vertices on paths are joined, as far as that can be; a sample that a triangle holds
-/// where it `may` be. After each round `settle` brings back what else is promised of the mesh. Returns how many
-/// are not joined because they may not be. Each round is linear in the triangles and the samples of paths.
+/// Inserts samples until vertices on paths are joined, as far as possible; a sample in a triangle is inserted if `may`
+/// allows it. After each round `settle` restores the other promises of the mesh. Returns the number of gaps that must
+/// stay. Each round is linear in the triangles and the samples of paths.
 pub(super) fn follow(
     (lines, field): (&[PathStretch], &HeightField),
     mesh: &mut LatticeMesh,
@@ -137,7 +136,7 @@ pub(super) fn vertices(
 }
 
 impl PathEdges {
-    /// Most bytes for a tile or patch of so many samples.
+    /// Maximum bytes for a tile or patch of `samples` samples.
     pub(super) fn bytes(samples: u64) -> u64 {
         // Six begin at a vertex.
         samples * (6 * size_of::<(TilePosition, TilePosition, u32)>() as u64 + 1)
@@ -174,14 +173,14 @@ impl PathEdges {
         p.row() as usize * self.width + p.col() as usize
     }
 
-    /// The half-edges from a sample: none where it is no vertex.
+    /// The half-edges from a sample: none if it is not a vertex.
     fn from(&self, from: TilePosition) -> impl Iterator<Item = u32> + '_ {
         let place = self.all.partition_point(|edge| edge.0 < from);
         self.all[place..].iter().take_while(move |edge| edge.0 == from).map(|edge| edge.2)
     }
 
-    /// The triangle that holds a sample in a gap, if it can be seen from one around its ends: beside voids and
-    /// borders not from all of them.
+    /// The triangle that contains a sample in a gap, if it is visible from a triangle at the gap's ends; near voids and
+    /// borders not all of them see it.
     fn holder(&self, gap: &PathGap<'_>, at: TilePosition, mesh: &LatticeMesh) -> Option<u32> {
         let ends = gap.steps.map(|step| gap.line.at(step));
         ends.into_iter().flat_map(|end| self.from(end)).find_map(|half_edge| {
@@ -200,8 +199,8 @@ impl PathEdges {
         has(from, to) || has(to, from)
     }
 
-    /// Appends the gaps of a stretch. Steps are never gaps: where both samples are vertices, all that there can be
-    /// is an edge.
+    /// Appends the gaps of a stretch. Single steps are never gaps: if both samples are vertices, they are joined by an
+    /// edge.
     fn gaps<'a>(&self, line: &'a PathStretch, gaps: &mut Vec<PathGap<'a>>) {
         let steps = (line.first..).zip(line.samples());
         let is_vertex = |&(_, at): &(u64, TilePosition)| self.vertices.contains(self.index(at));
@@ -214,10 +213,10 @@ impl PathEdges {
     }
 }
 
-/// Where edges run along a path from a vertex, and where they do not.
+/// True if an edge leads on along a path from a vertex, false if it is missing.
 ///
-/// `fan` are the triangles around the vertex, each by its two other corners in counter-clockwise order. The
-/// answer is `None` where the path ends there, or goes on beyond the surface.
+/// `fan` lists the triangles around the vertex, each by its two other corners in counter-clockwise order. Returns
+/// `None` if the path ends there, or leaves the surface.
 pub fn goes_on(segment: &SampleSegment, step: u64, fan: &[[[i64; 2]; 2]]) -> Option<bool> {
     if step == segment.steps() {
         return None;

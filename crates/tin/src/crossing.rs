@@ -1,4 +1,4 @@
-//! Between samples: where an edge of the mesh crosses the line between two neighbouring samples.
+//! Error between samples, at the intersections of mesh edges with the lines between neighbouring samples.
 //!
 //! Along such a line the grid is straight, however it is read, and the mesh bends only where one of its
 //! edges crosses. So the two are furthest apart at a sample or at a crossing, and a mesh that keeps to the
@@ -15,21 +15,21 @@ use super::exact::is_at_most;
 use super::heights::HeightField;
 use super::lattice_position::TilePosition;
 
-/// Where an edge is further than the tolerance from the line between two samples.
+/// An intersection beyond the tolerance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct EdgeCrossing {
-    /// How far, vertically.
+    /// Vertical distance.
     pub(super) error: f64,
-    /// The two samples, the nearer one first.
+    /// The two neighbouring samples, the nearer one first.
     pub(super) samples: [TilePosition; 2],
 }
 
-/// Judges crossings.
+/// Tests intersections of edges with lattice lines.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CrossingJudge<'a> {
     field: &'a HeightField,
     tolerance: f64,
-    /// More than the rounding error of a difference.
+    /// Bound on the rounding error of a difference.
     hair: f64,
 }
 
@@ -47,19 +47,18 @@ impl<'a> CrossingJudge<'a> {
         Self { field, tolerance, hair }
     }
 
-    /// True once the work is to stop.
+    /// True once the work is cancelled.
     pub(super) fn is_stopped(&self) -> bool {
         self.field.is_stopped()
     }
 
-    /// The same, asked in every thousandth round of a loop.
+    /// The same, tested in every thousandth round of a loop.
     pub(super) fn is_stopped_in(&self, round: usize) -> bool {
         self.field.is_stopped_in(round)
     }
 
-    /// The crossing of the edge between `a` and `b` that is furthest off, if one is beyond the tolerance.
-    /// All samples beside the edge must be valid. The same whichever end comes first; time linear in the
-    /// length of the edge.
+    /// The worst intersection of the edge between `a` and `b`, if it is beyond the tolerance. All samples beside the
+    /// edge must be valid. The result does not depend on the direction; time linear in the length of the edge.
     #[inline]
     pub(super) fn worst(&self, a: TilePosition, b: TilePosition) -> Option<EdgeCrossing> {
         let (a, b) = (a.min(b), a.max(b));
@@ -110,8 +109,8 @@ impl<'a> CrossingJudge<'a> {
         worst
     }
 
-    /// Decides a crossing in the part `k / n` of an edge and `rest / n` of a line between two samples, given
-    /// the heights at their ends and about how far they are apart.
+    /// Tests an intersection at the fraction `k / n` of an edge and `rest / n` of a line between two samples, given the
+    /// heights at their ends and their approximate distance.
     #[inline]
     fn is_within(
         &self,
@@ -128,7 +127,7 @@ impl<'a> CrossingJudge<'a> {
 }
 
 impl LineDirection {
-    /// A position as number of its line, and how far along that it is.
+    /// A position as line number and offset along the line.
     fn place(self, p: TilePosition) -> [i32; 2] {
         match self {
             Self::Rows => [p.row() as i32, p.col() as i32],
@@ -136,7 +135,7 @@ impl LineDirection {
         }
     }
 
-    /// The position that [`Self::place`] puts there.
+    /// The inverse of [`Self::place`].
     fn local(self, line: i32, along: i32) -> TilePosition {
         match self {
             Self::Rows => TilePosition::new(along as u32, line as u32),
@@ -153,20 +152,20 @@ impl LineDirection {
     }
 }
 
-/// The lines that an edge cuts between two samples, from one end to the other.
+/// The lattice lines that an edge crosses, from one end to the other.
 #[derive(Clone, Copy)]
 struct EdgeWalk {
     line: i32,
     along: i32,
     rest: i32,
     k: i32,
-    /// Lines the edge rises by.
+    /// Number of lines spanned by the edge.
     n: i32,
     step: i32,
     step_rest: i32,
 }
 
-/// Where an edge cuts a line: in its part `k / n`, and `rest / n` behind the sample `along`.
+/// Intersection of an edge and a line: at the fraction `k / n` of the edge, `rest / n` after the sample `along`.
 struct EdgeCut {
     k: i32,
     line: i32,
@@ -175,7 +174,7 @@ struct EdgeCut {
 }
 
 impl EdgeWalk {
-    /// Both ends as line and position along it; the line of the first is the lower one.
+    /// Both ends as line number and offset; the line of the first is the lower one.
     fn new([line, along]: [i32; 2], [last, end]: [i32; 2]) -> Self {
         let (n, shift) = (last - line, end - along);
         let (step, step_rest) = (shift.div_euclid(n), shift.rem_euclid(n));

@@ -19,31 +19,31 @@ use super::tolerance::InsertionCriteria;
 use terrane_base::bits::BitSet;
 use terrane_base::geom::predicates::{Lattice, in_circle, orient};
 
-/// Stars with more triangles than this are left alone: refilling is cubic in the degree.
+/// Stars with more triangles than this are skipped: refilling is cubic in the degree.
 const MAX_DEGREE: usize = 24;
 
 /// Buffers of the drop pass.
 #[derive(Debug, Default)]
 pub(super) struct DropScratch {
-    /// Vertices never to be tried.
+    /// Fixed vertices.
     fixed: BitSet,
-    /// Those, and vertices that failed and whose star has not changed since.
+    /// Fixed vertices, and vertices that failed and whose star has not changed since.
     settled: BitSet,
     star: Vec<u32>,
     ring: Vec<(TilePosition, u32)>,
     fill: Vec<LatticeTriangle>,
-    /// Largest radius, squared, of a circle around a triangle that takes a vertex's place.
+    /// Maximum squared radius of a new triangle's circumcircle.
     square_radius: f64,
-    /// What the angles of triangles that take a vertex's place are held to.
+    /// Minimum angle of new triangles.
     min_angle: Option<MinimumAngle>,
-    /// Set where these need not be Delaunay.
+    /// Allow new triangles that are not Delaunay.
     any: bool,
     any_fill: RefillBuffers,
 }
 
-/// Tries to drop every vertex that is not settled, in the order of the triangles. A drop changes what its
-/// neighbours can do, so they may be tried again: the sweep meets a vertex once in each of its
-/// triangles. Expected time linear in the vertices and the samples of their stars.
+/// Tries to drop every vertex that is not settled, in the order of the triangles. Neighbours of a dropped vertex are
+/// tried again: the sweep visits a vertex once in each of its triangles. Expected time linear in the vertices and the
+/// samples of their stars.
 pub(super) fn drop_redundant(
     judge: &InsertionCriteria<'_>,
     mesh: &mut LatticeMesh,
@@ -64,14 +64,14 @@ pub(super) fn drop_redundant(
     }
 }
 
-/// Where a sample of the field has its bit.
+/// Bit index of a sample of the field.
 fn index_in(field: &HeightField) -> impl Fn(TilePosition) -> usize + use<> {
     let width = field.width() as usize;
     move |p| p.row() as usize * width + p.col() as usize
 }
 
 impl DropScratch {
-    /// Starts over: all vertices may be tried but those that are `fixed`.
+    /// Resets the state: all vertices except `fixed` may be tried.
     pub(super) fn settle(&mut self, field: &HeightField, fixed: &[TilePosition]) {
         let index = index_in(field);
         let samples = field.width() as usize * field.height() as usize;
@@ -83,7 +83,7 @@ impl DropScratch {
         }
     }
 
-    /// Lets the corners of triangles that have changed be tried again.
+    /// Allows the corners of changed triangles to be tried again.
     pub(super) fn unsettle_changed(&mut self, field: &HeightField, mesh: &LatticeMesh) {
         let index = index_in(field);
         for tri in mesh.ids().map(|id| &mesh.tris[id as usize]).filter(|tri| tri.source == NONE) {
@@ -91,23 +91,23 @@ impl DropScratch {
         }
     }
 
-    /// Allows circles around squares of side `spacing`, and none larger.
+    /// Limits circumcircles to those of squares of side `spacing`.
     pub(super) fn limit_circles(&mut self, spacing: u32) {
         self.square_radius = f64::from(spacing).powi(2) / 2.0;
     }
 
-    /// Allows triangles with such angles only.
+    /// Limits the angles of new triangles.
     pub(super) fn limit_angles(&mut self, bound: Option<MinimumAngle>) {
         self.min_angle = bound;
     }
 
-    /// Lets any triangles take a vertex's place, or Delaunay ones alone.
+    /// Allows any new triangles, or Delaunay ones only.
     pub(super) fn allow_any(&mut self, any: bool) {
         self.any = any;
     }
 
-    /// True when the circle around a triangle is not too large: its radius is the product of the
-    /// sides over four times the area.
+    /// True if the circumcircle of a triangle is not too large: its radius is the product of the sides over four times
+    /// the area.
     fn is_compact(&self, tri: &LatticeTriangle) -> bool {
         let [a, b, c] = tri.corners.map(TilePosition::lattice);
         let square = |[x, y]: Lattice, [to_x, to_y]: Lattice| {
@@ -120,12 +120,12 @@ impl DropScratch {
             <= 4.0 * double_area * double_area * self.square_radius
     }
 
-    /// True when the angles of a triangle are not too small.
+    /// True if no angle of a triangle is too small.
     fn is_wide(&self, tri: &LatticeTriangle) -> bool {
         self.min_angle.is_none_or(|bound| bound.holds(tri.corners))
     }
 
-    /// Lets the corners of the triangles that filled the last star be tried again.
+    /// Allows the corners of the triangles that filled the last star to be tried again.
     fn unsettle(&mut self, index: &impl Fn(TilePosition) -> usize) {
         for i in 0..self.fill.len() {
             let tri = self.fill[i];
@@ -141,9 +141,8 @@ impl DropScratch {
         }
     }
 
-    /// Removes the vertex from which `half_edge` starts if its star can be refilled, with Delaunay triangles or
-    /// such as are allowed, that keep every sample within the tolerance. Returns the triangles that took its
-    /// place.
+    /// Removes the vertex from which `half_edge` starts if its star can be refilled, with Delaunay or other allowed
+    /// triangles, within the tolerance. Returns the new triangles.
     pub(super) fn try_drop(
         &mut self,
         judge: &InsertionCriteria<'_>,
@@ -160,7 +159,7 @@ impl DropScratch {
         is_droppable.then(|| self.replace(mesh))
     }
 
-    /// Fills the ring with Delaunay ears. True when that keeps all that was asked for.
+    /// Fills the ring with Delaunay ears. True if all requirements hold.
     fn refill_by_ears(&mut self, judge: &InsertionCriteria<'_>, vertex: TilePosition) -> bool {
         self.refill()
             && self.fill.iter().all(|tri| self.is_compact(tri) && self.is_wide(tri))
@@ -171,7 +170,7 @@ impl DropScratch {
             && self.fill.iter().all(|tri| judge.candidate(tri.corners, 0).is_none())
     }
 
-    /// Fills the ring with the best triangles that keep all that was asked for. True when there are any.
+    /// Fills the ring with the best triangles that meet all requirements. True if there are any.
     fn refill_by_any(&mut self, judge: &InsertionCriteria<'_>, vertex: TilePosition) -> bool {
         let outline = (&self.ring[..], &self.star[..]);
         self.any_fill.fill(judge, self.min_angle, vertex, outline, &mut self.fill)
@@ -229,7 +228,7 @@ impl DropScratch {
         })
     }
 
-    /// True when the new edges are within the tolerance between samples, if that is asked for.
+    /// True if the new edges are within the tolerance between samples, or if that is not requested.
     fn diagonals_keep(&self, judge: &InsertionCriteria<'_>) -> bool {
         let ears = &self.fill[..self.fill.len() - 1];
         ears.iter().all(|ear| judge.edge_keeps([ear.corners[2], ear.corners[0]]))

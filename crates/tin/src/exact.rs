@@ -14,11 +14,11 @@ use super::heights::HeightField;
 use super::lattice_position::TilePosition;
 use terrane_base::geom::predicates::orient;
 
-/// Relative rounding of the plain evaluation, with room to spare.
+/// Relative rounding error of the plain evaluation, with a margin.
 const DOUBT: f64 = 1e-14;
 
-/// True when `height` is at most `tolerance` from the plane that has heights `z` at the corners
-/// with barycentric weights `weights` (non-negative, not all zero).
+/// True if `height` is within `tolerance` of the plane with heights `z` at the corners and barycentric weights
+/// `weights` (non-negative, not all zero).
 pub(super) fn within(weights: [i64; 3], z: [f64; 3], height: f64, tolerance: f64) -> bool {
     let weights = weights.map(|w| w as f64);
     let total: f64 = weights.iter().sum();
@@ -41,7 +41,7 @@ pub(super) fn within(weights: [i64; 3], z: [f64; 3], height: f64, tolerance: f64
     is_at_most(terms, tolerance, total)
 }
 
-/// True when the sum of the products of `terms` is at most `tolerance` times `total` from zero.
+/// True if the absolute sum of the products of `terms` is at most `tolerance` times `total`.
 pub(super) fn is_at_most<const N: usize>(
     terms: [(f64, f64); N],
     tolerance: f64,
@@ -84,19 +84,19 @@ impl DoubleDouble {
     }
 }
 
-/// What an exact scan of a triangle found.
+/// Result of an exact scan of a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ExactWorst {
     /// Largest |sample - plane|, in `f64`.
     pub(super) error: f64,
-    /// Where it is, the lowest (row, column) among equals; meaningless when the error is 0.
+    /// Its position, the lowest (row, column) of a tie; undefined if the error is 0.
     pub(super) at: TilePosition,
-    /// True when every sample is within the tolerance (closed).
+    /// True if every sample is within the tolerance (inclusive).
     pub(super) within: bool,
 }
 
-/// Scans every sample of the closed triangle `p` at full resolution in `f64`, void samples aside.
-/// Time linear in the number of samples in the triangle's bounding rows.
+/// Scans every valid sample of the closed triangle `p` at full resolution in `f64`. Time linear in the number of
+/// samples in the triangle's bounding rows.
 pub(super) fn scan(field: &HeightField, p: [TilePosition; 3], tolerance: f64) -> ExactWorst {
     let z = field.vertices(p);
     let mut worst = ExactWorst { error: 0.0, at: TilePosition::new(0, 0), within: true };

@@ -1,4 +1,4 @@
-//! The reference: insert the one sample with the largest error of all, exactly, until none is left.
+//! Reference implementation: inserts the one sample with the largest error, exactly, until none is left.
 
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;

@@ -29,11 +29,11 @@ pub(super) struct RowBounds {
     /// Edges as columns: `offset` + `slope` * row.
     pub(super) slopes: [f64; 3],
     pub(super) offsets: [f64; 3],
-    /// Which side of a row an edge bounds.
+    /// The side of a row that each edge bounds.
     pub(super) sides: [EdgeSide; 3],
 }
 
-/// On which side of its interior an edge lies.
+/// Position of an edge relative to the interior.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum EdgeSide {
     Left,
@@ -98,7 +98,7 @@ fn decimated([first, last]: [i32; 2], shift: u32, bounds: [i32; 2]) -> [i32; 2] 
 }
 
 impl RowBounds {
-    /// True when one of the edges that are asked for, and do not run along a row, goes through a sample.
+    /// True if one of the tested edges, other than edges along a row, passes through a sample.
     #[inline(always)]
     pub(super) fn any_through(&self, asked: &[bool; 3], col: i32, row: i32) -> bool {
         let through = |i: usize| {
@@ -108,7 +108,7 @@ impl RowBounds {
         through(0) | through(1) | through(2)
     }
 
-    /// First and last decimated column of a decimated row; first > last when there is none.
+    /// First and last decimated column of a decimated row; first > last if empty.
     #[inline(always)]
     pub(super) fn columns(&self, level: &FieldLevel<'_>, row: i32) -> [i32; 2] {
         let shrink = 1.0 / f64::from(1_u32 << level.shift);

@@ -17,9 +17,9 @@ use super::mesh::{LatticeMesh, TriangleScanState};
 use super::tolerance::{InsertionCandidate, InsertionCriteria};
 use super::{adjust, exact_greedy};
 
-/// Samples a first scan of a triangle looks at, about.
+/// Approximate number of samples in the first scan of a triangle.
 const SAMPLES_PER_SCAN: i64 = 64;
-/// How many levels finer a triangle that passed is scanned next.
+/// Number of levels by which the next scan of a triangle is finer.
 const REFINE_STEP: u8 = 2;
 
 /// Inserts samples until every sample of the dirty triangles is within the tolerance.
@@ -36,15 +36,15 @@ pub(super) fn fit(
     }
 }
 
-/// Buckets of candidates; the last takes all larger errors, and all triangles at the start.
+/// Number of candidate buckets; the last one takes all larger errors, and all triangles at the start.
 const BUCKETS: usize = 64;
 
-/// Work lists, kept between tiles.
+/// Work lists, reused between tiles.
 #[derive(Debug, Default)]
 pub(super) struct WorkLists {
-    /// Triangles by the size of their error; see [`bucket_of`].
+    /// Triangles by the magnitude of their error; see [`bucket_of`].
     buckets: Vec<Vec<u32>>,
-    /// No bucket above this one holds anything.
+    /// All buckets above this one are empty.
     top: usize,
     /// The bucket being emptied.
     batch: Vec<u32>,
@@ -54,8 +54,8 @@ pub(super) struct WorkLists {
     star: Vec<u32>,
 }
 
-/// Errors within a factor of about 1.4 share a bucket, larger ones come later. The float's bits are
-/// its logarithm, roughly (Mitchell 1962).
+/// Errors within a factor of about 1.4 share a bucket; larger errors have higher buckets. The bits of a float
+/// approximate its logarithm (Mitchell 1962).
 fn bucket_of(error: f32, tolerance: f64) -> usize {
     const BITS: u32 = 22;
     let bucket = |value: f32| (value.to_bits() >> BITS) as usize;
@@ -105,7 +105,7 @@ impl WorkLists {
         self.top = BUCKETS - 1;
     }
 
-    /// Takes the fullest-error bucket that is not empty.
+    /// Takes the non-empty bucket with the largest errors.
     fn next_batch(&mut self) -> Option<usize> {
         let bucket = self.buckets[..=self.top].iter().rposition(|bucket| !bucket.is_empty())?;
         self.top = bucket;
@@ -115,7 +115,7 @@ impl WorkLists {
         Some(bucket)
     }
 
-    /// The sample of a triangle to insert now, if its error belongs to this bucket or above.
+    /// The sample of a triangle to insert now, if its error belongs to this bucket or a higher one.
     fn due(
         &mut self,
         judge: &InsertionCriteria<'_>,
@@ -197,7 +197,7 @@ impl WorkLists {
         }
     }
 
-    /// Scans what passed at a coarse stride more finely; false when nothing is left to scan.
+    /// Rescans triangles that passed at a coarse stride more finely; false if none is left.
     fn refine(&mut self, judge: &InsertionCriteria<'_>, mesh: &mut LatticeMesh) -> bool {
         let passed = std::mem::take(&mut self.passed);
         for (round, &(id, level)) in passed.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! The heights a tile or patch works on: one contiguous `f32` array with decimated copies.
+//! Heights of a tile or patch: one contiguous `f32` array with decimated copies.
 
 use super::lattice_position::TilePosition;
 use std::cell::Cell;
@@ -19,7 +19,7 @@ pub(super) struct FieldLevel<'a> {
     pub(super) pitch: usize,
     /// The stride is `2^shift`.
     pub(super) shift: u32,
-    /// Samples a scan may look at: first and last column, first and last row (decimated units).
+    /// Bounds of scans: first and last column, first and last row (decimated units).
     pub(super) bounds: [i32; 4],
 }
 
@@ -50,19 +50,18 @@ pub(super) struct HeightField {
     values: Vec<f32>,
     starts: [usize; LEVELS],
     exact: Vec<f64>,
-    /// Heights of vertices by their samples, where those are free; else empty. In cells, because they move
-    /// while samples are judged by them.
+    /// Heights of vertices by their samples, if free; else empty. Cells, because vertices move while they are in use.
     free: Vec<Cell<f64>>,
     /// Vertices are rounded to f32 relative to this height.
     rounding: Option<HeightQuantization>,
-    /// Samples that scans leave out on the left, right, above and below (1 where the rim is fixed).
+    /// Samples excluded from scans on the left, right, above and below (1 where the rim is fixed).
     margins: [u32; 4],
-    /// What stops the work on it early.
+    /// Cancellation.
     cancel: Cancel,
 }
 
 impl HeightField {
-    /// Lets `cancel` stop the work.
+    /// Sets the cancellation.
     pub(super) fn stop_by(&mut self, cancel: &Cancel) {
         self.cancel = cancel.clone();
     }
@@ -75,7 +74,7 @@ impl HeightField {
         self.cancel.is_set()
     }
 
-    /// The same, asked in every thousandth round of a loop: a millisecond or so.
+    /// The same, tested in every thousandth round of a loop: about every millisecond.
     #[inline]
     pub(super) fn is_stopped_in(&self, round: usize) -> bool {
         round.is_multiple_of(1024) && self.is_stopped()
@@ -150,7 +149,7 @@ impl HeightField {
         FieldLevel { bounds: [0, last(self.width), 0, last(self.height)], ..self.level(0) }
     }
 
-    /// First and last column, first and last row that scans look at.
+    /// First and last column, first and last row of scans.
     pub(super) fn scan_bounds(&self) -> [i32; 4] {
         self.level(0).bounds
     }
@@ -165,7 +164,7 @@ impl HeightField {
         self.height
     }
 
-    /// Where a sample is, counted row by row.
+    /// Index of a sample, row by row.
     #[inline(always)]
     pub(super) fn index(&self, p: TilePosition) -> usize {
         p.row() as usize * self.width as usize + p.col() as usize
@@ -192,14 +191,14 @@ impl HeightField {
         }
     }
 
-    /// The largest height but for its sign, void samples aside.
+    /// The maximum absolute height, without voids.
     pub(super) fn largest(&self) -> f64 {
         let samples = &self.values[..self.width as usize * self.height as usize];
         let most = |samples: &[f32]| samples.iter().fold(0.0_f32, |most, z| most.max(z.abs()));
         f64::from(samples.chunks(1024).map(most).fold(0.0, f32::max))
     }
 
-    /// The height a vertex at this sample has in the output.
+    /// The height of a vertex at this sample in the output.
     #[inline(always)]
     pub(super) fn vertex(&self, p: TilePosition) -> f64 {
         match self.free.is_empty() {
@@ -208,12 +207,12 @@ impl HeightField {
         }
     }
 
-    /// A height as the output holds it.
+    /// A height as stored in the output.
     fn stored(&self, height: f64) -> f64 {
         self.rounding.map_or(height, |rounding| rounding.apply(height))
     }
 
-    /// From here on vertices may have other heights than their samples.
+    /// Allows vertices to have other heights than their samples.
     pub(super) fn free_heights(&mut self) {
         let samples = self.width as usize * self.height as usize;
         let mut free = std::mem::take(&mut self.free);
@@ -221,12 +220,12 @@ impl HeightField {
         self.free = free;
     }
 
-    /// True when vertices may have other heights than their samples.
+    /// True if vertices may have other heights than their samples.
     pub(super) fn is_free(&self) -> bool {
         !self.free.is_empty()
     }
 
-    /// Gives a vertex another height, as near as the output can hold. Heights must be free.
+    /// Sets the height of a vertex, rounded as stored in the output. Heights must be free.
     pub(super) fn move_vertex(&self, p: TilePosition, height: f64) {
         self.free[self.index(p)].set(self.stored(height));
     }
@@ -237,7 +236,7 @@ impl HeightField {
         [self.vertex(a), self.vertex(b), self.vertex(c)]
     }
 
-    /// Bytes this holds for a tile of `cells` x `cells`, with exact heights, and free ones too.
+    /// Bytes for a tile of `cells` x `cells`, with exact heights, and with free ones if `is_free`.
     pub(super) fn bytes(cells: u32, is_free: bool) -> u64 {
         let samples = u64::from(cells + 1).pow(2);
         samples * 4 * 4 / 3 + samples * if is_free { 16 } else { 8 }

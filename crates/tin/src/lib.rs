@@ -1,7 +1,7 @@
 //! Grid to TIN: greedy insertion on one tile, and the seam patches that join tiles. Pure.
 //!
-//! Method: Garland & Heckbert, "Fast Polygonal Approximation of Terrains and Height Fields" (1995),
-//! algorithm III, with adaptive-stride scans. A vertex is always a sample, or at most moved up or down from one.
+//! Method: Garland & Heckbert, "Fast Polygonal Approximation of Terrains and Height Fields" (1995), algorithm III, with
+//! adaptive-stride scans. Vertices are samples, moved vertically if heights are free.
 
 mod adjust;
 mod angles;

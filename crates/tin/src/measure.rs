@@ -1,4 +1,4 @@
-//! Largest error and sum of squared errors of a finished triangle, every sample counted once.
+//! Maximum error and sum of squared errors of a finished triangle, every sample counted once.
 //!
 //! Errors are measured only for a report: the extra pass takes a third of the time of the kernel.
 
@@ -7,7 +7,7 @@ use super::heights::{ExactSamples, HeightField};
 use super::lattice_position::TilePosition;
 use terrane_base::geom::predicates::orient;
 
-/// Samples summed side by side; part of the arithmetic, so that sums never depend on the machine.
+/// Samples summed in parallel; part of the arithmetic, so that sums do not depend on the machine.
 const LANES: usize = 8;
 
 /// Columns.
@@ -22,7 +22,7 @@ pub(super) struct MeasuredTriangle<'a> {
 }
 
 impl MeasuredTriangle<'_> {
-    /// Largest error and sum of squared errors; the same bits with whatever registers it is compiled for.
+    /// Maximum error and sum of squared errors; bit for bit the same on all instruction sets.
     #[inline(always)]
     pub(super) fn measured(&self) -> (f32, f32) {
         match self.field.samples() {
@@ -72,12 +72,12 @@ impl MeasuredTriangle<'_> {
     }
 }
 
-/// True when a row holds two corners, and so may run along an edge.
+/// True if a row holds two corners, and may therefore run along an edge.
 fn has_level_edge(p: [TilePosition; 3], row: i32) -> bool {
     p.iter().filter(|corner| corner.row() as i32 == row).count() > 1
 }
 
-/// False when the sample lies on an edge that is not owned.
+/// False if the sample lies on an edge that the triangle does not own.
 fn is_owned(p: [TilePosition; 3], owned: [bool; 3], at: TilePosition) -> bool {
     let q = at.lattice();
     (0..3).all(|edge| {
@@ -86,7 +86,7 @@ fn is_owned(p: [TilePosition; 3], owned: [bool; 3], at: TilePosition) -> bool {
     })
 }
 
-/// Running figures of one triangle.
+/// Running totals of one triangle.
 #[derive(Default)]
 struct TriangleTotals {
     largest: f64,
@@ -103,8 +103,8 @@ impl TriangleTotals {
         }
     }
 
-    /// Adds the samples of a row from `low` to `high`, of which those from `from` to `to` count in the sum.
-    /// `LANES` more can be read.
+    /// Adds the samples of a row from `low` to `high`; samples from `from` to `to` count in the sum. `LANES` more
+    /// values must be readable.
     #[inline(always)]
     fn add_row<H: Copy + Into<f64>>(
         &mut self,
@@ -130,8 +130,8 @@ impl TriangleTotals {
         (self.lanes, self.most) = (sums, most);
     }
 
-    /// Adds the samples of a triangle of at most `LANES` columns: those where three edge functions, exact in
-    /// `i32`, are not negative; on an edge that is not owned they count in the largest error alone.
+    /// Adds the samples of a triangle of at most `LANES` columns: those with three non-negative edge functions, exact
+    /// in `i32`. Samples on an edge that is not owned count in the maximum error only.
     #[inline(always)]
     fn add_strip<H: Copy + Into<f64>>(
         &mut self,
@@ -177,8 +177,8 @@ impl TriangleTotals {
     }
 }
 
-/// Bound on the rounding of an error up to `largest`: some ten operations on terms no larger than
-/// these. A level facet has only one that rounds, the difference itself.
+/// Bound on the rounding of an error up to `largest`: about ten operations on terms no larger than these. A level facet
+/// has only one rounded operation, the difference itself.
 fn doubt(facet: &PlaneFacet, p: [TilePosition; 3], z: [f64; 3], largest: f64) -> f64 {
     let [q, r, s] = p.map(|corner| corner.lattice().map(f64::from));
     let [[bx, by], [cx, cy]] = [r, s].map(|to| [to[0] - q[0], to[1] - q[1]]);
@@ -195,14 +195,14 @@ fn doubt(facet: &PlaneFacet, p: [TilePosition; 3], z: [f64; 3], largest: f64) ->
     16.0 * f64::EPSILON * size
 }
 
-/// The nearest `f32` that is not below `value` (not negative).
+/// The nearest `f32` not below `value` (non-negative).
 fn upwards(value: f64) -> f32 {
     let rounded = value as f32;
     if f64::from(rounded) < value { rounded.next_up() } else { rounded }
 }
 
-/// Which of the two triangles beside an edge owns the samples on it: decided by direction alone,
-/// so that both sides agree wherever they are computed.
+/// Which of the two triangles beside an edge owns its samples: depends on the direction alone, so that both sides
+/// agree.
 pub(super) fn owns_by_direction(from: TilePosition, to: TilePosition) -> bool {
     to.row() < from.row() || (to.row() == from.row() && to.col() > from.col())
 }

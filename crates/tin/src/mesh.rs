@@ -19,12 +19,12 @@ use terrane_base::geom::predicates::{in_circle, orient};
 /// "No half-edge": the border of the mesh.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// What is known of a triangle's samples.
+/// Scan state of a triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum TriangleScanState {
-    /// Scanned at the stride `2^level`; nothing above the tolerance was seen there.
+    /// Scanned at the stride `2^level`; no sample beyond the tolerance was found.
     Passed(u8),
-    /// All its samples are within the tolerance, and its edges between samples.
+    /// All its samples are within the tolerance, as are its edges between samples.
     Kept,
     /// Changed since it was last scanned.
     Dirty,
@@ -42,20 +42,18 @@ pub(super) enum TriangleScanState {
 pub(super) struct LatticeTriangle {
     pub(super) corners: [TilePosition; 3],
     pub(super) twins: [u32; 3],
-    /// The loose triangle this one was built from, or anything else that it is known by until it changes:
-    /// [`NONE`] then.
+    /// The input triangle or another identifier until it changes: then [`NONE`].
     pub(super) source: u32,
     pub(super) state: TriangleScanState,
 }
 
-/// Which border edges may not be split.
+/// Border edges that must not be split.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) enum FixedBorder {
-    /// None: the mesh is being set up.
+    /// None, during initialization.
     #[default]
     Nothing,
-    /// All but those on the sides (left, right, above, below) of a rectangle of so many cells where the
-    /// grid ends.
+    /// All except those on the sides (left, right, above, below) of a rectangle of `cells` where the grid ends.
     Inside { ends: [bool; 4], cells: [u32; 2] },
 }
 
@@ -65,7 +63,7 @@ pub(super) struct LatticeMesh {
     pub(super) tris: Vec<LatticeTriangle>,
     free: Vec<u32>,
     stack: Vec<u32>,
-    /// Where border edges may not be split any more.
+    /// Border edges that must not be split.
     pub(super) fixed: FixedBorder,
 }
 
@@ -82,7 +80,7 @@ pub(super) fn prev(i: u32) -> u32 {
     if i == 0 { 2 } else { i - 1 }
 }
 
-/// Where a position lies in a triangle that holds it.
+/// Location of a position within its triangle.
 enum LocationInTriangle {
     Inside,
     Edge(u32),
@@ -90,7 +88,7 @@ enum LocationInTriangle {
 }
 
 impl FixedBorder {
-    /// True when the border may be split at `p`.
+    /// True if the border may be split at `p`.
     fn allows(self, p: TilePosition) -> bool {
         match self {
             Self::Nothing => true,
@@ -113,7 +111,7 @@ impl LatticeMesh {
         self.fixed = FixedBorder::Nothing;
     }
 
-    /// Starts over with the two triangles of a rectangle (`cols` x `rows` cells).
+    /// Resets the mesh to the two triangles of a rectangle (`cols` x `rows` cells).
     pub(super) fn reset_to_rectangle(&mut self, cols: u32, rows: u32) {
         self.clear();
         let [a, b] = [TilePosition::new(0, 0), TilePosition::new(cols, 0)];
@@ -134,7 +132,7 @@ impl LatticeMesh {
         self.tris[(half_edge >> 2) as usize].corners[next(half_edge & 3) as usize]
     }
 
-    /// The same edge of the triangle beyond, or [`NONE`].
+    /// The opposite half-edge, or [`NONE`].
     #[inline(always)]
     pub(super) fn twin(&self, half_edge: u32) -> u32 {
         self.tris[(half_edge >> 2) as usize].twins[(half_edge & 3) as usize]
@@ -158,18 +156,18 @@ impl LatticeMesh {
         (self.tris.len() - 1) as u32
     }
 
-    /// Gives a slot back.
+    /// Releases a slot.
     pub(super) fn remove(&mut self, id: u32) {
         self.tris[id as usize].state = TriangleScanState::Free;
         self.free.push(id);
     }
 
-    /// From here on those triangles count as changed that change.
+    /// Marks all triangles as unchanged.
     pub(super) fn forget_changes(&mut self) {
         self.tris.iter_mut().for_each(|tri| tri.source = 0);
     }
 
-    /// All samples are to be judged again: heights or the tolerance have changed.
+    /// Marks all triangles for a new test, after changes of heights or of the tolerance.
     pub(super) fn judge_again(&mut self) {
         for tri in self.tris.iter_mut().filter(|tri| {
             !matches!(tri.state, TriangleScanState::Free | TriangleScanState::Outside)
@@ -178,8 +176,8 @@ impl LatticeMesh {
         }
     }
 
-    /// The half-edges that start where `half_edge` does, counter-clockwise from it. False when they do not go
-    /// all around, inside the surface, or are more than `most`: then some are missing.
+    /// Collects the half-edges that start at the same vertex as `half_edge`, counter-clockwise from it. Returns false
+    /// if they do not form a closed star inside the surface, or exceed `most`: the list is then incomplete.
     pub(super) fn star(&self, half_edge: u32, most: usize, star: &mut Vec<u32>) -> bool {
         star.clear();
         let mut at = half_edge;
@@ -207,7 +205,7 @@ impl LatticeMesh {
         }
     }
 
-    /// The triangle that holds `p`, by walking from `start`. The mesh must be convex.
+    /// Locates the triangle that contains `p`, walking from `start`. The mesh must be convex.
     pub(super) fn locate(&self, p: TilePosition, start: u32) -> u32 {
         let target = p.lattice();
         let mut at = start;
@@ -227,8 +225,8 @@ impl LatticeMesh {
         }
     }
 
-    /// The triangle that holds `to`, seen from where the line between it and its neighbour `from` crosses
-    /// an edge, with the two on its two sides; `None` when the mesh ends in between.
+    /// The triangle that contains `to`, seen from the edge crossing of the segment from its neighbour `from`, with the
+    /// two on both sides; `None` if the mesh ends in between.
     pub(super) fn follow(
         &self,
         half_edge: u32,
@@ -273,9 +271,9 @@ impl LatticeMesh {
         }
     }
 
-    /// Inserts `p`, which triangle `t` holds, and restores the Delaunay property. The triangles
-    /// around `p`, all dirty and with `p` as corner 0, are appended to `star`. Returns false when
-    /// `p` is a vertex already, not in `t`, or on a border that is fixed.
+    /// Inserts `p` into its triangle `t` and restores the Delaunay property. Appends the triangles around `p`, all
+    /// dirty and with `p` as corner 0, to `star`. Returns false if `p` is already a vertex, is outside `t`, or is on a
+    /// fixed border.
     ///
     /// Expected constant time (Lawson's flips; the number of flips is the degree of `p` minus 3).
     pub(super) fn insert(&mut self, t: u32, p: TilePosition, star: &mut Vec<u32>) -> bool {

@@ -1,7 +1,7 @@
 //! Seam patches: the region around a tile border, made Delaunay and re-fitted across it.
 //!
-//! The border of a patch is frozen. What changed beside it is reported, so that the caller can tell
-//! whether the change would have gone on in a larger patch.
+//! The border of a patch is frozen. Changes beside it are reported, so that the caller can detect whether a larger
+//! patch would have changed more.
 //!
 //! Along a rim, triangles end on vertices chosen for the line alone: the mesh is sound but neither
 //! Delaunay nor economical there. When both sides of a seam are done, the triangles near it are put into
@@ -23,8 +23,8 @@ use terrane_base::bits::BitSet;
 use terrane_base::bound::ErrorBound;
 use terrane_base::geom::predicates::in_circle;
 
-/// Makes the triangles of a patch Delaunay, inserts what is then beyond the tolerance, and drops
-/// vertices of the seam that are no longer needed.
+/// Makes the triangles of a patch Delaunay, inserts samples beyond the tolerance, and drops redundant vertices of the
+/// seam.
 ///
 /// The result is a pure function of the set of triangles, the heights and `spec`. Expected time is
 /// linear in the triangles but for sorting them.
@@ -71,8 +71,8 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &TinSpec, scratch: &mut TileScra
     PatchMesh { left, thin, apart, ..finish(mesh, &border, &sorted, spec, (adjust, used)) }
 }
 
-/// Drops the vertices whose stars can be filled within the tolerance by any triangles, Delaunay or not; where
-/// heights are free, moves others and tries again. What lies beside the border of the patch stays.
+/// Drops vertices whose stars can be refilled within the tolerance by any triangles, Delaunay or not. If heights are
+/// free, moves other vertices and tries again. Leaves the border of the patch unchanged.
 ///
 /// The result is a pure function of the set of triangles, the heights and `spec`. Expected time is linear in the
 /// triangles but for sorting them, and of a star in the cube of its corners.
@@ -109,7 +109,7 @@ pub fn reduce_patch(
     finish(mesh, &PatchBorder { field, input }, &sorted, spec, (adjust, used))
 }
 
-/// Brings the heights and the triangles of a patch, which are returned sorted.
+/// Loads the heights and the triangles of a patch; returns the triangles sorted.
 fn begin(input: &PatchInput<'_>, spec: &TinSpec, scratch: &mut TileScratch) -> Vec<TileTriangle> {
     let [width, height] = [input.heights.width, input.heights.height];
     scratch.field.load(&input.heights, [0, 0, width, height], [0; 4], spec.single_precision);
@@ -130,7 +130,7 @@ impl PatchInput<'_> {
     }
 }
 
-/// Rebuilds a mesh from loose sorted triangles. All count as within the tolerance.
+/// Rebuilds a mesh from unconnected sorted triangles. All count as within the tolerance.
 fn build(mesh: &mut LatticeMesh, sorted: &[TileTriangle]) {
     mesh.clear();
     let mut edges = Vec::with_capacity(3 * sorted.len());
@@ -152,15 +152,15 @@ fn build(mesh: &mut LatticeMesh, sorted: &[TileTriangle]) {
     }
 }
 
-/// What lies beyond the edges that have no twin.
+/// The surroundings of edges without a twin.
 struct PatchBorder<'a> {
     field: &'a HeightField,
     input: &'a PatchInput<'a>,
 }
 
 impl PatchBorder<'_> {
-    /// The triangle, once for each frozen edge beyond which the mesh may not agree with it, turned so
-    /// that this edge comes first: all edges of a changed triangle, and those on the seam of any.
+    /// Returns the triangle once for each frozen edge beyond which the mesh may disagree with it, rotated so that this
+    /// edge comes first: all frozen edges of a changed triangle, and edges on the seam of any triangle.
     fn neighbours<'b>(
         &'b self,
         tri: &'b LatticeTriangle,
@@ -178,7 +178,7 @@ impl PatchBorder<'_> {
         [edge, next(edge)].iter().all(|&i| self.input.is_on_seam(tri.corners[i as usize]))
     }
 
-    /// True when a triangle counts the samples on its edge: always where nothing lies beyond.
+    /// True if a triangle owns the samples on its edge: always if there is no triangle beyond.
     fn is_owned(&self, tri: &LatticeTriangle, edge: u32) -> bool {
         let [from, to] = [edge, next(edge)].map(|i| tri.corners[i as usize]);
         let nothing_beyond = tri.twins[edge as usize] == NONE && !self.is_frozen(tri, edge);
@@ -194,8 +194,8 @@ impl PatchBorder<'_> {
         tris.filter(is_frozen).flat_map(|tri| tri.corners).collect()
     }
 
-    /// True when the surface goes on beyond an edge without a twin: it is neither on the grid's border
-    /// nor on the outline of a void.
+    /// True if the surface continues beyond an edge without a twin: it is neither on the grid's border nor on the
+    /// outline of a void.
     fn is_frozen(&self, tri: &LatticeTriangle, edge: u32) -> bool {
         let [from, to] = [edge, next(edge)].map(|i| tri.corners[i as usize]);
         !on_grid_border(from, to, self.field, self.input.grid_ends)
@@ -240,8 +240,8 @@ fn legalise(mesh: &mut LatticeMesh) {
     }
 }
 
-/// True when to insert a sample, which a triangle holds, would change one beside an edge of the border that is
-/// frozen: the triangle beyond might not agree.
+/// True if inserting a sample into a triangle would change a triangle at a frozen border edge: the triangle beyond
+/// might disagree.
 fn changes_beside(
     mesh: &LatticeMesh,
     holder: u32,
@@ -267,7 +267,7 @@ fn changes_beside(
     false
 }
 
-/// Tries to drop the vertices on the seam lines that may have been chosen for a rim alone, in the order of their positions.
+/// Tries to drop the vertices on the seam lines that may serve a rim only, in the order of their positions.
 fn drop_seam(
     judge: &InsertionCriteria<'_>,
     mesh: &mut LatticeMesh,
@@ -293,7 +293,7 @@ fn drop_seam(
     }
 }
 
-/// Moves and drops vertices on the seam and near it, as far as the border of the patch stays as it is.
+/// Moves and drops vertices on the seam and near it, and leaves the border of the patch unchanged.
 fn even_out(
     judge: &InsertionCriteria<'_>,
     mesh: &mut LatticeMesh,
@@ -316,7 +316,7 @@ fn even_out(
     }
 }
 
-/// The patch's triangles; those that were never touched keep their measures.
+/// The patch's triangles; unchanged ones keep their measures.
 fn finish(
     mesh: &LatticeMesh,
     border: &PatchBorder<'_>,
@@ -399,7 +399,7 @@ mod tests {
         }
     }
 
-    /// The cell a step of half a unit to the right of the middle of an edge, if the patch has it.
+    /// The cell half a unit to the right of the midpoint of an edge, if it is in the patch.
     fn cell_beyond(from: TilePosition, to: TilePosition) -> Option<[i32; 2]> {
         let ([x, y], [to_x, to_y]) = (from.lattice(), to.lattice());
         let (dx, dy) = (to_x - x, to_y - y);

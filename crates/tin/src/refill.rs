@@ -1,4 +1,4 @@
-//! The triangulation of a star's outline whose worst triangle has the best shape, of all that keep the tolerance.
+//! Triangulation of a star's outline within the tolerance that maximizes the shape of its worst triangle.
 //!
 //! Where a mesh need not be Delaunay, a vertex can go whenever any triangles at all fill its star within the
 //! tolerance. They are found by dynamic programming over stretches of the outline (Gilbert 1979; Klincsek 1980):
@@ -23,15 +23,15 @@ use super::mesh::{LatticeTriangle, NONE, next};
 use super::tolerance::InsertionCriteria;
 use terrane_base::geom::predicates::orient;
 
-/// Stars with more triangles than this are left as they are.
+/// Stars with more triangles than this are skipped.
 pub(super) const MAX_DEGREE: usize = 16;
 
 /// The best filling of a stretch of the outline.
 #[derive(Clone, Copy, Debug)]
 struct ChordFilling {
-    /// The shape of its worst triangle; infinite where it has none, 0 where there is no filling.
+    /// Shape of its worst triangle; infinite if it has no triangle, 0 if there is no filling.
     shape: f64,
-    /// Where the triangle on the chord has its apex.
+    /// Apex of the triangle on the chord.
     apex: usize,
 }
 
@@ -41,16 +41,16 @@ const EDGE: ChordFilling = ChordFilling { shape: f64::INFINITY, apex: 0 };
 /// Buffers.
 #[derive(Debug, Default)]
 pub(super) struct RefillBuffers {
-    /// By the ends of a stretch.
+    /// Fillings by the ends of a stretch.
     fillings: Vec<ChordFilling>,
-    /// Stretches to make triangles of, and the half-edge that lies beyond their chord.
+    /// Stretches to triangulate, with the half-edge beyond their chord.
     stack: Vec<([usize; 2], u32)>,
 }
 
 impl RefillBuffers {
     /// Fills the outline of the star of `vertex`: its corners, counter-clockwise, and per edge the half-edge beyond.
-    /// The triangle that is found first takes the star's first slot, and so on; the twin of an edge between two
-    /// of them is set in the later one only. False when no filling keeps the tolerance, and the angles.
+    /// The triangle found first takes the star's first slot, and so on; the twin of an edge between two of them is set
+    /// in the later one only. Returns false if no filling keeps the tolerance and the angles.
     pub(super) fn fill(
         &mut self,
         judge: &InsertionCriteria<'_>,
@@ -90,7 +90,7 @@ impl RefillBuffers {
         true
     }
 
-    /// The best filling of a stretch: apexes are tried from that which promises most.
+    /// The best filling of a stretch: tries the most promising apexes first.
     fn best(
         &self,
         ring: &[(TilePosition, u32)],
@@ -118,7 +118,7 @@ impl RefillBuffers {
         }
     }
 
-    /// Makes triangles of the fillings.
+    /// Creates the triangles of the fillings.
     fn collect(
         &mut self,
         ring: &[(TilePosition, u32)],

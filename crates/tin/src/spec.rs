@@ -21,43 +21,43 @@ pub struct TileTriangle {
     pub square_sum: f32,
 }
 
-/// What a tile or patch has to reach.
+/// Specification of a tile or patch.
 #[derive(Clone, Copy, Debug)]
 pub struct TinSpec {
-    /// Largest allowed vertical distance of a valid sample, in the unit of the heights.
+    /// Maximum vertical distance of a valid sample, in height units.
     pub tolerance: f64,
-    /// Of what that is promised: of the samples, or of the lines between them too.
+    /// Where the tolerance holds: at samples, or along the grid lines between them as well.
     pub bound: ErrorBound,
     /// One global maximum at a time with exact full scans (the reference), instead of
     /// adaptive-stride scans.
     pub strict: bool,
     /// Run the drop pass.
     pub drop: bool,
-    /// Triangles need not be Delaunay inside a tile, where that takes fewer vertices: see [`reduce_patch`](crate::reduce_patch).
+    /// Allow triangles inside a tile that are not Delaunay, if that takes fewer vertices: see
+    /// [`reduce_patch`](crate::reduce_patch).
     pub data_dependent: bool,
-    /// Vertices may lie up to the tolerance above or below their samples, where that takes fewer of them.
+    /// Allow vertices up to the tolerance above or below their samples, if that takes fewer vertices.
     pub fit: bool,
-    /// Vertex heights are rounded like this, because the output stores no more than f32; `None` where
-    /// it stores f64.
+    /// Rounding of vertex heights for formats that store f32; `None` for f64.
     pub single_precision: Option<HeightQuantization>,
-    /// What angles triangles may have; `None` for any.
+    /// Minimum angle of triangles; `None` for any.
     pub min_angle: Option<MinimumAngle>,
     /// Fill `max_error` and `square_sum` of the triangles.
     pub measure: bool,
 }
 
 impl TinSpec {
-    /// How far posts are apart. Samples that are inserted for angles go on from a seam for some triangles: there
-    /// are twice as many within a patch where posts are half as far apart. And a square whose side is a power of
-    /// two has a sample in its middle, and so have its quarters, down to the cell: where posts are 3 apart, one
-    /// triangle in 100 was left, and one in 5,000 where they are 6.
+    /// Distance of anchor vertices. Samples inserted for angles propagate over some triangles from a seam; halving the
+    /// distance doubles the number of triangles within a patch. The distance is a power of two: its squares have a
+    /// sample at their centre, and so do their quarters, down to the cell. With a distance of 3 one triangle in 100
+    /// stayed thin, with 6 one in 5,000.
     pub(super) fn spacing(&self, most: u32) -> u32 {
         if self.min_angle.is_some() { 1 << (most / 2).max(1).ilog2() } else { most }
     }
 }
 
-/// A tile to triangulate. The heights reach one sample beyond the tile on each side where the grid
-/// goes on, because voids next to a rim decide which rim samples must be vertices.
+/// A tile to triangulate. The heights include an apron of one sample on each side where the grid continues, because
+/// voids next to a rim determine which rim samples must be vertices.
 #[derive(Clone, Copy, Debug)]
 pub struct TileInput<'a> {
     /// Heights of the tile and its apron.
@@ -70,18 +70,17 @@ pub struct TileInput<'a> {
     pub apron_above: u32,
     /// Rows (0 or 1) of apron below.
     pub apron_below: u32,
-    /// Farthest that neighbouring posts are apart; see [`PatchInput::spacing`].
+    /// Maximum distance of neighbouring anchor vertices; see [`PatchInput::spacing`].
     pub spacing: u32,
-    /// Samples of the tile that stay vertices wherever there is surface, at the heights they have, sorted. Both
-    /// tiles at a border have to be told of those on it.
+    /// Required samples: vertices wherever there is surface, at their own heights, sorted. Both tiles at a border need
+    /// the samples on it.
     pub kept: &'a [TilePosition],
-    /// Paths that edges have to follow wherever there is surface; what [`PathStretch::ends`] tells of each has to be
-    /// kept.
+    /// Paths that edges follow wherever there is surface; the samples of [`PathStretch::ends`] must be in `kept`.
     pub lines: &'a [PathStretch],
 }
 
 impl<'a> TileInput<'a> {
-    /// A grid that is one tile: no apron, posts at its corners alone, nothing to keep.
+    /// A grid of one tile: no apron, anchor vertices at its corners only, no constraints.
     pub fn alone(heights: HeightWindow<'a>) -> Self {
         let [apron_left, apron_right, apron_above, apron_below] = [0; 4];
         let (spacing, kept, lines) = (u32::MAX, &[], &[]);
@@ -92,28 +91,27 @@ impl<'a> TileInput<'a> {
 /// A finished tile: positions are relative to the tile's first sample (apron not counted).
 #[derive(Clone, Debug, Default)]
 pub struct TileMesh {
-    /// Triangles of the surface (cells with a void corner are not part of it), in an
-    /// order that depends on the input alone.
+    /// Triangles of the surface (without cells that have a void corner), in an order that depends on the input alone.
     pub triangles: Vec<TileTriangle>,
     /// Vertices in use, sorted.
     pub vertices: Vec<TilePosition>,
     /// Heights of the vertices.
     pub heights: Vec<f64>,
-    /// Valid samples that touch no valid cell: they have no surface. Counted on the tile's samples
-    /// except its last column and row, unless the grid ends there.
+    /// Valid samples without a valid cell: they have no surface. Counted on the tile's samples except its last column
+    /// and row, unless the grid ends there.
     pub isolated: u64,
     /// Valid samples, counted likewise.
     pub valid: u64,
 }
 
 impl TileMesh {
-    /// Bytes of the mesh of so many samples that keeps all of them.
+    /// Bytes of the mesh of `samples` samples if all are kept.
     pub fn max_bytes(samples: u64) -> u64 {
         let each = 2 * size_of::<TileTriangle>() + size_of::<TilePosition>() + size_of::<f64>();
         samples * each as u64
     }
 
-    /// Bytes held.
+    /// Bytes in memory.
     pub fn bytes(&self) -> u64 {
         let triangles = self.triangles.capacity() * size_of::<TileTriangle>();
         let vertices = self.vertices.capacity() * size_of::<TilePosition>();
@@ -124,48 +122,47 @@ impl TileMesh {
 /// A seam patch to mend. Positions are relative to the first sample of a rectangle.
 #[derive(Clone, Copy, Debug)]
 pub struct PatchInput<'a> {
-    /// Heights of the rectangle: all triangles lie in it, and one more sample on each side where
-    /// the grid goes on (a void there ends the surface).
+    /// Heights of a rectangle that contains all triangles, plus one sample on each side where the grid continues (a
+    /// void there ends the surface).
     pub heights: HeightWindow<'a>,
-    /// Heights of vertices of the triangles where they are free; the others have those of their samples.
+    /// Heights of vertices with free heights; the others have those of their samples.
     pub vertices: &'a [(TilePosition, f64)],
-    /// The triangles to mend, in any order; they should hold every triangle with a corner on the
-    /// seam.
+    /// The triangles to mend, in any order; should include every triangle with a corner on the seam.
     pub triangles: &'a [TileTriangle],
     /// Column of the vertical rim line; its vertices may be dropped.
     pub seam_col: Option<u32>,
     /// Row of the horizontal rim line.
     pub seam_row: Option<u32>,
-    /// Where the grid ends with the rectangle: left, right, above, below.
+    /// True where the grid ends with the rectangle: left, right, above, below.
     pub grid_ends: [bool; 4],
-    /// Circles of triangles are no wider than the diagonal of a square of this side: each tile begins
-    /// with a lattice of vertices (*posts*) so far apart, and none is dropped that keeps circles small.
-    /// So what happens at a seam ends near it, and a patch can hold all of it.
+    /// Maximum diameter of circumcircles, as the side of a square with that diagonal. Each tile begins with a lattice
+    /// of *anchor vertices* at this distance, and those that keep circles small are not dropped. Changes at a seam
+    /// therefore end near it, and a patch can contain them.
     pub spacing: u32,
-    /// Samples that stay vertices if they are, at the heights they have, sorted.
+    /// Samples that stay vertices if they are vertices, at their own heights, sorted.
     pub kept: &'a [TilePosition],
-    /// Paths that edges have to follow.
+    /// Paths that edges follow.
     pub lines: &'a [PathStretch],
 }
 
 /// A mended patch.
 #[derive(Clone, Debug, Default)]
 pub struct PatchMesh {
-    /// The triangles that replace those of the input.
+    /// The triangles that replace the input triangles.
     pub triangles: Vec<TileTriangle>,
-    /// Every vertex of the triangles, sorted.
+    /// All vertices of the triangles, sorted.
     pub vertices: Vec<TilePosition>,
     /// Heights of the vertices.
     pub heights: Vec<f64>,
-    /// The changed triangles on the border of the patch, each turned so that the edge beyond which
-    /// the surface goes on comes first: `[from, to, third corner]`. Where the triangle beyond is not
-    /// Delaunay with it, a larger patch would have changed more.
+    /// The changed triangles on the border of the patch, each rotated so that the edge with surface beyond comes first:
+    /// `[from, to, third corner]`. If the triangle beyond is not Delaunay with it, a larger patch would have changed
+    /// more.
     pub border: Vec<[TilePosition; 3]>,
-    /// Samples between which an edge is beyond the tolerance, and which the frozen border keeps from being
-    /// vertices: a neighbouring or larger patch has to mend that. Empty where samples alone are judged.
+    /// Samples beside edges beyond the tolerance that cannot be inserted because of the frozen border: a neighbouring
+    /// or larger patch has to mend them. Empty if the tolerance holds at samples only.
     pub left: Vec<TilePosition>,
-    /// Triangles that have too small an angle still, which a neighbouring or larger patch may mend.
+    /// Number of triangles that still have too small an angle; a neighbouring or larger patch may mend them.
     pub thin: u64,
-    /// Pairs of neighbouring vertices on paths that no edge joins still, which a larger patch may mend.
+    /// Number of pairs of neighbouring path vertices without an edge; a larger patch may mend them.
     pub apart: u64,
 }

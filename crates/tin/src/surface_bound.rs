@@ -1,26 +1,26 @@
-//! The bound between samples: where an edge crosses the line between two samples too far off, one of the
-//! two becomes a vertex.
+//! Error bound between samples: where an edge crosses the line between two samples beyond the tolerance, one of the two
+//! becomes a vertex.
 //!
-//! In rounds. Each takes all crossings beyond the tolerance, the worst first, and inserts the nearer of
-//! their samples (the other, where that is a vertex or may not be one); what an insertion of the round has
-//! touched waits for the next. Then samples are brought within the tolerance again. That ends, because a
-//! line whose two samples are vertices is an edge, which nothing crosses.
+//! Each round takes all crossings beyond the tolerance, the worst first, and inserts the nearer of their samples (the
+//! other one if the nearer is a vertex or cannot be inserted). Crossings near an insertion wait for the next round.
+//! Then samples are brought within the tolerance again. The rounds terminate, because a line whose two samples are
+//! vertices is an edge, which nothing crosses.
 //!
-//! What a tile cannot mend is left to the patches of its seams: there the sample wanted lies on a rim, so
-//! the edge ends on that rim, and both triangles beside it are within reach of a patch.
+//! Errors at a rim are left to the seam patches: the required sample lies on the rim, so the edge ends on the rim, and
+//! both triangles beside it are within reach of a patch.
 
 use super::crossing::{CrossingJudge, EdgeCrossing};
 use super::lattice_position::TilePosition;
 use super::mesh::{LatticeMesh, LatticeTriangle, NONE, TriangleScanState};
 
-/// An edge that is too far off between samples.
+/// An edge beyond the tolerance between samples.
 #[derive(Clone, Copy, Debug)]
 struct OverlongEdge {
     half_edge: u32,
     crossing: EdgeCrossing,
 }
 
-/// Lists, kept between tiles.
+/// Work lists, reused between tiles.
 #[derive(Debug, Default)]
 pub(super) struct BetweenBuffers {
     over: Vec<OverlongEdge>,
@@ -28,9 +28,8 @@ pub(super) struct BetweenBuffers {
     star: Vec<u32>,
 }
 
-/// Inserts samples until no edge inside the mesh that can be mended is beyond the tolerance. `fit` brings
-/// the samples of dirty triangles within the tolerance. Some ten rounds, each linear in the length of the
-/// edges it has not seen.
+/// Inserts samples until no mendable edge inside the mesh is beyond the tolerance. `fit` brings the samples of dirty
+/// triangles within the tolerance. Takes about ten rounds, each linear in the length of new edges.
 pub(super) fn insert(
     crossings: &CrossingJudge<'_>,
     mesh: &mut LatticeMesh,
@@ -54,7 +53,7 @@ pub(super) fn insert(
 }
 
 impl BetweenBuffers {
-    /// Finds the edges that are too far off, the worst first, among those not seen since they came to be.
+    /// Finds new edges beyond the tolerance, the worst first.
     fn scan(&mut self, crossings: &CrossingJudge<'_>, mesh: &mut LatticeMesh) {
         self.over.clear();
         self.fresh.clear();
@@ -84,7 +83,7 @@ impl BetweenBuffers {
             .sort_unstable_by(|a, b| key(b).total_cmp(&key(a)).then(a.half_edge.cmp(&b.half_edge)));
     }
 
-    /// The samples beside which edges are still too far off.
+    /// Samples beside edges that are still beyond the tolerance.
     pub(super) fn left(
         &mut self,
         crossings: &CrossingJudge<'_>,
@@ -94,7 +93,7 @@ impl BetweenBuffers {
         self.over.iter().flat_map(|over| over.crossing.samples).collect()
     }
 
-    /// Makes a vertex of one of the samples; false when this cannot be, or has to wait.
+    /// Inserts one of the two samples; false if it is not possible, or has to wait.
     fn mend(&mut self, mesh: &mut LatticeMesh, over: OverlongEdge) -> bool {
         let is_dirty = |id: u32| mesh.tris[id as usize].state == TriangleScanState::Dirty;
         let twin = mesh.twin(over.half_edge);
@@ -116,7 +115,7 @@ impl BetweenBuffers {
     }
 }
 
-/// True when the edges of a triangle have yet to be looked at.
+/// True if the edges of a triangle are still to be tested.
 fn is_fresh(tri: &LatticeTriangle) -> bool {
     matches!(tri.state, TriangleScanState::Passed(_))
 }

@@ -1,18 +1,16 @@
 //! One tile: rim and outline vertices, greedy insertion, the drop pass, and the finished mesh.
 //!
-//! **Posts.** A patch has room for half a tile on each side of its seam, so no triangle may be so large
-//! that what happens at the seam reaches further. A tile therefore begins with vertices on a lattice of a
-//! quarter of its side, its rims included: the circle around any triangle is then at most as wide as the
-//! diagonal of a square of that lattice (a larger one would hold a post), a triangle at most a third of a
-//! tile, and the triangles that change where two tiles meet lie within a third of a tile of the seam.
-//! Posts are dropped like other vertices, but no vertex goes if a larger circle would take its place: on
-//! land, where triangles are small, none are left; a flat sea keeps sixteen to a tile. Outlines of voids
-//! need no such care, because a circle through a unit edge from the other side holds no cell of the
-//! surface.
+//! **Anchor vertices.** A patch extends half a tile on each side of its seam, so triangles must be small enough for
+//! changes at the seam to stay within it. A tile therefore begins with vertices on a lattice of a quarter of its side,
+//! including its rims. The circumcircle of any triangle is then at most as wide as the diagonal of a lattice cell (a
+//! larger one would contain an anchor vertex), a triangle is at most a third of a tile, and the triangles that change
+//! where two tiles meet lie within a third of a tile of the seam. Anchor vertices are dropped like other vertices,
+//! except where a larger circle would result: on land, where triangles are small, none remain; a flat sea keeps sixteen
+//! per tile. Outlines of voids need no such care, because a circle through a unit edge from the other side contains no
+//! cell of the surface.
 //!
-//! What insertions change beyond that is not bounded, but dies away within a few triangles: no edge of
-//! 3,000 random meshes with tiles of 16 to 64 cells is non-Delaunay (`TERRANE_MESHES=3000 cargo test
-//! --test jobs every_edge`).
+//! The reach of insertions beyond that is not bounded, but decays within a few triangles: no edge of 3,000 random
+//! meshes with tiles of 16 to 64 cells is non-Delaunay (`TERRANE_MESHES=3000 cargo test --test jobs every_edge`).
 
 use super::breaklines::{self, PathStretch};
 use super::crossing::CrossingJudge;
@@ -31,7 +29,7 @@ use terrane_base::bits::BitSet;
 use terrane_base::bound::ErrorBound;
 use terrane_base::cancel::Cancel;
 
-/// A worker's buffers, reused from tile to tile.
+/// Buffers of a worker, reused from tile to tile.
 #[derive(Debug)]
 pub struct TileScratch {
     pub(super) field: HeightField,
@@ -62,19 +60,19 @@ impl Default for TileScratch {
 }
 
 impl TileScratch {
-    /// Lets `cancel` stop the work early. What is made then is of no use.
+    /// Sets a cancellation. The result of a cancelled call is invalid.
     pub fn stop_by(&mut self, cancel: &Cancel) {
         self.field.stop_by(cancel);
     }
 
-    /// Most bytes a worker needs for a tile of `cells` x `cells`, every sample kept, heights free or not: the heights,
-    /// 2 triangles a sample of 32 bytes, the work lists, and the result.
+    /// Maximum bytes of a worker for a tile of `cells` x `cells` with every sample kept: heights (free or not), 2
+    /// triangles of 32 bytes per sample, work lists, and the result.
     pub fn bytes(cells: u32, is_free: bool) -> u64 {
         let samples = u64::from(cells + 1).pow(2);
         HeightField::bytes(cells, is_free) + samples * (2 * 32 + 48 + 2 * 20 + 12)
     }
 
-    /// How many more where breaklines are followed, whatever their number.
+    /// Additional bytes with breaklines, whatever their number.
     pub fn line_bytes(cells: u32) -> u64 {
         breaklines::PathEdges::bytes(u64::from(cells + 1).pow(2))
     }
@@ -135,7 +133,7 @@ pub fn triangulate_tile(
     finish(scratch, spec, &surface, ends)
 }
 
-/// Inserts what breaklines need, and drops what is redundant then.
+/// Inserts the vertices required by breaklines, and drops redundant ones.
 fn follow(
     scratch: &mut TileScratch,
     spec: &TinSpec,
@@ -158,7 +156,7 @@ fn follow(
     drop::drop_redundant(&judge, mesh, drop);
 }
 
-/// Brings the tolerance down in stages, vertices moved to where errors are least.
+/// Reduces the tolerance in stages, and moves vertices to minimize errors.
 fn loosen(
     scratch: &mut TileScratch,
     spec: &TinSpec,
@@ -180,7 +178,7 @@ fn loosen(
     }
 }
 
-/// Moves and drops vertices while that goes on, within the tolerance.
+/// Moves and drops vertices, within the tolerance, until nothing changes.
 fn even_out(scratch: &mut TileScratch, spec: &TinSpec, fixed: &[TilePosition]) {
     let TileScratch { field, mesh, drop, adjust, scan, .. } = scratch;
     let mut judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
@@ -199,8 +197,8 @@ fn even_out(scratch: &mut TileScratch, spec: &TinSpec, fixed: &[TilePosition]) {
     }
 }
 
-/// Inserts and drops vertices until the mesh is within the tolerance and none is redundant. Between samples
-/// only what then is too far off is mended: first to drop what samples do not need leaves fewer vertices.
+/// Inserts and drops vertices until the mesh is within the tolerance and has no redundant vertex. The error between
+/// samples is mended last: dropping vertices first leaves fewer of them.
 fn refine(scratch: &mut TileScratch, spec: &TinSpec, fixed: &[TilePosition]) {
     let TileScratch { field, mesh, lists, rounds, drop, scan, .. } = scratch;
     let judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
@@ -239,18 +237,18 @@ pub(super) fn bring_within(
 }
 
 impl TileInput<'_> {
-    /// Columns of samples of the tile, apron not counted.
+    /// Columns of the tile's samples, without the apron.
     fn cols(&self) -> u32 {
         self.heights.width - self.apron_left - self.apron_right
     }
 
-    /// Rows of samples of the tile, apron not counted.
+    /// Rows of the tile's samples, without the apron.
     fn rows(&self) -> u32 {
         self.heights.height - self.apron_above - self.apron_below
     }
 }
 
-/// Rim vertices, outline samples and those to keep, sorted.
+/// Rim vertices, outline samples and required samples, sorted.
 fn fixed_vertices(
     surface: &SurfaceCells<'_>,
     field: &HeightField,
@@ -286,7 +284,7 @@ fn fixed_vertices(
     fixed
 }
 
-/// The posts that are not on the rim.
+/// The anchor vertices that are not on the rim.
 fn inner_anchors(
     surface: &SurfaceCells<'_>,
     field: &HeightField,
@@ -309,8 +307,8 @@ fn insert_all(mesh: &mut LatticeMesh, points: &[TilePosition]) {
     }
 }
 
-/// Triangles lie wholly inside or wholly outside the surface, because every unit edge of its
-/// outline is an edge of the mesh; one cell under a triangle's middle tells.
+/// Marks triangles outside the surface. Triangles lie wholly inside or wholly outside, because every unit edge of the
+/// outline is an edge of the mesh; testing the cell under a triangle's centre suffices.
 fn mark_outside(mesh: &mut LatticeMesh, surface: &SurfaceCells<'_>) {
     for tri in mesh.tris.iter_mut().filter(|tri| tri.state != TriangleScanState::Free) {
         let [a, b, c] = tri.corners;
@@ -353,7 +351,7 @@ fn finish(
     result
 }
 
-/// True when triangle `id` counts the samples on its edge: always where nothing lies beyond.
+/// True if triangle `id` owns the samples on its edge: always if there is no triangle beyond.
 fn owns_edge(
     mesh: &LatticeMesh,
     id: u32,
@@ -372,7 +370,7 @@ fn owns_edge(
     nothing_beyond || owns_by_direction(from, to)
 }
 
-/// True when an edge lies on a side of the field (left, right, above, below) where the grid ends.
+/// True if an edge lies on a side of the field (left, right, above, below) where the grid ends.
 pub(super) fn on_grid_border(
     from: TilePosition,
     to: TilePosition,

@@ -1,11 +1,11 @@
-//! What both sides of a tile border compute alike: which samples on a rim, and which along the
-//! outline of the voids, must be vertices.
+//! Required vertices on a tile border, computed identically on both sides: rim samples, and samples along the outline
+//! of voids.
 //!
-//! **Rims.** The corners of a tile are vertices. Others along each rim line are chosen by a
-//! one-dimensional greedy over the line's samples: in `f64`, from low to high index, the first maximum
-//! wins. That is a pure function of the line and the tolerance, so two tiles that share a line choose the
-//! same vertices without exchanging a word. Rim samples take no part in the tile's own scans, and rim
-//! vertices are neither inserted nor dropped by a tile.
+//! **Rims.** The corners of a tile are vertices. Further vertices along each rim line are chosen by one-dimensional
+//! greedy insertion over the line's samples: in `f64`, from low to high index, the first maximum wins. The choice is a
+//! pure function of the line and the tolerance, so two tiles that share a line choose the same vertices without
+//! communication. Rim samples are excluded from the tile's own scans, and a tile neither inserts nor drops rim
+//! vertices.
 //!
 //! **Voids.** The surface is the union of the cells whose four samples are valid. Samples on its outline
 //! are vertices from the start. Edges of the unit lattice are Delaunay edges whatever else is inserted
@@ -19,11 +19,10 @@ use super::lattice_position::TilePosition;
 use super::spec::TileInput;
 use terrane_line::rdp::refine;
 
-/// Which cells of a tile, and of the apron around it, belong to the surface. Positions are tile
-/// positions.
+/// The surface cells of a tile and its apron. Positions are tile positions.
 pub(super) struct SurfaceCells<'a> {
     input: &'a TileInput<'a>,
-    /// One a cell of tile and apron: 1 when all its samples are valid. Empty when nothing is void.
+    /// One value per cell of tile and apron: 1 if all its samples are valid. Empty if nothing is void.
     cells: Vec<u8>,
     pitch: usize,
 }
@@ -52,7 +51,7 @@ impl<'a> SurfaceCells<'a> {
         !self.cells.is_empty()
     }
 
-    /// The cell of tile and apron at (`col`, `row`): `None` when it is beyond them.
+    /// The cell of tile and apron at (`col`, `row`): `None` if out of bounds.
     fn cell(&self, col: Option<usize>, row: Option<usize>) -> Option<bool> {
         let (col, row) = (col?, row?);
         let is_inside = col < self.pitch && row < self.cells.len() / self.pitch;
@@ -66,7 +65,7 @@ impl<'a> SurfaceCells<'a> {
         self.cell(Some(col), Some(row)) == Some(true)
     }
 
-    /// What a sample of a tile with voids is to the surface.
+    /// Role of a sample in the surface, in a tile with voids.
     pub(super) fn role(&self, p: TilePosition) -> SurfaceRole {
         let col = (p.col() + self.input.apron_left) as usize;
         let row = (p.row() + self.input.apron_above) as usize;
@@ -83,18 +82,18 @@ impl<'a> SurfaceCells<'a> {
         }
     }
 
-    /// True when the sample at (`col`, `row`), apron counted, has a height.
+    /// True if the sample at (`col`, `row`), apron included, has a height.
     fn is_valid(&self, col: usize, row: usize) -> bool {
         !self.input.heights.f32[row * self.input.heights.width as usize + col].is_nan()
     }
 }
 
-/// Part a sample plays in the surface.
+/// Role of a sample in the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum SurfaceRole {
     /// All its cells belong to the surface.
     Interior,
-    /// Some of its cells do: it must be a vertex.
+    /// Some of its cells belong to the surface: it must be a vertex.
     Outline,
     /// It has a height but no cell: it has no surface.
     Isolated,
@@ -102,10 +101,10 @@ pub(super) enum SurfaceRole {
     Void,
 }
 
-/// More than the rounding error of a distance from a chord, relative to the heights involved.
+/// Bound on the rounding error of a distance from a chord, relative to the heights.
 const DOUBT: f64 = 1e-14;
 
-/// A straight run of rim samples: the first one, the step to the next, and how many.
+/// A straight run of rim samples: the first one, the step to the next, and their number.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RimRun {
     pub(super) first: TilePosition,
@@ -114,8 +113,7 @@ pub(super) struct RimRun {
     pub(super) spacing: u32,
 }
 
-/// Where the posts of a side of so many cells are: evenly from one end to the other, and at most
-/// `spacing` apart.
+/// The anchor vertices on a side of `cells` cells: evenly distributed, at most `spacing` apart.
 pub(super) fn anchors(cells: u32, spacing: u32) -> impl Iterator<Item = u32> {
     let parts = cells.div_ceil(spacing);
     (0..=parts).map(move |i| i * cells / parts)
@@ -133,10 +131,10 @@ impl RimRun {
 
     /// Appends the rim's vertices in order, its two ends included.
     ///
-    /// Between samples of the outline the rim is either all surface or all void. On the surface, between
-    /// posts and samples to keep, the sample furthest from the chord (the first among equals) is kept and both halves are
-    /// treated alike, until every sample is within `tolerance` of its chord: lines are refined so, too
-    /// ([`refine`]), but here the vertical distance decides without rounding.
+    /// Between samples of the outline the rim is either all surface or all void. On the surface, between anchor
+    /// vertices and required samples, the sample furthest from the chord (the first one of a tie) is kept, and both
+    /// halves are refined likewise until every sample is within `tolerance` of its chord. Line simplification works
+    /// likewise ([`refine`]), but here the vertical distance is compared without rounding.
     pub(super) fn vertices(
         &self,
         role: impl Fn(TilePosition) -> SurfaceRole,
@@ -164,7 +162,7 @@ impl RimRun {
         }
     }
 
-    /// Appends what lies strictly between `start` and `end`, from low to high.
+    /// Appends the vertices strictly between `start` and `end`, in ascending order.
     fn refine(
         &self,
         [start, end]: [usize; 2],

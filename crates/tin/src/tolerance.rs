@@ -1,4 +1,4 @@
-//! Whether samples, and edges between them, are within the tolerance of a triangle.
+//! Tests of samples, and of edges between them, against the tolerance.
 
 use super::crossing::CrossingJudge;
 use super::exact::{self, within};
@@ -8,28 +8,28 @@ use super::lattice_position::TilePosition;
 use super::scan::{LANES, Scan};
 use terrane_base::geom::predicates::orient;
 
-/// What every step of the insertion needs to know.
+/// Context of every insertion step.
 #[derive(Clone, Copy)]
 pub(super) struct InsertionCriteria<'a> {
     pub(super) field: &'a HeightField,
     pub(super) scan: Scan,
     pub(super) tolerance: f64,
-    /// Set where edges have to keep to the tolerance between samples, too.
+    /// Set if the tolerance holds between samples as well.
     pub(super) crossings: Option<CrossingJudge<'a>>,
 }
 
 impl<'a> InsertionCriteria<'a> {
-    /// Judges samples.
+    /// Tests samples only.
     pub(super) fn of_samples(field: &'a HeightField, scan: Scan, tolerance: f64) -> Self {
         Self { field, scan, tolerance, crossings: None }
     }
 
-    /// The same, of what lies between samples as well.
+    /// The same, with tests between samples.
     pub(super) fn and_between(&self, crossings: CrossingJudge<'a>) -> Self {
         Self { crossings: Some(crossings), ..*self }
     }
 
-    /// True when an edge is within the tolerance between samples, if that is asked for.
+    /// True if an edge is within the tolerance between samples, or if that is not requested.
     pub(super) fn edge_keeps(&self, [from, to]: [TilePosition; 2]) -> bool {
         self.crossings.is_none_or(|crossings| crossings.worst(from, to).is_none())
     }
@@ -59,9 +59,9 @@ impl<'a> InsertionCriteria<'a> {
         }
     }
 
-    /// More than the rounding error of an `f32` scan: some ten roundings of 2^-24 relative to the largest height
-    /// involved. A run of samples may begin beside its triangle, where the plane of a needle is far above or
-    /// below: as far as it goes in a run.
+    /// Bound on the rounding error of an `f32` scan: about ten roundings of 2^-24 relative to the maximum height. A run
+    /// of samples may begin beside its triangle, where the plane of a needle is far above or below: the bound covers
+    /// the length of a run.
     #[inline]
     pub(super) fn hair(&self, z: [f64; 3], slope: f64) -> f64 {
         const ROUNDING: f64 = 1.0 / (1 << 20) as f64;
@@ -69,8 +69,8 @@ impl<'a> InsertionCriteria<'a> {
         (largest + self.tolerance + LANES as f64 * slope.abs()) * ROUNDING
     }
 
-    /// Whether a vertex that goes stays within the tolerance of a triangle that holds it; `None` where it does not. It
-    /// is the sample most likely to be too far off: to look at it first spares looking at the others.
+    /// Tests whether a removed vertex stays within the tolerance of a triangle that contains it; `None` if not. It is
+    /// the sample most likely to exceed the tolerance: testing it first saves scans.
     pub(super) fn stays_within(
         &self,
         corners: [TilePosition; 3],

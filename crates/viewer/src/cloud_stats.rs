@@ -1,4 +1,4 @@
-//! What the points of a cloud are: counts by class and return, where they really lie, and how high.
+//! Statistics of a point cloud: counts by class and return, extent, and heights.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ use terrane_engine::{Cancel, FileAt, Progress, Resources};
 /// Counts of the points read.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct CloudStats {
-    /// What became of all points.
+    /// Counts of all points.
     #[serde(flatten)]
     pub census: ReturnCounts,
     /// Points by class.

@@ -13,7 +13,7 @@ const PARTS: f64 = (1 << 20) as f64;
 /// Most bars of a histogram, and the share of points that may lie beyond them, below and above.
 const MAX_BARS: i64 = 24;
 const BEYOND: f64 = 0.001;
-/// The percentiles that are told.
+/// Reported percentiles.
 const PERCENTILES: [u64; 7] = [1, 5, 25, 50, 75, 95, 99];
 
 /// Heights as they are counted.
@@ -33,7 +33,7 @@ pub(crate) struct HeightCounts {
 pub struct HeightDistribution {
     /// Mean height.
     pub mean: f64,
-    /// Heights that so many of a hundred points lie below, and how far they may be off.
+    /// Pairs of a percentage and its percentile height.
     pub percentiles: Vec<(u64, f64)>,
     /// See [`percentiles`](Self::percentiles).
     pub within: f64,
@@ -75,7 +75,7 @@ impl HeightCounts {
         }
     }
 
-    /// Those of both.
+    /// Merges both.
     pub(crate) fn and(mut self, mut other: Self) -> Self {
         if self.counts.is_empty() {
             return other;
@@ -154,7 +154,7 @@ impl HeightCounts {
         self.first + self.counts.iter().position(is_it).unwrap_or(0) as i64
     }
 
-    /// What is told of them; `None` without any.
+    /// The report; `None` without heights.
     pub(crate) fn distribution(&self) -> Option<HeightDistribution> {
         let points = self.points();
         let percentile = |percent: u64| {

@@ -42,7 +42,7 @@ use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::atomic::AtomicFile;
 use terrane_raster::GridOpenOptions;
 
-/// What was drawn.
+/// Report on a picture.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[allow(missing_docs)]
 #[non_exhaustive]

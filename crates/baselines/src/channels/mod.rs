@@ -69,7 +69,7 @@ pub struct MultichannelTin {
     pub max_error: f64,
     /// The errors of each channel, in their order.
     pub channels: Vec<ChannelErrors>,
-    /// What the samples are.
+    /// Statistics of the samples.
     pub census: SampleStatistics,
 }
 
@@ -84,7 +84,7 @@ pub fn join_voids(planes: &mut [Vec<f64>]) {
 }
 
 impl<'a> WeightedChannels<'a> {
-    /// Most bytes for a sample, the result included, for so many channels.
+    /// Maximum bytes per sample, including the result, for a number of channels.
     pub fn sample_bytes(channels: usize) -> u64 {
         GREEDY_BYTES + 8 * channels as u64
     }
@@ -92,8 +92,8 @@ impl<'a> WeightedChannels<'a> {
     /// Planes of `width` columns and `height` rows of samples, row by row, NaN where void, and weights.
     ///
     /// # Errors
-    /// Those of [`HeightGrid::new`]; usage: no plane, not as many weights as planes, a weight that is not finite and
-    /// above 0, a sample that is void in some planes only (see [`join_voids`]).
+    /// The errors of [`HeightGrid::new`]; usage: no plane, a different number of weights, a weight that is not finite
+    /// and positive, a sample that is void in some planes only (see [`join_voids`]).
     pub fn new([width, height]: [u32; 2], planes: &'a [Vec<f64>], weights: &[f64]) -> Result<Self> {
         if planes.is_empty() || planes.len() != weights.len() {
             let (planes, weights) = (planes.len(), weights.len());

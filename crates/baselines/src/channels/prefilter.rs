@@ -1,5 +1,5 @@
-//! What spares the exact measure most samples: a plain look at a row of a triangle, in one channel, that tells
-//! when none of its samples can be further off than what is looked for.
+//! Prefilter for the exact measure: a floating-point scan of a row of a triangle, in one channel, that detects rows
+//! whose samples are all within the bound.
 
 use crate::grid::{HeightGrid, PackedSample};
 

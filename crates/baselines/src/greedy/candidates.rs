@@ -20,8 +20,8 @@ pub(crate) const GREEDY_4: BaselineMethod = BaselineMethod {
     ..method::<CandidateHeap>()
 };
 
-/// The worst sample of each triangle. What has changed since is told by the triangle's stamp and thrown
-/// away when it comes up.
+/// The worst sample of each triangle. Outdated entries are detected by the triangle's stamp and discarded when they
+/// come up.
 #[derive(Default)]
 pub(crate) struct CandidateHeap {
     heap: BinaryHeap<(RefinementCandidate, u32, u32)>,

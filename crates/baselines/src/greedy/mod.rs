@@ -66,7 +66,7 @@ fn insert<S: CandidateSearch>(
     Ok(())
 }
 
-/// What the versions have in common, to be completed.
+/// State shared by the versions.
 const fn method<S: CandidateSearch>() -> BaselineMethod {
     BaselineMethod {
         name: "",

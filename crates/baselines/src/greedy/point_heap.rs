@@ -72,7 +72,7 @@ impl PointHeap {
         at.row() as usize * self.width + at.col() as usize
     }
 
-    /// What is at this place of the heap.
+    /// The entry at this index of the heap.
     fn candidate(&self, place: usize) -> RefinementCandidate {
         let at = self.heap[place];
         RefinementCandidate { error: self.errors[self.index(at)], at }

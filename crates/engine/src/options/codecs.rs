@@ -1,4 +1,4 @@
-//! How values of options are written.
+//! Codecs of option values.
 
 use std::path::PathBuf;
 
@@ -13,7 +13,7 @@ use terrane_cloud::{Condition, Flags, LasVersion, PointFormat};
 use terrane_files::{name_of, path_of};
 use terrane_raster::SampleType;
 
-/// The name of a file, whatever bytes it has.
+/// A file name, of any bytes.
 pub struct FileName;
 
 impl OptionCodec<String> for FileName {
@@ -60,7 +60,7 @@ impl OptionCodec<f64> for FiniteNumber {
     }
 }
 
-/// A finite number or NaN, as nodata values are.
+/// A finite number or NaN, for nodata values.
 pub struct FiniteOrNan;
 
 impl OptionCodec<f64> for FiniteOrNan {
@@ -95,7 +95,7 @@ impl OptionCodec<[f64; 4]> for BoundsText {
     }
 }
 
-/// `low,high`. Ends that are infinite are as far off as numbers go.
+/// `low,high`. Infinite ends are stored as the most extreme finite numbers.
 pub struct Interval;
 
 impl OptionCodec<[f64; 2]> for Interval {
@@ -153,10 +153,10 @@ impl OptionCodec<[f64; 2]> for CellSize {
     }
 }
 
-/// Bytes as people write them: `512M`, `4GiB`.
+/// Byte sizes: `512M`, `4GiB`.
 pub struct ByteSizeText;
 
-/// No job works in less.
+/// Minimum memory of any job.
 const MIN_BYTES: u64 = 1 << 20;
 
 impl OptionCodec<u64> for ByteSizeText {
@@ -176,7 +176,7 @@ impl OptionCodec<u64> for ByteSizeText {
     }
 }
 
-/// The same of any number above 0: sizes of files.
+/// File sizes, in the same form; any number above 0.
 pub struct FileSize;
 
 impl OptionCodec<u64> for FileSize {
@@ -191,7 +191,7 @@ impl OptionCodec<u64> for FileSize {
     }
 }
 
-/// The bytes that a text such as "512M", "4GiB" or "2000000" stands for; `None` for one that is none.
+/// Parses a byte size such as "512M", "4GiB" or "2000000"; `None` if it is invalid.
 fn size(text: &str) -> Option<u64> {
     let lower = text.trim().to_ascii_lowercase();
     let digits = lower.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(lower.len());
@@ -219,13 +219,13 @@ impl OptionCodec<(String, String)> for KeyValue {
     }
 }
 
-/// The same of one that may be a number.
+/// The same for values that may be numbers.
 pub struct AsNumber;
 
-/// The same of a formula, which may begin with a sign.
+/// The same for formulas, which may begin with a sign.
 pub struct AsFormula;
 
-/// Values that a codec writes as they are displayed, and reads as they are parsed: `by_text!(AsText, OptionKind::Text, Canopy)`.
+/// Implements codecs by `Display` and `FromStr`: `by_text!(AsText, OptionKind::Text, Canopy)`.
 #[macro_export]
 macro_rules! by_text {
     ($codec:ident, $kind:expr, $($type:ty)*) => {$(
@@ -246,7 +246,7 @@ macro_rules! by_text {
 by_text!(AsFormula, OptionKind::Shaped("str"), Condition);
 by_text!(AsNumber, OptionKind::Shaped("float | str"), LasVersion Return);
 
-/// A point format of LAS, by its number.
+/// A LAS point format, by number.
 pub struct PointFormatNumber;
 
 impl OptionCodec<PointFormat> for PointFormatNumber {
@@ -263,7 +263,7 @@ impl OptionCodec<PointFormat> for PointFormatNumber {
     }
 }
 
-/// The name of a mark of points.
+/// The name of a point flag.
 pub struct MarkName;
 
 impl OptionCodec<Flags> for MarkName {
@@ -292,7 +292,7 @@ impl OptionCodec<Flags> for MarkName {
     }
 }
 
-/// A reference system by its code or text.
+/// A CRS by code or text.
 pub struct CrsText;
 
 impl OptionCodec<String> for CrsText {
@@ -362,7 +362,7 @@ impl OptionCodec<f64> for PrintScale {
     }
 }
 
-/// The name of what a tolerance is promised of.
+/// The name of a tolerance bound.
 pub struct BoundName;
 
 impl OptionCodec<ErrorBound> for BoundName {
@@ -383,7 +383,7 @@ impl OptionCodec<ErrorBound> for BoundName {
     }
 }
 
-/// The name of a type of samples.
+/// The name of a sample type.
 pub struct SampleTypeName;
 
 impl OptionCodec<SampleType> for SampleTypeName {
@@ -407,7 +407,7 @@ mod tests {
 
     use super::*;
 
-    /// What a codec makes of a text, as JSON again.
+    /// Parses a text and returns its JSON form.
     fn read<T, C: OptionCodec<T>>(text: &str) -> Option<Json> {
         C::parse(text).ok().map(|value| C::json(&value))
     }

@@ -1,4 +1,4 @@
-//! Operations and plans of any kind, as a program has them.
+//! Type-erased operations and plans, for programs that handle any kind.
 
 use std::path::{Path, PathBuf};
 
@@ -17,30 +17,30 @@ use crate::options::{FileName, Replacing};
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, Result};
 
-/// A plan in a folder: what is to be made, of what, by which tasks. [`Job::plan`] and the builders of meshes write one; any
-/// number of processes and machines that see the folder may [`run`](Self::run) it, or its tasks, at the same time and as
-/// often as they like. What comes out is, byte for byte, what `write` gives.
+/// A plan folder: input, options and tasks. [`Job::plan`] and the mesh builders write one; any number of processes and
+/// machines that share the folder may [`run`](Self::run) the plan or single tasks of it, concurrently and repeatedly.
+/// The result is byte for byte that of `write`.
 #[derive(Clone, Debug)]
 pub struct Plan {
     folder: PathBuf,
     division: PlanOperations,
 }
 
-/// What is done with the plans of an operation that can be divided.
+/// Plan functions of a divisible operation.
 #[derive(Clone, Copy, Debug)]
 pub struct PlanOperations {
-    /// Their kind.
+    /// Kind of its plans.
     pub kind: PlanKind,
-    /// What a task has so many of, for people.
+    /// Unit of the task size, such as rows of tiles.
     pub task_size: &'static str,
-    /// Writes one down, with tasks of a size.
+    /// Writes a plan with tasks of the given size.
     pub plan: fn(&OperationCall<'_>, Option<u32>) -> Result<()>,
     status: fn(&Path) -> Result<PlanStatus>,
     run: fn(&RunJob, &dyn Progress, &Cancel) -> Result<PlanRun>,
 }
 
 impl PlanOperations {
-    /// Of an operation.
+    /// Functions of operation `O`.
     pub const fn of<O: Divisible>() -> Self {
         Self {
             kind: O::KIND,
@@ -52,28 +52,28 @@ impl PlanOperations {
     }
 }
 
-/// An operation whose type does not matter any more.
+/// Type-erased operation.
 pub struct AnyOperation {
-    /// Its name, with dashes.
+    /// Name, with dashes.
     pub name: &'static str,
-    /// Its options.
+    /// Options.
     pub table: &'static OptionTable,
-    /// What it reads.
+    /// Kind of input.
     pub reads: Reads,
-    /// What it writes.
+    /// Kind of output.
     pub writes: Writes,
-    /// The defaults of its options.
+    /// Defaults of the options.
     pub defaults: fn() -> Map<String, Json>,
-    /// What can be known of options by name before anything is opened.
+    /// Checks options given by name, before the input is opened.
     pub check: fn(&Map<String, Json>, &Path) -> Result<()>,
-    /// Runs it with options by name, where how the grid is read is said already.
+    /// Runs the operation with options by name; the reading options are already set.
     pub run: fn(&OperationCall<'_>) -> Result<Json>,
-    /// What its plans do, where it can be divided.
+    /// Plan functions, if the operation is divisible.
     pub division: Option<PlanOperations>,
 }
 
 impl AnyOperation {
-    /// The operation of these options.
+    /// Operation `O`.
     pub const fn of<O: Operation>() -> Self {
         let defaults = || to_map(&O::default());
         let (reads, writes) = (<O::Input as InputOptions>::READS, O::WRITES);
@@ -82,20 +82,20 @@ impl AnyOperation {
         Self { name, table, reads, writes, defaults, check, run, division }
     }
 
-    /// The same of options whose work can be divided.
+    /// Divisible operation `O`.
     pub const fn divisible<O: Divisible>() -> Self {
         Self { division: Some(PlanOperations::of::<O>()), ..Self::of::<O>() }
     }
 
-    /// What a task of its plan has so many of, for people, where it can be divided.
+    /// Unit of the task size of its plans, if the operation is divisible.
     pub fn task_size(&self) -> Option<&'static str> {
         self.division.map(|division| division.task_size)
     }
 
-    /// Writes down the work in a folder, which is the output of the call.
+    /// Writes a plan into a folder, the output of the call.
     ///
     /// # Errors
-    /// An operation that cannot be divided; those of [`Job::plan`].
+    /// The operation is not divisible; the errors of [`Job::plan`].
     pub fn plan(&self, call: &OperationCall<'_>, task_size: Option<u32>) -> Result<Plan> {
         let Some(division) = self.division else {
             return Err(Error::usage(format!("{} cannot be planned", self.name))
@@ -106,50 +106,49 @@ impl AnyOperation {
     }
 }
 
-/// How far the work on an [`Plan`] has come.
+/// Progress of a [`Plan`].
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct PlanStatus {
-    /// Tasks that are not done, in an order in which they can be; the last one, `finish`, writes the result.
+    /// Pending tasks in a valid order; the last one, `finish`, writes the result.
     pub to_do: Vec<TaskReport>,
-    /// Tasks that are done.
+    /// Number of finished tasks.
     pub done: u64,
-    /// Tasks whose results are damaged; they are among those not done.
+    /// Tasks with damaged results; they are pending as well.
     pub damaged: Vec<String>,
-    /// Seconds that the rest takes on this machine, about.
+    /// Estimated seconds for the pending tasks on this machine.
     pub seconds: f64,
-    /// Least bytes of memory for a task.
+    /// Minimum memory per task, in bytes.
     pub least_memory: u64,
-    /// Bytes on disk that the rest takes, the result included.
+    /// Disk space for the pending tasks, including the result, in bytes.
     pub disk_needed: u64,
-    /// Where the result is, once it is written and as long as it is as it was written.
+    /// Path of the result, if it is written and unaltered.
     pub written: Option<PathBuf>,
-    /// What is wrong with the result if it was written and is not as it was: it is missing, or altered.
+    /// Fault of a written result: missing or altered.
     pub fault: Option<String>,
 }
 
-/// What a run of an [`Plan`] did.
+/// Report of a run of a [`Plan`].
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct PlanRun {
-    /// Tasks of the plan.
+    /// Number of tasks of the plan.
     pub tasks: u64,
-    /// Tasks that were done before.
+    /// Number of tasks finished before this run.
     pub found: u64,
-    /// Tasks that were done before and whose results were damaged.
+    /// Tasks finished before this run whose results were damaged.
     pub damaged: Vec<String>,
-    /// Tasks done by this run.
+    /// Tasks finished by this run.
     pub made: Vec<String>,
-    /// Where the result is, if it is written.
+    /// Path of the result, if it is written.
     pub written: Option<PathBuf>,
 }
 
 impl Plan {
-    /// Opens the plan in a folder, which is of one of these operations.
+    /// Opens the plan in a folder; its operation is one of `operations`.
     ///
     /// # Errors
-    /// A folder without a plan, or with one of another operation. What else is wrong with it is told when it is
-    /// looked at or run.
+    /// The folder has no plan, or a plan of another operation. Other faults are reported by `status` and `run`.
     pub fn open(folder: impl Into<PathBuf>, operations: &[AnyOperation]) -> Result<Self> {
         let folder = folder.into();
         let kind = kind(&folder)?;
@@ -160,7 +159,7 @@ impl Plan {
         }
     }
 
-    /// The plan in a folder, of an operation.
+    /// Opens the plan of an operation in a folder.
     pub(crate) fn divided(folder: impl Into<PathBuf>, division: PlanOperations) -> Result<Self> {
         let folder = folder.into();
         let kind = kind(&folder)?;
@@ -175,21 +174,21 @@ impl Plan {
         &self.folder
     }
 
-    /// How far the work has come. Results are looked at, not read through.
+    /// Reports the progress. Checks results quickly, without reading them through.
     ///
     /// # Errors
-    /// A damaged plan, or one of another version.
+    /// A damaged plan, or a plan of another version.
     pub fn status(&self) -> Result<PlanStatus> {
         (self.division.status)(&self.folder)
     }
 
-    /// Work on it.
+    /// Prepares a run of the plan.
     pub fn run(&self) -> Job<'_, RunOptions, Self> {
         Job::new(self.clone(), RunOptions::default())
     }
 }
 
-/// The error of a folder whose plan is of an operation that is not meant.
+/// The error for a plan of an operation that is not listed.
 fn another(folder: &Path, kind: PlanKind) -> Error {
     Error::usage(format!("holds a plan for {}", kind.what()))
         .in_file(folder)
@@ -242,10 +241,10 @@ pub struct RunOptions {
 }
 
 impl RunOptions {
-    /// The work on the plan in a folder.
+    /// The run of the plan in a folder.
     ///
     /// # Errors
-    /// Usage: an output of a task that writes none.
+    /// Usage: an output for a task that does not write one.
     pub fn job(&self, folder: PathBuf) -> Result<RunJob> {
         check(self)?;
         let Self { task, output, split, replacing, disk_check, resources } = self.clone();
@@ -264,13 +263,13 @@ impl RunOptions {
 }
 
 impl Job<'_, RunOptions, Plan> {
-    /// Does the work. Tasks that are done and sound are left alone, damaged ones done again; what is done
-    /// stays done however this ends.
+    /// Runs the pending tasks. Skips intact finished tasks and repeats damaged ones; finished tasks are kept however
+    /// the run ends.
     ///
     /// # Errors
-    /// An input that is not what it was; a task there is not, or whose inputs are not done
-    /// ([`ErrorKind::NotYet`](terrane_base::ErrorKind::NotYet)), or one that writes nothing and is given an output; too
-    /// little memory or disk; an output that exists; cancelled.
+    /// The input has changed; the task is unknown or its inputs are not done
+    /// ([`ErrorKind::NotYet`](terrane_base::ErrorKind::NotYet)); an output is given for a task that does not write one;
+    /// too little memory or disk space; the output exists; cancelled.
     pub fn run(self) -> Result<PlanRun> {
         self.act(|plan, options, progress, cancel| {
             (plan.division.run)(&options.job(plan.folder)?, progress, cancel)
@@ -279,13 +278,12 @@ impl Job<'_, RunOptions, Plan> {
 }
 
 impl<O: Divisible> Job<'_, O> {
-    /// Writes down in a folder what is to be made and by which tasks, so that it can be done by pieces and by many
-    /// machines. What `task_size` counts is said by [`Divisible::TASK_SIZE`]; tasks are as large as makes a fair piece of
-    /// work unless told otherwise.
+    /// Writes a plan into a folder, so that the work can be done in pieces and by many machines.
+    /// [`Divisible::TASK_SIZE`] names the unit of `task_size`; the default is a task of moderate size.
     ///
     /// # Errors
-    /// Those of [`write`](Self::write) that are found before the work; options that cannot act in pieces; a folder that
-    /// holds something else.
+    /// The errors of [`write`](Self::write) that are found before the work; options that plans do not support; a folder
+    /// with other contents.
     pub fn plan(
         self,
         folder: impl Into<PathBuf>,

@@ -1,10 +1,10 @@
-//! The object of a task: a file that the task writes, and a note beside it that seals it.
+//! The artifact of a task: a file that the task writes, with a sidecar that holds its checksums.
 //!
-//! The note has the object's key, the digest of its file and what the object tells of itself. Its seal
-//! stands for all of that: it is a function of the plan, the same whoever made the object and when.
+//! The sidecar holds the artifact's key, the digest of its file and its facts. Its own checksum covers all of these. It
+//! depends on the plan alone, whoever made the artifact and when.
 //!
-//! The key is made of the digest of the plan, the name of the task and the seals of the objects it reads. So an object
-//! may be deleted, copied, or made by two machines at once.
+//! The key is the digest of the plan's digest, the task's name and the checksums of the input artifacts. An artifact
+//! may therefore be deleted, copied, or made by two machines at once.
 
 use std::path::{Path, PathBuf};
 
@@ -16,34 +16,33 @@ use super::manifest::write_json;
 use crate::{Cancel, json};
 use terrane_base::error::{Error, ErrorKind, Result};
 
-/// The folder of objects.
+/// The folder of artifacts.
 pub(super) const OBJECTS: &str = "objects";
 
-/// How thoroughly results are looked at.
+/// How thoroughly results are checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CheckDepth {
-    /// What stands for the rest.
+    /// Sizes, times and sidecars only.
     Quick,
     /// Every byte.
     Whole,
 }
 
-/// The error of an object that is not what was written.
+/// The error for an artifact that differs from the written one.
 pub fn damaged_object(path: &Path) -> Error {
     Error::new(ErrorKind::Io, "is damaged")
         .in_file(path)
         .remedy("run the plan again to rebuild it: ‹terrane plan run›")
 }
 
-/// Where an object lies, and the key it is known by.
+/// Path and key of an artifact.
 pub(super) struct ArtifactLocation {
     pub(super) file: PathBuf,
     pub(super) key: Digest,
 }
 
 impl ArtifactLocation {
-    /// In the folder of objects; the key is that of the plan, the task, and the seals of what it works
-    /// on.
+    /// A location in the artifact folder; the key is made of the plan, the task, and the checksums of its inputs.
     pub(super) fn new(
         objects: &Path,
         (plan, task, seals): (Digest, &str, &[Digest]),
@@ -56,21 +55,21 @@ impl ArtifactLocation {
     }
 }
 
-/// A finished object.
+/// A finished artifact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FinishedArtifact<F> {
     key: Digest,
-    /// Of the file's bytes.
+    /// Digest of the file's bytes.
     digest: Digest,
     pub bytes: u64,
     #[serde(flatten)]
     pub facts: F,
-    /// Of all the above.
+    /// Checksum of all fields above.
     pub(super) seal: Digest,
 }
 
 impl<F: Clone + PartialEq + Serialize + DeserializeOwned> FinishedArtifact<F> {
-    /// Looks at what is at `place`; `None` when it is not done. Fails when it is there and damaged.
+    /// Checks the artifact at `place`; `None` if it is not done. Fails if it is damaged.
     pub(super) fn inspect(
         place: &ArtifactLocation,
         look: CheckDepth,
@@ -93,8 +92,8 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> FinishedArtifact<F> {
         Ok(Some(done))
     }
 
-    /// Seals the file that was just written at `place`, by the digest of what was written or, where that is
-    /// not known, of what is there. It is not interrupted: without a note the work would be lost.
+    /// Writes the sidecar of the file just written at `place`. Uses `digest` if known, else the digest of the file on
+    /// disk. Ignores cancellation: without a sidecar the work would be lost.
     pub(super) fn seal(place: &ArtifactLocation, facts: F, digest: Option<Digest>) -> Result<Self> {
         let ArtifactLocation { file, key } = place;
         let of_file = || digest_of(std::slice::from_ref(file), &Cancel::default());
@@ -114,7 +113,7 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> FinishedArtifact<F> {
     }
 }
 
-/// What was read of a file, if that is there. One that is there and cannot be read may well be done.
+/// The contents of a file, `None` if it is missing. A file that cannot be read is an error, as its task may be done.
 fn found<T>(read: std::io::Result<T>, path: &Path) -> Result<Option<T>> {
     match read {
         Ok(found) => Ok(Some(found)),
@@ -123,7 +122,7 @@ fn found<T>(read: std::io::Result<T>, path: &Path) -> Result<Option<T>> {
     }
 }
 
-/// The note on a file.
+/// The path of a file's sidecar.
 fn note(file: &Path) -> PathBuf {
     file.with_extension("json")
 }

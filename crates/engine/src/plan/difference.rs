@@ -1,4 +1,4 @@
-//! The difference between two values of JSON, as a line for people.
+//! The first difference between two JSON values, as a message.
 
 use std::path::Path;
 
@@ -9,8 +9,8 @@ use crate::json;
 use terrane_base::error::{Error, Result};
 use terrane_files::{name_of, path_of};
 
-/// Fails when what was found in the input (`there`) is not what it is `here`, so that it is not the
-/// `what` of that label.
+/// Fails if the value of the opened input (`there`) differs from the expected one (`here`): the input is not the `what`
+/// of that label.
 pub fn refuse_another<T: Serialize>(what: &str, label: &str, there: &T, here: &T) -> Result<()> {
     let refuse = |how| {
         Err(Error::bad_input(format!("differs from the {what} of the plan: {how}"))
@@ -20,14 +20,14 @@ pub fn refuse_another<T: Serialize>(what: &str, label: &str, there: &T, here: &T
     difference(there, here).map_or(Ok(()), refuse)
 }
 
-/// A thing in which each file is known by where it really is, links followed, as far as that can be told here.
+/// The value with each file path resolved, links followed, as far as this machine can resolve it.
 pub(super) fn by_place<T: Serialize>(thing: &T) -> Value {
     let mut told = json::to_value(thing).unwrap_or_default();
     resolve(&mut told);
     told
 }
 
-/// Resolves paths in texts: all of one, or what follows the name of a format.
+/// Resolves paths in strings: the whole string, or the part after a format prefix.
 fn resolve(value: &mut Value) {
     match value {
         Value::Array(all) => all.iter_mut().for_each(resolve),
@@ -43,7 +43,7 @@ fn resolve(value: &mut Value) {
     }
 }
 
-/// The first value in which two things differ, by its name in both.
+/// The first difference between two values, by its name in both.
 pub(super) fn difference<T: Serialize>(there: &T, here: &T) -> Option<String> {
     let [there, here] = [there, here].map(|thing| json::to_value(thing).unwrap_or_default());
     first_difference("", &there, &here)

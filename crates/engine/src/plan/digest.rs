@@ -1,4 +1,4 @@
-//! Digests (BLAKE3) that results are known by.
+//! BLAKE3 digests that identify results.
 
 use std::fmt;
 use std::fs::File;
@@ -10,30 +10,30 @@ use serde::{Deserialize, Serialize};
 use crate::Cancel;
 use terrane_base::error::{Error, Result};
 
-/// Bytes of a result that are read at a time.
+/// Bytes of a result read at a time.
 const PIECE_BYTES: usize = 1 << 20;
 
-/// 256 bits that stand for some bytes.
+/// A 256-bit digest.
 #[derive(Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 #[repr(transparent)]
 pub struct Digest(pub [u8; 32]);
 
 impl Digest {
-    /// How many bytes it has.
+    /// Size in bytes.
     pub const BYTES: usize = 32;
 
-    /// Its bytes.
+    /// The bytes of the digest.
     pub fn bytes(&self) -> &[u8; Self::BYTES] {
         &self.0
     }
 
-    /// Of some bytes.
+    /// Digest of bytes.
     pub fn of(bytes: &[u8]) -> Self {
         Self(*blake3::hash(bytes).as_bytes())
     }
 
-    /// Of several runs of bytes, one after the other.
+    /// Digest of concatenated byte slices.
     pub fn of_parts(parts: &[&[u8]]) -> Self {
         let mut hasher = blake3::Hasher::new();
         for part in parts {
@@ -42,7 +42,7 @@ impl Digest {
         Self(*hasher.finalize().as_bytes())
     }
 
-    /// The first 16 hexadecimal digits: enough to tell files apart.
+    /// The first 16 hexadecimal digits: enough to distinguish files.
     pub fn short(&self) -> String {
         self.to_string()[..16].to_owned()
     }
@@ -78,7 +78,7 @@ impl TryFrom<String> for Digest {
     }
 }
 
-/// Of the bytes of files, one after the other.
+/// Digest of concatenated files.
 pub fn digest_of(files: &[PathBuf], cancel: &Cancel) -> Result<Digest> {
     let mut hasher = blake3::Hasher::new();
     let mut piece = vec![0; PIECE_BYTES];

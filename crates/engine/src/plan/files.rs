@@ -1,8 +1,7 @@
-//! The files a plan was made from, and whether they still are what they were.
+//! The input files of a plan, and the check that they are unchanged.
 //!
-//! Small files are hashed whole. Of large ones [`PIECES`] pieces are hashed, because reading all of a
-//! terabyte only to know it again would cost as much as the work itself; then the time of the last
-//! change has to be the same, too.
+//! Small files are hashed whole. Of large ones [`PIECES`] pieces are hashed, because reading a terabyte only to
+//! identify it would cost as much as the work itself; their modification time must be unchanged as well.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -18,27 +17,26 @@ use super::digest::Digest;
 use terrane_base::error::{Error, Result};
 use terrane_files::{self as files, name_of, path_of};
 
-/// Number of pieces of a large file that are hashed, spread evenly from its first byte to its last.
+/// Number of hashed pieces of a large file, spread evenly from its first byte to its last.
 const PIECES: u64 = 16;
 /// Size of a hashed piece in bytes.
 const PIECE: u64 = 16 << 10;
-/// Files are hashed whole as long as all of them together have no more bytes than this, and always
-/// up to the bytes of all pieces.
+/// Files are hashed whole if their total size is at most this, or at most the size of all pieces.
 const WHOLE: u64 = 1 << 30;
 
-/// What a file was when the plan was made.
+/// State of a file when the plan was made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct InputFile {
     name: String,
     bytes: u64,
-    /// Nanoseconds since 1970.
+    /// Modification time, in nanoseconds since 1970.
     modified: u64,
-    /// True when the digest is of all its bytes.
+    /// True if the digest covers all bytes.
     whole: bool,
     digest: Digest,
 }
 
-/// Looks at all of `paths`, in parallel.
+/// Reads the state of `paths`, in parallel.
 pub(super) fn stat(paths: &[PathBuf]) -> Result<Vec<InputFile>> {
     let bytes = |path: &PathBuf| std::fs::metadata(path).map_or(0, |meta| meta.len());
     let all: u64 = paths.par_iter().map(bytes).sum();
@@ -46,8 +44,8 @@ pub(super) fn stat(paths: &[PathBuf]) -> Result<Vec<InputFile>> {
     paths.par_iter().map(look).collect()
 }
 
-/// Fails when one of `files` is not what it was; the error names it and the difference. With
-/// `by_content` digests are compared, else only sizes and times.
+/// Fails if one of `files` has changed; the error names the file and the difference. Compares digests if `by_content`
+/// is set, else sizes and times only.
 pub(super) fn check(files: &[InputFile], by_content: bool) -> Result<()> {
     files.par_iter().try_for_each(|file| file.check(by_content))
 }
@@ -85,7 +83,7 @@ impl InputFile {
         Ok(())
     }
 
-    /// Takes the time of `other` where it is known to have the same bytes.
+    /// Adopts the modification time of `other` if both are known to have the same bytes.
     pub(super) fn forgive_time(&mut self, other: &Self) {
         if self.whole && self.digest == other.digest {
             self.modified = other.modified;
@@ -99,7 +97,7 @@ impl InputFile {
     }
 }
 
-/// Bytes, and nanoseconds since 1970 of the last change.
+/// Size in bytes, and modification time in nanoseconds since 1970.
 fn facts(file: &File) -> io::Result<(u64, u64)> {
     let meta = file.metadata()?;
     let since = meta.modified()?.duration_since(UNIX_EPOCH).unwrap_or_default();
@@ -121,8 +119,8 @@ fn digest(file: &mut File, bytes: u64, whole: bool) -> io::Result<Digest> {
     Ok(Digest::of(&pieces))
 }
 
-/// The `paths` and what lies beside them, each once. A `.prj` is not among them: runs write one beside
-/// their meshes, and all it can say is a CRS, which is told from the grid.
+/// The `paths` and their companion files, without duplicates. Excludes `.prj`: runs write one beside their meshes, and
+/// its CRS is checked with the grid.
 pub fn with_companions(mut paths: Vec<PathBuf>) -> Vec<PathBuf> {
     // Folders are listed: to ask for every name that might be there takes far longer.
     let folders: HashSet<&Path> = paths.iter().filter_map(|path| path.parent()).collect();

@@ -1,4 +1,4 @@
-//! The folder of a plan, and which of its tasks are done.
+//! The folder of a plan, and the states of its tasks.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, TryLockError};
@@ -16,20 +16,20 @@ use terrane_base::error::{Error, ErrorKind, Result};
 
 const LOCK: &str = "lock";
 
-/// A folder with a plan in it.
+/// A folder that holds a plan.
 pub struct PlanFolder<W: PlannedWork> {
     pub path: PathBuf,
     pub plan: PlanManifest<W>,
     pub id: Digest,
 }
 
-/// Which tasks are done.
+/// States of the tasks.
 pub struct TaskStates<'a, W: PlannedWork> {
     /// The folder of the plan.
     pub folder: &'a PlanFolder<W>,
-    /// Tasks whose object is there and sound, as far as it was looked at.
+    /// Finished tasks with intact artifacts, as far as these were checked.
     pub done: BTreeMap<W::Task, FinishedArtifact<W::Facts>>,
-    /// Tasks whose object is there and not sound.
+    /// Tasks with damaged artifacts.
     pub damaged: Vec<W::Task>,
 }
 
@@ -40,17 +40,17 @@ impl<W: PlannedWork> PlanFolder<W> {
         Ok(Self { path: path.to_path_buf(), plan, id })
     }
 
-    /// All tasks, in an order in which they can be done.
+    /// All tasks, in a valid order.
     pub(super) fn tasks(&self) -> Vec<W::Task> {
         self.plan.work.tasks()
     }
 
-    /// The tasks whose objects one works on.
+    /// The tasks whose artifacts a task reads.
     pub(super) fn before(&self, task: W::Task) -> Vec<W::Task> {
         self.plan.work.before(task)
     }
 
-    /// The task of a name.
+    /// Finds a task by name.
     pub(super) fn named(&self, name: &str) -> Result<PlanStep<W::Task>> {
         if name == "finish" {
             return Ok(PlanStep::Finish);
@@ -68,7 +68,7 @@ impl<W: PlannedWork> PlanFolder<W> {
         }
     }
 
-    /// What is told of a task that is not done.
+    /// The report on a pending task.
     pub(super) fn task_report(&self, task: PlanStep<W::Task>) -> TaskReport {
         let after = match task {
             PlanStep::Task(task) => self.before(task),
@@ -78,10 +78,9 @@ impl<W: PlannedWork> PlanFolder<W> {
         TaskReport { id: task.to_string(), after, work: self.plan.work.size(task) }
     }
 
-    /// Makes it ready for work: for all that is left (`alone`), or for one task. Waits for nobody: fails
-    /// when another does all that is left. Single tasks take no lock, because results appear whole and
-    /// are the same whoever makes them; two who do everything would only do it twice. Where the file
-    /// system has no locks nothing is locked.
+    /// Prepares a run of all pending tasks (`alone`) or of one task. Does not block: fails if another process runs all
+    /// pending tasks. Single tasks take no lock, because artifacts appear atomically and do not depend on the process;
+    /// two runs of all tasks would only duplicate the work. Skips locking on file systems without locks.
     pub(super) fn enter(&self, alone: bool) -> Result<Option<File>> {
         // Results may be thrown away, all at once too.
         let objects = self.path.join(OBJECTS);
@@ -102,7 +101,7 @@ impl<W: PlannedWork> PlanFolder<W> {
         }
     }
 
-    /// Fails when `output` is a file that the plan was made from, or that the folder is made of.
+    /// Fails if `output` is an input file of the plan or a file of its folder.
     pub(super) fn refuse_own(&self, output: &Path) -> Result<()> {
         let place = |path: &Path| std::fs::canonicalize(path);
         let Ok(output_place) = place(output) else { return Ok(()) };
@@ -121,7 +120,7 @@ impl<W: PlannedWork> PlanFolder<W> {
         Ok(())
     }
 
-    /// The error of what waits for `task`.
+    /// The error for work that waits for `task`.
     fn not_done(&self, task: W::Task) -> Error {
         Error::new(ErrorKind::NotYet, format!("task {task} is not done"))
             .in_file(&self.path)
@@ -130,12 +129,12 @@ impl<W: PlannedWork> PlanFolder<W> {
 }
 
 impl<'a, W: PlannedWork> TaskStates<'a, W> {
-    /// Of nothing that is looked for yet.
+    /// States before any artifact is checked.
     pub(super) fn new(folder: &'a PlanFolder<W>) -> Self {
         Self { folder, done: BTreeMap::new(), damaged: Vec::new() }
     }
 
-    /// Looks for the objects of all tasks, in parallel; tells of each. Fails when it is to stop.
+    /// Checks the artifacts of all tasks, in parallel, and reports progress. Fails when cancelled.
     pub(super) fn of_all(
         folder: &'a PlanFolder<W>,
         look: CheckDepth,
@@ -146,7 +145,7 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
         Ok(survey)
     }
 
-    /// Looks for the objects that `task` works on, and at every byte of its own.
+    /// Checks the artifacts that `task` reads, and every byte of its own.
     pub(super) fn around(
         folder: &'a PlanFolder<W>,
         task: W::Task,
@@ -159,7 +158,7 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
         Ok(survey)
     }
 
-    /// Looks for the object of a task that was not found before what it works on was done.
+    /// Checks the artifact of a task again, after its inputs are done.
     pub(super) fn look_again(&mut self, task: W::Task, at: RunControl<'_>) -> Result<()> {
         let is_known = !self.is_missing(task) || self.damaged.contains(&task);
         if is_known || self.folder.before(task).is_empty() {
@@ -168,7 +167,7 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
         self.look_for(&[task], CheckDepth::Whole, at.silent())
     }
 
-    /// Looks for the objects of tasks that wait for each other, or for none besides.
+    /// Checks the artifacts of tasks that depend on each other only.
     fn look_for_all(
         &mut self,
         tasks: Vec<W::Task>,
@@ -208,8 +207,8 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
         Ok(())
     }
 
-    /// Where the object of a task lies, which is known by the plan, the task, and the seals of what it
-    /// works on. Fails with `NotYet` when not all of that is done.
+    /// The location of a task's artifact, from the plan, the task, and the checksums of its inputs. Fails with `NotYet`
+    /// if an input is not done.
     pub(super) fn place(&self, task: W::Task) -> Result<ArtifactLocation> {
         let seal = |before: &W::Task| match self.done.get(before) {
             Some(done) => Ok(done.seal),
@@ -221,18 +220,18 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
         Ok(ArtifactLocation::new(&path.join(OBJECTS), (*id, &task.to_string(), &seals), W::ENDING))
     }
 
-    /// The file of the object of a finished task, and what is known of it.
+    /// The path and the sidecar of a finished task's artifact.
     pub fn object(&self, task: W::Task) -> Result<(PathBuf, &FinishedArtifact<W::Facts>)> {
         let done = self.done.get(&task).ok_or_else(|| self.folder.not_done(task))?;
         Ok((self.place(task)?.file, done))
     }
 
-    /// True when no sound object of `task` was found.
+    /// True if `task` has no intact artifact.
     pub(super) fn is_missing(&self, task: W::Task) -> bool {
         !self.done.contains_key(&task)
     }
 
-    /// Fails when a task is not done, nor will be once what is damaged is made anew.
+    /// Fails if a task is not done and will not be once damaged artifacts are repaired.
     pub(super) fn check_all(&self) -> Result<()> {
         let is_undone = |task: &W::Task| {
             let is_known = self.place(*task).is_ok();
@@ -243,7 +242,7 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
     }
 }
 
-/// The error of a name that no task of this kind of plan has.
+/// The error for an unknown task name.
 fn no_task<W: PlannedWork>(name: &str) -> Error {
     let some = |(i, (kind, _)): (usize, &Numbered<W::Task>)| match i {
         0 => format!("{kind}-0, {kind}-1, ..., "),

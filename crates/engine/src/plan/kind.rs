@@ -1,4 +1,4 @@
-//! What a kind of plan has to say of itself: what its tasks are, and what one does.
+//! The interface of a kind of plan: its tasks and their work.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -14,63 +14,63 @@ use super::report::{DescribesRun, StatusReport};
 use crate::{Cancel, Progress, Resources, Silent};
 use terrane_base::error::Result;
 
-/// A kind of plan. The value is what is asked for and what was found in the input, as the plan notes it.
+/// A kind of plan. The value holds the request and the properties of the input, as stored in the plan file.
 pub trait PlannedWork: Clone + Sync + Serialize + DeserializeOwned {
-    /// Which.
+    /// Kind of plan.
     const KIND: PlanKind;
-    /// Kinds of tasks: the name that comes before the number, and the task of a number.
+    /// Task names: the prefix before the number, and the task of a number.
     const NAMES: &'static [Numbered<Self::Task>];
-    /// The ending of objects.
+    /// File extension of artifacts.
     const ENDING: &'static str = "object";
-    /// How the last task looks at objects: whole, unless they prove themselves as they are read.
+    /// How the last task checks artifacts: whole, unless they are verified as they are read.
     const LAST_LOOK: CheckDepth = CheckDepth::Whole;
-    /// What a run of all tasks is called while it goes on, where the tasks have no stages of their own.
+    /// Name of the progress stage of a run of all tasks, if the tasks have no stages of their own.
     const STAGE: Option<&'static str> = None;
 
-    /// A task that makes an object.
+    /// A task that makes an artifact.
     type Task: Copy + Ord + Send + Sync + fmt::Display + 'static;
-    /// What an object tells of itself without being read through.
+    /// Facts of an artifact, known without reading its file.
     type Facts: Clone + PartialEq + Send + Sync + Serialize + DeserializeOwned;
-    /// What a run tells beside what all do.
+    /// Run report fields of this kind.
     type Run: Default + DescribesRun;
-    /// What is noted of what was written.
+    /// Record of the output.
     type Note: Serialize + DeserializeOwned;
-    /// What is told of the plan beside what is told of all.
+    /// Status report fields of this kind.
     type Status: Default;
-    /// The input, and how it is worked on.
+    /// The opened input and options.
     type Opened;
 
-    /// Fails when there is nothing to make, or more than can be.
+    /// Fails if there is nothing to make, or more than the limit.
     fn check(&self) -> Result<()>;
 
-    /// All tasks, in an order in which they can be done.
+    /// All tasks, in a valid order.
     fn tasks(&self) -> Vec<Self::Task>;
 
-    /// The tasks whose objects one works on.
+    /// The tasks whose artifacts a task reads.
     fn before(&self, task: Self::Task) -> Vec<Self::Task>;
 
     /// Samples or cells of a task.
     fn size(&self, task: PlanStep<Self::Task>) -> u64;
 
-    /// What is told of it: input, format, cells of a tile, and what only this kind has.
+    /// The status report: input, format, cells of a tile, and the fields of this kind.
     fn status(&self) -> StatusReport<Self::Status>;
 
-    /// The name in the folder of what is written at the end.
+    /// Default file name of the output in the folder.
     fn output(&self, form: &OutputForm) -> Result<PathBuf>;
 
-    /// Fails for a name that says another format than that of the plan; the input is not opened yet. What is no mesh is
-    /// looked at with the output.
+    /// Fails if the extension of the output differs from the plan's format, before the input is opened. Kinds other
+    /// than meshes check it with the output.
     fn check_name(&self, _output: &Path, _form: &OutputForm) -> Result<()> {
         Ok(())
     }
 
-    /// Opens the input; fails when it is not what the plan was made for.
+    /// Opens the input; fails if it differs from the plan's.
     fn open(plan: &PlanManifest<Self>, order: OutputRequest) -> Result<Self::Opened>;
 
-    /// Fails before the work where the output cannot be written.
+    /// Fails early if the output cannot be written.
     fn check_output(opened: &Self::Opened, at: RunControl<'_>) -> Result<()>;
 
-    /// Does a task: writes its object, whole or not at all, and adds to what is told.
+    /// Does a task: writes its artifact atomically and adds to the report.
     fn make(
         opened: &Self::Opened,
         object: (Self::Task, &Path),
@@ -79,7 +79,7 @@ pub trait PlannedWork: Clone + Sync + Serialize + DeserializeOwned {
         at: RunControl<'_>,
     ) -> Result<MadeArtifact<Self::Facts>>;
 
-    /// Writes what all objects are for.
+    /// Writes the output from all artifacts.
     fn write(
         opened: &Self::Opened,
         survey: &TaskStates<'_, Self>,
@@ -87,56 +87,56 @@ pub trait PlannedWork: Clone + Sync + Serialize + DeserializeOwned {
         at: RunControl<'_>,
     ) -> Result<Self::Note>;
 
-    /// Tells of what is written already.
+    /// Reports an output that is already written.
     fn written(note: Self::Note, output: &Path, run: &mut Self::Run);
 }
 
 /// Tasks of one name, by number.
 pub type Numbered<T> = (&'static str, fn(u32) -> T);
 
-/// Who is told of the work, and may stop it.
+/// Progress watcher and cancellation of a run.
 #[derive(Clone, Copy)]
 pub struct RunControl<'a> {
-    /// Who is told.
+    /// Progress watcher.
     pub progress: &'a dyn Progress,
-    /// What may stop it.
+    /// Cancellation.
     pub cancel: &'a Cancel,
 }
 
 impl RunControl<'_> {
-    /// The same, without telling.
+    /// The same without progress reports.
     pub fn silent(self) -> Self {
         RunControl { progress: &Silent, ..self }
     }
 }
 
-/// What is to be written, and what the work may use.
+/// Output and resource limits of a run.
 pub struct OutputRequest {
     /// The file or folder.
     pub output: PathBuf,
-    /// Whether one that exists is replaced.
+    /// Overwrite existing output.
     pub overwrite: bool,
-    /// How it is written.
+    /// Output options.
     pub form: OutputForm,
-    /// What the work may use.
+    /// Resource limits.
     pub resources: Resources,
 }
 
-/// What else is asked of a mesh of a grid that is written at the end of a plan.
+/// Output options for the mesh of a grid at the end of a plan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct OutputForm {
-    /// Write a folder of meshes, each of so many by so many tiles.
+    /// Write a folder of meshes, one for every N x N tiles.
     pub split: Option<u32>,
     /// STL and 3MF: close the surface down to this height.
     pub solid_base: Option<f64>,
 }
 
-/// A task as it is named: the last one, which writes the result, has no object.
+/// A task by name: the last one, which writes the output, has no artifact.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum PlanStep<T> {
-    /// One with an object.
+    /// A task with an artifact.
     Task(T),
-    /// The last one.
+    /// The last task.
     Finish,
 }
 
@@ -149,11 +149,11 @@ impl<T: fmt::Display> fmt::Display for PlanStep<T> {
     }
 }
 
-/// An object that was made.
+/// An artifact that was made.
 pub struct MadeArtifact<F> {
-    /// What the object tells of itself.
+    /// Its facts.
     pub facts: F,
-    /// The digest of its bytes as they were written, where that is known.
+    /// Digest of its bytes as written, if known.
     pub digest: Option<Digest>,
     /// Bytes that went through a temporary file.
     pub spilled: u64,

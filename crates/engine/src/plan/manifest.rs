@@ -10,7 +10,7 @@ use terrane_base::error::{Error, Result};
 use terrane_files::atomic::AtomicFile;
 use terrane_files::folder_for;
 
-/// The error of what cannot be made because the folder it belongs in is not there.
+/// The error for a file whose parent folder is missing.
 pub(super) fn no_folder(path: &Path, error: io::Error) -> Error {
     Error::write(path, error)
         .remedy(format!("make {} first, or correct the name", folder_for(path, None).display()))
@@ -24,7 +24,7 @@ pub fn write_json<T: Serialize>(path: &Path, what: &T) -> Result<()> {
     file.commit().map(drop)
 }
 
-/// A path that can be noted: absolute.
+/// The absolute path, as stored in JSON.
 pub fn noted_path(output: &Path) -> Result<PathBuf> {
     let path = std::path::absolute(output).map_err(|e| Error::write(output, e))?;
     Ok(path)

@@ -1,12 +1,12 @@
-//! Plans: work written down in a folder, to be done in pieces, by anyone, and resumed. One engine for
-//! every kind of plan; what a kind's tasks are, and what one does, it says itself (`PlannedWork`).
+//! Plans: work stored in a folder, done in tasks by any number of processes, and resumable. One engine runs every kind
+//! of plan; `PlannedWork` defines the tasks of a kind.
 //!
 //! | name | what |
 //! |---|---|
 //! | `plan.json` | the plan |
 //! | `objects/` | the result of each task that is done |
 //! | `finished.json` | where the result is written, and its digest once it is there |
-//! | `lock` | held by whoever does all that is left in the folder |
+//! | `lock` | held by a run of all pending tasks |
 
 mod any;
 mod artifact;
@@ -41,7 +41,8 @@ pub use report::{PlanNeeds, shared};
 pub use run::{PlanJob, RunJob};
 pub use run::{run, run_in, run_named, status};
 
-/// What [`Divisible`](crate::operation::Divisible) asks of an operation whose plans are of this kind of work.
+/// Implements the plan methods of [`Divisible`](crate::operation::Divisible) for an operation whose plans are of this
+/// kind.
 #[macro_export]
 macro_rules! planned_as {
     ($work:ty, $status:ty, $done:ty) => {

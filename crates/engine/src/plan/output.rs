@@ -1,9 +1,7 @@
-//! What is written at the end of a plan: where it is, whether it still is what was written, and whether
-//! something else may be in its place.
+//! The output of a plan: its path, whether it is unaltered, and whether it may be replaced.
 //!
-//! The note on the output (`finished.json`) has its path from the folder on where it lies inside, so that
-//! a folder may be moved, and its digest, so that an output that is altered, missing, half written or
-//! somebody else's are told apart.
+//! The output record (`finished.json`) holds the path, relative if it is inside the folder, so that a folder may be
+//! moved. It also holds the digest, which distinguishes altered, missing, unfinished and foreign outputs.
 
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
@@ -22,18 +20,18 @@ use terrane_files::atomic::refuse_existing;
 use terrane_files::{folder_for, name_of, path_of};
 use terrane_mesh::split;
 
-/// Its file in the folder.
+/// File name of the record.
 pub(super) const FINISHED: &str = "finished.json";
 
-/// The note on what was written last, or is being written.
+/// Record of the last output, finished or not.
 #[derive(Serialize, Deserialize)]
 struct OutputRecord<R> {
     plan_id: Digest,
-    /// From the plan's folder on where it is inside, so that the folder may be moved; else absolute.
+    /// Relative to the plan folder if inside it, so that the folder may be moved; else absolute.
     path: String,
-    /// What else was asked for, beside the plan.
+    /// Output options that are not part of the plan.
     form: Value,
-    /// `None` while it is being written.
+    /// `None` until the output is finished.
     finished: Option<FinishedOutput<R>>,
 }
 
@@ -45,46 +43,46 @@ struct FinishedOutput<R> {
     report: R,
 }
 
-/// What is known of files without reading them.
+/// Metadata of files that needs no reading.
 #[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct FileStamp {
     bytes: u64,
-    /// Nanoseconds since 1970, of the file changed last.
+    /// Latest modification time of the files, in nanoseconds since 1970.
     modified: u64,
 }
 
-/// How an output stands.
+/// State of an output.
 enum OutputState<R> {
-    /// It was never written there.
+    /// Never written by this plan.
     Unknown,
-    /// A run that did not come to its end, or is not yet there, began to write it.
+    /// Begun by a run that was interrupted or is still active.
     Begun,
-    /// It is what was written, with the report on it.
+    /// Unaltered, with its report.
     Whole(R),
-    /// It was written and is not there.
+    /// Written, but missing.
     Missing,
-    /// It was written and is something else now.
+    /// Written, but altered since.
     Altered(String),
 }
 
-/// Where what is written at the end of a plan belongs.
+/// Location of a plan's output.
 pub(super) struct PlanOutput {
     folder: PathBuf,
     plan: Digest,
-    /// As it was named.
+    /// Path as given.
     pub(super) path: PathBuf,
     absolute: PathBuf,
     form: Value,
 }
 
 impl PlanOutput {
-    /// Of the plan in `folder`; `form` is what else is asked for. Fails for a name that cannot be noted.
+    /// The output of the plan in `folder`; `form` holds the output options. Fails if the path cannot be recorded.
     pub(super) fn new(folder: &Path, plan: Digest, path: &Path, form: Value) -> Result<Self> {
         let absolute = noted_path(path)?;
         Ok(Self { folder: folder.to_path_buf(), plan, path: path.to_path_buf(), absolute, form })
     }
 
-    /// How it stands; a quick look trusts times of change. Fails only when it is to stop.
+    /// State of the output; a quick check trusts modification times. Fails only when cancelled.
     fn state<R: DeserializeOwned>(
         &self,
         look: CheckDepth,
@@ -110,9 +108,9 @@ impl PlanOutput {
         }
     }
 
-    /// The note on it if it is what was written, and whether something may be replaced: what a run left
-    /// that did not come to its end may, and with `overwrite` all. Fails before the work where its end
-    /// would: when the folder is not there, or something that may not be replaced is.
+    /// The report of an unaltered output, and whether an existing file may be replaced: an unfinished output may, any
+    /// file with `overwrite`. Fails early where the run would fail at its end: if the folder is missing, or a file
+    /// exists that may not be replaced.
     pub(super) fn claim<R: DeserializeOwned>(
         &self,
         overwrite: bool,
@@ -134,12 +132,12 @@ impl PlanOutput {
         Ok((None, may_replace))
     }
 
-    /// Notes that it is being written.
+    /// Records that the output is begun.
     pub(super) fn begin(&self) -> Result<()> {
         self.write::<()>(None)
     }
 
-    /// Notes that it is written.
+    /// Records that the output is finished.
     pub(super) fn finish<R: Serialize>(&self, report: R, cancel: &Cancel) -> Result<()> {
         let files = files(&self.absolute)?;
         let (facts, digest) = (FileStamp::of(&files)?, digest_of(&files, cancel)?);
@@ -157,7 +155,7 @@ impl PlanOutput {
 }
 
 impl<R> FinishedOutput<R> {
-    /// How the files at `path` differ from what was written, if they do.
+    /// The difference between the files at `path` and the written ones, if any.
     fn difference(&self, path: &Path, look: CheckDepth, cancel: &Cancel) -> Result<Option<String>> {
         let files = files(path)?;
         let here = FileStamp::of(&files)?;
@@ -186,8 +184,7 @@ impl FileStamp {
     }
 }
 
-/// What the plan in `folder` wrote last, as it is told: where it is, if it is there as it was written,
-/// and what is wrong with it otherwise. A quick look.
+/// The last output of the plan in `folder` for the report: its path if it is unaltered, else its fault. Checks quickly.
 pub(super) fn last_output(folder: &Path, plan: Digest) -> Result<LastOutput> {
     let note = note::<Value>(folder).filter(|note| note.plan_id == plan);
     let Some(note) = note else { return Ok(LastOutput::default()) };
@@ -207,12 +204,12 @@ fn note<R: DeserializeOwned>(folder: &Path) -> Option<OutputRecord<R>> {
     serde_json::from_slice(&text).ok()
 }
 
-/// The absolute path of what is noted.
+/// The absolute path of a recorded one.
 fn place(folder: &Path, noted: &str) -> Result<PathBuf> {
     std::path::absolute(folder.join(path_of(noted))).map_err(|e| Error::read(folder, e))
 }
 
-/// The files that a result is made of: of a folder of meshes those of its index, of another one all.
+/// The files of a result: for a folder of meshes those of its index, for other folders all.
 fn files(path: &Path) -> Result<Vec<PathBuf>> {
     if !path.is_dir() {
         return Ok(vec![path.to_path_buf()]);

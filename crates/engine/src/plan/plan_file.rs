@@ -1,4 +1,4 @@
-//! The plan on paper: what is made from what, under a digest. It never changes once written.
+//! The plan file: input, options and tasks, with a digest. It never changes once written.
 
 use std::borrow::Cow;
 use std::ffi::OsStr;
@@ -20,36 +20,36 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::limits;
 use terrane_files::atomic::{AtomicFile, is_temporary, refuse_stdout};
 
-/// Its file in the folder.
+/// File name in the folder.
 pub const PLAN: &str = "plan.json";
-/// Largest plan that is read: millions of tasks and a million files fit.
+/// Maximum size of a plan file: enough for millions of tasks and a million files.
 const MAX_BYTES: u64 = 1 << 30;
 
-/// What a folder holds a plan of.
+/// Kind of a plan's output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PlanKind {
     /// A mesh.
     Tin,
-    /// A mesh of a cloud.
+    /// A mesh of a point cloud.
     Cloud,
     /// A grid.
     Grid,
-    /// Tiles of the globe.
+    /// Tiles in global coordinates.
     Tiles,
-    /// Squares of points.
+    /// Tiles of points.
     Points,
 }
 
 impl PlanKind {
-    /// What was made, which is there at the end.
+    /// The output, which exists once the plan is finished.
     pub fn made<T>(self, made: Option<T>) -> Result<T> {
         let lost =
             || Error::new(ErrorKind::Internal, format!("a run ended without {}", self.what()));
         made.ok_or_else(lost)
     }
 
-    /// What comes of it, in words.
+    /// The output, in words.
     pub fn what(self) -> &'static str {
         match self {
             Self::Tin => "a mesh of a grid",
@@ -67,20 +67,20 @@ impl PlanKind {
 pub struct PlanManifest<W: PlannedWork> {
     #[serde(flatten)]
     maker: PlanHeader,
-    /// What the user called the input; people are told, and nothing depends on it.
+    /// The user's name of the input, for messages only.
     pub label: String,
-    /// What its tasks do.
+    /// Options and input of its tasks.
     #[serde(flatten)]
     pub work: W,
     files: Vec<InputFile>,
-    /// What they take.
+    /// Estimated resources.
     pub needs: PlanNeeds,
-    /// Files that are left out of the input because they are bad.
+    /// Damaged files that are left out of the input.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub skipped: Vec<Skipped>,
 }
 
-/// What every plan begins with: of what it is, and which version of the program made it.
+/// Common head of all plans: kind and program version.
 #[derive(Clone, Serialize, Deserialize)]
 struct PlanHeader {
     kind: PlanKind,
@@ -88,23 +88,23 @@ struct PlanHeader {
     revision: u32,
 }
 
-/// A plan with its digest, as it is on disk.
+/// A plan with its digest, as stored.
 #[derive(Serialize, Deserialize)]
 struct PlanWithDigest<P> {
     plan_id: Digest,
     plan: P,
 }
 
-/// What the plan in `folder` is of.
+/// Kind of the plan in `folder`.
 ///
 /// # Errors
-/// A folder without a plan.
+/// The folder has no plan.
 pub fn kind(folder: &Path) -> Result<PlanKind> {
     let named = serde_json::from_slice::<PlanWithDigest<PlanHeader>>(&text_of(folder)?);
     named.map(|named| named.plan.kind).map_err(|e| bad(folder, &e.to_string()))
 }
 
-/// The text of the plan in a folder.
+/// The text of the plan file in a folder.
 fn text_of(folder: &Path) -> Result<Vec<u8>> {
     let path = folder.join(PLAN);
     if !path.exists() {
@@ -121,7 +121,7 @@ fn text_of(folder: &Path) -> Result<Vec<u8>> {
     std::fs::read(&path).map_err(fail)
 }
 
-/// The error of a file that is no plan.
+/// The error for a file that is not a plan.
 fn bad(folder: &Path, how: &str) -> Error {
     Error::bad_input(format!("is not a valid plan: {how}"))
         .in_file(&folder.join(PLAN))
@@ -129,7 +129,7 @@ fn bad(folder: &Path, how: &str) -> Error {
 }
 
 impl PlanHeader {
-    /// Fails where it is another program than this one.
+    /// Fails if the plan was made by another version of the program.
     fn check_version(&self, folder: &Path) -> Result<()> {
         let theirs = (self.terrane.as_str(), self.revision);
         let ours = (env!("CARGO_PKG_VERSION"), REVISION);
@@ -144,8 +144,8 @@ impl PlanHeader {
 }
 
 impl<W: PlannedWork> PlanManifest<W> {
-    /// The plan of `work` on an input that the user calls `label`: the files of `paths` and what lies beside them;
-    /// `skipped` were left out.
+    /// Plans `work` on an input that the user calls `label`: the files of `paths` with their companion files. `skipped`
+    /// files were left out.
     pub fn new(
         work: W,
         (label, paths): (String, Vec<PathBuf>),
@@ -158,7 +158,7 @@ impl<W: PlannedWork> PlanManifest<W> {
         Ok(Self { maker, label, work, files, needs, skipped: skipped.to_vec() })
     }
 
-    /// Reads the plan in `folder`; returns it with its digest.
+    /// Reads the plan in `folder` with its digest.
     pub fn read(folder: &Path) -> Result<(Self, Digest)> {
         let (text, bad) = (text_of(folder)?, |how: &str| bad(folder, how));
         // Of another version all else may have another form.
@@ -175,29 +175,29 @@ impl<W: PlannedWork> PlanManifest<W> {
         Ok((plan, plan_id))
     }
 
-    /// The plan that a folder holds already, if it is one of this kind and version. What was seen of the input for it
-    /// need not be seen again: `put` compares all else, the files by their digests.
+    /// The existing plan of a folder, if it is of this kind and version. Its input statistics can be reused: `put`
+    /// compares the rest, the files by their digests.
     pub fn there(folder: &Path) -> Option<Self> {
         let (plan, _) = Self::read(folder).ok()?;
         (plan.maker.kind == W::KIND).then_some(plan)
     }
 
-    /// The digest that stands for it. Times that were measured differ from run to run, and an input may be called
-    /// in many ways, so both are left out: plans of one request have one digest.
+    /// The identifying digest. Excludes measured times, which vary from run to run, and the label of the input: plans
+    /// of one request have one digest.
     fn id(&self) -> Digest {
         let needs = PlanNeeds { seconds: [0.0; 2], ..self.needs.clone() };
         let request = Self { needs, label: String::new(), ..self.clone() };
         Digest::of(json::to_string(&request).unwrap_or_default().as_bytes())
     }
 
-    /// The text of its file.
+    /// The text of the plan file.
     fn to_text(&self) -> Result<String> {
         let sealed = PlanWithDigest { plan_id: self.id(), plan: self };
         json::to_string_pretty(&sealed)
             .map_err(|e| Error::new(ErrorKind::Internal, format!("cannot serialize the plan: {e}")))
     }
 
-    /// What the tasks that are `left` take.
+    /// Estimated resources of the tasks that are `left`.
     pub(super) fn forecast(&self, left: &[PlanStep<W::Task>]) -> Forecast {
         let size = |task: &W::Task| self.work.size(PlanStep::Task(*task));
         let all: u64 = self.work.tasks().iter().map(size).sum();
@@ -207,19 +207,19 @@ impl<W: PlannedWork> PlanManifest<W> {
         self.needs.forecast(share, left.contains(&PlanStep::Finish))
     }
 
-    /// What it is made from.
+    /// The input files.
     pub fn files(&self) -> impl Iterator<Item = Cow<'_, Path>> {
         self.files.iter().map(InputFile::path)
     }
 
-    /// Fails when one of its files is not what it was; the error names it and the difference. With
-    /// `by_content` digests are compared, else only sizes and times.
+    /// Fails if an input file has changed; the error names the file and the difference. Compares digests if
+    /// `by_content` is set, else sizes and times only.
     pub(super) fn check_files(&self, by_content: bool) -> Result<()> {
         files::check(&self.files, by_content)
     }
 
-    /// Puts it into the folder `path`, made if it is not there; one that holds the very same plan is
-    /// taken as it is. Fails with `Usage` when it holds anything else.
+    /// Writes the plan into the folder `path`, which is created if missing; accepts a folder with an equal plan. Fails
+    /// with `Usage` if the folder has other contents.
     pub fn put(&self, path: &Path) -> Result<()> {
         if path.join(PLAN).exists() {
             return self.check_same(path);
@@ -241,7 +241,7 @@ impl<W: PlannedWork> PlanManifest<W> {
         file.commit().map(drop)
     }
 
-    /// Fails when the folder `path` holds another plan.
+    /// Fails if the folder `path` holds another plan.
     fn check_same(&self, path: &Path) -> Result<()> {
         let of = kind(path)?;
         let how = match of == W::KIND {
@@ -255,9 +255,8 @@ impl<W: PlannedWork> PlanManifest<W> {
         })
     }
 
-    /// The first thing in which this one asks for something else than `there`, as a line for people.
-    /// What was left out is no such thing: the work is of what is left. Files are known by where they are, whatever
-    /// leads there.
+    /// The first difference in the request from the plan `there`, as a message. Ignores skipped files, as the plan
+    /// covers the remaining ones. Compares files by resolved paths.
     fn changes(&self, there: Self) -> Option<String> {
         let (skipped, label) = (there.skipped.clone(), there.label.clone());
         let mut here = Self { skipped, label, ..self.clone() };
@@ -268,7 +267,7 @@ impl<W: PlannedWork> PlanManifest<W> {
     }
 }
 
-/// Fails where a file is in place of the folder.
+/// Fails if `path` is a file.
 pub fn refuse_file(path: &Path) -> Result<()> {
     match path.exists() && !path.is_dir() {
         true => Err(Error::usage("is a file, not a folder")
@@ -278,8 +277,7 @@ pub fn refuse_file(path: &Path) -> Result<()> {
     }
 }
 
-/// Makes the folder `path` unless it is there. Those above it are never made: a name that was mistyped
-/// would only be found by who looks for the plan.
+/// Creates the folder `path` unless it exists. Never creates its parents, as the path may be mistyped.
 fn make_folder(path: &Path) -> Result<()> {
     refuse_stdout(path)?;
     refuse_file(path)?;

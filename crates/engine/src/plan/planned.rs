@@ -1,4 +1,4 @@
-//! The grid that a plan is made for: what was found in it, and the files it is made of.
+//! The grid of a plan: its statistics and its files.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -16,7 +16,7 @@ use terrane_base::geom::Affine;
 use terrane_files::{is_made, name_of, path_of};
 use terrane_raster::{self as raster, GridInfo, GridSource, Inputs};
 
-/// What was found in the input.
+/// Properties of the input grid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlannedGrid {
     /// Columns.
@@ -28,7 +28,7 @@ pub struct PlannedGrid {
 }
 
 impl PlannedGrid {
-    /// What is noted of a grid.
+    /// Properties of an opened grid.
     pub fn of(info: &GridInfo) -> Self {
         let Affine { x0, a, b, y0, d, e } = info.transform;
         let transform = [x0, a, b, y0, d, e];
@@ -41,8 +41,8 @@ impl PlannedGrid {
         u64::from(self.width) * u64::from(self.height)
     }
 
-    /// Fails when the opened input is another grid than the plan's, or is read from more files (`all`): one beside the
-    /// others may say where voids are.
+    /// Fails if the opened grid differs from the plan's, or is read from more files (`all`): an added companion file
+    /// may declare voids.
     pub fn check<W: PlannedWork>(
         &self,
         plan: &PlanManifest<W>,
@@ -60,7 +60,7 @@ impl PlannedGrid {
     }
 }
 
-/// The files that a grid is read from: those behind its input, and what is read with them.
+/// The files of a grid: those of its input, and companion files.
 pub fn grid_files(input: &Inputs, reading: &GridInput, source: &dyn GridSource) -> Vec<PathBuf> {
     let is_file = |name: &&String| !is_made(name);
     let path = |name: &String| path_of(raster::file_name(name)).into_owned();

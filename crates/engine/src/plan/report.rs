@@ -1,54 +1,54 @@
-//! What is told of plans and of the work on them.
+//! Reports on plans and their runs.
 
 use serde::{Deserialize, Serialize};
 
 use crate::Resources;
 use crate::skip_bad::Skipped;
 
-/// A task that is not done.
+/// A pending task.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct TaskReport {
     /// Its name.
     pub id: String,
-    /// The tasks it waits for: "finish" for all others.
+    /// Tasks it depends on; "finish" depends on all others.
     pub after: Vec<String>,
-    /// Samples it works on, or cells it computes.
+    /// Samples it reads, or cells it computes.
     pub work: u64,
 }
 
-/// What is left to do will take about so much.
+/// Estimated resources of the pending tasks.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Forecast {
-    /// Seconds on this machine, by the rates measured on another.
+    /// Seconds on this machine, from rates measured on another.
     pub seconds: f64,
-    /// Threads of this machine that find room in the memory a run takes unless told otherwise.
+    /// Threads of this machine that fit into the default memory limit.
     pub threads: usize,
-    /// Least bytes of memory for a task.
+    /// Minimum memory per task, in bytes.
     pub least_memory: u64,
-    /// Bytes of the results that are not there yet.
+    /// Bytes of the pending results.
     pub disk_needed: u64,
-    /// Bytes of what is written at the end.
+    /// Bytes of the output.
     pub output_bytes: u64,
 }
 
-/// What the work takes, about, as a plan notes it.
+/// Estimated resources of the whole plan.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PlanNeeds {
-    /// Least bytes of memory for a task.
+    /// Minimum memory per task, in bytes.
     pub memory: u64,
-    /// Bytes that a further thread takes.
+    /// Bytes per further thread.
     pub thread_memory: u64,
-    /// Bytes of all objects.
+    /// Bytes of all artifacts.
     pub objects: u64,
-    /// Bytes of what is written at the end.
+    /// Bytes of the output.
     pub output: u64,
-    /// Seconds of one thread for all tasks, and for what is written at the end.
+    /// Seconds on one thread, for all tasks and for the output.
     pub seconds: [f64; 2],
 }
 
 impl PlanNeeds {
-    /// What a `share` of the tasks takes and, where it is to be written, the result.
+    /// Resources of a `share` of the tasks and, if `writes` is set, of the output.
     pub(super) fn forecast(&self, share: f64, writes: bool) -> Forecast {
         let threads = self.threads(&Resources::default());
         let [tasks, writing] = self.seconds;
@@ -62,7 +62,7 @@ impl PlanNeeds {
         }
     }
 
-    /// Threads that find room.
+    /// Threads that fit into memory.
     fn threads(&self, resources: &Resources) -> usize {
         let further = resources.memory.saturating_sub(self.memory) / self.thread_memory.max(1);
         let fitting = usize::try_from(further).unwrap_or(usize::MAX).saturating_add(1);
@@ -70,24 +70,24 @@ impl PlanNeeds {
     }
 }
 
-/// How much faster each further thread makes it, as measured on one machine; see benches/history/2026.md, 3 and 6.
+/// Speed-up per further thread, as measured on one machine; see benches/history/2026.md, 3 and 6.
 const SPEED_UP: f64 = 0.85;
 
-/// Seconds that so many threads take, about, for what takes one of them `seconds`.
+/// Estimated seconds on `threads` threads for work that takes `seconds` on one.
 pub fn shared(seconds: f64, threads: usize) -> f64 {
     seconds / (1.0 + SPEED_UP * (threads.max(1) - 1) as f64)
 }
 
-/// What a plan wrote.
+/// Output of a plan.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct LastOutput {
-    /// Where it is, if it is there as it was written.
+    /// Path, if the output is written and unaltered.
     pub output: Option<String>,
-    /// What is wrong with it if it was written and is not: it is missing, or altered.
+    /// Fault of a written output: missing or altered.
     pub output_fault: Option<String>,
 }
 
-/// A plan, or how far the work on it has come; `S` is what only its kind tells.
+/// A plan or its progress; `S` holds the fields of its kind.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct StatusReport<S> {
@@ -95,67 +95,67 @@ pub struct StatusReport<S> {
     pub plan_id: String,
     pub input: String,
     pub format: String,
-    /// Samples or cells of the whole.
+    /// Total samples or cells.
     pub work: u64,
-    /// Cells along a tile.
+    /// Cells along a tile side.
     pub tile_cells: u32,
     #[serde(flatten)]
     pub of: S,
-    /// Tasks that are not done, in an order in which they can be; the last one is "finish".
+    /// Pending tasks in a valid order; the last one is "finish".
     pub to_do: Vec<TaskReport>,
-    /// Tasks that are done.
+    /// Number of finished tasks.
     pub done: u64,
-    /// Tasks whose results are damaged; they are among those not done.
+    /// Tasks with damaged results; they are pending as well.
     pub damaged: Vec<String>,
     /// Bytes of all results so far.
     pub object_bytes: u64,
-    /// What the rest takes.
+    /// Estimated resources of the pending tasks.
     #[serde(flatten)]
     pub forecast: Forecast,
-    /// What is written at the end, once it is.
+    /// Output, once it is written.
     #[serde(flatten)]
     pub told: LastOutput,
-    /// Files that were left out of the input when it was planned.
+    /// Files that were left out of the input when the plan was made.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub skipped: Vec<Skipped>,
 }
 
-/// What a kind of plan tells of a run.
+/// Run report of a kind of plan.
 pub trait DescribesRun {
-    /// Where what it is for is, if it is written.
+    /// Path of the output, if it is written.
     fn written(&self) -> Option<&str>;
 
-    /// What was asked for and is not so.
+    /// Requested target that was not reached.
     fn shortfall(&self) -> Option<String> {
         None
     }
 }
 
-/// What a run of a plan did; `R` is what only its kind tells.
+/// Report of a run of a plan; `R` holds the fields of its kind.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct RunReport<R> {
     pub folder: String,
     pub plan_id: String,
-    /// Tasks of the plan.
+    /// Number of tasks of the plan.
     pub tasks: u64,
-    /// Tasks that were done before this run.
+    /// Number of tasks finished before this run.
     pub found: u64,
     /// Bytes of the results of these tasks.
     pub found_bytes: u64,
-    /// Tasks that were done before and whose results were damaged.
+    /// Tasks finished before this run whose results were damaged.
     pub damaged: Vec<String>,
-    /// Tasks done by this run.
+    /// Tasks finished by this run.
     pub made: Vec<String>,
     pub made_bytes: u64,
-    /// Whether this run did the last task, which writes the result.
+    /// Whether this run did the last task, which writes the output.
     pub finished: bool,
     pub spilled_bytes: u64,
     pub peak_memory: Option<u64>,
     pub wall_seconds: f64,
     #[serde(flatten)]
     pub of: R,
-    /// Files that were left out of the input when it was planned.
+    /// Files that were left out of the input when the plan was made.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub skipped: Vec<Skipped>,
 }

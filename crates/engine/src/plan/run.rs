@@ -1,8 +1,8 @@
-//! Doing what a plan says, all of it or one task, and telling how far that has come.
+//! Runs a plan or a single task, and reports the progress.
 //!
-//! A task that finds damage in what it reads makes that anew and goes on; it never writes from bytes that
-//! no digest covers. A plan notes what objects and output will take, from small samples and rather too
-//! much, and a run compares that with what is free before it starts.
+//! A task that finds a damaged input artifact remakes it and continues; it never uses bytes without a verified digest.
+//! The plan records disk estimates for artifacts and output, from small samples and on the high side; a run compares
+//! them with the free space before it starts.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -19,22 +19,21 @@ use crate::{Cancel, Progress, Resources, Silent, json, peak_memory};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::refuse_existing;
 
-/// A plan to make of a job.
+/// A plan to make from a job.
 #[derive(Clone, Debug)]
 pub struct PlanJob<J> {
-    /// What to make; its output gives the format and is not written.
+    /// The job; its output sets the format and is not written.
     pub job: J,
-    /// The folder for the plan: a new or empty one, or one with the same plan.
+    /// The plan folder: new, empty, or with the same plan.
     pub folder: PathBuf,
-    /// How large a task is: rows of tiles of a mesh, or cells along a tile of a grid; as large as makes a
-    /// fair piece of work when `None`.
+    /// Task size: rows of tiles of a mesh, or cells along a tile of a grid; `None` is a moderate size.
     pub cut: Option<u32>,
-    /// Files that are left out of the input because they are bad, to be noted in the plan.
+    /// Damaged files that are left out of the input, recorded in the plan.
     pub skipped: Vec<Skipped>,
 }
 
 impl<J> PlanJob<J> {
-    /// Fails where tasks are to be smaller than `least`, which is `told`.
+    /// Fails if tasks are smaller than `least`; `told` is the text for the message.
     pub fn check_size(&self, least: u32, told: &str) -> Result<()> {
         match self.cut.filter(|cut| *cut < least) {
             None => Ok(()),
@@ -45,40 +44,40 @@ impl<J> PlanJob<J> {
 }
 
 impl<J: Clone> PlanJob<J> {
-    /// A job in tasks of a fair size.
+    /// A job in tasks of moderate size.
     pub fn all(job: &J, folder: &Path, skipped: &[Skipped]) -> Self {
         let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
         Self { job: job.clone(), folder, cut: None, skipped }
     }
 }
 
-/// Work on a plan: every byte of what is done already is looked at, what is not done or damaged is made,
-/// and the result written. What is done stays done however the run ends. A named task that is done is
-/// left alone; one that reads a damaged object makes that anew, too.
+/// A run of a plan: checks every byte of finished artifacts, makes missing or damaged ones, and writes the output.
+/// Finished tasks are kept however the run ends. A named task that is done is skipped; a task that reads a damaged
+/// artifact remakes it.
 ///
-/// Beside its own errors it fails with `BadInput` for an input or program that is not what the plan was
-/// made with, with `NotYet` while another does all that is left and for a task whose inputs are not done,
-/// and with `CannotWrite` when the disk has too little room.
+/// Fails with `BadInput` if the input or program differs from the plan's, with `NotYet` if another process runs all
+/// tasks or the inputs of a task are not done, and with `CannotWrite` if the disk has too little free space; also with
+/// the errors of the work itself.
 #[derive(Clone, Debug)]
 pub struct RunJob {
-    /// The folder of the plan.
+    /// The plan folder.
     pub folder: PathBuf,
-    /// One task by name; all that is not done when `None`.
+    /// Name of a single task; `None` for all pending tasks.
     pub task: Option<String>,
-    /// What to write; `mesh` or `grid` with the format's ending in the folder when `None`.
+    /// Output path; `None` is `mesh` or `grid` with the extension of the format, in the folder.
     pub output: Option<PathBuf>,
-    /// Replace what is there.
+    /// Overwrite existing output.
     pub overwrite: bool,
-    /// What else is asked of what is written.
+    /// Output options.
     pub form: OutputForm,
-    /// Whether to begin where the disk seems to have too little room.
+    /// Whether to check free disk space first.
     pub disk: DiskCheck,
-    /// What the work may use.
+    /// Resource limits.
     pub resources: Resources,
 }
 
 impl RunJob {
-    /// All that is left to do in a folder, until the output is there.
+    /// A run of all pending tasks of a folder, up to the output.
     pub fn until(
         (folder, output): (&Path, &Path),
         overwrite: bool,
@@ -97,7 +96,7 @@ impl RunJob {
     }
 }
 
-/// How far the work in the folder `path` has come; objects are looked at, not read through.
+/// Progress of the plan in the folder `path`; checks artifacts quickly, without reading them through.
 pub fn status<W: PlannedWork>(path: &Path) -> Result<StatusReport<W::Status>> {
     let (folder, cancel) = (PlanFolder::<W>::open(path)?, Cancel::default());
     let survey = TaskStates::of_all(
@@ -127,7 +126,7 @@ pub fn status<W: PlannedWork>(path: &Path) -> Result<StatusReport<W::Status>> {
     })
 }
 
-/// Works on a plan, whose output is named for this run: the name says nothing else than what is written.
+/// Runs a plan; the name of the output must match the format of the plan.
 pub fn run_named<W: PlannedWork>(
     job: &RunJob,
     progress: &dyn Progress,
@@ -140,7 +139,7 @@ pub fn run_named<W: PlannedWork>(
     run_checked(job, check, RunControl { progress, cancel })
 }
 
-/// Works on a plan.
+/// Runs a plan.
 pub fn run<W: PlannedWork>(
     job: &RunJob,
     progress: &dyn Progress,
@@ -183,7 +182,7 @@ fn run_checked<W: PlannedWork>(
     Ok(report)
 }
 
-/// Plans by `plan` and runs what is left, so that a run that was killed goes on where it was.
+/// Plans with `plan` and runs the pending tasks, so that an interrupted run resumes.
 pub fn run_in<W: PlannedWork>(
     job: &RunJob,
     plan: impl FnOnce() -> Result<()>,
@@ -197,7 +196,7 @@ pub fn run_in<W: PlannedWork>(
     run::<W>(job, progress, cancel)
 }
 
-/// An interrupted run says that its work is not lost.
+/// Adds to the error of an interrupted run that its work is kept.
 fn keep_error(error: Error) -> Error {
     match error.kind() {
         ErrorKind::Interrupted => {
@@ -213,7 +212,7 @@ struct RunningPlan<'a, W: PlannedWork> {
     folder: &'a PlanFolder<W>,
     opened: W::Opened,
     output: PlanOutput,
-    /// The note on what is written already and still as it was.
+    /// The report of an output that is already written and unaltered.
     note: Option<W::Note>,
     disk: DiskCheck,
     at: RunControl<'a>,
@@ -221,7 +220,7 @@ struct RunningPlan<'a, W: PlannedWork> {
 }
 
 impl<'a, W: PlannedWork> RunningPlan<'a, W> {
-    /// With the input opened; what `writes` the result looks first at what is in its place.
+    /// Opens the input; a run that `writes` the output checks the existing file first.
     fn new(
         folder: &'a PlanFolder<W>,
         job: &RunJob,
@@ -253,7 +252,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         Ok(Self { folder, opened, output, note, disk, at, report })
     }
 
-    /// The report on what is not done yet.
+    /// The report at the start of a run.
     fn begun(folder: &PlanFolder<W>) -> RunReport<W::Run> {
         RunReport {
             folder: folder.path.display().to_string(),
@@ -264,7 +263,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         }
     }
 
-    /// All that is not done.
+    /// Runs all pending tasks.
     fn all(mut self) -> Result<RunReport<W::Run>> {
         let mut survey = self.check_done()?;
         let mut to_do = self.folder.tasks();
@@ -276,7 +275,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         self.end(&survey)
     }
 
-    /// One task that is not the last.
+    /// Runs one task that is not the last.
     fn one(mut self, task: W::Task) -> Result<RunReport<W::Run>> {
         let mut survey = TaskStates::around(self.folder, task, CheckDepth::Quick, self.at)?;
         if survey.is_missing(task) {
@@ -290,7 +289,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         Ok(self.conclude(&survey))
     }
 
-    /// The last task.
+    /// Runs the last task.
     fn finish(mut self) -> Result<RunReport<W::Run>> {
         if self.note.is_some() {
             let nothing = TaskStates::new(self.folder);
@@ -310,7 +309,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         Ok(self.conclude(&survey))
     }
 
-    /// Looks at every byte of what is done.
+    /// Checks every byte of finished artifacts.
     fn check_done(&self) -> Result<TaskStates<'a, W>> {
         self.at.progress.begin("check finished tasks", self.folder.tasks().len() as u64);
         let survey = TaskStates::of_all(self.folder, CheckDepth::Whole, self.at)?;
@@ -318,7 +317,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         Ok(survey)
     }
 
-    /// Does `work` as a stage of that name, where tasks have none of their own.
+    /// Does `work` as a stage of that name, if tasks have no stages of their own.
     fn staged(
         &mut self,
         name: &str,
@@ -335,9 +334,8 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         Ok(())
     }
 
-    /// Does `work` on what a `survey` found. What that found damaged is made anew first; where the work
-    /// fails to read something, every byte is looked at (`look`), and the work done once more if damage
-    /// was found.
+    /// Does `work` on the states of a `survey`. Remakes damaged artifacts first; if the work fails to read an artifact,
+    /// checks every byte (`look`) and, if damage was found, does the work once more.
     fn mending(
         &mut self,
         survey: &mut TaskStates<'a, W>,
@@ -363,7 +361,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         work(self, survey)
     }
 
-    /// Makes anew what is damaged.
+    /// Remakes damaged artifacts.
     fn mend(&mut self, survey: &mut TaskStates<'a, W>) -> Result<()> {
         if survey.damaged.is_empty() {
             return Ok(());
@@ -378,7 +376,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         Ok(())
     }
 
-    /// Makes a task's object unless it is there.
+    /// Makes a task's artifact unless it exists.
     fn make_missing(&mut self, task: W::Task, survey: &mut TaskStates<'a, W>) -> Result<()> {
         survey.look_again(task, self.at)?;
         if !survey.is_missing(task) {
@@ -399,7 +397,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         Ok(())
     }
 
-    /// Fails when the disks will not hold the objects of these tasks and, if it is written, the result.
+    /// Fails if the disks lack space for the artifacts of these tasks and, if it is written, the output.
     fn check_disk(&self, tasks: &[W::Task], writes: bool) -> Result<()> {
         let left: Vec<_> = tasks.iter().copied().map(PlanStep::Task).collect();
         let forecast = self.folder.plan.forecast(&left);
@@ -407,7 +405,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         self.disk.check(&self.folder.path, &self.output.path, [forecast.disk_needed, written])
     }
 
-    /// Writes the result from all objects.
+    /// Writes the output from all artifacts.
     fn write(&mut self, survey: &TaskStates<'a, W>) -> Result<()> {
         // Once more: the tasks may have taken days.
         W::check_output(&self.opened, self.at)?;
@@ -420,7 +418,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         Ok(())
     }
 
-    /// Ends with the result, which may be there already.
+    /// Ends with the output, which may exist already.
     fn end(mut self, survey: &TaskStates<'a, W>) -> Result<RunReport<W::Run>> {
         match self.note.take() {
             Some(note) => W::written(note, &self.output.path, &mut self.report.of),

@@ -1,4 +1,4 @@
-//! Where the aircraft flies and its pulses go: lines, scan lines, and the parts of both.
+//! Geometry of a flight: flight lines, scan lines, and their parts.
 
 use super::random::PulseRandom;
 use super::survey::LidarSurvey;
@@ -123,7 +123,7 @@ impl FlightLeg<'_> {
         (within.end - within.start) * (self.to - self.from)
     }
 
-    /// What the part covers, as [x min, y min, x max, y max] within the survey.
+    /// Extent of the part, as [x min, y min, x max, y max] within the survey.
     pub(super) fn area(&self) -> [f64; 4] {
         let (survey, along) = (self.flight.survey, self.flight.along);
         let x = [self.west(), self.west() + SWATH].map(|x| x.clamp(0.0, survey.width));

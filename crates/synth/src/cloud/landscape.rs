@@ -1,4 +1,4 @@
-//! What lies under a part of a flight: ground, zones, buildings, trees and voids.
+//! The landscape under a part of a flight: ground, zones, buildings, trees and voids.
 
 use super::building::{self, Building};
 use super::random::PulseRandom;
@@ -13,7 +13,7 @@ const FOREST: f64 = 0.17;
 const WATER: f64 = -0.6;
 const TOWN: std::ops::Range<f64> = -0.32..-0.04;
 
-/// Metres of the square that a tree has for itself.
+/// Side of a tree's cell, in metres.
 const TREE: f64 = 6.0;
 
 /// The landscape within a rectangle.
@@ -35,7 +35,7 @@ struct LandCover {
     trees: u64,
 }
 
-/// What a pulse finds on top of the ground.
+/// The object above the ground that a pulse hits.
 pub(super) enum PulseTarget<'a> {
     Bare,
     Roof(&'a Building),
@@ -65,7 +65,7 @@ impl LandscapeWindow {
         self.ground.at(x, y)
     }
 
-    /// What is at a place; `None` where nothing comes back.
+    /// The object at a position; `None` if there is no return.
     #[inline(always)]
     pub(super) fn at(&self, x: f64, y: f64) -> Option<PulseTarget<'_>> {
         let inside = |[cx, cy, r]: &[f64; 3]| {
@@ -102,7 +102,7 @@ impl LandCover {
         Some(self.crown(x, y).map_or(PulseTarget::Undergrowth, PulseTarget::Crown))
     }
 
-    /// Height of the crown above a place, if there is one: trees have squares of their own.
+    /// Height of the crown above a position, if any: each tree has its own cell.
     #[inline(always)]
     fn crown(&self, x: f64, y: f64) -> Option<f64> {
         let (col, row) = ((x * (1.0 / TREE)) as u64, (y * (1.0 / TREE)) as u64);
@@ -132,7 +132,7 @@ pub(super) fn ground(survey: &LidarSurvey, area: [f64; 4]) -> Spline {
     })
 }
 
-/// The map of what is where.
+/// The map of land cover.
 fn zones(survey: &LidarSurvey, area: [f64; 4]) -> Spline {
     let key = survey.key(2);
     Spline::new(ZONES, area, |[col, row, width, _], nodes| {

@@ -37,7 +37,7 @@ impl LidarSurvey {
         Flight::new(self).leg(part).pulses() * u64::from(pulse::MAX_RETURNS)
     }
 
-    /// Where the points of a part lie: x min, y min, x max, y max.
+    /// Extent of a part: x min, y min, x max, y max.
     ///
     /// # Panics
     /// When there is no such part.

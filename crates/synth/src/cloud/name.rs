@@ -76,7 +76,7 @@ impl Default for LidarSurvey {
 }
 
 impl LidarSurvey {
-    /// True when a name is that of a survey: its first word is `cloud`.
+    /// True if a name is a survey's: its first word is `cloud`.
     pub fn is_named(name: &str) -> bool {
         name.split(',').next().is_some_and(|word| word.trim() == KIND)
     }
@@ -119,7 +119,7 @@ impl LidarSurvey {
         Ok(())
     }
 
-    /// What no parameter says alone.
+    /// Checks of combined parameters.
     fn check(&self) -> Result<()> {
         let longest = self.width.max(self.height);
         if longest / self.scale > f64::from(REACH) {

@@ -1,4 +1,4 @@
-//! What comes back of one pulse.
+//! The returns of one pulse.
 
 use super::flight::LaserPulse;
 use super::landscape::{LandscapeWindow, PulseTarget};
@@ -113,7 +113,7 @@ pub(super) fn echoes(
     }
 }
 
-/// What all returns of a pulse share.
+/// Attributes shared by all returns of a pulse.
 fn template(shot: &LaserPulse) -> SimulatedReturn {
     SimulatedReturn {
         time: shot.time,

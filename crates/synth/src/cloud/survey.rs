@@ -11,7 +11,7 @@ pub struct LidarSurvey {
     pub width: f64,
     /// South to north.
     pub height: f64,
-    /// Points by square metre, about, all returns and overlaps counted.
+    /// Approximate points per square metre, including all returns and overlaps.
     pub density: f64,
     /// Chooses one survey among all of its kind.
     pub seed: u64,

@@ -1,4 +1,4 @@
-//! The curves, each in a square of side 1 whose lower left corner is its place.
+//! The curves, each in a cell of side 1 whose lower left corner is its place.
 
 use super::{LineFamily, Place, SyntheticLines, Xy};
 
@@ -42,7 +42,7 @@ pub const SHAPES: &[LineFamily] = &[
     },
 ];
 
-/// A position in the square at a place.
+/// A position in the cell at a place.
 fn within(place: Place, p: Xy) -> Xy {
     [0, 1].map(|k| f64::from(place[k]) + p[k])
 }

@@ -13,7 +13,7 @@ use super::hash::mix64;
 
 type Xy = [f64; 2];
 
-/// Column and row of a square.
+/// Column and row of a cell.
 type Place = [u32; 2];
 
 /// A family of lines.
@@ -21,24 +21,24 @@ type Place = [u32; 2];
 pub struct LineFamily {
     /// Its name.
     pub name: &'static str,
-    /// What it is, for lists.
+    /// Description for lists.
     pub about: &'static str,
     /// Its features are polygons of one ring, closed.
     pub is_rings: bool,
-    /// Appends the vertices of a feature in the square at its place.
+    /// Appends the vertices of a feature in the cell at its place.
     draw: fn(&SyntheticLines, Place, &mut Vec<Xy>),
 }
 
 /// Lines or rings: what [`feature`](SyntheticLines::feature) draws.
 #[derive(Clone, Copy, Debug)]
 pub struct SyntheticLines {
-    /// What they are.
+    /// Kind of the features.
     pub shape: &'static LineFamily,
     /// Vertices of each feature, at least 2; of a ring about as many.
     pub vertices: u32,
     /// How many there are, side by side in rows.
     pub features: u32,
-    /// Side of the square that a feature is drawn in.
+    /// Side of a feature's cell.
     pub size: f64,
     /// Chooses one among all of its kind.
     pub seed: u64,

@@ -1,11 +1,10 @@
-//! The scan every other kernel must equal bit for bit: plain Rust, runs everywhere.
+//! Reference scan in portable Rust; all other kernels equal it bit for bit.
 
 use crate::facet::PlaneFacet;
 use crate::heights::FieldLevel;
 use crate::lattice_position::TilePosition;
 
-/// Samples handled together. Part of the arithmetic: plane heights are rounded to `f32` once per
-/// run of lanes.
+/// Samples per run of lanes. Part of the arithmetic: plane heights are rounded to `f32` once per run.
 pub(crate) const LANES: usize = 16;
 
 /// The worst sample of a scan.
@@ -13,7 +12,7 @@ pub(crate) const LANES: usize = 16;
 pub(crate) struct WorstSample {
     /// |sample - plane| in `f32`; 0 when no sample is off the plane.
     pub(crate) error: f32,
-    /// Where; the lowest (row, column) among equals. Meaningless when the error is 0.
+    /// Its position; the lowest (row, column) of a tie. Undefined if the error is 0.
     pub(crate) at: TilePosition,
 }
 
@@ -51,7 +50,7 @@ pub(super) fn scan(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     worst
 }
 
-/// The beginning of the run of lanes that holds column `low`, where the first begins at `left`.
+/// The start of the run of lanes that holds column `low`; the first run begins at `left`.
 #[inline(always)]
 pub(super) fn run_of(low: i32, left: i32) -> i32 {
     left + (low - left) / LANES as i32 * LANES as i32

@@ -75,8 +75,8 @@ fn avx512(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     if right - left < LANES as i32 { narrow(level, facet) } else { wide(level, facet) }
 }
 
-/// A triangle within a single run of lanes: samples inside it are told by the signs of three edge
-/// functions, exact in `i32` (coordinates are below 2^14).
+/// A triangle within a single run of lanes: the signs of three edge functions, exact in `i32` (coordinates are below
+/// 2^14), determine its samples.
 #[inline]
 #[target_feature(enable = "avx512f,avx512dq")]
 fn narrow(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {

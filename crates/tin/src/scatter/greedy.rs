@@ -1,9 +1,8 @@
-//! Greedy insertion on scattered points: points are listed with the triangle they lie in, and the one
-//! furthest from the surface becomes a vertex until none is further than the tolerance.
+//! Greedy insertion on scattered points: each triangle lists its points, and the worst point of all becomes a vertex
+//! until all are within the tolerance.
 //!
-//! After Garland & Heckbert, Fast Polygonal Approximation of Terrains and Height Fields (1995), for
-//! samples in no order. Distances are vertical, in steps of z; whether one is beyond the tolerance is
-//! decided exactly.
+//! After Garland & Heckbert, Fast Polygonal Approximation of Terrains and Height Fields (1995), for unordered samples.
+//! Distances are vertical, in steps of z; comparisons with the tolerance are exact.
 
 use std::collections::BinaryHeap;
 
@@ -12,26 +11,25 @@ use super::point_location::{FanEdge, TriangleFan, TriangleSides};
 use super::search::{ScatterCandidate, ScatterPlane, ScatterSearch, rounded_up};
 use terrane_base::geom::Point;
 
-/// The points of a region over a mesh that is to fit them.
+/// The points of a region with the mesh to fit.
 #[derive(Debug)]
 pub struct InsertUntilWithin<'a> {
     mesh: &'a mut ScatterMesh,
     points: &'a [Point],
     /// In steps of z.
     tolerance: f64,
-    /// By triangle: its first point; by point: the next one of its triangle.
+    /// Per triangle: its first point; per point: the next one of its triangle.
     heads: Vec<u32>,
     nexts: Vec<u32>,
-    /// By triangle.
+    /// Worst point per triangle.
     worst: Vec<ScatterCandidate>,
     queue: BinaryHeap<ScatterCandidate>,
     fan: TriangleFan,
 }
 
 impl<'a> InsertUntilWithin<'a> {
-    /// Lists `points` with the triangles of `mesh` they lie in. Points at a vertex or beyond the hull
-    /// are left out; of those at one position only the first counts. Points that are near each other
-    /// in the list are found fastest.
+    /// Assigns `points` to the triangles of `mesh`. Leaves out points at a vertex or beyond the hull, and all but the
+    /// first point of a position. Fastest if neighbours in the list are close to each other.
     pub fn new(mesh: &'a mut ScatterMesh, points: &'a [Point], tolerance: f64) -> Self {
         let triangles = mesh.triangles().len();
         let mut fit = Self {
@@ -75,13 +73,12 @@ impl<'a> InsertUntilWithin<'a> {
         self.heads[triangle as usize] = point;
     }
 
-    /// True when a point is beyond the tolerance.
+    /// True if a point is beyond the tolerance.
     pub fn is_open(&self) -> bool {
         !self.queue.is_empty()
     }
 
-    /// The largest distance of a listed point (rounded up) and the sum of the squares of all, in
-    /// steps.
+    /// The maximum distance of a listed point (rounded up) and the sum of squared distances, in steps.
     pub fn measure(&self) -> (f64, f64) {
         let (mut most, mut squares) = (0.0_f64, 0.0);
         for triangle in 0..self.mesh.triangles().len() as u32 {
@@ -100,7 +97,7 @@ impl<'a> InsertUntilWithin<'a> {
         (most, squares)
     }
 
-    /// Inserts points until none is beyond the tolerance; returns those inserted.
+    /// Inserts points until all are within the tolerance; returns the inserted points.
     pub fn run(&mut self) -> Vec<Point> {
         let mut inserted = Vec::new();
         while let Some(worst) = self.queue.pop() {
@@ -140,7 +137,7 @@ impl<'a> InsertUntilWithin<'a> {
         }
     }
 
-    /// Finds a triangle's candidate among its points.
+    /// Finds the worst point of a triangle.
     fn elect(&mut self, triangle: u32) {
         let worst = self.mesh.corners(triangle).map(|corners| {
             let mut search = ScatterSearch::new(triangle, corners);
@@ -154,7 +151,7 @@ impl<'a> InsertUntilWithin<'a> {
         self.put(triangle, worst);
     }
 
-    /// Queues a triangle's candidate, where there is one.
+    /// Queues the worst point of a triangle, if any.
     fn put(&mut self, triangle: u32, worst: Option<ScatterCandidate>) {
         let worst = worst.filter(|worst| worst.point != NONE);
         self.worst[triangle as usize] = worst.unwrap_or(ScatterCandidate::NOBODY);

@@ -1,15 +1,15 @@
-//! Lines over a cloud: paths of steps of its frame along which edges of the mesh run.
+//! Lines over a point cloud: lattice paths along which mesh edges run.
 //!
-//! A line from one position to another is followed by a [`SampleSegment`]'s path on the lattice of the frame, as over the
-//! samples of a grid: from each vertex on it an edge has to go on to one further along it. Where none does, a *post*
-//! between two neighbouring vertices of the path becomes a vertex; nothing is forced, so the mesh stays the Delaunay
-//! triangulation of its vertices. It ends because a step of a path is an edge of every triangulation that has both of
-//! its ends: the circle around it holds no other position.
+//! A line between two positions is represented by a [`SampleSegment`]'s path on the point cloud's lattice, as over the
+//! samples of a grid: from each vertex on the path an edge has to lead to a later one. Where none does, an *anchor
+//! vertex* is inserted between two neighbouring vertices of the path; no edge is forced, so the mesh stays the Delaunay
+//! triangulation of its vertices. The insertion terminates because a step of a path is an edge of every triangulation
+//! that has both of its ends: its diametral circle contains no other position.
 //!
-//! Which post is tried (after the shells of Ruppert 1995, and Si 2015): of the vertices that the missing edge would
-//! pass, the one that sees it under the widest angle is in the way; the post is as far from the nearer end as that
-//! vertex is. So a point close to a line costs one post rather than a cascade down to single steps, and two lines
-//! that meet under a small angle get posts at the same distances, which are not in each other's way.
+//! Placement follows the shells of Ruppert (1995) and Si (2015). Of the vertices along the missing edge, the one with
+//! the widest angle to it encroaches; the anchor vertex is as far from the nearer end as that vertex. A point close to
+//! a line therefore costs one anchor vertex and not a cascade down to single steps, and two lines that meet at a small
+//! angle get anchor vertices at equal distances, which do not encroach on each other.
 
 use std::ops::RangeInclusive;
 
@@ -19,23 +19,23 @@ use terrane_delaunay::orient;
 
 type Site = [i32; 2];
 
-/// A part of a line: the steps of its path in a rectangle.
+/// A part of a line: the steps of its path within a rectangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ClippedSegment {
-    /// The line.
+    /// The segment.
     pub segment: SampleSegment,
     /// First step in the rectangle.
     pub from: u64,
-    /// Last step there.
+    /// Last step in the rectangle.
     pub to: u64,
-    /// The step at which the next rectangle begins with a vertex; `None` where the line ends.
+    /// The step at which the next rectangle begins with a vertex; `None` at the end of the line.
     pub next: Option<u64>,
     /// The last step of the whole line.
     pub last: u64,
 }
 
 impl ClippedSegment {
-    /// After how many steps this part of the path comes to a position, if it does.
+    /// The step at which this part of the path reaches a position, if it does.
     fn step_of(&self, at: Site) -> Option<u64> {
         let step = self.segment.step_of(at.map(i64::from))?;
         (self.from..=self.to).contains(&step).then_some(step)
@@ -46,7 +46,7 @@ impl ClippedSegment {
     }
 }
 
-/// The courses of a rectangle, found by position.
+/// The path parts of a rectangle, with a spatial index.
 #[derive(Debug)]
 pub struct ClippedSegments {
     all: Vec<ClippedSegment>,
@@ -54,21 +54,21 @@ pub struct ClippedSegments {
     /// Side of a bin, bins across and down.
     side: i64,
     counts: [i64; 2],
-    /// By bin: where its courses begin in `listed`.
+    /// Per bin: start of its parts in `listed`.
     starts: Vec<u32>,
     listed: Vec<u32>,
 }
 
-/// What a mesh lacks.
+/// Missing constraints of a mesh.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MissingConstraints {
-    /// Positions that should become vertices, sorted, each once.
+    /// Positions that should become vertices, sorted, without duplicates.
     pub posts: Vec<Site>,
-    /// Vertices from which no edge goes on and after which none can be put.
+    /// Vertices after which an edge is missing and no anchor vertex is possible.
     pub apart: Vec<Site>,
 }
 
-/// A vertex on a course.
+/// A vertex on a path part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct CourseVertex {
     course: u32,
@@ -77,12 +77,13 @@ struct CourseVertex {
 }
 
 impl ClippedSegments {
-    /// Most bins along a side.
+    /// Maximum number of bins along a side.
     const MOST: usize = 64;
-    /// About the bytes for a course and what is listed of it.
+    /// Approximate bytes per path part, including its index entries.
     pub const BYTES: u64 = size_of::<ClippedSegment>() as u64 + 4 * 2 * Self::MOST as u64;
 
-    /// Those of a list. Bins divide the rectangle of all of them, so that few share one however near they are.
+    /// Indexes a list of parts. Bins divide their common bounding box, so that few parts share one however close they
+    /// are.
     pub fn new(all: Vec<ClippedSegment>) -> Self {
         let ends =
             |course: &ClippedSegment| [course.from, course.to].map(|step| course.segment.at(step));
@@ -111,7 +112,7 @@ impl ClippedSegments {
         courses
     }
 
-    /// True when there are none.
+    /// True if there are no parts.
     pub fn is_empty(&self) -> bool {
         self.all.is_empty()
     }
@@ -120,7 +121,7 @@ impl ClippedSegments {
         [0, 1].map(|axis| (at[axis] - self.low[axis]).div_euclid(self.side))
     }
 
-    /// The bins that a course passes, row by row.
+    /// The bins that a part passes, row by row.
     fn each_bin(&self, course: &ClippedSegment, mut each: impl FnMut(u32)) {
         let [first, last] =
             [course.from, course.to].map(|step| self.bin_of(course.segment.at(step)));
@@ -141,7 +142,7 @@ impl ClippedSegments {
         &self.listed[self.starts[bin] as usize..self.starts[bin + 1] as usize]
     }
 
-    /// The courses whose path comes to a position, by number, and after how many steps.
+    /// The parts whose path reaches a position, by number, with the step.
     pub fn at(&self, site: Site) -> impl Iterator<Item = (u32, u64)> + '_ {
         let [col, row] = self.bin_of(site.map(i64::from));
         let inside = (0..self.counts[0]).contains(&col) && (0..self.counts[1]).contains(&row);
@@ -152,7 +153,7 @@ impl ClippedSegments {
         })
     }
 
-    /// Positions near which straight lines cross, on the paths of both; `None` where there are more than `most`.
+    /// Positions near the intersections of straight lines, on the paths of both; `None` if there are more than `most`.
     pub fn crossings(&self, most: usize) -> Option<Vec<Site>> {
         let mut found = Vec::new();
         for bin in 0..self.starts.len() - 1 {
@@ -175,7 +176,7 @@ impl ClippedSegments {
         Some(found)
     }
 
-    /// Looks for vertices on courses from which no edge goes on. A post goes where it `may` be.
+    /// Finds vertices on paths after which an edge is missing. Anchor vertices are placed where `may` is true.
     pub fn gaps(&self, mesh: &ScatterMesh, may: impl Fn(Site) -> bool) -> MissingConstraints {
         let stops = self.stops(mesh);
         let triangles = triangles(mesh);
@@ -201,7 +202,7 @@ impl ClippedSegments {
         gaps
     }
 
-    /// The vertices on courses, course by course and along it.
+    /// The vertices on paths, part by part and in order along each.
     fn stops(&self, mesh: &ScatterMesh) -> Vec<CourseVertex> {
         let mut stops = Vec::new();
         for (vertex, point) in (0..).zip(mesh.points()) {
@@ -213,7 +214,7 @@ impl ClippedSegments {
     }
 }
 
-/// The number of some steps nearest to `aim` for which a test holds; of two the lower.
+/// The step nearest to `aim` that satisfies a test; the lower one of two.
 fn nearest(aim: u64, steps: RangeInclusive<u64>, holds: impl Fn(u64) -> bool) -> Option<u64> {
     let (first, last) = (*steps.start(), *steps.end());
     let reach = (aim - first.min(aim)).max(last.max(aim) - aim);
@@ -222,7 +223,7 @@ fn nearest(aim: u64, steps: RangeInclusive<u64>, holds: impl Fn(u64) -> bool) ->
     around.filter(|step| steps.contains(step)).find(|&step| holds(step))
 }
 
-/// By vertex: a triangle that has it.
+/// Per vertex: one of its triangles.
 fn triangles(mesh: &ScatterMesh) -> Vec<u32> {
     let mut triangles = vec![NONE; mesh.points().len()];
     for (number, triangle) in (0..).zip(mesh.triangles()) {
@@ -233,7 +234,7 @@ fn triangles(mesh: &ScatterMesh) -> Vec<u32> {
     triangles
 }
 
-/// The triangles around a vertex, each with the place of the vertex in it.
+/// The triangles around a vertex, each with the index of the vertex in it.
 fn around(mesh: &ScatterMesh, first: u32, vertex: u32) -> impl Iterator<Item = (u32, usize)> + '_ {
     let place = move |triangle: u32| {
         let corners = mesh.triangles()[triangle as usize].corners;
@@ -261,7 +262,7 @@ fn goes_on(
     })
 }
 
-/// The step where a post between a stop and the next is wanted.
+/// The preferred step for an anchor vertex between a vertex and the next.
 fn aim(
     mesh: &ScatterMesh,
     triangles: &[u32],
@@ -284,8 +285,8 @@ fn aim(
     }
 }
 
-/// The distances, from both ends of a missing edge, of the vertex that sees it under the widest angle, of those of all
-/// triangles that the edge would pass; `None` where that is no more than a right angle.
+/// Distances, from both ends of a missing edge, of the vertex with the widest angle to the edge, among all triangles
+/// that the edge would cross; `None` if the angle is at most a right angle.
 fn in_the_way(mesh: &ScatterMesh, first: u32, vertex: u32, [a, b]: [Site; 2]) -> Option<[f64; 2]> {
     let mut widest = WidestAngleVertex { ends: [a, b], cosine: 0.0, far: None };
     let site = |v: u32| mesh.points().get(v as usize).map(|p| [p.x, p.y]);
@@ -317,7 +318,7 @@ fn in_the_way(mesh: &ScatterMesh, first: u32, vertex: u32, [a, b]: [Site; 2]) ->
     widest.far
 }
 
-/// The vertex that sees an edge under the widest angle.
+/// The vertex with the widest angle to an edge.
 struct WidestAngleVertex {
     ends: [Site; 2],
     cosine: f64,
@@ -335,7 +336,7 @@ impl WidestAngleVertex {
     }
 }
 
-/// A position of two paths near which their straight lines cross.
+/// A position on both paths near the intersection of their straight lines.
 fn crossing(a: &ClippedSegment, b: &ClippedSegment) -> Option<Site> {
     let ends =
         |course: &ClippedSegment| [0, course.segment.steps()].map(|step| course.segment.at(step));

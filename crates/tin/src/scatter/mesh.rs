@@ -1,4 +1,4 @@
-//! A Delaunay triangulation of scattered points that takes one point after the other.
+//! Incremental Delaunay triangulation of scattered points.
 //!
 //! Ghost triangles (a hull edge and a vertex at infinity) close the mesh, so a point beyond the hull
 //! is inserted like any other. An insertion removes the triangles whose circle holds the point and
@@ -22,10 +22,10 @@ pub struct ScatterTriangle {
     pub twins: [u32; 3],
 }
 
-/// Where a point was found.
+/// Location of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PointLocation {
-    /// In or on the rim of a triangle, or beyond the hull edge of a ghost.
+    /// In or on the border of a triangle, or beyond the hull edge of a ghost.
     Triangle(u32),
     /// At a vertex.
     Vertex(u32),
@@ -85,8 +85,8 @@ impl ScatterMesh {
         })
     }
 
-    /// The triangulation of the first three points of `points` that are not on a line (and of nothing
-    /// else); `None` when all are. Positions must be distinct.
+    /// The triangulation of the first three points of `points` that are not collinear (and of no others); `None` if all
+    /// are. Positions must be distinct.
     pub fn of_first(points: &[Point]) -> Option<Self> {
         let (&a, rest) = points.split_first()?;
         let &b = rest.first()?;
@@ -98,7 +98,7 @@ impl ScatterMesh {
         &self.points
     }
 
-    /// All triangles, ghosts among them.
+    /// All triangles, including ghosts.
     pub fn triangles(&self) -> &[ScatterTriangle] {
         &self.triangles
     }
@@ -129,7 +129,7 @@ impl ScatterMesh {
         Some([1, 2].map(|k| self.points[corners[(i + k) % 3] as usize]))
     }
 
-    /// Finds a point by a walk from the last place. Expected time grows with the distance walked.
+    /// Locates a point by a walk from the last location. Expected time grows with the distance walked.
     pub fn locate(&mut self, point: Point) -> PointLocation {
         let mut now = self.inner(self.last);
         loop {
@@ -156,7 +156,7 @@ impl ScatterMesh {
         corners.iter().position(|&v| v == GHOST).map_or(triangle, |i| twins[i])
     }
 
-    /// Inserts a point; gives the vertex, or `None` when there is one at its position.
+    /// Inserts a point; returns the vertex, or `None` if its position is occupied.
     pub fn insert(&mut self, point: Point) -> Option<u32> {
         match self.locate(point) {
             PointLocation::Vertex(_) => None,
@@ -164,7 +164,7 @@ impl ScatterMesh {
         }
     }
 
-    /// Inserts a point that was found at `triangle`, at no vertex.
+    /// Inserts a point located in `triangle` that is not at a vertex.
     pub fn insert_at(&mut self, point: Point, triangle: u32) -> u32 {
         let vertex = self.points.len() as u32;
         self.points.push(point);
@@ -174,7 +174,7 @@ impl ScatterMesh {
         vertex
     }
 
-    /// Collects the triangles whose circle holds the point, and the rim around them.
+    /// Collects the triangles whose circle contains the point, and the border of the hole.
     fn clear_hole(&mut self, point: Point, stamp: u32, first: u32) {
         self.removed.clear();
         self.rim.clear();
@@ -200,8 +200,8 @@ impl ScatterMesh {
         }
     }
 
-    /// True when the point lies in the triangle's circle; a ghost's is the half-plane beyond its edge
-    /// and the edge itself.
+    /// True if the circle of the triangle contains the point; the circle of a ghost is the half-plane beyond its edge,
+    /// with the edge itself.
     fn is_hit(&self, triangle: u32, point: Point) -> bool {
         if let Some([a, b, c]) = self.corners(triangle) {
             return in_circle(at(a), at(b), at(c), at(point));
@@ -237,7 +237,7 @@ impl ScatterMesh {
         self.last = first;
     }
 
-    /// A place for the `i`-th triangle of the fan: that of a removed one, or a new one.
+    /// A slot for the `i`-th triangle of the fan: a released or a new one.
     fn slot(&mut self, i: usize) -> u32 {
         if let Some(&old) = self.removed.get(i) {
             return old;

@@ -1,4 +1,4 @@
-//! The kernel for clouds: a mesh whose vertices are some of the points, and no point far from it.
+//! Kernel for point clouds: a mesh on a subset of the points, within the tolerance of all of them.
 
 mod greedy;
 mod line_paths;

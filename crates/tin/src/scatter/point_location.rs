@@ -1,4 +1,4 @@
-//! In which of some triangles a point lies.
+//! Point location among the triangles of a fan.
 
 use super::mesh::ScatterMesh;
 use super::search::{ScatterSearch, from};
@@ -31,23 +31,23 @@ impl TriangleSides {
 pub(super) struct TriangleFan {
     centre: [i32; 2],
     pub(super) spokes: Vec<FanEdge>,
-    /// By bit, those of the first spokes that begin triangles which are no ghosts.
+    /// Bit mask of the first spokes whose triangles are not ghosts.
     inner: u64,
-    /// Where the last point was found.
+    /// Location of the last point.
     last: usize,
 }
 
-/// The side of a triangle of a fan that it begins at.
+/// The side of a fan triangle at which it begins.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FanEdge {
     end: [i32; 2],
     pub(super) triangle: u32,
-    /// In a triangle that is no ghost.
+    /// The search of a triangle that is not a ghost.
     pub(super) search: Option<ScatterSearch>,
 }
 
 impl TriangleFan {
-    /// Turns to the vertex that was inserted last.
+    /// Loads the fan of the last inserted vertex.
     pub(super) fn turn_to(&mut self, mesh: &ScatterMesh, centre: Point) {
         let spoke = |&triangle: &u32| {
             let corners = mesh.triangles()[triangle as usize].corners;
@@ -64,7 +64,7 @@ impl TriangleFan {
         self.last = 0;
     }
 
-    /// The search in the triangle that a point of the old ones lies in; `None` for the centre itself.
+    /// The search of the triangle that contains an existing point; `None` for the centre itself.
     #[inline(always)]
     pub(super) fn search_of(&mut self, point: Point) -> Option<&mut ScatterSearch> {
         let point = [point.x, point.y];
@@ -81,15 +81,15 @@ impl TriangleFan {
         orient(self.centre, self.spokes[spoke].end, point)
     }
 
-    /// Whether a point is left of the spoke of a triangle, or on it, and right of the next one. True for one triangle
-    /// at the most, as none has an angle of 180 degrees.
+    /// True if a point is left of a triangle's spoke, or on it, and right of the next one. True for at most one
+    /// triangle, as no angle reaches 180 degrees.
     #[inline(always)]
     fn is_in(&self, i: usize, point: [i32; 2]) -> bool {
         (self.side(i, point) >= 0) & (self.side(i + 1, point) < 0) & self.spokes[i].search.is_some()
     }
 
-    /// The number of the triangle that a point lies in, by looking at all spokes without a branch. `None` where that
-    /// does not tell.
+    /// The index of the triangle that contains a point, by a branchless test of all spokes; `None` if the test is
+    /// inconclusive.
     fn at_once(&self, point: [i32; 2]) -> Option<usize> {
         let count = self.spokes.len();
         if count > 64 || point == self.centre {
@@ -101,7 +101,7 @@ impl TriangleFan {
         (found != 0).then(|| found.trailing_zeros() as usize)
     }
 
-    /// The same, by one spoke after the other.
+    /// The same by a sequential test of the spokes.
     #[cold]
     fn find(&self, point: [i32; 2]) -> Option<usize> {
         if point == self.centre {

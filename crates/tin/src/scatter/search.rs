@@ -1,4 +1,4 @@
-//! The point of a triangle that is furthest from its plane, and whether one is beyond the tolerance.
+//! The point of a triangle with the maximum distance from its plane, if beyond the tolerance.
 
 use std::cmp::Ordering;
 
@@ -38,7 +38,7 @@ impl PartialOrd for ScatterCandidate {
 pub(super) struct ScatterSearch {
     pub(super) corners: [Point; 3],
     plane: ScatterPlane,
-    /// So far.
+    /// Worst point so far.
     pub(super) worst: ScatterCandidate,
 }
 
@@ -48,7 +48,7 @@ impl ScatterSearch {
         Self { corners, plane: ScatterPlane::new(corners), worst }
     }
 
-    /// Looks at a point of the triangle: it counts where it is beyond the tolerance.
+    /// Tests a point of the triangle; it counts if it is beyond the tolerance.
     #[inline(always)]
     pub(super) fn see(&mut self, number: u32, point: Point, tolerance: f64) {
         let distance = self.plane.distance(point);
@@ -70,7 +70,7 @@ impl ScatterSearch {
 pub(super) struct ScatterPlane {
     origin: [f64; 3],
     slope: [f64; 2],
-    /// Relative error of a distance is below this, with the size of what was added up.
+    /// Bound on the relative error of a distance, with the magnitude of its terms.
     reach: f64,
 }
 
@@ -116,8 +116,8 @@ pub(super) fn from(a: Point, b: Point) -> [i64; 3] {
     ]
 }
 
-/// True when a point in the triangle is further than `tolerance` steps from it, exactly: a whole
-/// number of products is compared with the tolerance times twice the area.
+/// True if the distance of a point from its triangle exceeds `tolerance` steps. Exact: compares an integer sum of
+/// products with the tolerance times twice the area.
 pub fn exceeds(corners: [Point; 3], point: Point, tolerance: f64) -> bool {
     let [off, area] = offset(corners, point);
     // Whole part and fraction of the tolerance, the latter in 2^-24, which f64 below 2^29 resolves
@@ -128,8 +128,8 @@ pub fn exceeds(corners: [Point; 3], point: Point, tolerance: f64) -> bool {
     off.abs() * (1 << 24) > allowed.abs()
 }
 
-/// Vertical distance of a point from the plane of a triangle, in steps, as a fraction: what is above
-/// the line may be negative, below is twice the area.
+/// Vertical distance of a point from the plane of a triangle, in steps, as a fraction: the numerator is signed, the
+/// denominator is twice the area.
 pub(super) fn offset([a, b, c]: [Point; 3], point: Point) -> [i128; 2] {
     let ([bx, by, bz], [cx, cy, cz]) = (from(a, b).map(i128::from), from(a, c).map(i128::from));
     let [x, y, z] = from(a, point).map(i128::from);
@@ -137,7 +137,7 @@ pub(super) fn offset([a, b, c]: [Point; 3], point: Point) -> [i128; 2] {
     [z * area - x * (bz * cy - by * cz) - y * (bx * cz - bz * cx), area]
 }
 
-/// A distance that is not below the true one, and above it by a few roundings at most.
+/// A distance rounded up: not below the exact one, and above it by at most a few roundings.
 pub(super) fn rounded_up(corners: [Point; 3], point: Point) -> f64 {
     let [off, area] = offset(corners, point);
     (off as f64 / area as f64).abs() * (1.0 + 4.0 * f64::EPSILON)

@@ -80,12 +80,12 @@ fn usual_side(info: &CloudInfo, [low, high]: [Point; 2]) -> f64 {
     round_up(round_side(info, [low, high]).max(longest / USUAL_SIDE))
 }
 
-/// What was counted.
+/// Counts per cell.
 pub(super) struct PointDensityMap {
     pub(super) cells: PictureCells,
     pub(super) points: u64,
     pub(super) counts: Vec<u64>,
-    /// Of the highest point of each cell: its height in steps, ordered, and its class in the lowest 8 bits.
+    /// Highest point of each cell: its height in steps, ordered, and its class in the lowest 8 bits.
     pub(super) tops: Vec<u64>,
 }
 
@@ -136,7 +136,7 @@ impl PointDensityMap {
 
 #[cfg(test)]
 impl PointDensityMap {
-    /// Of cells of side 1 with these counts, rows from the north.
+    /// A map of cells of side 1 with these counts, rows from the north.
     pub(super) fn of_rows(rows: &[&[u64]]) -> Self {
         let frame = terrane_base::geom::PointFrame { scale: [0.01; 3], offset: [0.0; 3] };
         let lattice = CellLattice::new(&frame, [0.0; 2], [1.0; 2], CellEdgeRule::default());

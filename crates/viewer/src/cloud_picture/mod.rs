@@ -30,19 +30,19 @@ pub struct PictureJob {
     pub output: PathBuf,
     /// Replace an existing picture.
     pub overwrite: bool,
-    /// What it shows.
+    /// Displayed quantity.
     pub shows: PictureContent,
     /// Side of a cell, in units of x and y; by the density of the points when `None`.
     pub cell: Option<f64>,
 }
 
-/// What was drawn.
+/// Report on the picture.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct PictureReport {
     pub output: String,
     pub shows: PictureContent,
-    /// Points that were drawn: those that are not withheld, unless they were asked for.
+    /// Number of drawn points, without withheld ones unless requested.
     pub points: u64,
     /// Side of a cell, in units of x and y.
     pub cell: f64,
@@ -52,14 +52,14 @@ pub struct PictureReport {
     pub bounds: [f64; 4],
     /// Cells that have points.
     pub filled: u64,
-    /// Cells that have none, within the convex hull of those that do.
+    /// Empty cells within the convex hull of the occupied ones.
     pub voids: VoidShares,
     /// Most points to a unit of area of a cell.
     pub densest: f64,
     pub output_bytes: u64,
 }
 
-/// Bytes of a cell: counts, highest points, states, what is still to be looked at, heights.
+/// Bytes of a cell: counts, highest points, states, work list, heights.
 const CELL_BYTES: u64 = 8 + 8 + 1 + 4 + 4;
 /// Bytes of a thread that reads points.
 const WORKER: u64 = 12 << 20;

@@ -41,7 +41,7 @@ const DENSITIES: [[u8; 3]; 6] =
     [[250, 240, 206], [186, 214, 150], [96, 172, 152], [44, 118, 152], [46, 66, 126], [44, 20, 70]];
 const FILLED: [u8; 3] = [206, 216, 210];
 const VOID: [u8; 3] = [200, 54, 48];
-/// Cells of a hundred that the colours of densities do not tell apart, at the upper end.
+/// Percentage of cells at the upper end that the colours of densities do not distinguish.
 const BEYOND: usize = 2;
 
 /// A picture and its legend.
@@ -55,7 +55,7 @@ pub(super) struct CloudPicture<'a> {
     legend: Vec<[u8; 4]>,
 }
 
-/// What cells are coloured by.
+/// Quantity that determines the colours of cells.
 enum CellColoring {
     /// Points of a cell that have the last colour.
     Density(f64),
@@ -138,7 +138,7 @@ impl CellColoring {
         }
     }
 
-    /// Of a cell with points.
+    /// The colour of a cell with points.
     fn of(&self, map: &PointDensityMap, cell: usize) -> [u8; 3] {
         match self {
             Self::Density(most) => between(map.counts[cell] as f64 / most),

@@ -1,4 +1,4 @@
-//! Cells without points within the convex hull of those that have some, and the largest group of them.
+//! Cells without points within the convex hull of occupied cells, and the largest group of them.
 
 use serde::Serialize;
 
@@ -11,9 +11,9 @@ pub struct VoidShares {
     pub cells: u64,
     /// How much of the hull they are, from 0 to 1.
     pub share: f64,
-    /// In square units of x and y.
+    /// Area in square units of x and y.
     pub area: f64,
-    /// Of the largest group of them that touch with their sides.
+    /// Area of the largest group, connected by sides.
     pub largest_area: f64,
     /// West, south, east, north of that group.
     pub largest_bounds: Option<[f64; 4]>,
@@ -22,12 +22,12 @@ pub struct VoidShares {
 /// The voids, and which cells they are.
 pub(super) struct VoidCells {
     pub(super) voids: VoidShares,
-    /// Of each row, the first and the last column of the hull; rows without it have none.
+    /// Per row, the first and the last column of the hull; rows without it have none.
     hull: Vec<Option<[usize; 2]>>,
 }
 
 impl VoidCells {
-    /// Whether a place (column, row) is within the hull.
+    /// True if a cell (column, row) is within the hull.
     pub(super) fn is_inside(&self, [col, row]: [usize; 2]) -> bool {
         self.hull[row].is_some_and(|[first, last]| first <= col && col <= last)
     }

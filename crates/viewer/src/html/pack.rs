@@ -16,7 +16,7 @@ pub const MAX_CODE: u32 = (1 << 24) - 1;
 pub struct PackedArray {
     /// Values.
     pub count: usize,
-    /// Whether differences are stored.
+    /// True if differences are stored.
     pub differences: bool,
     /// Base64 of zlib.
     pub text: String,

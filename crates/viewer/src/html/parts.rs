@@ -9,12 +9,12 @@ use sha2::{Digest, Sha256};
 
 use crate::html::pack::{PackedArray, QuantizedAxis};
 
-/// What a page is made from, but for what it shows.
+/// Parts of a page other than its data.
 #[derive(Clone, Copy, Debug)]
 pub struct Template {
     /// Its name.
     pub name: &'static str,
-    /// What stands in its body.
+    /// HTML of its body.
     body: &'static str,
     /// Its scripts in their order: one scope for all.
     scripts: &'static [&'static str],
@@ -170,7 +170,7 @@ fn data(out: &mut String, id: &str, kind: &str, text: &str) {
     let _ = writeln!(out, "<script id=\"{id}\" type=\"{kind}\">{text}</script>");
 }
 
-/// What a page may do: run this one script, and fetch nothing, or nothing from elsewhere.
+/// Content security policy of a page: run this one script, and fetch nothing, or nothing from elsewhere.
 fn policy(script: &str, asks: bool) -> String {
     let hash = |text: &str| STANDARD.encode(Sha256::digest(text));
     let asks = if asks { "connect-src 'self'; " } else { "" };

@@ -1,4 +1,4 @@
-//! What a point cloud is.
+//! Report on a point cloud.
 
 use serde::Serialize;
 
@@ -7,7 +7,7 @@ use crate::cloud_stats::CloudStats;
 use terrane_base::geom::Point3;
 use terrane_cloud::{PointCloud, PointSource};
 
-/// What is known of a cloud.
+/// Report on a point cloud.
 #[derive(Clone, Debug, Serialize)]
 #[allow(missing_docs)]
 #[non_exhaustive]
@@ -69,7 +69,7 @@ impl CloudInfoReport {
     }
 }
 
-/// Where points lie beyond what the headers claim.
+/// A note on points outside the bounds in the header.
 fn outside(claimed: Option<[Point3; 2]>, stats: Option<&CloudStats>) -> Option<String> {
     let ([low, high], [lowest, highest]) = (claimed?, stats?.bounds?);
     // Coordinates have errors; a step is far more.

@@ -1,4 +1,4 @@
-//! What a file of features is: read once to its end, feature by feature.
+//! Report on a file of features, read once to its end, feature by feature.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use terrane_vector::{
 /// Features between two looks at whether to stop.
 const STEP: u64 = 1024;
 
-/// What is known of a file of features.
+/// Report on a file of features.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 #[non_exhaustive]
@@ -63,7 +63,7 @@ fn by_name<S: Serializer>(
 pub struct FieldStats {
     /// Its name.
     pub name: Arc<str>,
-    /// What its values are: as the file declares it, or else as they were found; "null" where there is none.
+    /// Type of its values: as declared by the file, or else as found; "null" without values.
     #[serde(rename = "type")]
     pub kind: &'static str,
     /// Most bytes of a value as text, where the format limits them.
@@ -76,7 +76,7 @@ pub struct FieldStats {
     pub values: u64,
 }
 
-/// Reads all features of a file. Memory is that of one feature, and of the names of fields.
+/// Reads all features of a file. Memory for one feature and the names of fields.
 ///
 /// # Errors
 /// A file that cannot be opened, or a feature that cannot be read; it names file and place.
@@ -142,7 +142,7 @@ impl FeaturesInfoReport {
         }
     }
 
-    /// What the file says of itself, which may be known at its end only.
+    /// Metadata of the file, which may be known at its end only.
     fn close(&mut self, source: &dyn FeatureSource, fields: FieldCollector) {
         let layer = source.layer();
         self.layer = layer.name.clone();
@@ -174,7 +174,7 @@ impl FeaturesInfoReport {
     }
 }
 
-/// Takes more values into a range; those that are none count for nothing.
+/// Extends a range by values; ignores NaN.
 fn widen(range: &mut Option<[f64; 2]>, values: &[f64]) {
     for value in values.iter().filter(|value| !value.is_nan()) {
         let [low, high] = range.unwrap_or([*value; 2]);
@@ -186,7 +186,7 @@ fn widen(range: &mut Option<[f64; 2]>, values: &[f64]) {
 struct FieldCollector {
     all: Vec<FieldStats>,
     places: HashMap<Arc<str>, usize>,
-    /// What values were found to be; `None` where the file declares it, or there is no value yet.
+    /// Type of the values found; `None` if the file declares it, or without values.
     found: Vec<Option<FieldKind>>,
     /// Fields that the file declares.
     declared: usize,

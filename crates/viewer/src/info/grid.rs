@@ -1,4 +1,4 @@
-//! What a grid is, what is odd about it, and what a TIN of it would take.
+//! Report on a grid: metadata, anomalies, and the estimated cost of a TIN.
 
 use serde::Serialize;
 
@@ -7,7 +7,7 @@ use terrane_engine::input::GridStats;
 use terrane_raster::{GridInfo, GridNote, notes, notes_on_heights};
 use terrane_terrain::tin::TinCost;
 
-/// What is known of a grid.
+/// Report on a grid.
 #[derive(Clone, Debug, Serialize)]
 #[allow(missing_docs)]
 #[non_exhaustive]
@@ -41,7 +41,7 @@ pub struct GridInfoReport {
     pub details: serde_json::Map<String, serde_json::Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stats: Option<GridStats>,
-    /// What a TIN of it would take; absent where it has no cell.
+    /// Estimated cost of a TIN; absent without cells.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tin: Option<TinCost>,
     pub notes: Vec<GridNote>,

@@ -1,4 +1,4 @@
-//! What a mesh is, and what it is worth as a triangulation.
+//! Metadata and quality of a mesh.
 
 use serde::Serialize;
 
@@ -6,7 +6,7 @@ use terrane_base::geom::Point3;
 use terrane_mesh::MeshSource;
 use terrane_verify::QualityReport;
 
-/// What is known of a mesh.
+/// Report on a mesh.
 #[derive(Clone, Debug, Serialize)]
 #[allow(missing_docs)]
 #[non_exhaustive]

@@ -1,4 +1,4 @@
-//! What a file is: grids, meshes, point clouds, features.
+//! Reports on files: grids, meshes, point clouds, features.
 
 mod cloud;
 mod features;

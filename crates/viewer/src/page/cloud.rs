@@ -1,4 +1,4 @@
-//! The page of a cloud: so many of its points as a page can hold, with what is known of them.
+//! The page of a point cloud: a sample of its points that fits into a page, with their attributes.
 
 use serde_json::{Value, json};
 
@@ -94,7 +94,7 @@ fn put(
     Ok((page, report))
 }
 
-/// Puts the places in, and tells of them; returns to what step places and heights are told.
+/// Adds the positions and their metadata; returns the rounding steps of positions and heights.
 fn place(
     page: &mut HtmlPage,
     points: &[Ranked],
@@ -156,7 +156,7 @@ fn add_facts(page: &mut HtmlPage, cloud: &PointCloud, tally: &PagePointTally, re
     page.fact("notes", json!(notes(cloud, tally, report)));
 }
 
-/// What is to be said of what is shown, and of what is not.
+/// Notes on shown and hidden points.
 fn notes(cloud: &PointCloud, tally: &PagePointTally, report: &PageReport) -> Vec<String> {
     let (shown, census) = (report.points.unwrap_or(0), &tally.census);
     let mut notes = Vec::new();

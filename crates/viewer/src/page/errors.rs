@@ -1,8 +1,8 @@
 //! The largest error of each triangle: the vertical distance of the grid's samples in it from its plane.
 //!
-//! Grid rows are read in bands; each band knows the triangles that reach into it. A sample on an edge is one of both
-//! triangles, one at a vertex of all of its; the root mean square is that of samples, each counted once. Distances are those of doubles, not exact: what is *within* a
-//! bound is for `terrane verify` to say.
+//! Grid rows are read in bands; each band knows the triangles that reach into it. A sample on an edge counts for both
+//! triangles, a sample at a vertex for all of its triangles; in the root mean square each counts once. Distances are
+//! rounded to doubles; `terrane verify` checks bounds exactly.
 
 use super::solid::PageMesh;
 use terrane_base::bits::BitSet;
@@ -11,14 +11,14 @@ use terrane_base::geom::{Affine, Rect};
 use terrane_engine::{Cancel, Progress};
 use terrane_raster::GridSource;
 
-/// What was measured.
+/// Measured errors.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct TriangleErrors {
     /// The largest error of each triangle; NaN where no valid sample lies in it.
     pub(super) of_triangles: Vec<f32>,
     /// The largest of all.
     pub(super) largest: f64,
-    /// Of all samples that lie in a triangle, each by the first that it lies in.
+    /// RMS error of all samples in a triangle, each by the first triangle that contains it.
     pub(super) root_mean_square: f64,
     /// Valid samples that lie in a triangle.
     pub(super) samples: u64,

@@ -1,4 +1,4 @@
-//! What a page tells beside its arrays: where a surface lies, its units, and how it is shown at first.
+//! Metadata of a page: position of the surface, units, and initial view.
 
 use serde_json::json;
 
@@ -115,7 +115,7 @@ pub(super) fn title(inputs: &Inputs) -> String {
     }
 }
 
-/// What system a page is in, in few words.
+/// Short name of a page's CRS.
 pub(super) fn about(system: &SurfaceSystem) -> String {
     match system.label.as_str() {
         "unknown" => "unknown CRS".to_owned(),

@@ -18,7 +18,7 @@ use terrane_vector::{self as vector, GeometryPart, VectorOpenOptions};
 /// Bytes that a page takes for a vertex: positions, thresholds, codes, planes of bytes and texts.
 const VERTEX_BYTES: u64 = 16 + 16 + 8 + 48;
 
-/// What the methods are called, in what they are bounded, and their arrays.
+/// Names of the methods, their bounds, and their arrays.
 const METHODS: [(&str, &str, &str); 2] =
     [("Ramer-Douglas-Peucker", "distance", "distances"), ("Visvalingam-Whyatt", "area", "areas")];
 
@@ -75,7 +75,7 @@ pub(super) fn page(
     lines.page(job, &crs, measure)
 }
 
-/// Whether all positions of a file are longitudes and latitudes.
+/// True if all positions of a file are longitudes and latitudes.
 fn are_degrees(path: &Path, options: &VectorOpenOptions, cancel: &Cancel) -> Result<bool> {
     let mut source = vector::open(path, options)?;
     while let Some(feature) = source.next()? {

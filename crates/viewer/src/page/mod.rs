@@ -47,7 +47,7 @@ pub const MAX_VERTICES: u64 = 4 << 20;
 /// Most samples that a page shows of a grid.
 pub const MAX_SAMPLES: u64 = 3 << 19;
 
-/// What all pages have.
+/// Data common to all pages.
 #[derive(Clone, Debug)]
 pub(crate) struct PageJob<'a> {
     /// Grid files, a mesh, lines, clouds or tiles, or synthetic ones by name.
@@ -56,7 +56,7 @@ pub(crate) struct PageJob<'a> {
     pub(crate) output: &'a Path,
     /// Replace an existing page.
     pub(crate) overwrite: bool,
-    /// How it is lit at the start.
+    /// Initial lighting.
     pub(crate) lighting: Lighting,
     /// Edges of triangles are shown from the start.
     pub(crate) edges: bool,
@@ -64,7 +64,7 @@ pub(crate) struct PageJob<'a> {
     pub(crate) resources: &'a Resources,
 }
 
-/// What is on a page.
+/// Contents of a page.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 #[non_exhaustive]
@@ -92,10 +92,10 @@ pub struct PageReport {
     pub levels: Option<u32>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tiles: Option<u64>,
-    /// Of a grid: every so many-th sample is shown, along rows and columns.
+    /// For a grid: the step of the shown samples, along rows and columns.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stride: Option<u32>,
-    /// West, south, east, north of what is shown.
+    /// West, south, east, north of the shown extent.
     pub bounds: [f64; 4],
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lowest: Option<f64>,
@@ -172,7 +172,7 @@ mod tests {
         PageJob { input, output, overwrite: false, lighting, edges: false, resources }
     }
 
-    /// What a job may take that takes so much memory.
+    /// Resources with this memory limit.
     pub(super) fn within(memory: u64) -> Resources {
         Resources { memory, ..Resources::default() }
     }

@@ -204,7 +204,7 @@ impl TilesPageOptions {
     /// Makes the page of a folder of tiles in a file.
     ///
     /// # Errors
-    /// A folder whose tiles cannot be told from what it says of them; a file that cannot be written; cancelled.
+    /// A folder whose kind of tiles is undeclared; a file that cannot be written; cancelled.
     pub fn run(&self, folder: &Inputs, output: &Path, cancel: &Cancel) -> Result<PageReport> {
         let (lighting, edges) = (self.lighting.clone(), self.edges);
         let (overwrite, resources) = (false, &self.resources);

@@ -18,7 +18,7 @@ use terrane_files::lock;
 /// A point, and the number that decides about it.
 pub(super) type Ranked = (u64, PointAppearance);
 
-/// What there is of all points, shown or not.
+/// Statistics of all points, shown or not.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct PagePointTally {
     pub(super) census: ReturnCounts,
@@ -97,12 +97,12 @@ impl FewestPoints {
     }
 }
 
-/// So many are held before those beyond `most` are let go.
+/// Number of points held before those beyond `most` are discarded.
 fn capacity(most: usize) -> usize {
     most + most / 4 + BATCH
 }
 
-/// Bytes that choosing so many points takes, with the slack of a list that grows.
+/// Bytes for selecting a number of points, with the slack of a growing list.
 pub(super) fn needed(most: u64) -> u64 {
     2 * (most + most / 4 + 2 * BATCH as u64) * size_of::<Ranked>() as u64
 }
@@ -111,7 +111,7 @@ fn rank(Point { x, y, z }: Point) -> u64 {
     mixed(&[x, y, z].map(ordered))
 }
 
-/// Reads all points that are wanted, and keeps so many of them. Within the threads that it is called on.
+/// Reads all matching points and keeps a sample of them. Uses the current thread pool.
 pub(super) fn select(
     cloud: &PointCloud,
     most: usize,

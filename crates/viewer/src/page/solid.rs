@@ -72,7 +72,7 @@ impl PageMesh {
         self.triangles.iter_mut().flatten().for_each(|vertex| *vertex = place[*vertex as usize]);
     }
 
-    /// Puts positions and triangles into a page, and tells of them.
+    /// Puts positions and triangles into a page, with their metadata.
     ///
     /// # Errors
     /// A surface without a triangle.
@@ -122,7 +122,7 @@ mod tests {
         shape
     }
 
-    /// What stands in a page between two texts.
+    /// The text of a page between two texts.
     fn between<'a>(html: &'a str, from: &str, to: &str) -> &'a str {
         html.split(from).nth(1).unwrap().split(to).next().unwrap()
     }

@@ -152,14 +152,14 @@ fn describe(error: f64, system: &SurfaceSystem) -> String {
     format!("{text} {}", system.units[1]).trim_end().to_owned()
 }
 
-/// What a mesh states of itself.
+/// Metadata of a mesh.
 fn stated(info: &MeshInfo) -> Vec<(&'static str, Value)> {
     let promises = info.promises().unwrap_or_default();
     let told = promises.statements().filter(|(key, _)| *key == "max error");
     told.map(|(_, text)| ("Declared max error", json!(text))).collect()
 }
 
-/// To what step positions and heights are told.
+/// Rounding steps of positions and heights.
 pub(super) fn reported_steps(report: &PageReport, geographic: bool) -> [f64; 2] {
     let [west, _, east, _] = report.bounds;
     let level = if geographic { 1e-6 } else { decade((east - west) * 1e-6).clamp(1e-4, 1.0) };

@@ -1,4 +1,4 @@
-//! The page of a folder of tiles. It holds none of them: from where it is served it asks for those that it shows.
+//! The page of a tile folder. It contains no tiles and requests the visible ones from its server.
 //!
 //! A section is the plane through both places and the middle of the earth. It cuts triangles in straight lines, and
 //! each end of a piece has its own place and height, so it does not matter that the plane leans a little.
@@ -23,7 +23,7 @@ const SETS: [&str; 2] = ["quantized-mesh", "3dtiles"];
 /// Most bytes of what says what there is: rectangles of a million tiles that touch no other.
 const MAX_LISTED: u64 = 64 << 20;
 
-/// What is read of a `layer.json`; the page reads it again, and more of it.
+/// Fields read from a `layer.json`; the page reads it again, with more fields.
 #[derive(Debug, Deserialize)]
 struct PageLayerJson {
     format: String,
@@ -40,7 +40,7 @@ struct PageLayerJson {
     parent: Option<Value>,
 }
 
-/// What is read of a `tileset.json`: what terrane tells of its own.
+/// Fields read from a `tileset.json`, including terrane's own.
 #[derive(Debug, Deserialize)]
 struct Tileset {
     extras: PageTilesetExtras,
@@ -62,7 +62,7 @@ struct PageTilesetLevel {
     tiles: u64,
 }
 
-/// What a folder holds.
+/// Contents of a folder.
 struct ViewedTileset {
     format: &'static str,
     told: &'static str,
@@ -141,7 +141,7 @@ impl ViewedTileset {
     }
 }
 
-/// What says what there is.
+/// Parses a JSON file that describes the tiles.
 fn parsed<T: DeserializeOwned>(path: &Path) -> Result<T> {
     let file = RawFile::open(path)?;
     if file.size() > MAX_LISTED {
@@ -198,7 +198,7 @@ impl PageTileRange {
     }
 }
 
-/// The name of a folder, without those that it lies in.
+/// The name of a folder without its parents.
 fn name(folder: &Path) -> String {
     let whole = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
     whole.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())

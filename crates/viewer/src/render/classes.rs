@@ -1,6 +1,6 @@
 //! Colours of the classes of points.
 
-/// Of the classes from 0 on that the standard names, in sRGB.
+/// Colours of the standard classes from 0, in sRGB.
 const NAMED: [[u8; 3]; 23] = [
     [150, 150, 158],
     [176, 176, 170],

@@ -18,7 +18,7 @@ impl PixelColors {
         self.rgba[row * self.width + col]
     }
 
-    /// Puts a colour of 0 to 255 there, rounded; what is no number is 0.
+    /// Sets a colour of 0 to 255, rounded; NaN is 0.
     pub(crate) fn put(&mut self, col: usize, row: usize, colour: [f64; 4]) {
         self.rgba[row * self.width + col] = colour.map(|value| value.round() as u8);
     }

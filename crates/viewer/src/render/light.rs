@@ -1,4 +1,4 @@
-//! Where the light comes from, and how much of it a slope receives.
+//! Direction of the light, and the shading of slopes.
 
 use crate::render::PictureHeights;
 
@@ -7,7 +7,7 @@ use crate::render::PictureHeights;
 pub struct ReliefLight {
     /// Unit vectors towards the lights (east, north, up) with their weights.
     sources: [([f32; 3], f32); 3],
-    /// What level ground receives.
+    /// Shading of level ground.
     level: f32,
 }
 
@@ -69,7 +69,7 @@ fn difference(before: f32, here: f32, after: f32) -> f32 {
 const PLEASING_STEEPNESS: f32 = 0.65;
 /// Which slope counts as one of the steeper ones.
 const STEEP_QUANTILE: f64 = 0.9;
-/// Slopes looked at, at most.
+/// Maximum number of sampled slopes.
 const MAX_SLOPES: usize = 1 << 18;
 
 /// The vertical exaggeration that gives a field with pixels of `ground` units a readable relief:

@@ -25,7 +25,7 @@ const BRIGHT: [f32; 3] = [1.17, 1.13, 1.04];
 const INK: [f32; 3] = [0.10, 0.13, 0.20];
 /// How much ridges are lifted out of, and valleys pushed into, the picture.
 const RIDGE: f32 = 0.16;
-/// Picture sides are divided in about this many parts to tell a ridge from a slope.
+/// Number of parts per picture side for distinguishing ridges from slopes.
 const NEIGHBOURHOODS: usize = 48;
 /// How far from the border ridges count fully, in neighbourhoods.
 const BORDER: f64 = 2.0;
@@ -37,7 +37,7 @@ pub struct FieldPainter<'a> {
     colours: Option<&'a PixelColors>,
     tint: HeightColors,
     style: PictureStyle,
-    /// Smoothed heights, to tell what stands out.
+    /// Smoothed heights, to detect relief.
     ground: PictureHeights,
     stride: usize,
     /// Heights that stand out by this much are lit fully.

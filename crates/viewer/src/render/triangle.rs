@@ -64,7 +64,7 @@ fn clip(positions: [f64; 3], end: usize) -> std::ops::Range<usize> {
     (from as usize).min(end)..(to.max(0.0) as usize).min(end)
 }
 
-/// Where the horizontal line at `y` enters and leaves the triangle; empty is (inf, -inf).
+/// The interval of the horizontal line at `y` in the triangle; empty is (inf, -inf).
 fn span(corners: &[[f64; 3]; 3], area: f64, y: f64) -> (f64, f64) {
     let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
     for i in 0..3 {

@@ -1,4 +1,4 @@
-//! Who is connected: so many at once, and of these the one that let the server wait longest goes for a new one.
+//! Connected clients: their number is limited, and the one idle for longest is dropped for a new one.
 
 use std::collections::BTreeMap;
 use std::net::{Shutdown, TcpStream};

@@ -18,14 +18,14 @@ const FAREWELL: Duration = Duration::from_secs(1);
 const BLOCK: usize = 64 << 10;
 /// Between the head of a request and what follows.
 const END: &[u8] = b"\r\n\r\n";
-/// What every answer says: nobody else may read it, and it is what it says it is.
+/// Headers of every response: access by this origin only, no type sniffing.
 const GUARDS: &str = "X-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n\
                       Cross-Origin-Resource-Policy: same-origin\r\nCross-Origin-Opener-Policy: same-origin\r\n\
                       Cache-Control: no-cache\r\n";
-/// What a file may do that is opened by itself. The page says so itself, for it alone has a script.
+/// Content security policy of a file opened by itself. The page declares its own, as it alone has a script.
 const NOTHING: &str = "default-src 'none'; frame-ancestors 'none'; sandbox";
 const NO_FRAMES: &str = "frame-ancestors 'none'";
-/// What browsers ask for by themselves.
+/// Paths that browsers request by themselves.
 const ICON: &str = "favicon.ico";
 
 /// A client that is listened to.
@@ -33,7 +33,7 @@ pub(crate) struct ServerConnection<'a> {
     stream: &'a TcpStream,
     client: &'a Client<'a>,
     port: u16,
-    /// What came of the request after this one.
+    /// Bytes received after this request.
     ahead: Vec<u8>,
 }
 
@@ -42,7 +42,7 @@ impl<'a> ServerConnection<'a> {
         Self { stream, client, port, ahead: Vec::new() }
     }
 
-    /// Answers until the client has enough, is too slow, or sends what is no request.
+    /// Answers until the client closes, is too slow, or sends an invalid request.
     pub(crate) fn attend(mut self, folder: &ServedFolder) {
         let _ = self.stream.set_nodelay(true);
         loop {

@@ -1,4 +1,4 @@
-//! What can be sent: the page, and files of the folder, found by names of [`request`](crate::serve::request).
+//! Files to serve: the page, and files of the folder, found by names of [`request`](crate::serve::request).
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -7,7 +7,7 @@ use std::time::UNIX_EPOCH;
 
 use terrane_base::error::{Error, Result};
 
-/// What is served.
+/// The served page or folder.
 #[derive(Clone, Debug)]
 pub struct ServedSite {
     /// The HTML file that `/` is.
@@ -16,7 +16,7 @@ pub struct ServedSite {
     pub folder: Option<PathBuf>,
 }
 
-/// What files are, by the ending of their names. Others are not sent.
+/// Media types by file extension. Other files are not served.
 const KINDS: &[(&str, &str)] = &[
     ("json", "application/json"),
     ("terrain", "application/vnd.quantized-mesh"),
@@ -24,7 +24,7 @@ const KINDS: &[(&str, &str)] = &[
     ("subtree", "application/octet-stream"),
 ];
 const PAGE: &str = "text/html; charset=utf-8";
-/// What a file of gzip begins with.
+/// First bytes of a gzip file.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 
 /// The page and the folder, as the file system names them.

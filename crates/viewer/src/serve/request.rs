@@ -1,8 +1,8 @@
-//! What a client asks for: the head of a request, read strictly. What is odd is refused, not guessed at.
+//! A client's request: its head is parsed strictly, and irregular requests are refused.
 
 /// Most bytes of a request up to the empty line. Browsers send less than one thousand.
 pub(crate) const MAX_HEAD: usize = 8 << 10;
-/// Most bytes of what is asked for.
+/// Maximum bytes of a request target.
 const MAX_TARGET: usize = 1 << 10;
 
 /// A request that is understood.
@@ -14,7 +14,7 @@ pub(crate) struct HttpRequest {
     pub(crate) name: Vec<String>,
     /// The client goes on with the same connection.
     pub(crate) stays: bool,
-    /// What the client has already.
+    /// Entity tag that the client has cached.
     pub(crate) has: Option<String>,
 }
 
@@ -46,7 +46,7 @@ const VERSION: RequestRefusal =
     refusal("505 HTTP Version Not Supported", "only HTTP/1.1 is supported");
 
 impl HttpRequest {
-    /// Reads a head, without the empty line at its end; `port` is that of the server.
+    /// Parses a head, without the empty line at its end; `port` is the server's.
     ///
     /// A page of somebody else can make its own name stand for 127.0.0.1, and would then read what is served as if
     /// it were its own: so the host that is asked for has to be this one.

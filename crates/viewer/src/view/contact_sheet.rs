@@ -10,7 +10,7 @@ use terrane_engine::memory::short;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::atomic::{AtomicFile, refuse_existing};
 
-/// A mesh, and what is written below it.
+/// A mesh and its caption.
 #[derive(Clone, Debug)]
 pub struct PicturePanel {
     /// Mesh file.
@@ -43,7 +43,7 @@ const INK: [u8; 4] = [26, 33, 51, 255];
 /// as [`run`](super::run) takes them.
 ///
 /// # Errors
-/// Those of [`run`](super::run); usage for an input that is no mesh.
+/// The errors of [`run`](super::run); usage for an input that is not a mesh.
 pub fn run_contact_sheet(
     job: &ContactSheetJob,
     progress: &dyn Progress,

@@ -31,7 +31,7 @@ pub(super) const FINENESS: u32 = 2;
 /// to four for each), edges, and colours.
 pub(super) const PIXEL_BYTES: u64 = 4 * (4 + 16) + 1 + 4;
 
-/// What it takes more where the surface has colours of its own.
+/// Additional memory if the surface has its own colours.
 pub(super) const COLOUR_BYTES: u64 = 4 * 4;
 
 /// The frame of a picture of `data` (west, south, east, north), or of the part asked for.
