@@ -22,7 +22,7 @@ pub(super) const OBJECTS: &str = "objects";
 /// How thoroughly results are checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CheckDepth {
-    /// Sizes, times and sidecars only.
+    /// Sizes and sidecars only.
     Quick,
     /// Every byte.
     Whole,
