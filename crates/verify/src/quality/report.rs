@@ -34,8 +34,8 @@ pub struct QualityReport {
     /// Interior edges that are locally Delaunay: neither opposite corner is inside the circle through the
     /// other triangle.
     pub delaunay_edges: u64,
-    /// Non-Delaunay candidates with all four corners on one circle, within the rounding of positions: the
-    /// other diagonal would be Delaunay, too.
+    /// Delaunay edges with all four corners on one circle, within the rounding of positions: the other
+    /// diagonal would be Delaunay, too.
     pub cocircular_edges: u64,
     /// Interior edges that are not locally Delaunay.
     pub non_delaunay_edges: u64,
