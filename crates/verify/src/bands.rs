@@ -1,5 +1,5 @@
-//! Proof of a mesh of several bands: each channel by itself is a surface over the grid, whose heights are the
-//! band's values, and proved as every other mesh is; and so are the heights.
+//! Proof of a mesh of several bands: each channel is a surface over the grid with the values of its band as
+//! heights, and is proved as any other mesh is. The heights are proved likewise.
 
 use std::path::Path;
 
@@ -56,7 +56,7 @@ impl MultibandProof<'_> {
         Ok((judged(report, tolerance, is_known), crs))
     }
 
-    /// Proves the channels, and adds what is found to what is found of heights.
+    /// Proves the channels, and adds their findings to those of the heights.
     fn channels(
         &self,
         bands: &MeshBands,
@@ -102,12 +102,12 @@ impl MultibandProof<'_> {
     }
 }
 
-/// What errors in a band of this weight may be.
+/// The largest allowed error in a band of this weight.
 fn allowed(tolerance: Option<f64>, weight: f64) -> Option<f64> {
     tolerance.map(|tolerance| (tolerance / weight).min(f64::MAX))
 }
 
-/// Adds what is found of a channel to what is found of others.
+/// Adds the findings of one channel to the report.
 fn add(report: &mut VerifyReport, found: &VerifyReport, proof: BandProof) {
     // What is wrong with the triangles is found of every channel alike.
     let known = &report.verdict.failures;
@@ -145,7 +145,8 @@ fn judged(report: VerifyReport, tolerance: Option<f64>, heights_known: bool) -> 
     }
 }
 
-/// The bands asked for, with weights; fails where the mesh has not as many channels, or states others.
+/// The selected bands with their weights; fails where the number of channels of the mesh differs, or
+/// the mesh states other bands.
 fn bands((info, stated): (&MeshInfo, &Promises), asked: &SelectedBands) -> Result<MeshBands> {
     let label = label(&asked.bands);
     if let Some(others) = stated.bands.as_ref().filter(|bands| **bands != asked.bands) {
@@ -172,7 +173,7 @@ fn bands((info, stated): (&MeshInfo, &Promises), asked: &SelectedBands) -> Resul
         .remedy("leave ‹bands› out, or name the bands that it was made of"))
 }
 
-/// What is told of a mesh that states bands, where none were named: it is judged without them.
+/// The note for a mesh that states bands where none were selected: channels are not judged.
 pub(super) fn not_judged(label: &str) -> String {
     format!("how its channels keep to bands {label} (‹bands›)")
 }

@@ -20,9 +20,9 @@ const BATCH: u64 = 2048;
 /// Which domains get a triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum DomainReach {
-    /// Those that it may touch.
+    /// Domains that the triangle may touch.
     Touched,
-    /// Those that own a corner of it.
+    /// Domains that own a corner of the triangle.
     Corners,
 }
 

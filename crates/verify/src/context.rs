@@ -9,12 +9,12 @@ use terrane_mesh::Promises;
 use terrane_proof::{HeightPrecision, Snapper};
 use terrane_raster::GridSource;
 
-/// What a mesh is held to.
+/// Requirements that a mesh is checked against.
 #[derive(Clone, Copy, Debug)]
 pub struct MeshRequirements<'a> {
     /// Largest allowed vertical distance; errors are measured, not judged, when `None`.
     pub tolerance: Option<f64>,
-    /// What the tolerance is of.
+    /// Where the tolerance holds.
     pub bound: ErrorBound,
     /// Minimum triangle angle in plan view, in degrees.
     pub min_angle: Option<f64>,
@@ -29,12 +29,12 @@ impl MeshRequirements<'_> {
     }
 }
 
-/// What every pass over a grid needs to know.
+/// Inputs shared by all passes over a grid.
 pub(super) struct GridProofContext<'a> {
     pub(super) work: ProofResources<'a>,
     pub(super) grid: &'a dyn GridSource,
     pub(super) asked: MeshRequirements<'a>,
-    /// What the mesh states.
+    /// Promises in the header of the mesh.
     pub(super) stated: Promises,
     /// Vertices may lie above or below their samples.
     pub(super) is_fitted: bool,

@@ -1,4 +1,4 @@
-//! What a verification found, for people and programs, whatever a mesh is held against.
+//! Findings of a verification against any kind of original, as text and JSON.
 
 use serde::Serialize;
 
@@ -8,10 +8,10 @@ use terrane_engine::run_statistics::RunStatistics;
 use terrane_mesh::{MeshInfo, Promises};
 use terrane_proof::{FaultCount, ProofPosition, ProofTally};
 
-/// What a report says where no bound is known.
+/// Stands in a report where the error bound is unknown.
 pub(super) const NO_BOUND: &str = "the error, as no bound is known (‹max_error›)";
 
-/// How often a fault was found, and the first place in the order of what the mesh is held against.
+/// Number of occurrences of a fault, and its first place in the order of the original.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct FaultReport<P> {
@@ -34,30 +34,30 @@ impl<P: Copy> FaultReport<P> {
     }
 }
 
-/// What is left out of a report.
+/// Omits zero counts from a report.
 pub(super) fn is_zero(count: &u64) -> bool {
     *count == 0
 }
 
-/// What a mesh is held against, and what is found of it alone.
+/// The original of a mesh, and the findings specific to its kind.
 pub trait MeshOriginal: Clone + Default + PartialEq + Serialize {
     /// Where a fault is.
     type Place: Copy + PartialEq + Serialize;
-    /// What the promise is about.
+    /// Noun for the samples that the promise covers.
     const POINTS: &'static str;
-    /// What the mesh covers.
+    /// Noun for the region that the mesh covers.
     const WHOLE: &'static str;
     /// Where triangles are Delaunay.
     const PLANE: &'static str;
 
     /// A place in words.
     fn describe(place: Self::Place) -> String;
-    /// The faults of cover that break a promise, and what they are.
+    /// The coverage faults that break a promise, with their descriptions.
     fn promises(&self) -> Vec<(FaultReport<Self::Place>, &'static str)>;
     /// Vertices that the original does not have.
     fn off_vertices(&self) -> FaultReport<Self::Place>;
 
-    /// True when vertices may be where the original has no points, for what is known.
+    /// True when vertices may lie where the original has no points.
     fn may_be_off(&self) -> bool {
         false
     }
@@ -66,7 +66,7 @@ pub trait MeshOriginal: Clone + Default + PartialEq + Serialize {
     fn is_fitted(&self) -> bool {
         false
     }
-    /// What is wrong where the mesh has this area, and another than it should.
+    /// The failure for a mesh of this area where another is expected.
     fn wrong_area(&self, area: f64) -> String;
 }
 
@@ -79,26 +79,26 @@ pub struct MeshReport<O: MeshOriginal> {
     pub mesh: String,
     /// Format of the mesh.
     pub format: String,
-    /// What is found of this kind of original alone.
+    /// Findings specific to this kind of original.
     #[serde(flatten)]
     pub of: O,
-    /// What came of it.
+    /// Verdict of the proof.
     #[serde(flatten)]
     pub verdict: ProofVerdict,
 
     /// Largest allowed vertical distance; when `None`, errors are measured, not judged.
     pub tolerance: Option<f64>,
-    /// What is further from the mesh than the tolerance (decided exactly, closed <=).
+    /// Samples further from the mesh than the tolerance (decided exactly, closed <=).
     pub over_tolerance: FaultReport<O::Place>,
-    /// Largest vertical distance of what is covered.
+    /// Largest vertical distance of covered samples.
     pub max_error: Option<f64>,
     /// Where it is.
     pub max_error_at: Option<O::Place>,
-    /// Root mean square of these distances.
+    /// Root mean square of the vertical distances.
     pub rmse: Option<f64>,
     /// Mean of these distances.
     pub mean_error: Option<f64>,
-    /// Counts by error / tolerance: twenty bins from 0 to 1, then those over. Empty without a
+    /// Counts by error / tolerance: twenty bins from 0 to 1, then larger ones. Empty without a
     /// tolerance.
     pub error_histogram: Vec<u64>,
 
@@ -146,7 +146,7 @@ pub struct MeshReport<O: MeshOriginal> {
     /// True where the mesh promises that its triangles are Delaunay: terrane made it, and it states no other
     /// triangulation.
     pub delaunay: bool,
-    /// What the mesh says that it was made of: a name, which is not judged.
+    /// Source of the mesh as named in its header; not judged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub source: Option<String>,
     /// Smallest angle of any triangle with area, in degrees on the lattice: a measurement.
@@ -154,12 +154,12 @@ pub struct MeshReport<O: MeshOriginal> {
     /// Triangles by smallest angle, in steps of 5 degrees from 0 to 60.
     pub angle_histogram: Vec<u64>,
 
-    /// What the run took.
+    /// Time, memory and threads of the run.
     #[serde(flatten)]
     pub run: RunStatistics,
 }
 
-/// What was found on the lattice, and what it is in the units of the original.
+/// Findings on the lattice, and their scale in the units of the original.
 pub(super) struct MeshFindings<'a> {
     pub(super) mesh: &'a MeshInfo,
     pub(super) stated: &'a Promises,
@@ -257,7 +257,7 @@ impl<O: MeshOriginal> MeshReport<O> {
         ProofVerdict::of(failures, no_bound.into_iter().chain(no_triangulation).collect())
     }
 
-    /// The faults that break a promise, and what they are.
+    /// The faults that break a promise, with their descriptions.
     fn promises(&self) -> Vec<(FaultReport<O::Place>, String)> {
         let (points, whole) = (O::POINTS, O::WHOLE);
         let over = format!("{points} further from the mesh than the tolerance");
@@ -284,7 +284,7 @@ impl<O: MeshOriginal> MeshReport<O> {
     }
 }
 
-/// True for files whose header had no room for what they promise: STL, which then states no bound either.
+/// True for formats whose header has no space for promises: STL, which then states no bound either.
 fn is_silent(mesh: &MeshInfo, stated: &Promises) -> bool {
     !mesh.names_crs() && stated.max_error.is_none()
 }

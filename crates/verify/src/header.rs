@@ -1,5 +1,4 @@
-//! The header of a mesh beside what the mesh is held against: reference systems, units, and comments that
-//! nothing here knows.
+//! The header of a mesh compared with its original: CRS, units and unknown comments.
 
 use std::path::Path;
 
@@ -18,11 +17,12 @@ pub(super) struct CheckedHeader<'a> {
     pub(super) stated: &'a Promises,
     /// The system of the original.
     pub(super) crs: &'a Crs,
-    /// What the original is: "grid" or "cloud".
+    /// Kind of the original: "grid" or "cloud".
     pub(super) original: &'static str,
 }
 
-/// Fails a mesh of terrane's own whose vertices do not fill the box that its file states, and that viewers believe.
+/// Fails a mesh made by terrane whose vertices do not fill the bounding box stated in the file, on which viewers
+/// rely.
 ///
 /// # Errors
 /// As [`mesh_bounds`].
@@ -44,7 +44,7 @@ pub(super) fn judge_bounds(
 }
 
 impl CheckedHeader<'_> {
-    /// Adds what is wrong, and what could not be judged, to a verdict.
+    /// Adds failures and unjudged statements to a verdict.
     ///
     /// # Errors
     /// A `.prj` that cannot be read.
@@ -108,7 +108,8 @@ impl CheckedHeader<'_> {
         }
     }
 
-    /// Whether a system is that of the original; `None` where that cannot be told, or not of its heights.
+    /// Whether a CRS is that of the original; `None` where this cannot be decided, or not for its
+    /// heights.
     fn is(&self, crs: &Crs, text: &str) -> Option<bool> {
         if !self.crs.is_named() {
             return None;
@@ -159,8 +160,8 @@ impl CheckedHeader<'_> {
         self.info.is_own() && self.info.names_crs() && self.stated.bands.is_none()
     }
 
-    /// Judges the unit that the format itself states. What is stored in a scale of its own is a print, or degrees
-    /// in metres: that is told, and promises nothing.
+    /// Judges the unit stated by the format itself. A file stored at a scale of its own is a 3D print, or has
+    /// degrees in metres: that is reported, and promises nothing.
     fn unit_of_file(&self, verdict: &mut ProofVerdict) {
         let unit = self.info.details.iter().find(|(key, _)| key == "unit");
         let Some((_, unit)) = unit.filter(|_| self.info.is_own()) else { return };

@@ -1,21 +1,21 @@
 //! Proves simplified lines against the file they were made from.
 //!
-//! Both files are read side by side, feature by feature. What has to be looked at together is held
-//! while memory lasts; then only what lies to the west of a line is, and the files are read again for
-//! the rest. No figure depends on where that line was.
+//! Both files are read side by side, feature by feature. Pieces that are checked together stay in
+//! memory while it lasts; then only those west of a line do, and the files are read again for the
+//! rest. No figure depends on the position of that line.
 //!
-//! What a feature leaves for looking at together are its *pieces*, stretches of the original each with
-//! the segment in its place (17 bytes a vertex). They are judged in bands of x, on all threads. When they
-//! outgrow their share of the memory, only those west of their median are kept and the files are read
-//! again for the rest: no temporary file.
+//! A feature contributes its *pieces*: stretches of the original, each with the segment in its place (17
+//! bytes a vertex). They are judged in bands of x, on all threads. When they outgrow their share of the
+//! memory, only the pieces west of their median are stored and the files are read again for the rest: no
+//! temporary file.
 //!
 //! Formats may sort features and turn rings: a ring is matched forward and backward, vertex by vertex,
 //! and where it comes to its vertices repeatedly and both will do, whichever keeps the sign of its area
-//! counts; features that are not in the order of the original are held, and paired by vertices and
+//! counts; features that are not in the order of the original are stored, and paired by vertices and
 //! properties, then by vertices, then by properties, so that exchanged geometries are found. A part that
 //! is gone is a failure, unless dropping was declared and a segment between two of its vertices has all
-//! others within the tolerance: that is what is left of a ring that collapses. Properties are compared as
-//! the format can say them; what it cannot say is named, never passed over.
+//! others within the tolerance (a collapsed ring). Properties are compared as far as the format can
+//! represent them; unsupported ones are reported.
 
 mod attributes;
 mod feature;
@@ -45,7 +45,7 @@ use terrane_proof::lines::{
 use terrane_simplify::{DistanceKind, goal_of, positions};
 use terrane_vector::{self as vector, VectorOpenOptions};
 
-/// What was found.
+/// Report of the verification of simplified lines.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 #[non_exhaustive]
@@ -54,11 +54,11 @@ pub struct LineVerifyReport {
     pub original: String,
     #[serde(flatten)]
     pub verdict: ProofVerdict,
-    /// What else should be known.
+    /// Further remarks.
     pub notes: Vec<String>,
     /// True when crossings, rings, sides and borders were judged, not only measured.
     pub topology: bool,
-    /// Features of the original, those that are gone, and those that are in the lines alone.
+    /// Features of the original, missing ones, and features that are in the lines alone.
     pub features: u64,
     pub gone_features: u64,
     pub added_features: u64,
@@ -67,7 +67,7 @@ pub struct LineVerifyReport {
     pub changed_points: u64,
     /// Vertices with another height or measure.
     pub changed_heights: u64,
-    /// Lines and rings of the result, those that are gone, and those of them that had to stay.
+    /// Lines and rings of the result, missing ones, and missing ones that had to stay.
     pub parts: u64,
     pub dropped: u64,
     pub missing: u64,
@@ -82,12 +82,12 @@ pub struct LineVerifyReport {
     pub beyond: u64,
     /// Parts with vertices that the original does not have.
     pub foreign: u64,
-    /// Pairs of segments that cross, touch or overlap: before, after, and those after that are not
-    /// both segments of the original.
+    /// Pairs of segments that cross, touch or overlap: before, after, and after without pairs of
+    /// segments of the original.
     pub crossings: [u64; 3],
     pub collapsed: u64,
     pub turned: u64,
-    /// Vertices, and points to be kept on their side, that have changed sides.
+    /// Vertices and side points that have changed sides.
     pub moved: u64,
     /// Borders torn apart or run together.
     pub torn: u64,
@@ -95,7 +95,7 @@ pub struct LineVerifyReport {
     pub run: RunStatistics,
 }
 
-/// Least bytes for pieces, and for what is looked at together.
+/// Least bytes for pieces and for the band that is checked.
 const LEAST: u64 = 1 << 20;
 /// Bytes for each vertex of a band that is looked at.
 const BAND_VERTEX: u64 = 200;
@@ -242,7 +242,7 @@ struct LineProofRun<'a> {
 }
 
 impl LineProofRun<'_> {
-    /// What was found, and the name of the format of the lines.
+    /// The findings, and the format of the lines.
     fn run(&self) -> Result<(LineCheckReport, FeatureFindings, &'static str)> {
         let mut pairs = FeaturePairs::new(self.job, self.cancel)?;
         let (mut pieces, mut report, findings) = self.compare(&mut pairs, f64::NEG_INFINITY)?;

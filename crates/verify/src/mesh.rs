@@ -68,7 +68,7 @@ fn check_system(stated: &Promises) -> Result<()> {
     Err(Error::unsupported(message).remedy("verify the mesh as it is made without ‹to_crs›"))
 }
 
-/// What is wrong with the mesh names it.
+/// Adds the name of the mesh to its errors.
 fn in_mesh<T>(found: Result<T>, job: &LineProofQuestion<'_, MeshProof>) -> Result<T> {
     found.map_err(|e| match e.kind() {
         ErrorKind::BadInput => e.in_file(&job.written.file),

@@ -1,4 +1,4 @@
-//! Options of proofs: of what was written, and what it is held to.
+//! Options of proofs: the files, and the requirements they are checked against.
 
 use std::path::PathBuf;
 
@@ -13,21 +13,21 @@ use terrane_engine::options::{BoundName, CloudInput, FeatureInput, FileName, Gri
 use terrane_engine::proof::WrittenOutput;
 use terrane_simplify::{Length, LengthText, Metric};
 
-/// A proof as it is asked for.
+/// Options of a proof.
 #[derive(Clone, Copy)]
 pub(super) struct LineProofQuestion<'a, O> {
     pub(super) written: &'a WrittenOutput,
     pub(super) options: &'a O,
 }
 
-/// Bands that a mesh is to be held to.
+/// Bands that the channels of a mesh are checked against.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SelectedBands {
     /// Numbers, from 1, in the order of the mesh's channels.
     pub bands: Vec<u32>,
-    /// A weight for each; those that the mesh states where there are none, and 1 where it states none.
+    /// A weight for each band; if empty, the weights stated by the mesh, or else 1.
     pub weights: Vec<f64>,
-    /// The band that heights are of; what the mesh states when `None`.
+    /// The band of the heights; the one stated by the mesh when `None`.
     pub heights: Option<u32>,
 }
 
@@ -155,7 +155,7 @@ impl MeshProof {
         self.max_error.map(f64::abs)
     }
 
-    /// The bands that the mesh's channels are held to.
+    /// The bands that the mesh's channels are checked against.
     pub(super) fn selected_bands(&self) -> Result<Option<SelectedBands>> {
         if self.bands.is_empty() {
             return Ok(None);

@@ -26,11 +26,11 @@ const STRIP_ROWS: u64 = 256;
 /// Domains for each thread, at least, where the grid is large enough.
 const SHARES: u64 = 4;
 
-/// Proves `mesh` against `grid`. The error between samples is measured whatever the `bound` is. A caller's
+/// Proves `mesh` against `grid`. The error between samples is measured for every `bound`. A caller's
 /// caches of both are not part of the memory budget, of which this takes about half.
 ///
-/// Errors: a tolerance that is no number, a grid whose map has no inverse, a triangle that refers
-/// to a vertex there is not, too little memory, and everything the sources report.
+/// Errors: a tolerance that is not a number, a grid without an invertible geotransform, a triangle
+/// with an invalid vertex index, too little memory, and errors of the sources.
 pub fn verify(
     mesh: &dyn MeshSource,
     grid: &dyn GridSource,
@@ -94,7 +94,7 @@ fn fill(context: &GridProofContext<'_>) -> Result<MeshSpread> {
     MeshSpread::fill(&context.work, &context.snapper, divided(context)?)
 }
 
-/// The domains of the grid, whose index fits into the memory.
+/// The domains of the grid, few enough for their index to fit into memory.
 pub(super) fn divided(context: &GridProofContext<'_>) -> Result<DomainLayout> {
     let (work, grid) = (&context.work, context.grid.info());
     let layout = layout(grid, work.mesh.info().triangles, work.share, work.threads);
@@ -114,8 +114,8 @@ fn check(context: &GridProofContext<'_>, spread: &MeshSpread) -> Result<ProofTal
 /// Bytes that take samples, triangles and vertices.
 type Need = fn(u64, u64, u64) -> u64;
 
-/// What `judge` finds in all domains, each read with its triangles; `merge` adds up what two threads
-/// found. What `judge` takes, `need` tells.
+/// Runs `judge` on each domain with its triangles; `merge` combines the findings of two threads, and
+/// `need` returns the bytes that `judge` takes.
 pub(super) fn each<T: Default + Send>(
     context: &GridProofContext<'_>,
     spread: &MeshSpread,
@@ -144,7 +144,7 @@ pub(super) fn each<T: Default + Send>(
     Ok(found)
 }
 
-/// Checks domains, splitting those too crowded for a thread's memory.
+/// Checks domains, splitting those too large for a thread's memory.
 struct GridDomainChecker<'a, J> {
     context: &'a GridProofContext<'a>,
     spread: &'a MeshSpread,

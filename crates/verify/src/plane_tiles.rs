@@ -6,8 +6,8 @@ use terrane_base::error::Result;
 use terrane_files::Buckets;
 use terrane_proof::{DomainLayout, GridDomain};
 
-/// Points or triangles that a domain should hold: with what is known of them they should stay near
-/// the processor.
+/// Target number of points or triangles in a domain, so that its data fits into the processor's
+/// cache.
 pub(super) const CROWD: u64 = 1 << 15;
 /// Most domains.
 pub(super) const MOST: u64 = 1 << 16;
@@ -18,7 +18,7 @@ pub(super) const RUN_BYTES: u64 = 16;
 /// How often a domain that is too crowded is halved at a time.
 const HALVINGS: u32 = 4;
 
-/// About `wanted` squares, but no more than [`MOST`].
+/// About `wanted` square tiles, but no more than [`MOST`].
 pub(super) fn divide(grid: [u32; 2], wanted: u64) -> DomainLayout {
     let area = u64::from(grid[0]) * u64::from(grid[1]);
     let mut side = (area / wanted).isqrt();

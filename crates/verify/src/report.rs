@@ -1,4 +1,4 @@
-//! What a verification against a grid found.
+//! Report of a verification against a grid.
 
 use serde::Serialize;
 
@@ -21,12 +21,12 @@ pub struct GridLocation {
     pub y: f64,
 }
 
-/// What was found of a band.
+/// Findings for one band.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct BandProof {
     /// Its number, from 1.
     pub band: u32,
-    /// What errors in it are multiplied by.
+    /// Factor of errors in this band.
     pub weight: f64,
     /// The largest difference allowed: the tolerance divided by the weight.
     pub tolerance: Option<f64>,
@@ -41,10 +41,10 @@ pub struct BandProof {
 }
 
 /// Result of [`verify`](super::verify): areas are in cells, angles on the lattice (as if cells were
-/// square), and the first place of a fault is that in row order.
+/// square), and the first place of a fault is the first in row order.
 pub type VerifyReport = MeshReport<OfGrid>;
 
-/// What is found of a grid.
+/// Findings specific to grids.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct OfGrid {
     /// Raster.
@@ -86,7 +86,8 @@ pub struct OfGrid {
     /// their sample has in the precision of the format. A failure only where `made_by_terrane`: the error bound of
     /// other meshes may hold all the same.
     pub off_sample_vertices: FaultReport<GridLocation>,
-    /// What the tolerance is of: samples alone, or lines between neighbouring samples, too.
+    /// Where the tolerance holds: at samples, or along the lines between neighbouring samples as
+    /// well.
     pub bound: ErrorBound,
     /// Largest vertical distance between the mesh and the lines between neighbouring samples of the
     /// surface, these samples included.
@@ -119,7 +120,7 @@ pub struct OfGrid {
     /// Samples where edges do not follow breaklines.
     #[serde(skip_serializing_if = "FaultReport::is_none")]
     pub not_followed: FaultReport<GridLocation>,
-    /// The bands that the error is of, where channels are held to several.
+    /// The bands that errors are measured in, where channels are checked against several.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub bands: Vec<BandProof>,
     /// Samples of the grid by seconds.

@@ -7,8 +7,8 @@ use terrane_baselines::{METHODS, TriangulationRule};
 use terrane_engine::proof::ProofVerdict;
 use terrane_mesh::{self as mesh, MeshInfo, MeshSource, Promises};
 
-/// Opens a mesh that can be proved. A solid is none: its walls and bottom are no terrain, and nothing
-/// tells for sure which triangles they are.
+/// Opens a mesh that can be proved. A solid is refused: its walls and bottom are not terrain, and
+/// cannot be identified reliably.
 pub(super) fn open_mesh(path: &Path) -> Result<Box<dyn MeshSource>> {
     let mesh = mesh::open(path)?;
     if mesh.info().solid {
@@ -20,12 +20,12 @@ pub(super) fn open_mesh(path: &Path) -> Result<Box<dyn MeshSource>> {
     Ok(mesh)
 }
 
-/// What a mesh states; `options` are the key of a statement, the option in its place, and whether it may be wrong, as
-/// this is given or nothing is judged by it.
+/// Promises of a mesh. `options` are the key of a statement, the option that replaces it, and whether it may be
+/// invalid because the option is given or nothing is judged by it.
 ///
 /// # Errors
-/// Statements that contradict each other, and those that are not valid and that no option replaces: to ignore them
-/// would leave promises unjudged.
+/// Contradictory statements, and invalid ones without an option that replaces them: ignoring them would leave
+/// promises unjudged.
 pub(super) fn stated(mesh: &MeshInfo, options: &[(&str, &str, bool)]) -> Result<Promises> {
     let stated = mesh.promises()?;
     for line in &stated.invalid {

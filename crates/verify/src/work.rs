@@ -16,17 +16,17 @@ use terrane_proof::DomainLayout;
 /// Least memory a verification can work in, and least for each thread.
 pub(super) const MIN_MEMORY: u64 = 1 << 20;
 
-/// What a proof works with, whatever the mesh is held against.
+/// Resources of a proof, for any kind of original.
 pub(super) struct ProofResources<'a> {
     pub(super) mesh: &'a dyn MeshSource,
     pub(super) progress: &'a dyn Progress,
     pub(super) cancel: Cancel,
     pub(super) threads: usize,
-    /// Bytes for everything held here.
+    /// Bytes for all data of the proof.
     pub(super) memory: u64,
     /// Bytes for one thread.
     pub(super) share: u64,
-    /// Bytes that are held beside all that.
+    /// Bytes set aside from these.
     aside: u64,
     /// Where spills go.
     pub(super) folder: PathBuf,
@@ -63,7 +63,7 @@ impl<'a> ProofResources<'a> {
         Ok(Self { mesh, progress, cancel, threads, memory, share, aside: 0, folder })
     }
 
-    /// Does with so many bytes less, which are held all the while.
+    /// Sets bytes aside for the rest of the run.
     pub(super) fn set_aside(&mut self, bytes: u64) {
         self.aside += bytes;
         self.memory = self.memory.saturating_sub(bytes);
@@ -73,7 +73,7 @@ impl<'a> ProofResources<'a> {
         self.share = self.memory / self.threads as u64;
     }
 
-    /// The error of what takes so many bytes, more than there are for everything.
+    /// The error for an allocation of `need` bytes beyond the budget.
     pub(super) fn short(&self, what: &str, need: u64) -> Error {
         let message = format!("{what}, which takes {} MiB", need.div_ceil(1 << 20));
         let half = (need + self.aside).div_ceil(7) * 8;

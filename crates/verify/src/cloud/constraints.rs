@@ -1,4 +1,4 @@
-//! What a mesh of a cloud has to keep, sought anew: the points nearest to positions, and lines as far as they are over
+//! The constraints of a point cloud's mesh, found anew: the points nearest to given positions, and lines clipped to
 //! the hull, by domain.
 
 use super::context::CloudProofContext;
@@ -15,7 +15,7 @@ use terrane_proof::{DomainLayout, GridDomain, ProofPosition};
 /// Points that are looked through at a time.
 const HEAP: usize = 1 << 16;
 
-/// What is kept, and where.
+/// Required points and lines, by domain.
 pub(super) struct ConstraintChecks {
     /// Points by domain, in order.
     points: Vec<(u64, Point)>,
@@ -52,7 +52,7 @@ impl ConstraintChecks {
         Ok(Self { points, beyond, tracks, lines })
     }
 
-    /// Bytes held.
+    /// Bytes in use.
     pub(super) fn bytes(&self) -> u64 {
         let [points, tracks] = [size_of_val(&self.points[..]), size_of_val(&self.tracks[..])];
         (points + tracks + size_of_val(&self.lines[..])) as u64
@@ -62,7 +62,7 @@ impl ConstraintChecks {
         self.tracks[line].is_none()
     }
 
-    /// What is in a domain of the layout, of that number.
+    /// The points and lines in the domain with this number.
     pub(super) fn of(&self, domain: u64) -> (Vec<Point>, Vec<CloudTrack>) {
         let points = &self.points[self.points.partition_point(|&(other, _)| other < domain)..];
         let points = points.iter().take_while(|(other, _)| *other == domain);
@@ -142,7 +142,7 @@ fn look_in(group: &mut [NearestQuery], points: &Buckets<Point>, number: usize) -
     })
 }
 
-/// The square of the distance of a position to a domain, at least.
+/// Lower bound of the squared distance of a position to a domain.
 fn gap(at: [i32; 2], domain: GridDomain) -> i64 {
     let rect = domain.rect;
     let (low, high) = ([rect.col, rect.row], [rect.end_col() - 1, rect.end_row() - 1]);

@@ -10,7 +10,7 @@ use terrane_engine::constraints::ConstraintFeatures;
 use terrane_mesh::Promises;
 use terrane_proof::cloud::{LatticeSnapper, VerticalBound};
 
-/// What every pass over a cloud needs to know.
+/// Inputs shared by all passes over a point cloud.
 pub(super) struct CloudProofContext<'a> {
     pub(super) work: ProofResources<'a>,
     pub(super) source: &'a dyn PointSource,
@@ -20,11 +20,11 @@ pub(super) struct CloudProofContext<'a> {
     pub(super) tolerance: Option<f64>,
     pub(super) bound: Option<VerticalBound>,
     pub(super) kept: OnCloud,
-    /// What the mesh states.
+    /// Promises in the header of the mesh.
     pub(super) stated: Promises,
     /// It states no triangulation that is not Delaunay.
     pub(super) is_delaunay: bool,
-    /// The mesh has posts on lines that are not given.
+    /// The mesh has vertices on lines that are not given.
     pub(super) has_posts: bool,
 }
 

@@ -37,7 +37,7 @@ pub use report::{CloudProofFindings, CloudVerifyReport};
 /// no error, but a report with `passed` false.
 ///
 /// # Errors
-/// As [`prove_cloud`], and whatever the files report.
+/// As [`prove_cloud`], and all errors of the files.
 pub(super) fn verify_cloud(
     job: &LineProofQuestion<'_, CloudMeshProof>,
     progress: &dyn Progress,
@@ -86,12 +86,12 @@ pub(super) fn verify_cloud(
     Ok(CloudVerifyReport { mesh, of: CloudProofFindings { cloud, ..report.of }, ..report })
 }
 
-/// What begins statements that are judged beside a cloud, or promise nothing.
+/// Prefixes of statements that are judged along with a cloud, or that promise nothing.
 const OF_CLOUDS: [&str; 6] =
     ["crs", "source", "max error", "triangulation", "keep points", "breaklines"];
 
-/// Proves `mesh` against the points of `source`, and that it keeps what it has to of files; what the two hold themselves is not part of the
-/// memory budget, of which this takes about half.
+/// Proves `mesh` against the points of `source`, and its constraints. The memory of the two sources is not part of
+/// the budget, of which this takes about half.
 ///
 /// # Errors
 /// A tolerance that is no number, points without a surface, a triangle that refers to a vertex there

@@ -1,7 +1,8 @@
-//! The domains of a cloud and its mesh, one after the other; those too crowded are spread again.
+//! The domains of a cloud and its mesh, one after the other. Domains with too many points are
+//! subdivided.
 //!
-//! Domains are squares of the plane. One that is too crowded for a thread is spread over sixteen pieces
-//! through another temporary file, as often as it takes.
+//! Domains are square tiles of the plane. One that is too large for a thread is divided into sixteen
+//! through another temporary file, recursively.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -130,7 +131,7 @@ impl CloudDomainChecker<'_> {
         self.check_whole(piles, held, number, domain, tally)
     }
 
-    /// Spreads what a domain has over pieces of it, and checks those.
+    /// Spreads the contents of a domain over its sixteen subdivisions, and checks those.
     fn check_pieces(
         &self,
         piles: &DomainRecords<'_>,

@@ -11,7 +11,7 @@ use terrane_files::{BucketWriter, Buckets, lock};
 use terrane_proof::DomainLayout;
 use terrane_proof::cloud::{HullGatherer, ProofHull, position};
 
-/// All points, by the domain that owns them, and what is known of them together.
+/// All points, by the domain that owns them, and their totals.
 pub(super) struct SpreadPoints {
     /// Points with x and y counted from the lowest.
     pub(super) points: Buckets<Point>,
@@ -20,7 +20,7 @@ pub(super) struct SpreadPoints {
     pub(super) hull: Option<ProofHull>,
 }
 
-/// What one thread found.
+/// Findings of one thread.
 #[derive(Default)]
 struct CloudPointFindings {
     census: ReturnCounts,

@@ -1,4 +1,4 @@
-//! What a verification against a cloud found.
+//! Report of a verification against a cloud.
 
 use serde::Serialize;
 
@@ -19,7 +19,7 @@ use terrane_proof::{FaultCount, ProofPosition, ProofTally};
 /// southernmost, of these the westernmost.
 pub type CloudVerifyReport = MeshReport<CloudProofFindings>;
 
-/// What is found of a cloud.
+/// Findings of a verification against a cloud.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct CloudProofFindings {
     /// Cloud.
@@ -30,7 +30,7 @@ pub struct CloudProofFindings {
     pub horizontal_unit: String,
     /// Unit of heights.
     pub vertical_unit: String,
-    /// What became of the points read.
+    /// Counts of the points read.
     pub points: ReturnCounts,
     /// Points that are the lowest at their position: the promise is about these.
     pub judged_points: u64,
@@ -54,11 +54,11 @@ pub struct CloudProofFindings {
     pub uncovered_points: FaultReport<[f64; 2]>,
     /// Vertices beyond the hull of the points.
     pub outside_vertices: FaultReport<[f64; 2]>,
-    /// Positions of triangle corners that are no point of the cloud, nor posts of breaklines that were given, in the
-    /// precision of the format.
-    /// A failure only where `made_by_terrane`: the error bound of other meshes may hold all the same.
+    /// Positions of triangle corners that are neither points of the cloud nor vertices of given breaklines, in the
+    /// precision of the format. A failure only where `made_by_terrane`: the error bound of other meshes may hold all
+    /// the same.
     pub off_point_vertices: FaultReport<[f64; 2]>,
-    /// True where the mesh states that it has posts on breaklines that were not given: vertices may be no points.
+    /// True where the mesh states vertices on breaklines that were not given: these need not be points.
     #[serde(skip)]
     pub has_posts: bool,
     /// Points to keep, if given.

@@ -55,7 +55,7 @@ fn made(cloud: &PointSample, tolerance: f64, folder: &Path, name: &str) -> Box<d
     made_with(ConstraintFeatures::default(), cloud, tolerance, folder, name)
 }
 
-/// The same, with what it has to keep.
+/// As above, with constraints.
 fn made_with(
     features: ConstraintFeatures,
     cloud: &PointSample,
@@ -217,7 +217,7 @@ fn little_memory_spreads_crowds_again() {
     assert!(spilled(1 << 20) > spilled(1 << 30) * 3 / 2);
 }
 
-/// What is said of the mesh of a cloud after both were spoiled.
+/// Failures reported for a cloud and its mesh after `spoil`.
 fn failures(spoil: impl FnOnce(&mut Memory, &mut Vec<Point>)) -> Vec<String> {
     let folder = tempfile::tempdir().unwrap();
     let mut cloud = terrain(3000, false);

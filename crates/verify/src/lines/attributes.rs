@@ -1,5 +1,5 @@
-//! The properties and ids of a feature beside those of the one it was made from, as far as the format
-//! can hold them.
+//! The properties and ids of a feature compared with its original, as far as the format can represent
+//! them.
 
 use std::collections::HashMap;
 
@@ -20,20 +20,20 @@ const NUMBER: &str = "FID";
 /// Most bytes of the name of a field of a dBASE table.
 const NAME_BYTES: usize = 10;
 
-/// What the features of a file can hold of those of the original.
+/// Mapping of the original's properties to those of the file.
 pub(super) struct AttributeRules {
     holds: VectorCapabilities,
     /// The columns of the file, in formats that have some.
     columns: Vec<FieldDefinition>,
-    /// Names of properties that are cut in the file, by those of the original.
+    /// Truncated names of properties, by the original name.
     cut: HashMap<String, String>,
     /// True where ids have a place of their own: cells are all alike.
     has_ids: bool,
-    /// What was not compared, and of how many features.
+    /// Properties that were not compared, and the number of their features.
     pub(super) lost: UnsupportedAttributes,
 }
 
-/// What a format has no place for, by the number of features.
+/// Numbers of features with attributes that the format cannot store.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct UnsupportedAttributes {
     pub(super) properties: u64,
@@ -42,12 +42,12 @@ pub(super) struct UnsupportedAttributes {
     pub(super) rounded: u64,
 }
 
-/// Properties and id of a feature, by names as the file has them, without those that are null where
-/// the format knows no difference.
+/// Properties and id of a feature, under the names of the file, without null values where the
+/// format does not distinguish them.
 pub(super) type Facts = Vec<(String, PropertyValue)>;
 
 impl AttributeRules {
-    /// Those of a file of lines of a format.
+    /// Rules for a file of lines of this format.
     pub(super) fn new(holds: VectorCapabilities, lines: &dyn FeatureSource) -> Self {
         let columns = lines.layer().schema.clone().unwrap_or_default();
         let has_ids = holds.ids && holds.values != PropertySupport::Cells;
@@ -60,7 +60,7 @@ impl AttributeRules {
         }
     }
 
-    /// Names that are cut in the file, with what they were.
+    /// Truncated names, with the original ones.
     pub(super) fn cut(&self) -> Vec<String> {
         let mut cut: Vec<String> =
             self.cut.iter().filter(|(a, b)| a != b).map(|(a, b)| format!("{a} is {b}")).collect();
@@ -68,7 +68,7 @@ impl AttributeRules {
         cut
     }
 
-    /// What is to be found of a feature of the original.
+    /// Expected attributes of a feature of the original.
     pub(super) fn expected(&mut self, feature: &Feature) -> Facts {
         let id = feature.id.as_ref().map(value_of);
         let has_name = feature.properties.get(ID).is_some();
@@ -104,7 +104,7 @@ impl AttributeRules {
         self.without_nulls(facts)
     }
 
-    /// What is there of a feature of the lines.
+    /// Attributes of a feature of the lines.
     pub(super) fn found(&self, feature: &Feature) -> Facts {
         let id_name = if self.has_ids { OWN_ID } else { ID };
         let id = feature.id.as_ref().map(|id| (id_name.to_owned(), value_of(id)));
@@ -124,7 +124,7 @@ impl AttributeRules {
         facts
     }
 
-    /// The name of a property in the file: dBASE tables cut it, and number what is the same then.
+    /// The name of a property in the file: dBASE tables truncate names, and number duplicates.
     fn name(&mut self, name: &str) -> String {
         if self.holds.values != PropertySupport::Dbase {
             return name.trim().to_owned();
@@ -149,7 +149,7 @@ impl AttributeRules {
         found
     }
 
-    /// What of a feature is not as it was; `None` where all is.
+    /// The first difference of a feature's attributes; `None` without any.
     pub(super) fn difference(&mut self, expected: &Facts, found: &Facts) -> Option<String> {
         let is_known = |of: &str| expected.iter().any(|(known, _)| known == of);
         let moved = found.iter().find(|(name, _)| {
@@ -208,8 +208,8 @@ impl AttributeRules {
         yes(a == b || (is_number && had.is_ok_and(|a| has.is_ok_and(|b| a == b))))
     }
 
-    /// Numbers that differ: those of dBASE tables have so many digits behind the point, and in columns of
-    /// fractions whole numbers have 53 bits.
+    /// Numbers that differ: dBASE tables store a fixed number of decimals, and whole numbers in columns
+    /// of fractions have 53 bits.
     fn compare_rounded(&self, name: &str, value: f64, own: f64) -> AttributeMatch {
         let column = self.columns.iter().find(|field| *field.name == *name);
         let digits =
@@ -250,7 +250,7 @@ enum AttributeMatch {
     No,
 }
 
-/// A text by which features with the same facts are found; those that differ may share it.
+/// A key by which features with the same attributes are found; different attributes may share it.
 pub(super) fn stamp(facts: &Facts) -> String {
     let of = |(name, value): &(String, PropertyValue)| {
         let text = text(value);

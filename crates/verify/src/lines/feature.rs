@@ -1,5 +1,5 @@
-//! A feature as it is compared: its parts, its points and its facts; and its parts beside those they
-//! were made from.
+//! A feature prepared for comparison (parts, points and attributes), and the matching of its parts
+//! with the original ones.
 
 use std::collections::{HashMap, HashSet};
 
@@ -34,7 +34,7 @@ pub(super) struct ComparedFeature {
     /// Its points, which are no parts.
     pub(super) points: FeaturePart,
     pub(super) facts: Facts,
-    /// What features with these facts are found by.
+    /// Lookup key of the attributes.
     pub(super) stamp: String,
 }
 
@@ -53,7 +53,8 @@ impl ComparedFeature {
         Self { parts, points, facts, stamp }
     }
 
-    /// A line of one vertex as a point: a table with a row for each vertex does not tell them apart.
+    /// A line of one vertex as a point: a table with a row for each vertex does not distinguish the
+    /// two.
     pub(super) fn one_row(mut self) -> Self {
         let is_row = |parts: &[FeaturePart]| matches!(parts, [part] if part.points.len() == 1);
         if is_row(&self.parts) && self.points.points.is_empty() {
@@ -81,7 +82,7 @@ impl ComparedFeature {
     }
 }
 
-/// What became of each part of a feature.
+/// Matching of the parts of a feature.
 pub(super) struct MatchedParts {
     /// For each part before the one after, if it is still there.
     pub(super) of: Vec<Option<usize>>,
@@ -91,8 +92,8 @@ pub(super) struct MatchedParts {
     pub(super) fits: bool,
 }
 
-/// The parts of a feature beside those they were made from: each beside one that has its vertices, and
-/// what is left, in order. O(n).
+/// Matches the parts of a feature with those of the original: first by equal vertices, then the
+/// remaining ones in order. O(n).
 pub(super) fn match_parts(before: &ComparedFeature, after: &ComparedFeature) -> MatchedParts {
     let same_points = before.points.points.len() == after.points.points.len()
         && before.points.points.iter().zip(&after.points.points).all(|(p, q)| key(p) == key(q));
@@ -121,7 +122,8 @@ pub(super) fn match_parts(before: &ComparedFeature, after: &ComparedFeature) -> 
     MatchedParts { of, added, fits }
 }
 
-/// For each part before the one after that has its vertices, and those after that have those of none.
+/// For each original part the result part that has its vertices, and the result parts without such a
+/// match.
 fn placed_by_vertices(
     before: &ComparedFeature,
     after: &ComparedFeature,
@@ -174,7 +176,7 @@ fn is_walk(old: &FeaturePart, new: &FeaturePart) -> bool {
     starts.any(|at| around(at, 1) || (ends == 1 && around(at, old.len() - 1)))
 }
 
-/// Whether all vertices of `new` are among those of `old`.
+/// Whether all vertices of `new` are vertices of `old`.
 fn is_known(old: &FeaturePart, new: &FeaturePart) -> bool {
     let known: HashSet<[u64; 2]> = old.points.iter().map(key).collect();
     new.points.iter().all(|point| known.contains(&key(point)))

@@ -1,4 +1,4 @@
-//! What was found of features beyond their lines and rings.
+//! Findings on features beyond their lines and rings.
 
 use super::attributes::UnsupportedAttributes;
 
@@ -15,7 +15,7 @@ impl FeatureTally {
         self.first.get_or_insert_with(first);
     }
 
-    /// A line for a report, where there is anything to tell.
+    /// A line for a report, if there are findings.
     pub(super) fn sentence(&self, what: &str) -> Option<String> {
         let first = self.first.as_ref()?;
         Some(format!("{} {what}; the first is {first}", self.count))
@@ -30,13 +30,13 @@ pub(super) struct FeatureFindings {
     /// Features of the original that none was made from, and features that were made from none.
     pub(super) gone: FeatureTally,
     pub(super) added: FeatureTally,
-    /// Features whose properties or id are others.
+    /// Features with other properties or another id.
     pub(super) attributes: FeatureTally,
-    /// Features whose points are others, in place, number, height or measure.
+    /// Features with other points: their position, number, height or measure.
     pub(super) points: FeatureTally,
     /// Holes that are outer rings now, and the other way round.
     pub(super) roles: FeatureTally,
-    /// Features whose heights, and measures, the format has no place for.
+    /// Features with heights, and with measures, that the format cannot store.
     pub(super) unheld: [u64; 2],
     pub(super) lost: UnsupportedAttributes,
     /// Names that the format has cut.

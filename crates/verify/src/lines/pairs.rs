@@ -1,4 +1,4 @@
-//! The features of simplified lines beside those they were made from.
+//! Pairing of the features of simplified lines with the original ones.
 
 use std::collections::{HashMap, HashSet, VecDeque};
 use std::path::Path;
@@ -16,11 +16,11 @@ use terrane_vector::{
     VectorOpenOptions,
 };
 
-/// Bytes for each vertex of either file where all features have to be held.
+/// Bytes for each vertex of either file where all features have to be in memory.
 const VERTEX: u64 = 200;
 /// Bytes for each vertex of the feature that is looked at.
 const OWN_VERTEX: u64 = 160;
-/// What is taken whatever the budget is.
+/// Minimum of memory, regardless of the budget.
 const LEAST: u64 = 16 << 20;
 
 /// Features of both files. They come in the same order, or, from formats that sort them, in any.
@@ -131,7 +131,7 @@ impl<'a> FeaturePairs<'a> {
         }
     }
 
-    /// Visits the parts of a feature, and judges what is no part.
+    /// Visits the parts of a feature, and judges the rest of it.
     fn visit(
         &self,
         pair: &FeaturePair<'_>,
@@ -201,7 +201,7 @@ impl<'a> FeaturePairs<'a> {
         Ok(())
     }
 
-    /// All features of a file, as far as memory holds them with those held already.
+    /// All remaining features of a file, within the memory left by those already read.
     fn all(
         &self,
         source: &mut dyn FeatureSource,
@@ -278,9 +278,10 @@ struct ZmComparison {
     held: [bool; 2],
     /// True where there is none, before or after.
     is_none: bool,
-    /// True where no height is told as 0: a shapefile has heights for all of its features or for none.
+    /// True where a missing height is stored as 0: a shapefile has heights for all of its features or
+    /// for none.
     is_zero: bool,
-    /// True where measures are moments, which are told to the millisecond.
+    /// True where measures are timestamps with a resolution of a millisecond.
     is_coarse: bool,
 }
 
@@ -295,8 +296,8 @@ impl ZmComparison {
         Self { held, is_none, is_zero, is_coarse }
     }
 
-    /// Heights and measures of a part of the original or of the lines, without those that are not held;
-    /// nothing where there is none at all.
+    /// Heights and measures of a part of the original or of the lines, as far as the format stores
+    /// them; empty without any.
     fn of(&self, part: &FeaturePart, is_original: bool) -> Vec<[f64; 2]> {
         if self.is_none {
             return Vec::new();
@@ -340,8 +341,8 @@ struct FeaturePartners<'a> {
 }
 
 impl<'a> FeaturePartners<'a> {
-    /// First those whose facts and vertices both are its own, then those with its vertices, then those
-    /// with its facts; what is empty now is most likely what was empty.
+    /// Candidates in order: equal attributes and vertices, then equal vertices, then equal attributes.
+    /// An empty feature most likely was empty before.
     fn find(before: &'a [ComparedFeature], after: &'a [ComparedFeature]) -> Self {
         let (of, made) = (vec![None; before.len()], vec![false; after.len()]);
         let mut found = Self { before, after, of, made };
@@ -361,8 +362,8 @@ impl<'a> FeaturePartners<'a> {
         }
     }
 
-    /// Finds the feature that one was made from. Where all that fit are taken, one of those that took them goes on
-    /// to another that fits it, too (Berge 1957): a short line has its vertices in many a longer one.
+    /// Finds the feature that one was made from. Where all candidates are taken, one of their owners moves to
+    /// another candidate (augmenting path, Berge 1957): the vertices of a short line occur in many longer ones.
     fn pair(
         &mut self,
         number: usize,

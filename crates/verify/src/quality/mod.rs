@@ -1,8 +1,8 @@
 //! The quality of a written mesh as a triangulation, out of core: measured, not judged.
 //!
-//! Of the mesh alone: its triangles are spread over squares of the plane through a temporary file, and
-//! each square is looked at by itself ([`terrane_proof::quality`]). With a grid, they are spread once more
-//! over rectangles of its samples, where triangles are held against slopes ([`terrane_proof::slope`]).
+//! For the mesh alone, triangles are spread over square tiles of the plane through a temporary file, and
+//! each tile is measured by itself ([`terrane_proof::quality`]). With a grid, they are spread once more
+//! over rectangles of its samples, where triangles are compared with slopes ([`terrane_proof::slope`]).
 //! Nothing in the report depends on threads, memory budget, or the order of work.
 
 mod report;
@@ -30,18 +30,18 @@ pub use report::{AngleReport, AngleShare, AspectReport, DegreeReport, QualityRep
 pub struct MeasuredMesh<'a> {
     /// Its file.
     pub file: &'a Path,
-    /// What is in it.
+    /// The mesh.
     pub mesh: &'a dyn MeshSource,
     /// Smallest and largest coordinates of its vertices; `None` without any.
     pub bounds: Option<[Point3; 2]>,
 }
 
-/// A grid whose slopes a mesh is held against.
+/// A grid for the comparison of slopes.
 #[derive(Clone, Copy)]
 pub struct SlopeReference<'a> {
-    /// Its file, or what it is called.
+    /// Its file or display name.
     pub name: &'a Path,
-    /// What is in it.
+    /// The grid.
     pub grid: &'a dyn GridSource,
 }
 
@@ -49,8 +49,8 @@ pub struct SlopeReference<'a> {
 /// are not part of the memory budget, of which this takes about half.
 ///
 /// # Errors
-/// A solid, a triangle that refers to a vertex there is not, too little memory, a grid whose coordinates
-/// or heights are no lengths, and everything the sources report.
+/// A solid, a triangle with an invalid vertex index, too little memory, a grid with coordinates or
+/// heights that are not lengths, and errors of the sources.
 pub fn quality(
     measured: MeasuredMesh<'_>,
     against: Option<SlopeReference<'_>>,

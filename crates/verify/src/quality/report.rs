@@ -1,4 +1,4 @@
-//! What was found of the quality of a mesh, for people and programs.
+//! Report of the quality of a mesh, as text and JSON.
 
 use serde::Serialize;
 
@@ -7,16 +7,17 @@ use terrane_proof::ProofPosition;
 use terrane_proof::quality::{AcuteAngles, DelaunayCounts, Quality};
 use terrane_proof::slope::SlopeTally;
 
-/// The quality of a mesh. Vertices are positions in plan, so that those of formats without an identity
-/// of vertices count once; lengths and angles are in plan in the coordinates of the mesh, as if these were
-/// lengths, but for those in space.
+/// The quality of a mesh. Vertices are positions in plan, so that duplicates in formats without shared
+/// vertices count once. Lengths and angles are in plan in the coordinates of the mesh, as if these were
+/// lengths, except those in space.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct QualityReport {
     /// Positions of corners.
     pub vertices: u64,
-    /// Triangles, but for those broken.
+    /// Triangles, without the broken ones.
     pub triangles: u64,
-    /// Triangles with a vertex that has no finite position; nothing else is told of them.
+    /// Triangles with a vertex that has no finite position; they are excluded from all other
+    /// figures.
     pub broken_triangles: u64,
     /// Triangles without area in plan: they have no angles.
     pub empty_triangles: u64,
@@ -33,10 +34,10 @@ pub struct QualityReport {
     /// Interior edges that are locally Delaunay: neither opposite corner is inside the circle through the
     /// other triangle.
     pub delaunay_edges: u64,
-    /// Those of them whose four corners are on one circle, as far as the rounding of positions lets tell:
-    /// the other diagonal would be Delaunay, too.
+    /// Delaunay edges with all four corners on one circle, within the rounding of positions: the other
+    /// diagonal would be Delaunay, too.
     pub cocircular_edges: u64,
-    /// Interior edges that are not.
+    /// Interior edges that are not locally Delaunay.
     pub non_delaunay_edges: u64,
     /// Interior edges whose triangles do not lie on opposite sides in plan: overhangs, and neighbours of
     /// triangles without area. They are not Delaunay either.
@@ -71,11 +72,11 @@ pub struct QualityReport {
 pub struct AngleReport {
     /// The least of all.
     pub min: Option<f64>,
-    /// What 1 % of the triangles do not exceed, to a hundredth of a degree.
+    /// 1st percentile over the triangles, to a hundredth of a degree.
     pub percentile_1: Option<f64>,
-    /// What 5 % do not exceed.
+    /// 5th percentile.
     pub percentile_5: Option<f64>,
-    /// What half of them do not exceed.
+    /// Median.
     pub median: Option<f64>,
     /// Shares of triangles below some angles.
     pub below: Vec<AngleShare>,
@@ -133,18 +134,18 @@ pub struct DegreeReport {
     pub mean: Option<f64>,
     /// The most.
     pub max: Option<u64>,
-    /// Vertices of 0, 1, 2 and more edges; the last entry counts those of 20 or more.
+    /// Vertices with 0, 1, 2 and more edges; the last entry counts 20 or more.
     pub histogram: Vec<u64>,
 }
 
 /// The angle between the normals of triangles and of the grid, in degrees: at the middle of each cell
-/// with four samples, whose slope is that of central differences. Where several triangles meet there, of
-/// the one that is furthest off.
+/// with four samples, with the slope by central differences. Where several triangles meet there, the
+/// largest angle counts.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct SlopeReport {
     /// Cells that were compared.
     pub cells: u64,
-    /// Cells with four samples whose middle no triangle covers.
+    /// Cells with four samples and no triangle over their middle.
     pub uncovered_cells: u64,
     /// Root mean square of the angles.
     pub rms: Option<f64>,
@@ -152,7 +153,7 @@ pub struct SlopeReport {
     pub max: Option<f64>,
     /// Where it is.
     pub max_at: Option<GridLocation>,
-    /// What was taken for granted.
+    /// Assumptions.
     pub notes: Vec<String>,
 }
 
@@ -175,7 +176,7 @@ impl SlopeReport {
 }
 
 impl QualityReport {
-    /// What was found, with cells of the lattice so wide in the world.
+    /// Builds the report; `cell` is the width of a lattice cell in the units of the mesh.
     pub(super) fn new(found: &Quality, broken: u64, cell: f64, has_space: bool) -> Self {
         let DelaunayCounts { delaunay, cocircular, not_delaunay, folded } = found.pairs;
         let interior_edges = delaunay + cocircular + not_delaunay + folded;

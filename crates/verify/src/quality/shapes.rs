@@ -1,4 +1,4 @@
-//! The squares of a mesh, one after the other; those too crowded are spread again.
+//! The tiles of a mesh, one after the other. Tiles with too many triangles are subdivided.
 
 use std::sync::Mutex;
 
@@ -12,7 +12,7 @@ use terrane_files::{Buckets, lock};
 use terrane_proof::quality::{self, Quality, QualityLattice, QualityPart};
 use terrane_proof::{GridDomain, ProofPosition, ProofTriangle};
 
-/// Looks at all squares. Returns the triangles that were left out because of an unusable vertex, too.
+/// Measures all tiles. Also returns the number of triangles left out because of an unusable vertex.
 pub(super) fn measure(
     work: &ProofResources<'_>,
     plan: &QualityLattice,
@@ -39,8 +39,8 @@ pub(super) fn measure(
     Ok((found, spread.broken))
 }
 
-/// How many squares are wanted: few enough that their index stays small, but so many that one of average
-/// density takes half of a thread's memory.
+/// The number of tiles: few enough for a small index, but so many that one of average density takes half
+/// of a thread's memory.
 fn memory_needed(work: &ProofResources<'_>) -> u64 {
     let triangles = work.mesh.info().triangles;
     let need = quality::bytes_needed(triangles.saturating_mul(3) / 2);
@@ -55,7 +55,7 @@ struct QualityInspector<'a> {
     work: &'a ProofResources<'a>,
     plan: &'a QualityLattice,
     has_space: bool,
-    /// Held while a square that cannot be split takes more than a thread's share.
+    /// Locked while a tile that cannot be split takes more than a thread's share.
     crowded: Mutex<()>,
 }
 

@@ -1,4 +1,4 @@
-//! The slopes of a grid, rectangle by rectangle, and those of the triangles over them.
+//! The slopes of a grid, rectangle by rectangle, compared with those of the triangles over it.
 
 use super::report::SlopeReport;
 use crate::buckets::{DomainReach, MeshSpread};

@@ -1,4 +1,5 @@
-//! What tiles of every so many levels say there is below them, for clients that load it with them.
+//! Availability metadata: lists of the tiles below, which tiles of every few levels carry for
+//! clients.
 
 use std::collections::{HashMap, HashSet};
 
@@ -6,15 +7,15 @@ use super::folder::FolderTiles;
 use super::layer::{TileRange, TilesetPromises, tiles_of};
 use terrane_proof::tiles::ProofTileId;
 
-/// How many tiles there are below those that have to tell.
+/// Number of tiles below each tile with availability metadata.
 pub(super) struct TileDescendants {
-    /// Levels from one that tells to the next.
+    /// Levels between tiles with availability metadata.
     every: u8,
     counts: HashMap<ProofTileId, u64>,
 }
 
 impl TileDescendants {
-    /// Of a set that says its tiles tell; `None` of another.
+    /// `None` for a set without availability metadata.
     pub(super) fn of(layer: &TilesetPromises, tiles: &FolderTiles) -> Option<Self> {
         let every = layer.told_every?;
         let mut counts = HashMap::new();
@@ -25,7 +26,7 @@ impl TileDescendants {
         Some(Self { every, counts })
     }
 
-    /// Whether a tile lists all that there are below it, each once, down to the next that tells, and nothing else.
+    /// Whether a tile lists exactly the tiles below it, each once, down to the next level with metadata.
     pub(super) fn is_right(
         &self,
         id: ProofTileId,

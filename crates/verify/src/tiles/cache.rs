@@ -1,4 +1,4 @@
-//! What is made of tiles, kept while memory lasts.
+//! Cache of decoded tiles.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
@@ -7,7 +7,7 @@ use terrane_base::error::Result;
 use terrane_files::lock;
 use terrane_proof::tiles::ProofTileId;
 
-/// Things by tile. Those not asked for since the last time that half of the bytes were filled go first.
+/// Values by tile. Once half of the bytes are filled, entries unused since the last time go first.
 pub(super) struct TileCache<T> {
     half: usize,
     kept: Mutex<CachedTiles<T>>,
@@ -27,7 +27,7 @@ impl<T> TileCache<T> {
         Self { half, kept: Mutex::new(kept) }
     }
 
-    /// What is kept of a tile, or else what `make` makes of it, with its bytes.
+    /// The cached value of a tile, or else the result of `make`, with its bytes.
     pub(super) fn get(
         &self,
         id: ProofTileId,

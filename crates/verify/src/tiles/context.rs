@@ -8,15 +8,15 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::{Cancel, Progress};
 use terrane_proof::tiles::{DecodedTile, ProofTileId, WaterShore};
 
-/// Metres by which a distance may be larger than what it is held to: rounding.
+/// Metres by which a distance may exceed its limit because of rounding.
 pub const ROUNDING: f64 = 1e-6;
 
-/// What both passes need to know.
+/// Inputs shared by both passes.
 pub(super) struct TilesProofContext<'a> {
     pub(super) layer: &'a TilesetPromises,
     pub(super) tiles: &'a FolderTiles,
     pub(super) places: GlobeRaster<'a>,
-    /// What masks of water are held to.
+    /// Reference polygons of water masks.
     pub(super) shore: Option<WaterShore>,
     /// Metres that heights of steep ground are apart; none where it is not steep.
     pub(super) steep: f64,
@@ -36,7 +36,7 @@ impl TilesProofContext<'_> {
         }
     }
 
-    /// The distance that samples of a level are held to.
+    /// The largest distance of samples allowed at a level.
     pub(super) fn limit(&self, level: u8) -> f64 {
         self.layer.tolerance(level) + ROUNDING
     }
@@ -47,8 +47,8 @@ impl TilesProofContext<'_> {
         (level..=finest).map(|level| self.limit(level)).fold(0.0, f64::max)
     }
 
-    /// The gap that borders between a level and the next coarser one are held to. Positions are rounded to steps, which
-    /// steep ground makes heights of.
+    /// The largest gap allowed between borders of a level and the next coarser one. On steep ground, the rounding of
+    /// positions adds to heights.
     pub(super) fn allowed_gap(&self, level: u8) -> f64 {
         let of = |level: u8| {
             let part = (4.0 * self.places.samples_of_step(level)).min(1.0);

@@ -29,9 +29,9 @@ const MAX_BYTES: u64 = 64 << 20;
 pub(super) struct FolderTiles {
     /// Sorted.
     pub(super) all: Vec<ProofTileId>,
-    /// Those and the ones that are too many.
+    /// Number of tiles, including those beyond the limit.
     count: usize,
-    /// How many there is room for.
+    /// Limit of the number of tiles.
     most: usize,
     /// Files that are no tiles.
     pub(super) strays: u64,
@@ -40,12 +40,12 @@ pub(super) struct FolderTiles {
 }
 
 impl FolderTiles {
-    /// None yet, of as many as there is room for.
+    /// Empty list with a limit by memory.
     pub(super) fn within(room: &TilesProofMemory) -> Self {
         Self { most: room.tiles(), ..Self::default() }
     }
 
-    /// Looks through a folder for tiles, which there has to be room for.
+    /// Lists the tiles of a folder, within a limit by memory.
     pub(super) fn find(folder: &Path, room: &TilesProofMemory, cancel: &Cancel) -> Result<Self> {
         let mut found = Self::within(room);
         for level in entries(folder)? {
@@ -82,7 +82,7 @@ impl FolderTiles {
         Ok(())
     }
 
-    /// Of what does not fit all is counted.
+    /// Beyond the limit, tiles are only counted.
     pub(super) fn add(&mut self, id: ProofTileId) {
         self.count += 1;
         if self.count <= self.most {
@@ -93,7 +93,7 @@ impl FolderTiles {
     /// The tiles in order.
     ///
     /// # Errors
-    /// More tiles in a folder than there is room for.
+    /// More tiles in a folder than fit into memory.
     pub(super) fn sorted(mut self, folder: &Path) -> Result<Self> {
         TilesProofMemory::check(self.count, self.most).map_err(|e| e.in_file(folder))?;
         self.all.sort_unstable();
@@ -137,7 +137,8 @@ pub(super) fn path_of(folder: &Path, id: ProofTileId) -> PathBuf {
 /// Reads a tile of so many vertices as `fit`.
 ///
 /// # Errors
-/// Files that cannot be read, are too large, are no gzip or have bytes after it, and whatever [`DecodedTile::read`] finds.
+/// Files that cannot be read, are too large, are not gzip or have trailing bytes, and errors of
+/// [`DecodedTile::read`].
 pub(super) fn read(
     folder: &Path,
     id: ProofTileId,

@@ -16,15 +16,15 @@ pub(super) struct GlobeRaster<'a> {
     grid: &'a dyn GridSource,
     on_globe: OnGlobe,
     lift: VerticalShift,
-    /// Whether the raster says what heights are in.
+    /// Whether the raster states the unit of heights.
     pub(super) knows_unit: bool,
-    /// What is to be said of where it lies.
+    /// Remarks on the georeference.
     pub(super) notes: Vec<String>,
 }
 
 /// Where the samples of a window are.
 pub(super) enum WindowPositions {
-    /// Columns are meridians and rows parallels: degrees of each, and what is upright there.
+    /// Columns are meridians and rows parallels: degrees of each, and constants of each parallel.
     Straight {
         longitudes: Vec<f64>,
         latitudes: Vec<f64>,
@@ -36,10 +36,11 @@ pub(super) enum WindowPositions {
 }
 
 impl<'a> GlobeRaster<'a> {
-    /// Those of a raster.
+    /// The georeference of a raster.
     ///
     /// # Errors
-    /// A raster whose place on the globe is not known, by what is missing; a geoid that cannot be read.
+    /// A raster without a known position on the globe (the missing item is named), or an unreadable
+    /// geoid.
     pub(super) fn of(
         grid: &'a dyn GridSource,
         geoid: Option<&str>,
@@ -100,7 +101,7 @@ impl<'a> GlobeRaster<'a> {
     /// Longitude and latitude of a sample.
     ///
     /// # Errors
-    /// One beyond what its projection reaches.
+    /// A position outside the domain of the projection.
     pub(super) fn place(&self, col: u32, row: u32) -> Result<[f64; 2]> {
         let at = [col, row].map(f64::from);
         match &self.on_globe {
@@ -112,7 +113,7 @@ impl<'a> GlobeRaster<'a> {
     /// Longitude and latitude of a position in the system of the raster.
     ///
     /// # Errors
-    /// One beyond what its projection reaches.
+    /// A position outside the domain of the projection.
     pub(super) fn bring(&self, at: [f64; 2]) -> Result<[f64; 2]> {
         match &self.on_globe {
             OnGlobe::Straight(_) => Ok(at),
@@ -139,7 +140,7 @@ impl<'a> GlobeRaster<'a> {
     /// Where the samples of a window are, each by itself.
     ///
     /// # Errors
-    /// Samples beyond what their projection reaches.
+    /// Samples outside the domain of the projection.
     pub(super) fn window(&self, rect: Rect) -> Result<WindowPositions> {
         let (cols, rows) = (rect.col..rect.end_col(), rect.row..rect.end_row());
         if let OnGlobe::Moved(..) = self.on_globe {

@@ -1,4 +1,4 @@
-//! `layer.json`: what a set of tiles says of itself.
+//! `layer.json`: the metadata of a tileset.
 
 use std::fs::File;
 use std::io::Read;
@@ -43,7 +43,7 @@ pub(super) struct TileRange {
     end_y: u32,
 }
 
-/// What terrane says of its own sets.
+/// terrane's own metadata in a tileset.
 #[derive(Debug, Deserialize)]
 struct TerraneLayerExtras {
     levels: Vec<StatedLevel>,
@@ -51,7 +51,7 @@ struct TerraneLayerExtras {
     heights: Option<String>,
 }
 
-/// What a set of tiles promises.
+/// Promises of a tileset.
 #[derive(Debug)]
 pub(super) struct TilesetPromises {
     /// The folder of the tiles.
@@ -65,7 +65,7 @@ pub(super) struct TilesetPromises {
     pub(super) has_metadata: bool,
     /// Tiles have masks of water.
     pub(super) has_water: bool,
-    /// Levels from one whose tiles tell what is below them to the next, where there are such.
+    /// Levels between tiles with availability metadata, if the set has any.
     pub(super) told_every: Option<u8>,
     /// By level, where terrane made it.
     pub(super) levels: Option<Vec<StatedLevel>>,
@@ -88,12 +88,13 @@ pub(super) enum TilesetKind {
 }
 
 impl TilesetPromises {
-    /// The tolerance of a level in metres: what it states, or else what clients assume.
+    /// The tolerance of a level in metres: the stated one, or else the assumption of clients.
     pub(super) fn tolerance(&self, level: u8) -> f64 {
         self.own(level).map_or(self.assumed(level), |own| own.tolerance)
     }
 
-    /// Metres that borders of a level may be off by: what clients assume, or a step of heights where that is larger.
+    /// Metres that borders of a level may differ by: the assumption of clients, or a step of heights where that is
+    /// larger.
     pub(super) fn apart(&self, level: u8) -> f64 {
         self.assumed(level).max(self.own(level).map_or(0.0, |own| own.step))
     }
@@ -111,7 +112,7 @@ impl TilesetPromises {
         }
     }
 
-    /// What only 3D Tiles have.
+    /// Metadata of 3D Tiles only.
     pub(super) fn three(&self) -> Option<&ThreeTilesCheck> {
         match &self.kind {
             TilesetKind::QuantizedMesh => None,
@@ -119,7 +120,7 @@ impl TilesetPromises {
         }
     }
 
-    /// What terrane says of a level.
+    /// terrane's own metadata of a level.
     pub(super) fn own(&self, level: u8) -> Option<StatedLevel> {
         self.levels.as_ref()?.get(usize::from(level)).copied()
     }
@@ -281,7 +282,7 @@ pub(super) fn check_beyond(beyond: Option<&str>) -> Result<bool> {
     }
 }
 
-/// Whether a geoid was added to the heights, of what a set says that they are counted from.
+/// Whether a geoid was added to the heights, by the stated vertical reference of the set.
 ///
 /// # Errors
 /// Another word than terrane has for it.

@@ -16,7 +16,7 @@ pub(super) struct StatedLevel {
     pub(super) tiles: u64,
 }
 
-/// What terrane says of levels: each once, down to the finest, and numbers that can be.
+/// Checks terrane's metadata of levels: each level once, down to the finest, with valid numbers.
 pub(super) fn check_levels(mut levels: Vec<StatedLevel>, finest: u8) -> Result<Vec<StatedLevel>> {
     levels.sort_by_key(|level| level.level);
     let is_each = levels.iter().map(|level| level.level).eq(0..=finest);

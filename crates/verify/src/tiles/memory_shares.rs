@@ -1,6 +1,6 @@
-//! How the memory of a proof is divided: half of what there is beside the program, of which up to a half goes to what
-//! is known of all tiles, up to a half of what is left to the sides of water, and the rest to windows of samples and
-//! what is made of tiles. The other half is for blocks of the raster, and for the allocator.
+//! Division of the memory budget. Half of it, less the program's own memory, is for the proof: up to a half of that
+//! for records of all tiles, up to a half of the remainder for sides of water polygons, and the rest for windows of
+//! samples and decoded tiles. The other half is for blocks of the raster, and for the allocator.
 
 use super::georeference::GlobeRaster;
 use terrane_base::error::Result;
@@ -8,40 +8,40 @@ use terrane_engine::Resources;
 use terrane_engine::memory::{PROGRAM, beside_program, short};
 use terrane_proof::tiles::{BYTES_PER_VERTEX, WaterBank};
 
-/// Bytes that are kept of each tile, and of what subtrees tell of it.
+/// Bytes of the record of each tile, with its metadata from subtrees.
 const TILE_BYTES: u64 = 256;
 
 /// Threads get so many times the bytes of a window, at least.
 const WINDOWS: u64 = 8;
 
-/// Of what is left beside windows, one in so many bytes is for what is made of the tile at hand.
+/// Inverse share of a decoded tile in the memory left beside windows.
 const SHARES: u64 = 4;
 
-/// What is not yet taken.
+/// Memory not yet allotted.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TilesProofMemory {
     free: u64,
     taken: u64,
 }
 
-/// What is left, and how threads share it.
+/// The remaining memory, and its division among threads.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DividedBudget {
     pub(super) threads: usize,
-    /// Bytes for what is made of tiles.
+    /// Bytes for decoded tiles.
     pub(super) memory: u64,
     window: u64,
     taken: u64,
-    /// Threads that were asked for.
+    /// Requested threads.
     wanted: u64,
 }
 
-/// Columns and rows of a window: fewer where the place of each sample is kept.
+/// Columns and rows of a window: fewer where the position of each sample is stored.
 pub(super) fn window(places: &GlobeRaster<'_>) -> u32 {
     if places.sample_bytes() == 0 { 512 } else { 128 }
 }
 
-/// Bytes of a window and what is made of it.
+/// Bytes of a window and its decoded tiles.
 fn window_bytes(places: &GlobeRaster<'_>) -> u64 {
     // Of samples whose places are kept, their numbers by tile are, too: twice at a border, in lists that grow.
     let sample = match places.sample_bytes() {
@@ -66,7 +66,7 @@ impl TilesProofMemory {
         self.taken += bytes;
     }
 
-    /// Tiles that there is room for.
+    /// Number of tiles that fit.
     pub(super) fn tiles(&self) -> usize {
         usize::try_from(self.free / 2 / TILE_BYTES).unwrap_or(usize::MAX)
     }
@@ -86,7 +86,7 @@ impl TilesProofMemory {
         }
     }
 
-    /// Parts of sides of water that there is room for.
+    /// Number of parts of sides of water polygons that fit.
     pub(super) fn sides(&self) -> u64 {
         self.free / 2 / WaterBank::BYTES
     }
@@ -103,7 +103,7 @@ impl TilesProofMemory {
         }
     }
 
-    /// What is left for windows of the raster and what is made of tiles.
+    /// The remainder, for windows of the raster and decoded tiles.
     pub(super) fn divided(self, places: &GlobeRaster<'_>, threads: usize) -> DividedBudget {
         self.shared(window_bytes(places), threads)
     }
@@ -122,7 +122,7 @@ impl DividedBudget {
         self.memory / SHARES / self.threads as u64 / BYTES_PER_VERTEX as u64
     }
 
-    /// Fails where a tile has more vertices than there is room for.
+    /// Fails where a tile has more vertices than fit.
     pub(super) fn fit(&self, vertices: usize) -> Result<()> {
         let most = self.vertices();
         if vertices as u64 <= most {

@@ -56,13 +56,13 @@ pub fn is_tiles(path: &Path) -> bool {
     place.file_name().is_some_and(is_it) && place.is_file()
 }
 
-/// Proves a set of tiles. An error means that it could not be done; a set that breaks a promise is no error, but
-/// a report whose verdict has not `passed`.
+/// Proves a set of tiles. A tileset that breaks a promise is not an error: the verdict in its report has
+/// `passed` unset.
 ///
 /// # Errors
-/// A `layer.json` or `tileset.json` of another kind of tiles; a raster whose place
-/// on the globe is not known, that reaches beyond the world or has no valid sample; too little memory for the number of
-/// tiles or the vertices of one. A tile that cannot be decoded is a fault, and the others are proved.
+/// A `layer.json` or `tileset.json` of another kind of tiles; a raster that lacks a georeference, reaches beyond the
+/// globe or has no valid sample; too little memory for the number of tiles or the vertices of one. A tile that cannot
+/// be decoded is a fault, and the others are proved.
 pub(super) fn verify_tiles(
     job: &LineProofQuestion<'_, TilesProof>,
     progress: &dyn Progress,
@@ -110,12 +110,11 @@ pub(super) fn verify_tiles(
     Ok(report)
 }
 
-/// Proves a set of tiles of a cloud against the model of its ground, which is made again in the folder for what does
-/// not fit into memory, or beside the set. What is promised is about samples
-/// of the model: how far points are from them, nobody says.
+/// Proves a set of tiles of a cloud against the model of its ground, which is made again in the folder for temporary
+/// files, or beside the set. The promise holds at samples of the model, not at the points.
 ///
 /// # Errors
-/// Those of [`verify_tiles`], and of making the model.
+/// Errors of [`verify_tiles`], and of making the model.
 pub(super) fn verify_tiles_of_cloud(
     job: &LineProofQuestion<'_, CloudTilesProof>,
     progress: &dyn Progress,

@@ -1,4 +1,4 @@
-//! What a proof of tiles found.
+//! Report of a verification of tiles.
 
 use serde::Serialize;
 
@@ -16,7 +16,7 @@ use terrane_proof::tiles::{MaskPixels, ProofTileId, TilesetCheck, TilesetFault, 
 /// Metres that a sphere may be larger than it has to be, and part that a tolerance may: rounding.
 const LOOSE: f64 = 1e-3;
 const SHARE: f64 = 1e-6;
-/// What a tolerance may be of an error that is larger than clients assume.
+/// Largest ratio of a tolerance to the measured error where that exceeds the assumption of clients.
 const MEASURED: f64 = 1.01;
 /// Steps of heights in the error that clients assume, at most.
 const FINEST: f64 = 64.0 * (1.0 + 1e-6);
@@ -24,7 +24,7 @@ const FINEST: f64 = 64.0 * (1.0 + 1e-6);
 /// Degrees by which bounds may miss a sample: they are written in decimals.
 const DEGREES: f64 = 1e-9;
 
-/// How the fault begins of files that belong to no set, and of those that cannot be read.
+/// Prefix of the fault for files outside the set, or unreadable ones.
 const STRAY: &str = "files that are neither";
 const UNREADABLE: &str = "tiles that cannot be read";
 
@@ -35,7 +35,8 @@ const STEPS: f64 = 8192.0;
 /// Steps of heights from zero to the highest place, at least, where single precision asks for larger steps.
 const HIGHEST: f64 = 2e6;
 
-/// What was found. Distances and heights are in metres; tiles are "level/column/row".
+/// Report of a verification of tiles. Distances and heights are in metres; tiles are
+/// "level/column/row".
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct TilesVerifyReport {
@@ -45,12 +46,12 @@ pub struct TilesVerifyReport {
     pub raster: String,
     /// Its reference system.
     pub crs: String,
-    /// What came of it.
+    /// Verdict of the proof.
     #[serde(flatten)]
     pub verdict: ProofVerdict,
-    /// What else should be known.
+    /// Further remarks.
     pub notes: Vec<String>,
-    /// True when `layer.json` says what terrane says of its own sets: tolerances, steps and errors.
+    /// True when `layer.json` has terrane's own metadata: tolerances, steps and errors.
     pub made_by_terrane: bool,
     /// Tiles, vertices and triangles of all levels.
     pub files: u64,
@@ -60,13 +61,13 @@ pub struct TilesVerifyReport {
     pub triangles: u64,
     /// Valid samples of the raster.
     pub samples: u64,
-    /// Samples that were measured on all levels together; those on a border once for each tile.
+    /// Measured samples of all levels; samples on a border count once for each tile.
     pub measured: u64,
     /// Lowest and highest valid sample.
     pub heights: Option<[f64; 2]>,
     /// West, south, east and north of the valid samples.
     pub bounds: Option<[f64; 4]>,
-    /// By how much the error that a tile records is larger than what was measured, at the most.
+    /// Largest excess of a tile's recorded error over the measured one.
     pub max_overstated: Option<f64>,
     /// One for each thing that is proved.
     pub checks: Vec<CheckReport>,
@@ -74,28 +75,28 @@ pub struct TilesVerifyReport {
     pub levels: Vec<LevelProofReport>,
     /// Samples measured a second.
     pub samples_per_second: f64,
-    /// What the run took.
+    /// Time, memory and threads of the run.
     #[serde(flatten)]
     pub run: RunStatistics,
 }
 
-/// What came of one thing that is proved.
+/// Result of one check.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct CheckReport {
-    /// What: structure, samples, borders, levels, containment, water or index.
+    /// Name: structure, samples, borders, levels, containment, water or index.
     pub check: &'static str,
     /// Nothing wrong was found.
     pub kept: bool,
-    /// What was looked at, in words.
+    /// Scope of the check, in words.
     pub looked_at: String,
-    /// What is wrong.
+    /// Faults.
     pub faults: Vec<TileFault>,
 }
 
 /// Something wrong.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct TileFault {
-    /// What.
+    /// Description.
     pub what: String,
     /// How often.
     pub count: u64,
@@ -115,7 +116,7 @@ pub struct LevelProofReport {
     pub tolerance: f64,
     /// Step of all heights, where it is stated.
     pub step: Option<f64>,
-    /// Samples measured, and those over the tolerance.
+    /// Samples measured, and samples over the tolerance.
     pub samples: u64,
     pub over: u64,
     pub max_error: Option<f64>,
@@ -128,7 +129,7 @@ pub struct LevelProofReport {
     pub borders_alone: u64,
     pub borders_differing: u64,
     pub gap: Option<f64>,
-    /// Borders to tiles of the next coarser level, likewise: those over have a larger gap than allowed.
+    /// Borders to tiles of the next coarser level, and borders with a larger gap than allowed.
     pub coarser: u64,
     pub coarser_alone: u64,
     pub coarser_over: u64,
@@ -137,7 +138,7 @@ pub struct LevelProofReport {
     pub coarser_gap_allowed: Option<f64>,
 }
 
-/// All that was found.
+/// Findings of all checks.
 pub(super) struct TilesProofFindings {
     pub(super) alone: tile_checks::SingleTileFindings,
     pub(super) records: Vec<Option<TileRecord>>,
@@ -214,7 +215,7 @@ struct TilesJudge<'a> {
 }
 
 impl TilesJudge<'_> {
-    /// What is only known when samples and tiles have been looked at.
+    /// Checks that need all samples and tiles.
     fn tiles(&self, faults: &mut TilesetFaults) {
         let layer = self.context.layer;
         let numbered = self.context.tiles.all.iter().zip(&self.found.records);
@@ -267,7 +268,7 @@ impl TilesJudge<'_> {
         self.context.layer.assumed(level) + (high - low) * steps
     }
 
-    /// Which tiles there are, and what is said of them.
+    /// Checks the list of tiles against its metadata.
     fn index(&self, faults: &mut TilesetFaults) {
         let (layer, tiles) = (self.context.layer, self.context.tiles);
         for x in 0..2 {
@@ -310,7 +311,7 @@ impl TilesJudge<'_> {
         faults.add(TilesetFault::BeyondWorld, u64::from(layer.bounds.is_some_and(is_beyond)), None);
     }
 
-    /// Holds the files of a level to those that are said to be there.
+    /// Compares the files of a level with its stated availability.
     fn available(&self, level: u8, faults: &mut TilesetFaults) {
         let tiles = self.context.tiles;
         let of_level = tiles.of_level(level);
@@ -384,7 +385,7 @@ impl TilesJudge<'_> {
         })
     }
 
-    /// What is said of levels.
+    /// Checks the metadata of levels.
     fn levels(&self, levels: &[LevelProofReport], faults: &mut TilesetFaults) {
         for found in levels {
             let id = self.context.tiles.all.get(self.context.tiles.of_level(found.level).start);
@@ -414,14 +415,14 @@ impl TilesJudge<'_> {
         }
     }
 
-    /// Whether a geoid was added to the heights of the tiles, or to those of the raster, alone.
+    /// Whether a geoid was added only to the heights of the tiles, or only to those of the raster.
     fn has_other_heights(&self) -> bool {
         let has_geoid = self.context.places.has_geoid();
         self.context.layer.has_geoid.is_some_and(|said| said != has_geoid)
     }
 
-    /// The largest step of heights that a level needs: of what clients assume, of the heights that have to be told
-    /// apart in a tile, of the highest in single precision, and of a lattice.
+    /// The largest step of heights that a level needs: by the assumption of clients, the range of heights in a
+    /// tile, single precision at the largest height, and the lattice.
     fn coarsest(&self, assumed: f64, own: StatedLevel) -> f64 {
         let [low, high] = self.reach();
         let (low, high) = (low.min(0.0), high.max(0.0));

@@ -1,5 +1,5 @@
-//! Samples against the surfaces of all levels: the raster is read once, window by window, and what is made of
-//! tiles stays in a cache while windows next to each other ask for it.
+//! Samples against the surfaces of all levels: the raster is read once, window by window, and decoded tiles
+//! stay in a cache while neighbouring windows need them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -32,7 +32,7 @@ pub(super) struct FarthestSample {
     pub(super) distance: f64,
     /// Row and column.
     pub(super) sample: [u32; 2],
-    /// What the samples of the tile are surely off by at the most, their places being rounded, and what they may be.
+    /// Certain and possible distance of the samples of the tile, given the rounding of positions.
     pub(super) ends: [f64; 2],
 }
 
@@ -58,7 +58,7 @@ impl OfLevel {
     }
 }
 
-/// What is found of samples.
+/// Findings on samples.
 #[derive(Debug, Default)]
 pub(super) struct SampleFindings {
     pub(super) faults: TilesetFaults,
@@ -126,7 +126,7 @@ fn hold(bounds: &mut Option<[f64; 4]>, [x, y]: [f64; 2]) {
     *bounds = Some([west.min(x), south.min(y), east.max(x), north.max(y)]);
 }
 
-/// Measures all samples. What lies under tiles is by the number of the tile.
+/// Measures all samples. Results are indexed by the number of the tile.
 pub(super) fn check(context: &TilesProofContext<'_>) -> Result<(SampleFindings, Vec<TileSamples>)> {
     let levels = usize::from(context.layer.finest) + 1;
     let under = Mutex::new(vec![TileSamples::default(); context.tiles.all.len()]);
@@ -263,7 +263,7 @@ impl SweepLevel<'_> {
         Ok(())
     }
 
-    /// Samples that lie in rows and columns of no tile: those of each tile one by one.
+    /// Samples outside rows and columns of tiles: those of each tile one by one.
     fn scattered(&mut self, places: &[[f64; 2]]) -> Result<()> {
         let level = self.level;
         let mut of_tiles: BTreeMap<ProofTileId, Vec<usize>> = BTreeMap::new();
@@ -349,7 +349,7 @@ impl SweepLevel<'_> {
         })
     }
 
-    /// Adds up what is seen of parts of a tile, each with the row and column of its farthest sample.
+    /// Combines the results of parts of a tile, each with the row and column of its farthest sample.
     fn measured<T>(
         &mut self,
         id: ProofTileId,
@@ -376,7 +376,7 @@ impl SweepLevel<'_> {
     }
 }
 
-/// The farther of two samples, and of those as far the first in the raster.
+/// The farther of two samples; of equal ones the first in the raster.
 pub(super) fn farther(
     a: Option<FarthestSample>,
     b: Option<FarthestSample>,

@@ -21,7 +21,7 @@ use terrane_proof::tiles::{
 /// Tiles that a thread takes at a time, along a row.
 const RUN: u64 = 64;
 
-/// What is kept of a tile.
+/// Record of a tile.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TileRecord {
     /// The error that it records.
@@ -35,11 +35,11 @@ pub(super) struct TileRecord {
 /// Borders of one kind on a level.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct LevelBorders {
-    /// Those that were compared.
+    /// Compared sides.
     pub(super) compared: u64,
-    /// Those with no tile on the other side.
+    /// Sides without a tile beyond.
     pub(super) alone: u64,
-    /// Those that differ, or whose gap is too large.
+    /// Sides that differ, or have too large a gap.
     pub(super) broken: u64,
     /// The largest gap in metres, and the tile that has it, the first of several.
     pub(super) gap: Option<(f64, ProofTileId)>,
@@ -69,7 +69,7 @@ impl LevelBorders {
     }
 }
 
-/// What is found of tiles by themselves and beside others.
+/// Findings on tiles alone and next to others.
 #[derive(Clone, Debug, Default)]
 pub(super) struct SingleTileFindings {
     pub(super) faults: TilesetFaults,
@@ -236,7 +236,8 @@ impl TileInspector<'_> {
         Ok(Some(TileRecord { error, heights, radius }))
     }
 
-    /// Holds a tile to what is said of it; what subtrees say, where they say it. The radius that its sphere needs.
+    /// Checks a tile against its metadata, including that of subtrees where present. Returns the required radius
+    /// of its bounding sphere.
     fn contained(
         &self,
         id: ProofTileId,
@@ -263,7 +264,7 @@ impl TileInspector<'_> {
         (Some(about), tight(id, &about, None, &all, faults))
     }
 
-    /// The error that a tile records, and what it says there is below it.
+    /// Checks the recorded error of a tile, and its availability metadata.
     fn metadata(&self, id: ProofTileId, tile: &DecodedTile) -> Result<CheckedTileMetadata> {
         let Some(text) = &tile.metadata else { return Ok(CheckedTileMetadata::default()) };
         let bad = |what: String| {

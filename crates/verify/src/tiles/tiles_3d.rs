@@ -25,10 +25,10 @@ pub(super) const SUBTREE: &str = ".subtree";
 const METRES: f64 = 1e-6;
 const SHARE: f64 = 1e-6;
 
-/// What only sets of 3D Tiles have.
+/// Metadata of 3D Tiles only.
 #[derive(Debug)]
 pub(super) struct ThreeTilesCheck {
-    /// What the subtrees tell of tiles.
+    /// Metadata of tiles from the subtrees.
     pub(super) about: HashMap<ProofTileId, StatedTileMetadata>,
     /// The tiles at the tops of subtrees.
     pub(super) subtrees: HashSet<ProofTileId>,
@@ -69,7 +69,7 @@ impl ThreeTilesCheck {
         TilesProofMemory::check(count, most).map_err(|e| e.in_file(folder))
     }
 
-    /// What is told of a tile.
+    /// Metadata of a tile.
     pub(super) fn about(&self, id: ProofTileId) -> Option<&StatedTileMetadata> {
         self.about.get(&id)
     }
@@ -94,7 +94,8 @@ impl ThreeTilesCheck {
         read().map(|tile| (tile, is_packed)).map_err(|e| e.in_file(&path))
     }
 
-    /// Holds what is told of tiles to what is told of those below, and regions to all of them.
+    /// Compares the metadata of each tile with that of its descendants, and checks that regions
+    /// contain them.
     pub(super) fn check(&self, faults: &mut TilesetFaults) {
         for (id, about) in &self.about {
             let whole = id.parent().and_then(|parent| Some((parent, self.about(parent)?)));

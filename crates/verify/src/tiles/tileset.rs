@@ -33,12 +33,12 @@ pub(super) fn place(path: &Path) -> PathBuf {
 }
 
 impl TilesetPromises {
-    /// Reads the file of a set, which is named by its folder or by the file itself; of 3D Tiles its subtrees, too, for
-    /// whose tiles there has to be room.
+    /// Reads the file of a tileset, given its folder or the file itself; for 3D Tiles also the subtrees, within a
+    /// limit of tiles by memory.
     ///
     /// # Errors
-    /// A file that cannot be read, is too long, no JSON or without what is needed; another format, scheme or
-    /// projection; levels beyond the finest there may be.
+    /// A file that cannot be read, is too long, is not JSON or lacks a required member; another format,
+    /// scheme or projection; levels beyond the finest supported one.
     pub(super) fn read(path: &Path, room: &TilesProofMemory, cancel: &Cancel) -> Result<Self> {
         let path = place(path);
         if path.file_name().is_some_and(|name| name == tiles_3d::NAME) {
@@ -69,7 +69,7 @@ struct TilesetExtras {
     terrane: Option<TerraneTilesetExtras>,
 }
 
-/// What terrane says of its own sets.
+/// terrane's own metadata in a tileset.
 #[derive(Deserialize)]
 struct TerraneTilesetExtras {
     bounds: [f64; 4],
@@ -120,10 +120,10 @@ struct ImplicitTiling {
     subtrees: TileAddress,
 }
 
-/// Reads the file of a set and all of its subtrees, for whose tiles there has to be room.
+/// Reads the file of a tileset and all of its subtrees, within a limit of tiles by memory.
 ///
 /// # Errors
-/// Files that cannot be read or are too long; another kind of tileset; what does not fit together in one.
+/// Files that cannot be read or are too long; another kind of tileset; inconsistent metadata.
 fn read_tileset(path: &Path, room: &TilesProofMemory, cancel: &Cancel) -> Result<TilesetPromises> {
     let text = text_of(path)?;
     let stored: StoredTilesetJson = serde_json::from_slice(&text).map_err(|e| {
@@ -191,7 +191,7 @@ impl StoredTilesetJson {
         })
     }
 
-    /// Holds the file to what clients of terrain take.
+    /// Checks that clients of terrain can read the file.
     fn check(&self) -> Result<()> {
         let Self { asset, geometric_error, root, .. } = self;
         if asset.version != "1.1" {

@@ -1,4 +1,4 @@
-//! The polygons that masks of water are held to, on the globe.
+//! The reference polygons of water masks, on the globe.
 //!
 //! Each side is cut into so many equal parts that it is straight in longitudes and latitudes, too, far nearer than a
 //! pixel of the finest level.
@@ -11,7 +11,7 @@ use terrane_raster::Water;
 
 /// Pixels of a mask along the side of a tile.
 const PIXELS: f64 = 256.0;
-/// Part of what is not judged that the middle of a part may be off by.
+/// Share of the unjudged width by which the middle of a part may deviate.
 const OFF: f64 = 0.1;
 /// Most parts of a side.
 const MAX_PARTS: f64 = 65_536.0;
@@ -19,7 +19,7 @@ const MAX_PARTS: f64 = 65_536.0;
 /// Of the polygons that meet a raster, for tiles down to the level `finest`.
 ///
 /// # Errors
-/// A polygon that cannot be brought to the globe; more sides than there is room for.
+/// A polygon that cannot be projected onto the globe; more sides than fit into memory.
 pub(super) fn shore(
     water: &Water,
     places: &GlobeRaster<'_>,
@@ -66,7 +66,8 @@ pub(super) fn shore(
     Ok(WaterShore::new(banks))
 }
 
-/// Parts that a side with such places at its quarters is cut into: what an arc is off by falls with their square.
+/// Number of parts of a side with these positions at its quarters: the deviation of the arc falls with its
+/// square.
 fn parts(places: [[f64; 2]; 5], off: f64) -> u32 {
     let [first, .., last] = places;
     let apart = |(number, place): (usize, [f64; 2])| {

@@ -38,7 +38,7 @@ pub struct ProofFarthestVertex {
     pub at: [f64; 2],
 }
 
-/// What was found.
+/// Report of the checks of simplified lines.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LineCheckReport {
     /// Parts with vertices.
@@ -68,7 +68,7 @@ pub struct LineCheckReport {
     pub collapsed: LineDefect,
     /// Parts without vertices that had some, those that had to stay among them.
     pub dropped: u64,
-    /// Rings whose area has changed its sign.
+    /// Rings with a changed sign of their area.
     pub turned: LineDefect,
     /// Vertices of the result, and given points, that are on another side of a part, once for each
     /// position and such part; the part named is the one they have moved across.

@@ -83,9 +83,9 @@ pub struct Quality {
     pub vertices: u64,
     /// Triangles, all of them.
     pub triangles: u64,
-    /// Those without area in plan: nothing else is told of their shape there.
+    /// Triangles without area in plan; they have no other shape figures.
     pub empty: u64,
-    /// Those clockwise seen from above.
+    /// Triangles clockwise seen from above.
     pub inverted: u64,
     /// Smallest angles in plan.
     pub plan: AcuteAngles,
@@ -101,9 +101,9 @@ pub struct Quality {
     pub aspect_histogram: [u64; Quality::ASPECTS.len() + 1],
     /// Pairs of positions that a triangle joins.
     pub edges: u64,
-    /// Those of one triangle.
+    /// Edges of one triangle.
     pub border: u64,
-    /// Those of more than two triangles, or of two that pass them in the same direction.
+    /// Edges of more than two triangles, or of two that pass them in the same direction.
     pub tangled: u64,
     /// Those of two triangles, as these lie to each other.
     pub pairs: DelaunayCounts,

@@ -1,8 +1,8 @@
-//! What can be wrong with a set of tiles, how often it was found and where first.
+//! Faults of a tileset: their kinds, counts and first places.
 
 use super::tiling::ProofTileId;
 
-/// What is proved of a set of tiles.
+/// Checks of a tileset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TilesetCheck {
     /// Each tile by itself.
@@ -44,7 +44,7 @@ macro_rules! faults {
         }
 
         impl TilesetFault {
-            /// All of them, with what they belong to and what they are called.
+            /// All faults, with their check and name.
             pub const ALL: &'static [(Self, TilesetCheck, &'static str)] =
                 &[$((Self::$name, TilesetCheck::$check, $what),)*];
         }

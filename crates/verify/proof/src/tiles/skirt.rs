@@ -8,7 +8,7 @@ use super::tiling::LAST;
 /// A vertex: steps from the west and the south, and its height in steps of the level.
 type Place = ([u16; 2], f64);
 
-/// What hangs from the sides of a tile.
+/// Skirt of a tile.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TileSkirt {
     /// Earth-centred corners of its triangles.
@@ -19,7 +19,7 @@ pub struct TileSkirt {
 pub(super) struct SkirtSplit {
     /// Triangles of the surface, by all vertices.
     pub(super) surface: Vec<[u32; 3]>,
-    /// Those of the skirt.
+    /// Triangles of the skirt.
     pub(super) hanging: Vec<[u32; 3]>,
     /// Whether a vertex belongs to the skirt alone.
     pub(super) is_low: Vec<bool>,

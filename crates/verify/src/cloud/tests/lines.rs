@@ -40,7 +40,7 @@ fn terrain_with_mesh(crowded: bool, folder: &Path) -> (PointSample, Memory) {
     (cloud, Memory::of(&*mesh))
 }
 
-/// What is said of the mesh of a cloud with lines after it was spoiled.
+/// Failures reported for the mesh of a cloud with lines after `spoil`.
 fn failures(spoil: impl FnOnce(&mut Memory)) -> Vec<String> {
     let folder = tempfile::tempdir().unwrap();
     let (cloud, mut mesh) = terrain_with_mesh(false, folder.path());
