@@ -25,7 +25,7 @@ impl Frontend {
     /// A message with its options spelled.
     ///
     /// ```
-    /// use terrane_base::door::Frontend;
+    /// use terrane_base::frontend::Frontend;
     /// let remedy = "raise ‹max_error›, or pass ‹memory=64M› and ‹drop=false›";
     /// assert_eq!(Frontend::CommandLine.spell(remedy), "raise --max-error, or pass --memory 64M and --no-drop");
     /// assert_eq!(Frontend::Python.spell(remedy), "raise max_error, or pass memory='64M' and drop=False");
@@ -55,7 +55,7 @@ impl Frontend {
     /// other values stay as they are. Takes time linear in the text.
     ///
     /// ```
-    /// use terrane_base::door::Frontend;
+    /// use terrane_base::frontend::Frontend;
     /// let report = r#"{"input":"‹fit›.tif","notes":["‹fit› helps"]}"#;
     /// assert_eq!(Frontend::Python.spell_report(report), r#"{"input":"‹fit›.tif","notes":["fit helps"]}"#);
     /// ```
