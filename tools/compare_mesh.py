@@ -323,7 +323,7 @@ def one(terrane, source, grid, row, want, folder):
     output = os.path.join(folder, f"{grid}.{ending}")
     command = [terrane, "tin", source, output, "--max-error", "2", "--overwrite", "-q", *options]
     ran = subprocess.run(command, capture_output=True, text=True)
-    if ran.returncode != 0 and "LandXML has one unit" in ran.stderr and GRIDS[grid][6] is None:
+    if ran.returncode != 0 and "LandXML requires one length unit" in ran.stderr and GRIDS[grid][6] is None:
         return None
     if ran.returncode != 0:
         return ran.stderr.strip()
