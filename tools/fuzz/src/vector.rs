@@ -31,7 +31,7 @@ fn features(path: &std::path::Path) -> Result<u64> {
     let mut count = 0;
     while source.next()?.is_some() {
         count += 1;
-        assert!(!source.place().contains('\n'));
+        assert!(!source.location().contains('\n'));
     }
     source.notes().iter().for_each(|note| assert!(!note.contains('\n')));
     Ok(count)
