@@ -151,7 +151,7 @@ pub(crate) const VALUES: &[(&str, &str, &str)] = &[
     ("bound", "\"surface\"", "{}"),
     ("strict", "true", "{\"max_error\": 3}"),
     ("drop", "false", "{\"max_error\": 3}"),
-    ("fit", "true", "{\"max_error\": 3}"),
+    ("fit_heights", "true", "{\"max_error\": 3}"),
     ("triangulation", "\"data-dependent\"", "{}"),
     ("min_angle", "20", "{}"),
     ("tin.keep_points", "\"area.wkt\"", "{}"),

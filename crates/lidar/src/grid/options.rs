@@ -42,7 +42,7 @@ pub struct GridOptions {
     #[option(heading = "Models of the terrain")]
     pub chm: bool,
     /// Ground points: class (class 2, or ‹class›), a method that classifies last returns such as csf:rigidness=1, or
-    /// auto (by class if the cloud has ground points, else adaptive)
+    /// auto (by class if the cloud has ground points, else csf-ptd)
     #[option(value = "HOW", with = AsText, heading = "Models of the terrain")]
     pub ground: GroundFrom,
     /// Pit removal for ‹dsm› and ‹chm›: pit-free, or spike-free (uses all returns) with parameters, such as

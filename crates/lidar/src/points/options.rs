@@ -56,7 +56,7 @@ pub struct PointsOptions {
     #[option(value = "HOW", with = AsText, heading = "Ground")]
     pub classify: Vec<Classify>,
     /// Ground points: class (class 2), a method of terrane grid ‹ground› that classifies last returns, or auto (by
-    /// class if the cloud has ground points, else adaptive)
+    /// class if the cloud has ground points, else csf-ptd)
     #[option(value = "HOW", with = AsText, heading = "Ground")]
     pub ground: GroundFrom,
     /// Set an attribute to a number or a formula of attributes, x, y and z with + - * / and parentheses, such as
