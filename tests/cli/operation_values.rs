@@ -127,7 +127,7 @@ pub(crate) const VALUES: &[(&str, &str, &str)] = &[
     ("points.tile", "25", "{}"),
     ("split", "\"classification\"", "{}"),
     ("buffer", "5", "{\"tile\": 25}"),
-    ("buffer_mark", "\"synthetic\"", "{\"tile\": 25, \"buffer\": 5}"),
+    ("buffer_flag", "\"synthetic\"", "{\"tile\": 25, \"buffer\": 5}"),
     ("tile_format", "\"las\"", "{\"tile\": 25}"),
     ("points.workdir", "\"kept\"", "{\"tile\": 25}"),
     ("points.disk_check", "false", "{\"tile\": 25, \"workdir\": \"kept\"}"),
