@@ -85,7 +85,7 @@ pub struct LineOptions {
 }
 
 const RULES: &[OptionRule] = &[
-    OptionRule::OneOf(&["tolerance", "area", "keep_ratio", "keep_count", "target_size"], "goal"),
+    OptionRule::OneOf(&["tolerance", "area", "keep_ratio", "keep_count", "target_size"], "target"),
     OptionRule::NotWith("hierarchy", &["topology"]),
     OptionRule::Needs("strategy", &["topology"]),
     OptionRule::Needs("snap", &["topology"]),

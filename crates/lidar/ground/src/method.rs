@@ -11,7 +11,7 @@ pub const METHODS: &[Method] =
     &[csf_ptd::METHOD, csf::METHOD, ptd::METHOD, smrf::METHOD, pmf::METHOD];
 
 impl FinderRegistry for GroundFinder {
-    const KIND: &'static str = "method to find the ground";
+    const KIND: &'static str = "ground method";
     const METHODS: &'static [Method] = METHODS;
 }
 
