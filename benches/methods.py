@@ -24,7 +24,7 @@ import measure  # noqa: E402  (found by the path above)
 
 ROOT = HERE.parent
 WAYS = {
-    "greedy": [], "greedy --fit": ["--fit"],
+    "greedy": [], "greedy --fit-heights": ["--fit-heights"],
     **{name: ["--method", name] for name in (
         "greedy1", "greedy2", "greedy3", "greedy4", "drop", "collapse", "kdtree", "rtin", "vip")},
 }

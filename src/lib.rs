@@ -107,7 +107,7 @@ pub use terrane_lidar::cloud_tin::{CloudTinOptions, CloudTinReport};
 pub use terrane_lidar::grid::{Canopy, Compat, GridOptions, GridReport, GroundFrom};
 #[cfg(feature = "lidar")]
 pub use terrane_lidar::points::{
-    Assign, BufferMark, CellThinning, Classify, HeightClasses, HeightsAs, Overlap, PointsOptions,
+    Assign, BufferFlag, CellThinning, Classify, HeightClasses, HeightsAs, Overlap, PointsOptions,
     Reclassify, Sort, ThinningRule, TileFormat, TranslateReport,
 };
 pub use terrane_raster::{

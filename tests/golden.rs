@@ -146,7 +146,7 @@ fn jobs() -> Vec<String> {
         add(format!("tin synth:{name} o.ply --max-error 3 --tile 64 --no-drop"));
         add(format!("tin synth:{name} o.ply --max-error 3 --tile 64 --strict"));
         add(format!("tin synth:{name} o.ply --max-error 3 --tile 64 --bound surface"));
-        add(format!("tin synth:{name} o.ply --max-error 3 --tile 64 --fit"));
+        add(format!("tin synth:{name} o.ply --max-error 3 --tile 64 --fit-heights"));
         let any = "--triangulation data-dependent";
         add(format!("tin synth:{name} o.ply --max-error 3 --tile 64 {any}"));
         add(format!("contour synth:{name} -o o.geojsonl --interval 25 --tile 64"));
@@ -161,7 +161,7 @@ fn jobs() -> Vec<String> {
         }
         add(format!("tin ../in/dense.laz o.{mesh} --max-error 0.3"));
     }
-    for how in ["--strict", "--no-drop", "--fit", "--max-vertices 900", "-f STL"] {
+    for how in ["--strict", "--no-drop", "--fit-heights", "--max-vertices 900", "-f STL"] {
         let goal = if how.starts_with("--max") { "" } else { "--max-error 1.5" };
         add(format!("tin ../in/rough.tif o.ply --tile 64 --bound surface {goal} {how}"));
     }
@@ -189,8 +189,7 @@ fn jobs() -> Vec<String> {
         for error in ["0", "0.05", "0.5", "5"] {
             add(format!("tin ../in/{cloud} o.ply --max-error {error}"));
         }
-        for model in
-            ["--dtm", "--dsm", "--chm", "--dtm --ground filter", "--chm --canopy spike-free"]
+        for model in ["--dtm", "--dsm", "--chm", "--dtm --ground pmf", "--chm --canopy spike-free"]
         {
             add(format!("grid ../in/{cloud} o.tif --cell 1.5 {model}"));
         }
@@ -355,10 +354,11 @@ fn jobs() -> Vec<String> {
         "plan tin ../in/rough.tif -o w --max-error 4 --tile 32 --bound surface then run w -o o.ply"
             .into(),
     );
-    add("plan tin ../in/rough.tif -o w --max-error 4 --tile 32 --fit then run w -o o.ply".into());
+    add("plan tin ../in/rough.tif -o w --max-error 4 --tile 32 --fit-heights then run w -o o.ply"
+        .into());
     add("tin ../in/degrees.asc o.ply --max-error 2 --tile 16 --clip ../in/areas.wkt".into());
     add("plan tin ../in/rough.tif -o w --max-error 4 --tile 32 --triangulation data-dependent then run w -o o.ply".into());
-    for how in ["", " --fit", " --bound surface", " --triangulation data-dependent"] {
+    for how in ["", " --fit-heights", " --bound surface", " --triangulation data-dependent"] {
         let keep = "--keep-points ../in/points.wkt";
         add(format!("tin ../in/rough.tif o.ply --max-error 4 --tile 32 {keep}{how}"));
         add(format!("tin ../in/rough.tif o.ply --max-error 4 --tile 32 --min-angle 25{how}"));
@@ -423,7 +423,7 @@ fn jobs() -> Vec<String> {
         let model = format!("--chm{canopy}");
         add(format!("plan grid ../in/dense.laz -o w --cell 1.5 {model} then run w -o o.tif"));
     }
-    let found = "--dtm --ground filter";
+    let found = "--dtm --ground pmf";
     add(format!("plan grid ../in/steep.laz -o w --cell 1.5 {found} then run w -o o.tif"));
     add("plan tin ../in/dense.laz -o w --max-error 0.5 then run w -o o.ply".into());
     add("plan points ../in/dense.laz -o w --tile 25 --buffer 2 --cut 1 then run w -o o".into());

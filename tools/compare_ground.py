@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 """Ground that terrane finds, beside the points that people classified as ground, or that are known to be it.
 
-    compare_ground.py TERRANE [CLOUD...] [--methods filter,csf,...] [--most-cells 8]
+    compare_ground.py TERRANE [CLOUD...] [--methods pmf,csf,...] [--most-cells 8]
 
 For each cloud and method: a model of the ground in cells of a metre from what the method finds, against the one
 from points of class 2 (root mean square in metres, and the share of cells that are off by more than half a
 metre); and of the last returns that are no noise the ground that was refused (type I) and what else was taken for
 it (type II). Clouds made by terrane come first; their ground is known. At the end, how many times the error of the
-best method each has, in the geometric mean over clouds and at worst. Exits with 1 where `adaptive` has more such
+best method each has, in the geometric mean over clouds and at worst. Exits with 1 where `csf-ptd` has more such
 cells than --most-cells percent. Needs numpy, rasterio and laspy with lazrs.
 """
 import argparse
@@ -45,7 +45,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("terrane", type=pathlib.Path)
     parser.add_argument("clouds", nargs="*", type=pathlib.Path)
-    parser.add_argument("--methods", default="filter,smrf,csf,ptd,adaptive")
+    parser.add_argument("--methods", default="pmf,smrf,csf,ptd,csf-ptd")
     parser.add_argument("--most-cells", type=float, default=8.0, metavar="PERCENT")
     args = parser.parse_args()
     compared = worse = 0
@@ -80,7 +80,7 @@ def main():
                 cells = 100 * (off > 0.5).mean()
                 compared += 1
                 errors[-1][method] = np.sqrt((off**2).mean())
-                worse += method == "adaptive" and cells > args.most_cells
+                worse += method == "csf-ptd" and cells > args.most_cells
                 print(f"{cloud.name} {method}: {np.sqrt((off**2).mean()):.3f} m, {cells:.2f} % of cells; "
                       f"type I {100 * kinds[0]:.1f} %, type II {100 * kinds[1]:.1f} %", flush=True)
     for method in args.methods.split(",") if errors else []:

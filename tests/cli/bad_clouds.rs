@@ -51,10 +51,7 @@ const VERBS: [&[&[&str]]; 13] = [
     &[&["grid", "c", "out.tif", "--cell", "5"]],
     &[&["grid", "c", "out.tif", "--cell", "5", "--chm"]],
     &[&["plan", "grid", "c", "-o", "w", "--cell", "5", "--stat", "mean"], &["run", "w"]],
-    &[
-        &["plan", "grid", "c", "-o", "w", "--cell", "5", "--dtm", "--ground", "filter"],
-        &["run", "w"],
-    ],
+    &[&["plan", "grid", "c", "-o", "w", "--cell", "5", "--dtm", "--ground", "pmf"], &["run", "w"]],
     &[&["tin", "c", "out.ply", "--max-error", "1"]],
     &[&["tin", "c", "out.ply", "--max-error", "1", "--workdir", "w"]],
     &[&["plan", "tin", "c", "-o", "w", "--max-error", "1"], &["run", "w"]],

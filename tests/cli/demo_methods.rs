@@ -26,7 +26,7 @@ fn the_table_says_what_tin_and_verify_do() {
     let (report, terrain) = compared(&place);
     let rows = report["methods"].as_array().unwrap();
     let names: Vec<&str> = rows.iter().map(|row| row["method"].as_str().unwrap()).collect();
-    assert_eq!(names, ["greedy", "greedy --fit", "collapse", "kdtree", "rtin", "vip"]);
+    assert_eq!(names, ["greedy", "greedy --fit-heights", "collapse", "kdtree", "rtin", "vip"]);
     for (name, row) in names.iter().zip(rows) {
         let way: Vec<&str> = format!("--method {name}").leak().split(' ').collect();
         let goal = ["--max-error", "2", "--overwrite"];

@@ -31,7 +31,7 @@ fn the_output_may_stand_behind_an_option() {
         assert!(place.path(output).is_file(), "{args:?}");
     }
     for args in [&["tin", "a.asc", "--max-error", "2"][..], &["convert", "a.asc"]] {
-        place.fails(args, 2, &["name an input and, last of all, the file to write"]);
+        place.fails(args, 2, &["output file missing: pass the input, then the output"]);
     }
 }
 

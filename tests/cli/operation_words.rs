@@ -60,7 +60,7 @@ fn what_was_given_counts_whatever_its_value() {
         (&["grid", "cloud.las", "o.tif", "--cell", "2", "--ground", "auto"][..], "--ground"),
         (&["grid", "cloud.las", "o.tif", "--cell", "2", "--canopy", "pit-free"], "--canopy"),
         (&["grid", "cloud.las", "o.tif", "--cell", "2", "--dtm", "--stat", "mean"], "--stat"),
-        (&["points", "cloud.las", "o.las", "--buffer-mark", "withheld"], "--buffer-mark"),
+        (&["points", "cloud.las", "o.las", "--buffer-flag", "withheld"], "--buffer-flag"),
         (&["points", "cloud.las", "o.las", "--tile-format", "laz"], "--tile-format"),
         (&["plan", "grid", "cloud.las", "-o", "w", "--cell", "2", "--ground", "auto"], "--ground"),
         (&["grid", "cloud.las", "o.tif", "--cell", "2", "--fill", "1e2"], "from 0 to 1024"),

@@ -181,7 +181,7 @@ fn tiles_of_points_from_stdin_say_so() {
     let points: String = (0..400)
         .map(|i| format!("{} {} {}\n", 500_000 + i % 20, 4_750_000 + i / 20, i * 31 % 17))
         .collect();
-    let args = ["tiles", "cloud:-", "t", "--ground", "filter", "--crs", "EPSG:32631", "--json"];
+    let args = ["tiles", "cloud:-", "t", "--ground", "pmf", "--crs", "EPSG:32631", "--json"];
     let args = [&args[..], &["--max-level", "4"]].concat();
     let ran = piped(&place, &args, points.as_bytes());
     assert_eq!(ran.code, 0, "{}", ran.err);

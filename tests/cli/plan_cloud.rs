@@ -110,7 +110,7 @@ fn what_a_plan_of_a_cloud_does_not_know_is_refused_by_name() {
     place.write("k.wkt", "POINT (500100 4750100)");
     let cases: [(&[&str], &[&str]); 8] = [
         (&["--to-crs", "EPSG:4326"], &["--to-crs is for grids"]),
-        (&["--fit"], &["--fit is for grids"]),
+        (&["--fit-heights"], &["--fit-heights is for grids"]),
         (&["--triangulation", "data-dependent"], &["--triangulation is for grids"]),
         (&["--band", "1"], &["--band is for grids"]),
         (&["--bound", "surface"], &["--bound is for grids"]),

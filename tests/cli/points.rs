@@ -64,7 +64,7 @@ fn what_cannot_be_is_refused_by_name() {
         ("points a.laz x --tile 0.001", 2, "raise --tile"),
         ("points a.laz x --tile 10 --buffer 100", 2, "too wide"),
         ("points cloud:c.xyz x.laz --to-crs EPSG:4326", 65, "c.xyz"),
-        ("points a.laz x.laz --ground filter", 2, "--ground has no effect without"),
+        ("points a.laz x.laz --ground pmf", 2, "--ground has no effect without"),
         ("points a.laz x.laz --classify ground --ground class", 2, "no effect"),
         ("points a.laz x.laz --classify trees", 2, "expected ground, ground:"),
         ("points a.laz x.laz --height-above-ground=x", 2, "dimension"),
@@ -265,10 +265,10 @@ fn noise_gets_its_class_and_is_no_ground() {
 #[test]
 fn ground_that_is_found_and_kept_makes_the_same_model() {
     let place = clouds();
-    let asked = ["--classify", "ground", "--ground", "filter"];
+    let asked = ["--classify", "ground", "--ground", "pmf"];
     let told = place.ok(&[&["points", "a.laz", "c.laz"][..], &asked].concat()).out;
-    assert!(told.contains("found by the ground filter") && told.contains("no longer"), "{told}");
-    place.ok(&["grid", "a.laz", "a.tif", "--dtm", "--ground", "filter", "--cell", "1"]);
+    assert!(told.contains("found by the method pmf") && told.contains("no longer"), "{told}");
+    place.ok(&["grid", "a.laz", "a.tif", "--dtm", "--ground", "pmf", "--cell", "1"]);
     place.ok(&["grid", "c.laz", "c.tif", "--dtm", "--ground", "class", "--cell", "1"]);
     let bytes = |name: &str| std::fs::read(place.path(name)).unwrap();
     assert!(bytes("a.tif") == bytes("c.tif"));

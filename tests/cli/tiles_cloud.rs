@@ -28,7 +28,7 @@ fn alike(place: &Place, [a, b]: [&str; 2]) {
 #[test]
 fn tiles_are_those_of_the_model_that_grid_makes() {
     let place = Place::new();
-    for (number, how) in [&[][..], &["--class", "2"], &["--ground", "filter"]].iter().enumerate() {
+    for (number, how) in [&[][..], &["--class", "2"], &["--ground", "pmf"]].iter().enumerate() {
         let [one, two, dtm] = ["one", "two", "dtm.tif"].map(|name| format!("{number}{name}"));
         let cell = ["--cell", "2"];
         let made = ["tiles", CLOUD, &one, "--json"];
@@ -81,7 +81,7 @@ fn work_in_a_folder_goes_on_where_it_was() {
     alike(&place, ["one", "two"]);
     // Ground that a method finds is planned, too.
     let found = |more: &[&str], output| {
-        let args = ["tiles", CLOUD, output, "--cell", "1", "--ground", "filter", "-q"];
+        let args = ["tiles", CLOUD, output, "--cell", "1", "--ground", "pmf", "-q"];
         place.ok(&[&args[..], more].concat());
     };
     found(&[], "three");

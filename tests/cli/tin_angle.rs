@@ -13,7 +13,7 @@ const ANGLE: [&str; 2] = ["--min-angle", "25"];
 #[test]
 fn meshes_state_the_smallest_angle_they_have_and_it_is_proved() {
     let place = Place::new();
-    for (grid, more) in GRIDS.iter().zip([&[][..], &["--fit"], &["--bound", "surface"]]) {
+    for (grid, more) in GRIDS.iter().zip([&[][..], &["--fit-heights"], &["--bound", "surface"]]) {
         for format in terrane_mesh::FORMATS {
             let mesh = format!("o.{}", format.extensions[0]);
             let error = if grid.contains("smooth") { "0.3" } else { "4" };

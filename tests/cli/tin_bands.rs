@@ -297,7 +297,7 @@ fn what_makes_no_sense_is_refused_by_name() {
     for option in [
         "--method greedy4",
         "--triangulation split3",
-        "--fit",
+        "--fit-heights",
         "--strict",
         "--no-drop",
         "--tile 64",

@@ -38,7 +38,7 @@ fn edges_that_follow_are_proved_and_a_mesh_without_them_fails() {
     let place = place();
     let plain = json(&place.ok(&[&["tin", TERRAIN, "p.ply", "--json"][..], &MAKE].concat()).out);
     assert!(plain.get("breaklines").is_none());
-    for more in [&[][..], &["--bound", "surface"], &["--fit"], &["--no-drop", "--strict"]] {
+    for more in [&[][..], &["--bound", "surface"], &["--fit-heights"], &["--no-drop", "--strict"]] {
         let args = ["tin", TERRAIN, "a.ply", "--overwrite", "--verify", "--json"];
         let made = json(&place.ok(&[&args[..], &MAKE, &FOLLOW, more].concat()).out);
         let (lines, proved) = (&made["breaklines"], &made["verify"]);
@@ -47,7 +47,10 @@ fn edges_that_follow_are_proved_and_a_mesh_without_them_fails() {
         assert_eq!((&lines["file"], &lines["apart"]), (&"roads.geojson".into(), &0.into()));
         assert_eq!(lines, &proved["breaklines"]);
         assert!(proved["on_breaklines"].as_u64().unwrap() > 100, "{proved}");
-        assert!(more.contains(&"--fit") || made["vertices"].as_u64() > plain["vertices"].as_u64());
+        assert!(
+            more.contains(&"--fit-heights")
+                || made["vertices"].as_u64() > plain["vertices"].as_u64()
+        );
         place.ok(&["verify", "a.ply", TERRAIN, FOLLOW[0], FOLLOW[1]]);
         let ran = place.run(&["verify", "a.ply", TERRAIN]);
         assert_eq!(ran.code, 3, "{}", ran.err);

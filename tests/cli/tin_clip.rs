@@ -72,7 +72,9 @@ fn clipping_gives_the_bytes_of_a_grid_that_is_void_there() {
     let clip = ["--clip", "areas.geojson"];
     place.ok(&["convert", TERRAIN, "all.tif", "-f", "GTiff"]);
     place.ok(&[&["convert", TERRAIN, "masked.tif", "-f", "GTiff"][..], &clip].concat());
-    for more in [&[][..], &["--fit"], &["--strict", "--no-drop"], &["--max-triangles", "2500"]] {
+    for more in
+        [&[][..], &["--fit-heights"], &["--strict", "--no-drop"], &["--max-triangles", "2500"]]
+    {
         let goal = if more.contains(&"--max-triangles") { &MAKE[2..] } else { &MAKE[..] };
         let tin = |grid, mesh| [&["tin", grid, mesh, "--overwrite"][..], goal, more].concat();
         place.ok(&tin("masked.tif", "by_hand.ply"));

@@ -14,9 +14,11 @@ fn meshes_of_any_triangles_are_smaller_and_proved_as_written() {
             let mesh = format!("o.{}", format.extensions[0]);
             let error = if grid.contains("smooth") { "0.3" } else { "4" };
             let make = ["tin", grid, &mesh, "--max-error", error, "--tile", "64", "--bound", bound];
-            for more in [&["--overwrite", "--verify"][..], &["--overwrite", "--verify", "--fit"]] {
+            for more in
+                [&["--overwrite", "--verify"][..], &["--overwrite", "--verify", "--fit-heights"]]
+            {
                 // Where all statements do not fit into the 80 bytes of STL, that is refused by name.
-                if format.name == "STL" && bound == "surface" && more.contains(&"--fit") {
+                if format.name == "STL" && bound == "surface" && more.contains(&"--fit-heights") {
                     let all = [&make[..], more, &["--triangulation", "data-dependent"]].concat();
                     let ran = place.run(&all);
                     if ran.code != 0 {
@@ -73,7 +75,7 @@ fn a_fifth_of_the_vertices_goes_with_the_edges_that_are_delaunay() {
 #[test]
 fn plans_threads_and_memory_make_the_same_mesh_of_any_triangles() {
     alike_however_made(&ANY);
-    alike_however_made(&[&ANY[..], &["--fit", "--bound", "surface"]].concat());
+    alike_however_made(&[&ANY[..], &["--fit-heights", "--bound", "surface"]].concat());
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! `tin --fit`: heights that are no sample's, within the bound all the same, in every format and by plan.
+//! `tin --fit-heights`: heights that are no sample's, within the bound all the same, in every format and by plan.
 
 use crate::cli_support::Place;
 use serde_json::Value;
@@ -24,15 +24,18 @@ fn fitted_meshes_are_smaller_and_proved_as_written() {
             let error = if grid.contains("smooth") { "0.3" } else { "4" };
             let make = ["tin", grid, &mesh, "--max-error", error, "--tile", "64", "--bound", bound];
             let make = [&make[..], &["--overwrite", "--verify"]].concat();
-            let fitted = told(&place, &[&make[..], &["--fit"]].concat());
-            assert_eq!((&fitted["fit"], &fitted["verify"]["passed"]), (&true.into(), &true.into()));
+            let fitted = told(&place, &[&make[..], &["--fit-heights"]].concat());
+            assert_eq!(
+                (&fitted["fit_heights"], &fitted["verify"]["passed"]),
+                (&true.into(), &true.into())
+            );
             assert_eq!(fitted["verify"]["fitted"], true, "{mesh}");
             let most = fitted["max_error"].as_f64().unwrap();
             assert!((most - fitted["verify"]["max_error"].as_f64().unwrap()).abs() < 1e-5);
             let [rmse, proved] = [&fitted["rmse"], &fitted["verify"]["rmse"]].map(Value::as_f64);
             assert!((rmse.unwrap() / proved.unwrap() - 1.0).abs() < 1e-4, "{rmse:?} {proved:?}");
             let usual = told(&place, &make);
-            assert!(usual["verify"]["fitted"].is_null() && usual["fit"].is_null());
+            assert!(usual["verify"]["fitted"].is_null() && usual["fit_heights"].is_null());
             let [less, more] = [&fitted, &usual].map(|made| made["vertices"].as_u64().unwrap());
             assert!(less < more, "{grid} as {mesh}: {less} of {more}");
         }
@@ -44,7 +47,7 @@ fn fitted_meshes_are_smaller_and_proved_as_written() {
 #[test]
 fn what_a_fitted_mesh_does_not_state_is_held_against_it() {
     let place = Place::new();
-    place.ok(&["tin", GRIDS[0], "a.ply", "--max-error", "4", "--fit"]);
+    place.ok(&["tin", GRIDS[0], "a.ply", "--max-error", "4", "--fit-heights"]);
     assert!(place.ok(&["verify", "a.ply", GRIDS[0]]).out.contains("heights fitted"));
     let bytes = std::fs::read(place.path("a.ply")).unwrap();
     let stated = b"comment fitted heights\n";
@@ -77,22 +80,22 @@ pub(crate) fn alike_however_made(options: &[&str]) -> Place {
 
 #[test]
 fn plans_threads_and_memory_make_the_same_fitted_mesh() {
-    alike_however_made(&["--fit"]);
+    alike_however_made(&["--fit-heights"]);
 }
 
 #[test]
 fn what_does_not_go_with_fitting_is_refused_by_name() {
     let place = Place::new();
-    let job = ["tin", GRIDS[0], "o.ply", "--max-error", "4", "--fit"];
+    let job = ["tin", GRIDS[0], "o.ply", "--max-error", "4", "--fit-heights"];
     for option in ["--strict", "--no-drop"] {
-        place.fails(&[&job[..], &[option]].concat(), 2, &["--fit", option]);
+        place.fails(&[&job[..], &[option]].concat(), 2, &["--fit-heights", option]);
     }
     place.fails(
         &[&job[..], &["--method", "greedy4"]].concat(),
         2,
-        &["--method greedy4 cannot be used with --fit"],
+        &["--method greedy4 cannot be used with --fit-heights"],
     );
     place.ok(&["synth", "cloud,size=20,density=2", "c.laz", "-q"]);
-    let cloud = ["tin", "c.laz", "o.ply", "--max-error", "1", "--fit"];
-    place.fails(&cloud, 2, &["--fit is for grids"]);
+    let cloud = ["tin", "c.laz", "o.ply", "--max-error", "1", "--fit-heights"];
+    place.fails(&cloud, 2, &["--fit-heights is for grids"]);
 }

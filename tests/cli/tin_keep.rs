@@ -35,7 +35,7 @@ fn what_is_kept_is_proved_and_a_mesh_without_it_fails() {
     let place = place();
     let plain = json(&place.ok(&[&["tin", TERRAIN, "p.ply", "--json"][..], &MAKE].concat()).out);
     assert!(plain.get("keep_points").is_none());
-    for more in [&[][..], &["--bound", "surface"], &["--fit"], &["--no-drop", "--strict"]] {
+    for more in [&[][..], &["--bound", "surface"], &["--fit-heights"], &["--no-drop", "--strict"]] {
         let args = ["tin", TERRAIN, "a.ply", "--overwrite", "--verify", "--json"];
         let made = json(&place.ok(&[&args[..], &MAKE, &KEEP, more].concat()).out);
         let (kept, proved) = (&made["keep_points"], &made["verify"]);
@@ -48,7 +48,10 @@ fn what_is_kept_is_proved_and_a_mesh_without_it_fails() {
         assert!((185..193).contains(&samples) && void > 0 && vertices > 120, "{kept}");
         assert_eq!(samples, void + vertices);
         // Few of them would be vertices otherwise.
-        assert!(more.contains(&"--fit") || made["vertices"].as_u64() > plain["vertices"].as_u64());
+        assert!(
+            more.contains(&"--fit-heights")
+                || made["vertices"].as_u64() > plain["vertices"].as_u64()
+        );
         place.ok(&["verify", "a.ply", TERRAIN, KEEP[0], KEEP[1]]);
         let ran = place.run(&["verify", "a.ply", TERRAIN]);
         assert_eq!(ran.code, 3, "{}", ran.err);

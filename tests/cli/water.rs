@@ -140,7 +140,7 @@ fn a_model_of_the_ground_has_its_water_at_once() {
     let ring: Vec<_> = corners.iter().map(|c| format!("{} {}", x + c[0], y + c[1])).collect();
     let lake = format!("POLYGON (({}))", ring.join(", "));
     place.write("l.wkt", lake).write("l.prj", "EPSG:32631");
-    let dtm = ["--cell", "1", "--dtm", "--ground", "filter"];
+    let dtm = ["--cell", "1", "--dtm", "--ground", "pmf"];
     place.ok(&[&["grid", "a.laz", "bare.tif"][..], &dtm].concat());
     let made = [&["grid", "a.laz", "wet.tif", "--water", "l.wkt", "--json"][..], &dtm].concat();
     let made = json(&place.ok(&made).out);
@@ -211,7 +211,7 @@ fn what_cannot_be_made_level_is_refused() {
     place.write("ring.geojson", collection(&[polygon(&river), line(&circle)]));
     convert("ring.geojson", 65, &["line 1", "cycle"]);
     let job = [&["tin", TERRAIN, "a.ply", "--max-error", "5"][..], &WATER].concat();
-    place.fails(&[&job[..], &["--fit"]].concat(), 2, &["--water", "--fit"]);
+    place.fails(&[&job[..], &["--fit-heights"]].concat(), 2, &["--water", "--fit-heights"]);
     place.fails(&[&job[..], &["--min-angle", "20"]].concat(), 2, &["--water", "--min-angle"]);
     place.fails(
         &[&job[..], &["--method", "drop"]].concat(),

@@ -293,7 +293,7 @@ fn what_the_ground_cannot_tell_is_refused() {
         "‹classify› ground has no effect",
     );
     refused(
-        HeightQuery { from: GroundFrom::FILTER, ..HeightQuery::default() },
+        HeightQuery { from: GroundFrom::PMF, ..HeightQuery::default() },
         "‹ground› has no effect",
     );
     let few = survey(&place, "cloud,size=30,density=4,seed=2", 6, "few.laz");
@@ -330,7 +330,7 @@ fn whole_numbers_far_from_zero_change_nothing() {
     });
     let thin = Some("0.7:lowest".parse().unwrap());
     let told = |input: &str, ask: &str, thin| {
-        let from = if ask == "ground" { GroundFrom::FILTER } else { GroundFrom::Auto };
+        let from = if ask == "ground" { GroundFrom::PMF } else { GroundFrom::Auto };
         let above = HeightQuery { from, ..above(Some(HeightsAs::Dimension), &[ask]) };
         run(&TranslateJob { above, thin, ..job(&[input], &output) }).unwrap();
         let all = whole(&output).records;

@@ -110,7 +110,7 @@ fn cases() -> Vec<Case> {
         Case { heights, ..case(&["noise", "ground"], "csf") },
         Case { dedupe: true, cut: 1, ..case(&["noise", "ground"], "smrf") },
         Case { heights, dedupe: true, ..case(&["noise"], "class") },
-        Case { returns: first, ..case(&[FAR, "ground", "height"], "filter") },
+        Case { returns: first, ..case(&[FAR, "ground", "height"], "pmf") },
         Case { heights, returns: first, dedupe: true, ..case(&[FAR], "class") },
         Case {
             heights: Some(HeightsAs::Z),

@@ -137,7 +137,7 @@ fn neither_threads_nor_memory_nor_order_nor_the_box_leave_a_trace() {
     let place = Place::new();
     let mut input = grove(&place.path(""));
     for (preset, max_edge) in [(SurfaceModel::Dsm, None), (SurfaceModel::Chm, Some(9.0))] {
-        let ground = "filter".parse().unwrap();
+        let ground = "pmf".parse().unwrap();
         let asked = |input: &[String], resources| {
             let job = canopy(input, &place.path("a.tif"), preset, "spike-free");
             let job = GridJob { max_edge, resources, ..job };
@@ -223,11 +223,7 @@ fn what_cannot_act_is_refused_and_too_little_memory_by_name() {
     with(&["--dsm", "--canopy", "moss"], 2, &["unknown canopy method", "pit-free, spike-free"]);
     with(&["--dsm", "--canopy", "spike-free:freeze=-1"], 2, &["freeze=auto (from 0 to 1000)"]);
     with(&["--dsm", "--canopy", "pit-free:freeze=1"], 2, &["takes none"]);
-    with(
-        &["--dsm", "--canopy", "spike-free", "--ground", "filter"],
-        2,
-        &["--ground has no effect"],
-    );
+    with(&["--dsm", "--canopy", "spike-free", "--ground", "pmf"], 2, &["--ground has no effect"]);
     with(&["--dsm", "--canopy", "spike-free", "--class", "2"], 2, &["--class has no effect"]);
     let dense = ["grid", FOREST, "a.tif", "--cell", "1", "--dsm", "--canopy", "spike-free"];
     place.ok_as_advised(&dense, "130M", &["MiB of memory are needed"]);

@@ -61,7 +61,7 @@ fn the_ground_is_found_by_class_and_by_filter() {
         let survey = survey(name).unwrap();
         for (ground, most, words) in [
             (GroundFrom::Auto, by_class, "points of class 2"),
-            (GroundFrom::FILTER, by_filter, "found by the ground filter"),
+            (GroundFrom::PMF, by_filter, "found by the method pmf"),
         ] {
             let (grid, report) = preset(name, &place.path("a.tif"), SurfaceModel::Dtm, ground);
             let [rmse, voids] = error(&grid, &survey);
@@ -81,7 +81,7 @@ fn ground_without_classes_is_found_unless_only_classes_are_asked_for() {
     none.cloud.filter.classes = Some(vec![30]);
     let best = GridJob { ground: GroundFrom::Method(terrane_ground::Request::BEST), ..job };
     let (auto, report) = made(&none);
-    assert!(report.notes[0].contains("found by the method adaptive"), "{:?}", report.notes);
+    assert!(report.notes[0].contains("found by the method csf-ptd"), "{:?}", report.notes);
     assert_eq!(auto.values, made(&best).0.values);
     let only = GridJob { ground: GroundFrom::Class, ..none };
     let error = run(&GridJob { overwrite: true, ..only }, &Silent, &Cancel::default());
@@ -135,7 +135,7 @@ fn is_pit(height: f64, max: &[f64], k: usize, width: usize) -> bool {
 fn roofs_and_meadows_are_as_high_as_they_are() {
     let place = Place::new();
     let survey = survey(FOREST).unwrap();
-    let (chm, _) = preset(FOREST, &place.path("a.tif"), SurfaceModel::Chm, GroundFrom::FILTER);
+    let (chm, _) = preset(FOREST, &place.path("a.tif"), SurfaceModel::Chm, GroundFrom::PMF);
     // Cells whose points, those of the cells around too, are all of one class.
     let mut classes = vec![[0_u32; 2]; chm.values.len()];
     let mut heights = vec![0.0; chm.values.len()];
@@ -177,7 +177,7 @@ fn neither_threads_nor_memory_nor_the_box_leave_a_trace() {
             let resources = Resources { threads, memory: memory << 20, temp_dir: None };
             let output = place.path("a.tif");
             let job = GridJob::of_preset([name], &output, kind, 0.5);
-            let (_, report) = made(&GridJob { resources, ground: GroundFrom::FILTER, ..job });
+            let (_, report) = made(&GridJob { resources, ground: GroundFrom::PMF, ..job });
             (std::fs::read(&output).unwrap(), report.run.spilled_bytes > Some(0))
         };
         let (whole, spilled) = bytes(1, 2048);
@@ -189,7 +189,7 @@ fn neither_threads_nor_memory_nor_the_box_leave_a_trace() {
         let mut job = GridJob::of_preset([name], place.path("b.tif"), kind, 0.5);
         let [x, y] = ORIGIN;
         job.placement.extent = Some([x + 40.0, y + 60.0, x + 90.0, y + 100.0]);
-        let (part, _) = made(&GridJob { ground: GroundFrom::FILTER, ..job });
+        let (part, _) = made(&GridJob { ground: GroundFrom::PMF, ..job });
         let col = ((part.corner[0] - all.corner[0]) * 2.0) as usize;
         let row = ((all.corner[1] - part.corner[1]) * 2.0) as usize;
         for (k, line) in part.values.chunks(part.width).enumerate() {
@@ -209,9 +209,9 @@ fn what_cannot_act_is_refused() {
     with(&["--dtm", "--stat", "mean"], 2, &["--stat"]);
     with(&["--dtm", "--dsm"], 2, &["--dsm"]);
     with(&["--dsm", "--chm"], 2, &["--chm"]);
-    with(&["--ground", "filter"], 2, &["--ground requires", "--dtm"]);
+    with(&["--ground", "pmf"], 2, &["--ground requires", "--dtm"]);
     with(&["--dtm", "--return", "last"], 2, &["--return has no effect"]);
-    with(&["--dtm", "--ground", "filter", "--class", "2"], 2, &["--class has no effect"]);
+    with(&["--dtm", "--ground", "pmf", "--class", "2"], 2, &["--class has no effect"]);
     with(&["--dtm", "--radius", "2"], 2, &["--radius has no effect"]);
     with(&["--dtm", "--ground", "class", "--class", "30"], 65, &["no points of class 30"]);
     place.write("a.xyz", "x y z\n0.0 0.0 1.0\n1.0 0.0 2.0\n0.0 1.0 3.0\n1.0 1.0 4.5\n");

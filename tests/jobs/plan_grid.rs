@@ -140,10 +140,10 @@ fn models_of_a_plan_are_those_of_a_single_run() {
     for (number, made) in [
         of(SurfaceModel::Dtm, "auto", None),
         of(SurfaceModel::Dtm, "csf:rigidness=1,cloth=1.5", None),
-        of(SurfaceModel::Dtm, "filter", Some(25.0)),
+        of(SurfaceModel::Dtm, "pmf", Some(25.0)),
         of(SurfaceModel::Dsm, "class", None),
         of(SurfaceModel::Chm, "auto", Some(30.0)),
-        of(SurfaceModel::Chm, "filter", None),
+        of(SurfaceModel::Chm, "pmf", None),
     ]
     .into_iter()
     .enumerate()

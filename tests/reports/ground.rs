@@ -112,7 +112,7 @@ fn classes_of_other_things_than_ground_and_plants_are_kept_unless_named() {
         ("ground:reclassify=17,9,26,3", &[9, 17, 26]),
         ("ground:reclassify=200, 40", &[40, 200]),
     ] {
-        for ground in ["auto", "csf", "ptd", "smrf", "filter"] {
+        for ground in ["auto", "csf", "ptd", "smrf", "pmf"] {
             let asked = ["points", "cloud:in.xyz", "out.csv", "--overwrite", "--classify", way];
             let told = place.ok(&[&asked[..], &["--ground", ground]].concat()).out;
             let found = classes(&String::from_utf8(place.bytes("out.csv")).unwrap());
@@ -166,11 +166,11 @@ fn returns_whose_numbers_tell_nothing_are_all_looked_at() {
     let classify = |name: &str| {
         let cloud = format!("cloud:{name}.xyz");
         let asked = ["points", &cloud, "out.csv", "--overwrite", "--classify", "ground"];
-        place.ok(&[&asked[..], &["--ground", "filter"]].concat());
+        place.ok(&[&asked[..], &["--ground", "pmf"]].concat());
         classes(&String::from_utf8(place.bytes("out.csv")).unwrap())
     };
-    let filter = ["--ground", "filter"];
-    let (expected, classified) = (grid("plain", &filter).1, classify("plain"));
+    let pmf = ["--ground", "pmf"];
+    let (expected, classified) = (grid("plain", &pmf).1, classify("plain"));
     for (name, pattern) in [
         ("zero", (|_| [0, 0]) as fn(usize) -> [u8; 2]),
         ("none_of_one", |_| [0, 1]),
@@ -180,10 +180,10 @@ fn returns_whose_numbers_tell_nothing_are_all_looked_at() {
         ("one_of_some", |k| [1, 1 + (k % 4) as u8]),
     ] {
         place.write(&format!("{name}.xyz"), numbered(pattern));
-        assert!(grid(name, &filter).1 == expected, "{name}");
+        assert!(grid(name, &pmf).1 == expected, "{name}");
         assert_eq!(classify(name), classified, "{name}");
         let plan = ["plan", "grid", &format!("cloud:{name}.xyz"), "-o", name, "--tile", "256"];
-        place.ok(&[&plan[..], &["--dtm", "--cell", "0.125", "-q"], &filter].concat());
+        place.ok(&[&plan[..], &["--dtm", "--cell", "0.125", "-q"], &pmf].concat());
         place.ok(&["run", name, "-q"]);
         place.ok(&["finish", name, "planned.tif", "-q", "--overwrite"]);
         assert!(place.bytes("planned.tif") == expected, "{name}");
@@ -194,7 +194,7 @@ fn returns_whose_numbers_tell_nothing_are_all_looked_at() {
         [(above, 0, [1, 2]), ([x, y, z], 0, [2, 2])]
     });
     place.write("twice.xyz", text(twice));
-    let (told, found) = grid("twice", &filter);
+    let (told, found) = grid("twice", &pmf);
     assert!(found == expected && told.contains("of 2304 last returns"), "{told}");
 }
 
@@ -207,7 +207,7 @@ fn returns_of_any_number_on_the_ground_are_ground() {
         [(first, 1, [1, 2]), ([x, y, z], 1, [2, 2])]
     });
     place.write("in.xyz", text(two));
-    for ground in ["auto", "csf", "ptd", "smrf", "filter"] {
+    for ground in ["auto", "csf", "ptd", "smrf", "pmf"] {
         let asked = ["points", "cloud:in.xyz", "out.csv", "--overwrite", "--classify", "ground"];
         place.ok(&[&asked[..], &["--ground", ground, "-q"]].concat());
         let found = classes(&String::from_utf8(place.bytes("out.csv")).unwrap());

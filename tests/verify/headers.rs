@@ -20,7 +20,7 @@ struct Made {
 
 const PLAIN: Made = Made { error: "5", options: &[], proof: &[], in_stl: true };
 const SURFACE: Made = Made { options: &["--bound", "surface"], ..PLAIN };
-const FITTED: Made = Made { options: &["--fit"], ..PLAIN };
+const FITTED: Made = Made { options: &["--fit-heights"], ..PLAIN };
 const ANGLES: Made = Made { options: &["--min-angle", "10"], ..PLAIN };
 const FREE: Made = Made { options: &["--triangulation", "data-dependent"], ..PLAIN };
 const NAMES: Made = Made { in_stl: false, ..PLAIN };

@@ -83,8 +83,8 @@ pub(crate) fn reader(asked: &str, columns: &[PointColumn]) -> Result<AttributeRe
         let own = columns.iter().map(|column| column.name.as_str());
         let own = own.filter(|name| COMMON.iter().all(|(common, _)| common != name));
         let all: Vec<&str> = common.chain(own).collect();
-        Error::usage(format!("its points have no attribute \"{asked}\""))
-            .remedy(format!("they have {}", all.join(", ")))
+        Error::usage(format!("the points have no attribute \"{asked}\""))
+            .remedy(format!("available attributes: {}", all.join(", ")))
     })
 }
 

@@ -76,7 +76,7 @@ pub struct PointFilter {
     /// Keep points flagged as withheld
     pub keep_withheld: bool,
     /// Drop points with these flags
-    #[option(value = "MARKS", with = MarkName)]
+    #[option(value = "FLAGS", with = MarkName)]
     pub drop_flag: Vec<Flags>,
     /// Height range to keep, inclusive
     #[option(value = "LOW,HIGH", with = Interval)]

@@ -90,7 +90,7 @@ fn title(origin: Point3, scale: Option<Point3>, promises: &Promises) -> Result<[
         return Err(Error::usage(format!("the origin {origin:?} does not fit into an STL header")));
     }
     let needed = [
-        (promises.fitted.is_some(), "‹fit›", "the note on fitted heights"),
+        (promises.fitted.is_some(), "‹fit_heights›", "the note on fitted heights"),
         (promises.min_angle.is_some(), "‹min_angle›", "the smallest angle"),
     ];
     let stated = stated(promises);
@@ -408,7 +408,7 @@ mod tests {
         assert_eq!(stated(&fitted), " max error 1.5 bound surface fitted heights");
         let angle = promises(&["max error 1.5", "triangulation data-dependent", "min angle 25"]);
         assert_eq!(stated(&angle), " max error 1.5 min angle 25 by any");
-        for (promises, option) in [(fitted, "‹fit›"), (angle, "‹min_angle›")] {
+        for (promises, option) in [(fitted, "‹fit_heights›"), (angle, "‹min_angle›")] {
             let error = title(full, None, &promises).unwrap_err().to_string();
             assert!(error.contains(option), "{error}");
         }

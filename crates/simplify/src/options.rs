@@ -27,19 +27,19 @@ use terrane_line::{METHODS, SimplifyMethod};
 pub struct LineOptions {
     /// Maximum distance of a removed vertex from its segment, in units of the data or with a unit: 100m, 2km, 50ft (on
     /// the ellipsoid for longitude and latitude)
-    #[option(value = "LENGTH", with = LengthText, range = OptionRange::FROM_ZERO, heading = "How much")]
+    #[option(value = "LENGTH", with = LengthText, range = OptionRange::FROM_ZERO, heading = "Target")]
     pub tolerance: Option<Length>,
     /// Effective area threshold of the Visvalingam methods, in squared units of the data
-    #[option(value = "A", range = OptionRange::FROM_ZERO, heading = "How much")]
+    #[option(value = "A", range = OptionRange::FROM_ZERO, heading = "Target")]
     pub area: Option<f64>,
     /// Share of vertices to keep, from 0 to 1
-    #[option(value = "SHARE", range = OptionRange::new(0.0, 1.0), heading = "How much")]
+    #[option(value = "SHARE", range = OptionRange::new(0.0, 1.0), heading = "Target")]
     pub keep_ratio: Option<f64>,
     /// Maximum number of vertices
-    #[option(value = "N", heading = "How much")]
+    #[option(value = "N", heading = "Target")]
     pub keep_count: Option<u64>,
     /// Maximum file size, such as 5M
-    #[option(value = "SIZE", with = FileSize, heading = "How much")]
+    #[option(value = "SIZE", with = FileSize, heading = "Target")]
     pub target_size: Option<u64>,
     /// Simplification method
     #[option(value = "NAME", with = MethodName, default_text = "cone; rdp with ‹hierarchy›", heading = "Method")]
@@ -55,16 +55,16 @@ pub struct LineOptions {
     #[option(value = "HOW", heading = "Method")]
     pub collapse: RingCollapse,
     /// Preserve topology: shared borders stay shared, and no line newly crosses, flips or changes sides
-    #[option(heading = "Neighbours")]
+    #[option(heading = "Topology")]
     pub topology: bool,
     /// When crossings are tested
-    #[option(value = "WHEN", default_text = "retroactive", heading = "Neighbours")]
+    #[option(value = "WHEN", default_text = "retroactive", heading = "Topology")]
     pub strategy: Option<Strategy>,
     /// Snap vertices within this distance, in units of the data
-    #[option(value = "DISTANCE", range = OptionRange::POSITIVE, heading = "Neighbours")]
+    #[option(value = "DISTANCE", range = OptionRange::POSITIVE, heading = "Topology")]
     pub snap: Option<f64>,
     /// File of points that stay on the same side of every line
-    #[option(value = "FILE", with = FileName, role = Reads, heading = "Neighbours")]
+    #[option(value = "FILE", with = FileName, role = Reads, heading = "Topology")]
     pub sides: Option<PathBuf>,
     /// Decimal places of coordinates; with ‹topology› a vertex is not rounded if lines would touch, cross or change
     /// sides
@@ -85,7 +85,7 @@ pub struct LineOptions {
 }
 
 const RULES: &[OptionRule] = &[
-    OptionRule::OneOf(&["tolerance", "area", "keep_ratio", "keep_count", "target_size"], "goal"),
+    OptionRule::OneOf(&["tolerance", "area", "keep_ratio", "keep_count", "target_size"], "target"),
     OptionRule::NotWith("hierarchy", &["topology"]),
     OptionRule::Needs("strategy", &["topology"]),
     OptionRule::Needs("snap", &["topology"]),

@@ -127,7 +127,7 @@ pub struct ModelOptions {
              default_text = "the point spacing from the headers, rounded up to 1, 2 or 5 times a power of ten")]
     pub cell: Option<[f64; 2]>,
     /// Ground points of a point cloud, as in terrane grid: class, a method with parameters, or auto (by class if the
-    /// cloud has ground points, else adaptive)
+    /// cloud has ground points, else csf-ptd)
     #[option(value = "HOW", with = AsText)]
     pub ground: GroundFrom,
 }

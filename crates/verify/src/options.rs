@@ -54,10 +54,10 @@ pub struct MeshProof {
     #[option(flatten)]
     pub grid: GridInput,
     /// Bands approximated by the mesh, such as 1,2,3 for the colours of an image. Heights are those of ‹band›, if given
-    #[option(value = "N,..", range = OptionRange::new(1.0, u32::MAX as f64), heading = "Several bands")]
+    #[option(value = "N,..", range = OptionRange::new(1.0, u32::MAX as f64), heading = "Bands")]
     pub bands: Vec<u32>,
     /// Weight of the error in each band
-    #[option(value = "W,..", range = OptionRange::POSITIVE, heading = "Several bands", default_text = "as stated \
+    #[option(value = "W,..", range = OptionRange::POSITIVE, heading = "Bands", default_text = "as stated \
         in the mesh")]
     pub weights: Vec<f64>,
     /// Memory, threads and temporary files.

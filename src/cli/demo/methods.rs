@@ -21,7 +21,7 @@ use terrane_viewer::view::{ContactSheetJob, PicturePanel, run_contact_sheet};
 const TERRAIN: &str = "synth:rough,size=129,seed=7";
 const TOLERANCE: f64 = 2.0;
 
-/// A mesh method: the engine's own, or one by name; `fit` as in `tin --fit`.
+/// A mesh method: the engine's own, or one by name; `fit` as in `tin --fit-heights`.
 struct DemoMethod {
     label: &'static str,
     file: &'static str,
@@ -36,7 +36,7 @@ const fn textbook(name: &'static str, file: &'static str) -> DemoMethod {
 /// Compared methods, in the order of the picture.
 const WAYS: [DemoMethod; 6] = [
     DemoMethod { label: "greedy", file: "greedy.ply", method: None, fit: false },
-    DemoMethod { label: "greedy --fit", file: "greedy-fit.ply", method: None, fit: true },
+    DemoMethod { label: "greedy --fit-heights", file: "greedy-fit.ply", method: None, fit: true },
     textbook("collapse", "collapse.ply"),
     textbook("kdtree", "kdtree.ply"),
     textbook("rtin", "rtin.ply"),
@@ -85,7 +85,7 @@ pub(super) fn run(args: &DemoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let copied = convert::run(&terrain(TERRAIN, &grid, &resources), progress, cancel)?;
     let made = |way: &DemoMethod| {
         let mut job = mesh(&grid, &folder.join(way.file), &resources)?;
-        job.refinement.fit = way.fit;
+        job.refinement.fit_heights = way.fit;
         let job = TinJob { goal: TinGoal::MaxError(TOLERANCE), ..job };
         row(way, &job, progress, cancel)
     };

@@ -14,7 +14,7 @@ use terrane_vector as vector;
 
 /// Selection of input files.
 #[derive(Clone, Debug, Default, clap::Args)]
-#[command(next_help_heading = "Many files")]
+#[command(next_help_heading = "Input files")]
 #[group(id = "many")]
 pub(crate) struct InputSelection {
     /// Include files in subfolders

@@ -175,7 +175,7 @@ pub(crate) fn features() -> String {
 
 pub(crate) fn characters() -> String {
     let row = |c: &synth::TerrainKind| (c.name, String::new(), c.about);
-    list("Characters", &synth::CHARACTERS.iter().map(row).collect::<Vec<_>>())
+    list("Terrains", &synth::CHARACTERS.iter().map(row).collect::<Vec<_>>())
 }
 
 pub(crate) fn parameters() -> String {

@@ -27,7 +27,7 @@ pub(crate) fn take_output(
             Ok(())
         }
         _ => {
-            let message = "name an input and, last of all, the file to write";
+            let message = "output file missing: pass the input, then the output";
             Err(clap::Error::raw(MissingRequiredArgument, message))
         }
     }

@@ -67,7 +67,7 @@ fn about<K: InputKinds>(field: &OptionField, all: &[Vec<&'static OptionField>]) 
     for (kind, own) in of_each {
         let other = own.off.unwrap_or(own.about);
         if !told.contains(&other) {
-            about += &format!(". Of {}: {}", kind.of, uncapitalized(other));
+            about += &format!(". For {}: {}", kind.of, uncapitalized(other));
             told.push(other);
         }
     }

@@ -55,7 +55,7 @@ LONG_TILES: dict[str, dict[str, Any]] = {
     "plain": {},
     "large": {"tile": 2048},
     "strict": {"tile": 1024, "strict": True},
-    "fit": {"tile": 1024, "fit": True},
+    "fit": {"tile": 1024, "fit_heights": True},
     "any": {"tile": 1024, "triangulation": "data-dependent"},
     "surface": {"tile": 1024, "bound": "surface"},
     "angles": {"tile": 1024, "min_angle": 20.0},

@@ -247,7 +247,7 @@ OPTIONS = [
     {"bound": "surface"},
     {"strict": True},
     {"drop": False},
-    {"fit": True},
+    {"fit_heights": True},
     {"triangulation": "data-dependent"},
     {"min_angle": 20.0},
     {"tile": 16},

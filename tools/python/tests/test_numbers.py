@@ -176,7 +176,7 @@ def test_numbers_of_any_package_are_taken(value: Any) -> None:
     assert len(terrane.tin(HEIGHTS, max_vertices=1e2).vertices) <= 100  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("option", ["ground", "split", "buffer_mark"])
+@pytest.mark.parametrize("option", ["ground", "split", "buffer_flag"])
 @pytest.mark.parametrize("value", [5, 0.5, True, b"class", ["class"]])
 def test_what_is_no_text_is_refused_by_name(tmp_path: Path, option: str, value: Any) -> None:
     with pytest.raises(terrane.InputError, match=f"{option} is "):

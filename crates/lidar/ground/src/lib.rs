@@ -5,8 +5,8 @@
 //! removed first. Methods without a bounded reach are defined on tiles of a fixed size with a halo
 //! ([`GroundTiling`]), so that the ground depends on the point cloud only.
 
-mod adaptive;
 mod csf;
+mod csf_ptd;
 mod densify;
 mod finder;
 mod ghost_vertices;

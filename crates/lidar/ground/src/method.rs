@@ -4,22 +4,22 @@ use super::finder::{GroundFinder, GroundTiling, Method, Request};
 use super::lowest_points::LowestPoints;
 use super::method_call::FinderRegistry;
 use super::surface::GroundSurface;
-use super::{adaptive, csf, outliers, pmf, ptd, smrf};
+use super::{csf, csf_ptd, outliers, pmf, ptd, smrf};
 
 /// All methods. A new one is a file in this folder and a line here.
 pub const METHODS: &[Method] =
-    &[adaptive::METHOD, csf::METHOD, ptd::METHOD, smrf::METHOD, pmf::METHOD];
+    &[csf_ptd::METHOD, csf::METHOD, ptd::METHOD, smrf::METHOD, pmf::METHOD];
 
 impl FinderRegistry for GroundFinder {
-    const KIND: &'static str = "method to find the ground";
+    const KIND: &'static str = "ground method";
     const METHODS: &'static [Method] = METHODS;
 }
 
 impl Request {
     /// The morphological filter.
-    pub const FILTER: Self = Self::plain(&pmf::METHOD);
+    pub const PMF: Self = Self::plain(&pmf::METHOD);
     /// The default method.
-    pub const BEST: Self = Self::plain(&adaptive::METHOD);
+    pub const BEST: Self = Self::plain(&csf_ptd::METHOD);
 
     /// Tiling of the plane, for points `spacing` metres apart.
     pub fn lattice(&self, spacing: f64) -> GroundTiling {
@@ -51,7 +51,7 @@ mod tests {
         );
         assert_eq!(Request::parse(&asked.to_string()).unwrap(), asked, "{asked}");
         assert_eq!(asked.value("iterations"), 500.0, "what is not given is as published");
-        assert_eq!(Request::parse("filter").unwrap(), Request::FILTER);
+        assert_eq!(Request::parse("pmf").unwrap(), Request::PMF);
         assert_ne!(asked, Request::parse("csf").unwrap());
         for method in METHODS {
             assert!(method.parameters.len() <= terrane_base::parameters::MOST, "{}", method.name);
@@ -141,7 +141,7 @@ mod tests {
             (_, share) => 8.0 + 9.0 * share,
         };
         // The others open what they see by windows that are full of crowns.
-        for method in ["adaptive", "csf", "ptd"] {
+        for method in ["csf-ptd", "csf", "ptd"] {
             let kept = kept(method, on);
             let seen = kept.iter().filter(|(col, row)| is_seen(*col, *row)).count();
             assert!(seen > 120 && seen == kept.len(), "{method}: {seen} of {}", kept.len());
@@ -152,7 +152,7 @@ mod tests {
     fn a_roof_that_a_cloth_lies_down_on_is_no_ground_of_both() {
         let is_roof = |col: usize, row: usize| (30..96).contains(&col) && (30..96).contains(&row);
         let on = |col, row| if is_roof(col, row) { 8.0 } else { 0.0 };
-        let kept = kept("adaptive", on);
+        let kept = kept("csf-ptd", on);
         assert!(kept.iter().all(|&(col, row)| !is_roof(col, row)));
         assert!(kept.len() > 136 * 126 - 66 * 66 - 400, "{}", kept.len());
     }
@@ -161,7 +161,7 @@ mod tests {
     fn bushes_are_no_ground_of_triangulations() {
         let is_bush = |col: usize, row: usize| col % 9 < 2 && row % 8 < 2;
         let on = |col, row| if is_bush(col, row) { 1.2 } else { 0.0 };
-        for method in ["adaptive", "ptd"] {
+        for method in ["csf-ptd", "ptd"] {
             let kept = kept(method, on);
             let bushes = kept.iter().filter(|(col, row)| is_bush(*col, *row)).count();
             assert!(bushes == 0 && kept.len() > 15_000, "{method}: {bushes} of {}", kept.len());
@@ -205,7 +205,7 @@ mod tests {
                     corner: [0.0; 2],
                     step: [0.01; 3],
                 };
-                for method in ["adaptive", "ptd"] {
+                for method in ["csf-ptd", "ptd"] {
                     let ground = Request::parse(method).unwrap().find(&lows);
                     let is_ground =
                         |k: &usize| ground.is_ground(k % width, k / width, [0.5; 2], points[*k].z);

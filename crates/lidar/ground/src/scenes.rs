@@ -1,4 +1,4 @@
-//! Scenes whose ground is known exactly, for the method `adaptive`.
+//! Scenes whose ground is known exactly, for the method `csf-ptd`.
 
 use crate::finder::Request;
 use crate::lowest_points::{LowestPoints, NO_POINT};

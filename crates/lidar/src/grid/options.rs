@@ -33,25 +33,25 @@ pub struct GridOptions {
     #[option(value = "LIST", with = StatisticList, default_text = "mean")]
     pub stat: Option<String>,
     /// Terrain model: triangulated ground points, interpolated linearly at cell centres
-    #[option(heading = "Models of the terrain")]
+    #[option(heading = "Terrain and surface models")]
     pub dtm: bool,
     /// Surface model: triangulated first returns with canopy pits removed by the method of ‹canopy›
-    #[option(heading = "Models of the terrain")]
+    #[option(heading = "Terrain and surface models")]
     pub dsm: bool,
     /// Canopy height model: ‹dsm› minus ‹dtm›, at least 0
-    #[option(heading = "Models of the terrain")]
+    #[option(heading = "Terrain and surface models")]
     pub chm: bool,
     /// Ground points: class (class 2, or ‹class›), a method that classifies last returns such as csf:rigidness=1, or
-    /// auto (by class if the cloud has ground points, else adaptive)
-    #[option(value = "HOW", with = AsText, heading = "Models of the terrain")]
+    /// auto (by class if the cloud has ground points, else csf-ptd)
+    #[option(value = "HOW", with = AsText, heading = "Terrain and surface models")]
     pub ground: GroundFrom,
     /// Pit removal for ‹dsm› and ‹chm›: pit-free, or spike-free (uses all returns) with parameters, such as
     /// spike-free:freeze=1.5
-    #[option(value = "METHOD", with = AsText, heading = "Models of the terrain")]
+    #[option(value = "METHOD", with = AsText, heading = "Terrain and surface models")]
     pub canopy: Canopy,
     /// File of water features for ‹dtm›. Polygons are lakes, flattened to their lowest bank; polygons with a line
     /// inside are rivers, falling along the line (drawn downstream)
-    #[option(value = "FILE", with = FileName, role = Reads, heading = "Models of the terrain")]
+    #[option(value = "FILE", with = FileName, role = Reads, heading = "Terrain and surface models")]
     pub water: Option<String>,
     /// Cell size, or cell width and height, in CRS units
     #[option(value = "SIZE", with = CellSize, heading = "Cells",

@@ -45,4 +45,4 @@ pub use report::TranslateReport;
 pub use sorted::Sort;
 pub use split::AttributeSplit;
 pub use thinning::{CellThinning, KEPT, ThinningRule};
-pub use tiled_output::{BufferMark, PointTiling};
+pub use tiled_output::{BufferFlag, PointTiling};

@@ -11,7 +11,7 @@ use super::job::TranslateJob;
 use super::sorted::Sort;
 use super::split::AttributeSplit;
 use super::thinning::CellThinning;
-use super::tiled_output::{BufferMark, PointTiling};
+use super::tiled_output::{BufferFlag, PointTiling};
 use crate::grid::{AsText, GroundFrom};
 use terrane_base::error::Result;
 use terrane_cloud::{CloudOpenOptions, LasVersion, PointFormat};
@@ -56,7 +56,7 @@ pub struct PointsOptions {
     #[option(value = "HOW", with = AsText, heading = "Ground")]
     pub classify: Vec<Classify>,
     /// Ground points: class (class 2), a method of terrane grid ‹ground› that classifies last returns, or auto (by
-    /// class if the cloud has ground points, else adaptive)
+    /// class if the cloud has ground points, else csf-ptd)
     #[option(value = "HOW", with = AsText, heading = "Ground")]
     pub ground: GroundFrom,
     /// Set an attribute to a number or a formula of attributes, x, y and z with + - * / and parentheses, such as
@@ -66,15 +66,15 @@ pub struct PointsOptions {
     pub attribute: Vec<Assign>,
     /// Remove flight-line overlap: in each CELL keep the flight line (point source) with the smallest scan angle, in
     /// ties the lower number. Default cell: twice the point spacing, rounded up to 1, 2 or 5 times a power of ten
-    #[option(value = "CELL", with = AsNumber, bare = "auto", heading = "Fewer points")]
+    #[option(value = "CELL", with = AsNumber, bare = "auto", heading = "Thinning")]
     pub drop_overlap: Option<Overlap>,
     /// Keep one point per cell of this size, in units of x and y; cell corners are at multiples of the size. WHICH
     /// selects the point
-    #[option(value = "CELL[:WHICH]", with = AsNumber, heading = "Fewer points")]
+    #[option(value = "CELL[:WHICH]", with = AsNumber, heading = "Thinning")]
     pub thin: Option<CellThinning>,
     /// Thin to a minimum 3D distance between points, in coordinate units (Poisson disc sampling). The selection is
     /// reproducible
-    #[option(value = "DISTANCE", range = OptionRange::POSITIVE, heading = "Fewer points")]
+    #[option(value = "DISTANCE", range = OptionRange::POSITIVE, heading = "Thinning")]
     pub thin_distance: Option<f64>,
     /// Write a folder of square tiles with this side, one file each, named by the lower left corner
     #[option(value = "SIDE", range = OptionRange::POSITIVE, heading = "Folders")]
@@ -83,12 +83,12 @@ pub struct PointsOptions {
     /// lines)
     #[option(value = "ATTRIBUTE", heading = "Folders")]
     pub split: Option<String>,
-    /// Buffer around each tile: points within this distance are included, flagged by ‹buffer_mark›
+    /// Buffer around each tile: points within this distance are included, flagged by ‹buffer_flag›
     #[option(value = "WIDTH", range = OptionRange::FROM_ZERO, heading = "Folders")]
     pub buffer: Option<f64>,
     /// Flag of buffer points
-    #[option(value = "MARK", heading = "Folders")]
-    pub buffer_mark: BufferMark,
+    #[option(value = "FLAG", heading = "Folders")]
+    pub buffer_flag: BufferFlag,
     /// Format of the files in a folder
     #[option(value = "NAME", heading = "Folders")]
     pub tile_format: TileFormat,
@@ -112,7 +112,7 @@ pub struct PointsOptions {
 const RULES: &[OptionRule] = &[
     OptionRule::NotWith("tile", &["split"]),
     OptionRule::Needs("buffer", &["tile"]),
-    OptionRule::Needs("buffer_mark", &["buffer"]),
+    OptionRule::Needs("buffer_flag", &["buffer"]),
     OptionRule::Needs("tile_format", &["tile", "split"]),
     OptionRule::Needs("workdir", &["tile"]),
 ];
@@ -140,7 +140,7 @@ impl PointsOptions {
     /// The job without its clip polygons.
     pub(super) fn unread(&self, inputs: &[String], output: &Path) -> TranslateJob {
         let is_plain = self.tile_format == TileFormat::Las;
-        let (buffer, mark) = (self.buffer.unwrap_or(0.0), self.buffer_mark);
+        let (buffer, mark) = (self.buffer.unwrap_or(0.0), self.buffer_flag);
         TranslateJob {
             cloud: CloudOpenOptions::default(),
             format: self.point_format,

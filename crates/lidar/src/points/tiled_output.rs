@@ -30,12 +30,12 @@ pub struct PointTiling {
     /// Width of the buffer of points around a tile.
     pub buffer: f64,
     /// Flag of buffer points.
-    pub mark: BufferMark,
+    pub mark: BufferFlag,
 }
 
 /// Flag of buffer points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice, Serialize, Deserialize)]
-pub enum BufferMark {
+pub enum BufferFlag {
     /// withheld flag; most readers skip these points by default
     #[default]
     Withheld,
@@ -43,7 +43,7 @@ pub enum BufferMark {
     Synthetic,
 }
 
-impl BufferMark {
+impl BufferFlag {
     fn flag(self) -> Flags {
         match self {
             Self::Withheld => Flags::WITHHELD,

@@ -45,7 +45,7 @@ pub struct ConvertOptions {
     #[option(heading = "Output")]
     pub round: bool,
     /// Resampling method; required if output samples lie between input samples
-    #[option(value = "NAME", with = ResamplingName, heading = "Lattice")]
+    #[option(value = "NAME", with = ResamplingName, heading = "Output grid")]
     pub resampling: Option<String>,
     /// The lattice of the output.
     #[option(flatten)]

@@ -436,7 +436,7 @@ impl TinMaker<'_> {
             bands: Vec::new(),
             tolerance,
             bound: job.refinement.bound,
-            fit: job.refinement.fit,
+            fit: job.refinement.fit_heights,
             min_angle: job.refinement.min_angle,
             max_error: measured(outcome.max_error),
             rmse: measured((outcome.square_sum / surface).sqrt()),

@@ -101,10 +101,10 @@ pub struct TinOptions {
     pub tile: u32,
     /// Bands approximated by one mesh, such as 1,2,3 for the colours of an image. The error of a sample is the maximum
     /// over the bands of weight x |value - mesh|. Heights are those of ‹band›, which must be one of the bands, else 0
-    #[option(value = "N,..", range = OptionRange::new(1.0, u32::MAX as f64), role = Run, heading = "Several bands")]
+    #[option(value = "N,..", range = OptionRange::new(1.0, u32::MAX as f64), role = Run, heading = "Bands")]
     pub bands: Vec<u32>,
     /// Weight of the error in each band
-    #[option(value = "W,..", range = OptionRange::POSITIVE, role = Run, heading = "Several bands", default_text = "1 each")]
+    #[option(value = "W,..", range = OptionRange::POSITIVE, role = Run, heading = "Bands", default_text = "1 each")]
     pub weights: Vec<f64>,
     /// Where work is kept.
     #[option(flatten)]
@@ -122,7 +122,7 @@ const OF_GREEDY: &[&str] = &[
     "breaklines",
     "strict",
     "drop",
-    "fit",
+    "fit_heights",
     "min_angle",
     "water",
     "tile",
@@ -134,7 +134,7 @@ const RULES: &[OptionRule] = &[
     OptionRule::NotWith("workdir", &["base", "keep_degrees", "size", "scale", "exaggeration"]),
     OptionRule::Needs("base", &["size", "scale"]),
     OptionRule::NotWith("base", &["co"]),
-    OptionRule::NotWith("water", &["min_angle", "fit"]),
+    OptionRule::NotWith("water", &["min_angle", "fit_heights"]),
     OptionRule::Needs("weights", &["bands"]),
     OptionRule::NotWith("bands", &["method", "triangulation"]),
     OptionRule::NotWith("bands", OF_GREEDY),

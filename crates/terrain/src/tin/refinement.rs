@@ -33,7 +33,7 @@ pub struct TinMethod {
     pub drop: bool,
     /// Let vertices lie above or below their samples, within the tolerance: 10 to 33 % fewer vertices, typically 20 %,
     /// about five times slower
-    pub fit: bool,
+    pub fit_heights: bool,
     /// Triangulation rule
     #[option(value = "NAME", with = TriangulationName, default_text = "delaunay")]
     pub triangulation: Option<TriangulationRule>,
@@ -46,7 +46,7 @@ pub struct TinMethod {
 }
 
 const RULES: &[OptionRule] = &[
-    OptionRule::NotWith("fit", &["strict", "drop"]),
+    OptionRule::NotWith("fit_heights", &["strict", "drop"]),
     // Which triangles are not Delaunay is found by dropping vertices.
     OptionRule::NotWith("triangulation=data-dependent", &["drop"]),
     // Lines may meet under any angle.
@@ -65,7 +65,7 @@ impl TinMethod {
             bound: self.bound,
             strict: self.strict,
             drop: self.drop,
-            fit: self.fit,
+            fit: self.fit_heights,
             data_dependent: self.is_data_dependent(),
             min_angle: angle_bound(self.min_angle, map)?,
             single_precision: None,
@@ -102,6 +102,6 @@ impl TinMethod {
         // Any sample may become a vertex to reach these.
         let keeps_all = goal == TinGoal::MaxError(0.0) || self.min_angle.is_some();
         let lines = if follows { line_bytes(tile) } else { 0 };
-        lines + worker_bytes(tile, keeps_all, self.fit)
+        lines + worker_bytes(tile, keeps_all, self.fit_heights)
     }
 }

@@ -18,7 +18,7 @@ use terrane_raster::{GridInfo, GridOpenOptions, Inputs};
 
 /// Output lattice
 #[derive(Clone, Debug, PartialEq, Options)]
-#[options(heading = "Lattice", setters = group)]
+#[options(heading = "Output grid", setters = group)]
 pub struct LatticeOptions {
     /// Output cell size, or cell width and height, in CRS units; edges are at multiples of it
     #[option(value = "X[,Y]", with = CellSize, default_text = "that of the input at its centre")]

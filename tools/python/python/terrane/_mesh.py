@@ -18,7 +18,7 @@ from terrane._source import lattice_of
 class Mesh:
     """An immutable triangle mesh in memory, as made by `terrane.tin`.
 
-    Vertices are samples of the grid, except with `fit`; triangles are vertex indices, counter-clockwise seen from
+    Vertices are samples of the grid, except with `fit_heights`; triangles are vertex indices, counter-clockwise seen from
     above.
 
     >>> import numpy as np, terrane

@@ -21,7 +21,7 @@ use holes::{filled, widened};
 pub use parameters::Parameters;
 
 pub(crate) const METHOD: Method = Method {
-    name: "filter",
+    name: "pmf",
     source: "after Pingel and others 2013",
     about: "morphological filter: openings with growing squares, holes filled by means; exact in tiles of any size",
     parameters: &[],

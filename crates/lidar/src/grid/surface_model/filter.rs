@@ -1,6 +1,6 @@
 //! Ground classification of a point cloud without classes, tile by tile.
 //!
-//! The lowest points of a tile are read from the store with the halo of the method. The halo of the filter is
+//! The lowest points of a tile are read from the store with the halo of the method. The halo of pmf is
 //! its reach, so its ground is exactly that of the whole point cloud for any tile size. The others have tiles
 //! of a fixed size, from the origin of coordinates on, which are part of their definition.
 
@@ -349,7 +349,7 @@ mod tests {
         let into = PointStore::empty(*candidates.tiling(), &folder, 1 << 24);
         let metres = MetricFrame { step: [0.01; 3], is_guess: false };
         let filter = GroundFilter::new(vec![candidates], &metres, method, memory);
-        assert!(memory > 0 || method != Request::FILTER || filter.tiles().unwrap().len() > 8);
+        assert!(memory > 0 || method != Request::PMF || filter.tiles().unwrap().len() > 8);
         filter.run(&into, threads, &Silent, &Cancel::default()).unwrap();
         let (mut all, mut points) = (Vec::new(), Vec::new());
         for square in 0..into.tiling().count() {
@@ -363,7 +363,7 @@ mod tests {
     fn tiles_find_the_ground_of_the_whole() {
         let folder = tempfile::tempdir().unwrap();
         let store = store(folder.path());
-        let found = |memory, threads| found(&store, Request::FILTER, memory, threads);
+        let found = |memory, threads| found(&store, Request::PMF, memory, threads);
         let (tiled, whole) = (found(0, 3), found(1 << 30, 1));
         assert_eq!(tiled, whole);
         let plane = |p: &Point| f64::from(p.x) / 20.0 - f64::from(p.y) / 30.0;

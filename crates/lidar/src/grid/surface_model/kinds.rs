@@ -49,7 +49,7 @@ pub enum GroundFrom {
 
 impl GroundFrom {
     /// By the morphological filter.
-    pub const FILTER: Self = Self::Method(ground::Request::FILTER);
+    pub const PMF: Self = Self::Method(ground::Request::PMF);
 
     /// True if a method is named, so that classes are ignored.
     pub(crate) fn is_method(self) -> bool {

@@ -6,11 +6,7 @@ use terrane_ground as ground;
 
 /// The note on the points found by a method, and the number and kind of candidates.
 pub(crate) fn found_by(method: &ground::Request, found: u64, all: u64, points: &str) -> String {
-    let by = match method.name() {
-        "filter" => "the ground filter".to_owned(),
-        name => format!("the method {name}"),
-    };
-    format!("ground: {found} of {all} {points}, found by {by}")
+    format!("ground: {found} of {all} {points}, found by the method {}", method.name())
 }
 
 /// The error of a cloud without points of the classes of ground.

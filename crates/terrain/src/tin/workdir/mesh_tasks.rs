@@ -286,7 +286,7 @@ mod tests {
                 "reading": { "band": null, "nodata": "nan", "bounds": null, "clip": null, "water": null },
                 "format": "PLY", "max_error": 0.1,
                 "refinement": {
-                    "bound": "samples", "strict": false, "drop": true, "fit": false, "triangulation": null,
+                    "bound": "samples", "strict": false, "drop": true, "fit_heights": false, "triangulation": null,
                     "min_angle": null, "keep_points": null, "breaklines": null,
                 },
                 "tile": 16, "strip_rows": 2, "height_origin": null,

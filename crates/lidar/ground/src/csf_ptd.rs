@@ -18,7 +18,7 @@ use crate::lowest_points::LowestPoints;
 use crate::surface::GroundSurface;
 
 pub(crate) const METHOD: Method = Method {
-    name: "adaptive",
+    name: "csf-ptd",
     source: "terrane, after Zhang and others 2016 and Axelsson 2000",
     about: "cloth simulation and TIN densification combined; the method of auto",
     parameters: &[],
