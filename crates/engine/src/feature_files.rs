@@ -38,7 +38,8 @@ impl AuxiliaryFeatures {
     /// `share` bytes of the memory.
     pub fn each(
         &mut self,
-        (share, resources): (u64, &Resources),
+        share: u64,
+        resources: &Resources,
         mut add: impl FnMut(&Feature) -> Result<()>,
     ) -> Result<u64> {
         let mut vertices = 0_u64;
@@ -60,8 +61,7 @@ impl AuxiliaryFeatures {
     }
 
     fn too_many(&self, vertices: u64, resources: &Resources) -> Error {
-        let mib = |bytes: u64| bytes.div_ceil(1 << 20);
-        let (needed, allowed) = (mib(self.bytes(vertices)), resources.memory >> 20);
+        let (needed, allowed) = (self.bytes(vertices).div_ceil(1 << 20), resources.memory >> 20);
         let message =
             format!("{vertices} vertices need {needed} MiB; the memory limit is {allowed} MiB");
         let enough = (4 * needed + BESIDE) << 20;

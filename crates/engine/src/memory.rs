@@ -136,12 +136,13 @@ pub fn with_polygons<T>(
 
 /// A remedy that asks for a number of MiB more.
 fn with_more(remedy: &str, more: u64) -> String {
-    let advised = || {
-        let (before, rest) = remedy.split_once("‹memory› ")?;
-        let (number, after) = rest.split_once('M')?;
-        Some(format!("{before}‹memory› {}M{after}", number.parse::<u64>().ok()? + more))
-    };
-    advised().unwrap_or_else(|| remedy.to_owned())
+    raise_memory(remedy, more).unwrap_or_else(|| remedy.to_owned())
+}
+
+fn raise_memory(remedy: &str, more: u64) -> Option<String> {
+    let (before, rest) = remedy.split_once("‹memory› ")?;
+    let (number, after) = rest.split_once('M')?;
+    Some(format!("{before}‹memory› {}M{after}", number.parse::<u64>().ok()? + more))
 }
 
 /// An opened grid with its memory shares.
@@ -168,7 +169,6 @@ pub fn open_beside(
     worker: u64,
 ) -> Result<Opened> {
     let mut threads = resources.threads;
-    let is_short = |error: &Error| error.kind() == ErrorKind::Resource;
     loop {
         let mut fitting = 1;
         let opened = divide_beside(resources.memory, held, threads, worker).and_then(|shares| {
@@ -179,8 +179,10 @@ pub fn open_beside(
         });
         match opened {
             // A cache grows as workers go. Halving ends after a few tries, each of which opens the input anew.
-            Err(error) if is_short(&error) && fitting > 1 => threads = fitting / 2,
-            Err(error) if is_short(&error) => {
+            Err(error) if error.kind() == ErrorKind::Resource && fitting > 1 => {
+                threads = fitting / 2;
+            }
+            Err(error) if error.kind() == ErrorKind::Resource => {
                 return Err(enough(held, input, options, resources, worker).unwrap_or(error));
             }
             opened => return opened,

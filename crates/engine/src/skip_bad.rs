@@ -131,6 +131,6 @@ fn check_file(
     if names_left.is_empty() && !bad.is_empty() {
         return Err(Error::several(bad.into_iter().map(|(_, error)| error).collect(), names.len()));
     }
-    let skip = |(name, error): (&String, Error)| Skipped::new(name, &error);
-    Ok(ReadableFiles { names: names_left, skipped: bad.into_iter().map(skip).collect() })
+    let skipped = bad.into_iter().map(|(name, error)| Skipped::new(name, &error)).collect();
+    Ok(ReadableFiles { names: names_left, skipped })
 }

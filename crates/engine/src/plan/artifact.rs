@@ -45,7 +45,9 @@ impl ArtifactLocation {
     /// A location in the artifact folder; the key is made of the plan, the task, and the checksums of its inputs.
     pub(super) fn new(
         objects: &Path,
-        (plan, task, seals): (Digest, &str, &[Digest]),
+        plan: Digest,
+        task: &str,
+        seals: &[Digest],
         ending: &str,
     ) -> Self {
         let mut parts: Vec<&[u8]> = vec![plan.bytes(), task.as_bytes()];
@@ -85,8 +87,10 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> FinishedArtifact<F> {
         if !is_own || done.key != place.key || done.clone().sealed() != done {
             return Err(damaged_object(&note));
         }
-        let digest = || digest_of(std::slice::from_ref(&place.file), cancel);
-        if done.bytes != meta.len() || (look == CheckDepth::Whole && digest()? != done.digest) {
+        let file = std::slice::from_ref(&place.file);
+        if done.bytes != meta.len()
+            || (look == CheckDepth::Whole && digest_of(file, cancel)? != done.digest)
+        {
             return Err(damaged_object(&place.file));
         }
         Ok(Some(done))
@@ -96,8 +100,10 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> FinishedArtifact<F> {
     /// disk. Ignores cancellation: without a sidecar the work would be lost.
     pub(super) fn seal(place: &ArtifactLocation, facts: F, digest: Option<Digest>) -> Result<Self> {
         let ArtifactLocation { file, key } = place;
-        let of_file = || digest_of(std::slice::from_ref(file), &Cancel::default());
-        let digest = digest.map_or_else(of_file, Ok)?;
+        let digest = match digest {
+            Some(digest) => digest,
+            None => digest_of(std::slice::from_ref(file), &Cancel::default())?,
+        };
         let bytes = std::fs::metadata(file).map_err(|e| Error::read(file, e))?.len();
         let done = Self { key: *key, digest, bytes, facts, seal: *key }.sealed();
         write_json(&note(file), &done)?;
@@ -136,16 +142,19 @@ mod tests {
         points: u64,
     }
 
+    fn location(plan: Digest, task: &str, seals: &[Digest]) -> ArtifactLocation {
+        ArtifactLocation::new(Path::new("objects"), plan, task, seals, "tif")
+    }
+
     #[test]
     fn keys_differ_by_plan_task_and_seals() {
         let [a, b] = [b"a", b"b"].map(|text| Digest::of(text));
-        let place = |of| ArtifactLocation::new(Path::new("objects"), of, "tif");
         let places = [
-            place((a, "strip-1", &[])),
-            place((b, "strip-1", &[])),
-            place((a, "strip-2", &[])),
-            place((a, "seam-1", &[a, b])),
-            place((a, "seam-1", &[b, a])),
+            location(a, "strip-1", &[]),
+            location(b, "strip-1", &[]),
+            location(a, "strip-2", &[]),
+            location(a, "seam-1", &[a, b]),
+            location(a, "seam-1", &[b, a]),
         ];
         for (i, ArtifactLocation { file, key }) in places.iter().enumerate() {
             assert!(places[..i].iter().all(|other| other.key != *key && other.file != *file));
@@ -155,10 +164,8 @@ mod tests {
     #[test]
     fn whatever_is_altered_is_damage() {
         let folder = tempfile::tempdir().unwrap();
-        let (place, cancel) = (
-            ArtifactLocation::new(folder.path(), (Digest::of(b""), "a", &[]), "tif"),
-            Cancel::default(),
-        );
+        let cancel = Cancel::default();
+        let place = ArtifactLocation::new(folder.path(), Digest::of(b""), "a", &[], "tif");
         let look = |look| FinishedArtifact::<Facts>::inspect(&place, look, &cancel);
         assert!(look(CheckDepth::Whole).unwrap().is_none(), "nothing is there");
         std::fs::write(&place.file, "one").unwrap();

@@ -88,13 +88,11 @@ impl PlanOutput {
         look: CheckDepth,
         cancel: &Cancel,
     ) -> Result<OutputState<R>> {
-        let is_it = |note: &OutputRecord<R>| {
+        let note = note::<R>(&self.folder).filter(|note| {
             (note.plan_id, &note.form) == (self.plan, &self.form)
                 && place(&self.folder, &note.path).is_ok_and(|path| path == self.absolute)
-        };
-        let Some(note) = note::<R>(&self.folder).filter(is_it) else {
-            return Ok(OutputState::Unknown);
-        };
+        });
+        let Some(note) = note else { return Ok(OutputState::Unknown) };
         let Some(finished) = note.finished else { return Ok(OutputState::Begun) };
         if self.absolute.symlink_metadata().is_err() {
             return Ok(OutputState::Missing);
@@ -190,13 +188,16 @@ pub(super) fn last_output(folder: &Path, plan: Digest) -> Result<LastOutput> {
     let Some(note) = note else { return Ok(LastOutput::default()) };
     let output = PlanOutput::new(folder, plan, &place(folder, &note.path)?, note.form)?;
     let path = output.absolute.display().to_string();
-    let wrong = |how: String| LastOutput { output: None, output_fault: Some(how) };
-    Ok(match output.state::<Value>(CheckDepth::Quick, &Cancel::default())? {
-        OutputState::Whole(_) => LastOutput { output: Some(path), output_fault: None },
-        OutputState::Missing => wrong(format!("{path} is missing")),
-        OutputState::Altered(how) => wrong(format!("{path} changed since it was written: {how}")),
-        OutputState::Unknown | OutputState::Begun => LastOutput::default(),
-    })
+    let (output, output_fault) =
+        match output.state::<Value>(CheckDepth::Quick, &Cancel::default())? {
+            OutputState::Whole(_) => (Some(path), None),
+            OutputState::Missing => (None, Some(format!("{path} is missing"))),
+            OutputState::Altered(how) => {
+                (None, Some(format!("{path} changed since it was written: {how}")))
+            }
+            OutputState::Unknown | OutputState::Begun => (None, None),
+        };
+    Ok(LastOutput { output, output_fault })
 }
 
 fn note<R: DeserializeOwned>(folder: &Path) -> Option<OutputRecord<R>> {

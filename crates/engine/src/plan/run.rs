@@ -104,11 +104,10 @@ pub fn status<W: PlannedWork>(path: &Path) -> Result<StatusReport<W::Status>> {
         CheckDepth::Quick,
         RunControl { progress: &Silent, cancel: &cancel },
     )?;
-    let told = last_output(&folder.path, folder.id)?;
+    let last_output = last_output(&folder.path, folder.id)?;
     let (work, tasks) = (&folder.plan.work, folder.tasks());
-    let finish = told.output.is_none().then_some(PlanStep::Finish);
-    let is_left = |task: &W::Task| survey.is_missing(*task);
-    let left = tasks.iter().copied().filter(is_left).map(PlanStep::Task);
+    let finish = last_output.output.is_none().then_some(PlanStep::Finish);
+    let left = tasks.iter().copied().filter(|task| survey.is_missing(*task)).map(PlanStep::Task);
     let left: Vec<PlanStep<W::Task>> = left.chain(finish).collect();
     Ok(StatusReport {
         folder: folder.path.display().to_string(),
@@ -120,7 +119,7 @@ pub fn status<W: PlannedWork>(path: &Path) -> Result<StatusReport<W::Status>> {
         damaged: survey.damaged.iter().map(W::Task::to_string).collect(),
         object_bytes: survey.done.values().map(|done| done.bytes).sum(),
         forecast: folder.plan.forecast(&left),
-        told,
+        told: last_output,
         skipped: folder.plan.skipped.clone(),
         ..work.status()
     })
@@ -132,11 +131,7 @@ pub fn run_named<W: PlannedWork>(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<RunReport<W::Run>> {
-    let check = |work: &W| match &job.output {
-        Some(output) => work.check_name(output, &job.form),
-        None => Ok(()),
-    };
-    run_checked(job, check, RunControl { progress, cancel })
+    run_checked(job, check_name::<W>, RunControl { progress, cancel })
 }
 
 /// Runs a plan.
@@ -145,12 +140,16 @@ pub fn run<W: PlannedWork>(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<RunReport<W::Run>> {
-    run_checked(job, |_: &W| Ok(()), RunControl { progress, cancel })
+    run_checked(job, |_, _: &W| Ok(()), RunControl { progress, cancel })
+}
+
+fn check_name<W: PlannedWork>(job: &RunJob, work: &W) -> Result<()> {
+    job.output.as_deref().map_or(Ok(()), |output| work.check_name(output, &job.form))
 }
 
 fn run_checked<W: PlannedWork>(
     job: &RunJob,
-    check: impl FnOnce(&W) -> Result<()>,
+    check: impl FnOnce(&RunJob, &W) -> Result<()>,
     at: RunControl<'_>,
 ) -> Result<RunReport<W::Run>> {
     let started = Instant::now();
@@ -162,7 +161,7 @@ fn run_checked<W: PlannedWork>(
         return Err(Error::usage(message).remedy("leave ‹split› out"));
     }
     let folder = PlanFolder::<W>::open(&job.folder)?;
-    check(&folder.plan.work)?;
+    check(job, &folder.plan.work)?;
     let task = job.task.as_deref().map(|name| folder.named(name)).transpose()?;
     // A named binding lives to the end of the run; `let _` would unlock at once.
     let _lock = folder.enter(task.is_none())?;
@@ -280,10 +279,12 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         let mut survey = TaskStates::around(self.folder, task, CheckDepth::Quick, self.at)?;
         if survey.is_missing(task) {
             self.check_disk(&[task], false)?;
-            let around =
-                |run: &Self| TaskStates::around(run.folder, task, CheckDepth::Whole, run.at);
             self.staged(&task.to_string(), &[task], |run| {
-                run.mending(&mut survey, around, |run, survey| run.make_missing(task, survey))
+                run.mending(
+                    &mut survey,
+                    |run| TaskStates::around(run.folder, task, CheckDepth::Whole, run.at),
+                    |run, survey| run.make_missing(task, survey),
+                )
             })?;
         }
         Ok(self.conclude(&survey))
@@ -327,8 +328,8 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         if W::STAGE.is_none() {
             return work(self);
         }
-        let size = |task: &W::Task| self.folder.plan.work.size(PlanStep::Task(*task));
-        self.at.progress.begin(name, tasks.iter().map(size).sum());
+        let sizes = tasks.iter().map(|task| self.folder.plan.work.size(PlanStep::Task(*task)));
+        self.at.progress.begin(name, sizes.sum());
         work(self)?;
         self.at.progress.end();
         Ok(())
