@@ -184,18 +184,21 @@ fn tangents(v: Xy, k: Xy, tolerance: f64) -> [Xy; 2] {
     // Rounding makes the difference negative where the anchor lies on the circle.
     let along = (square - tolerance * tolerance).max(0.0).sqrt() / square;
     let aside = tolerance / square;
-    let unscaled = |x: f64, y: f64| match k == [1.0; 2] {
-        true => [x, y],
-        false => {
-            let (x, y) = (x / k[0], y / k[1]);
-            let length = (x * x + y * y).sqrt();
-            [x / length, y / length]
-        }
-    };
     [
-        unscaled(v[0] * along - v[1] * aside, v[1] * along + v[0] * aside),
-        unscaled(v[0] * along + v[1] * aside, v[1] * along - v[0] * aside),
+        unscaled([v[0] * along - v[1] * aside, v[1] * along + v[0] * aside], k),
+        unscaled([v[0] * along + v[1] * aside, v[1] * along - v[0] * aside], k),
     ]
+}
+
+/// The unit vector in the direction of a vector of coordinates scaled by `k`.
+#[inline(always)]
+fn unscaled([x, y]: Xy, k: Xy) -> Xy {
+    if k == [1.0; 2] {
+        return [x, y];
+    }
+    let (x, y) = (x / k[0], y / k[1]);
+    let length = (x * x + y * y).sqrt();
+    [x / length, y / length]
 }
 
 impl<V, L: WedgeView<V>> DiscWedge<V, L> {

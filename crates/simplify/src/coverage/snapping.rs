@@ -15,7 +15,7 @@ use terrane_engine::Cancel;
 use terrane_files::Buckets;
 use terrane_line::tiles::{LastTile, VertexQuadtree};
 use terrane_line::{Xy, arcs};
-use terrane_vector::{Geometry, GeometryPart};
+use terrane_vector::Geometry;
 
 /// Snapped positions.
 #[derive(Default)]
@@ -74,7 +74,8 @@ impl SnappedPositions {
         old: Buckets<Xy>,
         squares: VertexQuadtree,
         distance: f64,
-        (folder, memory): (&Path, u64),
+        folder: &Path,
+        memory: u64,
         cancel: &Cancel,
     ) -> Result<Self> {
         let count = squares.count();
@@ -126,12 +127,11 @@ impl RingDamage {
     /// Adds the changes of a geometry.
     pub(super) fn add(&mut self, before: &Geometry, after: &Geometry) {
         let pairs = before.parts().zip(after.parts()).filter(|(part, _)| part.is_ring());
-        let sign = |part: &GeometryPart<'_>| area_sign(part.xy.iter().copied());
-        let is_lost = |(old, new): &(GeometryPart<'_>, GeometryPart<'_>)| {
-            let then = sign(old);
-            then != Ordering::Equal && then != sign(new)
-        };
-        self.rings += pairs.filter(is_lost).count() as u64;
+        let changed = pairs.filter(|(old, new)| {
+            let sign = area_sign(old.xy.iter().copied());
+            sign != Ordering::Equal && sign != area_sign(new.xy.iter().copied())
+        });
+        self.rings += changed.count() as u64;
         self.touching += u64::from(touches_anew(before, after));
     }
 }

@@ -20,6 +20,7 @@
 //!
 //! **Why the number of vertices of a tile is fixed** and does not follow the memory: the result depends on it.
 
+use std::cmp::Reverse;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -74,14 +75,8 @@ impl CoverageJob<'_> {
         let squares = self.squares(input)?;
         let mut whole = Parts::new();
         loop {
-            let bits = || {
-                RetainedBits::new(
-                    &self.folder(),
-                    squares.count(),
-                    memory_for_features(self.memory()) / 64,
-                )
-            };
-            let (kept, rounded) = (bits(), self.job.decimals.map(|_| bits()));
+            let kept = self.retained_bits(&squares);
+            let rounded = self.job.decimals.map(|_| self.retained_bits(&squares));
             let (squares, rounded) = (&squares, rounded.as_ref());
             let now = FinishedTiles { squares, whole: &whole, kept: &kept, rounded };
             let total = self.solve_all(input, &now, report)?;
@@ -123,6 +118,11 @@ impl CoverageJob<'_> {
         self.job.resources.memory
     }
 
+    fn retained_bits(&self, squares: &VertexQuadtree) -> RetainedBits {
+        let memory = memory_for_features(self.memory()) / 64;
+        RetainedBits::new(&self.folder(), squares.count(), memory)
+    }
+
     /// Memory in bytes beside features and tiles: bits per vertex, snapped positions, and the rest.
     fn others(&self, input: &CoverageInput<'_>) -> u64 {
         let moved = match self.topology.snap > 0.0 {
@@ -152,12 +152,11 @@ impl CoverageJob<'_> {
 
     /// Folder for temporary files: beside the output by default.
     fn folder(&self) -> PathBuf {
-        let beside = || {
-            let mut folders = self.job.output.ancestors().skip(1);
-            let found = folders.find(|folder| folder.is_dir());
-            found.unwrap_or(Path::new(".")).to_path_buf()
-        };
-        self.job.resources.temp_dir.clone().unwrap_or_else(beside)
+        if let Some(folder) = &self.job.resources.temp_dir {
+            return folder.clone();
+        }
+        let mut folders = self.job.output.ancestors().skip(1);
+        folders.find(|folder| folder.is_dir()).unwrap_or(Path::new(".")).to_path_buf()
     }
 
     /// Divides space so that a tile fits in memory, with or without held features.
@@ -191,9 +190,14 @@ impl CoverageJob<'_> {
         let folder = self.folder();
         let buckets = Buckets::new(&folder, squares.count(), self.memory() / 8);
         input.sort(&squares, &buckets, self.cancel)?;
-        let room = (&*folder, self.memory());
-        let snapped =
-            SnappedPositions::new(buckets, squares, self.topology.snap, room, self.cancel)?;
+        let snapped = SnappedPositions::new(
+            buckets,
+            squares,
+            self.topology.snap,
+            &folder,
+            self.memory(),
+            self.cancel,
+        )?;
         input.snap(snapped, self.cancel)
     }
 
@@ -235,28 +239,24 @@ impl CoverageJob<'_> {
         if pairs.is_empty() || input.moves.is_none() {
             return Ok(0);
         }
-        let key = |segment: &[Xy; 2]| {
-            let [a, b] = segment.map(plane::key);
-            [a.min(b), a.max(b)]
-        };
-        let mut old: HashMap<_, Vec<[Xy; 2]>> =
-            pairs.iter().flatten().map(|segment| (key(segment), Vec::new())).collect();
+        let mut originals: HashMap<_, Vec<[Xy; 2]>> =
+            pairs.iter().flatten().map(|segment| (segment_key(segment), Vec::new())).collect();
         input.visit_moves(self.cancel, |before, after| {
             for (from, to) in before.parts().zip(after.parts()) {
                 for (from, to) in from.xy.windows(2).zip(to.xy.windows(2)) {
-                    if let Some(all) = old.get_mut(&key(&[to[0], to[1]])) {
+                    if let Some(all) = originals.get_mut(&segment_key(&[to[0], to[1]])) {
                         all.push([from[0], from[1]]);
                     }
                 }
             }
             Ok(())
         })?;
-        let old = |segment: &[Xy; 2]| old.get(&key(segment)).map_or(&[][..], Vec::as_slice);
         // Merged segments had several originals: some may have met the other segment, and some not.
-        let was_apart = |[s, t]: &&[[Xy; 2]; 2]| {
-            old(s).iter().any(|s| old(t).iter().any(|t| !conflict(*s, *t)))
-        };
-        Ok(pairs.iter().filter(was_apart).count() as u64)
+        let were_apart = pairs.iter().filter(|pair| {
+            let [s, t] = pair.map(|segment| originals[&segment_key(&segment)].as_slice());
+            s.iter().any(|s| t.iter().any(|t| !conflict(*s, *t)))
+        });
+        Ok(were_apart.count() as u64)
     }
 
     /// Computes the kept vertices of all tiles.
@@ -272,37 +272,19 @@ impl CoverageJob<'_> {
             None => Vec::new(),
         };
         self.progress.begin("simplify", squares.count() as u64);
-        let total = Mutex::new(TileTotals::default());
-        let solve_one = |square: usize, mut world: TileContent, room: u64| {
-            let own = sides.partition_point(|(other, _)| (*other as usize) < square);
-            let own = sides[own..].iter().take_while(|(other, _)| *other as usize == square);
-            world.sides = own.map(|(_, at)| *at).collect();
-            let place = Mutex::new(LastTile::default());
-            let holds = |at: Xy| {
-                squares.count() == 1 || squares.of(at, &mut lock(&place)) == Some(square as u32)
-            };
-            let rounding =
-                self.job.decimals.map(|decimals| TileRounding { decimals, holds: &holds });
-            let how = TileSettings { strategy: self.topology.strategy, rule: self.rule, rounding };
-            let solved = solve(&world, &how, room, self.cancel)?;
-            now.kept.set(square, &solved.bits)?;
-            now.rounded.map_or(Ok(()), |rounded| rounded.set(square, &solved.rounded))?;
-            lock(&total).add(&solved, square, squares);
-            self.progress.advance(1);
-            Ok(())
-        };
+        let solver = TileSolver { job: self, tiles: now, sides, total: Mutex::default() };
         let solved = if squares.count() == 1 && input.memory_use().is_some() {
-            solve_one(0, self.flat(input, now)?, self.memory_left(input))
+            solver.solve(0, self.flat(input, now)?, self.memory_left(input))
         } else {
             let spool = self.spool(input, now)?;
-            self.solve_spooled(input, squares, &spool, solve_one)
+            self.solve_spooled(input, &spool, &solver)
         };
         solved.map_err(|e| match e.kind() {
             ErrorKind::Resource => self.too_little(input, self.max_bytes(squares)),
             _ => e,
         })?;
         self.progress.end();
-        let total = total.into_inner().unwrap_or_default();
+        let total = solver.total.into_inner().unwrap_or_default();
         report.arcs = total.arcs;
         report.refined = total.refined;
         report.input_crossings = total.crossings;
@@ -380,28 +362,37 @@ impl CoverageJob<'_> {
     fn solve_spooled(
         &self,
         input: &CoverageInput<'_>,
-        squares: &VertexQuadtree,
         spool: &TileSpool<'_>,
-        solve_one: impl Fn(usize, TileContent, u64) -> Result<()> + Sync,
+        solver: &TileSolver<'_>,
     ) -> Result<()> {
-        let obstacles = |square: usize| spool.obstacles(square) * OBSTACLE;
-        let size = |square: usize| squares.vertices(square) * KEPT_VERTEX + obstacles(square);
-        let mut order: Vec<_> = (0..squares.count()).collect();
-        order.sort_by_key(|square| (std::cmp::Reverse(size(*square)), *square));
-        let largest = order.first().map_or(0, |square| size(*square));
-        let least =
-            order.iter().map(|square| squares.vertices(*square) * VERTEX + obstacles(*square));
-        let room = self.memory_left(input).saturating_sub(spool.memory_use());
-        if least.max().unwrap_or(0) > room {
+        let squares = solver.tiles.squares;
+        let obstacle_bytes: Vec<u64> =
+            (0..squares.count()).map(|square| spool.obstacles(square) * OBSTACLE).collect();
+        let sizes = obstacle_bytes.iter().enumerate();
+        let sizes = sizes.map(|(square, bytes)| squares.vertices(square) * KEPT_VERTEX + bytes);
+        let mut order: Vec<_> = sizes.map(Reverse).zip(0..).collect();
+        order.sort_unstable();
+        let largest = order.first().map_or(0, |(Reverse(size), _)| *size);
+        let least = obstacle_bytes.iter().enumerate();
+        let least = least.map(|(square, bytes)| squares.vertices(square) * VERTEX + bytes).max();
+        let memory = self.memory_left(input).saturating_sub(spool.memory_use());
+        if least.unwrap_or(0) > memory {
             return Err(self.too_little(input, largest));
         }
-        let threads = self.workers(room, largest);
-        let each = room / threads as u64;
-        let work = |(): &mut (), unit: u64| {
-            let square = order[unit as usize];
-            solve_one(square, spool.take(square)?, each.saturating_sub(obstacles(square)))
-        };
-        workers::run(threads, order.len() as u64, self.cancel, || (), work, Ok)
+        let threads = self.workers(memory, largest);
+        let share = memory / threads as u64;
+        workers::run(
+            threads,
+            order.len() as u64,
+            self.cancel,
+            || (),
+            |(), unit| {
+                let (_, square) = order[unit as usize];
+                let memory = share.saturating_sub(obstacle_bytes[square]);
+                solver.solve(square, spool.take(square)?, memory)
+            },
+            Ok,
+        )
     }
 
     /// Results of all features, from the first.
@@ -436,6 +427,44 @@ impl CoverageJob<'_> {
     }
 }
 
+/// The same for a segment and its reverse.
+fn segment_key(segment: &[Xy; 2]) -> [[u64; 2]; 2] {
+    let [a, b] = segment.map(plane::key);
+    [a.min(b), a.max(b)]
+}
+
+/// Simplifies tiles on several threads.
+struct TileSolver<'a> {
+    job: &'a CoverageJob<'a>,
+    tiles: &'a FinishedTiles<'a>,
+    /// Positions that keep their side of lines, sorted by tile.
+    sides: Vec<(u32, Xy)>,
+    total: Mutex<TileTotals>,
+}
+
+impl TileSolver<'_> {
+    /// Simplifies a tile and stores its kept vertices.
+    fn solve(&self, square: usize, mut content: TileContent, memory: u64) -> Result<()> {
+        let Self { job, tiles, sides, .. } = self;
+        let squares = tiles.squares;
+        let first = sides.partition_point(|(other, _)| (*other as usize) < square);
+        let inside = sides[first..].iter().take_while(|(other, _)| *other as usize == square);
+        content.sides = inside.map(|(_, at)| *at).collect();
+        let last = Mutex::new(LastTile::default());
+        let holds = |at: Xy| {
+            squares.count() == 1 || squares.of(at, &mut lock(&last)) == Some(square as u32)
+        };
+        let rounding = job.job.decimals.map(|decimals| TileRounding { decimals, holds: &holds });
+        let settings = TileSettings { strategy: job.topology.strategy, rule: job.rule, rounding };
+        let solved = solve(&content, &settings, memory, job.cancel)?;
+        tiles.kept.set(square, &solved.bits)?;
+        tiles.rounded.map_or(Ok(()), |rounded| rounded.set(square, &solved.rounded))?;
+        lock(&self.total).add(&solved, square, squares);
+        job.progress.advance(1);
+        Ok(())
+    }
+}
+
 /// Sums over tiles.
 #[derive(Debug, Default)]
 struct TileTotals {
@@ -459,12 +488,12 @@ impl TileTotals {
         self.square = self.square.max(solved.square);
         // Segments that meet may share several tiles: the first tile counts them.
         let mut near = [Vec::new(), Vec::new()];
-        let is_own = |pair: &&[[Xy; 2]; 2]| {
+        let mut meeting = solved.meeting.clone();
+        meeting.retain(|pair| {
             (0..2).for_each(|i| squares.meeting(pair[i], &mut near[i]));
             let first = near[0].iter().find(|other| near[1].binary_search(other).is_ok());
             first == Some(&(square as u32))
-        };
-        let meeting: Vec<_> = solved.meeting.iter().filter(is_own).copied().collect();
+        });
         self.crossings += solved.crossings + meeting.len() as u64;
         self.gaps.merge(&solved.gaps);
         meeting.iter().for_each(|pair| self.gaps.add(*pair));

@@ -113,9 +113,9 @@ fn value(token: JsonToken<'_>) -> PropertyValue {
         JsonToken::Number(text) => {
             let is_whole = !text.contains(['.', 'e', 'E']) && text != "-0";
             let whole = text.parse().ok().filter(|_| is_whole).map(PropertyValue::Int);
-            let real = || decimal::whole(text.as_bytes()).filter(|v| !is_whole && v.is_finite());
+            let real = decimal::whole(text.as_bytes()).filter(|v| !is_whole && v.is_finite());
             whole
-                .or_else(|| real().map(PropertyValue::Real))
+                .or_else(|| real.map(PropertyValue::Real))
                 .unwrap_or_else(|| PropertyValue::Json(text.to_owned()))
         }
     }

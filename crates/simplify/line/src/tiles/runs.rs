@@ -52,8 +52,8 @@ pub fn cross_overs<'a>(
 ) -> impl Iterator<Item = [Xy; 2]> + 'a {
     let next = runs.iter().skip(1).chain(runs.first().filter(|_| is_ring));
     let count = part.len() - usize::from(is_ring && part.len() > 1);
-    let ends = move |(run, next): (&TileRun, &TileRun)| {
+    let pairs = runs.iter().zip(next).filter(|_| runs.len() > 1);
+    pairs.map(move |(run, next)| {
         [part[(run.first + run.count - 1) % count], part[next.first % count]]
-    };
-    runs.iter().zip(next).filter(|_| runs.len() > 1).map(ends)
+    })
 }
