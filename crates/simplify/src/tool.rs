@@ -48,8 +48,8 @@ impl MetricVertex for LocatedVertex {
 /// Vertices of a part in the type of a metric.
 pub(super) fn vertices<V: MetricVertex>(part: &GeometryPart<'_>, out: &mut Vec<V>) {
     out.clear();
-    let z = |i: usize| part.z.get(i).copied().unwrap_or(0.0);
-    out.extend(part.xy.iter().enumerate().map(|(i, xy)| V::of(*xy, z(i))));
+    let positions = part.xy.iter().enumerate();
+    out.extend(positions.map(|(i, xy)| V::of(*xy, part.z.get(i).copied().unwrap_or(0.0))));
 }
 
 /// Threshold below all others: keeps all vertices, even those on their segment.
@@ -140,8 +140,8 @@ pub(super) fn check(part: &GeometryPart<'_>, rule: &SimplifyRule) -> Result<()> 
     let mut all = part.xy.as_flattened().iter().chain(z);
     // Tiny coordinates count as 0, which matters only for a tiny threshold.
     let least = if rule.threshold < FINEST { LEAST } else { 0.0 };
-    let is_wrong = |c: &&f64| c.abs() > MOST || (**c != 0.0 && c.abs() < least);
-    let Some(wrong) = all.find(is_wrong) else { return Ok(()) };
+    let wrong = all.find(|c| c.abs() > MOST || (**c != 0.0 && c.abs() < least));
+    let Some(wrong) = wrong else { return Ok(()) };
     let (extreme, remedy) = match wrong.abs() > MOST {
         true => ("large", "change the unit of the data, or remove the feature"),
         false => ("small", "pass ‹tolerance› 1e-50 or more, or replace it by 0"),

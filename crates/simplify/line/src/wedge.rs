@@ -237,9 +237,8 @@ impl<V, L: WedgeView<V>> DiscWedge<V, L> {
             return true;
         }
         let [left, right] = rays.map(|ray| Self::ray_offset(ray, v, k));
-        let meets = |ray: RayOffset| ray.ahead > 0.0 && ray.left.abs() <= reach;
         let tangents = tangents(v, k, reach);
-        let met = [meets(left), meets(right)];
+        let met = [left, right].map(|ray| ray.ahead > 0.0 && ray.left.abs() <= reach);
         let [Some(left), Some(right)] = [0, 1].map(|i| match met[i] {
             true => Some(rays[i]),
             false => Some(tangents[i]).filter(|tangent| is_between(*tangent, rays)),
@@ -305,8 +304,10 @@ impl<V: Copy, L: WedgeView<V>> Wedge<V> for DiscWedge<V, L> {
             if is_left_cut | is_right_cut {
                 self.cuts = u32::from(is_left_cut) | u32::from(is_right_cut) << 1;
                 let [l, r] = tangents(v, k, reach);
-                let kept = |is_cut, cut, ray| if is_cut { cut } else { ray };
-                self.rays = Some([kept(is_left_cut, l, rays[0]), kept(is_right_cut, r, rays[1])]);
+                self.rays = Some([
+                    if is_left_cut { l } else { rays[0] },
+                    if is_right_cut { r } else { rays[1] },
+                ]);
             }
         } else if !self.step_behind(v, k, rays, reach) {
             return WedgeStep::Stops;

@@ -15,14 +15,17 @@ const RECORDS: usize = 128;
 
 /// Appends to `bits` the kept flags of `count` vertices, the first with number `first`.
 pub(super) fn add(bits: &mut BitSet, kept: &vector::RetainedVertices, first: usize, count: usize) {
-    let mut insert = |at| {
-        bits.insert(at);
-    };
     match kept {
-        vector::RetainedVertices::All => (first..first + count).for_each(insert),
+        vector::RetainedVertices::All => {
+            for vertex in first..first + count {
+                bits.insert(vertex);
+            }
+        }
         vector::RetainedVertices::Nothing => {}
-        vector::RetainedVertices::Vertices(own) => {
-            own.iter().for_each(|v| insert(first + *v as usize))
+        vector::RetainedVertices::Vertices(vertices) => {
+            for vertex in vertices {
+                bits.insert(first + *vertex as usize);
+            }
         }
     }
 }

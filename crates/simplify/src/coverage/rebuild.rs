@@ -137,16 +137,17 @@ impl SimplifiedSource for AssembledFeatures<'_> {
             self.rounded(&part, &mut rounded)?;
         }
         let mut choices = choices.into_iter();
-        let keep = |_, _: GeometryPart<'_>| choices.next().unwrap_or(vector::RetainedVertices::All);
-        let mut geometry = feature.geometry.keep(keep);
+        let mut geometry =
+            feature.geometry.keep(|_, _| choices.next().unwrap_or(vector::RetainedVertices::All));
         if let Some((_, decimals)) = self.rounded {
             rounded.sort_unstable();
-            let place = |at: &Xy| match rounded.binary_search(&key(*at)) {
+            let positions = geometry.parts().flat_map(|part| part.xy);
+            let positions = positions.map(|at| match rounded.binary_search(&key(*at)) {
                 Ok(_) => at.map(|c| vector::rounded(c, decimals)),
                 Err(_) => *at,
-            };
-            let places: Vec<Xy> = geometry.parts().flat_map(|part| part.xy).map(place).collect();
-            geometry.place_parts(&mut places.into_iter());
+            });
+            let positions: Vec<Xy> = positions.collect();
+            geometry.place_parts(&mut positions.into_iter());
         }
         self.features += 1;
         self.vertices += geometry.parts().map(|part| part.xy.len() as u64).sum::<u64>();

@@ -188,7 +188,6 @@ impl TileOutcome {
     fn solved(&self, world: &TileContent) -> SolvedTile {
         let own = self.arcs.closed.len() - world.obstacles.len();
         let first = self.arcs.starts[own] as u32;
-        let segment = |from: u32| [0, 1].map(|k| self.arcs.points[from as usize + k]);
         let mut solved = SolvedTile {
             arcs: own as u64,
             refined: self.outcome.refined,
@@ -197,7 +196,7 @@ impl TileOutcome {
             ..SolvedTile::default()
         };
         for pair in &self.outcome.crossings {
-            let segments = pair.map(segment);
+            let segments = pair.map(|from| [0, 1].map(|k| self.arcs.points[from as usize + k]));
             if pair.iter().all(|from| *from >= first) {
                 solved.meeting.push(segments);
                 continue;
@@ -288,7 +287,6 @@ impl MetricTask for SharedArcs<'_> {
         let mut scratch = SimplifyScratch::default();
         let kept = self.plain(tool, &mut scratch);
         let vertices = self.vertices::<V>();
-        let run = |part: &[V], kept: &mut Vec<u32>| tool.line(part, &mut scratch, kept);
         let loops = self.loops();
         let SimplifyRule { collapse, .. } = *self.rule;
         let options = UntangleOptions {
@@ -298,7 +296,7 @@ impl MetricTask for SharedArcs<'_> {
             cancel: Some(self.cancel),
         };
         let (chains, sides) = (self.arcs.chains(), &self.world.sides);
-        let refine = &mut refining(&vertices, run);
+        let refine = &mut refining(&vertices, |line, kept| tool.line(line, &mut scratch, kept));
         let outcome = untangle_within(&chains, &kept, sides, &options, self.pieces, refine)?;
         let square = largest(tool, &vertices, &outcome.kept);
         Ok(TileOutcome { arcs: self.arcs, outcome, square })

@@ -45,14 +45,20 @@ impl QuadtreeNode {
         (0..2).all(|axis| low[axis] <= p[axis] && p[axis] < high[axis])
     }
 
+    /// Whether the cell has positions within `reach` of `p` in x and in y.
+    fn is_near(&self, p: Xy, reach: f64) -> bool {
+        let (low, high) = (self.low(), self.high());
+        (0..2).all(|axis| low[axis] <= p[axis] + reach && p[axis] - reach < high[axis])
+    }
+
     /// Whether a segment intersects the closed cell. Exact.
     fn meets(&self, [a, b]: [Xy; 2]) -> bool {
         let (low, high) = (self.low(), self.high());
-        let apart = |axis: usize| {
+        let is_apart = (0..2).any(|axis| {
             (a[axis] < low[axis] && b[axis] < low[axis])
                 || (a[axis] > high[axis] && b[axis] > high[axis])
-        };
-        if apart(0) || apart(1) {
+        });
+        if is_apart {
             return false;
         }
         let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
@@ -232,11 +238,7 @@ impl VertexQuadtree {
     /// Fills `found` with the tiles of positions within `reach` of `p`, ascending.
     pub fn around(&self, p: Xy, reach: f64, found: &mut Vec<u32>) {
         found.clear();
-        let is_near = |node: &QuadtreeNode| {
-            let (low, high) = (node.low(), node.high());
-            (0..2).all(|axis| low[axis] <= p[axis] + reach && p[axis] - reach < high[axis])
-        };
-        self.find_all(is_near, found);
+        self.find_all(|node| node.is_near(p, reach), found);
     }
 
     /// Fills `found` with the tiles that a segment intersects, borders included, ascending. Exact; O(tiles
@@ -275,11 +277,11 @@ pub struct RefinedCounts<'a> {
 impl<'a> RefinedCounts<'a> {
     /// For the crowded cells of `squares`, of these levels.
     fn new(squares: &'a VertexQuadtree, levels: impl Iterator<Item = i32>) -> Self {
-        let room = |level: i32| {
+        let counts = levels.map(|level| {
             let finer = (level - FINER).max(squares.lowest);
             (finer, vec![0; 1 << (2 * (level - finer))])
-        };
-        Self { squares, counts: levels.map(room).collect() }
+        });
+        Self { squares, counts: counts.collect() }
     }
 
     /// Counts vertices; others are ignored.
@@ -301,8 +303,9 @@ impl<'a> RefinedCounts<'a> {
             let up = level - finer;
             let low = cell.map(|c| c << up);
             let high = low.map(|c| c + (1 << up) - 1);
-            let count = |at: [i64; 2]| counts[(((at[1] - low[1]) << up) + at[0] - low[0]) as usize];
-            SummedVertexCounts::new(finer, [low, high], count)
+            SummedVertexCounts::new(finer, [low, high], |at| {
+                counts[(((at[1] - low[1]) << up) + at[0] - low[0]) as usize]
+            })
         });
         made.collect()
     }
