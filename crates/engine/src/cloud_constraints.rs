@@ -25,8 +25,8 @@ pub struct OnCloud {
     pub points: Vec<[u32; 2]>,
     /// Segments within the bounds, sorted, without duplicates.
     pub lines: Vec<LatticeLine>,
-    points_asked: Option<(PathBuf, u64)>,
-    lines_asked: Option<(PathBuf, u64)>,
+    requested_points: Option<(PathBuf, u64)>,
+    requested_lines: Option<(PathBuf, u64)>,
     /// Number of segments beyond the bounds.
     lines_beyond: u64,
     /// Number of occurrences of each segment that occurs more than once.
@@ -50,35 +50,35 @@ impl OnCloud {
         info: &CloudInfo,
         bounds: [Point; 2],
     ) -> Result<Self> {
-        let (mut kept, place) = (Self::default(), CloudLattice::new(info.frame, bounds));
+        let (mut constraints, lattice) = (Self::default(), CloudLattice::new(info.frame, bounds));
         if let Some(points) = points {
             info.crs
                 .check_same_of("cloud", &points.crs, "points")
                 .map_err(|e| e.in_file(&points.path))?;
-            kept.points = points.at.iter().filter_map(|&at| place.nearest(at)).collect();
-            kept.points.sort_unstable();
-            kept.points_asked = Some((points.path, points.at.len() as u64));
+            constraints.points = points.at.iter().filter_map(|&at| lattice.nearest(at)).collect();
+            constraints.points.sort_unstable();
+            constraints.requested_points = Some((points.path, points.at.len() as u64));
         }
         if let Some(lines) = lines {
             info.crs
                 .check_same_of("cloud", &lines.crs, "lines")
                 .map_err(|e| e.in_file(&lines.path))?;
-            kept.take_lines(lines, &place)?;
+            constraints.take_lines(lines, &lattice)?;
         }
-        Ok(kept)
+        Ok(constraints)
     }
 
-    fn take_lines(&mut self, lines: ConstraintVertices, place: &CloudLattice) -> Result<()> {
+    fn take_lines(&mut self, lines: ConstraintVertices, lattice: &CloudLattice) -> Result<()> {
         let starts = std::iter::once(0).chain(lines.ends.iter().map(|&end| end as usize));
-        let (mut asked, mut all) = (0, Vec::new());
+        let (mut segments, mut all) = (0, Vec::new());
         for (start, &end) in starts.zip(&lines.ends) {
             for i in start + 1..end as usize {
-                asked += 1;
-                let line = place.line([i - 1, i].map(|i| lines.vertex(i)));
+                segments += 1;
+                let line = lattice.line([i - 1, i].map(|i| lines.vertex(i)));
                 all.extend(line.map_err(|e| e.in_file(&lines.path))?);
             }
         }
-        self.lines_beyond = asked - all.len() as u64;
+        self.lines_beyond = segments - all.len() as u64;
         all.sort_unstable();
         for same in all.chunk_by(|a, b| a == b) {
             if same.len() > 1 {
@@ -86,13 +86,13 @@ impl OnCloud {
             }
             self.lines.push(same[0]);
         }
-        self.lines_asked = Some((lines.path, asked));
+        self.requested_lines = Some((lines.path, segments));
         Ok(())
     }
 
     /// True if there are lines.
     pub fn has_lines(&self) -> bool {
-        self.lines_asked.is_some()
+        self.requested_lines.is_some()
     }
 
     /// The bounds of a cloud, extended by the heights of the lines.
@@ -118,7 +118,7 @@ impl OnCloud {
         nearest: u64,
         vertices: u64,
     ) -> Result<Option<RequiredPointsReport>> {
-        let Some((path, points)) = &self.points_asked else { return Ok(None) };
+        let Some((path, points)) = &self.requested_points else { return Ok(None) };
         if nearest == 0 {
             return Err(Error::bad_input("no point lies within the bounds of the point cloud")
                 .in_file(path)
@@ -144,7 +144,7 @@ impl OnCloud {
         is_outside: impl Fn(usize) -> bool,
         apart: u64,
     ) -> Result<Option<BreaklinesReport>> {
-        let Some((path, segments)) = &self.lines_asked else { return Ok(None) };
+        let Some((path, segments)) = &self.requested_lines else { return Ok(None) };
         let once = (0..self.lines.len()).filter(|&line| is_outside(line)).count() as u64;
         let more = self.repeats.iter().filter(|(line, _)| is_outside(*line as usize));
         let outside = self.lines_beyond + once + more.map(|(_, times)| times - 1).sum::<u64>();

@@ -90,9 +90,9 @@ pub fn files(name: &str) -> Vec<PathBuf> {
         return Vec::new();
     }
     let is_shape = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("shp"));
-    let beside = ["shx", "SHX", "dbf", "DBF"].map(|ending| path.with_extension(ending));
-    let beside = beside.into_iter().filter(|path| is_shape && path.is_file());
-    std::iter::once(path.clone().into_owned()).chain(beside).collect()
+    let companions = ["shx", "SHX", "dbf", "DBF"].map(|ending| path.with_extension(ending));
+    let companions = companions.into_iter().filter(|path| is_shape && path.is_file());
+    std::iter::once(path.clone().into_owned()).chain(companions).collect()
 }
 
 /// The files of a point cloud sorted by name: the result does not depend on their order or their folders.

@@ -25,7 +25,7 @@ use super::job::LineJob;
 use super::report::LineReport;
 use super::tool::SimplifyRule;
 use super::trees::FeatureHierarchies;
-use input::{CoverageInput, ReadFile, memory_for_squares};
+use input::{CoverageInput, ReadFile, memory_for_tiles};
 use rayon::prelude::*;
 use terrane_base::error::{Error, Result};
 use terrane_engine::memory::{PROGRAM, short};
@@ -74,8 +74,8 @@ impl OpenedLineJob<'_> {
     /// Bytes available for held features.
     fn share(&self) -> u64 {
         match self.job.topology {
-            Some(_) => memory_for_squares(self.job) / WITH_NEIGHBOURS,
-            None => memory_for_squares(self.job) / ALONE,
+            Some(_) => memory_for_tiles(self.job) / WITH_NEIGHBOURS,
+            None => memory_for_tiles(self.job) / ALONE,
         }
     }
 

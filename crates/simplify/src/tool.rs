@@ -93,7 +93,7 @@ pub(super) struct PartOutcome {
     /// The ring would have fewer than three vertices left.
     pub(super) collapsed: bool,
     /// Largest squared distance of an omitted vertex.
-    pub(super) square: f64,
+    pub(super) distance2: f64,
 }
 
 impl SimplifyRule {
@@ -178,9 +178,9 @@ impl<V: MetricVertex, M: DistanceMetric<V> + Copy> MetricTool<V, M> {
         kept: &mut Vec<u32>,
     ) -> PartOutcome {
         let collapsed = self.select(points, is_ring, choose, scratch, kept);
-        let square =
+        let distance2 =
             if is_ring { self.largest_of_ring(points, kept) } else { self.largest(points, kept) };
-        PartOutcome { collapsed, square }
+        PartOutcome { collapsed, distance2 }
     }
 
     /// As [`part`](Self::part), without distances; true for a collapsed ring.

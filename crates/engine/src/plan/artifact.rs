@@ -74,22 +74,23 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> FinishedArtifact<F> {
     /// Checks the artifact at `place`; `None` if it is not done. Fails if it is damaged.
     pub(super) fn inspect(
         place: &ArtifactLocation,
-        look: CheckDepth,
+        depth: CheckDepth,
         cancel: &Cancel,
     ) -> Result<Option<Self>> {
         let note = note(&place.file);
-        let Some(text) = found(std::fs::read(&note), &note)? else { return Ok(None) };
-        let meta = found(std::fs::metadata(&place.file), &place.file)?;
+        let Some(text) = if_exists(std::fs::read(&note), &note)? else { return Ok(None) };
+        let meta = if_exists(std::fs::metadata(&place.file), &place.file)?;
         let Some(meta) = meta else { return Ok(None) };
         let done: Self = serde_json::from_slice(&text).map_err(|_| damaged_object(&note))?;
         // The text itself, too: a name that is damaged reads as a value that is not there.
-        let is_own = json::to_string_pretty(&done).is_ok_and(|own| own.as_bytes() == text);
-        if !is_own || done.key != place.key || done.clone().sealed() != done {
+        let is_unaltered =
+            json::to_string_pretty(&done).is_ok_and(|written| written.as_bytes() == text);
+        if !is_unaltered || done.key != place.key || done.clone().sealed() != done {
             return Err(damaged_object(&note));
         }
         let file = std::slice::from_ref(&place.file);
         if done.bytes != meta.len()
-            || (look == CheckDepth::Whole && digest_of(file, cancel)? != done.digest)
+            || (depth == CheckDepth::Whole && digest_of(file, cancel)? != done.digest)
         {
             return Err(damaged_object(&place.file));
         }
@@ -120,9 +121,9 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> FinishedArtifact<F> {
 }
 
 /// The contents of a file, `None` if it is missing. A file that cannot be read is an error, as its task may be done.
-fn found<T>(read: std::io::Result<T>, path: &Path) -> Result<Option<T>> {
+fn if_exists<T>(read: std::io::Result<T>, path: &Path) -> Result<Option<T>> {
     match read {
-        Ok(found) => Ok(Some(found)),
+        Ok(contents) => Ok(Some(contents)),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(Error::read(path, error)),
     }
@@ -166,15 +167,18 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let cancel = Cancel::default();
         let place = ArtifactLocation::new(folder.path(), Digest::of(b""), "a", &[], "tif");
-        let look = |look| FinishedArtifact::<Facts>::inspect(&place, look, &cancel);
-        assert!(look(CheckDepth::Whole).unwrap().is_none(), "nothing is there");
+        let inspect = |depth| FinishedArtifact::<Facts>::inspect(&place, depth, &cancel);
+        assert!(inspect(CheckDepth::Whole).unwrap().is_none(), "nothing is there");
         std::fs::write(&place.file, "one").unwrap();
         let done = FinishedArtifact::seal(&place, Facts { points: 3 }, None).unwrap();
-        assert_eq!(look(CheckDepth::Whole).unwrap(), Some(done.clone()));
+        assert_eq!(inspect(CheckDepth::Whole).unwrap(), Some(done.clone()));
         std::fs::write(&place.file, "two").unwrap();
-        assert!(look(CheckDepth::Quick).is_ok() && look(CheckDepth::Whole).is_err(), "other bytes");
+        assert!(
+            inspect(CheckDepth::Quick).is_ok() && inspect(CheckDepth::Whole).is_err(),
+            "other bytes"
+        );
         std::fs::write(&place.file, "three").unwrap();
-        assert!(look(CheckDepth::Quick).is_err(), "more bytes");
+        assert!(inspect(CheckDepth::Quick).is_err(), "more bytes");
         std::fs::write(&place.file, "one").unwrap();
         let facts = Facts { points: 4 };
         for other in [
@@ -182,7 +186,7 @@ mod tests {
             FinishedArtifact { key: done.seal, ..done },
         ] {
             write_json(&note(&place.file), &other).unwrap();
-            assert!(look(CheckDepth::Quick).is_err(), "{other:?}");
+            assert!(inspect(CheckDepth::Quick).is_err(), "{other:?}");
         }
     }
 }

@@ -53,7 +53,8 @@ fn first_difference(name: &str, there: &Value, here: &Value) -> Option<String> {
     }
     if let (Value::Object(a), Value::Object(b)) = (there, here) {
         let keys = a.keys().chain(b.keys().filter(|key| !a.contains_key(*key)));
-        let [of_a, of_b] = [a, b].map(|own| |key: &String| own.get(key).unwrap_or(&Value::Null));
+        let [of_a, of_b] =
+            [a, b].map(|members| |key: &String| members.get(key).unwrap_or(&Value::Null));
         return keys
             .into_iter()
             .find_map(|key| first_difference(&member(name, key), of_a(key), of_b(key)));

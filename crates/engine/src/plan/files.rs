@@ -75,8 +75,8 @@ impl InputFile {
         if touched && !self.whole {
             return Err(self.changed("modified later"));
         }
-        let look = touched || by_content;
-        if look && digest(&mut file, bytes, self.whole).map_err(fail)? != self.digest {
+        let is_read = touched || by_content;
+        if is_read && digest(&mut file, bytes, self.whole).map_err(fail)? != self.digest {
             return Err(self.changed("content changed"));
         }
         Ok(())
@@ -124,9 +124,9 @@ pub fn with_companions(mut paths: Vec<PathBuf>) -> Vec<PathBuf> {
     // Folders are listed: to ask for every name that might be there takes far longer.
     let folders: HashSet<&Path> = paths.iter().filter_map(|path| path.parent()).collect();
     let there: HashSet<PathBuf> = folders.into_iter().flat_map(listed).collect();
-    let beside = paths.par_iter().flat_map_iter(|path| files::beside_grid(path));
-    let beside = beside.filter(|path| there.contains(path) && path.is_file());
-    let companions: Vec<PathBuf> = beside.collect();
+    let companions = paths.par_iter().flat_map_iter(|path| files::beside_grid(path));
+    let companions = companions.filter(|path| there.contains(path) && path.is_file());
+    let companions: Vec<PathBuf> = companions.collect();
     paths.extend(companions);
     paths.sort();
     paths.dedup();

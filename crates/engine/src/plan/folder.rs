@@ -136,11 +136,11 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
     /// Checks the artifacts of all tasks, in parallel, and reports progress. Fails when cancelled.
     pub(super) fn of_all(
         folder: &'a PlanFolder<W>,
-        look: CheckDepth,
+        depth: CheckDepth,
         at: RunControl<'_>,
     ) -> Result<Self> {
         let mut survey = Self::new(folder);
-        survey.look_for_all(folder.tasks(), look, at)?;
+        survey.inspect_in_order(folder.tasks(), depth, at)?;
         Ok(survey)
     }
 
@@ -148,29 +148,29 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
     pub(super) fn around(
         folder: &'a PlanFolder<W>,
         task: W::Task,
-        look: CheckDepth,
+        depth: CheckDepth,
         at: RunControl<'_>,
     ) -> Result<Self> {
         let mut survey = Self::new(folder);
-        survey.look_for_all(folder.before(task), look, at.silent())?;
-        survey.look_for(&[task], CheckDepth::Whole, at.silent())?;
+        survey.inspect_in_order(folder.before(task), depth, at.silent())?;
+        survey.inspect_tasks(&[task], CheckDepth::Whole, at.silent())?;
         Ok(survey)
     }
 
     /// Checks the artifact of a task again, after its inputs are done.
-    pub(super) fn look_again(&mut self, task: W::Task, at: RunControl<'_>) -> Result<()> {
+    pub(super) fn inspect_again(&mut self, task: W::Task, at: RunControl<'_>) -> Result<()> {
         let is_known = !self.is_missing(task) || self.damaged.contains(&task);
         if is_known || self.folder.before(task).is_empty() {
             return Ok(());
         }
-        self.look_for(&[task], CheckDepth::Whole, at.silent())
+        self.inspect_tasks(&[task], CheckDepth::Whole, at.silent())
     }
 
     /// Checks the artifacts of tasks that depend on each other only.
-    fn look_for_all(
+    fn inspect_in_order(
         &mut self,
         tasks: Vec<W::Task>,
-        look: CheckDepth,
+        depth: CheckDepth,
         at: RunControl<'_>,
     ) -> Result<()> {
         let mut left: BTreeSet<W::Task> = tasks.into_iter().collect();
@@ -179,16 +179,21 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
             let (later, now) = left.iter().copied().partition::<Vec<_>, _>(|task| {
                 self.folder.before(*task).iter().any(|b| left.contains(b))
             });
-            self.look_for(&now, look, at)?;
+            self.inspect_tasks(&now, depth, at)?;
             left = later.into_iter().collect();
         }
         Ok(())
     }
 
-    fn look_for(&mut self, tasks: &[W::Task], look: CheckDepth, at: RunControl<'_>) -> Result<()> {
+    fn inspect_tasks(
+        &mut self,
+        tasks: &[W::Task],
+        depth: CheckDepth,
+        at: RunControl<'_>,
+    ) -> Result<()> {
         let inspected: Vec<_> = tasks
             .par_iter()
-            .filter_map(|&task| Some((task, self.inspect(task, look, at)?)))
+            .filter_map(|&task| Some((task, self.inspect(task, depth, at)?)))
             .collect();
         // An artifact that was not read to its end is not known to be damaged.
         at.cancel.check()?;
@@ -206,12 +211,12 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
     fn inspect(
         &self,
         task: W::Task,
-        look: CheckDepth,
+        depth: CheckDepth,
         at: RunControl<'_>,
     ) -> Option<Result<Option<FinishedArtifact<W::Facts>>>> {
         at.progress.advance(1);
         let place = self.place(task).ok()?;
-        Some(at.cancel.check().and_then(|()| FinishedArtifact::inspect(&place, look, at.cancel)))
+        Some(at.cancel.check().and_then(|()| FinishedArtifact::inspect(&place, depth, at.cancel)))
     }
 
     /// The location of a task's artifact, from the plan, the task, and the checksums of its inputs. Fails with `NotYet`

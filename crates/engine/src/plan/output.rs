@@ -85,7 +85,7 @@ impl PlanOutput {
     /// State of the output; a quick check trusts modification times. Fails only when cancelled.
     fn state<R: DeserializeOwned>(
         &self,
-        look: CheckDepth,
+        depth: CheckDepth,
         cancel: &Cancel,
     ) -> Result<OutputState<R>> {
         let note = note::<R>(&self.folder).filter(|note| {
@@ -97,7 +97,7 @@ impl PlanOutput {
         if self.absolute.symlink_metadata().is_err() {
             return Ok(OutputState::Missing);
         }
-        match finished.difference(&self.absolute, look, cancel) {
+        match finished.difference(&self.absolute, depth, cancel) {
             Ok(None) => Ok(OutputState::Whole(finished.report)),
             Ok(Some(how)) => Ok(OutputState::Altered(how)),
             Err(error) if error.kind() == ErrorKind::Interrupted => Err(error),
@@ -154,7 +154,12 @@ impl PlanOutput {
 
 impl<R> FinishedOutput<R> {
     /// The difference between the files at `path` and the written ones, if any.
-    fn difference(&self, path: &Path, look: CheckDepth, cancel: &Cancel) -> Result<Option<String>> {
+    fn difference(
+        &self,
+        path: &Path,
+        depth: CheckDepth,
+        cancel: &Cancel,
+    ) -> Result<Option<String>> {
         let files = files(path)?;
         let here = FileStamp::of(&files)?;
         if here.bytes != self.facts.bytes {
@@ -163,7 +168,7 @@ impl<R> FinishedOutput<R> {
                 self.facts.bytes, here.bytes
             )));
         }
-        if look == CheckDepth::Quick && here == self.facts {
+        if depth == CheckDepth::Quick && here == self.facts {
             return Ok(None);
         }
         let is_same = digest_of(&files, cancel)? == self.digest;
@@ -218,7 +223,7 @@ fn files(path: &Path) -> Result<Vec<PathBuf>> {
     if let Ok(files) = split::files(path) {
         return Ok(files);
     }
-    let (mut found, mut folders) = (Vec::new(), vec![path.to_path_buf()]);
+    let (mut files, mut folders) = (Vec::new(), vec![path.to_path_buf()]);
     while let Some(folder) = folders.pop() {
         let fail = |e| Error::read(&folder, e);
         for entry in std::fs::read_dir(&folder).map_err(fail)? {
@@ -226,9 +231,9 @@ fn files(path: &Path) -> Result<Vec<PathBuf>> {
             // The type of the entry itself. `is_dir` of a path follows links, and one that leads upwards would
             // be walked for ever.
             let is_folder = entry.file_type().map_err(fail)?.is_dir();
-            if is_folder { &mut folders } else { &mut found }.push(entry.path());
+            if is_folder { &mut folders } else { &mut files }.push(entry.path());
         }
     }
-    found.sort();
-    Ok(found)
+    files.sort();
+    Ok(files)
 }

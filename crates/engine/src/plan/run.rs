@@ -33,12 +33,14 @@ pub struct PlanJob<J> {
 }
 
 impl<J> PlanJob<J> {
-    /// Fails if tasks are smaller than `least`; `told` is the text for the message.
-    pub fn check_size(&self, least: u32, told: &str) -> Result<()> {
-        match self.cut.filter(|cut| *cut < least) {
+    /// Fails if tasks are smaller than `min`; `description` is the text for the message.
+    pub fn check_size(&self, min: u32, description: &str) -> Result<()> {
+        match self.cut.filter(|cut| *cut < min) {
             None => Ok(()),
-            Some(cut) => Err(Error::usage(format!("‹task_size› is {cut}: tasks have {told}"))
-                .remedy(format!("pass {least} or more, or leave ‹task_size› out"))),
+            Some(cut) => {
+                Err(Error::usage(format!("‹task_size› is {cut}: tasks have {description}"))
+                    .remedy(format!("pass {min} or more, or leave ‹task_size› out")))
+            }
         }
     }
 }
@@ -172,7 +174,7 @@ fn run_checked<W: PlannedWork>(
             RunningPlan::new(&folder, job, true, at).and_then(RunningPlan::finish)
         }
         Some(PlanStep::Task(task)) => {
-            RunningPlan::new(&folder, job, false, at).and_then(|run| run.one(task))
+            RunningPlan::new(&folder, job, false, at).and_then(|run| run.run_task(task))
         }
     };
     let mut report = done.map_err(keep_error)?;
@@ -247,12 +249,12 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         if writes {
             W::check_output(&opened, at)?;
         }
-        let (disk, report) = (job.disk, Self::begun(folder));
+        let (disk, report) = (job.disk, Self::empty_report(folder));
         Ok(Self { folder, opened, output, note, disk, at, report })
     }
 
     /// The report at the start of a run.
-    fn begun(folder: &PlanFolder<W>) -> RunReport<W::Run> {
+    fn empty_report(folder: &PlanFolder<W>) -> RunReport<W::Run> {
         RunReport {
             folder: folder.path.display().to_string(),
             plan_id: folder.id.to_string(),
@@ -275,7 +277,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
     }
 
     /// Runs one task that is not the last.
-    fn one(mut self, task: W::Task) -> Result<RunReport<W::Run>> {
+    fn run_task(mut self, task: W::Task) -> Result<RunReport<W::Run>> {
         let mut survey = TaskStates::around(self.folder, task, CheckDepth::Quick, self.at)?;
         if survey.is_missing(task) {
             self.check_disk(&[task], false)?;
@@ -336,11 +338,11 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
     }
 
     /// Does `work` on the states of a `survey`. Remakes damaged artifacts first; if the work fails to read an artifact,
-    /// checks every byte (`look`) and, if damage was found, does the work once more.
+    /// checks every byte (`check`) and, if damage was found, does the work once more.
     fn mending(
         &mut self,
         survey: &mut TaskStates<'a, W>,
-        look: impl Fn(&Self) -> Result<TaskStates<'a, W>>,
+        check: impl Fn(&Self) -> Result<TaskStates<'a, W>>,
         work: impl Fn(&mut Self, &mut TaskStates<'a, W>) -> Result<()>,
     ) -> Result<()> {
         self.mend(survey)?;
@@ -354,7 +356,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
             }
             other => return other,
         };
-        *survey = look(self)?;
+        *survey = check(self)?;
         if survey.damaged.is_empty() {
             return Err(error);
         }
@@ -369,7 +371,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         }
         for task in self.folder.tasks() {
             // Its key may not have been known before.
-            survey.look_again(task, self.at)?;
+            survey.inspect_again(task, self.at)?;
             if survey.damaged.contains(&task) {
                 self.make_missing(task, survey)?;
             }
@@ -379,7 +381,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
 
     /// Makes a task's artifact unless it exists.
     fn make_missing(&mut self, task: W::Task, survey: &mut TaskStates<'a, W>) -> Result<()> {
-        survey.look_again(task, self.at)?;
+        survey.inspect_again(task, self.at)?;
         if !survey.is_missing(task) {
             return Ok(());
         }
@@ -387,9 +389,9 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
             self.report.damaged.push(task.to_string());
         }
         let place = survey.place(task)?;
-        let (object, told) = ((task, &*place.file), &mut self.report.of);
+        let (object, report) = ((task, &*place.file), &mut self.report.of);
         let MadeArtifact { facts, digest, spilled } =
-            W::make(&self.opened, object, survey, told, self.at)?;
+            W::make(&self.opened, object, survey, report, self.at)?;
         let done = FinishedArtifact::seal(&place, facts, digest)?;
         self.report.made.push(task.to_string());
         self.report.made_bytes += done.bytes;

@@ -28,7 +28,7 @@ pub(super) fn memory_for_features(memory: u64) -> u64 {
 }
 
 /// Memory in bytes for features and their results.
-pub(super) fn memory_for_squares(job: &LineJob) -> u64 {
+pub(super) fn memory_for_tiles(job: &LineJob) -> u64 {
     match job.topology {
         Some(_) => memory_for_features(job.resources.memory),
         None => beside_program(job.resources.memory),
@@ -161,7 +161,7 @@ impl<'a> CoverageInput<'a> {
         let topology = self.job.topology.as_ref();
         let moves = topology.is_some_and(|t| t.snap > 0.0 || self.job.decimals.is_some());
         let copies = if moves { 4 } else { 2 };
-        let room = memory_for_squares(self.job);
+        let room = memory_for_tiles(self.job);
         if bytes > room / copies {
             let count = feature.geometry.vertices();
             let message = format!("a feature of {count} vertices does not fit in memory");
@@ -243,16 +243,16 @@ impl<'a> CoverageInput<'a> {
     /// Sorts all vertices by tile.
     pub(super) fn sort(
         &mut self,
-        squares: &VertexQuadtree,
+        quadtree: &VertexQuadtree,
         buckets: &Buckets<Xy>,
         cancel: &Cancel,
     ) -> Result<()> {
         let (mut place, mut runs) = (LastTile::default(), Vec::new());
         self.visit_all(cancel, |feature| {
             feature.geometry.parts().try_for_each(|part| {
-                cut(part.xy, false, squares, &mut place, &mut runs);
+                cut(part.xy, false, quadtree, &mut place, &mut runs);
                 runs.iter().try_for_each(|run: &TileRun| {
-                    buckets.push(run.square as usize, &part.xy[run.first..run.first + run.count])
+                    buckets.push(run.tile as usize, &part.xy[run.first..run.first + run.count])
                 })
             })
         })

@@ -19,7 +19,7 @@ pub(super) type Parts = BTreeSet<u64>;
 /// Results of all tiles; computed twice if rings have changed orientation.
 #[derive(Clone, Copy)]
 pub(super) struct FinishedTiles<'a> {
-    pub(super) squares: &'a VertexQuadtree,
+    pub(super) quadtree: &'a VertexQuadtree,
     /// Parts that stay whole.
     pub(super) whole: &'a Parts,
     /// Kept vertices.
@@ -30,7 +30,7 @@ pub(super) struct FinishedTiles<'a> {
 
 /// Parts cut into runs, one after the other.
 pub(super) struct RunCutting<'a> {
-    squares: &'a VertexQuadtree,
+    quadtree: &'a VertexQuadtree,
     place: LastTile,
     pub(super) runs: Vec<TileRun>,
     /// Number of parts so far.
@@ -38,13 +38,13 @@ pub(super) struct RunCutting<'a> {
 }
 
 impl<'a> RunCutting<'a> {
-    pub(super) fn new(squares: &'a VertexQuadtree) -> Self {
-        Self { squares, place: LastTile::default(), runs: Vec::new(), number: 0 }
+    pub(super) fn new(quadtree: &'a VertexQuadtree) -> Self {
+        Self { quadtree, place: LastTile::default(), runs: Vec::new(), number: 0 }
     }
 
     /// Fills the runs with those of the next part; returns its number.
     pub(super) fn cut(&mut self, part: &GeometryPart<'_>) -> u64 {
-        cut(part.xy, part.is_ring(), self.squares, &mut self.place, &mut self.runs);
+        cut(part.xy, part.is_ring(), self.quadtree, &mut self.place, &mut self.runs);
         self.number += 1;
         self.number - 1
     }
@@ -73,7 +73,7 @@ impl<'a> AssembledFeatures<'a> {
         decimals: Option<u8>,
     ) -> Self {
         Self {
-            parts: RunCutting::new(now.squares),
+            parts: RunCutting::new(now.quadtree),
             whole: now.whole,
             kept: now.kept.reader(),
             rounded: now.rounded.map(RetainedBits::reader).zip(decimals),

@@ -93,7 +93,7 @@ pub(super) struct SolvedTile {
     /// Pairs of obstacles that meet.
     pub(super) meeting: Vec<[[Xy; 2]; 2]>,
     /// Largest squared distance.
-    pub(super) square: f64,
+    pub(super) distance2: f64,
 }
 
 /// Memory in bytes per vertex of a tile in progress without kept vertices: the vertex, its arc, and the vertex
@@ -180,7 +180,7 @@ struct TileOutcome {
     arcs: CoverageArcs,
     outcome: UntangledChains,
     /// Largest squared distance.
-    square: f64,
+    distance2: f64,
 }
 
 impl TileOutcome {
@@ -192,7 +192,7 @@ impl TileOutcome {
             arcs: own as u64,
             refined: self.outcome.refined,
             collapsed: self.outcome.collapsed,
-            square: self.square,
+            distance2: self.distance2,
             ..SolvedTile::default()
         };
         for pair in &self.outcome.crossings {
@@ -298,8 +298,8 @@ impl MetricTask for SharedArcs<'_> {
         let (chains, sides) = (self.arcs.chains(), &self.world.sides);
         let refine = &mut refining(&vertices, |line, kept| tool.line(line, &mut scratch, kept));
         let outcome = untangle_within(&chains, &kept, sides, &options, self.pieces, refine)?;
-        let square = largest(tool, &vertices, &outcome.kept);
-        Ok(TileOutcome { arcs: self.arcs, outcome, square })
+        let distance2 = largest(tool, &vertices, &outcome.kept);
+        Ok(TileOutcome { arcs: self.arcs, outcome, distance2 })
     }
 }
 

@@ -30,7 +30,7 @@ use super::input::{CoverageInput, REST, memory_for_features};
 use super::kept_bits::RetainedBits;
 use super::rebuild::{AssembledFeatures, FinishedTiles, Parts, RunCutting};
 use super::snapping::{self, SnappedPositions};
-use super::spool::{self, TileSpool, by_square};
+use super::spool::{self, TileSpool, by_tile};
 use super::tile::{
     FlatChains, KEPT_VERTEX, MAX_PAIRS, SolvedTile, TileContent, TileRounding, TileSettings,
     VERTEX, solve,
@@ -72,16 +72,16 @@ impl CoverageJob<'_> {
         report: &mut LineReport,
     ) -> Result<Option<u64>> {
         self.snap(input)?;
-        let squares = self.squares(input)?;
+        let quadtree = self.quadtree(input)?;
         let mut whole = Parts::new();
         loop {
-            let kept = self.retained_bits(&squares);
-            let rounded = self.job.decimals.map(|_| self.retained_bits(&squares));
-            let (squares, rounded) = (&squares, rounded.as_ref());
-            let now = FinishedTiles { squares, whole: &whole, kept: &kept, rounded };
+            let kept = self.retained_bits(&quadtree);
+            let rounded = self.job.decimals.map(|_| self.retained_bits(&quadtree));
+            let (quadtree, rounded) = (&quadtree, rounded.as_ref());
+            let now = FinishedTiles { quadtree, whole: &whole, kept: &kept, rounded };
             let total = self.solve_all(input, &now, report)?;
             // A finished file cannot be undone.
-            let may_turn = squares.count() > 1 || self.rule.collapse == RingCollapse::Drop;
+            let may_turn = quadtree.count() > 1 || self.rule.collapse == RingCollapse::Drop;
             if wanted.is_some() || (input.all.len() > 1 && may_turn) {
                 let left = self.scan(input, &now)?;
                 if !left.turned.is_empty() {
@@ -118,9 +118,9 @@ impl CoverageJob<'_> {
         self.job.resources.memory
     }
 
-    fn retained_bits(&self, squares: &VertexQuadtree) -> RetainedBits {
+    fn retained_bits(&self, quadtree: &VertexQuadtree) -> RetainedBits {
         let memory = memory_for_features(self.memory()) / 64;
-        RetainedBits::new(&self.folder(), squares.count(), memory)
+        RetainedBits::new(&self.folder(), quadtree.count(), memory)
     }
 
     /// Memory in bytes beside features and tiles: bits per vertex, snapped positions, and the rest.
@@ -139,10 +139,10 @@ impl CoverageJob<'_> {
         input.vertices / 8 * (1 + u64::from(self.job.decimals.is_some()))
     }
 
-    /// Error for too little memory, with an amount sufficient for a tile of `square` bytes whatever is kept:
+    /// Error for too little memory, with an amount sufficient for a tile of `tile_bytes` bytes whatever is kept:
     /// held features take at most half, and as much of the rest waits for its tile.
-    fn too_little(&self, input: &CoverageInput<'_>, square: u64) -> Error {
-        let rest = square + self.others(input);
+    fn too_little(&self, input: &CoverageInput<'_>, tile_bytes: u64) -> Error {
+        let rest = tile_bytes + self.others(input);
         let needed = rest + input.bytes.min(rest);
         let mib = ((needed + needed / 7) >> 20) + 1;
         let message = format!("topology requires {mib} MiB of memory");
@@ -160,17 +160,17 @@ impl CoverageJob<'_> {
     }
 
     /// Divides space so that a tile fits in memory, with or without held features.
-    fn squares(&self, input: &mut CoverageInput<'_>) -> Result<VertexQuadtree> {
+    fn quadtree(&self, input: &mut CoverageInput<'_>) -> Result<VertexQuadtree> {
         let most = self.topology.square.clamp(1, spool::MOST);
-        let mut squares = VertexQuadtree::new(&input.seen.census, most)?;
-        while let Some(mut finer) = squares.finer() {
+        let mut quadtree = VertexQuadtree::new(&input.seen.census, most)?;
+        while let Some(mut finer) = quadtree.finer() {
             input.visit_all(self.cancel, |feature| {
                 feature.geometry.parts().for_each(|part| finer.add(part.xy));
                 Ok(())
             })?;
-            squares = VertexQuadtree::refined(finer, &squares)?;
+            quadtree = VertexQuadtree::refined(finer, &quadtree)?;
         }
-        let largest = (0..squares.count()).map(|square| squares.vertices(square)).max();
+        let largest = (0..quadtree.count()).map(|tile| quadtree.vertices(tile)).max();
         let needed = largest.unwrap_or(0) * VERTEX + self.others(input);
         if input.memory_use().is_some_and(|held| held + needed > self.memory()) {
             input.release();
@@ -178,7 +178,7 @@ impl CoverageJob<'_> {
         if needed > self.memory() {
             return Err(self.too_little(input, largest.unwrap_or(0) * KEPT_VERTEX));
         }
-        Ok(squares)
+        Ok(quadtree)
     }
 
     /// Snaps vertices of all features.
@@ -186,13 +186,13 @@ impl CoverageJob<'_> {
         if self.topology.snap == 0.0 || input.moves.snapped.is_some() {
             return Ok(());
         }
-        let squares = self.squares(input)?;
+        let quadtree = self.quadtree(input)?;
         let folder = self.folder();
-        let buckets = Buckets::new(&folder, squares.count(), self.memory() / 8);
-        input.sort(&squares, &buckets, self.cancel)?;
+        let buckets = Buckets::new(&folder, quadtree.count(), self.memory() / 8);
+        input.sort(&quadtree, &buckets, self.cancel)?;
         let snapped = SnappedPositions::new(
             buckets,
-            squares,
+            quadtree,
             self.topology.snap,
             &folder,
             self.memory(),
@@ -266,21 +266,21 @@ impl CoverageJob<'_> {
         now: &FinishedTiles<'_>,
         report: &mut LineReport,
     ) -> Result<TileTotals> {
-        let squares = now.squares;
+        let quadtree = now.quadtree;
         let sides = match &self.topology.sides {
-            Some(path) => by_square(positions(path, &VectorOpenOptions::default())?, squares),
+            Some(path) => by_tile(positions(path, &VectorOpenOptions::default())?, quadtree),
             None => Vec::new(),
         };
-        self.progress.begin("simplify", squares.count() as u64);
+        self.progress.begin("simplify", quadtree.count() as u64);
         let solver = TileSolver { job: self, tiles: now, sides, total: Mutex::default() };
-        let solved = if squares.count() == 1 && input.memory_use().is_some() {
+        let solved = if quadtree.count() == 1 && input.memory_use().is_some() {
             solver.solve(0, self.flat(input, now)?, self.memory_left(input))
         } else {
             let spool = self.spool(input, now)?;
             self.solve_spooled(input, &spool, &solver)
         };
         solved.map_err(|e| match e.kind() {
-            ErrorKind::Resource => self.too_little(input, self.max_bytes(squares)),
+            ErrorKind::Resource => self.too_little(input, self.max_bytes(quadtree)),
             _ => e,
         })?;
         self.progress.end();
@@ -290,7 +290,7 @@ impl CoverageJob<'_> {
         report.input_crossings = total.crossings;
         report.collapsed = total.collapsed;
         report.unrounded = total.unrounded;
-        report.largest_distance = total.square.sqrt();
+        report.largest_distance = total.distance2.sqrt();
         Ok(total)
     }
 
@@ -314,8 +314,8 @@ impl CoverageJob<'_> {
     }
 
     /// Memory in bytes of the largest tile if all its vertices are kept.
-    fn max_bytes(&self, squares: &VertexQuadtree) -> u64 {
-        let sizes = (0..squares.count()).map(|square| squares.vertices(square) * KEPT_VERTEX);
+    fn max_bytes(&self, quadtree: &VertexQuadtree) -> u64 {
+        let sizes = (0..quadtree.count()).map(|tile| quadtree.vertices(tile) * KEPT_VERTEX);
         sizes.max().unwrap_or(0)
     }
 
@@ -331,9 +331,9 @@ impl CoverageJob<'_> {
         input: &mut CoverageInput<'_>,
         now: &FinishedTiles<'s>,
     ) -> Result<TileSpool<'s>> {
-        let squares = now.squares;
+        let quadtree = now.quadtree;
         let has_z = self.rule.measure == DistanceKind::Space;
-        let (room, largest) = (self.memory_left(input), self.max_bytes(squares));
+        let (room, largest) = (self.memory_left(input), self.max_bytes(quadtree));
         let workers = self.workers(room / 8 * 7, largest) as u64;
         let memory =
             room.saturating_sub(workers * largest).max(memory_for_features(self.memory()) / 8);
@@ -341,8 +341,8 @@ impl CoverageJob<'_> {
         if bytes > memory {
             disk::check(&self.folder(), bytes)?;
         }
-        let mut spool = TileSpool::new(squares, has_z, &self.folder(), memory);
-        let mut parts = RunCutting::new(squares);
+        let mut spool = TileSpool::new(quadtree, has_z, &self.folder(), memory);
+        let mut parts = RunCutting::new(quadtree);
         input.visit_all(self.cancel, |feature| {
             feature.geometry.parts().try_for_each(|part| {
                 check(&part, self.rule)?;
@@ -365,16 +365,16 @@ impl CoverageJob<'_> {
         spool: &TileSpool<'_>,
         solver: &TileSolver<'_>,
     ) -> Result<()> {
-        let squares = solver.tiles.squares;
+        let quadtree = solver.tiles.quadtree;
         let obstacle_bytes: Vec<u64> =
-            (0..squares.count()).map(|square| spool.obstacles(square) * OBSTACLE).collect();
+            (0..quadtree.count()).map(|tile| spool.obstacles(tile) * OBSTACLE).collect();
         let sizes = obstacle_bytes.iter().enumerate();
-        let sizes = sizes.map(|(square, bytes)| squares.vertices(square) * KEPT_VERTEX + bytes);
+        let sizes = sizes.map(|(tile, bytes)| quadtree.vertices(tile) * KEPT_VERTEX + bytes);
         let mut order: Vec<_> = sizes.map(Reverse).zip(0..).collect();
         order.sort_unstable();
         let largest = order.first().map_or(0, |(Reverse(size), _)| *size);
         let least = obstacle_bytes.iter().enumerate();
-        let least = least.map(|(square, bytes)| squares.vertices(square) * VERTEX + bytes).max();
+        let least = least.map(|(tile, bytes)| quadtree.vertices(tile) * VERTEX + bytes).max();
         let memory = self.memory_left(input).saturating_sub(spool.memory_use());
         if least.unwrap_or(0) > memory {
             return Err(self.too_little(input, largest));
@@ -387,9 +387,9 @@ impl CoverageJob<'_> {
             self.cancel,
             || (),
             |(), unit| {
-                let (_, square) = order[unit as usize];
-                let memory = share.saturating_sub(obstacle_bytes[square]);
-                solver.solve(square, spool.take(square)?, memory)
+                let (_, tile) = order[unit as usize];
+                let memory = share.saturating_sub(obstacle_bytes[tile]);
+                solver.solve(tile, spool.take(tile)?, memory)
             },
             Ok,
         )
@@ -444,22 +444,22 @@ struct TileSolver<'a> {
 
 impl TileSolver<'_> {
     /// Simplifies a tile and stores its kept vertices.
-    fn solve(&self, square: usize, mut content: TileContent, memory: u64) -> Result<()> {
+    fn solve(&self, tile: usize, mut content: TileContent, memory: u64) -> Result<()> {
         let Self { job, tiles, sides, .. } = self;
-        let squares = tiles.squares;
-        let first = sides.partition_point(|(other, _)| (*other as usize) < square);
-        let inside = sides[first..].iter().take_while(|(other, _)| *other as usize == square);
+        let quadtree = tiles.quadtree;
+        let first = sides.partition_point(|(other, _)| (*other as usize) < tile);
+        let inside = sides[first..].iter().take_while(|(other, _)| *other as usize == tile);
         content.sides = inside.map(|(_, at)| *at).collect();
         let last = Mutex::new(LastTile::default());
         let holds = |at: Xy| {
-            squares.count() == 1 || squares.of(at, &mut lock(&last)) == Some(square as u32)
+            quadtree.count() == 1 || quadtree.of(at, &mut lock(&last)) == Some(tile as u32)
         };
         let rounding = job.job.decimals.map(|decimals| TileRounding { decimals, holds: &holds });
         let settings = TileSettings { strategy: job.topology.strategy, rule: job.rule, rounding };
         let solved = solve(&content, &settings, memory, job.cancel)?;
-        tiles.kept.set(square, &solved.bits)?;
-        tiles.rounded.map_or(Ok(()), |rounded| rounded.set(square, &solved.rounded))?;
-        lock(&self.total).add(&solved, square, squares);
+        tiles.kept.set(tile, &solved.bits)?;
+        tiles.rounded.map_or(Ok(()), |rounded| rounded.set(tile, &solved.rounded))?;
+        lock(&self.total).add(&solved, tile, quadtree);
         job.progress.advance(1);
         Ok(())
     }
@@ -473,31 +473,31 @@ struct TileTotals {
     crossings: u64,
     collapsed: u64,
     unrounded: u64,
-    square: f64,
+    distance2: f64,
     /// Some of the pairs of segments that meet.
     pairs: Vec<[[Xy; 2]; 2]>,
     gaps: MeetingGaps,
 }
 
 impl TileTotals {
-    fn add(&mut self, solved: &SolvedTile, square: usize, squares: &VertexQuadtree) {
+    fn add(&mut self, solved: &SolvedTile, tile: usize, quadtree: &VertexQuadtree) {
         self.arcs += solved.arcs;
         self.refined += solved.refined;
         self.collapsed += solved.collapsed;
         self.unrounded += solved.unrounded;
-        self.square = self.square.max(solved.square);
+        self.distance2 = self.distance2.max(solved.distance2);
         // Segments that meet may share several tiles: the first tile counts them.
         let mut near = [Vec::new(), Vec::new()];
         let mut meeting = solved.meeting.clone();
         meeting.retain(|pair| {
-            (0..2).for_each(|i| squares.meeting(pair[i], &mut near[i]));
+            (0..2).for_each(|i| quadtree.meeting(pair[i], &mut near[i]));
             let first = near[0].iter().find(|other| near[1].binary_search(other).is_ok());
-            first == Some(&(square as u32))
+            first == Some(&(tile as u32))
         });
         self.crossings += solved.crossings + meeting.len() as u64;
         self.gaps.merge(&solved.gaps);
         meeting.iter().for_each(|pair| self.gaps.add(*pair));
-        let most = MAX_PAIRS.div_ceil(squares.count());
+        let most = MAX_PAIRS.div_ceil(quadtree.count());
         self.pairs.extend(solved.pairs.iter().chain(&meeting).take(most));
     }
 }

@@ -15,7 +15,7 @@ enum QuadtreeNodeState {
     /// Unknown.
     Open,
     /// A tile, by number.
-    Square(u32),
+    Tile(u32),
     /// Divided: index of the first of four consecutive children.
     Divided(u32),
     /// Too many vertices; divided after counting, by index in the crowded cells.
@@ -86,7 +86,7 @@ pub struct VertexQuadtree {
 /// The tile found last, usually the next one as well.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LastTile {
-    square: u32,
+    tile: u32,
     low: Xy,
     high: Xy,
 }
@@ -133,11 +133,11 @@ impl VertexQuadtree {
     ///
     /// # Errors
     /// `Limit` if too many vertices are almost at one position.
-    pub fn refined(finer: RefinedCounts<'_>, squares: &Self) -> Result<Self> {
-        let counts = finer.into_counts(&squares.crowded);
-        let mut all = squares.clone();
+    pub fn refined(finer: RefinedCounts<'_>, quadtree: &Self) -> Result<Self> {
+        let counts = finer.into_counts(&quadtree.crowded);
+        let mut all = quadtree.clone();
         all.crowded.clear();
-        for (at, node) in squares.nodes.iter().enumerate() {
+        for (at, node) in quadtree.nodes.iter().enumerate() {
             if let QuadtreeNodeState::Crowded(crowded) = node.kind {
                 all.divide(vec![at], &counts[crowded as usize])?;
             }
@@ -147,14 +147,14 @@ impl VertexQuadtree {
 
     /// Divides nodes as far as the counts allow.
     fn divide(&mut self, mut open: Vec<usize>, counts: &SummedVertexCounts) -> Result<()> {
-        // Popped from the end in the order of cells, so squares get the numbers that a recursion would give.
+        // Popped from the end in the order of cells, so tiles get the numbers that a recursion would give.
         open.reverse();
         while let Some(at) = open.pop() {
             let QuadtreeNode { cell, level, .. } = self.nodes[at];
             let count = counts.of(cell, level);
             self.nodes[at].kind = if count <= self.most {
                 self.counts.push(count);
-                QuadtreeNodeState::Square(self.counts.len() as u32 - 1)
+                QuadtreeNodeState::Tile(self.counts.len() as u32 - 1)
             } else if level > counts.level {
                 let first = self.nodes.len();
                 for [x, y] in [[0, 0], [1, 0], [0, 1], [1, 1]] {
@@ -190,8 +190,8 @@ impl VertexQuadtree {
     }
 
     /// Number of vertices of a tile.
-    pub fn vertices(&self, square: usize) -> u64 {
-        self.counts[square]
+    pub fn vertices(&self, tile: usize) -> u64 {
+        self.counts[tile]
     }
 
     /// Leaf node of a position.
@@ -220,7 +220,7 @@ impl VertexQuadtree {
     pub fn of(&self, p: Xy, place: &mut LastTile) -> Option<u32> {
         let (low, high) = (place.low, place.high);
         if low[0] <= p[0] && p[0] < high[0] && low[1] <= p[1] && p[1] < high[1] {
-            return Some(place.square);
+            return Some(place.tile);
         }
         self.find(p, place)
     }
@@ -230,9 +230,9 @@ impl VertexQuadtree {
             return Some(0);
         }
         let node = self.leaf(p)?;
-        let QuadtreeNodeState::Square(square) = node.kind else { return None };
-        *place = LastTile { square, low: node.low(), high: node.high() };
-        Some(square)
+        let QuadtreeNodeState::Tile(tile) = node.kind else { return None };
+        *place = LastTile { tile, low: node.low(), high: node.high() };
+        Some(tile)
     }
 
     /// Fills `found` with the tiles of positions within `reach` of `p`, ascending.
@@ -256,7 +256,7 @@ impl VertexQuadtree {
             match node.kind {
                 QuadtreeNodeState::Open | QuadtreeNodeState::Crowded(_) => {}
                 _ if !holds(node) => {}
-                QuadtreeNodeState::Square(square) => found.push(square),
+                QuadtreeNodeState::Tile(tile) => found.push(tile),
                 QuadtreeNodeState::Divided(first) => {
                     open.extend(first as usize..first as usize + 4)
                 }
@@ -269,25 +269,25 @@ impl VertexQuadtree {
 /// Counts in finer cells for tiles with too many vertices. 32 KiB each.
 #[derive(Clone, Debug)]
 pub struct RefinedCounts<'a> {
-    squares: &'a VertexQuadtree,
+    quadtree: &'a VertexQuadtree,
     /// For each crowded cell: the level of its finer cells, and their counts.
     counts: Vec<(i32, Vec<u64>)>,
 }
 
 impl<'a> RefinedCounts<'a> {
-    /// For the crowded cells of `squares`, of these levels.
-    fn new(squares: &'a VertexQuadtree, levels: impl Iterator<Item = i32>) -> Self {
+    /// For the crowded cells of `quadtree`, of these levels.
+    fn new(quadtree: &'a VertexQuadtree, levels: impl Iterator<Item = i32>) -> Self {
         let counts = levels.map(|level| {
-            let finer = (level - FINER).max(squares.lowest);
+            let finer = (level - FINER).max(quadtree.lowest);
             (finer, vec![0; 1 << (2 * (level - finer))])
         });
-        Self { squares, counts: counts.collect() }
+        Self { quadtree, counts: counts.collect() }
     }
 
     /// Counts vertices; others are ignored.
     pub fn add(&mut self, points: &[Xy]) {
         for &p in points {
-            if let Some((crowded, level)) = self.squares.crowded_at(p) {
+            if let Some((crowded, level)) = self.quadtree.crowded_at(p) {
                 let (finer, counts) = &mut self.counts[crowded];
                 let side = 1 << (level - *finer);
                 let at = cell(p, *finer).map(|c| c & (side - 1));
