@@ -15,13 +15,14 @@ type Part = (SampleSegment, [u64; 2]);
 pub struct Breaklines {
     paths: Paths,
     path: Option<PathBuf>,
-    asked: u64,
+    /// Segments of the file.
+    segments: u64,
     outside: u64,
 }
 
 impl Breaklines {
     /// No breaklines.
-    pub const NONE: Self = Self { paths: Paths::NONE, path: None, asked: 0, outside: 0 };
+    pub const NONE: Self = Self { paths: Paths::NONE, path: None, segments: 0, outside: 0 };
 
     /// Breaklines along lines through positions on the lattice of a grid of `size` columns and rows; `ends` holds the
     /// end index of each line. An end of a segment is the sample nearest to its position, or to its entry into the
@@ -32,33 +33,33 @@ impl Breaklines {
     pub fn on(at: &[[f64; 2]], ends: &[u32], size: [u32; 2], path: PathBuf) -> Result<Self> {
         let starts = std::iter::once(0).chain(ends.iter().map(|&end| end as usize));
         let lines = starts.zip(ends).map(|(start, &end)| &at[start..end as usize]);
-        let (mut segments, mut asked) = (Vec::new(), 0);
+        let (mut segments, mut count) = (Vec::new(), 0);
         for pair in lines.flat_map(|line| line.windows(2)) {
-            asked += 1;
+            count += 1;
             segments.extend(cut([pair[0], pair[1]], size));
         }
-        let outside = asked - segments.len() as u64;
+        let outside = count - segments.len() as u64;
         if segments.is_empty() {
             return Err(Error::bad_input("no line lies on the grid")
                 .in_file(&path)
                 .remedy("compare the extents of both with terrane info"));
         }
-        Ok(Self { path: Some(path), asked, outside, ..Self::of(segments) })
+        Ok(Self { path: Some(path), segments: count, outside, ..Self::of(segments) })
     }
 
     /// Adds the banks of a water file.
     pub fn and_banks(self, banks: Vec<Ends>, water: &Path) -> Self {
-        let (asked, outside) = (self.asked + banks.len() as u64, self.outside);
+        let (segments, outside) = (self.segments + banks.len() as u64, self.outside);
         let path = match self.path {
             Some(path) => PathBuf::from(format!("{} and {}", path.display(), water.display())),
             None => water.to_path_buf(),
         };
-        Self { paths: self.paths.and(banks), path: Some(path), asked, outside }
+        Self { paths: self.paths.and(banks), path: Some(path), segments, outside }
     }
 
     /// Breaklines of the given segments, in any order and direction.
     pub fn of(segments: Vec<Ends>) -> Self {
-        Self { asked: segments.len() as u64, paths: Paths::of(segments), ..Self::default() }
+        Self { segments: segments.len() as u64, paths: Paths::of(segments), ..Self::default() }
     }
 
     /// The paths of all segments.
@@ -82,9 +83,9 @@ impl Breaklines {
 
     /// The report; `None` if no lines were requested.
     pub fn report(&self, apart: u64) -> Option<BreaklinesReport> {
-        (self.asked > 0).then(|| BreaklinesReport {
+        (self.segments > 0).then(|| BreaklinesReport {
             file: self.path.as_deref().map_or_else(String::new, |path| path.display().to_string()),
-            segments: self.asked,
+            segments: self.segments,
             outside: self.outside,
             apart,
         })

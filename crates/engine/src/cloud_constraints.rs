@@ -25,8 +25,8 @@ pub struct OnCloud {
     pub points: Vec<[u32; 2]>,
     /// Segments within the bounds, sorted, without duplicates.
     pub lines: Vec<LatticeLine>,
-    points_asked: Option<(PathBuf, u64)>,
-    lines_asked: Option<(PathBuf, u64)>,
+    requested_points: Option<(PathBuf, u64)>,
+    requested_lines: Option<(PathBuf, u64)>,
     /// Number of segments beyond the bounds.
     lines_beyond: u64,
     /// Number of occurrences of each segment that occurs more than once.
@@ -50,36 +50,35 @@ impl OnCloud {
         info: &CloudInfo,
         bounds: [Point; 2],
     ) -> Result<Self> {
-        let (mut kept, place) = (Self::default(), CloudLattice::new(info.frame, bounds));
+        let (mut constraints, lattice) = (Self::default(), CloudLattice::new(info.frame, bounds));
         if let Some(points) = points {
             info.crs
                 .check_same_of("cloud", &points.crs, "points")
                 .map_err(|e| e.in_file(&points.path))?;
-            kept.points = points.at.iter().filter_map(|&at| place.nearest(at)).collect();
-            kept.points.sort_unstable();
-            kept.points_asked = Some((points.path, points.at.len() as u64));
+            constraints.points = points.at.iter().filter_map(|&at| lattice.nearest(at)).collect();
+            constraints.points.sort_unstable();
+            constraints.requested_points = Some((points.path, points.at.len() as u64));
         }
         if let Some(lines) = lines {
             info.crs
                 .check_same_of("cloud", &lines.crs, "lines")
                 .map_err(|e| e.in_file(&lines.path))?;
-            kept.take_lines(lines, &place)?;
+            constraints.take_lines(lines, &lattice)?;
         }
-        Ok(kept)
+        Ok(constraints)
     }
 
-    fn take_lines(&mut self, lines: ConstraintVertices, place: &CloudLattice) -> Result<()> {
+    fn take_lines(&mut self, lines: ConstraintVertices, lattice: &CloudLattice) -> Result<()> {
         let starts = std::iter::once(0).chain(lines.ends.iter().map(|&end| end as usize));
-        let (mut asked, mut all) = (0, Vec::new());
+        let (mut segments, mut all) = (0, Vec::new());
         for (start, &end) in starts.zip(&lines.ends) {
             for i in start + 1..end as usize {
-                asked += 1;
-                let vertex = |i: usize| (lines.at[i], lines.z.get(i).copied().unwrap_or(f64::NAN));
-                let line = place.line([vertex(i - 1), vertex(i)]);
+                segments += 1;
+                let line = lattice.line([i - 1, i].map(|i| lines.vertex(i)));
                 all.extend(line.map_err(|e| e.in_file(&lines.path))?);
             }
         }
-        self.lines_beyond = asked - all.len() as u64;
+        self.lines_beyond = segments - all.len() as u64;
         all.sort_unstable();
         for same in all.chunk_by(|a, b| a == b) {
             if same.len() > 1 {
@@ -87,20 +86,20 @@ impl OnCloud {
             }
             self.lines.push(same[0]);
         }
-        self.lines_asked = Some((lines.path, asked));
+        self.requested_lines = Some((lines.path, segments));
         Ok(())
     }
 
     /// True if there are lines.
     pub fn has_lines(&self) -> bool {
-        self.lines_asked.is_some()
+        self.requested_lines.is_some()
     }
 
     /// The bounds of a cloud, extended by the heights of the lines.
     pub fn and_heights(&self, [low, high]: [Point; 2]) -> [Point; 2] {
-        let heights = || self.lines.iter().filter_map(|line| line.heights).flatten();
-        let (least, most) = (heights().fold(low.z, i32::min), heights().fold(high.z, i32::max));
-        [Point { z: least, ..low }, Point { z: most, ..high }]
+        let heights = self.lines.iter().filter_map(|line| line.heights).flatten();
+        let (min, max) = (heights.clone().fold(low.z, i32::min), heights.fold(high.z, i32::max));
+        [Point { z: min, ..low }, Point { z: max, ..high }]
     }
 
     /// Bytes in memory.
@@ -119,7 +118,7 @@ impl OnCloud {
         nearest: u64,
         vertices: u64,
     ) -> Result<Option<RequiredPointsReport>> {
-        let Some((path, points)) = &self.points_asked else { return Ok(None) };
+        let Some((path, points)) = &self.requested_points else { return Ok(None) };
         if nearest == 0 {
             return Err(Error::bad_input("no point lies within the bounds of the point cloud")
                 .in_file(path)
@@ -145,7 +144,7 @@ impl OnCloud {
         is_outside: impl Fn(usize) -> bool,
         apart: u64,
     ) -> Result<Option<BreaklinesReport>> {
-        let Some((path, segments)) = &self.lines_asked else { return Ok(None) };
+        let Some((path, segments)) = &self.requested_lines else { return Ok(None) };
         let once = (0..self.lines.len()).filter(|&line| is_outside(line)).count() as u64;
         let more = self.repeats.iter().filter(|(line, _)| is_outside(*line as usize));
         let outside = self.lines_beyond + once + more.map(|(_, times)| times - 1).sum::<u64>();
@@ -182,28 +181,30 @@ impl CloudLattice {
     /// The nearest position, within the bounds.
     fn nearest(&self, at: [f64; 2]) -> Option<[u32; 2]> {
         let at = self.steps(at).map(|at| (at + 0.5).floor());
-        let inside = |axis: usize| (0.0..f64::from(self.size[axis])).contains(&at[axis]);
-        (inside(0) && inside(1)).then(|| at.map(|at| at as u32))
+        let is_inside = (0..2).all(|axis| (0.0..f64::from(self.size[axis])).contains(&at[axis]));
+        is_inside.then(|| at.map(|at| at as u32))
     }
 
     /// A segment clipped to the bounds; independent of its direction.
     fn line(&self, vertices: [([f64; 2], f64); 2]) -> Result<Option<LatticeLine>> {
-        let [a, b] = vertices.map(|(at, z)| (self.steps(at), z));
-        let order = |(at, z): ([f64; 2], f64)| [at[1], at[0], z];
-        let [(a, p), (b, q)] = if order(a) <= order(b) { [a, b] } else { [b, a] };
+        let [(a, p), (b, q)] = vertices.map(|(at, z)| (self.steps(at), z));
+        let [(a, p), (b, q)] = match [a[1], a[0], p] <= [b[1], b[0], q] {
+            true => [(a, p), (b, q)],
+            false => [(b, q), (a, p)],
+        };
         let Some(ends) = cut([a, b], self.size) else { return Ok(None) };
         if p.is_nan() || q.is_nan() {
             return Ok(Some(LatticeLine { ends: sorted(ends, [0; 2]).0, heights: None }));
         }
-        let height = |end: [u32; 2]| self.height(share([a, b], end.map(f64::from)), [p, q]);
-        let (ends, heights) = sorted(ends, [height(ends[0])?, height(ends[1])?]);
+        let [first, last] = ends.map(|end| self.height(share([a, b], end.map(f64::from)), [p, q]));
+        let (ends, heights) = sorted(ends, [first?, last?]);
         Ok(Some(LatticeLine { ends, heights: Some(heights) }))
     }
 
     /// The height at a fraction of a segment between two heights, in steps.
     fn height(&self, share: f64, [p, q]: [f64; 2]) -> Result<i32> {
         let ruler = self.frame.ruler(2);
-        // Halves, as the difference of what is far apart may be no number.
+        // Halves, as the difference of distant heights may overflow.
         let world = match share {
             0.0 => p,
             1.0 => q,
@@ -230,14 +231,18 @@ fn sorted([a, b]: Ends, [p, q]: [i32; 2]) -> (Ends, [i32; 2]) {
 
 /// The position of a clipped end as a fraction of the segment: 0 or 1 if it is not clipped.
 fn share([a, b]: [[f64; 2]; 2], end: [f64; 2]) -> f64 {
-    let is_at = |at: [f64; 2]| (0..2).all(|axis| (at[axis] + 0.5).floor() == end[axis]);
-    if is_at(a) {
+    if rounds_to(a, end) {
         return 0.0;
     }
-    if is_at(b) {
+    if rounds_to(b, end) {
         return 1.0;
     }
-    let span = |axis: usize| b[axis] / 2.0 - a[axis] / 2.0;
-    let axis = usize::from(span(1).abs() > span(0).abs());
-    ((end[axis] / 2.0 - a[axis] / 2.0) / span(axis)).clamp(0.0, 1.0)
+    // Halves, as the difference of distant positions may overflow.
+    let span = [0, 1].map(|axis| b[axis] / 2.0 - a[axis] / 2.0);
+    let axis = usize::from(span[1].abs() > span[0].abs());
+    ((end[axis] / 2.0 - a[axis] / 2.0) / span[axis]).clamp(0.0, 1.0)
+}
+
+fn rounds_to(at: [f64; 2], end: [f64; 2]) -> bool {
+    (0..2).all(|axis| (at[axis] + 0.5).floor() == end[axis])
 }

@@ -128,7 +128,7 @@ impl ConstraintVertices {
         let remedy = if wants_lines { "keep fewer lines" } else { "keep fewer points" };
         let mut file = AuxiliaryFeatures::open(name, &format!("{what}s"), bytes, remedy)?;
         let (mut at, mut z, mut ends) = (Vec::new(), Vec::new(), Vec::new());
-        file.each((resources.memory / 4, resources), |feature| {
+        file.each(resources.memory / 4, resources, |feature| {
             for leaf in feature.geometry.leaves() {
                 let xy = &leaf.coordinates().xy;
                 if wants_lines && leaf.parts().next().is_none() && !xy.is_empty() {
@@ -157,6 +157,11 @@ impl ConstraintVertices {
         Ok(Self { crs: file.source.layer().crs.clone(), path: file.path, at, z, ends })
     }
 
+    /// Position and height of a vertex; NaN without a height.
+    pub(super) fn vertex(&self, i: usize) -> ([f64; 2], f64) {
+        (self.at[i], self.z.get(i).copied().unwrap_or(f64::NAN))
+    }
+
     /// The breaklines on a grid.
     fn along(self, grid: &GridInfo) -> Result<Breaklines> {
         grid.crs.check_same(&self.crs, "lines").map_err(|e| e.in_file(&self.path))?;
@@ -167,17 +172,11 @@ impl ConstraintVertices {
     /// The grid samples nearest to the points.
     fn on(self, grid: &GridInfo) -> Result<GridConstraints> {
         grid.crs.check_same(&self.crs, "points").map_err(|e| e.in_file(&self.path))?;
-        let nearest = |at: f64, side: u32| {
-            // Halves go up on both sides of 0. `round` takes them away from 0, and would put a point half a
-            // cell before the first sample outside.
-            let at = (at + 0.5).floor();
-            (0.0..f64::from(side)).contains(&at).then_some(at as u32)
-        };
-        let sample = |&[x, y]: &[f64; 2]| {
+        let samples = self.at.iter().filter_map(|&[x, y]| {
             let [col, row] = grid.transform.invert(x, y);
             Some([nearest(col, grid.width)?, nearest(row, grid.height)?])
-        };
-        let samples: Vec<_> = self.at.iter().filter_map(sample).collect();
+        });
+        let samples: Vec<_> = samples.collect();
         if samples.is_empty() {
             return Err(Error::bad_input("no point lies on the grid")
                 .in_file(&self.path)
@@ -191,6 +190,14 @@ impl ConstraintVertices {
             ..GridConstraints::of(samples)
         })
     }
+}
+
+/// The sample nearest to a position along an axis, if it is one of `count`.
+fn nearest(at: f64, count: u32) -> Option<u32> {
+    // Halves go up on both sides of 0. `round` takes them away from 0, and would put a point half a
+    // cell before the first sample outside.
+    let at = (at + 0.5).floor();
+    (0.0..f64::from(count)).contains(&at).then_some(at as u32)
 }
 
 fn bytes(samples: usize) -> u64 {
@@ -246,13 +253,17 @@ impl GridConstraints {
             true => [[1, 0], [0, 0]],
             false => [[rect.col, rect.row], [rect.end_col() - 1, rect.end_row() - 1]].map(block),
         };
-        let row_of_blocks = move |row: u32| {
-            let from = self.samples.partition_point(|&at| block(at) < [row, first[1]]);
-            let more = &self.samples[from..];
-            &more[..more.partition_point(|&at| block(at) <= [row, last[1]])]
-        };
-        let inside = move |&[col, row]: &[u32; 2]| rect.contains(col, row);
-        (first[0]..=last[0]).flat_map(row_of_blocks).copied().filter(inside)
+        (first[0]..=last[0])
+            .flat_map(move |row| self.in_blocks([row, first[1]], [row, last[1]]))
+            .copied()
+            .filter(move |&[col, row]| rect.contains(col, row))
+    }
+
+    /// The samples from one block to another in block order.
+    fn in_blocks(&self, first: [u32; 2], last: [u32; 2]) -> &[[u32; 2]] {
+        let from = self.samples.partition_point(|&at| block(at) < first);
+        let rest = &self.samples[from..];
+        &rest[..rest.partition_point(|&at| block(at) <= last)]
     }
 
     /// Bytes in memory.

@@ -38,12 +38,12 @@ impl DiskCheck {
         if self == Self::Off {
             return Ok(());
         }
-        let beside = folder_for(output, None);
+        let output_folder = folder_for(output, None);
         // One file system has to hold both at once: two checks would each count its free bytes.
         // Where the system does not tell devices, the checks are apart and refuse less.
-        let checked = match are_one(folder, beside) {
+        let checked = match are_one(folder, output_folder) {
             true => check(folder, objects + written),
-            false => check(folder, objects).and_then(|()| check(beside, written)),
+            false => check(folder, objects).and_then(|()| check(output_folder, written)),
         };
         checked.map_err(|error| {
             error.remedy("free some space, choose another folder, or pass ‹no_disk_check›")

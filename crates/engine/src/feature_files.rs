@@ -38,7 +38,8 @@ impl AuxiliaryFeatures {
     /// `share` bytes of the memory.
     pub fn each(
         &mut self,
-        (share, resources): (u64, &Resources),
+        share: u64,
+        resources: &Resources,
         mut add: impl FnMut(&Feature) -> Result<()>,
     ) -> Result<u64> {
         let mut vertices = 0_u64;
@@ -60,8 +61,7 @@ impl AuxiliaryFeatures {
     }
 
     fn too_many(&self, vertices: u64, resources: &Resources) -> Error {
-        let mib = |bytes: u64| bytes.div_ceil(1 << 20);
-        let (needed, allowed) = (mib(self.bytes(vertices)), resources.memory >> 20);
+        let (needed, allowed) = (self.bytes(vertices).div_ceil(1 << 20), resources.memory >> 20);
         let message =
             format!("{vertices} vertices need {needed} MiB; the memory limit is {allowed} MiB");
         let enough = (4 * needed + BESIDE) << 20;
@@ -90,9 +90,9 @@ pub fn files(name: &str) -> Vec<PathBuf> {
         return Vec::new();
     }
     let is_shape = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("shp"));
-    let beside = ["shx", "SHX", "dbf", "DBF"].map(|ending| path.with_extension(ending));
-    let beside = beside.into_iter().filter(|path| is_shape && path.is_file());
-    std::iter::once(path.clone().into_owned()).chain(beside).collect()
+    let companions = ["shx", "SHX", "dbf", "DBF"].map(|ending| path.with_extension(ending));
+    let companions = companions.into_iter().filter(|path| is_shape && path.is_file());
+    std::iter::once(path.clone().into_owned()).chain(companions).collect()
 }
 
 /// The files of a point cloud sorted by name: the result does not depend on their order or their folders.

@@ -82,35 +82,36 @@ fn turn_over(heights: &mut [f32], columns: usize) {
 
 /// Fails if the values are not geoid heights in metres.
 fn check_kind(info: &GridInfo) -> Result<()> {
-    let detail = |name: &str| {
-        info.details.iter().find(|(own, _)| own == name).map(|(_, text)| text.as_str())
-    };
-    let refuse = |what: String| {
-        Err(Error::unsupported(what)
-            .remedy("name a grid of geoid heights above the ellipsoid in metres"))
-    };
-    match detail("grid type") {
+    let grid_type = info.details.iter().find(|(name, _)| name == "grid type");
+    match grid_type.map(|(_, text)| text.as_str()) {
         Some(KIND) => {}
-        Some(other) => return refuse(format!("is a geodetic grid of type {other}, not a geoid")),
+        Some(other) => {
+            return Err(not_a_geoid(format!("is a geodetic grid of type {other}, not a geoid")));
+        }
         None if info.bands != 1 => {
-            return refuse(format!(
+            return Err(not_a_geoid(format!(
                 "has {} bands and does not declare the first as a geoid",
                 info.bands
-            ));
+            )));
         }
         None => {}
     }
     if let SampleType::U8 | SampleType::I8 | SampleType::F16 = info.sample_type {
-        return refuse(format!(
+        return Err(not_a_geoid(format!(
             "has samples of type {}, too coarse for a geoid",
             info.sample_type.name()
-        ));
+        )));
     }
     let unit = info.crs.vertical_unit.as_deref();
     if unit.is_some() && info.crs.vertical_metres() != Some(1.0) {
-        return refuse(format!("has heights in {}, not in metres", unit.unwrap_or_default()));
+        let unit = unit.unwrap_or_default();
+        return Err(not_a_geoid(format!("has heights in {unit}, not in metres")));
     }
     Ok(())
+}
+
+fn not_a_geoid(what: String) -> Error {
+    Error::unsupported(what).remedy("name a grid of geoid heights above the ellipsoid in metres")
 }
 
 /// Fails if rows and columns are not parallels and meridians, in degrees from Greenwich.
@@ -136,8 +137,10 @@ fn check_place(info: &GridInfo) -> Result<()> {
 }
 
 fn counts_degrees(crs: &Crs) -> bool {
-    let is_plain = |proj: &str| proj.contains("+proj=longlat") && !proj.contains("+pm=");
-    crs.geographic == Some(true) && crs.conversion().is_ok_and(|found| is_plain(&found.proj))
+    crs.geographic == Some(true)
+        && crs.conversion().is_ok_and(|conversion| {
+            conversion.proj.contains("+proj=longlat") && !conversion.proj.contains("+pm=")
+        })
 }
 
 #[cfg(test)]

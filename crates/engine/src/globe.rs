@@ -112,21 +112,11 @@ impl VerticalShift {
     /// A geoid model that cannot be read, or is not applicable to ellipsoidal heights.
     pub fn of(crs: &Crs, geoid: Option<&str>, resources: &Resources) -> Result<(Self, bool)> {
         let unit = crs.vertical_metres();
-        let heights = crs.heights();
-        let metres = match heights {
+        let metres = match crs.heights() {
             VerticalReference::Above { is_down: true, .. } => -unit.unwrap_or(1.0),
             _ => unit.unwrap_or(1.0),
         };
-        let read = |name: &str| {
-            let path = &*terrane_files::path_of(name);
-            if heights == VerticalReference::Ellipsoidal {
-                return Err(Error::usage("the heights of the grid are ellipsoidal already")
-                    .in_file(path)
-                    .remedy("leave ‹geoid› out"));
-            }
-            geoid::read(path, resources).map(Arc::new)
-        };
-        let geoid = geoid.map(read).transpose()?;
+        let geoid = geoid.map(|name| read_geoid(name, crs, resources)).transpose()?;
         Ok((Self { metres, geoid }, unit.is_some()))
     }
 
@@ -160,14 +150,29 @@ impl VerticalShift {
     }
 }
 
+/// Reads a geoid model for heights in `crs`, which must not be ellipsoidal.
+fn read_geoid(name: &str, crs: &Crs, resources: &Resources) -> Result<Arc<Geoid>> {
+    let path = &*terrane_files::path_of(name);
+    if crs.heights() == VerticalReference::Ellipsoidal {
+        return Err(Error::usage("the heights of the grid are ellipsoidal already")
+            .in_file(path)
+            .remedy("leave ‹geoid› out"));
+    }
+    geoid::read(path, resources).map(Arc::new)
+}
+
+/// True if the CRS is the geographic CRS of an EPSG code, by its number or its definition.
+fn is_geographic_crs(crs: &Crs, code: u32) -> bool {
+    let defined = Crs { epsg: Some(code), geographic: Some(true), ..Crs::default() };
+    crs.epsg == Some(code) || crs.agrees(&defined)
+}
+
 /// True if the CRS is WGS 84, or nearly.
 fn is_near(crs: &Crs, notes: &mut Vec<String>) -> bool {
-    let known = |code: u32| Crs { epsg: Some(code), geographic: Some(true), ..Crs::default() };
-    let is_one = |code: u32| crs.epsg == Some(code) || crs.agrees(&known(code));
-    if SAME.into_iter().any(is_one) {
+    if SAME.into_iter().any(|code| is_geographic_crs(crs, code)) {
         return true;
     }
-    let near = NEAR.into_iter().find(|(code, _)| is_one(*code));
+    let near = NEAR.into_iter().find(|(code, _)| is_geographic_crs(crs, *code));
     if let Some((_, name)) = near {
         notes.push(format!("{name} is treated as WGS 84 (difference up to two metres)"));
     }
@@ -176,9 +181,9 @@ fn is_near(crs: &Crs, notes: &mut Vec<String>) -> bool {
 
 fn check_world(map: &Affine, whole: [u32; 2]) -> Result<()> {
     let ends = [map.apply(0.0, 0.0), map.apply(f64::from(whole[0] - 1), f64::from(whole[1] - 1))];
-    let side = |axis: usize| [ends[0][axis].min(ends[1][axis]), ends[0][axis].max(ends[1][axis])];
-    let ([west, east], [south, north]) = (side(0), side(1));
-    // What is no number is nowhere.
+    let [[west, east], [south, north]] =
+        [0, 1].map(|axis| [ends[0][axis].min(ends[1][axis]), ends[0][axis].max(ends[1][axis])]);
+    // Positive tests, which NaN fails.
     if west >= -180.0 && east <= 180.0 && south >= -90.0 && north <= 90.0 {
         return Ok(());
     }
@@ -194,23 +199,23 @@ const HAIR: f64 = 1e-9;
 /// A map to longitudes and latitudes of an unrotated grid, with ends within the tolerance snapped to 180 degrees or a
 /// pole.
 pub fn into_world(map: Affine, [width, height]: [u32; 2]) -> Affine {
-    let last = |samples: u32| f64::from(samples.saturating_sub(1));
-    let [x0, a] = within([map.x0, map.a], last(width), 180.0);
-    let [y0, e] = within([map.y0, map.e], last(height), 90.0);
+    let [last_col, last_row] = [width, height].map(|samples| f64::from(samples.saturating_sub(1)));
+    let [x0, a] = within([map.x0, map.a], last_col, 180.0);
+    let [y0, e] = within([map.y0, map.e], last_row, 90.0);
     Affine { x0, a, y0, e, ..map }
 }
 
 /// Start and step of an axis after snapping.
-fn within([start, step]: [f64; 2], last: f64, most: f64) -> [f64; 2] {
+fn within([start, step]: [f64; 2], last: f64, max: f64) -> [f64; 2] {
     let ends = [start, start + step * last];
-    let back = |end: f64| if end.abs() - most < HAIR { end.clamp(-most, most) } else { end };
-    let [from, to] = ends.map(back);
+    let [from, to] =
+        ends.map(|end| if end.abs() - max < HAIR { end.clamp(-max, max) } else { end });
     if [from, to] == ends || last == 0.0 {
         return [from, step];
     }
     let mut step = (to - from) / last;
     // The step is rounded, too.
-    while to.abs() == most && (from + step * last).abs() > most {
+    while to.abs() == max && (from + step * last).abs() > max {
         step = if step > 0.0 { step.next_down() } else { step.next_up() };
     }
     [from, step]

@@ -105,8 +105,7 @@ fn rise(crs: &Crs, across: HorizontalUnit, notes: &mut Vec<String>) -> Result<f6
 
 /// Fails if the centre of a cell is beyond a pole. The map is affine: checking corners suffices.
 fn check_latitudes(map: &Affine, Rect { width, height, .. }: Rect) -> Result<()> {
-    let middle = |side: u32| [0.5, (f64::from(side) - 1.5).max(0.5)];
-    let [columns, rows] = [width, height].map(middle);
+    let [columns, rows] = [width, height].map(|samples| [0.5, (f64::from(samples) - 1.5).max(0.5)]);
     let corners = columns.into_iter().flat_map(|col| rows.map(|row| map.apply(col, row)));
     let beyond = corners.map(|[_, latitude]| latitude).find(|latitude| latitude.abs() >= 90.0);
     beyond.map_or(Ok(()), |latitude| {

@@ -40,14 +40,11 @@ pub fn is_mesh(input: &str) -> Result<bool> {
         return Ok(false);
     }
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-    let ends = |endings: &[&str]| {
-        endings.iter().any(|e| name.strip_suffix(e).is_some_and(|stem| stem.ends_with('.')))
-    };
     let head = head(path)?;
-    if raster::FORMATS.iter().any(|f| ends(f.extensions)) {
+    if raster::FORMATS.iter().any(|f| has_extension(&name, f.extensions)) {
         return Ok(false);
     }
-    if mesh::FORMATS.iter().any(|f| ends(f.extensions)) {
+    if mesh::FORMATS.iter().any(|f| has_extension(&name, f.extensions)) {
         return Ok(true);
     }
     if raster::has_header(path)
@@ -66,6 +63,10 @@ pub fn is_mesh(input: &str) -> Result<bool> {
     Err(Error::bad_input("not a grid or mesh of a known format")
         .in_file(path)
         .remedy(format!("supported: {}", known.join(", "))))
+}
+
+fn has_extension(name: &str, extensions: &[&str]) -> bool {
+    extensions.iter().any(|e| name.strip_suffix(e).is_some_and(|stem| stem.ends_with('.')))
 }
 
 /// The first 512 bytes of a file, or all of a shorter one.
@@ -138,25 +139,25 @@ pub fn workers(resources: &Resources) -> Result<rayon::ThreadPool> {
     pool.map_err(|e| Error::new(ErrorKind::Resource, format!("cannot start threads: {e}")))
 }
 
-/// Windows that cover a grid, row by row, aligned to its blocks, of about `most` samples at most.
-fn windows(info: &GridInfo, most: u64) -> Vec<Rect> {
+/// Windows that cover a grid, row by row, aligned to its blocks, of about `max` samples at most.
+fn windows(info: &GridInfo, max: u64) -> Vec<Rect> {
     let (block_cols, block_rows) = (info.block.0.max(1), info.block.1.max(1));
-    let multiple = |of: u32, room: u64, end: u32| -> u32 {
-        let blocks = room / u64::from(of);
-        let size = if blocks > 0 { blocks * u64::from(of) } else { room.max(1) };
-        size.min(u64::from(end)) as u32
-    };
-    let rows = multiple(
-        block_rows,
-        (most / u64::from(info.width.max(1))).max(u64::from(block_rows).min(most)),
-        info.height,
-    );
-    let cols = multiple(block_cols, most / u64::from(rows.max(1)), info.width);
-    let starts = |end: u32, step: u32| (0..end).step_by(step.max(1) as usize);
-    starts(info.height, rows)
-        .flat_map(|row| starts(info.width, cols).map(move |col| (col, row)))
-        .map(|(col, row)| Rect::new(col, row, cols, rows).intersect(&info.bounds()))
+    let max_rows = (max / u64::from(info.width.max(1))).max(u64::from(block_rows).min(max));
+    let rows = whole_blocks(block_rows, max_rows, info.height);
+    let cols = whole_blocks(block_cols, max / u64::from(rows.max(1)), info.width);
+    let first_cols = (0..info.width).step_by(cols.max(1) as usize);
+    (0..info.height)
+        .step_by(rows.max(1) as usize)
+        .flat_map(|row| first_cols.clone().map(move |col| Rect::new(col, row, cols, rows)))
+        .map(|window| window.intersect(&info.bounds()))
         .collect()
+}
+
+/// Whole blocks that fit in `max` samples along a side of `end`; part of a block if none fits.
+fn whole_blocks(block: u32, max: u64, end: u32) -> u32 {
+    let blocks = max / u64::from(block);
+    let size = if blocks > 0 { blocks * u64::from(block) } else { max.max(1) };
+    size.min(u64::from(end)) as u32
 }
 
 /// Count, extremes, mean and sum of squared deviations of heights.
@@ -181,16 +182,16 @@ impl HeightMoments {
     };
 
     fn of(heights: &[f64]) -> Self {
-        let valid = || heights.iter().copied().filter(|z| !z.is_nan());
-        let (count, sum) = valid().fold((0u64, 0.0), |(n, sum), z| (n + 1, sum + z));
+        let valid = heights.iter().copied().filter(|z| !z.is_nan());
+        let (count, sum) = valid.clone().fold((0u64, 0.0), |(n, sum), z| (n + 1, sum + z));
         if count == 0 {
             return Self::NONE;
         }
         let mean = sum / count as f64;
-        let squares = valid().map(|z| (z - mean) * (z - mean)).sum();
-        let (min, max) =
-            (valid().fold(f64::INFINITY, f64::min), valid().fold(f64::NEG_INFINITY, f64::max));
-        let at_min = valid().filter(|z| *z == min).count() as u64;
+        let squares = valid.clone().map(|z| (z - mean) * (z - mean)).sum();
+        let min = valid.clone().fold(f64::INFINITY, f64::min);
+        let max = valid.clone().fold(f64::NEG_INFINITY, f64::max);
+        let at_min = valid.filter(|z| *z == min).count() as u64;
         Self { count, min, at_min, max, mean, squares }
     }
 
@@ -218,13 +219,13 @@ impl HeightMoments {
     }
 
     fn stats(self) -> GridStats {
-        let some = |value: f64| (self.count > 0).then_some(value);
+        let has_heights = self.count > 0;
         GridStats {
             valid: self.count,
-            min: some(self.min),
-            max: some(self.max),
-            mean: some(self.mean),
-            std_dev: some((self.squares / self.count.max(1) as f64).sqrt()),
+            min: has_heights.then_some(self.min),
+            max: has_heights.then_some(self.max),
+            mean: has_heights.then_some(self.mean),
+            std_dev: has_heights.then_some((self.squares / self.count.max(1) as f64).sqrt()),
             at_min: self.at_min,
             suspected_nodata: None,
         }

@@ -73,13 +73,13 @@ impl StorageScale {
     /// An origin near `origin` with few digits, for files with local coordinates.
     pub fn origin(&self, origin: Point3, [low, high]: [Point3; 2]) -> Point3 {
         let unit = 10_f64.powi(ORIGIN_DIGITS);
-        let short = |axis: usize| {
+        let [x, y] = [0, 1].map(|axis| {
             let rounded = (origin[axis] * unit).round() / unit;
             // Beside a small mesh a rounded origin would lie so far off that floats lose digits.
             let is_near = (rounded - origin[axis]).abs() * 64.0 <= high[axis] - low[axis];
             if self.unit.is_some() && is_near { rounded } else { origin[axis] }
-        };
-        [short(0), short(1), origin[2]]
+        });
+        [x, y, origin[2]]
     }
 }
 
@@ -112,7 +112,7 @@ impl LocalFrame {
     ) -> Result<(StorageScale, Vec<String>)> {
         (format.admits)(crs)?;
         let (placed, notes) = self.scaled(crs, bounds, format)?;
-        self.check_size(&placed, (bounds, steps), format)?;
+        self.check_size(&placed, bounds, steps, format)?;
         Ok((placed, notes))
     }
 
@@ -159,21 +159,22 @@ impl LocalFrame {
     fn check_size(
         &self,
         placed: &StorageScale,
-        ([low, high], steps): ([Point3; 2], Point3),
+        [low, high]: [Point3; 2],
+        steps: Point3,
         format: &MeshFormat,
     ) -> Result<()> {
         if !format.single_precision {
             return Ok(());
         }
-        let is_held = |axis: usize, scale: f64| {
-            let (least, most) = (f64::from(f32::MIN_POSITIVE), f64::from(f32::MAX));
-            let side = (high[axis] - low[axis]) * scale;
-            (least..most).contains(&(steps[axis] * scale)) && (side.is_nan() || side < most)
-        };
-        let Some(axis) = (0..3).find(|&axis| !is_held(axis, placed.scale[axis])) else {
+        let sides = [0, 1, 2].map(|axis| high[axis] - low[axis]);
+        let Some(axis) =
+            (0..3).find(|&axis| !fits_f32(sides[axis], steps[axis], placed.scale[axis]))
+        else {
             return Ok(());
         };
-        let rise = self.exaggeration.filter(|rise| axis == 2 && is_held(2, placed.scale[2] / rise));
+        let rise = self
+            .exaggeration
+            .filter(|rise| axis == 2 && fits_f32(sides[2], steps[2], placed.scale[2] / rise));
         let options = [("‹exaggeration›", rise), ("‹size›", self.size), ("‹scale›", self.scale)];
         let given = options.into_iter().find(|(_, given)| given.is_some());
         let name = format.name;
@@ -208,13 +209,21 @@ impl LocalFrame {
     /// Metres in the file per metre on the ground.
     fn shrink(&self, metres: Point3, [low, high]: [Point3; 2]) -> Result<f64> {
         let Some(size) = self.size else { return Ok(self.scale.unwrap_or(1.0)) };
-        let side = |axis: usize| (high[axis] - low[axis]) * metres[axis];
-        let longest = side(0).max(side(1));
+        let [x, y] = [0, 1].map(|axis| (high[axis] - low[axis]) * metres[axis]);
+        let longest = x.max(y);
         match longest > 0.0 && longest.is_finite() {
             true => Ok(size * MILLIMETRE / longest),
             false => Err(refusal("‹size›", "requires a surface with an extent")),
         }
     }
+}
+
+/// True if f32 stores scaled coordinates along a side, and distinguishes those a step apart.
+fn fits_f32(side: f64, step: f64, scale: f64) -> bool {
+    let (min, max) = (f64::from(f32::MIN_POSITIVE), f64::from(f32::MAX));
+    let side = side * scale;
+    // Heights may be unknown: NaN.
+    (min..max).contains(&(step * scale)) && (side.is_nan() || side < max)
 }
 
 /// In metres.

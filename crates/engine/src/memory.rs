@@ -66,13 +66,13 @@ pub fn divide(memory: u64, threads: usize, worker: u64) -> Result<MemoryShares> 
     divide_beside(memory, 0, threads, worker)
 }
 
-/// As [`divide`], with `held` bytes in permanent use.
-fn divide_beside(memory: u64, held: u64, threads: usize, worker: u64) -> Result<MemoryShares> {
-    let least = least(worker, 0).saturating_add(held);
+/// As [`divide`], with `reserved` bytes in permanent use.
+fn divide_beside(memory: u64, reserved: u64, threads: usize, worker: u64) -> Result<MemoryShares> {
+    let least = least(worker, 0).saturating_add(reserved);
     if memory < least {
         return Err(too_little(memory, least));
     }
-    let memory = memory - held;
+    let memory = memory - reserved;
     // No underflow: `least` is the sum of these and one worker, and was compared with the memory.
     let fitting = (memory - PROGRAM - MIN_SHARED) / worker.max(1);
     let threads = threads.clamp(1, usize::try_from(fitting).unwrap_or(usize::MAX).max(1));
@@ -120,13 +120,13 @@ pub fn with_polygons<T>(
     resources: &Resources,
     work: impl FnOnce(Resources) -> Result<T>,
 ) -> Result<T> {
-    let held = polygon_bytes(options).div_ceil(1 << 20);
+    let reserved = polygon_bytes(options).div_ceil(1 << 20);
     let path = options.filter.polygon.as_ref().and_then(|polygon| polygon.path());
     work(beside_polygons(options, resources)).map_err(|error| match path {
         Some(path) if error.kind() == ErrorKind::Resource && error.path().is_none() => {
-            let remedy = with_more(error.remedy_text().unwrap_or("pass more ‹memory›"), held);
+            let remedy = with_more(error.remedy_text().unwrap_or("pass more ‹memory›"), reserved);
             error
-                .at(format_args!("beside {held} MiB of polygons"))
+                .at(format_args!("beside {reserved} MiB of polygons"))
                 .in_file(path)
                 .remedy(format!("{remedy}, or simplify the polygons"))
         }
@@ -136,12 +136,13 @@ pub fn with_polygons<T>(
 
 /// A remedy that asks for a number of MiB more.
 fn with_more(remedy: &str, more: u64) -> String {
-    let advised = || {
-        let (before, rest) = remedy.split_once("‹memory› ")?;
-        let (number, after) = rest.split_once('M')?;
-        Some(format!("{before}‹memory› {}M{after}", number.parse::<u64>().ok()? + more))
-    };
-    advised().unwrap_or_else(|| remedy.to_owned())
+    raise_memory(remedy, more).unwrap_or_else(|| remedy.to_owned())
+}
+
+fn raise_memory(remedy: &str, more: u64) -> Option<String> {
+    let (before, rest) = remedy.split_once("‹memory› ")?;
+    let (number, after) = rest.split_once('M')?;
+    Some(format!("{before}‹memory› {}M{after}", number.parse::<u64>().ok()? + more))
 }
 
 /// An opened grid with its memory shares.
@@ -159,29 +160,31 @@ pub fn open(
     open_beside(0, input, options, resources, worker)
 }
 
-/// As [`open`], with `held` bytes in permanent use.
+/// As [`open`], with `reserved` bytes in permanent use.
 pub fn open_beside(
-    held: u64,
+    reserved: u64,
     input: &Inputs,
     options: &GridOpenOptions,
     resources: &Resources,
     worker: u64,
 ) -> Result<Opened> {
     let mut threads = resources.threads;
-    let is_short = |error: &Error| error.kind() == ErrorKind::Resource;
     loop {
         let mut fitting = 1;
-        let opened = divide_beside(resources.memory, held, threads, worker).and_then(|shares| {
-            fitting = shares.threads;
-            let cache_bytes = usize::try_from(shares.cache).unwrap_or(usize::MAX);
-            let options = GridOpenOptions { cache_bytes, threads: fitting, ..options.clone() };
-            Ok((raster::open_all(input.names(), &options)?, shares))
-        });
+        let opened =
+            divide_beside(resources.memory, reserved, threads, worker).and_then(|shares| {
+                fitting = shares.threads;
+                let cache_bytes = usize::try_from(shares.cache).unwrap_or(usize::MAX);
+                let options = GridOpenOptions { cache_bytes, threads: fitting, ..options.clone() };
+                Ok((raster::open_all(input.names(), &options)?, shares))
+            });
         match opened {
             // A cache grows as workers go. Halving ends after a few tries, each of which opens the input anew.
-            Err(error) if is_short(&error) && fitting > 1 => threads = fitting / 2,
-            Err(error) if is_short(&error) => {
-                return Err(enough(held, input, options, resources, worker).unwrap_or(error));
+            Err(error) if error.kind() == ErrorKind::Resource && fitting > 1 => {
+                threads = fitting / 2;
+            }
+            Err(error) if error.kind() == ErrorKind::Resource => {
+                return Err(enough(reserved, input, options, resources, worker).unwrap_or(error));
             }
             opened => return opened,
         }
@@ -190,14 +193,14 @@ pub fn open_beside(
 
 /// The error that states how much memory suffices; `None` if no amount does.
 fn enough(
-    held: u64,
+    reserved: u64,
     input: &Inputs,
     options: &GridOpenOptions,
     resources: &Resources,
     worker: u64,
 ) -> Option<Error> {
     let block = open_for_estimate(input, options).ok()?.block_bytes();
-    let least = least(worker, block).saturating_add(held);
+    let least = least(worker, block).saturating_add(reserved);
     let is_enough = block <= MAX_CACHE && least > resources.memory;
     let error = is_enough.then(|| too_little(resources.memory, least))?;
     // Where polygons are among what takes it, they are named.
@@ -248,11 +251,13 @@ mod tests {
 
     #[test]
     fn what_is_held_is_no_share() {
-        for held in [0, 9, 1000] {
-            let shares = divide_beside((128 + held) * MIB, held * MIB, 8, 48 * MIB).unwrap();
+        for reserved in [0, 9, 1000] {
+            let shares =
+                divide_beside((128 + reserved) * MIB, reserved * MIB, 8, 48 * MIB).unwrap();
             assert_eq!(shares, divide(128 * MIB, 8, 48 * MIB).unwrap());
-            let error = divide_beside((60 + held) * MIB, held * MIB, 8, 48 * MIB).unwrap_err();
-            assert!(error.to_string().starts_with(&format!("at least {} MiB", LEAST + held)));
+            let error =
+                divide_beside((60 + reserved) * MIB, reserved * MIB, 8, 48 * MIB).unwrap_err();
+            assert!(error.to_string().starts_with(&format!("at least {} MiB", LEAST + reserved)));
         }
     }
 

@@ -270,8 +270,8 @@ fn filled<O: Options>(all: &Map<String, Json>, given: &Map<String, Json>) -> Res
 /// The names of options that are set: null, `false` of a flag and the like are not.
 pub fn given_names(table: &'static OptionTable, given: &Map<String, Json>) -> Vec<&'static str> {
     let fields = given.iter().filter_map(|(name, value)| Some((table.find(name)?, value)));
-    let asked = fields.filter(|(field, value)| field.is_given(value));
-    asked.map(|(field, _)| field.name).collect()
+    let set = fields.filter(|(field, value)| field.is_given(value));
+    set.map(|(field, _)| field.name).collect()
 }
 
 /// Fails for unknown options or invalid combinations.
@@ -414,7 +414,7 @@ pub struct Job<'a, O, S = Inputs> {
     progress: Box<dyn Progress + Send>,
     cancel: Cancel,
     /// Borrows data in memory.
-    held: PhantomData<&'a ()>,
+    borrowed: PhantomData<&'a ()>,
 }
 
 impl<O, S> Job<'_, O, S> {
@@ -433,7 +433,7 @@ impl<O: Options + HasGroup<Resources>, S> Job<'_, O, S> {
     /// An operation on a source: files, or data in memory.
     pub fn new(source: S, options: O) -> Self {
         let (progress, cancel) = (Box::new(Silent), Cancel::default());
-        Self { source, options, memory: None, progress, cancel, held: PhantomData }
+        Self { source, options, memory: None, progress, cancel, borrowed: PhantomData }
     }
 
     /// The current options.
@@ -459,13 +459,13 @@ impl<O: Options + HasGroup<Resources>, S> Job<'_, O, S> {
 
     /// Memory limit of the whole job: bytes, or a text such as `"512M"`. The default is half of the machine's memory,
     /// at most 4 GiB. The result does not depend on it.
-    pub fn memory(self, most: impl Into<Memory>) -> Self {
-        Self { memory: Some(most.into()), ..self }
+    pub fn memory(self, max: impl Into<Memory>) -> Self {
+        Self { memory: Some(max.into()), ..self }
     }
 
     /// Sets the progress watcher.
-    pub fn progress(self, told: impl Progress + Send + 'static) -> Self {
-        Self { progress: Box::new(told), ..self }
+    pub fn progress(self, progress: impl Progress + Send + 'static) -> Self {
+        Self { progress: Box::new(progress), ..self }
     }
 
     /// Sets the cancellation: once cancelled, the job fails with [`ErrorKind::Interrupted`] and leaves nothing behind.

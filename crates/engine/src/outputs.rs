@@ -13,8 +13,10 @@ use terrane_vector as vector;
 pub fn not_among(files: &[String], outputs: &[&Path]) -> Result<()> {
     distinct(outputs)?;
     outputs.iter().try_for_each(|output| {
-        let is_it = |file: &String| is_same(&path_of(raster::file_name(file)), output);
-        if files.iter().any(is_it) { Err(taken(output)) } else { Ok(()) }
+        match files.iter().any(|file| is_same(&path_of(raster::file_name(file)), output)) {
+            true => Err(taken(output)),
+            false => Ok(()),
+        }
     })
 }
 

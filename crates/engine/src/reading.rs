@@ -89,7 +89,7 @@ impl CloudInput {
 /// Clip polygons of a grid.
 fn polygons(name: &str, resources: &Resources) -> Result<Arc<Clip>> {
     let mut rings = ClipRings::default();
-    let (path, crs) = rings_of(name, ("grid", ClipRings::EDGE_BYTES), resources, |feature| {
+    let (path, crs) = rings_of(name, "grid", ClipRings::EDGE_BYTES, resources, |feature| {
         rings.begin_feature()?;
         feature.geometry.parts().try_for_each(|ring| rings.push(ring.xy))
     })?;
@@ -102,7 +102,7 @@ fn polygons(name: &str, resources: &Resources) -> Result<Arc<Clip>> {
 /// As for the clip polygons of a grid.
 pub fn polygon(name: &str, resources: &Resources) -> Result<FilterPolygon> {
     let mut rings = PolygonRings::default();
-    let (path, crs) = rings_of(name, ("cloud", PolygonRings::EDGE_BYTES), resources, |feature| {
+    let (path, crs) = rings_of(name, "cloud", PolygonRings::EDGE_BYTES, resources, |feature| {
         rings.begin_feature()?;
         feature.geometry.parts().try_for_each(|ring| rings.push(ring.xy))
     })?;
@@ -112,14 +112,15 @@ pub fn polygon(name: &str, resources: &Resources) -> Result<FilterPolygon> {
 /// Passes all features of a clip polygon file on; returns its path and CRS.
 fn rings_of(
     name: &str,
-    (whole, edge_bytes): (&str, u64),
+    dataset: &str,
+    edge_bytes: u64,
     resources: &Resources,
     mut add: impl FnMut(&Feature) -> Result<()>,
 ) -> Result<(PathBuf, Crs)> {
     let remedy = "simplify them with ‹terrane simplify›";
     let mut file = AuxiliaryFeatures::open(name, "polygons", edge_bytes, remedy)?;
-    let edges = file.each((resources.memory / 2, resources), |feature| {
-        only_polygons(feature, whole)?;
+    let edges = file.each(resources.memory / 2, resources, |feature| {
+        only_polygons(feature, dataset)?;
         add(feature)
     })?;
     if edges == 0 {
@@ -131,12 +132,12 @@ fn rings_of(
     Ok((file.path, crs))
 }
 
-fn only_polygons(feature: &Feature, whole: &str) -> Result<()> {
+fn only_polygons(feature: &Feature, dataset: &str) -> Result<()> {
     let mut leaves = feature.geometry.leaves();
     let Some(other) = leaves.find(|leaf| !leaf.kind().is_polygons() && !leaf.is_empty()) else {
         return Ok(());
     };
     let kind = other.kind().name();
-    Err(Error::bad_input(format!("is a {kind}, not a polygon to clip the {whole} to"))
+    Err(Error::bad_input(format!("is a {kind}, not a polygon to clip the {dataset} to"))
         .remedy("remove it, or convert it to a polygon"))
 }

@@ -77,8 +77,8 @@ impl Skipped {
     /// The file `name`, left out because of `error`. The reason names a file only if it differs from `name`, such as a
     /// source of a VRT.
     pub fn new(name: &str, error: &Error) -> Self {
-        let (file, told) = (shown(name), error.to_string());
-        let reason = told.strip_prefix(&format!("{file}: ")).unwrap_or(&told).to_owned();
+        let (file, message) = (shown(name), error.to_string());
+        let reason = message.strip_prefix(&format!("{file}: ")).unwrap_or(&message).to_owned();
         Self { file, reason }
     }
 }
@@ -96,8 +96,8 @@ impl LostPoints {
     /// Updates the losses after other parts of the same point cloud were read.
     pub fn add(&mut self, other: &Self) {
         for (file, points) in &other.0 {
-            let most = self.0.entry(file.clone()).or_default();
-            *most = (*most).max(*points);
+            let max = self.0.entry(file.clone()).or_default();
+            *max = (*max).max(*points);
         }
     }
 
@@ -115,14 +115,14 @@ impl LostPoints {
 fn check_file(
     names: &[String],
     resources: &Resources,
-    look: impl Fn(&str) -> Result<()> + Sync,
+    check: impl Fn(&str) -> Result<()> + Sync,
 ) -> Result<ReadableFiles> {
-    let looked: Vec<Result<()>> = workers(resources)?.install(|| {
-        names.par_iter().map(|name| look(name).map_err(|e| e.in_file(&path_of(name)))).collect()
+    let checked: Vec<Result<()>> = workers(resources)?.install(|| {
+        names.par_iter().map(|name| check(name).map_err(|e| e.in_file(&path_of(name)))).collect()
     });
     let (mut names_left, mut bad) = (Vec::new(), Vec::new());
-    for (name, looked) in names.iter().zip(looked) {
-        match looked {
+    for (name, checked) in names.iter().zip(checked) {
+        match checked {
             Ok(()) => names_left.push(name.clone()),
             Err(error) if error.is_about_a_file() => bad.push((name, error)),
             Err(error) => return Err(error),
@@ -131,6 +131,6 @@ fn check_file(
     if names_left.is_empty() && !bad.is_empty() {
         return Err(Error::several(bad.into_iter().map(|(_, error)| error).collect(), names.len()));
     }
-    let skip = |(name, error): (&String, Error)| Skipped::new(name, &error);
-    Ok(ReadableFiles { names: names_left, skipped: bad.into_iter().map(skip).collect() })
+    let skipped = bad.into_iter().map(|(name, error)| Skipped::new(name, &error)).collect();
+    Ok(ReadableFiles { names: names_left, skipped })
 }

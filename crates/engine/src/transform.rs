@@ -59,19 +59,15 @@ impl TargetCrs {
 
     /// The same with absolute paths.
     pub fn absolute(&self) -> Result<Self> {
-        let absolute = |path: &Option<PathBuf>| {
-            let name = path.clone().map(name_of).transpose()?;
-            let name = name.as_deref().map(feature_files::absolute).transpose()?;
-            Ok::<_, Error>(name.as_deref().map(|name| path_of(name).into_owned()))
-        };
-        let (shift_grid, geoid) = (absolute(&self.shift_grid)?, absolute(&self.geoid)?);
-        Ok(Self { shift_grid, geoid, ..self.clone() })
+        let [shift_grid, geoid] =
+            [&self.shift_grid, &self.geoid].map(|path| path.as_deref().map(absolute).transpose());
+        Ok(Self { shift_grid: shift_grid?, geoid: geoid?, ..self.clone() })
     }
 
     /// Minimum memory limit that holds its files.
     pub fn least_memory(&self) -> u64 {
-        let bytes = |path: &Path| path.metadata().map_or(0, |file| file.len());
-        self.files().map(bytes).max().unwrap_or(0).saturating_mul(SHARE)
+        let sizes = self.files().map(|path| path.metadata().map_or(0, |file| file.len()));
+        sizes.max().unwrap_or(0).saturating_mul(SHARE)
     }
 
     /// Its files.
@@ -273,6 +269,11 @@ impl MeshSink for MovingMesh {
     fn finish(self: Box<Self>) -> Result<u64> {
         self.inner.finish()
     }
+}
+
+fn absolute(path: &Path) -> Result<PathBuf> {
+    let name = feature_files::absolute(&name_of(path.to_path_buf())?)?;
+    Ok(path_of(&name).into_owned())
 }
 
 #[cfg(test)]

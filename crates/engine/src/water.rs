@@ -16,7 +16,7 @@ pub fn read(name: &str, resources: &Resources) -> Result<Arc<Water>> {
     let remedy = "simplify it with ‹terrane simplify›";
     let mut file = AuxiliaryFeatures::open(name, "water", WaterFeatures::VERTEX_BYTES, remedy)?;
     let mut water = WaterFeatures::default();
-    file.each((resources.memory / 4, resources), |feature| add(feature, &mut water))?;
+    file.each(resources.memory / 4, resources, |feature| add(feature, &mut water))?;
     if water.areas() == 0 {
         return Err(Error::bad_input("contains no polygon")
             .in_file(&file.path)

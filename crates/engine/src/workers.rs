@@ -2,13 +2,15 @@
 
 use std::collections::BTreeMap;
 use std::panic::Location;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Condvar, Mutex};
 use std::thread::{Scope, ScopedJoinHandle};
 
 use crate::{Cancel, WorkSpan};
 use terrane_base::error::{Error, Result};
-use terrane_files::lock;
+use terrane_files::{lock, unlocked, wait};
+
+/// Results per thread of [`in_order`] that may wait for an earlier one.
+const WINDOW_PER_THREAD: u64 = 4;
 
 /// Runs `work` on every unit below `units` on `threads` threads. Each thread has its own state, made by `start` and
 /// consumed by `finish`. Stops at the first error, which is returned.
@@ -21,37 +23,9 @@ pub fn run<S>(
     work: impl Fn(&mut S, u64) -> Result<()> + Sync,
     finish: impl Fn(S) -> Result<()> + Sync,
 ) -> Result<()> {
-    let caller = Location::caller();
-    let next = AtomicU64::new(0);
-    let failed = AtomicBool::new(false);
-    let error: Mutex<Option<Error>> = Mutex::new(None);
-    let worker = || -> Result<()> {
-        let mut state = start();
-        loop {
-            let unit = next.fetch_add(1, Ordering::Relaxed);
-            if unit >= units || failed.load(Ordering::Relaxed) {
-                return finish(state);
-            }
-            cancel.check()?;
-            let _span = WorkSpan::unit(caller, unit);
-            work(&mut state, unit)?;
-        }
-    };
-    std::thread::scope(|scope| {
-        let run = || {
-            if let Err(e) = worker() {
-                failed.store(true, Ordering::Relaxed);
-                // The first error stays: later ones may only follow from it.
-                lock(&error).get_or_insert(e);
-            }
-        };
-        // A system short of threads gives fewer. That costs time, and this thread can do all of it.
-        let started = (0..threads).map_while(|_| spawn(scope, run)).count();
-        if started == 0 {
-            run();
-        }
-    });
-    lock(&error).take().map_or(Ok(()), Err)
+    let queue = UnitQueue::new(units, units, cancel);
+    queue.run_threads(threads, start, work, finish);
+    queue.into_result()
 }
 
 /// Starts a thread; `None` if the system lacks threads or memory.
@@ -62,7 +36,8 @@ pub fn spawn<'scope, T: Send + 'scope>(
     std::thread::Builder::new().spawn_scoped(scope, work).ok()
 }
 
-/// As [`run`]; consumes the results of units in order, whichever finishes first.
+/// As [`run`]; consumes the results of units in order, whichever finishes first. At most four results per thread exist
+/// at once: a unit starts only when few enough units before it are left.
 #[track_caller]
 pub fn in_order<S, T: Send>(
     threads: usize,
@@ -72,25 +47,164 @@ pub fn in_order<S, T: Send>(
     work: impl Fn(&mut S, u64) -> Result<T> + Sync,
     take: impl FnMut(T) -> Result<()> + Send,
 ) -> Result<()> {
-    let taking = Mutex::new((0, BTreeMap::new(), take));
-    let work = |state: &mut S, unit: u64| {
-        let made = work(state, unit)?;
-        // No worker waits for its turn. A unit that comes early stays in the map, and whoever fills the gap
-        // takes all that follow, under the lock that orders them.
-        let (next, waiting, take) = &mut *lock(&taking);
-        waiting.insert(unit, made);
-        while let Some(made) = waiting.remove(next) {
-            take(made)?;
-            *next += 1;
+    let queue = UnitQueue::new(units, WINDOW_PER_THREAD * threads.max(1) as u64, cancel);
+    let results = Mutex::new(OrderedResults { early: BTreeMap::new(), next: 0, take });
+    let work = |state: &mut S, unit| {
+        let result = work(state, unit)?;
+        lock(&results).add(unit, result, &queue)
+    };
+    queue.run_threads(threads, start, work, |_| Ok(()));
+    queue.into_result()
+}
+
+/// The units that threads share out among themselves.
+struct UnitQueue<'a> {
+    units: u64,
+    /// Units that may be open, from the first without a consumed result.
+    window: u64,
+    cancel: &'a Cancel,
+    /// Caller of the public function, for the trace.
+    caller: &'static Location<'static>,
+    progress: Mutex<QueueProgress>,
+    changed: Condvar,
+}
+
+#[derive(Default)]
+struct QueueProgress {
+    /// The next unit to start.
+    next: u64,
+    /// Units with consumed results: all below this number.
+    consumed: u64,
+    is_stopped: bool,
+    error: Option<Error>,
+}
+
+impl<'a> UnitQueue<'a> {
+    #[track_caller]
+    fn new(units: u64, window: u64, cancel: &'a Cancel) -> Self {
+        let (progress, changed) = (Mutex::default(), Condvar::new());
+        Self { units, window, cancel, caller: Location::caller(), progress, changed }
+    }
+
+    fn run_threads<S>(
+        &self,
+        threads: usize,
+        start: impl Fn() -> S + Sync,
+        work: impl Fn(&mut S, u64) -> Result<()> + Sync,
+        finish: impl Fn(S) -> Result<()> + Sync,
+    ) {
+        std::thread::scope(|scope| {
+            let run = || self.run_worker(&start, &work, &finish);
+            // A system short of threads gives fewer. That costs time, and this thread can do all of it.
+            let started = (0..threads).map_while(|_| spawn(scope, run)).count();
+            if started == 0 {
+                run();
+            }
+        });
+    }
+
+    fn run_worker<S>(
+        &self,
+        start: impl Fn() -> S,
+        work: impl Fn(&mut S, u64) -> Result<()>,
+        finish: impl Fn(S) -> Result<()>,
+    ) {
+        let _guard = StopOnPanic(self);
+        if let Err(error) = self.try_worker(start, work, finish) {
+            self.stop(Some(error));
+        }
+    }
+
+    fn try_worker<S>(
+        &self,
+        start: impl Fn() -> S,
+        work: impl Fn(&mut S, u64) -> Result<()>,
+        finish: impl Fn(S) -> Result<()>,
+    ) -> Result<()> {
+        let mut state = start();
+        while let Some(unit) = self.next_unit()? {
+            let _span = WorkSpan::unit(self.caller, unit);
+            work(&mut state, unit)?;
+        }
+        finish(state)
+    }
+
+    /// The next unit, as soon as the window admits it; `None` if none is left or a worker failed.
+    fn next_unit(&self) -> Result<Option<u64>> {
+        let mut progress = lock(&self.progress);
+        // The first open unit is always within the window, and whoever ends it, by whatever way, wakes all.
+        while !progress.is_stopped
+            && progress.next < self.units
+            && progress.next - progress.consumed >= self.window
+        {
+            progress = wait(&self.changed, progress);
+        }
+        if progress.is_stopped || progress.next >= self.units {
+            return Ok(None);
+        }
+        self.cancel.check()?;
+        progress.next += 1;
+        Ok(Some(progress.next - 1))
+    }
+
+    /// Notes that the results of all units below `end` are consumed.
+    fn consume_to(&self, end: u64) {
+        lock(&self.progress).consumed = end;
+        self.changed.notify_all();
+    }
+
+    fn stop(&self, error: Option<Error>) {
+        let mut progress = lock(&self.progress);
+        progress.is_stopped = true;
+        // The first error stays: later ones may only follow from it.
+        progress.error = progress.error.take().or(error);
+        self.changed.notify_all();
+    }
+
+    fn into_result(self) -> Result<()> {
+        unlocked(self.progress).error.map_or(Ok(()), Err)
+    }
+}
+
+/// Stops the other workers when one panics: they would wait for its unit forever.
+struct StopOnPanic<'a>(&'a UnitQueue<'a>);
+
+impl Drop for StopOnPanic<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.0.stop(None);
+        }
+    }
+}
+
+/// Results of units that finish in any order, consumed by `take` in order.
+struct OrderedResults<T, F> {
+    early: BTreeMap<u64, T>,
+    /// The unit whose result is consumed next.
+    next: u64,
+    take: F,
+}
+
+impl<T, F: FnMut(T) -> Result<()>> OrderedResults<T, F> {
+    /// Adds a result, and consumes all that are in turn: nobody waits with a result of its own.
+    fn add(&mut self, unit: u64, result: T, queue: &UnitQueue<'_>) -> Result<()> {
+        self.early.insert(unit, result);
+        while let Some(result) = self.early.remove(&self.next) {
+            (self.take)(result)?;
+            self.next += 1;
+            // One by one, so that the others compute while this thread consumes.
+            queue.consume_to(self.next);
         }
         Ok(())
-    };
-    run(threads, units, cancel, start, work, |_| Ok(()))
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+    use std::sync::atomic::{AtomicU64, Ordering};
+    use std::time::{Duration, Instant};
     use terrane_base::error::ErrorKind;
 
     #[test]
@@ -136,5 +250,48 @@ mod tests {
         cancel.cancel();
         let error = run(2, 100, &cancel, || (), |_, _| Ok(()), Ok).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Interrupted);
+    }
+
+    /// Runs 1,000 units on three threads in order. Unit 0 ends by `end` when all units that may start before its end
+    /// have done so; also returns how many those were.
+    fn with_slow_unit(cancel: &Cancel, end: impl Fn() -> Result<()> + Sync) -> (Result<()>, u64) {
+        let (started, before_end) = (AtomicU64::new(0), AtomicU64::new(0));
+        let work = |_: &mut (), unit: u64| {
+            started.fetch_add(1, Ordering::SeqCst);
+            if unit > 0 {
+                return Ok(());
+            }
+            let limit = Instant::now() + Duration::from_secs(10);
+            while started.load(Ordering::SeqCst) < 3 * WINDOW_PER_THREAD && Instant::now() < limit {
+                std::thread::yield_now();
+            }
+            // Time for units beyond the window to start, if nothing kept them.
+            std::thread::sleep(Duration::from_millis(50));
+            before_end.store(started.load(Ordering::SeqCst), Ordering::SeqCst);
+            end()
+        };
+        let result = in_order(3, 1000, cancel, || (), work, Ok);
+        (result, before_end.into_inner())
+    }
+
+    #[test]
+    fn a_slow_unit_bounds_the_results_that_wait() {
+        let (result, started) = with_slow_unit(&Cancel::default(), || Ok(()));
+        result.unwrap();
+        assert_eq!(started, 3 * WINDOW_PER_THREAD);
+    }
+
+    #[test]
+    fn waiting_workers_end_with_errors_cancellation_and_panics() {
+        let (result, _) = with_slow_unit(&Cancel::default(), || Err(Error::usage("zero")));
+        assert_eq!(result.unwrap_err().to_string(), "zero");
+        let cancel = Cancel::default();
+        let (result, _) = with_slow_unit(&cancel, || {
+            cancel.cancel();
+            Ok(())
+        });
+        assert_eq!(result.unwrap_err().kind(), ErrorKind::Interrupted);
+        let panic = || with_slow_unit(&Cancel::default(), || panic!("in a unit"));
+        assert!(catch_unwind(AssertUnwindSafe(panic)).is_err());
     }
 }

@@ -25,7 +25,7 @@ use super::job::LineJob;
 use super::report::LineReport;
 use super::tool::SimplifyRule;
 use super::trees::FeatureHierarchies;
-use input::{CoverageInput, ReadFile, memory_for_squares};
+use input::{CoverageInput, ReadFile, memory_for_tiles};
 use rayon::prelude::*;
 use terrane_base::error::{Error, Result};
 use terrane_engine::memory::{PROGRAM, short};
@@ -50,11 +50,11 @@ pub(super) fn run(
         return Err(whole.too_little(&input));
     }
     match job.goal.target(input.vertices) {
-        Some(wanted) => {
+        Some((max, unit)) => {
             on_threads(job.resources.threads, || {
                 split(files, &mut input.all, &plain, &mut store, &mut report, cancel)
             })?;
-            target_search::run(&whole, &mut input, wanted, &mut report)?;
+            target_search::run(&whole, &mut input, max, unit, &mut report)?;
         }
         None => {
             whole.make(&mut input, &plain, None, &mut report)?;
@@ -74,8 +74,8 @@ impl OpenedLineJob<'_> {
     /// Bytes available for held features.
     fn share(&self) -> u64 {
         match self.job.topology {
-            Some(_) => memory_for_squares(self.job) / WITH_NEIGHBOURS,
-            None => memory_for_squares(self.job) / ALONE,
+            Some(_) => memory_for_tiles(self.job) / WITH_NEIGHBOURS,
+            None => memory_for_tiles(self.job) / ALONE,
         }
     }
 
@@ -102,16 +102,13 @@ fn split(
     }
     for (pair, collected) in files.pairs.iter().zip(all) {
         let orders = std::mem::take(&mut collected.orders);
-        let make = |((order, place), feature): ((HierarchyUse, String), &Feature)| {
+        let features = orders.into_par_iter().zip(&collected.features);
+        let timed = features.map(|((order, location), feature)| {
             cancel.check()?;
-            let started = Instant::now();
-            let trees =
-                hierarchy_file::trees(order, &feature.geometry, rule).map_err(|e| e.at(place))?;
-            Ok((trees.unwrap_or_default(), started.elapsed().as_secs_f64()))
-        };
-        let made = orders.into_par_iter().zip(&collected.features).map(make);
-        let made: Result<Vec<(FeatureHierarchies, f64)>> = made.collect();
-        for (trees, prepare_seconds) in made.map_err(|e| e.in_file(&pair.input))? {
+            timed_trees(order, feature, rule).map_err(|e| e.at(location))
+        });
+        let timed: Result<Vec<(FeatureHierarchies, f64)>> = timed.collect();
+        for (trees, prepare_seconds) in timed.map_err(|e| e.in_file(&pair.input))? {
             report.add(&PartCounts { prepare_seconds, ..PartCounts::default() });
             collected.trees.push(trees);
         }
@@ -122,4 +119,15 @@ fn split(
         }
     }
     Ok(())
+}
+
+/// The hierarchies of a feature, and the seconds to get them.
+fn timed_trees(
+    order: HierarchyUse,
+    feature: &Feature,
+    rule: &SimplifyRule,
+) -> Result<(FeatureHierarchies, f64)> {
+    let started = Instant::now();
+    let trees = hierarchy_file::trees(order, &feature.geometry, rule)?;
+    Ok((trees.unwrap_or_default(), started.elapsed().as_secs_f64()))
 }

@@ -17,7 +17,7 @@ pub(super) struct PartCounts {
     pub(super) kept: u64,
     pub(super) collapsed: u64,
     /// Largest squared distance.
-    pub(super) square: f64,
+    pub(super) distance2: f64,
     /// Time in seconds to make or check hierarchies, and to query them.
     pub(super) prepare_seconds: f64,
     pub(super) query_seconds: f64,
@@ -71,7 +71,7 @@ impl MetricTask for GeometryTask<'_> {
                 tally.parts += 1;
                 tally.vertices += points.len() as u64;
                 tally.collapsed += u64::from(outcome.collapsed);
-                tally.square = tally.square.max(outcome.square);
+                tally.distance2 = tally.distance2.max(outcome.distance2);
                 // A ring with fewer than three distinct vertices is unchanged.
                 let is_flat = part.is_ring() && (1..3).contains(&kept.len());
                 if is_flat || everything { RetainedVertices::All } else { chosen(kept) }

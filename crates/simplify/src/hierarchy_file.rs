@@ -190,30 +190,32 @@ impl HierarchyReader {
 
 /// Number of features, if the header of a file of `length` bytes is valid and of this metric.
 fn features(header: &[u8], length: u64, measure: DistanceKind) -> Result<u64> {
-    let Some((told, seal)) = header.split_at_checked(32) else {
+    let Some((content, seal)) = header.split_at_checked(32) else {
         return Err(damaged("the header is truncated"));
     };
-    if told[..8] != MAGIC {
+    if content[..8] != MAGIC {
         return Err(damaged("its signature is missing"));
     }
-    let four = |at: usize| told[at..at + 4].try_into().map_or(0, u32::from_le_bytes);
-    let eight = |at: usize| told[at..at + 8].try_into().map_or(0, u64::from_le_bytes);
-    if four(8) != VERSION {
-        return Err(damaged(&format!("version {} is not supported (expected {VERSION})", four(8))));
+    let [version, measure_code] =
+        [8, 12].map(|at| content[at..at + 4].try_into().map_or(0, u32::from_le_bytes));
+    let [features, bytes] =
+        [16, 24].map(|at| content[at..at + 8].try_into().map_or(0, u64::from_le_bytes));
+    if version != VERSION {
+        return Err(damaged(&format!("version {version} is not supported (expected {VERSION})")));
     }
-    let found = MEASURES.get(four(12) as usize);
-    let (true, Some(found)) = (*seal == Digest::of(told).bytes()[..], found) else {
+    let found = MEASURES.get(measure_code as usize);
+    let (true, Some(found)) = (*seal == Digest::of(content).bytes()[..], found) else {
         return Err(damaged("its header is damaged"));
     };
-    if eight(24) != length {
-        return Err(damaged(&format!("it is {length} bytes long, expected {}", eight(24))));
+    if bytes != length {
+        return Err(damaged(&format!("it is {length} bytes long, expected {bytes}")));
     }
     if *found != measure {
         let message =
             format!("holds {}, but the options require {}", name_of(*found), name_of(measure));
         return Err(Error::usage(message).remedy("name another ‹hierarchy›"));
     }
-    Ok(eight(16))
+    Ok(features)
 }
 
 /// Description of a metric's distances.
@@ -260,15 +262,15 @@ impl HierarchyWriter {
     }
 
     fn finish(mut self) -> Result<u64> {
-        let mut told = Vec::from(MAGIC);
+        let mut header = Vec::from(MAGIC);
         let measure = MEASURES.iter().position(|measure| *measure == self.measure);
-        told.extend(VERSION.to_le_bytes());
-        told.extend((measure.unwrap_or_default() as u32).to_le_bytes());
-        told.extend(self.features.to_le_bytes());
-        told.extend(self.bytes.to_le_bytes());
-        told.extend(*Digest::of(&told).bytes());
+        header.extend(VERSION.to_le_bytes());
+        header.extend((measure.unwrap_or_default() as u32).to_le_bytes());
+        header.extend(self.features.to_le_bytes());
+        header.extend(self.bytes.to_le_bytes());
+        header.extend(*Digest::of(&header).bytes());
         self.out.seek(SeekFrom::Start(0)).map_err(|e| Error::write(&self.path, e))?;
-        self.write(&told)?;
+        self.write(&header)?;
         let file = self.out.into_inner().map_err(|e| Error::write(&self.path, e.into_error()))?;
         file.commit()
     }

@@ -87,7 +87,7 @@ impl LineReport {
         self.vertices += tally.vertices;
         self.kept += tally.kept;
         self.collapsed += tally.collapsed;
-        self.largest_distance = self.largest_distance.max(tally.square.sqrt());
+        self.largest_distance = self.largest_distance.max(tally.distance2.sqrt());
     }
 
     pub(super) fn measured_by(&mut self, rule: &SimplifyRule) {

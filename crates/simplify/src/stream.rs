@@ -41,16 +41,17 @@ pub(super) fn run(
     progress.begin("simplify", bytes);
     for (number, pair) in files.pairs.iter().enumerate() {
         let is_last = number + 1 == files.pairs.len();
-        let copy = || {
+        on_threads(job.resources.threads, || {
             let copied = copy(job, pair, &rule, &mut store, &mut report, cancel);
             let (source, sink) = copied.map_err(|e| in_input(e, pair))?;
             // Before the output is renamed to its final name.
-            if is_last { store.end() } else { Ok(()) }?;
+            if is_last {
+                store.end()?;
+            }
             let foreign = source.layer().foreign.clone();
             files::note(&mut report, sink.finish(&foreign)?, source.notes());
             Ok(())
-        };
-        on_threads(job.resources.threads, copy)?;
+        })?;
         progress.advance(pair.size());
     }
     report.stored(job, store)?;
@@ -78,45 +79,51 @@ fn copy(
     let mut source = pair.open(job)?;
     let mut sink = pair.create(job, source.layer())?;
     let vertex = if store.is_some() { VERTEX + SPLIT } else { VERTEX };
-    let most = BATCH.min(beside_program(job.resources.memory) / vertex / 4).max(1);
-    let room = (most, job.resources.memory);
-    let mut batch = read(&mut *source, store, room)?;
+    let memory = job.resources.memory;
+    let max = BATCH.min(beside_program(memory) / vertex / 4).max(1);
+    let mut batch = read(&mut *source, store, max, memory)?;
     while !batch.is_empty() {
         cancel.check()?;
-        let (made, next) =
-            rayon::join(|| simplify(batch, rule), || read(&mut *source, store, room));
-        for one in made {
-            let made = one.map_err(|e| e.in_file(&pair.input))?;
-            report.add(&made.tally);
-            sink.write(&made.feature)?;
-            made.record.map_or(Ok(()), |record| store.push(&record))?;
+        let (simplified, next) =
+            rayon::join(|| simplify(batch, rule), || read(&mut *source, store, max, memory));
+        for simplified in simplified {
+            let simplified = simplified.map_err(|e| e.in_file(&pair.input))?;
+            report.add(&simplified.tally);
+            sink.write(&simplified.feature)?;
+            simplified.record.map_or(Ok(()), |record| store.push(&record))?;
         }
         batch = next?;
     }
     Ok((source, sink))
 }
 
-/// A feature, its location, and how it is simplified.
-type Placed = (Feature, String, HierarchyUse);
+/// A feature that waits for its simplification.
+struct BatchFeature {
+    feature: Feature,
+    /// Its location in the file, for errors.
+    location: String,
+    order: HierarchyUse,
+}
 
 /// The next features, of about this many vertices; each has to fit in memory.
 fn read(
     source: &mut dyn FeatureSource,
     store: &mut HierarchyFile,
-    (most, memory): (u64, u64),
-) -> Result<Vec<Placed>> {
+    max_vertices: u64,
+    memory: u64,
+) -> Result<Vec<BatchFeature>> {
     let (mut batch, mut vertices) = (Vec::new(), 0);
-    while vertices < most && batch.len() < MAX_FEATURES {
+    while vertices < max_vertices && batch.len() < MAX_FEATURES {
         let Some(feature) = source.next()? else { break };
-        let own = feature.geometry.vertices() as u64;
-        let needed = PROGRAM + own * FEATURE_VERTEX;
-        if own > most && needed > memory {
-            let message = format!("a feature of {own} vertices does not fit in memory");
+        let count = feature.geometry.vertices() as u64;
+        let needed = PROGRAM + count * FEATURE_VERTEX;
+        if count > max_vertices && needed > memory {
+            let message = format!("a feature of {count} vertices does not fit in memory");
             return Err(short(message, needed).at(source.location()));
         }
-        vertices += own;
+        vertices += count;
         let order = store.next(&feature.geometry)?;
-        batch.push((feature, source.location(), order));
+        batch.push(BatchFeature { feature, location: source.location(), order });
     }
     Ok(batch)
 }
@@ -129,9 +136,13 @@ struct SimplifiedFeature {
     record: Option<Vec<u8>>,
 }
 
-fn simplify(batch: Vec<Placed>, rule: &SimplifyRule) -> Vec<Result<SimplifiedFeature>> {
-    let one = |(feature, place, order): Placed| make(feature, order, rule).map_err(|e| e.at(place));
-    batch.into_par_iter().map(one).collect()
+fn simplify(batch: Vec<BatchFeature>, rule: &SimplifyRule) -> Vec<Result<SimplifiedFeature>> {
+    let batch = batch.into_par_iter();
+    batch
+        .map(|BatchFeature { feature, location, order }| {
+            make(feature, order, rule).map_err(|e| e.at(location))
+        })
+        .collect()
 }
 
 fn make(feature: Feature, order: HierarchyUse, rule: &SimplifyRule) -> Result<SimplifiedFeature> {

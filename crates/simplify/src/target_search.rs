@@ -189,8 +189,8 @@ impl<'a> ThresholdSearch<'a> {
     }
 
     fn knows(&self, threshold: f64) -> bool {
-        let is_same = |trial: ThresholdTrial| self.dial.threshold(trial.at) == threshold;
-        self.low.is_some_and(is_same) || self.high.is_some_and(is_same)
+        let mut trials = [self.low, self.high].into_iter().flatten();
+        trials.any(|trial| self.dial.threshold(trial.at) == threshold)
     }
 
     /// Next threshold.

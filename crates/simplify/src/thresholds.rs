@@ -42,12 +42,14 @@ fn of_part<V: MetricVertex, M: DistanceMetric<V>>(
 ) -> [Vec<f64>; 2] {
     let mut points: Vec<V> = Vec::new();
     vertices(part, &mut points);
-    let by_area =
-        |line: &[V]| EffectiveAreas::of_line(metric, line, AreaWeight::Plain).areas().to_vec();
-    let by_distance = |line: &[V]| distances(metric, line);
     if !part.is_ring() {
         let far = middle(metric, &points);
-        return [in_halves(&points, far, by_distance), in_halves(&points, far, by_area)];
+        return [
+            in_halves(&points, far, |line| distances(metric, line)),
+            in_halves(&points, far, |line| {
+                EffectiveAreas::of_line(metric, line, AreaWeight::Plain).areas().to_vec()
+            }),
+        ];
     }
     points.pop();
     let areas = EffectiveAreas::of_ring(metric, &points, AreaWeight::Plain).areas().to_vec();
@@ -81,11 +83,11 @@ fn distances<V: Copy, M: DistanceMetric<V>>(metric: &M, line: &[V]) -> Vec<f64> 
 
 /// Distances of a ring without its closing vertex, starting at the vertex with the lowest coordinates.
 fn of_ring<V: Copy, M: DistanceMetric<V>>(metric: &M, ring: &[V]) -> Vec<f64> {
-    let lowest = |a: &usize, b: &usize| {
+    let lowest = (0..ring.len()).min_by(|a, b| {
         let [a, b] = [a, b].map(|i| M::coordinates(&ring[*i]));
         a.partial_cmp(&b).unwrap_or(std::cmp::Ordering::Equal)
-    };
-    let Some(start) = (0..ring.len()).min_by(lowest) else { return Vec::new() };
+    });
+    let Some(start) = lowest else { return Vec::new() };
     let around: Vec<V> = (0..=ring.len()).map(|i| ring[(start + i) % ring.len()]).collect();
     let mut all = distances(metric, &around);
     all.pop();

@@ -48,8 +48,8 @@ impl MetricVertex for LocatedVertex {
 /// Vertices of a part in the type of a metric.
 pub(super) fn vertices<V: MetricVertex>(part: &GeometryPart<'_>, out: &mut Vec<V>) {
     out.clear();
-    let z = |i: usize| part.z.get(i).copied().unwrap_or(0.0);
-    out.extend(part.xy.iter().enumerate().map(|(i, xy)| V::of(*xy, z(i))));
+    let positions = part.xy.iter().enumerate();
+    out.extend(positions.map(|(i, xy)| V::of(*xy, part.z.get(i).copied().unwrap_or(0.0))));
 }
 
 /// Threshold below all others: keeps all vertices, even those on their segment.
@@ -93,7 +93,7 @@ pub(super) struct PartOutcome {
     /// The ring would have fewer than three vertices left.
     pub(super) collapsed: bool,
     /// Largest squared distance of an omitted vertex.
-    pub(super) square: f64,
+    pub(super) distance2: f64,
 }
 
 impl SimplifyRule {
@@ -140,8 +140,8 @@ pub(super) fn check(part: &GeometryPart<'_>, rule: &SimplifyRule) -> Result<()> 
     let mut all = part.xy.as_flattened().iter().chain(z);
     // Tiny coordinates count as 0, which matters only for a tiny threshold.
     let least = if rule.threshold < FINEST { LEAST } else { 0.0 };
-    let is_wrong = |c: &&f64| c.abs() > MOST || (**c != 0.0 && c.abs() < least);
-    let Some(wrong) = all.find(is_wrong) else { return Ok(()) };
+    let wrong = all.find(|c| c.abs() > MOST || (**c != 0.0 && c.abs() < least));
+    let Some(wrong) = wrong else { return Ok(()) };
     let (extreme, remedy) = match wrong.abs() > MOST {
         true => ("large", "change the unit of the data, or remove the feature"),
         false => ("small", "pass ‹tolerance› 1e-50 or more, or replace it by 0"),
@@ -178,9 +178,9 @@ impl<V: MetricVertex, M: DistanceMetric<V> + Copy> MetricTool<V, M> {
         kept: &mut Vec<u32>,
     ) -> PartOutcome {
         let collapsed = self.select(points, is_ring, choose, scratch, kept);
-        let square =
+        let distance2 =
             if is_ring { self.largest_of_ring(points, kept) } else { self.largest(points, kept) };
-        PartOutcome { collapsed, square }
+        PartOutcome { collapsed, distance2 }
     }
 
     /// As [`part`](Self::part), without distances; true for a collapsed ring.

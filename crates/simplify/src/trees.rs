@@ -58,8 +58,9 @@ impl FeatureHierarchies {
 
     /// Largest record size of a geometry in bytes.
     pub(super) fn max_bytes(geometry: &Geometry) -> u64 {
-        let of = |part: GeometryPart<'_>| 2 * (LENGTH + 24) as u64 + 8 * part.xy.len() as u64;
-        Digest::BYTES as u64 + geometry.parts().map(of).sum::<u64>()
+        let sizes = geometry.parts();
+        let sizes = sizes.map(|part| 2 * (LENGTH + 24) as u64 + 8 * part.xy.len() as u64);
+        Digest::BYTES as u64 + sizes.sum::<u64>()
     }
 }
 

@@ -82,9 +82,8 @@ pub enum PropertyValue {
 
 /// Whether `text` is a valid date, as in [`PropertyValue::Date`].
 pub(super) fn is_date(text: &str) -> bool {
-    let is_digit = |(at, byte): (usize, u8)| matches!(at, 4 | 7) || byte.is_ascii_digit();
     text.len() == 10
-        && text.bytes().enumerate().all(is_digit)
+        && text.bytes().enumerate().all(|(at, byte)| matches!(at, 4 | 7) || byte.is_ascii_digit())
         && chrono::NaiveDate::parse_from_str(text, "%Y-%m-%d").is_ok()
 }
 

@@ -410,13 +410,15 @@ fn not_finite(vertex: usize, what: &str) -> Error {
 fn check(coordinates: &CoordinateSequence) -> Result<()> {
     let CoordinateSequence { xy, z, m, ends, polygons } = coordinates;
     let fits = |values: &[f64]| values.is_empty() || values.len() == xy.len();
-    let rises = |ends: &[usize], most: usize| {
-        ends.iter().try_fold(0, |last, &end| (last < end && end <= most).then_some(end)).is_some()
-    };
-    if fits(z) && fits(m) && rises(ends, xy.len()) && rises(polygons, ends.len()) {
+    if fits(z) && fits(m) && ascends(ends, xy.len()) && ascends(polygons, ends.len()) {
         return Ok(());
     }
     Err(Error::usage("lengths of the coordinate arrays are inconsistent"))
+}
+
+/// Whether end indices ascend from above 0 to at most `max`.
+fn ascends(ends: &[usize], max: usize) -> bool {
+    ends.iter().try_fold(0, |last, &end| (last < end && end <= max).then_some(end)).is_some()
 }
 
 /// Iterator over the members of nested collections.

@@ -118,11 +118,11 @@ pub(super) fn numbers(bytes: &[u8]) -> Vec<f64> {
 
 /// Little-endian pairs of numbers.
 pub(super) fn pairs(bytes: &[u8]) -> Vec<[f64; 2]> {
-    let pair = |sixteen: &[u8; 16]| {
+    let pairs = bytes.as_chunks().0.iter().map(|sixteen| {
         let both = u128::from_le_bytes(*sixteen);
         [f64::from_bits(both as u64), f64::from_bits((both >> 64) as u64)]
-    };
-    bytes.as_chunks().0.iter().map(pair).collect()
+    });
+    pairs.collect()
 }
 
 #[cfg(test)]

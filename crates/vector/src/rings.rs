@@ -232,10 +232,10 @@ fn ring(coordinates: &CoordinateSequence, at: usize) -> &[[f64; 2]] {
 /// for precision.
 pub(super) fn area(ring: &[[f64; 2]]) -> f64 {
     let Some(&[x, y]) = ring.first() else { return 0.0 };
-    let cross = |pair: &[[f64; 2]]| {
-        (pair[0][0] - x) * (pair[1][1] - y) - (pair[1][0] - x) * (pair[0][1] - y)
-    };
-    ring.windows(2).map(cross).sum()
+    let crosses = ring
+        .windows(2)
+        .map(|pair| (pair[0][0] - x) * (pair[1][1] - y) - (pair[1][0] - x) * (pair[0][1] - y));
+    crosses.sum()
 }
 
 fn bounds(ring: &[[f64; 2]]) -> Bounds {
@@ -244,11 +244,11 @@ fn bounds(ring: &[[f64; 2]]) -> Bounds {
 
 /// A tree of the edges of a ring by height.
 fn heights(ring: &[[f64; 2]]) -> PackedRTree {
-    let height = |pair: &[[f64; 2]]| {
+    let heights = ring.windows(2).map(|pair| {
         let [[_, a], [_, b]] = [pair[0], pair[1]];
         [f64::NEG_INFINITY, a.min(b), f64::INFINITY, a.max(b)]
-    };
-    PackedRTree::new(&ring.windows(2).map(height).collect::<Vec<Bounds>>())
+    });
+    PackedRTree::new(&heights.collect::<Vec<Bounds>>())
 }
 
 /// Whether a closed ring contains a point, from the edges at its height (and any others); `None` on the

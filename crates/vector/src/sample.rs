@@ -6,15 +6,16 @@ use super::{
     CoordinateSequence, Feature, FeatureProperties, Geometry, GeometryType, Id, PropertyValue,
 };
 
-/// A position, with numbers of all lengths.
+/// A number below `max` of any length.
+fn number(max: f64) -> impl Strategy<Value = f64> {
+    prop_oneof![
+        (-max..max).prop_map(|v: f64| v),
+        (-max..max).prop_map(|v: f64| v.round()),
+        (-max..max).prop_map(|v: f64| (v * 1e6).round() / 1e6),
+    ]
+}
+
 fn position() -> impl Strategy<Value = [f64; 2]> {
-    let number = |most: f64| {
-        prop_oneof![
-            (-most..most).prop_map(|v: f64| v),
-            (-most..most).prop_map(|v: f64| v.round()),
-            (-most..most).prop_map(|v: f64| (v * 1e6).round() / 1e6),
-        ]
-    };
     (number(180.0), number(90.0)).prop_map(|(x, y)| [x, y])
 }
 
@@ -26,20 +27,22 @@ fn line(least: usize) -> impl Strategy<Value = Vec<[f64; 2]>> {
 /// own number in a place of its own.
 fn polygon(number: usize) -> impl Strategy<Value = Vec<Vec<[f64; 2]>>> {
     (0_usize..3, 3_usize..9, 0.01..1.0).prop_map(move |(holes, corners, size)| {
-        let middle = [number as f64 * 7.0 - 20.0, 10.0];
-        let ring = |[x, y]: [f64; 2], radius: f64, turn: f64| {
-            let corner = |i: usize| {
-                let angle = turn * i as f64 / corners as f64 * std::f64::consts::TAU;
-                [x + radius * angle.cos(), y + radius * angle.sin()]
-            };
-            (0..=corners).map(|i| corner(i % corners)).collect::<Vec<_>>()
-        };
-        let hole = |i: usize| {
-            ring([middle[0] + (i as f64 - 0.5) * size * 0.6, middle[1]], size * 0.2, 1.0)
-        };
-        let outer = std::iter::once(ring(middle, size * 3.0, -1.0));
-        outer.chain((0..holes).map(hole)).collect()
+        let [x, y] = [number as f64 * 7.0 - 20.0, 10.0];
+        let outer = std::iter::once(regular_ring([x, y], size * 3.0, corners, -1.0));
+        let holes = (0..holes).map(|i| {
+            regular_ring([x + (i as f64 - 0.5) * size * 0.6, y], size * 0.2, corners, 1.0)
+        });
+        outer.chain(holes).collect()
     })
+}
+
+/// A regular polygon, clockwise if `turn` is negative.
+fn regular_ring([x, y]: [f64; 2], radius: f64, corners: usize, turn: f64) -> Vec<[f64; 2]> {
+    let angles = (0..=corners).map(|i| {
+        let share = (i % corners) as f64 / corners as f64;
+        turn * share * std::f64::consts::TAU
+    });
+    angles.map(|angle| [x + radius * angle.cos(), y + radius * angle.sin()]).collect()
 }
 
 fn polygons(most: usize) -> impl Strategy<Value = Vec<Vec<Vec<[f64; 2]>>>> {
@@ -47,15 +50,18 @@ fn polygons(most: usize) -> impl Strategy<Value = Vec<Vec<Vec<[f64; 2]>>>> {
 }
 
 /// Whether positions have heights and measures.
-fn extras() -> impl Strategy<Value = (bool, bool)> {
-    (any::<bool>(), any::<bool>())
+#[derive(Clone, Copy, Debug)]
+struct Extras {
+    has_z: bool,
+    has_m: bool,
 }
 
-fn assembled(
-    kind: GeometryType,
-    polygons: &[Vec<Vec<[f64; 2]>>],
-    (has_z, has_m): (bool, bool),
-) -> Geometry {
+fn extras() -> impl Strategy<Value = Extras> {
+    (any::<bool>(), any::<bool>()).prop_map(|(has_z, has_m)| Extras { has_z, has_m })
+}
+
+fn assembled(kind: GeometryType, polygons: &[Vec<Vec<[f64; 2]>>], extras: Extras) -> Geometry {
+    let Extras { has_z, has_m } = extras;
     let mut found = CoordinateSequence::default();
     for rings in polygons {
         for ring in rings {
@@ -73,7 +79,21 @@ fn assembled(
 
 /// A geometry of a kind; a collection has members of all other kinds but null, and collections.
 pub(super) fn geometry(kind: GeometryType) -> BoxedStrategy<Geometry> {
-    let one = |kind: GeometryType| match kind {
+    if kind != GeometryType::Collection {
+        return leaf(kind);
+    }
+    let leaf = prop::sample::select(&GeometryType::ALL[1..7]).prop_flat_map(leaf);
+    leaf.prop_recursive(3, 8, 3, |inner| {
+        prop::collection::vec(inner, 1..4)
+            .prop_map(|members| Geometry::collection(members).unwrap())
+    })
+    .prop_filter("a collection", |geometry| geometry.kind() == GeometryType::Collection)
+    .boxed()
+}
+
+/// A geometry of a kind other than a collection.
+fn leaf(kind: GeometryType) -> BoxedStrategy<Geometry> {
+    match kind {
         GeometryType::Null => Just(Geometry::null()).boxed(),
         GeometryType::Point => (prop::collection::vec(position(), 1), extras())
             .prop_map(|(xy, extras)| assembled(GeometryType::Point, &[vec![xy]], extras))
@@ -94,17 +114,7 @@ pub(super) fn geometry(kind: GeometryType) -> BoxedStrategy<Geometry> {
             .prop_filter("several", |(polygons, _)| polygons.len() > 1)
             .prop_map(|(polygons, extras)| assembled(GeometryType::MultiPolygon, &polygons, extras))
             .boxed(),
-    };
-    if kind != GeometryType::Collection {
-        return one(kind);
     }
-    let leaf = prop::sample::select(&GeometryType::ALL[1..7]).prop_flat_map(one);
-    leaf.prop_recursive(3, 8, 3, |inner| {
-        prop::collection::vec(inner, 1..4)
-            .prop_map(|members| Geometry::collection(members).unwrap())
-    })
-    .prop_filter("a collection", |geometry| geometry.kind() == GeometryType::Collection)
-    .boxed()
 }
 
 fn value() -> impl Strategy<Value = PropertyValue> {

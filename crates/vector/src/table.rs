@@ -139,8 +139,9 @@ impl FeatureRows {
     /// A feature.
     pub(super) fn get(&mut self, row: usize) -> Result<FeatureRow> {
         let (start, end) = (self.starts[row], self.starts[row + 1]);
-        let lost = || Error::new(ErrorKind::Internal, "spooled features are lost");
-        let pages = self.pages.as_mut().ok_or_else(lost)?;
+        let pages = self.pages.as_mut();
+        let pages =
+            pages.ok_or_else(|| Error::new(ErrorKind::Internal, "spooled features are lost"))?;
         let mut bytes = RecordBytes(pages.get(start, end - start)?);
         let geometry = take_geometry(&mut bytes)?;
         let mut values = Vec::new();
@@ -219,16 +220,11 @@ pub(super) fn push_text(value: &PropertyValue, text: &mut Vec<u8>) {
 
 fn put_value(column: u32, value: &PropertyValue, out: &mut Vec<u8>) {
     out.extend_from_slice(&column.to_le_bytes());
-    let mut text = |tag: u8, text: &str| {
-        out.push(tag);
-        out.extend_from_slice(&(text.len() as u64).to_le_bytes());
-        out.extend_from_slice(text.as_bytes());
-    };
     match value {
-        PropertyValue::Text(value) => text(5, value),
-        PropertyValue::Date(value) => text(6, value),
-        PropertyValue::DateTime(value) => text(7, value),
-        PropertyValue::Json(value) => text(8, value),
+        PropertyValue::Text(value) => put_text(5, value, out),
+        PropertyValue::Date(value) => put_text(6, value, out),
+        PropertyValue::DateTime(value) => put_text(7, value, out),
+        PropertyValue::Json(value) => put_text(8, value, out),
         PropertyValue::Null => out.push(0),
         PropertyValue::Bool(value) => out.push(1 + u8::from(*value)),
         PropertyValue::Int(value) => {
@@ -242,21 +238,28 @@ fn put_value(column: u32, value: &PropertyValue, out: &mut Vec<u8>) {
     }
 }
 
+fn put_text(tag: u8, text: &str, out: &mut Vec<u8>) {
+    out.push(tag);
+    out.extend_from_slice(&(text.len() as u64).to_le_bytes());
+    out.extend_from_slice(text.as_bytes());
+}
+
+fn take_text(bytes: &mut RecordBytes<'_>) -> Result<String> {
+    let length = bytes.u64()? as usize;
+    Ok(String::from_utf8_lossy(bytes.take(length)?).into_owned())
+}
+
 fn take_value(bytes: &mut RecordBytes<'_>) -> Result<PropertyValue> {
     let tag = bytes.u8()?;
-    let mut text = || {
-        let length = bytes.u64()? as usize;
-        Ok(String::from_utf8_lossy(bytes.take(length)?).into_owned())
-    };
     match tag {
         0 => Ok(PropertyValue::Null),
         1 | 2 => Ok(PropertyValue::Bool(tag == 2)),
         3 => bytes.u64().map(|value| PropertyValue::Int(value as i64)),
         4 => bytes.f64().map(PropertyValue::Real),
-        5 => text().map(PropertyValue::Text),
-        6 => text().map(PropertyValue::Date),
-        7 => text().map(PropertyValue::DateTime),
-        _ => text().map(PropertyValue::Json),
+        5 => take_text(bytes).map(PropertyValue::Text),
+        6 => take_text(bytes).map(PropertyValue::Date),
+        7 => take_text(bytes).map(PropertyValue::DateTime),
+        _ => take_text(bytes).map(PropertyValue::Json),
     }
 }
 
@@ -276,6 +279,10 @@ fn put_geometry(geometry: &Geometry, out: &mut Vec<u8>) {
     out.extend(ends.iter().chain(polygons).flat_map(|&end| (end as u64).to_le_bytes()));
 }
 
+fn take_ends(bytes: &mut RecordBytes<'_>, count: usize) -> Result<Vec<usize>> {
+    (0..count).map(|_| bytes.u64().map(|end| end as usize)).collect()
+}
+
 fn take_geometry(bytes: &mut RecordBytes<'_>) -> Result<Geometry> {
     let kind = GeometryType::ALL[usize::from(bytes.u8()?) % GeometryType::ALL.len()];
     let mut counts = [0; 6];
@@ -286,10 +293,7 @@ fn take_geometry(bytes: &mut RecordBytes<'_>) -> Result<Geometry> {
     let members: Result<Vec<Geometry>> = (0..members).map(|_| take_geometry(bytes)).collect();
     let members = members?;
     let (xy, z, m) = (bytes.pairs(xy)?, bytes.numbers(z)?, bytes.numbers(m)?);
-    let mut list = |count: usize| -> Result<Vec<usize>> {
-        (0..count).map(|_| bytes.u64().map(|end| end as usize)).collect()
-    };
-    let (ends, polygons) = (list(ends)?, list(polygons)?);
+    let (ends, polygons) = (take_ends(bytes, ends)?, take_ends(bytes, polygons)?);
     match kind {
         GeometryType::Collection => Ok(Geometry::with_members(members)),
         _ => Ok(Geometry::of_kind(kind, CoordinateSequence { xy, z, m, ends, polygons })),

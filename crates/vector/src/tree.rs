@@ -73,18 +73,15 @@ impl PackedRTree {
         })
     }
 
-    /// The items whose bounding box contains `wanted`, in order; returns the number of nodes visited.
-    pub(super) fn containing(&self, wanted: &Bounds, found: &mut Vec<u32>) -> usize {
+    /// The items whose bounding box contains `inner`, in order; returns the number of nodes visited.
+    pub(super) fn containing(&self, inner: &Bounds, found: &mut Vec<u32>) -> usize {
         found.clear();
-        let mut looks = 0;
+        let mut visited = 0;
         let last = self.starts.len() - 2;
-        let holds = |b: &Bounds| {
-            b[0] <= wanted[0] && b[1] <= wanted[1] && b[2] >= wanted[2] && b[3] >= wanted[3]
-        };
         let mut stack = vec![(0, 0)];
         while let Some((level, node)) = stack.pop() {
-            looks += 1;
-            if !holds(&self.nodes[node]) {
+            visited += 1;
+            if !encloses(&self.nodes[node], inner) {
                 continue;
             }
             if level == last {
@@ -96,22 +93,28 @@ impl PackedRTree {
             // Backwards onto the stack, so that items come off it in order.
             stack.extend((first..end).rev().map(|child| (level + 1, child)));
         }
-        looks
+        visited
     }
+}
+
+#[inline]
+fn encloses(outer: &Bounds, inner: &Bounds) -> bool {
+    outer[0] <= inner[0] && outer[1] <= inner[1] && outer[2] >= inner[2] && outer[3] >= inner[3]
 }
 
 /// The items sorted by their centres along a Hilbert curve over a grid of 2^16 x 2^16 cells of `extent`; ties
 /// keep their order. O(n log n).
 pub(super) fn hilbert_order(items: &[Bounds], extent: &Bounds) -> Vec<u32> {
-    let scale = |low: f64, high: f64, from: f64, to: f64| {
-        let part = ((low + high) / 2.0 - from) / (to - from) * 65535.0;
-        // NaN of an extent of zero width becomes 0.
-        part as u16
-    };
-    let key = |b: &Bounds| {
-        hilbert(scale(b[0], b[2], extent[0], extent[2]), scale(b[1], b[3], extent[1], extent[3]))
-    };
-    let mut order: Vec<(u32, u32)> = items.iter().map(key).zip(0..).collect();
+    let keys = items.iter().map(|item| {
+        let [x, y] = [0, 1].map(|axis| {
+            let centre = (item[axis] + item[axis + 2]) / 2.0;
+            let cell = (centre - extent[axis]) / (extent[axis + 2] - extent[axis]) * 65535.0;
+            // NaN of an extent of zero width becomes 0.
+            cell as u16
+        });
+        hilbert(x, y)
+    });
+    let mut order: Vec<(u32, u32)> = keys.zip(0..).collect();
     order.sort_unstable();
     order.into_iter().map(|(_, item)| item).collect()
 }

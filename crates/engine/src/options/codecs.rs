@@ -83,11 +83,11 @@ impl OptionCodec<[f64; 4]> for BoundsText {
     const KIND: OptionKind = OptionKind::Numbers;
 
     fn parse(text: &str) -> Result<[f64; 4], String> {
-        let wrong = || "expected xmin,ymin,xmax,ymax with xmin < xmax and ymin < ymax".to_owned();
         let values: Result<Vec<f64>, String> = text.split(',').map(FiniteNumber::parse).collect();
-        let bounds: [f64; 4] = values.ok().and_then(|v| v.try_into().ok()).ok_or_else(wrong)?;
-        let is_ordered = bounds[0] < bounds[2] && bounds[1] < bounds[3];
-        if is_ordered { Ok(bounds) } else { Err(wrong()) }
+        let bounds: Option<[f64; 4]> = values.ok().and_then(|values| values.try_into().ok());
+        bounds.filter(|[xmin, ymin, xmax, ymax]| xmin < xmax && ymin < ymax).ok_or_else(|| {
+            "expected xmin,ymin,xmax,ymax with xmin < xmax and ymin < ymax".to_owned()
+        })
     }
 
     fn json(value: &[f64; 4]) -> Json {
@@ -102,9 +102,11 @@ impl OptionCodec<[f64; 2]> for Interval {
     const KIND: OptionKind = OptionKind::Numbers;
 
     fn parse(text: &str) -> Result<[f64; 2], String> {
-        let end = |text: &str| text.trim().parse::<f64>().ok().filter(|end| !end.is_nan());
-        let ends = text.split_once(',').and_then(|(low, high)| Some([end(low)?, end(high)?]));
-        let ends = ends.filter(|[low, high]| low <= high);
+        let ends = text.split_once(',').and_then(|(low, high)| {
+            let [low, high]: [f64; 2] = [low.trim().parse().ok()?, high.trim().parse().ok()?];
+            // False for NaN, too.
+            (low <= high).then_some([low, high])
+        });
         let ends = ends.ok_or_else(|| "expected low,high with low <= high".to_owned())?;
         Ok(ends.map(|end| end.clamp(f64::MIN, f64::MAX)))
     }
@@ -263,19 +265,22 @@ impl OptionCodec<PointFormat> for PointFormatNumber {
     }
 }
 
+fn about_flag(flag: Flags) -> &'static str {
+    match flag {
+        Flags::SYNTHETIC => "not from a direct measurement",
+        Flags::KEY => "model key point, not to be thinned",
+        Flags::WITHHELD => "excluded from processing",
+        _ => "in the overlap of flight lines",
+    }
+}
+
 /// The name of a point flag.
 pub struct MarkName;
 
 impl OptionCodec<Flags> for MarkName {
     const KIND: OptionKind = OptionKind::Choice(|| {
-        let about = |flag| match flag {
-            Flags::SYNTHETIC => "not from a direct measurement",
-            Flags::KEY => "model key point, not to be thinned",
-            Flags::WITHHELD => "excluded from processing",
-            _ => "in the overlap of flight lines",
-        };
-        let named = |(name, flag): (&'static str, Flags)| ChoiceName { name, about: about(flag) };
-        Flags::ALL.into_iter().map(named).collect()
+        let choices = Flags::ALL.map(|(name, flag)| ChoiceName { name, about: about_flag(flag) });
+        choices.to_vec()
     });
 
     fn parse(text: &str) -> Result<Flags, String> {
@@ -346,9 +351,13 @@ impl OptionCodec<f64> for PrintScale {
 
     fn parse(text: &str) -> Result<f64, String> {
         let (print, ground) = text.split_once(':').unwrap_or((text, "1"));
-        let side = |text: &str| FiniteNumber::parse(text).ok().filter(|side: &f64| *side > 0.0);
-        match (side(print), side(ground)) {
-            (Some(print), Some(ground)) if (print / ground).is_normal() => Ok(print / ground),
+        let lengths: [Result<f64, String>; 2] = [print, ground].map(FiniteNumber::parse);
+        match lengths {
+            [Ok(print), Ok(ground)]
+                if print > 0.0 && ground > 0.0 && (print / ground).is_normal() =>
+            {
+                Ok(print / ground)
+            }
             _ => Err("expected a scale such as 1:50000 or 0.001".to_owned()),
         }
     }
@@ -367,11 +376,14 @@ pub struct BoundName;
 
 impl OptionCodec<ErrorBound> for BoundName {
     const KIND: OptionKind = OptionKind::Choice(|| {
-        let about = |bound| match bound {
-            ErrorBound::Samples => "at all valid samples",
-            ErrorBound::Surface => "along the grid lines between samples as well",
-        };
-        ErrorBound::ALL.map(|bound| ChoiceName { name: bound.name(), about: about(bound) }).to_vec()
+        let choices = ErrorBound::ALL.map(|bound| ChoiceName {
+            name: bound.name(),
+            about: match bound {
+                ErrorBound::Samples => "at all valid samples",
+                ErrorBound::Surface => "along the grid lines between samples as well",
+            },
+        });
+        choices.to_vec()
     });
 
     fn parse(text: &str) -> Result<ErrorBound, String> {

@@ -75,10 +75,10 @@ pub struct AnyOperation {
 impl AnyOperation {
     /// Operation `O`.
     pub const fn of<O: Operation>() -> Self {
-        let defaults = || to_map(&O::default());
         let (reads, writes) = (<O::Input as InputOptions>::READS, O::WRITES);
         let (name, table, division) = (O::NAME, O::TABLE, None);
         let (check, run) = (operation::check_options::<O>, operation::run::<O>);
+        let defaults = defaults::<O>;
         Self { name, table, reads, writes, defaults, check, run, division }
     }
 
@@ -104,6 +104,10 @@ impl AnyOperation {
         (division.plan)(call, task_size)?;
         Plan::divided(call.request.output, division)
     }
+}
+
+fn defaults<O: Operation>() -> Map<String, Json> {
+    to_map(&O::default())
 }
 
 /// Progress of a [`Plan`].

@@ -45,7 +45,9 @@ impl ArtifactLocation {
     /// A location in the artifact folder; the key is made of the plan, the task, and the checksums of its inputs.
     pub(super) fn new(
         objects: &Path,
-        (plan, task, seals): (Digest, &str, &[Digest]),
+        plan: Digest,
+        task: &str,
+        seals: &[Digest],
         ending: &str,
     ) -> Self {
         let mut parts: Vec<&[u8]> = vec![plan.bytes(), task.as_bytes()];
@@ -72,21 +74,24 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> FinishedArtifact<F> {
     /// Checks the artifact at `place`; `None` if it is not done. Fails if it is damaged.
     pub(super) fn inspect(
         place: &ArtifactLocation,
-        look: CheckDepth,
+        depth: CheckDepth,
         cancel: &Cancel,
     ) -> Result<Option<Self>> {
         let note = note(&place.file);
-        let Some(text) = found(std::fs::read(&note), &note)? else { return Ok(None) };
-        let meta = found(std::fs::metadata(&place.file), &place.file)?;
+        let Some(text) = if_exists(std::fs::read(&note), &note)? else { return Ok(None) };
+        let meta = if_exists(std::fs::metadata(&place.file), &place.file)?;
         let Some(meta) = meta else { return Ok(None) };
         let done: Self = serde_json::from_slice(&text).map_err(|_| damaged_object(&note))?;
         // The text itself, too: a name that is damaged reads as a value that is not there.
-        let is_own = json::to_string_pretty(&done).is_ok_and(|own| own.as_bytes() == text);
-        if !is_own || done.key != place.key || done.clone().sealed() != done {
+        let is_unaltered =
+            json::to_string_pretty(&done).is_ok_and(|written| written.as_bytes() == text);
+        if !is_unaltered || done.key != place.key || done.clone().sealed() != done {
             return Err(damaged_object(&note));
         }
-        let digest = || digest_of(std::slice::from_ref(&place.file), cancel);
-        if done.bytes != meta.len() || (look == CheckDepth::Whole && digest()? != done.digest) {
+        let file = std::slice::from_ref(&place.file);
+        if done.bytes != meta.len()
+            || (depth == CheckDepth::Whole && digest_of(file, cancel)? != done.digest)
+        {
             return Err(damaged_object(&place.file));
         }
         Ok(Some(done))
@@ -96,8 +101,10 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> FinishedArtifact<F> {
     /// disk. Ignores cancellation: without a sidecar the work would be lost.
     pub(super) fn seal(place: &ArtifactLocation, facts: F, digest: Option<Digest>) -> Result<Self> {
         let ArtifactLocation { file, key } = place;
-        let of_file = || digest_of(std::slice::from_ref(file), &Cancel::default());
-        let digest = digest.map_or_else(of_file, Ok)?;
+        let digest = match digest {
+            Some(digest) => digest,
+            None => digest_of(std::slice::from_ref(file), &Cancel::default())?,
+        };
         let bytes = std::fs::metadata(file).map_err(|e| Error::read(file, e))?.len();
         let done = Self { key: *key, digest, bytes, facts, seal: *key }.sealed();
         write_json(&note(file), &done)?;
@@ -114,9 +121,9 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> FinishedArtifact<F> {
 }
 
 /// The contents of a file, `None` if it is missing. A file that cannot be read is an error, as its task may be done.
-fn found<T>(read: std::io::Result<T>, path: &Path) -> Result<Option<T>> {
+fn if_exists<T>(read: std::io::Result<T>, path: &Path) -> Result<Option<T>> {
     match read {
-        Ok(found) => Ok(Some(found)),
+        Ok(contents) => Ok(Some(contents)),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(Error::read(path, error)),
     }
@@ -136,16 +143,19 @@ mod tests {
         points: u64,
     }
 
+    fn location(plan: Digest, task: &str, seals: &[Digest]) -> ArtifactLocation {
+        ArtifactLocation::new(Path::new("objects"), plan, task, seals, "tif")
+    }
+
     #[test]
     fn keys_differ_by_plan_task_and_seals() {
         let [a, b] = [b"a", b"b"].map(|text| Digest::of(text));
-        let place = |of| ArtifactLocation::new(Path::new("objects"), of, "tif");
         let places = [
-            place((a, "strip-1", &[])),
-            place((b, "strip-1", &[])),
-            place((a, "strip-2", &[])),
-            place((a, "seam-1", &[a, b])),
-            place((a, "seam-1", &[b, a])),
+            location(a, "strip-1", &[]),
+            location(b, "strip-1", &[]),
+            location(a, "strip-2", &[]),
+            location(a, "seam-1", &[a, b]),
+            location(a, "seam-1", &[b, a]),
         ];
         for (i, ArtifactLocation { file, key }) in places.iter().enumerate() {
             assert!(places[..i].iter().all(|other| other.key != *key && other.file != *file));
@@ -155,19 +165,20 @@ mod tests {
     #[test]
     fn whatever_is_altered_is_damage() {
         let folder = tempfile::tempdir().unwrap();
-        let (place, cancel) = (
-            ArtifactLocation::new(folder.path(), (Digest::of(b""), "a", &[]), "tif"),
-            Cancel::default(),
-        );
-        let look = |look| FinishedArtifact::<Facts>::inspect(&place, look, &cancel);
-        assert!(look(CheckDepth::Whole).unwrap().is_none(), "nothing is there");
+        let cancel = Cancel::default();
+        let place = ArtifactLocation::new(folder.path(), Digest::of(b""), "a", &[], "tif");
+        let inspect = |depth| FinishedArtifact::<Facts>::inspect(&place, depth, &cancel);
+        assert!(inspect(CheckDepth::Whole).unwrap().is_none(), "nothing is there");
         std::fs::write(&place.file, "one").unwrap();
         let done = FinishedArtifact::seal(&place, Facts { points: 3 }, None).unwrap();
-        assert_eq!(look(CheckDepth::Whole).unwrap(), Some(done.clone()));
+        assert_eq!(inspect(CheckDepth::Whole).unwrap(), Some(done.clone()));
         std::fs::write(&place.file, "two").unwrap();
-        assert!(look(CheckDepth::Quick).is_ok() && look(CheckDepth::Whole).is_err(), "other bytes");
+        assert!(
+            inspect(CheckDepth::Quick).is_ok() && inspect(CheckDepth::Whole).is_err(),
+            "other bytes"
+        );
         std::fs::write(&place.file, "three").unwrap();
-        assert!(look(CheckDepth::Quick).is_err(), "more bytes");
+        assert!(inspect(CheckDepth::Quick).is_err(), "more bytes");
         std::fs::write(&place.file, "one").unwrap();
         let facts = Facts { points: 4 };
         for other in [
@@ -175,7 +186,7 @@ mod tests {
             FinishedArtifact { key: done.seal, ..done },
         ] {
             write_json(&note(&place.file), &other).unwrap();
-            assert!(look(CheckDepth::Quick).is_err(), "{other:?}");
+            assert!(inspect(CheckDepth::Quick).is_err(), "{other:?}");
         }
     }
 }

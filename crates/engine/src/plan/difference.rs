@@ -12,19 +12,17 @@ use terrane_files::{name_of, path_of};
 /// Fails if the value of the opened input (`there`) differs from the expected one (`here`): the input is not the `what`
 /// of that label.
 pub fn refuse_another<T: Serialize>(what: &str, label: &str, there: &T, here: &T) -> Result<()> {
-    let refuse = |how| {
-        Err(Error::bad_input(format!("differs from the {what} of the plan: {how}"))
-            .in_file(Path::new(label))
-            .remedy("restore it, or make a new plan in another folder"))
-    };
-    difference(there, here).map_or(Ok(()), refuse)
+    let Some(how) = difference(there, here) else { return Ok(()) };
+    Err(Error::bad_input(format!("differs from the {what} of the plan: {how}"))
+        .in_file(Path::new(label))
+        .remedy("restore it, or make a new plan in another folder"))
 }
 
 /// The value with each file path resolved, links followed, as far as this machine can resolve it.
 pub(super) fn by_place<T: Serialize>(thing: &T) -> Value {
-    let mut told = json::to_value(thing).unwrap_or_default();
-    resolve(&mut told);
-    told
+    let mut value = json::to_value(thing).unwrap_or_default();
+    resolve(&mut value);
+    value
 }
 
 /// Resolves paths in strings: the whole string, or the part after a format prefix.
@@ -53,25 +51,33 @@ fn first_difference(name: &str, there: &Value, here: &Value) -> Option<String> {
     if there == here {
         return None;
     }
-    let within = |key: &str| if name.is_empty() { key.to_owned() } else { format!("{name}.{key}") };
     if let (Value::Object(a), Value::Object(b)) = (there, here) {
         let keys = a.keys().chain(b.keys().filter(|key| !a.contains_key(*key)));
-        let [of_a, of_b] = [a, b].map(|own| |key: &String| own.get(key).unwrap_or(&Value::Null));
+        let [of_a, of_b] =
+            [a, b].map(|members| |key: &String| members.get(key).unwrap_or(&Value::Null));
         return keys
             .into_iter()
-            .find_map(|key| first_difference(&within(key), of_a(key), of_b(key)));
+            .find_map(|key| first_difference(&member(name, key), of_a(key), of_b(key)));
     }
     if let (Value::Array(a), Value::Array(b)) = (there, here)
         && a.len() == b.len()
     {
         let mut pairs = a.iter().zip(b).enumerate();
-        return pairs.find_map(|(i, (a, b))| first_difference(&within(&i.to_string()), a, b));
+        return pairs.find_map(|(i, (a, b))| first_difference(&member(name, &i.to_string()), a, b));
     }
-    let short = |value: &Value| match value {
+    Some(format!("{name} is {} in the plan, {} now", abridged(there), abridged(here)))
+}
+
+/// The name of a member of the value with that name.
+fn member(name: &str, key: &str) -> String {
+    if name.is_empty() { key.to_owned() } else { format!("{name}.{key}") }
+}
+
+fn abridged(value: &Value) -> String {
+    match value {
         Value::Array(items) => format!("a list of {}", items.len()),
         other => other.to_string(),
-    };
-    Some(format!("{name} is {} in the plan, {} now", short(there), short(here)))
+    }
 }
 
 #[cfg(test)]

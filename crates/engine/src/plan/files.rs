@@ -38,10 +38,9 @@ pub(super) struct InputFile {
 
 /// Reads the state of `paths`, in parallel.
 pub(super) fn stat(paths: &[PathBuf]) -> Result<Vec<InputFile>> {
-    let bytes = |path: &PathBuf| std::fs::metadata(path).map_or(0, |meta| meta.len());
-    let all: u64 = paths.par_iter().map(bytes).sum();
-    let look = |path: &PathBuf| InputFile::of(path, all <= WHOLE);
-    paths.par_iter().map(look).collect()
+    let sizes = paths.par_iter().map(|path| std::fs::metadata(path).map_or(0, |meta| meta.len()));
+    let is_small = sizes.sum::<u64>() <= WHOLE;
+    paths.par_iter().map(|path| InputFile::of(path, is_small)).collect()
 }
 
 /// Fails if one of `files` has changed; the error names the file and the difference. Compares digests if `by_content`
@@ -76,8 +75,8 @@ impl InputFile {
         if touched && !self.whole {
             return Err(self.changed("modified later"));
         }
-        let look = touched || by_content;
-        if look && digest(&mut file, bytes, self.whole).map_err(fail)? != self.digest {
+        let is_read = touched || by_content;
+        if is_read && digest(&mut file, bytes, self.whole).map_err(fail)? != self.digest {
             return Err(self.changed("content changed"));
         }
         Ok(())
@@ -125,11 +124,10 @@ pub fn with_companions(mut paths: Vec<PathBuf>) -> Vec<PathBuf> {
     // Folders are listed: to ask for every name that might be there takes far longer.
     let folders: HashSet<&Path> = paths.iter().filter_map(|path| path.parent()).collect();
     let there: HashSet<PathBuf> = folders.into_iter().flat_map(listed).collect();
-    let is_there = |path: &PathBuf| there.contains(path) && path.is_file();
-    let beside =
-        |path: &PathBuf| files::beside_grid(path).into_iter().filter(is_there).collect::<Vec<_>>();
-    let beside: Vec<PathBuf> = paths.par_iter().flat_map_iter(beside).collect();
-    paths.extend(beside);
+    let companions = paths.par_iter().flat_map_iter(|path| files::beside_grid(path));
+    let companions = companions.filter(|path| there.contains(path) && path.is_file());
+    let companions: Vec<PathBuf> = companions.collect();
+    paths.extend(companions);
     paths.sort();
     paths.dedup();
     paths

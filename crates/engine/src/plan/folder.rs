@@ -1,5 +1,6 @@
 //! The folder of a plan, and the states of its tasks.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
@@ -8,7 +9,7 @@ use rayon::prelude::*;
 
 use super::artifact::{ArtifactLocation, CheckDepth, FinishedArtifact, OBJECTS};
 use super::digest::Digest;
-use super::kind::{Numbered, PlanStep, PlannedWork, RunControl};
+use super::kind::{PlanStep, PlannedWork, RunControl};
 use super::output::FINISHED;
 use super::plan_file::{PLAN, PlanManifest};
 use super::report::TaskReport;
@@ -55,11 +56,11 @@ impl<W: PlannedWork> PlanFolder<W> {
         if name == "finish" {
             return Ok(PlanStep::Finish);
         }
-        let parse = |(kind, task): &Numbered<W::Task>| {
+        let task = W::NAMES.iter().find_map(|(kind, task)| {
             let number = name.strip_prefix(kind)?.strip_prefix('-')?;
             number.parse().ok().map(task)
-        };
-        let task = W::NAMES.iter().find_map(parse).ok_or_else(|| no_task::<W>(name))?;
+        });
+        let task = task.ok_or_else(|| no_task::<W>(name))?;
         match self.tasks().contains(&task) {
             true => Ok(PlanStep::Task(task)),
             false => Err(Error::usage(format!("the plan has no task {task}"))
@@ -103,15 +104,13 @@ impl<W: PlannedWork> PlanFolder<W> {
 
     /// Fails if `output` is an input file of the plan or a file of its folder.
     pub(super) fn refuse_own(&self, output: &Path) -> Result<()> {
-        let place = |path: &Path| std::fs::canonicalize(path);
-        let Ok(output_place) = place(output) else { return Ok(()) };
-        let is_it = |path: &Path| place(path).is_ok_and(|path| path == output_place);
+        let Ok(resolved) = std::fs::canonicalize(output) else { return Ok(()) };
+        let objects = std::fs::canonicalize(self.path.join(OBJECTS));
+        let is_object = objects.is_ok_and(|objects| resolved.starts_with(objects));
         let own = [PLAN, FINISHED, LOCK].map(|name| self.path.join(name));
-        let objects = place(&self.path.join(OBJECTS));
-        let is_object = objects.is_ok_and(|objects| output_place.starts_with(objects));
+        let mut files = own.into_iter().chain(self.plan.files().map(Cow::into_owned));
         if is_object
-            || own.iter().any(|path| is_it(path))
-            || self.plan.files().any(|path| is_it(&path))
+            || files.any(|file| std::fs::canonicalize(file).is_ok_and(|file| file == resolved))
         {
             return Err(Error::usage("output is an input or a file of the plan")
                 .in_file(output)
@@ -137,11 +136,11 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
     /// Checks the artifacts of all tasks, in parallel, and reports progress. Fails when cancelled.
     pub(super) fn of_all(
         folder: &'a PlanFolder<W>,
-        look: CheckDepth,
+        depth: CheckDepth,
         at: RunControl<'_>,
     ) -> Result<Self> {
         let mut survey = Self::new(folder);
-        survey.look_for_all(folder.tasks(), look, at)?;
+        survey.inspect_in_order(folder.tasks(), depth, at)?;
         Ok(survey)
     }
 
@@ -149,56 +148,57 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
     pub(super) fn around(
         folder: &'a PlanFolder<W>,
         task: W::Task,
-        look: CheckDepth,
+        depth: CheckDepth,
         at: RunControl<'_>,
     ) -> Result<Self> {
         let mut survey = Self::new(folder);
-        survey.look_for_all(folder.before(task), look, at.silent())?;
-        survey.look_for(&[task], CheckDepth::Whole, at.silent())?;
+        survey.inspect_in_order(folder.before(task), depth, at.silent())?;
+        survey.inspect_tasks(&[task], CheckDepth::Whole, at.silent())?;
         Ok(survey)
     }
 
     /// Checks the artifact of a task again, after its inputs are done.
-    pub(super) fn look_again(&mut self, task: W::Task, at: RunControl<'_>) -> Result<()> {
+    pub(super) fn inspect_again(&mut self, task: W::Task, at: RunControl<'_>) -> Result<()> {
         let is_known = !self.is_missing(task) || self.damaged.contains(&task);
         if is_known || self.folder.before(task).is_empty() {
             return Ok(());
         }
-        self.look_for(&[task], CheckDepth::Whole, at.silent())
+        self.inspect_tasks(&[task], CheckDepth::Whole, at.silent())
     }
 
     /// Checks the artifacts of tasks that depend on each other only.
-    fn look_for_all(
+    fn inspect_in_order(
         &mut self,
         tasks: Vec<W::Task>,
-        look: CheckDepth,
+        depth: CheckDepth,
         at: RunControl<'_>,
     ) -> Result<()> {
         let mut left: BTreeSet<W::Task> = tasks.into_iter().collect();
         while !left.is_empty() {
-            // A key follows from the seals of what was looked for before.
-            let waits = |task: &W::Task| self.folder.before(*task).iter().any(|b| left.contains(b));
-            let (later, now): (Vec<_>, Vec<_>) = left.iter().copied().partition(waits);
-            self.look_for(&now, look, at)?;
+            // A key follows from the seals of the tasks before, so these are checked first.
+            let (later, now) = left.iter().copied().partition::<Vec<_>, _>(|task| {
+                self.folder.before(*task).iter().any(|b| left.contains(b))
+            });
+            self.inspect_tasks(&now, depth, at)?;
             left = later.into_iter().collect();
         }
         Ok(())
     }
 
-    fn look_for(&mut self, tasks: &[W::Task], look: CheckDepth, at: RunControl<'_>) -> Result<()> {
-        let find = |&task: &W::Task| {
-            at.progress.advance(1);
-            let place = self.place(task).ok()?;
-            Some((
-                task,
-                at.cancel.check().and_then(|()| FinishedArtifact::inspect(&place, look, at.cancel)),
-            ))
-        };
-        let found: Vec<_> = tasks.par_iter().filter_map(find).collect();
-        // What was not read to its end is not known to be damaged.
+    fn inspect_tasks(
+        &mut self,
+        tasks: &[W::Task],
+        depth: CheckDepth,
+        at: RunControl<'_>,
+    ) -> Result<()> {
+        let inspected: Vec<_> = tasks
+            .par_iter()
+            .filter_map(|&task| Some((task, self.inspect(task, depth, at)?)))
+            .collect();
+        // An artifact that was not read to its end is not known to be damaged.
         at.cancel.check()?;
-        for (task, looked) in found {
-            match looked {
+        for (task, artifact) in inspected {
+            match artifact {
                 Ok(Some(done)) => drop(self.done.insert(task, done)),
                 Ok(None) => {}
                 Err(_) => self.damaged.push(task),
@@ -207,22 +207,35 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
         Ok(())
     }
 
+    /// The artifact of a task, if intact; `None` while its location is unknown.
+    fn inspect(
+        &self,
+        task: W::Task,
+        depth: CheckDepth,
+        at: RunControl<'_>,
+    ) -> Option<Result<Option<FinishedArtifact<W::Facts>>>> {
+        at.progress.advance(1);
+        let place = self.place(task).ok()?;
+        Some(at.cancel.check().and_then(|()| FinishedArtifact::inspect(&place, depth, at.cancel)))
+    }
+
     /// The location of a task's artifact, from the plan, the task, and the checksums of its inputs. Fails with `NotYet`
     /// if an input is not done.
     pub(super) fn place(&self, task: W::Task) -> Result<ArtifactLocation> {
-        let seal = |before: &W::Task| match self.done.get(before) {
-            Some(done) => Ok(done.seal),
-            None => Err(self.folder.not_done(*before)),
-        };
+        let before = self.folder.before(task).into_iter();
         let seals: Vec<Digest> =
-            self.folder.before(task).iter().map(seal).collect::<Result<_>>()?;
+            before.map(|before| Ok(self.finished(before)?.seal)).collect::<Result<_>>()?;
         let PlanFolder { path, id, .. } = self.folder;
-        Ok(ArtifactLocation::new(&path.join(OBJECTS), (*id, &task.to_string(), &seals), W::ENDING))
+        Ok(ArtifactLocation::new(&path.join(OBJECTS), *id, &task.to_string(), &seals, W::ENDING))
+    }
+
+    fn finished(&self, task: W::Task) -> Result<&FinishedArtifact<W::Facts>> {
+        self.done.get(&task).ok_or_else(|| self.folder.not_done(task))
     }
 
     /// The path and the sidecar of a finished task's artifact.
     pub fn object(&self, task: W::Task) -> Result<(PathBuf, &FinishedArtifact<W::Facts>)> {
-        let done = self.done.get(&task).ok_or_else(|| self.folder.not_done(task))?;
+        let done = self.finished(task)?;
         Ok((self.place(task)?.file, done))
     }
 
@@ -233,22 +246,21 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
 
     /// Fails if a task is not done and will not be once damaged artifacts are repaired.
     pub(super) fn check_all(&self) -> Result<()> {
-        let is_undone = |task: &W::Task| {
+        let undone = self.folder.tasks().into_iter().find(|task| {
             let is_known = self.place(*task).is_ok();
             is_known && self.is_missing(*task) && !self.damaged.contains(task)
-        };
-        let undone = self.folder.tasks().into_iter().find(is_undone);
+        });
         undone.map_or(Ok(()), |task| Err(self.folder.not_done(task)))
     }
 }
 
 /// The error for an unknown task name.
 fn no_task<W: PlannedWork>(name: &str) -> Error {
-    let some = |(i, (kind, _)): (usize, &Numbered<W::Task>)| match i {
+    let names = W::NAMES.iter().enumerate().map(|(i, (kind, _))| match i {
         0 => format!("{kind}-0, {kind}-1, ..., "),
         _ => format!("{kind}-0, ..., "),
-    };
-    let names: String = W::NAMES.iter().enumerate().map(some).collect();
+    });
+    let names: String = names.collect();
     Error::usage(format!("\"{name}\" is not a task"))
         .remedy(format!("tasks are {names}finish: see ‹terrane plan status›"))
 }

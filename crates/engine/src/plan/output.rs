@@ -85,21 +85,19 @@ impl PlanOutput {
     /// State of the output; a quick check trusts modification times. Fails only when cancelled.
     fn state<R: DeserializeOwned>(
         &self,
-        look: CheckDepth,
+        depth: CheckDepth,
         cancel: &Cancel,
     ) -> Result<OutputState<R>> {
-        let is_it = |note: &OutputRecord<R>| {
+        let note = note::<R>(&self.folder).filter(|note| {
             (note.plan_id, &note.form) == (self.plan, &self.form)
                 && place(&self.folder, &note.path).is_ok_and(|path| path == self.absolute)
-        };
-        let Some(note) = note::<R>(&self.folder).filter(is_it) else {
-            return Ok(OutputState::Unknown);
-        };
+        });
+        let Some(note) = note else { return Ok(OutputState::Unknown) };
         let Some(finished) = note.finished else { return Ok(OutputState::Begun) };
         if self.absolute.symlink_metadata().is_err() {
             return Ok(OutputState::Missing);
         }
-        match finished.difference(&self.absolute, look, cancel) {
+        match finished.difference(&self.absolute, depth, cancel) {
             Ok(None) => Ok(OutputState::Whole(finished.report)),
             Ok(Some(how)) => Ok(OutputState::Altered(how)),
             Err(error) if error.kind() == ErrorKind::Interrupted => Err(error),
@@ -156,7 +154,12 @@ impl PlanOutput {
 
 impl<R> FinishedOutput<R> {
     /// The difference between the files at `path` and the written ones, if any.
-    fn difference(&self, path: &Path, look: CheckDepth, cancel: &Cancel) -> Result<Option<String>> {
+    fn difference(
+        &self,
+        path: &Path,
+        depth: CheckDepth,
+        cancel: &Cancel,
+    ) -> Result<Option<String>> {
         let files = files(path)?;
         let here = FileStamp::of(&files)?;
         if here.bytes != self.facts.bytes {
@@ -165,7 +168,7 @@ impl<R> FinishedOutput<R> {
                 self.facts.bytes, here.bytes
             )));
         }
-        if look == CheckDepth::Quick && here == self.facts {
+        if depth == CheckDepth::Quick && here == self.facts {
             return Ok(None);
         }
         let is_same = digest_of(&files, cancel)? == self.digest;
@@ -190,13 +193,16 @@ pub(super) fn last_output(folder: &Path, plan: Digest) -> Result<LastOutput> {
     let Some(note) = note else { return Ok(LastOutput::default()) };
     let output = PlanOutput::new(folder, plan, &place(folder, &note.path)?, note.form)?;
     let path = output.absolute.display().to_string();
-    let wrong = |how: String| LastOutput { output: None, output_fault: Some(how) };
-    Ok(match output.state::<Value>(CheckDepth::Quick, &Cancel::default())? {
-        OutputState::Whole(_) => LastOutput { output: Some(path), output_fault: None },
-        OutputState::Missing => wrong(format!("{path} is missing")),
-        OutputState::Altered(how) => wrong(format!("{path} changed since it was written: {how}")),
-        OutputState::Unknown | OutputState::Begun => LastOutput::default(),
-    })
+    let (output, output_fault) =
+        match output.state::<Value>(CheckDepth::Quick, &Cancel::default())? {
+            OutputState::Whole(_) => (Some(path), None),
+            OutputState::Missing => (None, Some(format!("{path} is missing"))),
+            OutputState::Altered(how) => {
+                (None, Some(format!("{path} changed since it was written: {how}")))
+            }
+            OutputState::Unknown | OutputState::Begun => (None, None),
+        };
+    Ok(LastOutput { output, output_fault })
 }
 
 fn note<R: DeserializeOwned>(folder: &Path) -> Option<OutputRecord<R>> {
@@ -217,7 +223,7 @@ fn files(path: &Path) -> Result<Vec<PathBuf>> {
     if let Ok(files) = split::files(path) {
         return Ok(files);
     }
-    let (mut found, mut folders) = (Vec::new(), vec![path.to_path_buf()]);
+    let (mut files, mut folders) = (Vec::new(), vec![path.to_path_buf()]);
     while let Some(folder) = folders.pop() {
         let fail = |e| Error::read(&folder, e);
         for entry in std::fs::read_dir(&folder).map_err(fail)? {
@@ -225,9 +231,9 @@ fn files(path: &Path) -> Result<Vec<PathBuf>> {
             // The type of the entry itself. `is_dir` of a path follows links, and one that leads upwards would
             // be walked for ever.
             let is_folder = entry.file_type().map_err(fail)?.is_dir();
-            if is_folder { &mut folders } else { &mut found }.push(entry.path());
+            if is_folder { &mut folders } else { &mut files }.push(entry.path());
         }
     }
-    found.sort();
-    Ok(found)
+    files.sort();
+    Ok(files)
 }

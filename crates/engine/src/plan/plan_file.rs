@@ -108,8 +108,8 @@ pub fn kind(folder: &Path) -> Result<PlanKind> {
 fn text_of(folder: &Path) -> Result<Vec<u8>> {
     let path = folder.join(PLAN);
     if !path.exists() {
-        let told = "does not hold a plan";
-        let error = if folder.exists() { Error::bad_input(told) } else { Error::not_found(told) };
+        let what = "does not hold a plan";
+        let error = if folder.exists() { Error::bad_input(what) } else { Error::not_found(what) };
         return Err(error.in_file(folder).remedy(
             "make one with ‹terrane plan tin›, ‹terrane plan tiles›, ‹terrane plan grid› or ‹terrane plan points›",
         ));
@@ -136,8 +136,9 @@ impl PlanHeader {
         if theirs == ours {
             return Ok(());
         }
-        let name = |(version, revision)| format!("terrane {version} (revision {revision})");
-        Err(Error::bad_input(format!("was made by {}, this is {}", name(theirs), name(ours)))
+        let [theirs, ours] = [theirs, ours]
+            .map(|(version, revision)| format!("terrane {version} (revision {revision})"));
+        Err(Error::bad_input(format!("was made by {theirs}, this is {ours}"))
             .in_file(&folder.join(PLAN))
             .remedy("use the same version, or make a new plan in another folder"))
     }
@@ -160,18 +161,18 @@ impl<W: PlannedWork> PlanManifest<W> {
 
     /// Reads the plan in `folder` with its digest.
     pub fn read(folder: &Path) -> Result<(Self, Digest)> {
-        let (text, bad) = (text_of(folder)?, |how: &str| bad(folder, how));
-        // Of another version all else may have another form.
+        let text = text_of(folder)?;
+        // The header first: all else may have another form in another version.
         let made: PlanWithDigest<PlanHeader> =
-            serde_json::from_slice(&text).map_err(|e| bad(&e.to_string()))?;
+            serde_json::from_slice(&text).map_err(|e| bad(folder, &e.to_string()))?;
         made.plan.check_version(folder)?;
         let PlanWithDigest { plan_id, plan } =
             serde_json::from_slice::<PlanWithDigest<Self>>(&text)
-                .map_err(|e| bad(&e.to_string()))?;
+                .map_err(|e| bad(folder, &e.to_string()))?;
         if plan.id() != plan_id {
-            return Err(bad("digest mismatch"));
+            return Err(bad(folder, "digest mismatch"));
         }
-        plan.work.check().map_err(|e| bad(&e.to_string()))?;
+        plan.work.check().map_err(|e| bad(folder, &e.to_string()))?;
         Ok((plan, plan_id))
     }
 
@@ -199,11 +200,10 @@ impl<W: PlannedWork> PlanManifest<W> {
 
     /// Estimated resources of the tasks that are `left`.
     pub(super) fn forecast(&self, left: &[PlanStep<W::Task>]) -> Forecast {
-        let size = |task: &W::Task| self.work.size(PlanStep::Task(*task));
-        let all: u64 = self.work.tasks().iter().map(size).sum();
-        let is_task = |task: &&PlanStep<W::Task>| **task != PlanStep::Finish;
-        let tasks: u64 = left.iter().filter(is_task).map(|task| self.work.size(*task)).sum();
-        let share = tasks as f64 / all.max(1) as f64;
+        let all = self.work.tasks().into_iter().map(|task| self.work.size(PlanStep::Task(task)));
+        let tasks = left.iter().filter(|step| **step != PlanStep::Finish);
+        let tasks: u64 = tasks.map(|task| self.work.size(*task)).sum();
+        let share = tasks as f64 / all.sum::<u64>().max(1) as f64;
         self.needs.forecast(share, left.contains(&PlanStep::Finish))
     }
 
@@ -226,10 +226,8 @@ impl<W: PlannedWork> PlanManifest<W> {
         }
         let fail = |e| Error::write(path, e);
         make_folder(path)?;
-        // What an earlier attempt to plan here left is no reason to refuse.
-        let is_own = |name: &OsStr| name == OBJECTS || name.to_str().is_some_and(is_temporary);
         let mut entries = std::fs::read_dir(path).map_err(fail)?.flatten();
-        if entries.any(|entry| !is_own(&entry.file_name())) {
+        if entries.any(|entry| !is_left_over(&entry.file_name())) {
             return Err(Error::usage("is not empty and does not hold a plan")
                 .in_file(path)
                 .remedy("choose an empty or new folder"));
@@ -265,6 +263,11 @@ impl<W: PlannedWork> PlanManifest<W> {
         files.for_each(|(there, here)| here.forgive_time(there));
         difference(&by_place(&there), &by_place(&here))
     }
+}
+
+/// True for what an interrupted attempt to write a plan leaves in its folder.
+fn is_left_over(name: &OsStr) -> bool {
+    name == OBJECTS || name.to_str().is_some_and(is_temporary)
 }
 
 /// Fails if `path` is a file.

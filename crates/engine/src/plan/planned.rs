@@ -62,9 +62,8 @@ impl PlannedGrid {
 
 /// The files of a grid: those of its input, and companion files.
 pub fn grid_files(input: &Inputs, reading: &GridInput, source: &dyn GridSource) -> Vec<PathBuf> {
-    let is_file = |name: &&String| !is_made(name);
-    let path = |name: &String| path_of(raster::file_name(name)).into_owned();
     let members = source.members().into_iter().filter_map(|path| name_of(path).ok());
-    let all: Vec<String> = input.names().iter().cloned().chain(members).collect();
-    all.iter().filter(is_file).map(path).chain(reading.files()).collect()
+    let names = input.names().iter().cloned().chain(members).filter(|name| !is_made(name));
+    let paths = names.map(|name| path_of(raster::file_name(&name)).into_owned());
+    paths.chain(reading.files()).collect()
 }

@@ -33,12 +33,14 @@ pub struct PlanJob<J> {
 }
 
 impl<J> PlanJob<J> {
-    /// Fails if tasks are smaller than `least`; `told` is the text for the message.
-    pub fn check_size(&self, least: u32, told: &str) -> Result<()> {
-        match self.cut.filter(|cut| *cut < least) {
+    /// Fails if tasks are smaller than `min`; `description` is the text for the message.
+    pub fn check_size(&self, min: u32, description: &str) -> Result<()> {
+        match self.cut.filter(|cut| *cut < min) {
             None => Ok(()),
-            Some(cut) => Err(Error::usage(format!("‹task_size› is {cut}: tasks have {told}"))
-                .remedy(format!("pass {least} or more, or leave ‹task_size› out"))),
+            Some(cut) => {
+                Err(Error::usage(format!("‹task_size› is {cut}: tasks have {description}"))
+                    .remedy(format!("pass {min} or more, or leave ‹task_size› out")))
+            }
         }
     }
 }
@@ -104,11 +106,10 @@ pub fn status<W: PlannedWork>(path: &Path) -> Result<StatusReport<W::Status>> {
         CheckDepth::Quick,
         RunControl { progress: &Silent, cancel: &cancel },
     )?;
-    let told = last_output(&folder.path, folder.id)?;
+    let last_output = last_output(&folder.path, folder.id)?;
     let (work, tasks) = (&folder.plan.work, folder.tasks());
-    let finish = told.output.is_none().then_some(PlanStep::Finish);
-    let is_left = |task: &W::Task| survey.is_missing(*task);
-    let left = tasks.iter().copied().filter(is_left).map(PlanStep::Task);
+    let finish = last_output.output.is_none().then_some(PlanStep::Finish);
+    let left = tasks.iter().copied().filter(|task| survey.is_missing(*task)).map(PlanStep::Task);
     let left: Vec<PlanStep<W::Task>> = left.chain(finish).collect();
     Ok(StatusReport {
         folder: folder.path.display().to_string(),
@@ -120,7 +121,7 @@ pub fn status<W: PlannedWork>(path: &Path) -> Result<StatusReport<W::Status>> {
         damaged: survey.damaged.iter().map(W::Task::to_string).collect(),
         object_bytes: survey.done.values().map(|done| done.bytes).sum(),
         forecast: folder.plan.forecast(&left),
-        told,
+        told: last_output,
         skipped: folder.plan.skipped.clone(),
         ..work.status()
     })
@@ -132,11 +133,7 @@ pub fn run_named<W: PlannedWork>(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<RunReport<W::Run>> {
-    let check = |work: &W| match &job.output {
-        Some(output) => work.check_name(output, &job.form),
-        None => Ok(()),
-    };
-    run_checked(job, check, RunControl { progress, cancel })
+    run_checked(job, check_name::<W>, RunControl { progress, cancel })
 }
 
 /// Runs a plan.
@@ -145,12 +142,16 @@ pub fn run<W: PlannedWork>(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<RunReport<W::Run>> {
-    run_checked(job, |_: &W| Ok(()), RunControl { progress, cancel })
+    run_checked(job, |_, _: &W| Ok(()), RunControl { progress, cancel })
+}
+
+fn check_name<W: PlannedWork>(job: &RunJob, work: &W) -> Result<()> {
+    job.output.as_deref().map_or(Ok(()), |output| work.check_name(output, &job.form))
 }
 
 fn run_checked<W: PlannedWork>(
     job: &RunJob,
-    check: impl FnOnce(&W) -> Result<()>,
+    check: impl FnOnce(&RunJob, &W) -> Result<()>,
     at: RunControl<'_>,
 ) -> Result<RunReport<W::Run>> {
     let started = Instant::now();
@@ -162,7 +163,7 @@ fn run_checked<W: PlannedWork>(
         return Err(Error::usage(message).remedy("leave ‹split› out"));
     }
     let folder = PlanFolder::<W>::open(&job.folder)?;
-    check(&folder.plan.work)?;
+    check(job, &folder.plan.work)?;
     let task = job.task.as_deref().map(|name| folder.named(name)).transpose()?;
     // A named binding lives to the end of the run; `let _` would unlock at once.
     let _lock = folder.enter(task.is_none())?;
@@ -173,7 +174,7 @@ fn run_checked<W: PlannedWork>(
             RunningPlan::new(&folder, job, true, at).and_then(RunningPlan::finish)
         }
         Some(PlanStep::Task(task)) => {
-            RunningPlan::new(&folder, job, false, at).and_then(|run| run.one(task))
+            RunningPlan::new(&folder, job, false, at).and_then(|run| run.run_task(task))
         }
     };
     let mut report = done.map_err(keep_error)?;
@@ -248,12 +249,12 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         if writes {
             W::check_output(&opened, at)?;
         }
-        let (disk, report) = (job.disk, Self::begun(folder));
+        let (disk, report) = (job.disk, Self::empty_report(folder));
         Ok(Self { folder, opened, output, note, disk, at, report })
     }
 
     /// The report at the start of a run.
-    fn begun(folder: &PlanFolder<W>) -> RunReport<W::Run> {
+    fn empty_report(folder: &PlanFolder<W>) -> RunReport<W::Run> {
         RunReport {
             folder: folder.path.display().to_string(),
             plan_id: folder.id.to_string(),
@@ -276,14 +277,16 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
     }
 
     /// Runs one task that is not the last.
-    fn one(mut self, task: W::Task) -> Result<RunReport<W::Run>> {
+    fn run_task(mut self, task: W::Task) -> Result<RunReport<W::Run>> {
         let mut survey = TaskStates::around(self.folder, task, CheckDepth::Quick, self.at)?;
         if survey.is_missing(task) {
             self.check_disk(&[task], false)?;
-            let around =
-                |run: &Self| TaskStates::around(run.folder, task, CheckDepth::Whole, run.at);
             self.staged(&task.to_string(), &[task], |run| {
-                run.mending(&mut survey, around, |run, survey| run.make_missing(task, survey))
+                run.mending(
+                    &mut survey,
+                    |run| TaskStates::around(run.folder, task, CheckDepth::Whole, run.at),
+                    |run, survey| run.make_missing(task, survey),
+                )
             })?;
         }
         Ok(self.conclude(&survey))
@@ -327,19 +330,19 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         if W::STAGE.is_none() {
             return work(self);
         }
-        let size = |task: &W::Task| self.folder.plan.work.size(PlanStep::Task(*task));
-        self.at.progress.begin(name, tasks.iter().map(size).sum());
+        let sizes = tasks.iter().map(|task| self.folder.plan.work.size(PlanStep::Task(*task)));
+        self.at.progress.begin(name, sizes.sum());
         work(self)?;
         self.at.progress.end();
         Ok(())
     }
 
     /// Does `work` on the states of a `survey`. Remakes damaged artifacts first; if the work fails to read an artifact,
-    /// checks every byte (`look`) and, if damage was found, does the work once more.
+    /// checks every byte (`check`) and, if damage was found, does the work once more.
     fn mending(
         &mut self,
         survey: &mut TaskStates<'a, W>,
-        look: impl Fn(&Self) -> Result<TaskStates<'a, W>>,
+        check: impl Fn(&Self) -> Result<TaskStates<'a, W>>,
         work: impl Fn(&mut Self, &mut TaskStates<'a, W>) -> Result<()>,
     ) -> Result<()> {
         self.mend(survey)?;
@@ -353,7 +356,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
             }
             other => return other,
         };
-        *survey = look(self)?;
+        *survey = check(self)?;
         if survey.damaged.is_empty() {
             return Err(error);
         }
@@ -368,7 +371,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         }
         for task in self.folder.tasks() {
             // Its key may not have been known before.
-            survey.look_again(task, self.at)?;
+            survey.inspect_again(task, self.at)?;
             if survey.damaged.contains(&task) {
                 self.make_missing(task, survey)?;
             }
@@ -378,7 +381,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
 
     /// Makes a task's artifact unless it exists.
     fn make_missing(&mut self, task: W::Task, survey: &mut TaskStates<'a, W>) -> Result<()> {
-        survey.look_again(task, self.at)?;
+        survey.inspect_again(task, self.at)?;
         if !survey.is_missing(task) {
             return Ok(());
         }
@@ -386,9 +389,9 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
             self.report.damaged.push(task.to_string());
         }
         let place = survey.place(task)?;
-        let (object, told) = ((task, &*place.file), &mut self.report.of);
+        let (object, report) = ((task, &*place.file), &mut self.report.of);
         let MadeArtifact { facts, digest, spilled } =
-            W::make(&self.opened, object, survey, told, self.at)?;
+            W::make(&self.opened, object, survey, report, self.at)?;
         let done = FinishedArtifact::seal(&place, facts, digest)?;
         self.report.made.push(task.to_string());
         self.report.made_bytes += done.bytes;

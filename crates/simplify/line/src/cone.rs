@@ -39,21 +39,17 @@ pub fn cone<V: Copy, M: DistanceMetric<V>>(
         return;
     }
     let end = points.len() - 1;
-    let reach = |anchor: usize, ends: &mut Vec<u32>| {
-        look_ahead(metric, points, anchor, tolerance, ends);
-        last_valid(metric, points, anchor, tolerance * tolerance, ends)
-    };
     // Candidates of the current segment, of one from its furthest end, and of one from the other end.
     let [ends, from_furthest, from_nearer] = &mut scratch.candidates;
-    let (mut anchor, mut furthest) = (0, reach(0, ends));
+    let (mut anchor, mut furthest) = (0, furthest_end(metric, points, 0, tolerance, ends));
     kept.push(0);
     while furthest < end {
-        let next = reach(furthest, from_furthest);
-        let nearer = nearer_end(metric, points, (anchor, furthest), tolerance * tolerance, ends);
+        let next = furthest_end(metric, points, furthest, tolerance, from_furthest);
+        let nearer = nearer_end(metric, points, anchor, furthest, tolerance * tolerance, ends);
         (anchor, furthest) = (furthest, next);
         std::mem::swap(ends, from_furthest);
         if let Some(nearer) = nearer.filter(|_| next < end) {
-            let beyond = reach(nearer, from_nearer);
+            let beyond = furthest_end(metric, points, nearer, tolerance, from_nearer);
             if beyond > next {
                 (anchor, furthest) = (nearer, beyond);
                 std::mem::swap(ends, from_nearer);
@@ -64,11 +60,24 @@ pub fn cone<V: Copy, M: DistanceMetric<V>>(
     kept.push(end as u32);
 }
 
+/// Furthest valid segment end from `anchor`; fills `candidates` with the possible ones.
+fn furthest_end<V: Copy, M: DistanceMetric<V>>(
+    metric: &M,
+    points: &[V],
+    anchor: usize,
+    tolerance: f64,
+    candidates: &mut Vec<u32>,
+) -> usize {
+    look_ahead(metric, points, anchor, tolerance, candidates);
+    last_valid(metric, points, anchor, tolerance * tolerance, candidates)
+}
+
 /// Last valid end at least an eighth of the segment before the furthest one.
 fn nearer_end<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],
-    (anchor, furthest): (usize, usize),
+    anchor: usize,
+    furthest: usize,
     tolerance2: f64,
     candidates: &[u32],
 ) -> Option<usize> {

@@ -49,8 +49,8 @@ impl Hierarchy {
     }
 
     fn of(count: u32, squares: Vec<f64>) -> Self {
-        let largest = |block: &[f64]| block.iter().copied().fold(0.0, f64::max);
-        let largest = squares.chunks(BLOCK).map(largest).collect();
+        let blocks = squares.chunks(BLOCK);
+        let largest = blocks.map(|block| block.iter().copied().fold(0.0, f64::max)).collect();
         Self { count, squares, largest }
     }
 
@@ -79,8 +79,9 @@ impl Hierarchy {
     /// Number of vertices that [`filter`](Self::filter) appends, at the same cost.
     pub fn vertices_at(&self, tolerance: f64) -> usize {
         let square = tolerance * tolerance;
-        let above = |block: &[f64]| block.iter().filter(|own| **own > square).count();
-        let inner: usize = self.above(square).map(|(_, block)| above(block)).sum();
+        let blocks = self.above(square).map(|(_, block)| block);
+        let inner: usize =
+            blocks.map(|block| block.iter().filter(|own| **own > square).count()).sum();
         inner + self.count().min(2)
     }
 
@@ -102,9 +103,9 @@ impl Hierarchy {
         order.retain(|i| self.squares[*i as usize] > 0.0);
         let most = count.saturating_sub(2);
         if most < order.len() {
-            let square = |i: &u32| self.squares[*i as usize];
             order.select_nth_unstable_by(most, |a, b| {
-                square(b).total_cmp(&square(a)).then(a.cmp(b))
+                let [p, q] = [a, b].map(|i| self.squares[*i as usize]);
+                q.total_cmp(&p).then(a.cmp(b))
             });
             order.truncate(most);
             order.sort_unstable();
@@ -153,8 +154,8 @@ impl Hierarchy {
     /// allocated before the length is checked.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         let count = header(bytes)?;
-        let eight = |at: &[u8]| at.try_into().map(f64::from_le_bytes).unwrap_or(f64::NAN);
-        let squares: Vec<f64> = bytes[HEADER..].chunks_exact(8).map(eight).collect();
+        let words = bytes[HEADER..].as_chunks().0.iter();
+        let squares: Vec<f64> = words.map(|word| f64::from_le_bytes(*word)).collect();
         // False for NaN, too.
         match squares.iter().all(|square| *square >= 0.0) {
             true => Ok(Self::of(count, squares)),
@@ -191,15 +192,18 @@ fn header(bytes: &[u8]) -> Result<u32> {
     if bytes.len() < HEADER || bytes[..8] != MAGIC {
         return Err(damaged("its signature is missing"));
     }
-    let word = |at: usize| u64::from_le_bytes([0, 1, 2, 3, 4, 5, 6, 7].map(|i| bytes[at + i]));
     let inner = (bytes.len() - HEADER) as u64;
-    let count = u32::try_from(word(8)).ok();
+    let count = u32::try_from(word(bytes, 8)).ok();
     let count = count.filter(|count| u64::from(count.saturating_sub(2)) * 8 == inner);
     let count = count.ok_or_else(|| damaged("its length differs from the header"))?;
-    match checksum(bytes) == word(HEADER - 8) {
+    match checksum(bytes) == word(bytes, HEADER - 8) {
         true => Ok(count),
         false => Err(damaged("its checksum differs")),
     }
+}
+
+fn word(bytes: &[u8], at: usize) -> u64 {
+    u64::from_le_bytes([0, 1, 2, 3, 4, 5, 6, 7].map(|i| bytes[at + i]))
 }
 
 fn damaged(why: &str) -> Error {
@@ -210,12 +214,10 @@ fn damaged(why: &str) -> Error {
 /// FNV-1a over 8-byte words of all bytes except the checksum.
 fn checksum(bytes: &[u8]) -> u64 {
     let mut sum = 0xCBF2_9CE4_8422_2325_u64;
-    let mut add = |word: &[u8]| {
-        let word = word.try_into().map_or(0, u64::from_le_bytes);
-        sum = (sum ^ word).wrapping_mul(0x0000_0100_0000_01B3);
+    let [header, squares] = [&bytes[..HEADER - 8], &bytes[HEADER..]].map(|part| part.as_chunks().0);
+    for word in header.iter().chain(squares) {
+        sum = (sum ^ u64::from_le_bytes(*word)).wrapping_mul(0x0000_0100_0000_01B3);
         sum ^= sum >> 32;
-    };
-    bytes[..HEADER - 8].chunks_exact(8).for_each(&mut add);
-    bytes[HEADER..].chunks_exact(8).for_each(&mut add);
+    }
     sum
 }

@@ -44,6 +44,17 @@ const LOOKS: u64 = 2000;
 /// Smallest number of tests.
 const FEWEST_LOOKS: u64 = 1 << 20;
 
+/// Whether the segment between a pair of vertices passes all between within the tolerance.
+fn holds<V: Copy, M: DistanceMetric<V>>(
+    metric: &M,
+    points: &[V],
+    pair: &[u32],
+    tolerance: f64,
+) -> bool {
+    let (from, to) = (pair[0] as usize, pair[1] as usize);
+    first_beyond(metric, points, from, to, tolerance * tolerance).is_none()
+}
+
 /// Appends to `kept` the fewest vertices whose segments pass all others within `tolerance`.
 pub fn imai_iri<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
@@ -57,11 +68,7 @@ pub fn imai_iri<V: Copy, M: DistanceMetric<V>>(
     }
     let from = kept.len();
     ShortcutSearch::run(metric, points, tolerance, None, scratch, kept);
-    let holds = |pair: &[u32]| {
-        let (from, to) = (pair[0] as usize, pair[1] as usize);
-        first_beyond(metric, points, from, to, tolerance * tolerance).is_none()
-    };
-    if kept[from..].windows(2).all(holds) {
+    if kept[from..].windows(2).all(|pair| holds(metric, points, pair, tolerance)) {
         return;
     }
     let path = kept.split_off(from);
@@ -71,7 +78,7 @@ pub fn imai_iri<V: Copy, M: DistanceMetric<V>>(
     }
     kept.push(0);
     for pair in path.windows(2) {
-        if holds(pair) {
+        if holds(metric, points, pair, tolerance) {
             kept.push(pair[1]);
             continue;
         }
@@ -256,8 +263,8 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
     fn seek(&mut self, from: usize, first: usize) {
         let mut view = self.view(from, first);
         let mut at = first;
-        let is_known = |i: &usize| *i > from && *i < NONE as usize;
-        for known in self.witness.0.map(|i| i as usize).into_iter().filter(is_known) {
+        let witnesses = self.witness.0.map(|i| i as usize).into_iter();
+        for known in witnesses.filter(|i| *i > from && *i < NONE as usize) {
             if at <= known && !self.try_all(from, at, known + 1, &mut view) {
                 return;
             }
@@ -356,10 +363,10 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
             let span = wedge.span2(p);
             let is_outermost = span >= span2;
             span2 = larger(span, span2);
-            let is_taken = || is_outermost && self.looks.is_none();
+            let is_taken = is_outermost && self.looks.is_none();
             if step == WedgeStep::Ends
                 && !self.is_visited(to)
-                && (is_taken() || self.is_valid(from, to))
+                && (is_taken || self.is_valid(from, to))
             {
                 self.visit(to, from);
             }

@@ -292,8 +292,9 @@ impl FarthestQuery<'_> {
     fn most_of_few(&mut self, level: &HullLevel, hull: &RunHull) -> f64 {
         let few = &level.few[hull.few[0]..hull.few[1]];
         self.looks += few.len() as u64;
-        let reach = |i: &u32| PlaneMetric::reach(self.segment, &self.points[*i as usize]);
-        let reach = few.iter().map(reach).fold(0.0, larger);
+        let reaches =
+            few.iter().map(|i| PlaneMetric::reach(self.segment, &self.points[*i as usize]));
+        let reach = reaches.fold(0.0, larger);
         self.limit = larger(self.limit, reach.next_down());
         if few.is_empty() { f64::INFINITY } else { reach }
     }
@@ -368,12 +369,12 @@ impl FarthestQuery<'_> {
     fn farthest_from(&mut self, level: &HullLevel, hull: &RunHull, place: Xy) -> f64 {
         let corners = &level.chains[hull.lower..hull.end];
         self.looks += corners.len() as u64;
-        let square = |i: &u32| {
+        let squares = corners.iter().map(|i| {
             let at = self.points[*i as usize];
             let q = [at[0] - place[0], at[1] - place[1]];
             q[0] * q[0] + q[1] * q[1]
-        };
-        corners.iter().map(square).fold(0.0, larger)
+        });
+        squares.fold(0.0, larger)
     }
 
     /// Extreme vertices of a hull against and along `direction`; their reach raises the limit.

@@ -46,11 +46,13 @@ pub(super) fn counted<V: Copy, M: DistanceMetric<V>>(
     let mut splits = VertexSplits::new(metric, points);
     let last = points.len() - 1;
     kept.push(0);
-    let split = |start, end| {
-        let found = splits.split(start, end, tolerance * tolerance);
-        found.map(|(middle, _)| middle)
-    };
-    refine(0, last, &mut scratch.ends, split, |vertex| kept.push(vertex as u32));
+    refine(
+        0,
+        last,
+        &mut scratch.ends,
+        |start, end| Some(splits.split(start, end, tolerance * tolerance)?.0),
+        |vertex| kept.push(vertex as u32),
+    );
     kept.push(last as u32);
     splits.looks
 }

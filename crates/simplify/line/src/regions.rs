@@ -169,15 +169,15 @@ impl<R: Copy> VertexRegions<R> {
         if points.len() < SHORTEST {
             return Self { levels };
         }
-        let whole = |run: &[V]| {
+        let leaves = points.chunks_exact(LEAF).map(|run| {
             let first = M::region(&run[0]);
             run[1..].iter().fold(first, |region, p| M::join(&region, &M::region(p)))
-        };
-        levels.push(points.chunks_exact(LEAF).map(whole).collect::<Vec<R>>());
+        });
+        levels.push(leaves.collect::<Vec<R>>());
         while let Some(below) = levels.last().filter(|level| level.len() >= 2 * FAN) {
-            let join = |run: &[R]| run[1..].iter().fold(run[0], |a, b| M::join(&a, b));
-            let level = below.chunks_exact(FAN).map(join).collect();
-            levels.push(level);
+            let regions = below.chunks_exact(FAN);
+            let regions = regions.map(|run| run[1..].iter().fold(run[0], |a, b| M::join(&a, b)));
+            levels.push(regions.collect());
         }
         Self { levels }
     }
@@ -241,12 +241,14 @@ impl<R: Copy> VertexRegions<R> {
             level -= 1;
             let first = place * FAN;
             let children = &self.levels[level][first..first + FAN];
-            let reach = |i: usize| M::reach_most(segment, &children[i]);
-            let best = (0..FAN).fold((0, f64::NEG_INFINITY), |best, i| {
-                let own = reach(i);
-                if own > best.1 { (i, own) } else { best }
-            });
-            place = first + best.0;
+            let (mut best, mut largest) = (0, f64::NEG_INFINITY);
+            for (i, child) in children.iter().enumerate() {
+                let reach = M::reach_most(segment, child);
+                if reach > largest {
+                    (best, largest) = (i, reach);
+                }
+            }
+            place = first + best;
         }
         let mut farthest = FarthestVertex { index: 0, reach: f64::NEG_INFINITY };
         scan::<V, M>(segment, points, place * LEAF, place * LEAF + LEAF, &mut farthest);

@@ -144,15 +144,12 @@ fn minimal<V: Copy, M: DistanceMetric<V>>(
     let last = line.len() - 1;
     let tree = VertexRegions::new::<V, M>(line);
     let mut corners = vec![0, last];
-    let farthest = |from: usize, to: usize| {
-        let segment = metric.segment(&line[from], &line[to]);
-        farthest_beyond::<V, M>(&segment, line, &tree, from + 1, to, 0.0)
-    };
-    if let Some((far, _)) = farthest(0, last) {
+    if let Some((far, _)) = farthest(metric, line, &tree, 0, last) {
         corners.push(far);
-        let sides = [farthest(0, far), farthest(far, last)];
-        let side = |i: usize| sides[i].map_or(-1.0, |(_, square)| square);
-        let widest = if side(1) > side(0) { sides[1] } else { sides[0] };
+        let sides =
+            [(0, far), (far, last)].map(|(from, to)| farthest(metric, line, &tree, from, to));
+        let [first, second] = sides.map(|side| side.map_or(-1.0, |(_, square)| square));
+        let widest = if second > first { sides[1] } else { sides[0] };
         corners.extend(widest.map(|(third, _)| third));
     }
     corners.sort_unstable();
@@ -164,4 +161,16 @@ fn minimal<V: Copy, M: DistanceMetric<V>>(
         chosen.pop();
     }
     chosen
+}
+
+/// The vertex farthest from the segment between two others, and its squared distance; `None` if all lie on it.
+fn farthest<V: Copy, M: DistanceMetric<V>>(
+    metric: &M,
+    line: &[V],
+    tree: &VertexRegions<M::Region>,
+    from: usize,
+    to: usize,
+) -> Option<(usize, f64)> {
+    let segment = metric.segment(&line[from], &line[to]);
+    farthest_beyond::<V, M>(&segment, line, tree, from + 1, to, 0.0)
 }

@@ -156,11 +156,11 @@ impl VertexChain {
         while order.len() < gone {
             // Tests the whole bucket first, so that memory is fetched in parallel; one by one, the removals
             // would wait for each.
-            let is_present = |entry: &VertexArea| {
+            let smallest = queue.pop(|entry| {
                 let near = self.neighbours[entry.i as usize];
                 near[0] != GONE && of(entry.i, near) == entry.key
-            };
-            let Some(VertexArea { key, i }) = queue.pop(is_present) else { break };
+            });
+            let Some(VertexArea { key, i }) = smallest else { break };
             let [before, after] = self.neighbours[i as usize];
             // Stale: the area changed, or the vertex was removed.
             if before == GONE || areas[i as usize] != key {

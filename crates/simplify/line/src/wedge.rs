@@ -184,18 +184,21 @@ fn tangents(v: Xy, k: Xy, tolerance: f64) -> [Xy; 2] {
     // Rounding makes the difference negative where the anchor lies on the circle.
     let along = (square - tolerance * tolerance).max(0.0).sqrt() / square;
     let aside = tolerance / square;
-    let unscaled = |x: f64, y: f64| match k == [1.0; 2] {
-        true => [x, y],
-        false => {
-            let (x, y) = (x / k[0], y / k[1]);
-            let length = (x * x + y * y).sqrt();
-            [x / length, y / length]
-        }
-    };
     [
-        unscaled(v[0] * along - v[1] * aside, v[1] * along + v[0] * aside),
-        unscaled(v[0] * along + v[1] * aside, v[1] * along - v[0] * aside),
+        unscaled([v[0] * along - v[1] * aside, v[1] * along + v[0] * aside], k),
+        unscaled([v[0] * along + v[1] * aside, v[1] * along - v[0] * aside], k),
     ]
+}
+
+/// The unit vector in the direction of a vector of coordinates scaled by `k`.
+#[inline(always)]
+fn unscaled([x, y]: Xy, k: Xy) -> Xy {
+    if k == [1.0; 2] {
+        return [x, y];
+    }
+    let (x, y) = (x / k[0], y / k[1]);
+    let length = (x * x + y * y).sqrt();
+    [x / length, y / length]
 }
 
 impl<V, L: WedgeView<V>> DiscWedge<V, L> {
@@ -234,9 +237,8 @@ impl<V, L: WedgeView<V>> DiscWedge<V, L> {
             return true;
         }
         let [left, right] = rays.map(|ray| Self::ray_offset(ray, v, k));
-        let meets = |ray: RayOffset| ray.ahead > 0.0 && ray.left.abs() <= reach;
         let tangents = tangents(v, k, reach);
-        let met = [meets(left), meets(right)];
+        let met = [left, right].map(|ray| ray.ahead > 0.0 && ray.left.abs() <= reach);
         let [Some(left), Some(right)] = [0, 1].map(|i| match met[i] {
             true => Some(rays[i]),
             false => Some(tangents[i]).filter(|tangent| is_between(*tangent, rays)),
@@ -302,8 +304,10 @@ impl<V: Copy, L: WedgeView<V>> Wedge<V> for DiscWedge<V, L> {
             if is_left_cut | is_right_cut {
                 self.cuts = u32::from(is_left_cut) | u32::from(is_right_cut) << 1;
                 let [l, r] = tangents(v, k, reach);
-                let kept = |is_cut, cut, ray| if is_cut { cut } else { ray };
-                self.rays = Some([kept(is_left_cut, l, rays[0]), kept(is_right_cut, r, rays[1])]);
+                self.rays = Some([
+                    if is_left_cut { l } else { rays[0] },
+                    if is_right_cut { r } else { rays[1] },
+                ]);
             }
         } else if !self.step_behind(v, k, rays, reach) {
             return WedgeStep::Stops;

@@ -9,6 +9,10 @@ const NEAR: f64 = 1e-3;
 /// Smallest number of such pairs.
 const FEWEST: u64 = 10;
 
+fn length([a, b]: [Xy; 2]) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
 /// Pairs of segments that meet, and those with almost identical ends.
 #[derive(Clone, Debug, Default)]
 pub(super) struct MeetingGaps {
@@ -20,7 +24,6 @@ pub(super) struct MeetingGaps {
 impl MeetingGaps {
     /// Adds a pair.
     pub(super) fn add(&mut self, [s, t]: [[Xy; 2]; 2]) {
-        let length = |[a, b]: [Xy; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
         let gaps = s.iter().flat_map(|p| t.map(|q| length([*p, q]))).filter(|gap| *gap > 0.0);
         let gap = gaps.fold(f64::INFINITY, f64::min);
         self.all += 1;

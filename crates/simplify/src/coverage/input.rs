@@ -28,7 +28,7 @@ pub(super) fn memory_for_features(memory: u64) -> u64 {
 }
 
 /// Memory in bytes for features and their results.
-pub(super) fn memory_for_squares(job: &LineJob) -> u64 {
+pub(super) fn memory_for_tiles(job: &LineJob) -> u64 {
     match job.topology {
         Some(_) => memory_for_features(job.resources.memory),
         None => beside_program(job.resources.memory),
@@ -161,7 +161,7 @@ impl<'a> CoverageInput<'a> {
         let topology = self.job.topology.as_ref();
         let moves = topology.is_some_and(|t| t.snap > 0.0 || self.job.decimals.is_some());
         let copies = if moves { 4 } else { 2 };
-        let room = memory_for_squares(self.job);
+        let room = memory_for_tiles(self.job);
         if bytes > room / copies {
             let count = feature.geometry.vertices();
             let message = format!("a feature of {count} vertices does not fit in memory");
@@ -208,22 +208,15 @@ impl<'a> CoverageInput<'a> {
             moves.restart();
         }
         let pair = &files.pairs[file];
-        let mut show = |feature: &mut Feature| {
-            cancel.check()?;
-            let Some(moved) = moves.apply(&feature.geometry)? else { return each(feature, None) };
-            let before = std::mem::replace(&mut feature.geometry, moved);
-            let shown = each(feature, Some(&before));
-            feature.geometry = before;
-            shown
-        };
         if *is_held {
-            let mut features = all[file].features.iter_mut();
-            return features
-                .try_for_each(|feature| show(feature).map_err(|e| e.in_file(&pair.input)));
+            return all[file].features.iter_mut().try_for_each(|feature| {
+                show_snapped(feature, moves, cancel, &mut each).map_err(|e| e.in_file(&pair.input))
+            });
         }
         let mut source = pair.open(job)?;
         while let Some(mut feature) = source.next()? {
-            show(&mut feature).map_err(|e| e.at(source.location()).in_file(&pair.input))?;
+            show_snapped(&mut feature, moves, cancel, &mut each)
+                .map_err(|e| e.at(source.location()).in_file(&pair.input))?;
         }
         Ok(())
     }
@@ -250,18 +243,17 @@ impl<'a> CoverageInput<'a> {
     /// Sorts all vertices by tile.
     pub(super) fn sort(
         &mut self,
-        squares: &VertexQuadtree,
+        quadtree: &VertexQuadtree,
         buckets: &Buckets<Xy>,
         cancel: &Cancel,
     ) -> Result<()> {
         let (mut place, mut runs) = (LastTile::default(), Vec::new());
         self.visit_all(cancel, |feature| {
             feature.geometry.parts().try_for_each(|part| {
-                cut(part.xy, false, squares, &mut place, &mut runs);
-                let push = |run: &TileRun| {
-                    buckets.push(run.square as usize, &part.xy[run.first..run.first + run.count])
-                };
-                runs.iter().try_for_each(push)
+                cut(part.xy, false, quadtree, &mut place, &mut runs);
+                runs.iter().try_for_each(|run: &TileRun| {
+                    buckets.push(run.tile as usize, &part.xy[run.first..run.first + run.count])
+                })
             })
         })
     }
@@ -272,11 +264,27 @@ impl<'a> CoverageInput<'a> {
         cancel: &Cancel,
         mut each: impl FnMut(&Geometry, &Geometry) -> Result<()>,
     ) -> Result<()> {
-        let mut pair = |feature: &mut Feature, before: Option<&Geometry>| {
-            before.map_or(Ok(()), |before| each(before, &feature.geometry))
-        };
-        (0..self.all.len()).try_for_each(|file| self.show(file, cancel, &mut pair))
+        (0..self.all.len()).try_for_each(|file| {
+            self.show(file, cancel, |feature, before| {
+                before.map_or(Ok(()), |before| each(before, &feature.geometry))
+            })
+        })
     }
+}
+
+/// Passes on a feature after snapping, with its original geometry if it was moved, which is then restored.
+fn show_snapped(
+    feature: &mut Feature,
+    moves: &mut VertexMoves,
+    cancel: &Cancel,
+    mut each: impl FnMut(&mut Feature, Option<&Geometry>) -> Result<()>,
+) -> Result<()> {
+    cancel.check()?;
+    let Some(moved) = moves.apply(&feature.geometry)? else { return each(feature, None) };
+    let before = std::mem::replace(&mut feature.geometry, moved);
+    let shown = each(feature, Some(&before));
+    feature.geometry = before;
+    shown
 }
 
 /// Bytes of the coordinates.

@@ -15,14 +15,17 @@ const RECORDS: usize = 128;
 
 /// Appends to `bits` the kept flags of `count` vertices, the first with number `first`.
 pub(super) fn add(bits: &mut BitSet, kept: &vector::RetainedVertices, first: usize, count: usize) {
-    let mut insert = |at| {
-        bits.insert(at);
-    };
     match kept {
-        vector::RetainedVertices::All => (first..first + count).for_each(insert),
+        vector::RetainedVertices::All => {
+            for vertex in first..first + count {
+                bits.insert(vertex);
+            }
+        }
         vector::RetainedVertices::Nothing => {}
-        vector::RetainedVertices::Vertices(own) => {
-            own.iter().for_each(|v| insert(first + *v as usize))
+        vector::RetainedVertices::Vertices(vertices) => {
+            for vertex in vertices {
+                bits.insert(first + *vertex as usize);
+            }
         }
     }
 }
@@ -30,24 +33,24 @@ pub(super) fn add(bits: &mut BitSet, kept: &vector::RetainedVertices, first: usi
 /// Bits of all tiles, in memory or in an unnamed file.
 pub(super) struct RetainedBits {
     bits: Buckets<u64>,
-    squares: usize,
+    tile_count: usize,
 }
 
 impl RetainedBits {
-    pub(super) fn new(folder: &Path, squares: usize, memory: u64) -> Self {
-        Self { bits: Buckets::new(folder, squares, memory), squares }
+    pub(super) fn new(folder: &Path, tile_count: usize, memory: u64) -> Self {
+        Self { bits: Buckets::new(folder, tile_count, memory), tile_count }
     }
 
     /// Sets the bits of a tile, once.
-    pub(super) fn set(&self, square: usize, bits: &BitSet) -> Result<()> {
-        self.bits.push(square, bits.words())
+    pub(super) fn set(&self, tile: usize, bits: &BitSet) -> Result<()> {
+        self.bits.push(tile, bits.words())
     }
 
     pub(super) fn reader(&self) -> RetainedBitsReader<'_> {
         RetainedBitsReader {
             bits: &self.bits,
-            words: TileCursors::new(self.squares),
-            open: vec![(0, 0); self.squares],
+            words: TileCursors::new(self.tile_count),
+            open: vec![(0, 0); self.tile_count],
         }
     }
 }
@@ -67,16 +70,20 @@ struct TileCursor<T> {
 pub(super) struct TileCursors<T>(Vec<TileCursor<T>>);
 
 impl<T: Pod> TileCursors<T> {
-    pub(super) fn new(squares: usize) -> Self {
-        Self((0..squares).map(|_| TileCursor { records: Vec::new(), first: 0, next: 0 }).collect())
+    pub(super) fn new(tile_count: usize) -> Self {
+        Self(
+            (0..tile_count)
+                .map(|_| TileCursor { records: Vec::new(), first: 0, next: 0 })
+                .collect(),
+        )
     }
 
     /// Next record of a tile; `None` at the end.
-    pub(super) fn next(&mut self, all: &Buckets<T>, square: usize) -> Result<Option<T>> {
-        let cursor = &mut self.0[square];
+    pub(super) fn next(&mut self, all: &Buckets<T>, tile: usize) -> Result<Option<T>> {
+        let cursor = &mut self.0[tile];
         if cursor.next >= cursor.first + cursor.records.len() {
             cursor.records.resize(RECORDS, T::zeroed());
-            let count = all.read_from(square, cursor.next as u64, &mut cursor.records)?;
+            let count = all.read_from(tile, cursor.next as u64, &mut cursor.records)?;
             cursor.records.truncate(count);
             cursor.first = cursor.next;
         }
@@ -105,7 +112,7 @@ impl RetainedBitsReader<'_> {
         found.clear();
         for run in runs {
             for k in 0..run.count {
-                if self.next(run.square as usize)? {
+                if self.next(run.tile as usize)? {
                     found.push(((run.first + k) % count) as u32);
                 }
             }
@@ -117,10 +124,10 @@ impl RetainedBitsReader<'_> {
         Ok(())
     }
 
-    fn next(&mut self, square: usize) -> Result<bool> {
-        let (word, left) = &mut self.open[square];
+    fn next(&mut self, tile: usize) -> Result<bool> {
+        let (word, left) = &mut self.open[tile];
         if *left == 0 {
-            let next = self.words.next(self.bits, square)?;
+            let next = self.words.next(self.bits, tile)?;
             (*word, *left) = (next.unwrap_or_default(), u64::BITS);
         }
         let bit = *word & 1 == 1;
@@ -138,21 +145,20 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         for memory in [1 << 20, 0] {
             let kept = RetainedBits::new(folder.path(), 2, memory);
-            // Every third vertex of the first square, every fifth of the second.
-            for (square, step) in [(0, 3), (1, 5)] {
+            // Every third vertex of the first tile, every fifth of the second.
+            for (tile, step) in [(0, 3), (1, 5)] {
                 let mut bits = BitSet::new(20_000);
                 for at in (0..20_000).step_by(step) {
                     bits.insert(at);
                 }
-                kept.set(square, &bits).unwrap();
+                kept.set(tile, &bits).unwrap();
             }
             let mut reader = kept.reader();
             let (mut found, mut first) = (Vec::new(), [0, 0]);
             for part in 0..1500 {
                 let runs: Vec<TileRun> = (0..3)
                     .scan(2, |at, k| {
-                        let run =
-                            TileRun { square: k % 2, first: *at, count: 3 + (part + *at) % 5 };
+                        let run = TileRun { tile: k % 2, first: *at, count: 3 + (part + *at) % 5 };
                         *at += run.count;
                         Some(run)
                     })
@@ -161,8 +167,7 @@ mod tests {
                 let count: usize = runs.iter().map(|run| run.count).sum();
                 let mut want = Vec::new();
                 for run in &runs {
-                    let (own, step) =
-                        (&mut first[run.square as usize], [3, 5][run.square as usize]);
+                    let (own, step) = (&mut first[run.tile as usize], [3, 5][run.tile as usize]);
                     let is_kept = |k: &usize| (*own + k).is_multiple_of(step);
                     let all = (0..run.count).filter(is_kept);
                     want.extend(all.map(|k| ((run.first + k) % count) as u32));

@@ -19,7 +19,7 @@ pub(super) type Parts = BTreeSet<u64>;
 /// Results of all tiles; computed twice if rings have changed orientation.
 #[derive(Clone, Copy)]
 pub(super) struct FinishedTiles<'a> {
-    pub(super) squares: &'a VertexQuadtree,
+    pub(super) quadtree: &'a VertexQuadtree,
     /// Parts that stay whole.
     pub(super) whole: &'a Parts,
     /// Kept vertices.
@@ -30,7 +30,7 @@ pub(super) struct FinishedTiles<'a> {
 
 /// Parts cut into runs, one after the other.
 pub(super) struct RunCutting<'a> {
-    squares: &'a VertexQuadtree,
+    quadtree: &'a VertexQuadtree,
     place: LastTile,
     pub(super) runs: Vec<TileRun>,
     /// Number of parts so far.
@@ -38,13 +38,13 @@ pub(super) struct RunCutting<'a> {
 }
 
 impl<'a> RunCutting<'a> {
-    pub(super) fn new(squares: &'a VertexQuadtree) -> Self {
-        Self { squares, place: LastTile::default(), runs: Vec::new(), number: 0 }
+    pub(super) fn new(quadtree: &'a VertexQuadtree) -> Self {
+        Self { quadtree, place: LastTile::default(), runs: Vec::new(), number: 0 }
     }
 
     /// Fills the runs with those of the next part; returns its number.
     pub(super) fn cut(&mut self, part: &GeometryPart<'_>) -> u64 {
-        cut(part.xy, part.is_ring(), self.squares, &mut self.place, &mut self.runs);
+        cut(part.xy, part.is_ring(), self.quadtree, &mut self.place, &mut self.runs);
         self.number += 1;
         self.number - 1
     }
@@ -73,7 +73,7 @@ impl<'a> AssembledFeatures<'a> {
         decimals: Option<u8>,
     ) -> Self {
         Self {
-            parts: RunCutting::new(now.squares),
+            parts: RunCutting::new(now.quadtree),
             whole: now.whole,
             kept: now.kept.reader(),
             rounded: now.rounded.map(RetainedBits::reader).zip(decimals),
@@ -137,16 +137,17 @@ impl SimplifiedSource for AssembledFeatures<'_> {
             self.rounded(&part, &mut rounded)?;
         }
         let mut choices = choices.into_iter();
-        let keep = |_, _: GeometryPart<'_>| choices.next().unwrap_or(vector::RetainedVertices::All);
-        let mut geometry = feature.geometry.keep(keep);
+        let mut geometry =
+            feature.geometry.keep(|_, _| choices.next().unwrap_or(vector::RetainedVertices::All));
         if let Some((_, decimals)) = self.rounded {
             rounded.sort_unstable();
-            let place = |at: &Xy| match rounded.binary_search(&key(*at)) {
+            let positions = geometry.parts().flat_map(|part| part.xy);
+            let positions = positions.map(|at| match rounded.binary_search(&key(*at)) {
                 Ok(_) => at.map(|c| vector::rounded(c, decimals)),
                 Err(_) => *at,
-            };
-            let places: Vec<Xy> = geometry.parts().flat_map(|part| part.xy).map(place).collect();
-            geometry.place_parts(&mut places.into_iter());
+            });
+            let positions: Vec<Xy> = positions.collect();
+            geometry.place_parts(&mut positions.into_iter());
         }
         self.features += 1;
         self.vertices += geometry.parts().map(|part| part.xy.len() as u64).sum::<u64>();

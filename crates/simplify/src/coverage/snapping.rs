@@ -15,7 +15,7 @@ use terrane_engine::Cancel;
 use terrane_files::Buckets;
 use terrane_line::tiles::{LastTile, VertexQuadtree};
 use terrane_line::{Xy, arcs};
-use terrane_vector::{Geometry, GeometryPart};
+use terrane_vector::Geometry;
 
 /// Snapped positions.
 #[derive(Default)]
@@ -27,7 +27,7 @@ impl VertexMoves {
     /// Restarts at the first feature.
     pub(super) fn restart(&mut self) {
         if let Some(snapped) = &mut self.snapped {
-            snapped.cursors = TileCursors::new(snapped.squares.count());
+            snapped.cursors = TileCursors::new(snapped.quadtree.count());
         }
     }
 
@@ -60,7 +60,7 @@ pub(super) fn max_held(memory: u64) -> u64 {
 
 /// Snapped positions of each tile in input order.
 pub(super) struct SnappedPositions {
-    squares: VertexQuadtree,
+    quadtree: VertexQuadtree,
     places: Buckets<Xy>,
     cursors: TileCursors<Xy>,
     place: LastTile,
@@ -72,41 +72,42 @@ impl SnappedPositions {
     /// [`arcs::snap`].
     pub(super) fn new(
         old: Buckets<Xy>,
-        squares: VertexQuadtree,
+        quadtree: VertexQuadtree,
         distance: f64,
-        (folder, memory): (&Path, u64),
+        folder: &Path,
+        memory: u64,
         cancel: &Cancel,
     ) -> Result<Self> {
-        let count = squares.count();
+        let count = quadtree.count();
         let places = Buckets::new(folder, count, max_held(memory));
         let stayed = Buckets::new(folder, count, memory / 16);
         let (mut before, mut near) = (Vec::new(), Vec::new());
-        for square in 0..count {
+        for tile in 0..count {
             cancel.check()?;
             before.clear();
-            old.read(square, |run| before.extend_from_slice(run))?;
-            old.forget(square);
+            old.read(tile, |run| before.extend_from_slice(run))?;
+            old.forget(tile);
             let mut anchors: Vec<Xy> = Vec::new();
-            stayed.read(square, |run| anchors.extend_from_slice(run))?;
-            stayed.forget(square);
+            stayed.read(tile, |run| anchors.extend_from_slice(run))?;
+            stayed.forget(tile);
             let mut after = before.clone();
             arcs::snap(&mut after, &anchors, distance)?;
-            places.push(square, &after)?;
+            places.push(tile, &after)?;
             for (p, _) in before.iter().zip(&after).filter(|(p, q)| p == q) {
-                if squares.count() > 1 {
-                    squares.around(*p, distance, &mut near);
+                if quadtree.count() > 1 {
+                    quadtree.around(*p, distance, &mut near);
                 }
-                let mut later = near.iter().filter(|other| **other as usize > square);
+                let mut later = near.iter().filter(|other| **other as usize > tile);
                 later.try_for_each(|other| stayed.push(*other as usize, &[*p]))?;
             }
         }
-        Ok(Self { cursors: TileCursors::new(count), squares, places, place: LastTile::default() })
+        Ok(Self { cursors: TileCursors::new(count), quadtree, places, place: LastTile::default() })
     }
 
     /// Moves the next vertex.
     fn next(&mut self, at: &mut Xy) -> Result<()> {
-        let square = self.squares.of(*at, &mut self.place).unwrap_or_default();
-        if let Some(place) = self.cursors.next(&self.places, square as usize)? {
+        let tile = self.quadtree.of(*at, &mut self.place).unwrap_or_default();
+        if let Some(place) = self.cursors.next(&self.places, tile as usize)? {
             *at = place;
         }
         Ok(())
@@ -126,12 +127,11 @@ impl RingDamage {
     /// Adds the changes of a geometry.
     pub(super) fn add(&mut self, before: &Geometry, after: &Geometry) {
         let pairs = before.parts().zip(after.parts()).filter(|(part, _)| part.is_ring());
-        let sign = |part: &GeometryPart<'_>| area_sign(part.xy.iter().copied());
-        let is_lost = |(old, new): &(GeometryPart<'_>, GeometryPart<'_>)| {
-            let then = sign(old);
-            then != Ordering::Equal && then != sign(new)
-        };
-        self.rings += pairs.filter(is_lost).count() as u64;
+        let changed = pairs.filter(|(old, new)| {
+            let sign = area_sign(old.xy.iter().copied());
+            sign != Ordering::Equal && sign != area_sign(new.xy.iter().copied())
+        });
+        self.rings += changed.count() as u64;
         self.touching += u64::from(touches_anew(before, after));
     }
 }

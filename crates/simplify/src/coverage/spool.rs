@@ -21,7 +21,7 @@ pub(super) const MOST: u64 = (1 << (u32::BITS - FLAGS)) - 1;
 
 /// Contents of the tiles.
 pub(super) struct TileSpool<'a> {
-    squares: &'a VertexQuadtree,
+    quadtree: &'a VertexQuadtree,
     runs: Buckets<u32>,
     points: Buckets<Xy>,
     /// Heights; empty if distances do not use them.
@@ -36,14 +36,14 @@ pub(super) struct TileSpool<'a> {
 impl<'a> TileSpool<'a> {
     /// Uses about `memory` bytes, and a file in `folder` for the rest.
     pub(super) fn new(
-        squares: &'a VertexQuadtree,
+        quadtree: &'a VertexQuadtree,
         has_z: bool,
         folder: &Path,
         memory: u64,
     ) -> Self {
-        let (count, share) = (squares.count(), memory / 8);
+        let (count, share) = (quadtree.count(), memory / 8);
         Self {
-            squares,
+            quadtree,
             runs: Buckets::new(folder, count, share),
             points: Buckets::new(folder, count, 4 * share),
             heights: has_z.then(|| Buckets::new(folder, count, 2 * share)),
@@ -65,23 +65,23 @@ impl<'a> TileSpool<'a> {
         let flags = flags.iter().map(|(is_so, flag)| u32::from(*is_so) * flag).sum::<u32>();
         let count = part.xy.len() - usize::from(is_cut && part.is_ring());
         for run in runs {
-            let square = run.square as usize;
-            self.runs.push(square, &[(run.count as u32) << FLAGS | flags])?;
+            let tile = run.tile as usize;
+            self.runs.push(tile, &[(run.count as u32) << FLAGS | flags])?;
             // A run of a ring may wrap around to its start.
             let end = (run.first + run.count).min(count.max(run.first));
             let again = run.first + run.count - end;
             for range in [run.first..end, 0..again].into_iter().filter(|range| !range.is_empty()) {
-                self.points.push(square, &part.xy[range.clone()])?;
+                self.points.push(tile, &part.xy[range.clone()])?;
                 if let Some(heights) = &self.heights {
-                    heights.push(square, &part.z[range])?;
+                    heights.push(tile, &part.z[range])?;
                 }
             }
         }
         for segment in cross_overs(part.xy, part.is_ring(), runs) {
-            self.squares.meeting(segment, &mut self.near);
-            for &square in &self.near {
-                self.obstacles.push(square as usize, &[segment])?;
-                self.counts[square as usize] += 1;
+            self.quadtree.meeting(segment, &mut self.near);
+            for &tile in &self.near {
+                self.obstacles.push(tile as usize, &[segment])?;
+                self.counts[tile as usize] += 1;
             }
         }
         Ok(())
@@ -94,22 +94,22 @@ impl<'a> TileSpool<'a> {
     }
 
     /// Segments that pass a tile, some of them twice.
-    pub(super) fn obstacles(&self, square: usize) -> u64 {
-        self.counts[square]
+    pub(super) fn obstacles(&self, tile: usize) -> u64 {
+        self.counts[tile]
     }
 
     /// Takes the contents of a tile.
-    pub(super) fn take(&self, square: usize) -> Result<TileContent> {
+    pub(super) fn take(&self, tile: usize) -> Result<TileContent> {
         let mut world = TileContent::default();
         let flat = &mut world.flat;
-        flat.points.reserve_exact(self.squares.vertices(square) as usize);
-        self.points.read(square, |run| flat.points.extend_from_slice(run))?;
-        self.points.forget(square);
+        flat.points.reserve_exact(self.quadtree.vertices(tile) as usize);
+        self.points.read(tile, |run| flat.points.extend_from_slice(run))?;
+        self.points.forget(tile);
         if let Some(heights) = &self.heights {
-            heights.read(square, |run| flat.z.extend_from_slice(run))?;
-            heights.forget(square);
+            heights.read(tile, |run| flat.z.extend_from_slice(run))?;
+            heights.forget(tile);
         }
-        self.runs.read(square, |words| {
+        self.runs.read(tile, |words| {
             for word in words {
                 let count = (word >> FLAGS) as usize;
                 let [is_ring, is_cut, is_whole] = [RING, CUT, WHOLE].map(|flag| word & flag != 0);
@@ -122,9 +122,9 @@ impl<'a> TileSpool<'a> {
                 }
             }
         })?;
-        self.runs.forget(square);
-        self.obstacles.read(square, |all| world.obstacles.extend(all.iter().map(in_order)))?;
-        self.obstacles.forget(square);
+        self.runs.forget(tile);
+        self.obstacles.read(tile, |all| world.obstacles.extend(all.iter().map(in_order)))?;
+        self.obstacles.forget(tile);
         world.obstacles.sort_unstable_by(by_place);
         world.obstacles.dedup();
         Ok(world)
@@ -144,10 +144,10 @@ fn by_place(p: &[Xy; 2], q: &[Xy; 2]) -> Ordering {
 }
 
 /// Fixed points by tile, in the order of the tiles.
-pub(super) fn by_square(points: Vec<Xy>, squares: &VertexQuadtree) -> Vec<(u32, Xy)> {
+pub(super) fn by_tile(points: Vec<Xy>, quadtree: &VertexQuadtree) -> Vec<(u32, Xy)> {
     let mut place = LastTile::default();
-    let known = points.into_iter().filter_map(|p| Some((squares.of(p, &mut place)?, p)));
+    let known = points.into_iter().filter_map(|p| Some((quadtree.of(p, &mut place)?, p)));
     let mut all: Vec<_> = known.collect();
-    all.sort_by_key(|(square, _)| *square);
+    all.sort_by_key(|(tile, _)| *tile);
     all
 }

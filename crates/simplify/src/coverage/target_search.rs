@@ -13,9 +13,9 @@ use crate::target_search::{SizeLimit, ThresholdHistogram, seek};
 use crate::tool::SimplifyRule;
 use crate::trees;
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_files::{lock, on_threads};
+use terrane_files::{lock, on_threads, unlocked};
 use terrane_line::topology::RingCollapse;
-use terrane_vector::{Feature, GeometryPart};
+use terrane_vector::{Geometry, GeometryPart};
 
 impl OpenedLineJob<'_> {
     /// Simplifies all features by a rule and writes them if the result is wanted; otherwise returns its size.
@@ -40,7 +40,8 @@ impl OpenedLineJob<'_> {
 pub(super) fn run(
     whole: &OpenedLineJob<'_>,
     input: &mut CoverageInput<'_>,
-    (most, unit): (u64, GoalUnit),
+    max: u64,
+    unit: GoalUnit,
     report: &mut LineReport,
 ) -> Result<()> {
     let job = whole.job;
@@ -53,17 +54,17 @@ pub(super) fn run(
     };
     let largest = (4.0 * extent).max(f64::MIN_POSITIVE);
     let dial = profile.dial(if is_area { largest * largest } else { largest }, is_area);
-    let left = seek(&SizeLimit { most, all }, &dial, |threshold, range| {
+    let left = seek(&SizeLimit { most: max, all }, &dial, |threshold, range| {
         whole.cancel.check()?;
         let rule = SimplifyRule { threshold, ..rule };
         let left = whole.make(input, &rule, Some(&TrialGoal { unit, range }), report)?;
         report.measured_by(&rule);
         Ok(left)
     })?;
-    left.map_or(Ok(()), |least| Err(too_few(whole, (most, unit), least)))
+    left.map_or(Ok(()), |least| Err(too_few(whole, max, unit, least)))
 }
 
-fn too_few(whole: &OpenedLineJob<'_>, (most, unit): (u64, GoalUnit), least: u64) -> Error {
+fn too_few(whole: &OpenedLineJob<'_>, max: u64, unit: GoalUnit, least: u64) -> Error {
     let what = match unit {
         GoalUnit::Vertices => "vertices",
         GoalUnit::Bytes => "bytes",
@@ -78,7 +79,7 @@ fn too_few(whole: &OpenedLineJob<'_>, (most, unit): (u64, GoalUnit), least: u64)
         Some(_) => "line ends, smallest rings and topology",
         None => "line ends and smallest rings",
     };
-    let message = format!("{most} {what} cannot be reached; the minimum found is {least}");
+    let message = format!("{max} {what} cannot be reached; the minimum found is {least}");
     Error::usage(format!("{message} ({stays} are kept)"))
         .in_file(&whole.files.pairs[0].input)
         .remedy(format!("pass {least} or more{others}"))
@@ -92,33 +93,49 @@ fn profile(
 ) -> Result<(ThresholdHistogram, f64)> {
     // All thresholds are needed, so tiny coordinates matter.
     let rule = &SimplifyRule { threshold: f64::MAX, ..*rule };
-    let state = Mutex::new((ThresholdHistogram::default(), None));
-    let add = |feature: &Feature, own: Option<&trees::FeatureHierarchies>| {
-        let thresholds = trees::thresholds(&feature.geometry, own, rule)?;
-        let mut state = lock(&state);
-        let (profile, bounds) = &mut *state;
-        thresholds.into_iter().for_each(|threshold| profile.add(threshold));
-        for part in feature.geometry.parts() {
-            profile.total += part.xy.len() as u64;
-            profile.fixed += stay(&part);
-        }
-        *bounds = [*bounds, feature.geometry.bounds()].into_iter().flatten().reduce(join);
-        whole.cancel.check()
-    };
+    let profile = Mutex::new(CoverageProfile::default());
     match input.memory_use() {
         // Snapped features have no hierarchies.
         Some(_) if input.moves.is_none() => on_threads(whole.job.resources.threads, || {
             whole.files.pairs.iter().zip(&input.all).try_for_each(|(pair, file)| {
                 let features = file.features.par_iter().enumerate();
-                let added = features.map(|(at, feature)| add(feature, file.trees.get(at)));
+                let added = features.map(|(at, feature)| {
+                    whole.cancel.check()?;
+                    let thresholds =
+                        trees::thresholds(&feature.geometry, file.trees.get(at), rule)?;
+                    lock(&profile).add(&feature.geometry, thresholds);
+                    Ok(())
+                });
                 added.collect::<Result<()>>().map_err(|e| e.in_file(&pair.input))
             })
         })?,
-        _ => input.visit_all(whole.cancel, |feature| add(feature, None))?,
+        _ => input.visit_all(whole.cancel, |feature| {
+            let thresholds = trees::thresholds(&feature.geometry, None, rule)?;
+            lock(&profile).add(&feature.geometry, thresholds);
+            Ok(())
+        })?,
     }
-    let (profile, bounds) = state.into_inner().unwrap_or_default();
-    let extent = bounds.map_or(0.0, |[w, s, e, n]: [f64; 4]| (e - w).max(n - s));
-    Ok((profile, extent))
+    let CoverageProfile { thresholds, bounds } = unlocked(profile);
+    let extent = bounds.map_or(0.0, |[w, s, e, n]| (e - w).max(n - s));
+    Ok((thresholds, extent))
+}
+
+#[derive(Default)]
+struct CoverageProfile {
+    thresholds: ThresholdHistogram,
+    /// Bounding box of all features.
+    bounds: Option<[f64; 4]>,
+}
+
+impl CoverageProfile {
+    fn add(&mut self, geometry: &Geometry, thresholds: Vec<f64>) {
+        thresholds.into_iter().for_each(|threshold| self.thresholds.add(threshold));
+        for part in geometry.parts() {
+            self.thresholds.total += part.xy.len() as u64;
+            self.thresholds.fixed += stay(&part);
+        }
+        self.bounds = [self.bounds, geometry.bounds()].into_iter().flatten().reduce(join);
+    }
 }
 
 /// Vertices of a part kept at any threshold.

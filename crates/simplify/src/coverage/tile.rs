@@ -93,7 +93,7 @@ pub(super) struct SolvedTile {
     /// Pairs of obstacles that meet.
     pub(super) meeting: Vec<[[Xy; 2]; 2]>,
     /// Largest squared distance.
-    pub(super) square: f64,
+    pub(super) distance2: f64,
 }
 
 /// Memory in bytes per vertex of a tile in progress without kept vertices: the vertex, its arc, and the vertex
@@ -180,7 +180,7 @@ struct TileOutcome {
     arcs: CoverageArcs,
     outcome: UntangledChains,
     /// Largest squared distance.
-    square: f64,
+    distance2: f64,
 }
 
 impl TileOutcome {
@@ -188,16 +188,15 @@ impl TileOutcome {
     fn solved(&self, world: &TileContent) -> SolvedTile {
         let own = self.arcs.closed.len() - world.obstacles.len();
         let first = self.arcs.starts[own] as u32;
-        let segment = |from: u32| [0, 1].map(|k| self.arcs.points[from as usize + k]);
         let mut solved = SolvedTile {
             arcs: own as u64,
             refined: self.outcome.refined,
             collapsed: self.outcome.collapsed,
-            square: self.square,
+            distance2: self.distance2,
             ..SolvedTile::default()
         };
         for pair in &self.outcome.crossings {
-            let segments = pair.map(segment);
+            let segments = pair.map(|from| [0, 1].map(|k| self.arcs.points[from as usize + k]));
             if pair.iter().all(|from| *from >= first) {
                 solved.meeting.push(segments);
                 continue;
@@ -288,7 +287,6 @@ impl MetricTask for SharedArcs<'_> {
         let mut scratch = SimplifyScratch::default();
         let kept = self.plain(tool, &mut scratch);
         let vertices = self.vertices::<V>();
-        let run = |part: &[V], kept: &mut Vec<u32>| tool.line(part, &mut scratch, kept);
         let loops = self.loops();
         let SimplifyRule { collapse, .. } = *self.rule;
         let options = UntangleOptions {
@@ -298,10 +296,10 @@ impl MetricTask for SharedArcs<'_> {
             cancel: Some(self.cancel),
         };
         let (chains, sides) = (self.arcs.chains(), &self.world.sides);
-        let refine = &mut refining(&vertices, run);
+        let refine = &mut refining(&vertices, |line, kept| tool.line(line, &mut scratch, kept));
         let outcome = untangle_within(&chains, &kept, sides, &options, self.pieces, refine)?;
-        let square = largest(tool, &vertices, &outcome.kept);
-        Ok(TileOutcome { arcs: self.arcs, outcome, square })
+        let distance2 = largest(tool, &vertices, &outcome.kept);
+        Ok(TileOutcome { arcs: self.arcs, outcome, distance2 })
     }
 }
 

@@ -20,6 +20,7 @@
 //!
 //! **Why the number of vertices of a tile is fixed** and does not follow the memory: the result depends on it.
 
+use std::cmp::Reverse;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -29,7 +30,7 @@ use super::input::{CoverageInput, REST, memory_for_features};
 use super::kept_bits::RetainedBits;
 use super::rebuild::{AssembledFeatures, FinishedTiles, Parts, RunCutting};
 use super::snapping::{self, SnappedPositions};
-use super::spool::{self, TileSpool, by_square};
+use super::spool::{self, TileSpool, by_tile};
 use super::tile::{
     FlatChains, KEPT_VERTEX, MAX_PAIRS, SolvedTile, TileContent, TileRounding, TileSettings,
     VERTEX, solve,
@@ -71,22 +72,16 @@ impl CoverageJob<'_> {
         report: &mut LineReport,
     ) -> Result<Option<u64>> {
         self.snap(input)?;
-        let squares = self.squares(input)?;
+        let quadtree = self.quadtree(input)?;
         let mut whole = Parts::new();
         loop {
-            let bits = || {
-                RetainedBits::new(
-                    &self.folder(),
-                    squares.count(),
-                    memory_for_features(self.memory()) / 64,
-                )
-            };
-            let (kept, rounded) = (bits(), self.job.decimals.map(|_| bits()));
-            let (squares, rounded) = (&squares, rounded.as_ref());
-            let now = FinishedTiles { squares, whole: &whole, kept: &kept, rounded };
+            let kept = self.retained_bits(&quadtree);
+            let rounded = self.job.decimals.map(|_| self.retained_bits(&quadtree));
+            let (quadtree, rounded) = (&quadtree, rounded.as_ref());
+            let now = FinishedTiles { quadtree, whole: &whole, kept: &kept, rounded };
             let total = self.solve_all(input, &now, report)?;
             // A finished file cannot be undone.
-            let may_turn = squares.count() > 1 || self.rule.collapse == RingCollapse::Drop;
+            let may_turn = quadtree.count() > 1 || self.rule.collapse == RingCollapse::Drop;
             if wanted.is_some() || (input.all.len() > 1 && may_turn) {
                 let left = self.scan(input, &now)?;
                 if !left.turned.is_empty() {
@@ -123,6 +118,11 @@ impl CoverageJob<'_> {
         self.job.resources.memory
     }
 
+    fn retained_bits(&self, quadtree: &VertexQuadtree) -> RetainedBits {
+        let memory = memory_for_features(self.memory()) / 64;
+        RetainedBits::new(&self.folder(), quadtree.count(), memory)
+    }
+
     /// Memory in bytes beside features and tiles: bits per vertex, snapped positions, and the rest.
     fn others(&self, input: &CoverageInput<'_>) -> u64 {
         let moved = match self.topology.snap > 0.0 {
@@ -139,10 +139,10 @@ impl CoverageJob<'_> {
         input.vertices / 8 * (1 + u64::from(self.job.decimals.is_some()))
     }
 
-    /// Error for too little memory, with an amount sufficient for a tile of `square` bytes whatever is kept:
+    /// Error for too little memory, with an amount sufficient for a tile of `tile_bytes` bytes whatever is kept:
     /// held features take at most half, and as much of the rest waits for its tile.
-    fn too_little(&self, input: &CoverageInput<'_>, square: u64) -> Error {
-        let rest = square + self.others(input);
+    fn too_little(&self, input: &CoverageInput<'_>, tile_bytes: u64) -> Error {
+        let rest = tile_bytes + self.others(input);
         let needed = rest + input.bytes.min(rest);
         let mib = ((needed + needed / 7) >> 20) + 1;
         let message = format!("topology requires {mib} MiB of memory");
@@ -152,26 +152,25 @@ impl CoverageJob<'_> {
 
     /// Folder for temporary files: beside the output by default.
     fn folder(&self) -> PathBuf {
-        let beside = || {
-            let mut folders = self.job.output.ancestors().skip(1);
-            let found = folders.find(|folder| folder.is_dir());
-            found.unwrap_or(Path::new(".")).to_path_buf()
-        };
-        self.job.resources.temp_dir.clone().unwrap_or_else(beside)
+        if let Some(folder) = &self.job.resources.temp_dir {
+            return folder.clone();
+        }
+        let mut folders = self.job.output.ancestors().skip(1);
+        folders.find(|folder| folder.is_dir()).unwrap_or(Path::new(".")).to_path_buf()
     }
 
     /// Divides space so that a tile fits in memory, with or without held features.
-    fn squares(&self, input: &mut CoverageInput<'_>) -> Result<VertexQuadtree> {
+    fn quadtree(&self, input: &mut CoverageInput<'_>) -> Result<VertexQuadtree> {
         let most = self.topology.square.clamp(1, spool::MOST);
-        let mut squares = VertexQuadtree::new(&input.seen.census, most)?;
-        while let Some(mut finer) = squares.finer() {
+        let mut quadtree = VertexQuadtree::new(&input.seen.census, most)?;
+        while let Some(mut finer) = quadtree.finer() {
             input.visit_all(self.cancel, |feature| {
                 feature.geometry.parts().for_each(|part| finer.add(part.xy));
                 Ok(())
             })?;
-            squares = VertexQuadtree::refined(finer, &squares)?;
+            quadtree = VertexQuadtree::refined(finer, &quadtree)?;
         }
-        let largest = (0..squares.count()).map(|square| squares.vertices(square)).max();
+        let largest = (0..quadtree.count()).map(|tile| quadtree.vertices(tile)).max();
         let needed = largest.unwrap_or(0) * VERTEX + self.others(input);
         if input.memory_use().is_some_and(|held| held + needed > self.memory()) {
             input.release();
@@ -179,7 +178,7 @@ impl CoverageJob<'_> {
         if needed > self.memory() {
             return Err(self.too_little(input, largest.unwrap_or(0) * KEPT_VERTEX));
         }
-        Ok(squares)
+        Ok(quadtree)
     }
 
     /// Snaps vertices of all features.
@@ -187,13 +186,18 @@ impl CoverageJob<'_> {
         if self.topology.snap == 0.0 || input.moves.snapped.is_some() {
             return Ok(());
         }
-        let squares = self.squares(input)?;
+        let quadtree = self.quadtree(input)?;
         let folder = self.folder();
-        let buckets = Buckets::new(&folder, squares.count(), self.memory() / 8);
-        input.sort(&squares, &buckets, self.cancel)?;
-        let room = (&*folder, self.memory());
-        let snapped =
-            SnappedPositions::new(buckets, squares, self.topology.snap, room, self.cancel)?;
+        let buckets = Buckets::new(&folder, quadtree.count(), self.memory() / 8);
+        input.sort(&quadtree, &buckets, self.cancel)?;
+        let snapped = SnappedPositions::new(
+            buckets,
+            quadtree,
+            self.topology.snap,
+            &folder,
+            self.memory(),
+            self.cancel,
+        )?;
         input.snap(snapped, self.cancel)
     }
 
@@ -235,28 +239,24 @@ impl CoverageJob<'_> {
         if pairs.is_empty() || input.moves.is_none() {
             return Ok(0);
         }
-        let key = |segment: &[Xy; 2]| {
-            let [a, b] = segment.map(plane::key);
-            [a.min(b), a.max(b)]
-        };
-        let mut old: HashMap<_, Vec<[Xy; 2]>> =
-            pairs.iter().flatten().map(|segment| (key(segment), Vec::new())).collect();
+        let mut originals: HashMap<_, Vec<[Xy; 2]>> =
+            pairs.iter().flatten().map(|segment| (segment_key(segment), Vec::new())).collect();
         input.visit_moves(self.cancel, |before, after| {
             for (from, to) in before.parts().zip(after.parts()) {
                 for (from, to) in from.xy.windows(2).zip(to.xy.windows(2)) {
-                    if let Some(all) = old.get_mut(&key(&[to[0], to[1]])) {
+                    if let Some(all) = originals.get_mut(&segment_key(&[to[0], to[1]])) {
                         all.push([from[0], from[1]]);
                     }
                 }
             }
             Ok(())
         })?;
-        let old = |segment: &[Xy; 2]| old.get(&key(segment)).map_or(&[][..], Vec::as_slice);
         // Merged segments had several originals: some may have met the other segment, and some not.
-        let was_apart = |[s, t]: &&[[Xy; 2]; 2]| {
-            old(s).iter().any(|s| old(t).iter().any(|t| !conflict(*s, *t)))
-        };
-        Ok(pairs.iter().filter(was_apart).count() as u64)
+        let were_apart = pairs.iter().filter(|pair| {
+            let [s, t] = pair.map(|segment| originals[&segment_key(&segment)].as_slice());
+            s.iter().any(|s| t.iter().any(|t| !conflict(*s, *t)))
+        });
+        Ok(were_apart.count() as u64)
     }
 
     /// Computes the kept vertices of all tiles.
@@ -266,49 +266,31 @@ impl CoverageJob<'_> {
         now: &FinishedTiles<'_>,
         report: &mut LineReport,
     ) -> Result<TileTotals> {
-        let squares = now.squares;
+        let quadtree = now.quadtree;
         let sides = match &self.topology.sides {
-            Some(path) => by_square(positions(path, &VectorOpenOptions::default())?, squares),
+            Some(path) => by_tile(positions(path, &VectorOpenOptions::default())?, quadtree),
             None => Vec::new(),
         };
-        self.progress.begin("simplify", squares.count() as u64);
-        let total = Mutex::new(TileTotals::default());
-        let solve_one = |square: usize, mut world: TileContent, room: u64| {
-            let own = sides.partition_point(|(other, _)| (*other as usize) < square);
-            let own = sides[own..].iter().take_while(|(other, _)| *other as usize == square);
-            world.sides = own.map(|(_, at)| *at).collect();
-            let place = Mutex::new(LastTile::default());
-            let holds = |at: Xy| {
-                squares.count() == 1 || squares.of(at, &mut lock(&place)) == Some(square as u32)
-            };
-            let rounding =
-                self.job.decimals.map(|decimals| TileRounding { decimals, holds: &holds });
-            let how = TileSettings { strategy: self.topology.strategy, rule: self.rule, rounding };
-            let solved = solve(&world, &how, room, self.cancel)?;
-            now.kept.set(square, &solved.bits)?;
-            now.rounded.map_or(Ok(()), |rounded| rounded.set(square, &solved.rounded))?;
-            lock(&total).add(&solved, square, squares);
-            self.progress.advance(1);
-            Ok(())
-        };
-        let solved = if squares.count() == 1 && input.memory_use().is_some() {
-            solve_one(0, self.flat(input, now)?, self.memory_left(input))
+        self.progress.begin("simplify", quadtree.count() as u64);
+        let solver = TileSolver { job: self, tiles: now, sides, total: Mutex::default() };
+        let solved = if quadtree.count() == 1 && input.memory_use().is_some() {
+            solver.solve(0, self.flat(input, now)?, self.memory_left(input))
         } else {
             let spool = self.spool(input, now)?;
-            self.solve_spooled(input, squares, &spool, solve_one)
+            self.solve_spooled(input, &spool, &solver)
         };
         solved.map_err(|e| match e.kind() {
-            ErrorKind::Resource => self.too_little(input, self.max_bytes(squares)),
+            ErrorKind::Resource => self.too_little(input, self.max_bytes(quadtree)),
             _ => e,
         })?;
         self.progress.end();
-        let total = total.into_inner().unwrap_or_default();
+        let total = solver.total.into_inner().unwrap_or_default();
         report.arcs = total.arcs;
         report.refined = total.refined;
         report.input_crossings = total.crossings;
         report.collapsed = total.collapsed;
         report.unrounded = total.unrounded;
-        report.largest_distance = total.square.sqrt();
+        report.largest_distance = total.distance2.sqrt();
         Ok(total)
     }
 
@@ -332,8 +314,8 @@ impl CoverageJob<'_> {
     }
 
     /// Memory in bytes of the largest tile if all its vertices are kept.
-    fn max_bytes(&self, squares: &VertexQuadtree) -> u64 {
-        let sizes = (0..squares.count()).map(|square| squares.vertices(square) * KEPT_VERTEX);
+    fn max_bytes(&self, quadtree: &VertexQuadtree) -> u64 {
+        let sizes = (0..quadtree.count()).map(|tile| quadtree.vertices(tile) * KEPT_VERTEX);
         sizes.max().unwrap_or(0)
     }
 
@@ -349,9 +331,9 @@ impl CoverageJob<'_> {
         input: &mut CoverageInput<'_>,
         now: &FinishedTiles<'s>,
     ) -> Result<TileSpool<'s>> {
-        let squares = now.squares;
+        let quadtree = now.quadtree;
         let has_z = self.rule.measure == DistanceKind::Space;
-        let (room, largest) = (self.memory_left(input), self.max_bytes(squares));
+        let (room, largest) = (self.memory_left(input), self.max_bytes(quadtree));
         let workers = self.workers(room / 8 * 7, largest) as u64;
         let memory =
             room.saturating_sub(workers * largest).max(memory_for_features(self.memory()) / 8);
@@ -359,8 +341,8 @@ impl CoverageJob<'_> {
         if bytes > memory {
             disk::check(&self.folder(), bytes)?;
         }
-        let mut spool = TileSpool::new(squares, has_z, &self.folder(), memory);
-        let mut parts = RunCutting::new(squares);
+        let mut spool = TileSpool::new(quadtree, has_z, &self.folder(), memory);
+        let mut parts = RunCutting::new(quadtree);
         input.visit_all(self.cancel, |feature| {
             feature.geometry.parts().try_for_each(|part| {
                 check(&part, self.rule)?;
@@ -380,28 +362,37 @@ impl CoverageJob<'_> {
     fn solve_spooled(
         &self,
         input: &CoverageInput<'_>,
-        squares: &VertexQuadtree,
         spool: &TileSpool<'_>,
-        solve_one: impl Fn(usize, TileContent, u64) -> Result<()> + Sync,
+        solver: &TileSolver<'_>,
     ) -> Result<()> {
-        let obstacles = |square: usize| spool.obstacles(square) * OBSTACLE;
-        let size = |square: usize| squares.vertices(square) * KEPT_VERTEX + obstacles(square);
-        let mut order: Vec<_> = (0..squares.count()).collect();
-        order.sort_by_key(|square| (std::cmp::Reverse(size(*square)), *square));
-        let largest = order.first().map_or(0, |square| size(*square));
-        let least =
-            order.iter().map(|square| squares.vertices(*square) * VERTEX + obstacles(*square));
-        let room = self.memory_left(input).saturating_sub(spool.memory_use());
-        if least.max().unwrap_or(0) > room {
+        let quadtree = solver.tiles.quadtree;
+        let obstacle_bytes: Vec<u64> =
+            (0..quadtree.count()).map(|tile| spool.obstacles(tile) * OBSTACLE).collect();
+        let sizes = obstacle_bytes.iter().enumerate();
+        let sizes = sizes.map(|(tile, bytes)| quadtree.vertices(tile) * KEPT_VERTEX + bytes);
+        let mut order: Vec<_> = sizes.map(Reverse).zip(0..).collect();
+        order.sort_unstable();
+        let largest = order.first().map_or(0, |(Reverse(size), _)| *size);
+        let least = obstacle_bytes.iter().enumerate();
+        let least = least.map(|(tile, bytes)| quadtree.vertices(tile) * VERTEX + bytes).max();
+        let memory = self.memory_left(input).saturating_sub(spool.memory_use());
+        if least.unwrap_or(0) > memory {
             return Err(self.too_little(input, largest));
         }
-        let threads = self.workers(room, largest);
-        let each = room / threads as u64;
-        let work = |(): &mut (), unit: u64| {
-            let square = order[unit as usize];
-            solve_one(square, spool.take(square)?, each.saturating_sub(obstacles(square)))
-        };
-        workers::run(threads, order.len() as u64, self.cancel, || (), work, Ok)
+        let threads = self.workers(memory, largest);
+        let share = memory / threads as u64;
+        workers::run(
+            threads,
+            order.len() as u64,
+            self.cancel,
+            || (),
+            |(), unit| {
+                let (_, tile) = order[unit as usize];
+                let memory = share.saturating_sub(obstacle_bytes[tile]);
+                solver.solve(tile, spool.take(tile)?, memory)
+            },
+            Ok,
+        )
     }
 
     /// Results of all features, from the first.
@@ -436,6 +427,44 @@ impl CoverageJob<'_> {
     }
 }
 
+/// The same for a segment and its reverse.
+fn segment_key(segment: &[Xy; 2]) -> [[u64; 2]; 2] {
+    let [a, b] = segment.map(plane::key);
+    [a.min(b), a.max(b)]
+}
+
+/// Simplifies tiles on several threads.
+struct TileSolver<'a> {
+    job: &'a CoverageJob<'a>,
+    tiles: &'a FinishedTiles<'a>,
+    /// Positions that keep their side of lines, sorted by tile.
+    sides: Vec<(u32, Xy)>,
+    total: Mutex<TileTotals>,
+}
+
+impl TileSolver<'_> {
+    /// Simplifies a tile and stores its kept vertices.
+    fn solve(&self, tile: usize, mut content: TileContent, memory: u64) -> Result<()> {
+        let Self { job, tiles, sides, .. } = self;
+        let quadtree = tiles.quadtree;
+        let first = sides.partition_point(|(other, _)| (*other as usize) < tile);
+        let inside = sides[first..].iter().take_while(|(other, _)| *other as usize == tile);
+        content.sides = inside.map(|(_, at)| *at).collect();
+        let last = Mutex::new(LastTile::default());
+        let holds = |at: Xy| {
+            quadtree.count() == 1 || quadtree.of(at, &mut lock(&last)) == Some(tile as u32)
+        };
+        let rounding = job.job.decimals.map(|decimals| TileRounding { decimals, holds: &holds });
+        let settings = TileSettings { strategy: job.topology.strategy, rule: job.rule, rounding };
+        let solved = solve(&content, &settings, memory, job.cancel)?;
+        tiles.kept.set(tile, &solved.bits)?;
+        tiles.rounded.map_or(Ok(()), |rounded| rounded.set(tile, &solved.rounded))?;
+        lock(&self.total).add(&solved, tile, quadtree);
+        job.progress.advance(1);
+        Ok(())
+    }
+}
+
 /// Sums over tiles.
 #[derive(Debug, Default)]
 struct TileTotals {
@@ -444,31 +473,31 @@ struct TileTotals {
     crossings: u64,
     collapsed: u64,
     unrounded: u64,
-    square: f64,
+    distance2: f64,
     /// Some of the pairs of segments that meet.
     pairs: Vec<[[Xy; 2]; 2]>,
     gaps: MeetingGaps,
 }
 
 impl TileTotals {
-    fn add(&mut self, solved: &SolvedTile, square: usize, squares: &VertexQuadtree) {
+    fn add(&mut self, solved: &SolvedTile, tile: usize, quadtree: &VertexQuadtree) {
         self.arcs += solved.arcs;
         self.refined += solved.refined;
         self.collapsed += solved.collapsed;
         self.unrounded += solved.unrounded;
-        self.square = self.square.max(solved.square);
+        self.distance2 = self.distance2.max(solved.distance2);
         // Segments that meet may share several tiles: the first tile counts them.
         let mut near = [Vec::new(), Vec::new()];
-        let is_own = |pair: &&[[Xy; 2]; 2]| {
-            (0..2).for_each(|i| squares.meeting(pair[i], &mut near[i]));
+        let mut meeting = solved.meeting.clone();
+        meeting.retain(|pair| {
+            (0..2).for_each(|i| quadtree.meeting(pair[i], &mut near[i]));
             let first = near[0].iter().find(|other| near[1].binary_search(other).is_ok());
-            first == Some(&(square as u32))
-        };
-        let meeting: Vec<_> = solved.meeting.iter().filter(is_own).copied().collect();
+            first == Some(&(tile as u32))
+        });
         self.crossings += solved.crossings + meeting.len() as u64;
         self.gaps.merge(&solved.gaps);
         meeting.iter().for_each(|pair| self.gaps.add(*pair));
-        let most = MAX_PAIRS.div_ceil(squares.count());
+        let most = MAX_PAIRS.div_ceil(quadtree.count());
         self.pairs.extend(solved.pairs.iter().chain(&meeting).take(most));
     }
 }

@@ -152,9 +152,8 @@ impl FeatureSource for CsvFeatureSource {
         }
         self.has_row = false;
         self.first_line = self.row_line;
-        let owned = |cell: Option<&str>| cell.map(str::to_owned);
-        let (id, mut part) =
-            (owned(self.cell(self.columns.id)), owned(self.cell(self.columns.part)));
+        let id = self.cell(self.columns.id).map(str::to_owned);
+        let mut part = self.cell(self.columns.part).map(str::to_owned);
         let properties = self.properties();
         let mut found = CoordinateSequence::default();
         self.position(&mut found)?;
@@ -174,7 +173,7 @@ impl FeatureSource for CsvFeatureSource {
             let now = self.cell(self.columns.part);
             if now != part.as_deref() {
                 found.end_part();
-                part = owned(now);
+                part = now.map(str::to_owned);
             }
             self.position(&mut found)?;
             let mut columns = self.columns.properties.iter();
@@ -187,9 +186,9 @@ impl FeatureSource for CsvFeatureSource {
             _ => GeometryType::MultiLineString,
         };
         found.end_part();
-        let whole = |id: String| id.parse().map_or_else(|_| Id::Text(id), Id::Int);
         let geometry = Geometry::new(kind, found)?;
-        let id = id.filter(|id| !id.is_empty()).map(whole);
+        let id = id.filter(|id| !id.is_empty());
+        let id = id.map(|id| id.parse().map_or_else(|_| Id::Text(id), Id::Int));
         Ok(Some(Feature { id, properties, geometry, foreign: Vec::new() }))
     }
 
@@ -233,8 +232,8 @@ impl CsvFeatureSource {
             self.count = self.row.len();
             break;
         }
-        let named = |at| self.row.get(at).map(|name| name.trim().to_ascii_lowercase());
-        let names: Vec<String> = (0..self.count).filter_map(named).collect();
+        let names = (0..self.count).filter_map(|at| self.row.get(at));
+        let names: Vec<String> = names.map(|name| name.trim().to_ascii_lowercase()).collect();
         if names.first().is_some_and(|first| decimal::whole(first.as_bytes()).is_some()) {
             self.has_row = true;
             return self.without_names(names.len());
@@ -247,26 +246,26 @@ impl CsvFeatureSource {
             let message = format!("line {}: {count} columns without a header", self.row_line);
             return Err(Error::bad_input(message).remedy("add a header line such as x,y,z,id"));
         }
-        let there = |at: usize| (at < count).then_some(at);
-        self.columns = CsvColumns { x: 0, y: 1, z: there(2), m: there(3), ..CsvColumns::default() };
+        let (z, m) = ((count > 2).then_some(2), (count > 3).then_some(3));
+        self.columns = CsvColumns { x: 0, y: 1, z, m, ..CsvColumns::default() };
         Ok(())
     }
 
     fn name_columns(&mut self, names: &[String]) -> Result<()> {
-        let find = |known: &[&str]| {
+        let [x, y, z, m, id, part] = [X, Y, Z, M, ID, PART].map(|known| {
             known.iter().find_map(|known| names.iter().position(|name| name == known))
-        };
-        let (Some(x), Some(y)) = (find(X), find(Y)) else {
+        });
+        let (Some(x), Some(y)) = (x, y) else {
             let found = names.join(", ").chars().take(200).collect::<String>();
             let message =
                 format!("line {}: columns x and y are missing; found {found:?}", self.row_line);
             return Err(Error::bad_input(message).remedy("name them x and y, or lon and lat"));
         };
-        let (z, m, id, part) = (find(Z), find(M), find(ID), find(PART));
         let known = [Some(x), Some(y), z, m, id, part];
         let others = (0..names.len()).filter(|at| !known.contains(&Some(*at)));
-        let original = |at| self.row.get(at).map(|name| (at, name.trim().into()));
-        let properties = others.filter_map(original).collect();
+        // Property names keep their case, unlike `names`.
+        let properties =
+            others.filter_map(|at| self.row.get(at).map(|name| (at, name.trim().into()))).collect();
         if names[x].starts_with("lon") && self.layer.crs.is_unknown() {
             self.layer.crs = crs::wgs84();
             self.notes
@@ -438,12 +437,6 @@ impl CsvFeatureSource {
 
     /// Properties of the first row of a feature.
     fn properties(&self) -> FeatureProperties {
-        let value = |text: &str| match (text.parse(), decimal::whole(text.as_bytes())) {
-            _ if text.is_empty() => PropertyValue::Null,
-            (Ok(whole), _) => PropertyValue::Int(whole),
-            (_, Some(real)) if real.is_finite() && text.trim() == text => PropertyValue::Real(real),
-            _ => PropertyValue::Text(text.to_owned()),
-        };
         let named = self.columns.properties.iter();
         let named = named.map(|(at, name)| (name.clone(), value(self.row.value(*at))));
         FeatureProperties(named.collect())
@@ -452,13 +445,15 @@ impl CsvFeatureSource {
     fn position(&self, to: &mut CoordinateSequence) -> Result<()> {
         let CsvColumns { x, y, z, m, .. } = self.columns;
         let (x, y) = (self.number("x", x)?, self.number("y", y)?);
-        let there = |at: Option<usize>| {
-            at.filter(|at| self.row.get(*at).is_some_and(|cell| !cell.trim().is_empty()))
-        };
-        let z = there(z).map(|at| self.number("z", at)).transpose()?;
-        let m = there(m).map(|at| self.number("m", at)).transpose()?;
-        to.push([x, y], z, m);
+        to.push([x, y], self.optional_number("z", z)?, self.optional_number("m", m)?);
         Ok(())
+    }
+
+    /// The number in a column, if there is one; `None` for an empty cell.
+    fn optional_number(&self, name: &str, column: Option<usize>) -> Result<Option<f64>> {
+        let column =
+            column.filter(|at| self.row.get(*at).is_some_and(|cell| !cell.trim().is_empty()));
+        column.map(|at| self.number(name, at)).transpose()
     }
 
     fn number(&self, name: &str, at: usize) -> Result<f64> {
@@ -476,6 +471,16 @@ impl CsvFeatureSource {
 
     fn bad(&self, message: impl std::fmt::Display) -> Error {
         Error::bad_input(message.to_string()).at(format!("line {}", self.row_line))
+    }
+}
+
+/// The value of a cell: whole numbers, other finite numbers, or text.
+fn value(text: &str) -> PropertyValue {
+    match (text.parse(), decimal::whole(text.as_bytes())) {
+        _ if text.is_empty() => PropertyValue::Null,
+        (Ok(whole), _) => PropertyValue::Int(whole),
+        (_, Some(real)) if real.is_finite() && text.trim() == text => PropertyValue::Real(real),
+        _ => PropertyValue::Text(text.to_owned()),
     }
 }
 

@@ -251,11 +251,10 @@ impl CsvRowWriter {
 
 /// Appends a cell, quoted if necessary (RFC 4180; also a leading # and surrounding white space).
 fn push_cell(cell: &[u8], text: &mut Vec<u8>) {
-    let is_special = |byte| matches!(byte, b',' | b'"' | b'\n' | b'\r' | b';' | b'\t');
+    let has_special =
+        cell.iter().any(|byte| matches!(byte, b',' | b'"' | b'\n' | b'\r' | b';' | b'\t'));
     let is_trimmed = String::from_utf8_lossy(cell).trim().len() == cell.len();
-    let is_plain =
-        is_trimmed && !cell.starts_with(b"#") && !cell.iter().any(|&byte| is_special(byte));
-    if is_plain {
+    if is_trimmed && !cell.starts_with(b"#") && !has_special {
         text.extend_from_slice(cell);
         return;
     }

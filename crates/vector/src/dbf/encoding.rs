@@ -22,9 +22,9 @@ impl TextEncoding {
     /// of the table header.
     pub(super) fn find(path: &Path, driver: u8) -> Self {
         let names = ["cpg", "CPG", "cst"].map(|ending| path.with_extension(ending));
-        let is_small = |path: &Path| std::fs::metadata(path).is_ok_and(|m| m.len() <= 256);
-        let text = names.iter().filter(|path| is_small(path)).find_map(|p| std::fs::read(p).ok());
-        match text {
+        let mut small =
+            names.iter().filter(|path| std::fs::metadata(path).is_ok_and(|file| file.len() <= 256));
+        match small.find_map(|path| std::fs::read(path).ok()) {
             Some(text) => Self::by_name(String::from_utf8_lossy(&text).trim()),
             None => match driver {
                 0 => Self::Unknown,
@@ -47,8 +47,10 @@ impl TextEncoding {
         let number = plain.trim_start_matches(|c: char| c.is_ascii_alphabetic());
         let labels = [name, &plain, &format!("cp{number}"), &format!("iso{number}")]
             .map(|label| encoding_rs::Encoding::for_label(label.as_bytes()));
-        let other = || Self::Other(name.chars().take(40).collect());
-        labels.into_iter().flatten().next().map_or_else(other, Self::Known)
+        match labels.into_iter().flatten().next() {
+            Some(encoding) => Self::Known(encoding),
+            None => Self::Other(name.chars().take(40).collect()),
+        }
     }
 
     /// Decodes bytes.

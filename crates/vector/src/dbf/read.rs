@@ -143,21 +143,25 @@ fn field(description: &[u8; 32], encoding: &TextEncoding) -> Result<FieldDefinit
     Ok(FieldDefinition { name, kind, width: Some(width), decimals: Some(decimals) })
 }
 
+fn is_blank(byte: u8) -> bool {
+    matches!(byte, b' ' | 0)
+}
+
+fn wrong(bytes: &[u8], what: &str) -> Error {
+    let text: String = String::from_utf8_lossy(bytes).chars().take(40).collect();
+    Error::bad_input(format!("{text:?} is not a {what}"))
+}
+
 fn value(
     field: &FieldDefinition,
     kind: u8,
     bytes: &[u8],
     encoding: &TextEncoding,
 ) -> Result<PropertyValue> {
-    let blank = |byte: &u8| matches!(byte, b' ' | 0);
-    let end = bytes.iter().rposition(|byte| !blank(byte)).map_or(0, |last| last + 1);
+    let end = bytes.iter().rposition(|byte| !is_blank(*byte)).map_or(0, |last| last + 1);
     // Numbers are right-aligned, text left-aligned.
     let bytes = &bytes[..end];
-    let plain = &bytes[bytes.iter().take_while(|byte| blank(byte)).count()..];
-    let wrong = |what: &str| {
-        let text: String = String::from_utf8_lossy(plain).chars().take(40).collect();
-        Error::bad_input(format!("{text:?} is not a {what}"))
-    };
+    let plain = &bytes[bytes.iter().take_while(|byte| is_blank(**byte)).count()..];
     match kind {
         b'C' if bytes.is_empty() => Ok(PropertyValue::Null),
         b'C' => Ok(PropertyValue::Text(encoding.text(bytes)?.into_owned())),
@@ -165,17 +169,17 @@ fn value(
             b"T" | b"t" | b"Y" | b"y" | b"1" => Ok(PropertyValue::Bool(true)),
             b"F" | b"f" | b"N" | b"n" | b"0" => Ok(PropertyValue::Bool(false)),
             b"" | b"?" => Ok(PropertyValue::Null),
-            _ => Err(wrong("logical value")),
+            _ => Err(wrong(plain, "logical value")),
         },
         b'D' => match plain {
             b"" | b"00000000" => Ok(PropertyValue::Null),
             _ => date(plain).map(PropertyValue::Date).ok_or_else(|| {
-                wrong("valid date (YYYYMMDD)").remedy("correct the date, or clear the field")
+                wrong(plain, "valid date (YYYYMMDD)").remedy("correct the date, or clear the field")
             }),
         },
         // dBASE writes asterisks for numbers that do not fit.
         _ if plain.iter().all(|&byte| byte == b'*') => Ok(PropertyValue::Null),
-        _ => number(plain, field.kind).ok_or_else(|| wrong("number")),
+        _ => number(plain, field.kind).ok_or_else(|| wrong(plain, "number")),
     }
 }
 

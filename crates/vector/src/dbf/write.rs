@@ -63,20 +63,26 @@ impl DbfTablePlan {
 
 /// A unique field name of at most ten bytes.
 fn unique(name: &str, fields: &[FieldPlan]) -> Result<String> {
-    let is_free = |name: &str| !fields.iter().any(|field| field.name.eq_ignore_ascii_case(name));
-    let cut = |most: usize| {
-        let ends = name.char_indices().map(|(at, c)| at + c.len_utf8());
-        &name[..ends.take_while(|&end| end <= most).last().unwrap_or(0)]
-    };
-    let names = std::iter::once(cut(10).to_owned()).chain(
-        (1..10_000).map(|n| format!("_{n}")).map(|tail| format!("{}{tail}", cut(10 - tail.len()))),
-    );
-    names.into_iter().find(|name| is_free(name) && !name.is_empty()).ok_or_else(|| {
+    let numbered = (1..10_000).map(|n| {
+        let tail = format!("_{n}");
+        format!("{}{tail}", truncated(name, 10 - tail.len()))
+    });
+    let mut names = std::iter::once(truncated(name, 10).to_owned()).chain(numbered);
+    let free = names.find(|name| {
+        !name.is_empty() && !fields.iter().any(|field| field.name.eq_ignore_ascii_case(name))
+    });
+    free.ok_or_else(|| {
         Error::new(
             ErrorKind::CannotWrite,
             format!("no unique field name of 10 bytes is available for {name:?}"),
         )
     })
+}
+
+/// The characters of a name that fit in `max` bytes.
+fn truncated(name: &str, max: usize) -> &str {
+    let ends = name.char_indices().map(|(at, c)| at + c.len_utf8());
+    &name[..ends.take_while(|&end| end <= max).last().unwrap_or(0)]
 }
 
 fn plan(column: &FeatureColumn, name: String) -> Result<FieldPlan> {

@@ -91,10 +91,11 @@ fn column_of(view: FlatbufferTable<'_>) -> Result<(FieldDefinition, u8)> {
     let name = view.text(schema::COLUMN_NAME)?;
     let name = name.ok_or_else(|| Error::bad_input("column without a name"))?;
     let code = view.u8(schema::COLUMN_TYPE)?;
-    let number = |slot: usize| -> Result<Option<u32>> {
-        Ok(view.number(slot)?.map(i32::from_le_bytes).and_then(|n| u32::try_from(n).ok()))
-    };
-    let (width, decimals) = (number(schema::COLUMN_WIDTH)?, number(schema::COLUMN_SCALE)?);
+    let [width, decimals] =
+        [schema::COLUMN_WIDTH, schema::COLUMN_SCALE].map(|slot| view.number(slot));
+    // Negative numbers stand for unknown ones.
+    let [width, decimals] = [width?, decimals?]
+        .map(|number| number.and_then(|n| u32::try_from(i32::from_le_bytes(n)).ok()));
     Ok((FieldDefinition { name: name.into(), kind: value::kind_of(code)?, width, decimals }, code))
 }
 

@@ -66,11 +66,11 @@ pub(super) fn properties(
     Ok((found, has_binary))
 }
 
+fn real(value: f64) -> PropertyValue {
+    if value.is_finite() { PropertyValue::Real(value) } else { PropertyValue::Null }
+}
+
 fn value(code: u8, bytes: &mut RecordBytes<'_>) -> Result<PropertyValue> {
-    let real = |value: f64| match value.is_finite() {
-        true => PropertyValue::Real(value),
-        false => PropertyValue::Null,
-    };
     Ok(match code {
         0 => PropertyValue::Int(i8::from_le_bytes(bytes.array()?).into()),
         1 => PropertyValue::Int(bytes.u8()?.into()),

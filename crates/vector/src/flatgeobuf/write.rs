@@ -11,7 +11,7 @@ use crate::feature::{Feature, FieldKind, JsonMember, LayerHeader};
 use crate::geometry::{CoordinateSequence, Geometry, GeometryType};
 use crate::out::VectorOutputFile;
 use crate::sink::{FeatureSink, VectorWriteOptions, WrittenFeatures};
-use crate::table::{FeatureColumn, FeatureRow, FeatureTable};
+use crate::table::{FeatureColumn, FeatureRow, FeatureRows, FeatureTable};
 use crate::tree::{Bounds, NODE, NOTHING, PackedRTree, around, hilbert_order};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Crs;
@@ -59,15 +59,9 @@ impl FeatureSink for FlatGeobufSink {
     fn finish(self: Box<Self>, _: &[JsonMember]) -> Result<WrittenFeatures> {
         let this = *self;
         let mut rows = this.table.finish()?;
-        let too_large = |message: &str| {
-            Error::new(ErrorKind::CannotWrite, message)
-                .in_file(&this.path)
-                .remedy("write GeoJSON, or split the output")
-        };
         if u32::try_from(rows.len()).is_err() || rows.columns.len() > usize::from(u16::MAX) {
-            return Err(too_large(
-                "number of features or properties exceeds the limits of FlatGeobuf",
-            ));
+            let message = "number of features or properties exceeds the limits of FlatGeobuf";
+            return Err(too_large(&this.path, message));
         }
         let form = this.shape.form();
         rows.notes.extend(this.shape.notes());
@@ -86,19 +80,15 @@ impl FeatureSink for FlatGeobufSink {
             is_indexed,
             crs: &this.crs,
         };
-        let header =
-            head.bytes().ok_or_else(|| too_large("header exceeds the limits of FlatGeobuf"))?;
+        let header = head
+            .bytes()
+            .ok_or_else(|| too_large(&this.path, "header exceeds the limits of FlatGeobuf"))?;
         let mut out = this.out;
         let kinds: Vec<FieldKind> =
             rows.columns.iter().map(|column| column.kind.unwrap_or(FieldKind::Text)).collect();
         // Feature offsets precede the features: each feature is encoded twice to get its length, which needs
         // less memory than keeping them all.
-        let mut encode = |row: u32| -> Result<Vec<u8>> {
-            let bytes = feature(&rows.get(row as usize)?, &kinds, form);
-            bytes.ok_or_else(|| {
-                too_large("feature exceeds 4 GiB").at(format!("feature {}", row + 1))
-            })
-        };
+        let encoder = RowEncoder { path: &this.path, kinds: &kinds, form };
         out.buffer.extend_from_slice(&MAGIC);
         out.buffer.extend_from_slice(&header);
         if is_indexed {
@@ -106,7 +96,7 @@ impl FeatureSink for FlatGeobufSink {
             let mut places = Vec::with_capacity(order.len());
             for &row in &order {
                 places.push(place);
-                place += encode(row)?.len() as u64;
+                place += encoder.encode(&mut rows, row)?.len() as u64;
             }
             let bounds: Vec<Bounds> = order.iter().map(|&row| this.bounds[row as usize]).collect();
             for (bounds, to, is_leaf) in PackedRTree::new(&bounds).nodes() {
@@ -117,7 +107,7 @@ impl FeatureSink for FlatGeobufSink {
             }
         }
         for &row in &order {
-            let bytes = encode(row)?;
+            let bytes = encoder.encode(&mut rows, row)?;
             out.buffer.extend_from_slice(&bytes);
             out.settle()?;
         }
@@ -125,6 +115,28 @@ impl FeatureSink for FlatGeobufSink {
         let features = order.len() as u64;
         let notes = [crs::notes(&this.crs), std::mem::take(&mut rows.notes)].concat();
         Ok(WrittenFeatures { features, bytes, files: vec![path], notes })
+    }
+}
+
+fn too_large(path: &Path, message: &str) -> Error {
+    Error::new(ErrorKind::CannotWrite, message)
+        .in_file(path)
+        .remedy("write GeoJSON, or split the output")
+}
+
+/// Encodes the rows of a table as features.
+struct RowEncoder<'a> {
+    path: &'a Path,
+    kinds: &'a [FieldKind],
+    form: FlatGeobufGeometryType,
+}
+
+impl RowEncoder<'_> {
+    fn encode(&self, rows: &mut FeatureRows, row: u32) -> Result<Vec<u8>> {
+        let bytes = feature(&rows.get(row as usize)?, self.kinds, self.form);
+        bytes.ok_or_else(|| {
+            too_large(self.path, "feature exceeds 4 GiB").at(format!("feature {}", row + 1))
+        })
     }
 }
 
@@ -176,16 +188,18 @@ impl GeometryTally {
     /// heights.
     fn form(&self) -> FlatGeobufGeometryType {
         let (has_z, has_m) = (self.with_z > 0, self.with_m > 0);
-        let found = || {
-            GeometryType::ALL.into_iter().filter(|&k| k != GeometryType::Null && self.count(k) > 0)
-        };
-        let mut kind = found().next().unwrap_or_default();
+        let present: Vec<GeometryType> = GeometryType::ALL
+            .into_iter()
+            .filter(|&k| k != GeometryType::Null && self.count(k) > 0)
+            .collect();
+        let mut kind = present.first().copied().unwrap_or_default();
         if has_z || has_m {
-            kind = found().find(|k| several(*k) == *k).unwrap_or(kind);
+            kind = present.iter().copied().find(|k| several(*k) == *k).unwrap_or(kind);
         }
-        let is_one = |k: GeometryType| k == kind || ((has_z || has_m) && several(k) == kind);
+        let is_uniform =
+            present.iter().all(|&k| k == kind || ((has_z || has_m) && several(k) == kind));
         FlatGeobufGeometryType {
-            kind: if found().all(is_one) { kind } else { GeometryType::Null },
+            kind: if is_uniform { kind } else { GeometryType::Null },
             has_z,
             has_m,
         }
@@ -390,9 +404,9 @@ fn parts(
     kind: GeometryType,
     count: usize,
 ) -> Vec<usize> {
-    let none = || FlatbufferField::None;
-    let code = FlatbufferField::U8(code_of(kind));
-    let slots = [none(), none(), none(), none(), none(), none(), code, FlatbufferField::Link];
+    let mut slots = [const { FlatbufferField::None }; 8];
+    slots[schema::GEOMETRY_KIND] = FlatbufferField::U8(code_of(kind));
+    slots[schema::GEOMETRY_PARTS] = FlatbufferField::Link;
     let (table, places) = build.table(&slots);
     build.link(place, table);
     build.links(places[schema::GEOMETRY_PARTS], count)
@@ -430,13 +444,15 @@ fn put_leaf(
         build.list(places[schema::GEOMETRY_ENDS], ends.len(), 4, bytes);
     }
     build.numbers(places[schema::GEOMETRY_XY], from.xy[start..end].as_flattened());
-    let mut values = |is_there: bool, slot: usize, values: &[f64]| match values.is_empty() {
-        _ if !is_there => {}
-        true => build.numbers(places[slot], &vec![f64::NAN; end - start]),
-        false => build.numbers(places[slot], &values[start..end]),
-    };
-    values(form.has_z, schema::GEOMETRY_Z, &from.z);
-    values(form.has_m, schema::GEOMETRY_M, &from.m);
+    for (is_stored, slot, values) in
+        [(form.has_z, schema::GEOMETRY_Z, &from.z), (form.has_m, schema::GEOMETRY_M, &from.m)]
+    {
+        match values.is_empty() {
+            _ if !is_stored => {}
+            true => build.numbers(places[slot], &vec![f64::NAN; end - start]),
+            false => build.numbers(places[slot], &values[start..end]),
+        }
+    }
 }
 
 #[cfg(test)]

@@ -112,11 +112,14 @@ fn value(token: JsonToken<'_>) -> PropertyValue {
         JsonToken::Nested(json) => PropertyValue::Json(compact(json)),
         JsonToken::Number(text) => {
             let is_whole = !text.contains(['.', 'e', 'E']) && text != "-0";
-            let whole = text.parse().ok().filter(|_| is_whole).map(PropertyValue::Int);
-            let real = || decimal::whole(text.as_bytes()).filter(|v| !is_whole && v.is_finite());
-            whole
-                .or_else(|| real().map(PropertyValue::Real))
-                .unwrap_or_else(|| PropertyValue::Json(text.to_owned()))
+            let value = match is_whole {
+                true => text.parse().ok().map(PropertyValue::Int),
+                false => decimal::whole(text.as_bytes())
+                    .filter(|value| value.is_finite())
+                    .map(PropertyValue::Real),
+            };
+            // A number that neither type can store keeps its digits.
+            value.unwrap_or_else(|| PropertyValue::Json(text.to_owned()))
         }
     }
 }

@@ -56,6 +56,6 @@ fn sniff_lines(head: &[u8]) -> bool {
         return true;
     }
     let mut lines = head.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);
-    let is_whole = |line: &[u8]| line.starts_with(b"{") && line.ends_with(b"}");
-    lines.next().is_some_and(is_whole) && lines.next().is_some_and(|next| next.starts_with(b"{"))
+    lines.next().is_some_and(|line| line.starts_with(b"{") && line.ends_with(b"}"))
+        && lines.next().is_some_and(|next| next.starts_with(b"{"))
 }

@@ -132,6 +132,12 @@ impl GpxSource {
         Ok(Feature { properties, geometry, ..Feature::default() })
     }
 
+    fn degrees(&self, tag: &XmlStartTag, name: &str) -> Result<f64> {
+        let value = tag.value(name)?.and_then(|text| decimal::whole(text.as_bytes()));
+        let value = value.filter(|value| value.is_finite());
+        value.ok_or_else(|| self.bad("point without numeric lat and lon"))
+    }
+
     /// The content of a point element; child texts become properties if `properties` is given.
     fn point(
         &mut self,
@@ -139,12 +145,7 @@ impl GpxSource {
         to: &mut CoordinateSequence,
         mut properties: Option<&mut FeatureProperties>,
     ) -> Result<()> {
-        let degrees = |name: &str| -> Result<f64> {
-            let value = tag.value(name)?.and_then(|text| decimal::whole(text.as_bytes()));
-            let value = value.filter(|value| value.is_finite());
-            value.ok_or_else(|| self.bad("point without numeric lat and lon"))
-        };
-        let at = [degrees("lon")?, degrees("lat")?];
+        let at = [self.degrees(tag, "lon")?, self.degrees(tag, "lat")?];
         let (mut height, mut moment) = (None, None);
         loop {
             match self.xml.next()? {

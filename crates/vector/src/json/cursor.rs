@@ -190,8 +190,9 @@ impl<'a> JsonCursor<'a> {
 
     fn number(&mut self) -> Result<JsonToken<'a>> {
         let rest = self.rest();
-        let is_part = |b: &&u8| matches!(b, b'0'..=b'9' | b'+' | b'-' | b'.' | b'e' | b'E');
-        let end = rest.iter().take_while(is_part).count();
+        let digits =
+            rest.iter().take_while(|b| matches!(b, b'0'..=b'9' | b'+' | b'-' | b'.' | b'e' | b'E'));
+        let end = digits.count();
         // The number grammar is checked by the JSON library.
         let sound = serde_json::from_slice::<IgnoredAny>(&rest[..end]).is_ok();
         match std::str::from_utf8(&rest[..end]) {

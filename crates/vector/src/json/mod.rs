@@ -17,13 +17,15 @@ pub(super) fn push_text(text: &str, out: &mut Vec<u8>) {
 /// `json` without white space between tokens, on one line.
 pub(super) fn compact(json: &str) -> String {
     let (mut quoted, mut escaped) = (false, false);
-    let keep = |&c: &char| {
-        let stays = quoted || !matches!(c, ' ' | '\t' | '\n' | '\r');
+    let mut out = String::with_capacity(json.len());
+    for c in json.chars() {
+        if quoted || !matches!(c, ' ' | '\t' | '\n' | '\r') {
+            out.push(c);
+        }
         quoted ^= c == '"' && !escaped;
         escaped = c == '\\' && !escaped && quoted;
-        stays
-    };
-    json.chars().filter(keep).collect()
+    }
+    out
 }
 
 #[cfg(test)]

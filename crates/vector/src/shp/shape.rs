@@ -1,6 +1,6 @@
 //! Decoding and encoding of shape records.
 
-use crate::geometry::{CoordinateSequence, Geometry, GeometryPart, GeometryType, PartRole};
+use crate::geometry::{CoordinateSequence, Geometry, GeometryType, PartRole};
 use crate::pages::RecordBytes;
 use crate::rings;
 use crate::tree::{Bounds, NOTHING};
@@ -189,9 +189,6 @@ pub(super) fn encode(geometry: &Geometry, kind: ShapefileType, out: &mut Vec<u8>
     let CoordinateSequence { xy, z, m, ends, .. } = turned.as_ref().unwrap_or(coordinates);
     out.extend_from_slice(&kind.code().to_le_bytes());
     if kind.base != ShapeType::Point {
-        let count = |n: usize| {
-            u32::try_from(n).ok().filter(|n| i32::try_from(*n).is_ok()).ok_or_else(too_large)
-        };
         put(&geometry.bounds().unwrap_or(NOTHING), out);
         if kind.base != ShapeType::MultiPoint {
             out.extend_from_slice(&count(ends.len())?.to_le_bytes());
@@ -238,6 +235,11 @@ fn put_values(values: &[f64], count: usize, none: f64, with_range: bool, out: &m
     }
 }
 
+/// A count as stored: signed, in 32 bits.
+fn count(n: usize) -> Result<u32> {
+    i32::try_from(n).map(i32::cast_unsigned).map_err(|_| too_large())
+}
+
 /// The lowest and the highest value.
 pub(super) fn range(values: &[f64]) -> Option<(f64, f64)> {
     let there = values.iter().filter(|value| !value.is_nan());
@@ -249,12 +251,12 @@ pub(super) fn range(values: &[f64]) -> Option<(f64, f64)> {
 
 /// The coordinates with rings oriented as shapefiles require; `None` if they already are.
 fn turned(geometry: &Geometry) -> Option<CoordinateSequence> {
-    let is_wrong = |part: &GeometryPart<'_>| match part.role {
+    let wrong = geometry.parts().map(|part| match part.role {
         PartRole::Line => false,
         PartRole::Outer => rings::area(part.xy) > 0.0,
         PartRole::Hole => rings::area(part.xy) < 0.0,
-    };
-    let wrong: Vec<bool> = geometry.parts().map(|part| is_wrong(&part)).collect();
+    });
+    let wrong: Vec<bool> = wrong.collect();
     if !wrong.contains(&true) {
         return None;
     }

@@ -78,19 +78,14 @@ impl FeatureSink for ShapefileSink {
         dbf::write(&mut self.table, &plan, records, |at| Ok(rows.get(at as usize)?.values))
             .map_err(in_file)?;
         self.encoding.buffer.extend_from_slice(b"UTF-8");
-        let mut files = Vec::new();
-        let mut bytes = 0;
-        let mut add = |(path, more): (PathBuf, u64)| {
-            files.push(path);
-            bytes += more;
-        };
         self.prj.commit()?;
-        self.prj.place().into_iter().for_each(&mut add);
+        let mut committed = Vec::from_iter(self.prj.place());
         // The .shp is committed last: if it exists, so do the others.
         for out in [self.encoding, self.table, self.places, self.shapes] {
-            add(out.commit()?);
+            committed.push(out.commit()?);
         }
-        files.reverse();
+        let bytes = committed.iter().map(|(_, bytes)| bytes).sum();
+        let files = committed.into_iter().rev().map(|(path, _)| path).collect();
         Ok(WrittenFeatures { features: records.into(), bytes, files, notes })
     }
 }
@@ -137,9 +132,9 @@ fn write_shapes(
     let mut shape = Vec::new();
     for row in 0..rows.len() {
         let geometry = rows.get(row)?.geometry;
-        let place = |e: Error| e.at(format!("feature {}", row + 1));
         shape.clear();
-        shape::encode(&geometry, kind, &mut shape).map_err(place)?;
+        shape::encode(&geometry, kind, &mut shape)
+            .map_err(|e| e.at(format!("feature {}", row + 1)))?;
         bounds = shape::union(bounds, &geometry);
         z = joined(z, shape::range(&geometry.coordinates().z));
         m = joined(m, shape::range(&geometry.coordinates().m));

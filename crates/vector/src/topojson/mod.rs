@@ -28,8 +28,12 @@ pub(super) const FORMAT: VectorFormat = VectorFormat {
 
 fn sniff(head: &[u8]) -> bool {
     let head = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head).trim_ascii_start();
-    let says = |word: &[u8]| head.windows(word.len()).any(|some| some == word);
     head.starts_with(b"{")
-        && !says(b"\"FeatureCollection\"")
-        && (says(b"\"Topology\"") || (says(b"\"arcs\"") && !says(b"\"geometry\"")))
+        && !contains(head, b"\"FeatureCollection\"")
+        && (contains(head, b"\"Topology\"")
+            || (contains(head, b"\"arcs\"") && !contains(head, b"\"geometry\"")))
+}
+
+fn contains(text: &[u8], word: &[u8]) -> bool {
+    text.windows(word.len()).any(|window| window == word)
 }

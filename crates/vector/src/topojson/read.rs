@@ -114,11 +114,14 @@ fn read_transform(cursor: &mut JsonCursor<'_>) -> Result<TopoJsonTransform> {
         return Err(cursor.bad("transform is not an object"));
     };
     let value: serde_json::Value = serde_json::from_str(json).unwrap_or_default();
-    let pair = |name: &str| Some([value[name][0].as_f64()?, value[name][1].as_f64()?]);
-    match (pair("scale"), pair("translate")) {
-        (Some(scale), Some(translate)) => Ok(TopoJsonTransform { scale, translate }),
+    match ["scale", "translate"].map(|name| number_pair(&value[name])) {
+        [Some(scale), Some(translate)] => Ok(TopoJsonTransform { scale, translate }),
         _ => Err(Error::bad_input(format!("byte {start}: transform lacks scale or translate"))),
     }
+}
+
+fn number_pair(value: &serde_json::Value) -> Option<[f64; 2]> {
+    Some([value[0].as_f64()?, value[1].as_f64()?])
 }
 
 /// Byte ranges of the features of an object: the members of a collection, or the object itself.

@@ -37,18 +37,21 @@ struct WktSource {
 /// Geometry type of a keyword, and its Z and M suffixes ("POINTZM"). LINEARRING is read as a line.
 pub(super) fn keyword(word: &str) -> Option<(GeometryType, Option<WktDimensions>)> {
     let upper = word.to_ascii_uppercase();
-    let known = |word: &str| match word {
-        "LINEARRING" => Some(GeometryType::LineString),
-        _ => GeometryType::by_name(word).filter(|kind| *kind != GeometryType::Null),
-    };
-    if let Some(kind) = known(&upper) {
+    if let Some(kind) = kind_of(&upper) {
         return Some((kind, None));
     }
     let tails = [("ZM", true, true), ("Z", true, false), ("M", false, true)];
     tails.into_iter().find_map(|(tail, has_z, has_m)| {
-        let kind = known(upper.strip_suffix(tail)?)?;
+        let kind = kind_of(upper.strip_suffix(tail)?)?;
         Some((kind, Some(WktDimensions { has_z, has_m })))
     })
+}
+
+fn kind_of(word: &str) -> Option<GeometryType> {
+    match word {
+        "LINEARRING" => Some(GeometryType::LineString),
+        _ => GeometryType::by_name(word).filter(|kind| *kind != GeometryType::Null),
+    }
 }
 
 /// Dimensions after x and y.

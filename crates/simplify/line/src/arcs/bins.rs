@@ -88,17 +88,19 @@ impl PositionBins {
     /// Indices of positions with a different one within `reach`, which is at most the `side` of the cells;
     /// ascending.
     pub(super) fn close(&self, points: &[Xy], reach: f64) -> Vec<u32> {
-        let near = |p: Xy, q: Xy| p != q && within(p, q, reach);
-        let has_near = |&v: &u32| {
-            let p = points[v as usize];
-            let [low, high] = [-reach, reach].map(|by| self.column_row([p[0] + by, p[1] + by]));
-            (low[1]..=high[1]).any(|row| {
-                let first = self.starts[row * self.size[0] + low[0]] as usize;
-                let end = self.starts[row * self.size[0] + high[0] + 1] as usize;
-                self.order[first..end].iter().any(|&o| near(p, points[o as usize]))
-            })
-        };
-        (0..points.len() as u32).filter(has_near).collect()
+        (0..points.len() as u32).filter(|&v| self.has_near(points, v, reach)).collect()
+    }
+
+    #[inline]
+    fn has_near(&self, points: &[Xy], v: u32, reach: f64) -> bool {
+        let p = points[v as usize];
+        let [low, high] = [-reach, reach].map(|by| self.column_row([p[0] + by, p[1] + by]));
+        (low[1]..=high[1]).any(|row| {
+            let first = self.starts[row * self.size[0] + low[0]] as usize;
+            let end = self.starts[row * self.size[0] + high[0] + 1] as usize;
+            let mut others = self.order[first..end].iter().map(|&o| points[o as usize]);
+            others.any(|q| p != q && within(p, q, reach))
+        })
     }
 }
 

@@ -104,8 +104,8 @@ impl<'a> ArcCutter<'a> {
     fn scan(&mut self, part: usize) {
         let is_ring = self.take(part);
         let Some(last) = self.part.len().checked_sub(1) else { return };
-        let beyond = |v: u32| if is_ring { v } else { END };
-        let (mut before, first) = (beyond(self.part[last]), beyond(self.part[0]));
+        let (mut before, first) =
+            if is_ring { (self.part[last], self.part[0]) } else { (END, END) };
         for i in 0..=last {
             let at = self.part[i];
             let after = if i < last { self.part[i + 1] } else { first };
@@ -150,11 +150,12 @@ impl<'a> ArcCutter<'a> {
 
     /// Rotates a ring to start and end at its first junction, or at its lowest position.
     fn close(&self, ring: &mut Vec<u32>) {
-        let at = |i: usize| self.parts.points[ring[i] as usize];
-        let below = |p: Xy, q: Xy| p[0] < q[0] || (p[0] == q[0] && p[1] < q[1]);
         let junction = ring.iter().position(|&v| self.junction[v as usize]);
         let start = junction.unwrap_or_else(|| {
-            (1..ring.len()).fold(0, |low, i| if below(at(i), at(low)) { i } else { low })
+            (1..ring.len()).fold(0, |low, i| {
+                let [p, q] = [i, low].map(|i| self.parts.points[ring[i] as usize]);
+                if p[0] < q[0] || (p[0] == q[0] && p[1] < q[1]) { i } else { low }
+            })
         });
         ring.rotate_left(start);
         ring.push(ring[0]);

@@ -114,8 +114,8 @@ impl CoverageArcs {
         let range =
             |passage: &ArcPassage| self.starts[passage.arc()]..self.starts[passage.arc() + 1];
         let begin = if first.is_backward() { range(first).end - 1 } else { range(first).start };
-        let is_begin = |at: &u32| own[*at as usize] == self.points[begin];
-        let mut steps = way.iter().position(is_begin).unwrap_or_default();
+        let start = way.iter().position(|at| own[*at as usize] == self.points[begin]);
+        let mut steps = start.unwrap_or_default();
         for (number, passage) in passages.iter().enumerate() {
             let (start, last) = (range(passage).start, range(passage).len() - 1);
             // Where one ends, the next one begins; a ring's first with its last.
@@ -138,8 +138,8 @@ impl CoverageArcs {
 
 /// Indices of a part's vertices, one per run of duplicates, without the closing vertex of a ring.
 fn without_repeats(own: &[Xy], is_ring: bool) -> Vec<u32> {
-    let is_new = |at: &u32| *at == 0 || own[*at as usize] != own[*at as usize - 1];
-    let mut way: Vec<u32> = (0..own.len() as u32).filter(is_new).collect();
+    let mut way: Vec<u32> = (0..own.len() as u32).collect();
+    way.retain(|at| *at == 0 || own[*at as usize] != own[*at as usize - 1]);
     match way[..] {
         [] | [_] => {}
         [.., last] if is_ring && own[last as usize] == own[0] => {

@@ -90,16 +90,12 @@ impl DistanceMetric<LocatedVertex> for GeographicMetric {
     fn reach_most(course: &GeographicSegment, zone: &GeographicBox) -> f64 {
         let q = [0, 1].map(|i| zone.at[i].minus(course.from[i]).times_range(zone.scale[i]));
         let d = [0, 1].map(|i| zone.scale[i].times(course.along[i]));
-        let least = |r: ClosedInterval| larger(larger(r.low, -r.high), 0.0);
-        let length = least(d[0]) * least(d[0]) + least(d[1]) * least(d[1]);
+        let [x, y] = d.map(|range| larger(larger(range.low, -range.high), 0.0));
+        let length = x * x + y * y;
         if length <= 0.0 {
             // No farther than from the beginning, rounding included.
             return (q[0].max_squared() + q[1].max_squared()) * (1.0 + 1e-9);
         }
-        let product = |a: ClosedInterval, b: ClosedInterval| {
-            let (u, v) = (a.times(b.low), a.times(b.high));
-            u.join(v)
-        };
         let cross = product(q[0], d[1]).minus_range(product(q[1], d[0]));
         let along = product(q[0], d[0]).plus_range(product(q[1], d[1]));
         let over = larger(larger(-along.low, along.high - length * course.length), 0.0);
@@ -119,4 +115,9 @@ impl DistanceMetric<LocatedVertex> for GeographicMetric {
     fn coordinates(p: &LocatedVertex) -> [f64; 3] {
         [p.at[0], p.at[1], 0.0]
     }
+}
+
+#[inline(always)]
+fn product(a: ClosedInterval, b: ClosedInterval) -> ClosedInterval {
+    a.times(b.low).join(a.times(b.high))
 }

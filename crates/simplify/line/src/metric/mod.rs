@@ -203,9 +203,13 @@ impl DistanceMetric<Xy> for PlaneMetric {
 /// Cosine of the angle between two vectors; 0 where one has no length.
 #[inline(always)]
 fn cosine<const N: usize>(u: [f64; N], v: [f64; N]) -> f64 {
-    let dot = |u: &[f64; N], v: &[f64; N]| u.iter().zip(v).map(|(a, b)| a * b).sum::<f64>();
     let lengths = (dot(&u, &u) * dot(&v, &v)).sqrt();
     if lengths > 0.0 { dot(&u, &v) / lengths } else { 0.0 }
+}
+
+#[inline(always)]
+fn dot<const N: usize>(u: &[f64; N], v: &[f64; N]) -> f64 {
+    u.iter().zip(v).map(|(a, b)| a * b).sum()
 }
 
 /// The largest squared distance of the vertices of `points` from the segments that join `kept`

@@ -36,12 +36,12 @@ impl PlaneSegment {
 
     /// Largest difference of a coordinate among both ends and a box.
     pub(crate) fn span(&self, around: &PlaneBox) -> f64 {
-        let axis = |range: ClosedInterval, i: usize| {
+        let [x, y] = [(around.x, 0), (around.y, 1)].map(|(range, i)| {
             let range = range.minus(self.from[i]);
             let range = range.join(ClosedInterval::of(0.0)).join(ClosedInterval::of(self.along[i]));
             range.high - range.low
-        };
-        larger(axis(around.x, 0), axis(around.y, 1))
+        });
+        larger(x, y)
     }
 
     /// Part of [`super::DistanceMetric::reach_most`] from vertices beyond an end.
@@ -56,22 +56,22 @@ impl PlaneSegment {
     /// plus `slack`.
     #[inline(always)]
     pub(crate) fn max_across(&self, extremes: &[Xy; 2], slack: f64) -> f64 {
-        let across = |p: &Xy| {
+        let [first, second] = extremes.map(|p| {
             let (q, d) = ([p[0] - self.from[0], p[1] - self.from[1]], self.along);
             ClosedInterval::of(q[0] * d[1] - q[1] * d[0])
-        };
-        wider(across(&extremes[0]).join(across(&extremes[1])), slack).max_squared()
+        });
+        wider(first.join(second), slack).max_squared()
     }
 
     /// Upper bound of the reach from vertices beyond an end, no farther to either end than two vertices, plus
     /// `slack`.
     #[inline(always)]
     pub(crate) fn max_along(&self, extremes: &[Xy; 2], slack: f64) -> f64 {
-        let along = |p: &Xy| {
+        let [first, second] = extremes.map(|p| {
             let (q, d) = ([p[0] - self.from[0], p[1] - self.from[1]], self.along);
             ClosedInterval::of(q[0] * d[0] + q[1] * d[1])
-        };
-        wider(along(&extremes[0]).join(along(&extremes[1])), slack).most_over(self.limit)
+        });
+        wider(first.join(second), slack).most_over(self.limit)
     }
 
     /// Upper bound of vertices in a convex hull whose corners reach at most `reach`: distances are convex, so

@@ -7,7 +7,7 @@ use terrane_base::geom::plane::Xy;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TileRun {
     /// The tile.
-    pub square: u32,
+    pub tile: u32,
     /// First vertex and count; runs of a ring may wrap around.
     pub first: usize,
     /// How many.
@@ -21,20 +21,20 @@ pub struct TileRun {
 pub fn cut(
     part: &[Xy],
     is_ring: bool,
-    squares: &VertexQuadtree,
+    quadtree: &VertexQuadtree,
     place: &mut LastTile,
     runs: &mut Vec<TileRun>,
 ) {
     runs.clear();
-    if squares.count() == 1 {
-        runs.push(TileRun { square: 0, first: 0, count: part.len() });
+    if quadtree.count() == 1 {
+        runs.push(TileRun { tile: 0, first: 0, count: part.len() });
         return;
     }
     for (at, &p) in part.iter().enumerate() {
-        let square = squares.of(p, place).unwrap_or_default();
+        let tile = quadtree.of(p, place).unwrap_or_default();
         match runs.last_mut() {
-            Some(run) if run.square == square => run.count += 1,
-            _ => runs.push(TileRun { square, first: at, count: 1 }),
+            Some(run) if run.tile == tile => run.count += 1,
+            _ => runs.push(TileRun { tile, first: at, count: 1 }),
         }
     }
     if let (true, [first, .., last]) = (is_ring, &mut runs[..]) {
@@ -52,8 +52,8 @@ pub fn cross_overs<'a>(
 ) -> impl Iterator<Item = [Xy; 2]> + 'a {
     let next = runs.iter().skip(1).chain(runs.first().filter(|_| is_ring));
     let count = part.len() - usize::from(is_ring && part.len() > 1);
-    let ends = move |(run, next): (&TileRun, &TileRun)| {
+    let pairs = runs.iter().zip(next).filter(|_| runs.len() > 1);
+    pairs.map(move |(run, next)| {
         [part[(run.first + run.count - 1) % count], part[next.first % count]]
-    };
-    runs.iter().zip(next).filter(|_| runs.len() > 1).map(ends)
+    })
 }

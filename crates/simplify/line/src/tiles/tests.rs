@@ -19,17 +19,17 @@ fn divided(points: &[Xy], most: u64) -> Result<VertexQuadtree, terrane_base::err
     for some in points.chunks(7) {
         census.add(some).unwrap();
     }
-    let mut squares = VertexQuadtree::new(&census, most)?;
-    while let Some(mut finer) = squares.finer() {
+    let mut quadtree = VertexQuadtree::new(&census, most)?;
+    while let Some(mut finer) = quadtree.finer() {
         points.chunks(11).for_each(|some| finer.add(some));
-        squares = VertexQuadtree::refined(finer, &squares)?;
+        quadtree = VertexQuadtree::refined(finer, &quadtree)?;
     }
-    Ok(squares)
+    Ok(quadtree)
 }
 
-fn all_of(points: &[Xy], squares: &VertexQuadtree) -> Vec<u32> {
+fn all_of(points: &[Xy], quadtree: &VertexQuadtree) -> Vec<u32> {
     let mut place = LastTile::default();
-    points.iter().map(|p| squares.of(*p, &mut place).unwrap()).collect()
+    points.iter().map(|p| quadtree.of(*p, &mut place).unwrap()).collect()
 }
 
 /// Largest number of identical positions.
@@ -42,23 +42,23 @@ proptest! {
     #[test]
     fn every_vertex_has_a_square_and_no_square_too_many(points in positions(), most in 2u64..40) {
         let most = most.max(crowd(&points));
-        let squares = divided(&points, most).unwrap();
-        let of = all_of(&points, &squares);
-        let mut counts = vec![0; squares.count()];
-        of.iter().for_each(|square| counts[*square as usize] += 1);
-        for (square, count) in counts.into_iter().enumerate() {
-            prop_assert_eq!(squares.vertices(square), count);
+        let quadtree = divided(&points, most).unwrap();
+        let of = all_of(&points, &quadtree);
+        let mut counts = vec![0; quadtree.count()];
+        of.iter().for_each(|tile| counts[*tile as usize] += 1);
+        for (tile, count) in counts.into_iter().enumerate() {
+            prop_assert_eq!(quadtree.vertices(tile), count);
             prop_assert!(count <= most);
         }
-        prop_assert_eq!(squares.count() == 1, points.len() as u64 <= most);
+        prop_assert_eq!(quadtree.count() == 1, points.len() as u64 <= most);
         // Tiles are disjoint: bounding boxes of their vertices do not intersect.
-        let around = |square: u32| {
-            let own = points.iter().zip(&of).filter(|(_, s)| **s == square).map(|(p, _)| *p);
+        let around = |tile: u32| {
+            let own = points.iter().zip(&of).filter(|(_, s)| **s == tile).map(|(p, _)| *p);
             own.fold([[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]], |[low, high], p| {
                 [[0, 1].map(|i| low[i].min(p[i])), [0, 1].map(|i| high[i].max(p[i]))]
             })
         };
-        let boxes: Vec<_> = (0..squares.count() as u32).map(around).collect();
+        let boxes: Vec<_> = (0..quadtree.count() as u32).map(around).collect();
         for (i, [low, high]) in boxes.iter().enumerate() {
             let meets = |other: &[Xy; 2]| (0..2).all(|k| low[k] <= other[1][k] && other[0][k] <= high[k]);
             prop_assert!(!boxes[..i].iter().any(meets));
@@ -82,16 +82,16 @@ proptest! {
     ) {
         let at = |(x, y): &(i32, i32)| [x, y].map(|c| f64::from(*c) * 256.0);
         let points: Vec<Xy> = cells.iter().map(at).collect();
-        let squares = divided(&points, crowd(&points)).unwrap();
-        prop_assume!(squares.count() > 1);
+        let quadtree = divided(&points, crowd(&points)).unwrap();
+        prop_assume!(quadtree.count() > 1);
         let [a, b] = [ends.0, ends.1].map(|i| points[i % points.len()]);
         let mut found = Vec::new();
-        squares.meeting([a, b], &mut found);
+        quadtree.meeting([a, b], &mut found);
         prop_assert!(found.windows(2).all(|pair| pair[0] < pair[1]));
         for k in 0..=256 {
             let p = [0, 1].map(|i| a[i] + (b[i] - a[i]) / 256.0 * f64::from(k));
-            let square = squares.of(p, &mut LastTile::default()).unwrap();
-            prop_assert!(found.contains(&square), "{p:?} in {square}, not in {found:?}");
+            let tile = quadtree.of(p, &mut LastTile::default()).unwrap();
+            prop_assert!(found.contains(&tile), "{p:?} in {tile}, not in {found:?}");
         }
     }
 
@@ -101,20 +101,20 @@ proptest! {
         if is_ring {
             part.push(part[0]);
         }
-        let squares = divided(&part, 6u64.max(crowd(&part))).unwrap();
-        let of = all_of(&part, &squares);
+        let quadtree = divided(&part, 6u64.max(crowd(&part))).unwrap();
+        let of = all_of(&part, &quadtree);
         let mut runs = Vec::new();
-        cut(&part, is_ring, &squares, &mut LastTile::default(), &mut runs);
+        cut(&part, is_ring, &quadtree, &mut LastTile::default(), &mut runs);
         if runs.len() == 1 {
-            prop_assert_eq!(runs[0], TileRun { square: of[0], first: 0, count: part.len() });
+            prop_assert_eq!(runs[0], TileRun { tile: of[0], first: 0, count: part.len() });
             return Ok(());
         }
         let count = points.len();
         let inside = |run: &TileRun| (run.first..run.first + run.count).map(move |v| v % count);
         let mut seen: Vec<usize> = runs.iter().flat_map(inside).collect();
-        prop_assert!(runs.iter().all(|run| inside(run).all(|v| of[v] == run.square)));
+        prop_assert!(runs.iter().all(|run| inside(run).all(|v| of[v] == run.tile)));
         let next = runs.iter().skip(1).chain(runs.first().filter(|_| is_ring));
-        prop_assert!(runs.iter().zip(next).all(|(run, next)| run.square != next.square));
+        prop_assert!(runs.iter().zip(next).all(|(run, next)| run.tile != next.tile));
         seen.sort_unstable();
         prop_assert_eq!(seen, (0..count).collect::<Vec<_>>());
         let mut found: Vec<[Xy; 2]> = cross_overs(&part, is_ring, &runs).collect();
@@ -129,21 +129,21 @@ proptest! {
 
 #[test]
 fn few_vertices_are_one_square_wherever_they_are() {
-    let squares = divided(&[[1.0, 2.0], [-5.0, 1e9]], 2).unwrap();
-    assert_eq!((squares.count(), squares.vertices(0)), (1, 2));
-    assert_eq!(squares.of([7.0, 7.0], &mut LastTile::default()), Some(0));
+    let quadtree = divided(&[[1.0, 2.0], [-5.0, 1e9]], 2).unwrap();
+    assert_eq!((quadtree.count(), quadtree.vertices(0)), (1, 2));
+    assert_eq!(quadtree.of([7.0, 7.0], &mut LastTile::default()), Some(0));
     assert_eq!(divided(&[], 1).unwrap().count(), 1);
 }
 
 #[test]
 fn a_segment_meets_no_square_beside_it() {
     let corners = [[0.0, 0.0], [100.0, 0.0], [0.0, 100.0], [100.0, 100.0]];
-    let squares = divided(&corners, 1).unwrap();
-    let of = |p: Xy| squares.of(p, &mut LastTile::default()).unwrap();
+    let quadtree = divided(&corners, 1).unwrap();
+    let of = |p: Xy| quadtree.of(p, &mut LastTile::default()).unwrap();
     let [low, east, north, high] = corners.map(of);
     let meets = |a: Xy, b: Xy| {
         let mut found = Vec::new();
-        squares.meeting([a, b], &mut found);
+        quadtree.meeting([a, b], &mut found);
         found
     };
     assert_eq!(meets([10.0, 10.0], [90.0, 10.0]), [low, east]);
@@ -157,8 +157,8 @@ fn a_segment_meets_no_square_beside_it() {
 fn a_crowd_far_from_the_rest_is_divided_by_finer_counts() {
     let mut points = vec![[-1e7, 0.0], [1e7, 3.0]];
     points.extend((0..500).map(|i| [f64::from(i % 25) * 0.01, f64::from(i / 25) * 0.01]));
-    let squares = divided(&points, 20).unwrap();
-    assert!((50..200).contains(&squares.count()), "{}", squares.count());
+    let quadtree = divided(&points, 20).unwrap();
+    assert!((50..200).contains(&quadtree.count()), "{}", quadtree.count());
 }
 
 #[test]
@@ -175,8 +175,8 @@ fn too_many_in_one_place_are_told() {
 #[test]
 fn squares_are_half_open() {
     let corners = [[-100.0, -100.0], [100.0, -100.0], [-100.0, 100.0], [100.0, 100.0]];
-    let squares = divided(&corners, 1).unwrap();
-    let of = |p: Xy| squares.of(p, &mut LastTile::default());
+    let quadtree = divided(&corners, 1).unwrap();
+    let of = |p: Xy| quadtree.of(p, &mut LastTile::default());
     let [low, east, north, high] = corners.map(of);
     assert_eq!(of([0.0, 0.0]), high);
     assert_eq!(of([-f64::MIN_POSITIVE, 0.0]), north);
@@ -189,13 +189,13 @@ fn squares_are_half_open() {
     {
         let mut place = LastTile::default();
         let start = corners[[low, east, north, high].iter().position(|s| *s == from).unwrap()];
-        assert_eq!(squares.of(start, &mut place), from);
-        assert_eq!(squares.of(to, &mut place), of(to));
+        assert_eq!(quadtree.of(start, &mut place), from);
+        assert_eq!(quadtree.of(to, &mut place), of(to));
         assert_ne!(of(to), from);
     }
     let meeting = |a: Xy, b: Xy| {
         let mut found = Vec::new();
-        squares.meeting([a, b], &mut found);
+        quadtree.meeting([a, b], &mut found);
         found
     };
     // A segment that ends on a border intersects the next tile.
@@ -211,7 +211,7 @@ fn squares_are_half_open() {
     assert_eq!(meeting([5.0, 9.0], [0.1, 9.0]), [all[3]]);
     let around = |p: Xy, reach: f64| {
         let mut found = vec![9];
-        squares.around(p, reach, &mut found);
+        quadtree.around(p, reach, &mut found);
         found
     };
     assert_eq!(around([3.0, 5.0], 2.0), all[3..]);
@@ -233,17 +233,17 @@ proptest! {
     /// The previous tile leaves no trace, and close tiles are found.
     #[test]
     fn a_place_is_a_short_cut_only(points in positions(), most in 2u64..40, reach in 0.0..30.0) {
-        let squares = divided(&points, most.max(crowd(&points))).unwrap();
-        let of = all_of(&points, &squares);
+        let quadtree = divided(&points, most.max(crowd(&points))).unwrap();
+        let of = all_of(&points, &quadtree);
         let mut found = Vec::new();
-        for (p, square) in points.iter().zip(&of) {
-            prop_assert_eq!(squares.of(*p, &mut LastTile::default()), Some(*square));
+        for (p, tile) in points.iter().zip(&of) {
+            prop_assert_eq!(quadtree.of(*p, &mut LastTile::default()), Some(*tile));
         }
         let p = points[0];
-        squares.around(p, reach, &mut found);
-        for (q, square) in points.iter().zip(&of).filter(|_| squares.count() > 1) {
+        quadtree.around(p, reach, &mut found);
+        for (q, tile) in points.iter().zip(&of).filter(|_| quadtree.count() > 1) {
             let is_near = (0..2).all(|axis| (p[axis] - q[axis]).abs() <= reach);
-            prop_assert!(!is_near || found.contains(square), "{:?}", q);
+            prop_assert!(!is_near || found.contains(tile), "{:?}", q);
         }
     }
 }
@@ -256,12 +256,12 @@ fn cells_at_both_ends_of_a_grid_are_two() {
             let end = way.map(|c| c * far);
             let points = [&[[0.5, 0.5]; 3][..], &[end; 2], &[way.map(|c| c * 8.0); 2]].concat();
             for most in 3..5 {
-                let squares = divided(&points, most).unwrap();
-                let of = all_of(&points, &squares);
-                for square in 0..squares.count() {
-                    let own = of.iter().filter(|own| **own as usize == square).count() as u64;
+                let quadtree = divided(&points, most).unwrap();
+                let of = all_of(&points, &quadtree);
+                for tile in 0..quadtree.count() {
+                    let own = of.iter().filter(|own| **own as usize == tile).count() as u64;
                     assert!(own <= most, "{far} {way:?}");
-                    assert_eq!(squares.vertices(square), own, "{far} {way:?}");
+                    assert_eq!(quadtree.vertices(tile), own, "{far} {way:?}");
                 }
             }
         }
@@ -281,8 +281,8 @@ fn counts_survive_growth() {
         assert_eq!((all.total(), one.total()), (40, 40));
         for most in [2, 10, 39] {
             let of = |census: &VertexHistogram| -> Vec<u64> {
-                let squares = VertexQuadtree::new(census, most).unwrap();
-                (0..squares.count()).map(|square| squares.vertices(square)).collect()
+                let quadtree = VertexQuadtree::new(census, most).unwrap();
+                (0..quadtree.count()).map(|tile| quadtree.vertices(tile)).collect()
             };
             assert_eq!(of(&all), of(&one));
             assert!(most < 39 || of(&all).iter().sum::<u64>() == 40);

@@ -15,7 +15,7 @@ enum QuadtreeNodeState {
     /// Unknown.
     Open,
     /// A tile, by number.
-    Square(u32),
+    Tile(u32),
     /// Divided: index of the first of four consecutive children.
     Divided(u32),
     /// Too many vertices; divided after counting, by index in the crowded cells.
@@ -45,14 +45,20 @@ impl QuadtreeNode {
         (0..2).all(|axis| low[axis] <= p[axis] && p[axis] < high[axis])
     }
 
+    /// Whether the cell has positions within `reach` of `p` in x and in y.
+    fn is_near(&self, p: Xy, reach: f64) -> bool {
+        let (low, high) = (self.low(), self.high());
+        (0..2).all(|axis| low[axis] <= p[axis] + reach && p[axis] - reach < high[axis])
+    }
+
     /// Whether a segment intersects the closed cell. Exact.
     fn meets(&self, [a, b]: [Xy; 2]) -> bool {
         let (low, high) = (self.low(), self.high());
-        let apart = |axis: usize| {
+        let is_apart = (0..2).any(|axis| {
             (a[axis] < low[axis] && b[axis] < low[axis])
                 || (a[axis] > high[axis] && b[axis] > high[axis])
-        };
-        if apart(0) || apart(1) {
+        });
+        if is_apart {
             return false;
         }
         let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
@@ -80,7 +86,7 @@ pub struct VertexQuadtree {
 /// The tile found last, usually the next one as well.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LastTile {
-    square: u32,
+    tile: u32,
     low: Xy,
     high: Xy,
 }
@@ -127,11 +133,11 @@ impl VertexQuadtree {
     ///
     /// # Errors
     /// `Limit` if too many vertices are almost at one position.
-    pub fn refined(finer: RefinedCounts<'_>, squares: &Self) -> Result<Self> {
-        let counts = finer.into_counts(&squares.crowded);
-        let mut all = squares.clone();
+    pub fn refined(finer: RefinedCounts<'_>, quadtree: &Self) -> Result<Self> {
+        let counts = finer.into_counts(&quadtree.crowded);
+        let mut all = quadtree.clone();
         all.crowded.clear();
-        for (at, node) in squares.nodes.iter().enumerate() {
+        for (at, node) in quadtree.nodes.iter().enumerate() {
             if let QuadtreeNodeState::Crowded(crowded) = node.kind {
                 all.divide(vec![at], &counts[crowded as usize])?;
             }
@@ -141,14 +147,14 @@ impl VertexQuadtree {
 
     /// Divides nodes as far as the counts allow.
     fn divide(&mut self, mut open: Vec<usize>, counts: &SummedVertexCounts) -> Result<()> {
-        // Popped from the end in the order of cells, so squares get the numbers that a recursion would give.
+        // Popped from the end in the order of cells, so tiles get the numbers that a recursion would give.
         open.reverse();
         while let Some(at) = open.pop() {
             let QuadtreeNode { cell, level, .. } = self.nodes[at];
             let count = counts.of(cell, level);
             self.nodes[at].kind = if count <= self.most {
                 self.counts.push(count);
-                QuadtreeNodeState::Square(self.counts.len() as u32 - 1)
+                QuadtreeNodeState::Tile(self.counts.len() as u32 - 1)
             } else if level > counts.level {
                 let first = self.nodes.len();
                 for [x, y] in [[0, 0], [1, 0], [0, 1], [1, 1]] {
@@ -184,8 +190,8 @@ impl VertexQuadtree {
     }
 
     /// Number of vertices of a tile.
-    pub fn vertices(&self, square: usize) -> u64 {
-        self.counts[square]
+    pub fn vertices(&self, tile: usize) -> u64 {
+        self.counts[tile]
     }
 
     /// Leaf node of a position.
@@ -214,7 +220,7 @@ impl VertexQuadtree {
     pub fn of(&self, p: Xy, place: &mut LastTile) -> Option<u32> {
         let (low, high) = (place.low, place.high);
         if low[0] <= p[0] && p[0] < high[0] && low[1] <= p[1] && p[1] < high[1] {
-            return Some(place.square);
+            return Some(place.tile);
         }
         self.find(p, place)
     }
@@ -224,19 +230,15 @@ impl VertexQuadtree {
             return Some(0);
         }
         let node = self.leaf(p)?;
-        let QuadtreeNodeState::Square(square) = node.kind else { return None };
-        *place = LastTile { square, low: node.low(), high: node.high() };
-        Some(square)
+        let QuadtreeNodeState::Tile(tile) = node.kind else { return None };
+        *place = LastTile { tile, low: node.low(), high: node.high() };
+        Some(tile)
     }
 
     /// Fills `found` with the tiles of positions within `reach` of `p`, ascending.
     pub fn around(&self, p: Xy, reach: f64, found: &mut Vec<u32>) {
         found.clear();
-        let is_near = |node: &QuadtreeNode| {
-            let (low, high) = (node.low(), node.high());
-            (0..2).all(|axis| low[axis] <= p[axis] + reach && p[axis] - reach < high[axis])
-        };
-        self.find_all(is_near, found);
+        self.find_all(|node| node.is_near(p, reach), found);
     }
 
     /// Fills `found` with the tiles that a segment intersects, borders included, ascending. Exact; O(tiles
@@ -254,7 +256,7 @@ impl VertexQuadtree {
             match node.kind {
                 QuadtreeNodeState::Open | QuadtreeNodeState::Crowded(_) => {}
                 _ if !holds(node) => {}
-                QuadtreeNodeState::Square(square) => found.push(square),
+                QuadtreeNodeState::Tile(tile) => found.push(tile),
                 QuadtreeNodeState::Divided(first) => {
                     open.extend(first as usize..first as usize + 4)
                 }
@@ -267,25 +269,25 @@ impl VertexQuadtree {
 /// Counts in finer cells for tiles with too many vertices. 32 KiB each.
 #[derive(Clone, Debug)]
 pub struct RefinedCounts<'a> {
-    squares: &'a VertexQuadtree,
+    quadtree: &'a VertexQuadtree,
     /// For each crowded cell: the level of its finer cells, and their counts.
     counts: Vec<(i32, Vec<u64>)>,
 }
 
 impl<'a> RefinedCounts<'a> {
-    /// For the crowded cells of `squares`, of these levels.
-    fn new(squares: &'a VertexQuadtree, levels: impl Iterator<Item = i32>) -> Self {
-        let room = |level: i32| {
-            let finer = (level - FINER).max(squares.lowest);
+    /// For the crowded cells of `quadtree`, of these levels.
+    fn new(quadtree: &'a VertexQuadtree, levels: impl Iterator<Item = i32>) -> Self {
+        let counts = levels.map(|level| {
+            let finer = (level - FINER).max(quadtree.lowest);
             (finer, vec![0; 1 << (2 * (level - finer))])
-        };
-        Self { squares, counts: levels.map(room).collect() }
+        });
+        Self { quadtree, counts: counts.collect() }
     }
 
     /// Counts vertices; others are ignored.
     pub fn add(&mut self, points: &[Xy]) {
         for &p in points {
-            if let Some((crowded, level)) = self.squares.crowded_at(p) {
+            if let Some((crowded, level)) = self.quadtree.crowded_at(p) {
                 let (finer, counts) = &mut self.counts[crowded];
                 let side = 1 << (level - *finer);
                 let at = cell(p, *finer).map(|c| c & (side - 1));
@@ -301,8 +303,9 @@ impl<'a> RefinedCounts<'a> {
             let up = level - finer;
             let low = cell.map(|c| c << up);
             let high = low.map(|c| c + (1 << up) - 1);
-            let count = |at: [i64; 2]| counts[(((at[1] - low[1]) << up) + at[0] - low[0]) as usize];
-            SummedVertexCounts::new(finer, [low, high], count)
+            SummedVertexCounts::new(finer, [low, high], |at| {
+                counts[(((at[1] - low[1]) << up) + at[0] - low[0]) as usize]
+            })
         });
         made.collect()
     }

@@ -168,8 +168,10 @@ impl SummedVertexCounts {
     /// Count in a cell of this level or a higher one.
     pub(super) fn of(&self, cell: [i64; 2], level: i32) -> u64 {
         let up = level - self.level;
-        let clamp = |c: i64, axis: usize| (c - self.low[axis]).clamp(0, self.size[axis]);
-        let [low, high] = [0, 1].map(|by| [0, 1].map(|axis| clamp((cell[axis] + by) << up, axis)));
+        let [low, high] = [0, 1].map(|by| {
+            [0, 1]
+                .map(|axis| (((cell[axis] + by) << up) - self.low[axis]).clamp(0, self.size[axis]))
+        });
         let sum = |x: i64, y: i64| self.sums[(y * (self.size[0] + 1) + x) as usize];
         sum(high[0], high[1]) + sum(low[0], low[1]) - sum(low[0], high[1]) - sum(high[0], low[1])
     }

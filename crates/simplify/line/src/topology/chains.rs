@@ -74,8 +74,7 @@ impl Chains<'_> {
         if !ordered || !whole || self.starts.len() != self.closed.len() + 1 {
             return Err(Error::usage("chains are not contiguous"));
         }
-        let sound = |v: f64| v == 0.0 || (LEAST..=MOST).contains(&v.abs());
-        if let Some(at) = self.points.iter().position(|p| !(sound(p[0]) && sound(p[1]))) {
+        if let Some(at) = self.points.iter().position(|p| !p.iter().all(|v| is_measurable(*v))) {
             return Err(Error::bad_input(format!(
                 "position {:?} is not finite, too large or too small",
                 self.points[at]
@@ -83,17 +82,22 @@ impl Chains<'_> {
             .at(format!("vertex {at}"))
             .remedy("remove or repair the vertex"));
         }
-        let open = |&chain: &usize| {
-            let all = &self.points[self.range(chain)];
-            self.closed[chain] && all.first() != all.last()
-        };
-        match (0..self.count()).find(open) {
+        let open = (0..self.count()).find(|&chain| {
+            let points = &self.points[self.range(chain)];
+            self.closed[chain] && points.first() != points.last()
+        });
+        match open {
             Some(chain) => Err(Error::bad_input("a ring is not closed")
                 .at(format!("ring {chain}"))
                 .remedy("repeat its first vertex at the end")),
             None => Ok(()),
         }
     }
+}
+
+/// Whether a coordinate is 0 or in the range of exact tests; false for NaN.
+fn is_measurable(v: f64) -> bool {
+    v == 0.0 || (LEAST..=MOST).contains(&v.abs())
 }
 
 /// Kept vertices of each chain.
@@ -147,20 +151,21 @@ impl RetainedChainVertices {
 
     /// Fails if it is not a subset of `chains`.
     pub(super) fn check(&self, chains: &Chains<'_>) -> Result<()> {
-        let fits = |chain: usize| {
-            let (kept, range) = (self.of(chain), chains.range(chain));
-            let ends = (kept.first(), kept.last());
-            kept.windows(2).all(|pair| pair[0] < pair[1])
-                && ends.0.is_none_or(|&v| v as usize == range.start)
-                && ends.1.is_none_or(|&v| v as usize + 1 == range.end)
-        };
-        let whole = self.starts.len() == chains.starts.len()
+        let is_aligned = self.starts.len() == chains.starts.len()
             && self.starts.last() == Some(&self.vertices.len())
             && self.starts.windows(2).all(|pair| pair[0] <= pair[1]);
-        match whole && (0..chains.count()).all(fits) {
+        match is_aligned && (0..chains.count()).all(|chain| self.fits(chain, chains)) {
             true => Ok(()),
             false => Err(Error::usage("the kept vertices are not a subset of the chains")),
         }
+    }
+
+    /// Whether the kept vertices of a chain ascend from its first vertex to its last.
+    fn fits(&self, chain: usize, chains: &Chains<'_>) -> bool {
+        let (kept, range) = (self.of(chain), chains.range(chain));
+        kept.windows(2).all(|pair| pair[0] < pair[1])
+            && kept.first().is_none_or(|&v| v as usize == range.start)
+            && kept.last().is_none_or(|&v| v as usize + 1 == range.end)
     }
 }
 

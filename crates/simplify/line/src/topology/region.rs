@@ -63,15 +63,15 @@ impl EdgeBands {
     /// Of a chain with box `bounds`.
     pub(super) fn new(chain: &[Xy], bounds: &ClosedBox) -> Self {
         let height = bounds.high[1] - bounds.low[1];
-        let edges = || chain.iter().zip(chain[1..].iter().chain(&chain[..1]));
-        let climb: f64 = edges().map(|(p, q)| (p[1] - q[1]).abs()).sum();
+        let edges = chain.iter().zip(chain[1..].iter().chain(&chain[..1]));
+        let climb: f64 = edges.clone().map(|(p, q)| (p[1] - q[1]).abs()).sum();
         // Bands such that an edge touches 4 of them on average.
         let wished = (3.0 * chain.len() as f64 * height / climb).min(chain.len() as f64);
         let count = if wished >= 1.0 { wished as usize } else { 1 };
         let scale = count as f64 / height;
         let mut bands =
             Self { low: bounds.low[1], scale, starts: vec![0; count + 1], edges: vec![] };
-        for (p, q) in edges() {
+        for (p, q) in edges.clone() {
             for band in bands.reach(p, q) {
                 bands.starts[band] += 1;
             }
@@ -82,7 +82,7 @@ impl EdgeBands {
             *start = sum;
         }
         bands.edges = vec![0; sum as usize];
-        for (i, (p, q)) in (0..).zip(edges()) {
+        for (i, (p, q)) in (0..).zip(edges) {
             for band in bands.reach(p, q) {
                 bands.starts[band] -= 1;
                 let at = bands.starts[band] as usize;

@@ -115,16 +115,18 @@ impl RetainedSegments {
         points: &[Xy],
         place: impl Fn(Xy) -> Xy,
     ) -> Self {
-        let at = |vertex: &u32| chains.points[*vertex as usize];
-        let mut now: Vec<Xy> = kept.vertices.iter().map(at).chain(points.iter().copied()).collect();
+        let vertices = kept.vertices.iter().map(|vertex| chains.points[*vertex as usize]);
+        let mut now: Vec<Xy> = vertices.chain(points.iter().copied()).collect();
         now.sort_unstable_by_key(|at| key(*at));
         now.dedup_by_key(|at| key(*at));
         let old: Vec<[u64; 2]> = now.iter().map(|at| key(*at)).collect();
-        let node = |vertex: &u32| old.binary_search(&key(at(vertex))).unwrap_or_default() as u32;
         let mut segments: Vec<[u32; 2]> = Vec::with_capacity(kept.vertices.len());
         for range in kept.starts.windows(2) {
             for pair in kept.vertices[range[0]..range[1]].windows(2) {
-                let [a, b] = [node(&pair[0]), node(&pair[1])];
+                let [a, b] = [pair[0], pair[1]].map(|vertex| {
+                    let position = key(chains.points[vertex as usize]);
+                    old.binary_search(&position).unwrap_or_default() as u32
+                });
                 segments.push([a.min(b), a.max(b)]);
             }
         }
@@ -142,8 +144,11 @@ impl RetainedSegments {
                 next[node as usize] += 1;
             }
         }
-        let is_alone = |node: &u32| starts[*node as usize] == starts[*node as usize + 1];
-        segments.extend((0..now.len() as u32).filter(is_alone).map(|node| [node; 2]));
+        for (node, range) in (0..).zip(starts.windows(2)) {
+            if range[0] == range[1] {
+                segments.push([node; 2]);
+            }
+        }
         let boxes: Vec<_> = (0..)
             .zip(&segments)
             .map(|(number, ends)| {
@@ -151,8 +156,9 @@ impl RetainedSegments {
                 (number, ClosedBox::of(&[a, b, place(a), place(b)]))
             })
             .collect();
-        let is_junction = |node: &usize| starts[*node + 1] - starts[*node] > 2;
-        let junctions = (0..now.len()).filter(is_junction).map(|node| old[node]).collect();
+        let junctions = old.iter().zip(starts.windows(2));
+        let junctions = junctions.filter(|(_, range)| range[1] - range[0] > 2);
+        let junctions = junctions.map(|(position, _)| *position).collect();
         Self { old, segments, tree: HilbertRTree::new(&boxes), ends, starts, junctions, now }
     }
 

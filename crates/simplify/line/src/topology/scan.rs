@@ -77,11 +77,11 @@ impl PieceLayer {
     /// Of `(number, box)`.
     pub(super) fn new(items: &[(u32, ClosedBox)], pieces: &[ChainPiece], points: &[Xy]) -> Self {
         let tree = HilbertRTree::new(items);
-        let span = |&id: &u32| {
+        let spans = tree.ids.iter().map(|&id| {
             let piece = pieces[id as usize];
             PieceSegment { piece, ends: [piece.from, piece.to].map(|v| points[v as usize]) }
-        };
-        Self { spans: tree.ids.iter().map(span).collect(), tree }
+        });
+        Self { spans: spans.collect(), tree }
     }
 
     #[inline(always)]
@@ -121,11 +121,11 @@ impl PieceView<'_> {
             tree.groups_meeting(&around, group + 1, &mut groups);
             for q in tree.group(group) {
                 let rest = q + 1..tree.group(group).end;
-                self.one_to_many(layer.item(q), (layer, rest), found);
+                self.pair_with_range(layer.item(q), layer, rest, found);
             }
             for q in groups.iter().flat_map(|&g| tree.group(g)) {
                 if tree.bounds(q).meets(&around) {
-                    self.one_to_many(layer.item(q), (layer, tree.group(group)), found);
+                    self.pair_with_range(layer.item(q), layer, tree.group(group), found);
                 }
             }
             self.test_in_memory(found, MAX_HELD)?;
@@ -176,15 +176,16 @@ impl PieceView<'_> {
     }
 
     #[inline(always)]
-    fn one_to_many(
+    fn pair_with_range(
         &self,
-        one: LayerPiece<'_>,
-        (layer, many): (&PieceLayer, Range<usize>),
+        item: LayerPiece<'_>,
+        layer: &PieceLayer,
+        range: Range<usize>,
         found: &mut ScanConflicts,
     ) {
-        for p in many {
-            if layer.tree.bounds(p).meets(one.bounds) {
-                self.pair(layer.item(p), one, found);
+        for p in range {
+            if layer.tree.bounds(p).meets(item.bounds) {
+                self.pair(layer.item(p), item, found);
             }
         }
     }

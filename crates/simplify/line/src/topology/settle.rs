@@ -112,9 +112,9 @@ impl<'a> UntangleState<'a> {
     }
 
     fn layer_from(&self, first: usize) -> PieceLayer {
-        let bounds = |piece: &ChainPiece| ClosedBox::of(self.chains.piece(piece.from, piece.to));
-        let fresh = self.pieces[first..].iter().map(bounds);
-        let items: Vec<_> = (first as u32..).zip(fresh).collect();
+        let fresh = self.pieces[first..].iter();
+        let bounds = fresh.map(|piece| ClosedBox::of(self.chains.piece(piece.from, piece.to)));
+        let items: Vec<_> = (first as u32..).zip(bounds).collect();
         PieceLayer::new(&items, &self.pieces, self.chains.points)
     }
 
@@ -190,11 +190,13 @@ impl<'a> UntangleState<'a> {
         if rings.is_empty() {
             return Vec::new();
         }
-        let of_turned = |piece: &ChainPiece| {
-            !piece.is_original() && rings.binary_search(&self.chains.chain_of(piece.from)).is_ok()
-        };
-        let all = self.pieces.iter().enumerate();
-        all.filter(|(i, piece)| self.alive[*i] && of_turned(piece)).map(|(i, _)| i as u32).collect()
+        let pieces = (0..).zip(&self.pieces).zip(&self.alive);
+        let turned = pieces.filter(|((_, piece), is_alive)| {
+            **is_alive
+                && !piece.is_original()
+                && rings.binary_search(&self.chains.chain_of(piece.from)).is_ok()
+        });
+        turned.map(|((i, _), _)| i).collect()
     }
 
     fn has_turned(&self, ring: usize) -> bool {

@@ -85,9 +85,9 @@ impl HilbertRTree {
             .map(|((_, bounds), i)| u64::from(curve(&all, bounds.centre())) << 32 | i)
             .collect();
         order.sort_unstable();
-        let at = |key: &u64| &items[(key & 0xffff_ffff) as usize];
-        let ids = order.iter().map(|key| at(key).0).collect();
-        let mut levels = vec![order.iter().map(|key| at(key).1).collect::<Vec<_>>()];
+        let sorted = order.iter().map(|key| items[(key & 0xffff_ffff) as usize]);
+        let (ids, boxes): (Vec<_>, Vec<_>) = sorted.unzip();
+        let mut levels = vec![boxes];
         while levels[levels.len() - 1].len() > FAN {
             levels.push(levels[levels.len() - 1].chunks(FAN).map(union).collect());
         }
