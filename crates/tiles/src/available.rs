@@ -44,25 +44,26 @@ impl KnownTiles {
     /// Descendants of a tile, `by` levels deeper.
     pub(super) fn below(&self, id: GlobeTileId, by: u8) -> LevelSpans {
         let [columns, rows] = [id.x, id.y].map(|at| [at << by, ((at + 1) << by) - 1]);
-        let cut = |[first, last]: [u32; 2]| {
-            let run = [first.max(columns[0]), last.min(columns[1])];
-            (run[0] <= run[1]).then_some(run)
-        };
         let mut found = LevelSpans::default();
         for (y, runs) in self.level(id.level + by).rows.range(rows[0]..=rows[1]) {
-            let inner: Vec<_> = runs.iter().copied().filter_map(cut).collect();
+            let clipped =
+                runs.iter().map(|[first, last]| [*first.max(&columns[0]), *last.min(&columns[1])]);
+            let inner: Vec<_> = clipped.filter(|[first, last]| first <= last).collect();
             if !inner.is_empty() {
                 found.rows.insert(*y, inner);
             }
         }
         found
     }
+
+    fn holds(&self, id: GlobeTileId) -> bool {
+        self.level(id.level).holds(id.x, id.y)
+    }
 }
 
 /// Whether a tile belongs to the known tiles and is missing.
 pub(super) fn is_missing(id: GlobeTileId, [there, known]: [&KnownTiles; 2]) -> bool {
-    let holds = |known: &KnownTiles| known.level(id.level).holds(id.x, id.y);
-    holds(known) && !holds(there)
+    known.holds(id) && !there.holds(id)
 }
 
 impl LevelSpans {
@@ -86,8 +87,8 @@ impl LevelSpans {
 
     /// Whether a tile exists.
     pub(super) fn holds(&self, x: u32, y: u32) -> bool {
-        let holds = |[first, last]: &[u32; 2]| (*first..=*last).contains(&x);
-        self.rows.get(&y).is_some_and(|runs| runs.iter().any(holds))
+        let runs = self.rows.get(&y).into_iter().flatten();
+        runs.into_iter().any(|[first, last]| (*first..=*last).contains(&x))
     }
 
     /// Number of tiles.
@@ -119,8 +120,10 @@ impl LevelSpans {
             }
             open = here;
         }
-        let told = |[x, y, to_x, to_y]: &[u32; 4]| json!({"startX": x, "startY": y, "endX": to_x, "endY": to_y});
-        found.iter().map(told).collect()
+        let rectangles = found.iter().map(
+            |[x, y, to_x, to_y]| json!({"startX": x, "startY": y, "endX": to_x, "endY": to_y}),
+        );
+        rectangles.collect()
     }
 }
 

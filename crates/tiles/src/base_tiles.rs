@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 
 use super::available::KnownTiles;
-use super::folder::TileFile;
+use super::folder::{TileContext, TileFile};
 use super::grid_levels::ScannedGrid;
 use super::input::{APRON, max_samples};
 use super::mask::TileWaterMask;
@@ -48,7 +48,7 @@ impl ScannedGrid<'_> {
         let mut heights = HEIGHTS.take();
         opened.read(rect, &mut heights)?;
         let fill = self.overview.voids();
-        let patch = HeightPatch::new(&heights, rect, chart, fill).kept();
+        let patch = HeightPatch::new(&heights, rect, chart, fill).with_positions();
         let water = opened.mask.as_ref().map(|mask| mask.near(id));
         let mut descent =
             TileDescent { patch: &patch, water, known: KnownTiles::default(), put, cancel };
@@ -88,8 +88,8 @@ impl ScannedGrid<'_> {
         let water = to.water.as_ref().map(|water| water.pixels(id));
         for (set, level) in self.of_level(id).enumerate() {
             let tile = build(id, level, to.patch)?;
-            let beside = (&to.known, water.as_deref());
-            (to.put)(TileFile::new((set, &tile), self.opened, level, to.patch, beside)?)?;
+            let context = TileContext { known: &to.known, water: water.as_deref() };
+            (to.put)(TileFile::new(set, &tile, self.opened, level, to.patch, context)?)?;
         }
         Ok(())
     }

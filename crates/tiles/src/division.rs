@@ -59,8 +59,13 @@ impl TileNumbering {
         self.0.iter().map(|rows| rows.count).sum()
     }
 
+    /// Number of tasks with `cut` tiles each.
+    fn tasks(&self, cut: u32) -> u32 {
+        self.len().div_ceil(u64::from(cut)) as u32
+    }
+
     /// Tiles with these numbers, clipped to the existing ones.
-    pub(super) fn part(&self, numbers: Range<u64>) -> Vec<GlobeTileId> {
+    pub(super) fn slice(&self, numbers: Range<u64>) -> Vec<GlobeTileId> {
         let mut first = 0;
         let mut found = Vec::new();
         for rows in &self.0 {
@@ -73,7 +78,7 @@ impl TileNumbering {
     }
 
     pub(super) fn all(&self) -> Vec<GlobeTileId> {
-        self.part(0..self.len())
+        self.slice(0..self.len())
     }
 }
 
@@ -98,9 +103,8 @@ pub(super) struct TilesDivision {
 impl TilesDivision {
     /// Division for levels up to `last`.
     pub(super) fn new(place: GridFootprint, last: u8) -> Self {
-        let is_near = |level: &u8| degrees(*level) <= REGION * place.spacing;
-        let near = (0..DEEPEST).find(is_near).unwrap_or(DEEPEST);
-        Self { place, last, near }
+        let near = (0..DEEPEST).find(|level| degrees(*level) <= REGION * place.spacing);
+        Self { place, last, near: near.unwrap_or(DEEPEST) }
     }
 
     /// Level after the last with tiles that contain regions.
@@ -144,9 +148,8 @@ impl TilesDivision {
 
     /// Tasks of the three kinds, with `cut` tiles in each of the last two.
     pub(super) fn counts(&self, cut: u32) -> [u32; 3] {
-        let tasks = |tiles: TileNumbering| tiles.len().div_ceil(u64::from(cut)) as u32;
         let looks = self.place.whole[1].div_ceil(self.look_rows());
-        [looks, tasks(self.regions()), tasks(self.above(self.far_end()))]
+        [looks, self.regions().tasks(cut), self.above(self.far_end()).tasks(cut)]
     }
 
     fn look_rows(&self) -> u32 {
@@ -159,23 +162,21 @@ impl TilesDivision {
     /// Rows of a survey task: first, and one past the last.
     pub(super) fn rows(&self, look: u32) -> [u32; 2] {
         let (rows, height) = (u64::from(self.look_rows()), u64::from(self.place.whole[1]));
-        let at = |look: u32| (u64::from(look) * rows).min(height) as u32;
-        [at(look), at(look + 1)]
+        [look, look + 1].map(|look| (u64::from(look) * rows).min(height) as u32)
     }
 
     /// Approximate number of samples in a rectangle.
     pub(super) fn samples(&self, bounds: &GeodeticBounds) -> u64 {
-        let all = &self.place.bounds();
-        let side = |low: f64, high: f64, from: f64, to: f64, step: f64| {
-            ((high.min(to) - low.max(from)).max(0.0) / step) as u64 + 1
-        };
-        // Assumes samples spread evenly over the bounds.
-        let [dx, dy] = [(all.east - all.west, 0), (all.north - all.south, 1)].map(
-            |(degrees, axis): (f64, usize)| degrees / f64::from(self.place.whole[axis].max(2) - 1),
-        );
-        side(bounds.west, bounds.east, all.west, all.east, dx.max(f64::MIN_POSITIVE))
-            * side(bounds.south, bounds.north, all.south, all.north, dy.max(f64::MIN_POSITIVE))
+        let (all, whole) = (&self.place.bounds(), self.place.whole);
+        samples_along([bounds.west, bounds.east], [all.west, all.east], whole[0])
+            * samples_along([bounds.south, bounds.north], [all.south, all.north], whole[1])
     }
+}
+
+/// Samples from `low` to `high` if `count` samples spread evenly over `from..to`.
+fn samples_along([low, high]: [f64; 2], [from, to]: [f64; 2], count: u32) -> u64 {
+    let step = ((to - from) / f64::from(count.max(2) - 1)).max(f64::MIN_POSITIVE);
+    ((high.min(to) - low.max(from)).max(0.0) / step) as u64 + 1
 }
 
 #[cfg(test)]
@@ -201,7 +202,7 @@ mod tests {
                 {
                     let cut = u64::from(cut);
                     let parts: Vec<Vec<GlobeTileId>> =
-                        (0..tasks as u64).map(|i| sweep.part(i * cut..(i + 1) * cut)).collect();
+                        (0..tasks as u64).map(|i| sweep.slice(i * cut..(i + 1) * cut)).collect();
                     assert!(parts.iter().all(|part| !part.is_empty()));
                     assert_eq!(parts.concat(), sweep.all());
                     let set: std::collections::BTreeSet<GlobeTileId> =

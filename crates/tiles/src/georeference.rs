@@ -58,11 +58,11 @@ impl GridFootprint {
 /// A grid without a georeference; the error names the missing part.
 pub(super) fn of(
     info: &GridInfo,
-    (input, geoid): (&Inputs, Option<&str>),
+    input: &Inputs,
+    geoid: Option<&str>,
     resources: &Resources,
 ) -> Result<(GridGeolocation, HeightReference)> {
-    let found = chart(info);
-    let (chart, mut notes) = found.map_err(|error| match input.names() {
+    let (chart, mut notes) = chart(info).map_err(|error| match input.names() {
         [name] => error.in_file(Path::new(name)),
         _ => error,
     })?;

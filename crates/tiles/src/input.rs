@@ -1,7 +1,6 @@
 //! An open grid, and the division of its work.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use super::division::{REGION, TilesDivision};
 use super::georeference::{self, GridFootprint, HeightReference};
@@ -15,7 +14,7 @@ use terrane_globe::{
     DEEPEST, GatheredOverview, GridGeolocation, GridOverview, HeightPatch, OverviewPlan,
     SampleBlocks, deepest_for,
 };
-use terrane_raster::{GridSource, Water};
+use terrane_raster::GridSource;
 
 /// Largest magnitude of a height in metres.
 const MAX_HEIGHT: f64 = 1e6;
@@ -71,21 +70,21 @@ impl OpenedTilesGrid {
         check_formats(&job.tiles)?;
         let options = job.reading.options(&job.resources, 0)?;
         let seen = memory::open_for_estimate(&job.input, &options)?;
-        let (input, resources) = ((&job.input, job.tiles.geoid.as_deref()), &job.resources);
-        let (chart, heights) = georeference::of(seen.info(), input, resources)?;
+        let (geoid, resources) = (job.tiles.geoid.as_deref(), &job.resources);
+        let (chart, heights) = georeference::of(seen.info(), &job.input, geoid, resources)?;
         let chart = chart.sloping(job.tiles.beyond.slope());
         let last = job.tiles.max_level.unwrap_or_else(|| deepest_for(chart.spacing()));
         let water = options.water.as_ref().filter(|_| job.tiles.water_mask);
-        let mask = |water: &Arc<Water>| TileWaterMask::of(water, seen.info(), last, resources);
-        let mask = water.map(mask).transpose()?;
+        let mask = water.map(|water| TileWaterMask::of(water, seen.info(), last, resources));
+        let mask = mask.transpose()?;
         let division = TilesDivision::new(GridFootprint::of(&chart), last);
         let [meridians, parallels] = division.lines();
         let look = OverviewPlan::new(chart, [&meridians, &parallels]);
         let [shared, each] = mask.as_ref().map_or([0; 2], |mask| mask.bytes(resources.threads));
-        let held = memory::with_slack(look.bytes() + heights.lift.bytes() + shared);
+        let fixed_bytes = memory::with_slack(look.bytes() + heights.lift.bytes() + shared);
         let worker = worker_bytes(&look) + each;
         let (grid, shares) =
-            memory::open_beside(held, &job.input, &options, &job.resources, worker)?;
+            memory::open_beside(fixed_bytes, &job.input, &options, &job.resources, worker)?;
         Ok(Self { job: job.clone(), grid, shares, heights, mask, division, look })
     }
 
@@ -118,20 +117,20 @@ impl OpenedTilesGrid {
     ///
     /// # Errors
     /// A grid without valid samples, or with heights out of range.
-    pub(super) fn seen(&self, gathered: GatheredOverview) -> Result<GridOverview> {
-        let refuse = |error: Error, remedy: &str| error.in_file(&self.name()).remedy(remedy);
+    pub(super) fn overview(&self, gathered: GatheredOverview) -> Result<GridOverview> {
         let overview = gathered.finish().ok_or_else(|| {
-            let remedy = "check its nodata value, or choose another ‹band›";
-            refuse(Error::bad_input("the grid has no valid sample"), remedy)
+            Error::bad_input("the grid has no valid sample")
+                .in_file(&self.name())
+                .remedy("check its nodata value, or choose another ‹band›")
         })?;
         let [lowest, highest] = overview.range;
         let furthest = if lowest < -MAX_HEIGHT { lowest } else { highest };
         if furthest.abs() > MAX_HEIGHT {
             // Converted to the stored type, to report the digits of the file.
             let stored = (furthest / self.heights.lift.metres) as f32;
-            let remedy = format!("if it is nodata, pass ‹nodata› {stored:e}");
-            let error = Error::bad_input(format!("height {stored:e} is out of range"));
-            return Err(refuse(error, &remedy));
+            return Err(Error::bad_input(format!("height {stored:e} is out of range"))
+                .in_file(&self.name())
+                .remedy(format!("if it is nodata, pass ‹nodata› {stored:e}")));
         }
         Ok(overview)
     }

@@ -87,9 +87,9 @@ impl TilesPlan {
         let [bytes, output] = probe::expect(opened)?;
         let [shared, each] = opened.mask.as_ref().map_or([0; 2], |mask| mask.bytes(1));
         let worker = worker_bytes(&opened.look) + each;
-        let held = with_slack(opened.look.bytes() + shared) + worker;
+        let fixed_bytes = with_slack(opened.look.bytes() + shared) + worker;
         Ok(PlanNeeds {
-            memory: memory::least(held, opened.grid.block_bytes()),
+            memory: memory::least(fixed_bytes, opened.grid.block_bytes()),
             thread_memory: worker,
             objects: scan::written_bytes(opened) + bytes,
             output,
@@ -107,9 +107,9 @@ impl TilesPlan {
     }
 
     /// Tiles of a task among all possible tiles.
-    fn part(&self, task: u32, all: &TileNumbering) -> Vec<GlobeTileId> {
+    fn tiles_of(&self, task: u32, all: &TileNumbering) -> Vec<GlobeTileId> {
         let [task, cut] = [task, self.method.cut].map(u64::from);
-        all.part(task * cut..(task + 1) * cut)
+        all.slice(task * cut..(task + 1) * cut)
     }
 }
 
@@ -121,32 +121,34 @@ impl PreparedTiles {
             for task in looks(survey.folder.plan.work.counts()) {
                 add_glances(&survey.object(task)?.0, &mut gathered)?;
             }
-            let found = self.opened.seen(gathered)?;
-            let _is_first = self.overview.set(found);
+            let overview = self.opened.overview(gathered)?;
+            let _is_first = self.overview.set(overview);
         }
-        let overview = self.overview.get();
-        let lost = || Error::new(ErrorKind::Internal, "the survey of the grid is lost");
-        let overview = overview.ok_or_else(lost)?;
+        let overview = self
+            .overview
+            .get()
+            .ok_or_else(|| Error::new(ErrorKind::Internal, "the survey of the grid is lost"))?;
         Ok(ScannedGrid::new(&self.opened, overview))
     }
 
     /// Makes tiles on all threads, and writes them to an object.
     fn tiles(
         &self,
-        (stage, object): (&str, &Path),
-        parts: &[GlobeTileId],
+        stage: &str,
+        object: &Path,
+        ids: &[GlobeTileId],
         at: RunControl<'_>,
         make: impl Fn(&GlobeTileId) -> Result<Vec<TileFile>> + Sync,
     ) -> Result<u64> {
         let mut writer = TileArtifactWriter::create(object)?;
-        at.progress.begin(stage, parts.len() as u64);
+        at.progress.begin(stage, ids.len() as u64);
         workers::in_order(
             self.opened.shares.threads,
-            parts.len() as u64,
+            ids.len() as u64,
             at.cancel,
             || (),
             |(), i| {
-                let made = make(&parts[i as usize])?;
+                let made = make(&ids[i as usize])?;
                 at.progress.advance(1);
                 Ok(made)
             },
@@ -212,12 +214,12 @@ impl PlannedWork for TilesPlan {
                 u64::from(end - first) * width
             }
             PlanStep::Task(TilesTask::Near(near)) => {
-                let part = self.part(near, &division.regions());
-                part.iter().map(|id| division.samples(&id.bounds())).sum()
+                let regions = self.tiles_of(near, &division.regions());
+                regions.iter().map(|id| division.samples(&id.bounds())).sum()
             }
             // Most of the work is on blocks of samples.
             PlanStep::Task(TilesTask::Far(far)) => {
-                self.part(far, &division.above(division.far_end())).len() as u64 * 4096
+                self.tiles_of(far, &division.above(division.far_end())).len() as u64 * 4096
             }
             PlanStep::Finish => self.grid.samples(),
         }
@@ -280,8 +282,8 @@ impl PlannedWork for TilesPlan {
             }
             TilesTask::Near(number) => {
                 let ground = ready.ground(survey)?;
-                let part = work.part(number, &opened.division.regions());
-                ready.tiles(("near levels", object), &part, at, |id| {
+                let regions = work.tiles_of(number, &opened.division.regions());
+                ready.tiles("near levels", object, &regions, at, |id| {
                     let mut made = Vec::new();
                     let mut put = |tile| {
                         made.push(tile);
@@ -299,9 +301,9 @@ impl PlannedWork for TilesPlan {
                 let mut known = there.clone();
                 known.add_above(opened.division.near);
                 let far_end = opened.division.far_end();
-                let mut part = work.part(number, &opened.division.above(far_end));
-                part.retain(|id| is_missing(*id, [&there, &known]));
-                ready.tiles(("far levels", object), &part, at, |id| {
+                let mut ids = work.tiles_of(number, &opened.division.above(far_end));
+                ids.retain(|id| is_missing(*id, [&there, &known]));
+                ready.tiles("far levels", object, &ids, at, |id| {
                     ground.far(*id, &known, at.cancel)
                 })?
             }
@@ -318,22 +320,28 @@ impl PlannedWork for TilesPlan {
     ) -> Result<TilesReport> {
         let (started, opened) = (Instant::now(), &ready.opened);
         let (ground, folder) = (ready.ground(survey)?, TilesetFolder::create(&opened.job)?);
-        let holds_tiles = |task: &&TilesTask| !matches!(task, TilesTask::Look(_));
-        let tasks: Vec<TilesTask> = survey.done.keys().filter(holds_tiles).copied().collect();
+        let tasks = survey.done.keys().copied();
+        let tasks: Vec<_> = tasks.filter(|task| !matches!(task, TilesTask::Look(_))).collect();
         at.progress.begin("write", survey.done.values().map(|done| done.facts.tiles).sum());
-        let write = |(): &mut (), i: u64| {
-            each_tile(&survey.object(tasks[i as usize])?.0, |made| {
-                at.cancel.check()?;
-                folder.put(&made)?;
-                at.progress.advance(1);
-                Ok(())
-            })
-        };
-        workers::run(opened.shares.threads, tasks.len() as u64, at.cancel, || (), write, Ok)?;
+        workers::run(
+            opened.shares.threads,
+            tasks.len() as u64,
+            at.cancel,
+            || (),
+            |(), i| {
+                each_tile(&survey.object(tasks[i as usize])?.0, |made| {
+                    at.cancel.check()?;
+                    folder.put(&made)?;
+                    at.progress.advance(1);
+                    Ok(())
+                })
+            },
+            Ok,
+        )?;
         at.progress.end();
         let made = folder.finish(&ground, at.cancel)?;
-        let figures = RunStatistics::since(started, &opened.job.resources);
-        let report = TilesReport { run: figures.with_threads(opened.shares.threads), ..made };
+        let statistics = RunStatistics::since(started, &opened.job.resources);
+        let report = TilesReport { run: statistics.with_threads(opened.shares.threads), ..made };
         run.tiles = Some(report.clone());
         Ok(report)
     }

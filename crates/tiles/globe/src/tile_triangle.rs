@@ -26,16 +26,11 @@ impl TileFacet {
     #[inline]
     pub(crate) fn seen_from(&self, frame: &EastNorthUpFrame) -> FacetView {
         let corners = self.corners.map(|corner| frame.look(corner));
-        let part = |k: usize| {
+        let parts = [0, 1, 2].map(|k| {
             let ([ax, ay, _], [bx, by, _]) = (corners[(k + 1) % 3], corners[(k + 2) % 3]);
             ax * by - ay * bx
-        };
-        FacetView {
-            corners,
-            parts: [part(0), part(1), part(2)],
-            square: frame.square,
-            area: self.area,
-        }
+        });
+        FacetView { corners, parts, square: frame.square, area: self.area }
     }
 }
 

@@ -63,17 +63,11 @@ impl SampleBlocks {
 impl SampleBlock {
     /// From heights with row stride `stride`.
     pub(super) fn of(heights: &[f64], stride: usize, [width, height]: [usize; 2]) -> Self {
-        let at = |col: usize, row: usize| heights[row * stride + col];
-        let valid = || {
-            let all = (0..height).flat_map(move |row| (0..width).map(move |col| (col, row)));
-            all.filter_map(move |(col, row)| {
-                let z = at(col, row);
-                z.is_finite().then_some((col as f64, row as f64, z))
-            })
-        };
-        let Some((_, _, first)) = valid().next() else { return Self::default() };
+        let valid = valid(heights, stride, [width, height]);
+        let Some((_, _, first)) = valid.clone().next() else { return Self::default() };
         let mut sums = [0.0; 9];
-        for (x, y, z) in valid() {
+        for (x, y, z) in valid.clone() {
+            // Relative to one of them: sums of squares of large heights would lose the small differences.
             let z = z - first;
             let terms = [1.0, x, y, z, x * x, x * y, y * y, x * z, y * z];
             (0..9).for_each(|i| sums[i] += terms[i]);
@@ -94,13 +88,12 @@ impl SampleBlock {
             ends: [BlockExtreme::default(); 2],
             jump: jump(heights, stride, [width, height]),
         };
-        let found = valid().map(|(x, y, height)| {
+        let samples = valid.map(|(x, y, height)| {
             let at = [x as u16, y as u16];
             BlockExtreme { at, height, off: height - block.height([x, y]) }
         });
-        let less = |a: &BlockExtreme, b: &BlockExtreme| a.off.total_cmp(&b.off);
-        let low = found.clone().min_by(less).unwrap_or_default();
-        let high = found.max_by(less).unwrap_or_default();
+        let low = samples.clone().min_by(|a, b| a.off.total_cmp(&b.off)).unwrap_or_default();
+        let high = samples.max_by(|a, b| a.off.total_cmp(&b.off)).unwrap_or_default();
         block.ends = [low, high];
         block
     }
@@ -116,6 +109,19 @@ impl SampleBlock {
         let size = self.plane[0].abs() + self.plane[1].abs() * 1e4 + self.plane[2].abs() * 1e4;
         self.ends[0].off.abs().max(self.ends[1].off.abs()) + size * 1e-12
     }
+}
+
+/// Column, row and height of the valid samples.
+fn valid(
+    heights: &[f64],
+    stride: usize,
+    [width, height]: [usize; 2],
+) -> impl Iterator<Item = (f64, f64, f64)> + Clone {
+    let all = (0..height).flat_map(move |row| (0..width).map(move |col| (col, row)));
+    all.filter_map(move |(col, row)| {
+        let z = heights[row * stride + col];
+        z.is_finite().then_some((col as f64, row as f64, z))
+    })
 }
 
 /// Largest height difference of adjacent samples in metres.

@@ -46,8 +46,9 @@ pub(super) fn spots(chart: &GridGeolocation, lines: [&[f64]; 2]) -> [Lines; 2] {
     let most = chart.whole().map(|count| count - 1);
     for (axis, lines) in lines.into_iter().enumerate() {
         for line in lines {
-            let end = |along: f64| if axis == 0 { [*line, along] } else { [along, *line] };
-            chart.stops([end(-180.0), end(180.0)], &mut |place| {
+            let ends = [-180.0, 180.0]
+                .map(|along| if axis == 0 { [*line, along] } else { [along, *line] });
+            chart.stops(ends, &mut |place| {
                 let [col, row] = chart.within(place).at.map(|at| at as u32);
                 // Includes the cells on either side: the line may pass through them to the next position.
                 for row in row..=(row + 1).min(most[1]) {
@@ -62,10 +63,9 @@ pub(super) fn spots(chart: &GridGeolocation, lines: [&[f64]; 2]) -> [Lines; 2] {
             });
         }
     }
-    let sorted = |(row, mut spots): (u32, Vec<u32>)| {
+    for spots in found.values_mut() {
         spots.sort_unstable();
         spots.dedup();
-        (row, Some(spots))
-    };
-    [BTreeMap::new(), found.into_iter().map(sorted).collect()]
+    }
+    [BTreeMap::new(), found.into_iter().map(|(row, spots)| (row, Some(spots))).collect()]
 }

@@ -81,49 +81,56 @@ impl OverviewPlan {
                 ));
             }
         }
-        let valid = || heights.iter().copied().filter(|height| height.is_finite());
-        let range = valid().map(|height| [height; 2]).reduce(both);
-        let width = rect.width as usize;
-        let line = |axis: usize, (line, part): (u32, Range<usize>)| {
-            let at = |along: u32| {
-                let [col, row] = if axis == 0 { [line, along] } else { [along, line] };
-                heights[(row - rect.row) as usize * width + (col - rect.col) as usize]
-            };
-            let heights = match &self.lines[axis][&line] {
-                None => part.map(|along| at(along as u32)).collect(),
-                Some(spots) => spots[part].iter().map(|along| at(*along)).collect(),
-            };
-            (line, heights)
-        };
-        let lines =
-            [0, 1].map(|axis| self.within(axis, rect).map(|found| line(axis, found)).collect());
+        let valid = heights.iter().filter(|height| height.is_finite());
+        let range = valid.map(|height| [*height; 2]).reduce(both);
+        let lines = [0, 1].map(|axis| {
+            let lines = self.within(axis, rect);
+            lines.map(|(line, spots)| (line, self.line(axis, line, spots, rect, heights))).collect()
+        });
         BlockSummary { rect, blocks, lines, means, range }
+    }
+
+    /// Heights of stored samples of a line in a rectangle.
+    fn line(
+        &self,
+        axis: usize,
+        line: u32,
+        spots: Range<usize>,
+        rect: Rect,
+        heights: &[f64],
+    ) -> Vec<f64> {
+        let at = |along: u32| {
+            let [col, row] = if axis == 0 { [line, along] } else { [along, line] };
+            heights[(row - rect.row) as usize * rect.width as usize + (col - rect.col) as usize]
+        };
+        match &self.lines[axis][&line] {
+            None => spots.map(|along| at(along as u32)).collect(),
+            Some(numbers) => numbers[spots].iter().map(|along| at(*along)).collect(),
+        }
     }
 
     /// Memory in bytes of the survey of the whole grid.
     pub fn bytes(&self) -> u64 {
         let SampleBlocks { counts, .. } = self.blocks;
         let blocks = u64::from(counts[0]) * u64::from(counts[1]) * size_of::<SampleBlock>() as u64;
-        let line = |axis: usize| {
-            let bytes = |spots: &Option<Vec<u32>>| {
+        let lines = (0..2).flat_map(|axis| {
+            self.lines[axis].values().map(move |spots| {
                 let number = if spots.is_some() { size_of::<u32>() } else { 0 };
                 self.len(axis, spots) * (size_of::<f64>() + number)
-            };
-            self.lines[axis].values().map(bytes).sum::<usize>() as u64
-        };
-        blocks + line(0) + line(1) + VoidFillSums::BYTES + self.chart.bytes()
+            })
+        });
+        blocks + lines.sum::<usize>() as u64 + VoidFillSums::BYTES + self.chart.bytes()
     }
 
     /// An empty survey.
     pub fn gather(self) -> GatheredOverview {
         let SampleBlocks { counts, whole, .. } = self.blocks;
         let blocks = vec![SampleBlock::default(); counts[0] as usize * counts[1] as usize];
-        let line = |axis: usize| {
-            let empty = |(at, spots): (&u32, _)| (*at, vec![f64::NAN; self.len(axis, spots)]);
-            self.lines[axis].iter().map(empty).collect()
-        };
-        let (lines, means) = ([line(0), line(1)], VoidFillSums::new(whole));
-        GatheredOverview { plan: self, blocks, lines, means, range: None }
+        let lines = [0, 1].map(|axis: usize| {
+            let lines = self.lines[axis].iter();
+            lines.map(|(at, spots)| (*at, vec![f64::NAN; self.len(axis, spots)])).collect()
+        });
+        GatheredOverview { plan: self, blocks, lines, means: VoidFillSums::new(whole), range: None }
     }
 }
 
