@@ -12,7 +12,7 @@ use crate::sink::{
     FileSink, MeshBatch, MeshCounts, MeshEncoder, MeshHeader, MeshSink, SinkOptions,
 };
 use crate::source::{MeshInfo, MeshSource};
-use crate::text::{self, push_f64};
+use crate::text::{self, is_same_length, push_f64};
 use terrane_base::error::Result;
 use terrane_base::geom::{Crs, Point3};
 use terrane_files::AppendWriter;
@@ -51,19 +51,20 @@ const UNIT: &str = "$INSUNITS";
 
 /// DXF code of the common unit of all coordinates; 0 if there is none.
 fn unit(crs: &Crs) -> u8 {
-    let is = |known: f64, metres: f64| (known / metres - 1.0).abs() < 1e-9;
     let Some(metres) = crs.horizontal_metres() else { return 0 };
-    let is_one = crs.vertical_metres().is_none_or(|up| is(up, metres));
-    let found = UNITS.iter().find(|(known, ..)| is_one && is(*known, metres));
-    found.map_or(0, |(_, number, _)| *number)
+    let is_common = crs.vertical_metres().is_none_or(|up| is_same_length(up, metres));
+    let unit = UNITS.iter().find(|(known, ..)| is_common && is_same_length(*known, metres));
+    unit.map_or(0, |(_, number, _)| *number)
 }
 
 /// Name of the unit with a DXF code.
 fn unit_name(number: &[u8]) -> Option<String> {
     let number = String::from_utf8_lossy(number);
     let known = UNITS.iter().find(|(_, known, _)| number.parse() == Ok(*known));
-    let other = || format!("{UNIT} {number}");
-    (number != "0").then(|| known.map_or_else(other, |(.., name)| (*name).to_owned()))
+    (number != "0").then(|| match known {
+        Some((.., name)) => (*name).to_owned(),
+        None => format!("{UNIT} {number}"),
+    })
 }
 
 fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
@@ -82,8 +83,8 @@ const END: &[u8] = b"0\nENDSEC\n0\nEOF\n";
 /// True if the file begins with DXF groups.
 fn sniff(head: &[u8]) -> bool {
     let mut lines = head.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);
-    let mut pair = || Some((lines.next()?, lines.next()?));
-    let first = std::iter::from_fn(&mut pair).find(|(code, _)| *code != b"999");
+    let mut pairs = std::iter::from_fn(|| Some((lines.next()?, lines.next()?)));
+    let first = pairs.find(|(code, _)| *code != b"999");
     head.starts_with(BINARY)
         || head.starts_with(b"999\nterrane ")
         || first.is_some_and(|(code, value)| code == b"0" && value == b"SECTION")
@@ -254,7 +255,7 @@ impl DxfSource {
         if faces.count() == 0 && comments.is_empty() {
             return Err(input.unsupported("has no 3DFACE entities"));
         }
-        let info = info(faces.count(), comments, (unit, others));
+        let info = info(faces.count(), comments, unit, others);
         drop(pairs);
         Ok(Self { input, faces, info })
     }
@@ -285,7 +286,7 @@ impl DxfSource {
     }
 }
 
-fn info(triangles: u64, comments: Vec<String>, (unit, others): (Option<String>, u64)) -> MeshInfo {
+fn info(triangles: u64, comments: Vec<String>, unit: Option<String>, others: u64) -> MeshInfo {
     let others = (others > 0)
         .then(|| ("passed over".to_owned(), format!("{others} entities other than 3DFACE")));
     let details = unit.map(|unit| ("unit".to_owned(), unit)).into_iter().chain(others).collect();

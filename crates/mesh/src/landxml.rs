@@ -12,7 +12,7 @@ use crate::sink::{
     FileSink, MeshBatch, MeshCounts, MeshEncoder, MeshHeader, MeshSink, SinkOptions,
 };
 use crate::source::{MeshInfo, MeshSource};
-use crate::text::{self, push_f64, push_u64};
+use crate::text::{self, is_same_length, push_f64, push_u64};
 use crate::xml::{MeshXmlReader, number};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3};
@@ -52,25 +52,24 @@ const IMPERIAL: &str = "Imperial areaUnit=\"squareFoot\" volumeUnit=\"cubicFeet\
 
 /// The XML element of the unit of a CRS; metres if unknown.
 fn unit(crs: &Crs) -> Result<String> {
-    let refused = |why: String| {
-        Error::unsupported(format!("LandXML requires one length unit for x, y and z: {why}"))
-            .remedy("write PLY or OBJ, or reproject the data")
-    };
     let across = crs.horizontal_metres();
     if across.is_none() && crs.horizontal_unit() == "degree" {
-        return Err(refused("x and y are in degrees".to_owned()));
+        return Err(refused_units("x and y are in degrees"));
     }
     let metres = across.unwrap_or(1.0);
-    let is = |known: f64, metres: f64| (known / metres - 1.0).abs() < 1e-9;
-    if let Some(up) = crs.vertical_metres().filter(|up| !is(*up, metres)) {
-        return Err(refused(format!(
-            "the horizontal unit is {metres} m, the vertical unit {up} m"
-        )));
+    if let Some(up) = crs.vertical_metres().filter(|up| !is_same_length(*up, metres)) {
+        let why = format!("the horizontal unit is {metres} m, the vertical unit {up} m");
+        return Err(refused_units(&why));
     }
-    let found = UNITS.iter().find(|(_, known, _)| is(*known, metres));
+    let unit = UNITS.iter().find(|(_, known, _)| is_same_length(*known, metres));
     let (name, _, system) =
-        found.ok_or_else(|| refused(format!("no LandXML unit is {metres} m long")))?;
+        unit.ok_or_else(|| refused_units(&format!("no LandXML unit is {metres} m long")))?;
     Ok(format!("<{system} linearUnit=\"{name}\"/>"))
+}
+
+fn refused_units(why: &str) -> Error {
+    Error::unsupported(format!("LandXML requires one length unit for x, y and z: {why}"))
+        .remedy("write PLY or OBJ, or reproject the data")
 }
 
 fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
@@ -369,8 +368,8 @@ impl MeshSource for LandXmlSource {
         let Some(mut slot) = slots.next() else { return Ok(()) };
         self.scan(&self.faces, "F", first, |xml| {
             for (id, number) in slot.iter_mut().zip(xml.three::<u64>("a face")?) {
-                let lost = || xml.bad(format!("point {number} does not exist"));
-                *id = self.numbers.place(number).ok_or_else(lost)?;
+                let place = self.numbers.place(number);
+                *id = place.ok_or_else(|| xml.bad(format!("point {number} does not exist")))?;
             }
             Ok(slots.next().map(|next| slot = next).is_none())
         })

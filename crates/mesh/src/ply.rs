@@ -6,7 +6,7 @@ use crate::capacity::MeshCapacity;
 use crate::channels::{ChannelKind, VertexCapabilities, VertexChannel};
 use crate::format::MeshFormat;
 use crate::input::{MeshFile, check_corners, check_position, check_range};
-use crate::ply_header::{self, PADDING, PlyElementSpan, PlyHeader, PlyScalar};
+use crate::ply_header::{self, PADDING, PlyElementSpan, PlyField, PlyHeader, PlyScalar};
 use crate::sink::{
     FileSink, MeshBatch, MeshCounts, MeshEncoder, MeshHeader, MeshSink, SinkOptions,
 };
@@ -181,10 +181,12 @@ impl PlySource {
     }
 
     fn position(&self, record: &[u8]) -> Point3 {
-        self.header.xyz.map(|field| {
-            let bytes = record.get(field.offset as usize..).unwrap_or_default();
-            field.scalar.read(bytes, self.header.big)
-        })
+        self.header.xyz.map(|field| self.number(record, field))
+    }
+
+    /// A number of a record; NaN beyond its end.
+    fn number(&self, record: &[u8], PlyField { offset, scalar }: PlyField) -> f64 {
+        scalar.read(record.get(offset as usize..).unwrap_or_default(), self.header.big)
     }
 
     fn is_native_face(&self) -> bool {
@@ -195,12 +197,12 @@ impl PlySource {
 
     /// The vertex ids of triangle `index`.
     fn corners(&self, index: u64, record: &[u8]) -> Result<[u64; 3]> {
-        let number = |offset: u64, scalar: PlyScalar| {
-            scalar.read(record.get(offset as usize..).unwrap_or_default(), self.header.big)
-        };
-        let PlyHeader { length, item, .. } = &self.header;
-        check_length(index, number(length.offset, length.scalar))?;
-        let ids = [0, 1, 2].map(|i| number(item.offset + i * item.scalar.bytes(), item.scalar));
+        let PlyHeader { length, item, .. } = self.header;
+        check_length(index, self.number(record, length))?;
+        let ids = [0, 1, 2].map(|i| {
+            let offset = item.offset + i * item.scalar.bytes();
+            self.number(record, PlyField { offset, ..item })
+        });
         match ids.iter().find(|id| **id < 0.0) {
             None => Ok(ids.map(|id| id as u64)),
             Some(id) => Err(Error::bad_input(format!("vertex index {id} is negative"))

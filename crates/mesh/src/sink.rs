@@ -204,9 +204,10 @@ impl<E: MeshEncoder + 'static> MeshSink for FileSink<E> {
         // Set before the work and taken back after it: an error on the way leaves it set, and a body that is
         // half written never becomes a file.
         self.broken = true;
-        let in_file = |e: Error| e.in_file(self.target.path());
-        let counts = self.admit(&batch).map_err(in_file)?;
-        self.encoder.encode(batch, &mut self.body, &mut self.tail).map_err(in_file)?;
+        let counts = self.admit(&batch).map_err(|e| e.in_file(self.target.path()))?;
+        self.encoder
+            .encode(batch, &mut self.body, &mut self.tail)
+            .map_err(|e| e.in_file(self.target.path()))?;
         self.counts = counts;
         self.broken = false;
         Ok(())
@@ -237,7 +238,6 @@ fn check_ids(triangles: &[[u64; 3]], vertices: u64) -> Result<()> {
 }
 
 fn check_finite(batch: &MeshBatch<'_>, first: u64) -> Result<()> {
-    let is_finite = |point: &[f64; 3]| point.iter().all(|c| c.is_finite());
     let bad = batch.vertices.iter().position(|v| !is_finite(v));
     if let Some(bad) = bad {
         let vertex = first + bad as u64;
@@ -247,6 +247,10 @@ fn check_finite(batch: &MeshBatch<'_>, first: u64) -> Result<()> {
         return Ok(());
     }
     Err(Error::bad_input("a corner of the mesh is not finite"))
+}
+
+fn is_finite(point: &[f64; 3]) -> bool {
+    point.iter().all(|c| c.is_finite())
 }
 
 #[cfg(test)]

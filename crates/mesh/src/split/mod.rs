@@ -60,8 +60,8 @@ impl MeshBlockLayout {
 
     /// Fraction of the grid's cells in the largest block.
     pub fn largest_share(&self) -> f64 {
-        let share = |samples: u32| f64::from(self.cells.min(samples - 1)) / f64::from(samples - 1);
-        self.samples.map(share).iter().product()
+        let cells = self.samples.map(|samples| samples - 1);
+        cells.map(|cells| f64::from(self.cells.min(cells)) / f64::from(cells)).iter().product()
     }
 
     /// Column and row of the block of a triangle.
@@ -76,12 +76,11 @@ impl MeshBlockLayout {
     }
 
     /// World positions of the corners of a block, as a closed ring.
-    fn ring(&self, [col, row]: [u32; 2]) -> [[f64; 2]; 5] {
-        let span = |at: u32, samples: u32| {
-            [at * self.cells, ((at + 1) * self.cells).min(samples - 1)].map(f64::from)
-        };
-        let ([left, right], [top, bottom]) =
-            (span(col, self.samples[0]), span(row, self.samples[1]));
+    fn ring(&self, block: [u32; 2]) -> [[f64; 2]; 5] {
+        let [[left, right], [top, bottom]] = [0, 1].map(|axis: usize| {
+            let [first, end] = [block[axis], block[axis] + 1].map(|at| at * self.cells);
+            [first, end.min(self.samples[axis] - 1)].map(f64::from)
+        });
         [(left, top), (left, bottom), (right, bottom), (right, top), (left, top)]
             .map(|(col, row)| self.to_world.apply(col, row))
     }

@@ -11,7 +11,7 @@ use terrane_base::geom::Point3;
 use terrane_files::lock;
 
 /// Maximum blocks in memory.
-const MAX_HELD: usize = 4;
+const MAX_CACHED: usize = 4;
 /// Triangles of a block read at a time.
 const BATCH: usize = 1 << 12;
 
@@ -20,7 +20,7 @@ struct SplitSource {
     info: MeshInfo,
     parts: Vec<SplitMeshPart>,
     /// The recently read blocks by index in `parts`; the latest last.
-    held: Mutex<Vec<(usize, Arc<OpenPart>)>>,
+    cached: Mutex<Vec<(usize, Arc<OpenPart>)>>,
 }
 
 struct SplitMeshPart {
@@ -73,7 +73,7 @@ pub(crate) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
         details,
         ..info
     };
-    Ok(Box::new(SplitSource { info, parts, held: Mutex::default() }))
+    Ok(Box::new(SplitSource { info, parts, cached: Mutex::default() }))
 }
 
 /// Fails unless a block matches the index. Meshes without shared vertices, and solids, have more vertices than the
@@ -102,8 +102,8 @@ fn lying(path: &Path, message: String) -> Error {
 
 /// True for blocks with the same metadata.
 fn states_the_same(a: &MeshInfo, b: &MeshInfo) -> bool {
-    let of = |info: &MeshInfo| (info.crs.clone(), info.systems.clone(), info.details.clone());
-    of(a) == of(b) && (a.origin, a.scale) == (b.origin, b.scale)
+    (&a.crs, &a.systems, &a.details, a.origin, a.scale)
+        == (&b.crs, &b.systems, &b.details, b.origin, b.scale)
 }
 
 impl SplitSource {
@@ -123,15 +123,15 @@ impl SplitSource {
     }
 
     fn part(&self, part: usize) -> Result<Arc<OpenPart>> {
-        let mut held = lock(&self.held);
-        if let Some((_, open)) = held.iter().find(|(held, _)| *held == part) {
+        let mut cached = lock(&self.cached);
+        if let Some((_, open)) = cached.iter().find(|(number, _)| *number == part) {
             return Ok(Arc::clone(open));
         }
-        if held.len() >= MAX_HELD {
-            held.remove(0);
+        if cached.len() >= MAX_CACHED {
+            cached.remove(0);
         }
         let open = Arc::new(self.parts[part].open()?);
-        held.push((part, Arc::clone(&open)));
+        cached.push((part, Arc::clone(&open)));
         Ok(open)
     }
 }
@@ -176,9 +176,8 @@ impl OpenPart {
         }
         let mut ids = vec![[0; 3]; out.len()];
         self.mesh.read_triangles(first, &mut ids)?;
-        let vertex = |id: &u64| self.vertices.get(*id as usize).copied();
         for (out, id) in out.as_flattened_mut().iter_mut().zip(ids.as_flattened()) {
-            *out = vertex(id).ok_or_else(|| changed(&self.path))?;
+            *out = *self.vertices.get(*id as usize).ok_or_else(|| changed(&self.path))?;
         }
         Ok(())
     }

@@ -25,7 +25,6 @@ use crate::sink::{
 use crate::solid::{SolidBase, lowered};
 use crate::text;
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::Point3;
 use terrane_files::xml::escaped;
 use terrane_files::{AppendWriter, folder_for};
 
@@ -80,17 +79,13 @@ fn unit(header: &MeshHeader) -> Result<&'static str> {
 }
 
 fn head(header: &MeshHeader, is_solid: bool) -> Result<String> {
-    let numbers = |point: Point3| point.map(text::f64_text).join(" ");
-    let record = |name: &str, value: &str| {
-        format!("<metadata name=\"{PREFIX}{name}\">{}</metadata>\n", escaped(value))
-    };
-    let mut recorded = record("origin", &numbers(header.origin));
+    let mut recorded = metadata("origin", &text::point_text(header.origin));
     if header.scale != [1.0; 3] {
-        recorded += &record("scale", &numbers(header.scale));
+        recorded += &metadata("scale", &text::point_text(header.scale));
     }
     // Metadata names must be unique.
     for (place, comment) in text::comments(header).iter().enumerate() {
-        recorded += &record(&format!("comment-{}", place + 1), comment);
+        recorded += &metadata(&format!("comment-{}", place + 1), comment);
     }
     let kind = if is_solid { "model" } else { "surface" };
     Ok(format!(
@@ -101,6 +96,10 @@ fn head(header: &MeshHeader, is_solid: bool) -> Result<String> {
         unit(header)?,
         text::generator(),
     ))
+}
+
+fn metadata(name: &str, value: &str) -> String {
+    format!("<metadata name=\"{PREFIX}{name}\">{}</metadata>\n", escaped(value))
 }
 
 const BETWEEN: &[u8] = b"</vertices>\n<triangles>\n";

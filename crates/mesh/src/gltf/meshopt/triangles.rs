@@ -218,11 +218,12 @@ impl MeshoptTriangleReader {
     /// The stream of `triangles` triangles at `start`, with `bytes` bytes.
     pub(crate) fn new(
         window: &mut MeshoptWindow<'_>,
-        (start, bytes): (u64, u64),
+        start: u64,
+        bytes: u64,
         triangles: u64,
     ) -> Result<Self> {
         let frame = 1 + PAIRS.len() as u64;
-        if triangles.checked_add(frame).is_none_or(|least| bytes < least) {
+        if triangles.checked_add(frame).is_none_or(|min_bytes| bytes < min_bytes) {
             return Err(bad(format!("have only {bytes} bytes for {triangles} triangles")));
         }
         if window.bytes(start, 1)? != [HEADER] {
@@ -231,8 +232,8 @@ impl MeshoptTriangleReader {
         let end = start + bytes - PAIRS.len() as u64;
         let mut pairs = PAIRS;
         pairs.copy_from_slice(window.bytes(end, PAIRS.len())?);
-        let is_place = |pair: &u8| pair & 0xf != 0xf && pair >> 4 != 0xf;
-        if !pairs.iter().all(is_place) || pairs[14..] != [0, 0] {
+        let is_valid = pairs.iter().all(|pair| pair & 0xf != 0xf && pair >> 4 != 0xf);
+        if !is_valid || pairs[14..] != [0, 0] {
             return Err(bad("have an invalid table"));
         }
         Ok(Self { codes: start + 1, end, triangles, pairs })
