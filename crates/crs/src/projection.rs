@@ -27,15 +27,15 @@ pub(crate) struct Projection {
 
 impl Projection {
     pub(crate) fn new(conversion: &Conversion, label: String) -> Result<Self> {
-        let open = |text: &str| Proj::from_proj_string(text);
         let name = conversion.proj.split(['=', ' ']).nth(1).unwrap_or_default();
         let refuse = |error: proj4rs::errors::Error| {
             let what = format!("the projection \"{name}\" is not supported: {error}");
             Error::unsupported(what).at(&label).remedy("reproject the data with GDAL or PDAL first")
         };
-        let proj = open(&conversion.proj).map_err(refuse)?;
+        let proj = Proj::from_proj_string(&conversion.proj).map_err(refuse)?;
         let (a, b) = proj.ellipse_parameters();
-        let globe = open(&format!("+proj=longlat +a={a} +b={b}")).map_err(refuse)?;
+        let globe = Proj::from_proj_string(&format!("+proj=longlat +a={a} +b={b}"));
+        let globe = globe.map_err(refuse)?;
         if !proj.has_inverse() || !proj.has_forward() {
             return Err(refuse(proj4rs::errors::Error::NoInverseProjectionDefined));
         }
