@@ -58,9 +58,11 @@ impl ErrorKind {
 /// True for a remote path such as `https://host/file` or `/vsicurl/https://host/file`.
 pub fn is_address(path: &Path) -> bool {
     let name = path.to_string_lossy();
-    let is_letter = |c: char| c.is_ascii_alphanumeric() || "+-.".contains(c);
-    let scheme = name.split_once("://").map(|(scheme, _)| scheme);
-    name.starts_with("/vsi") || scheme.is_some_and(|s| !s.is_empty() && s.chars().all(is_letter))
+    let scheme = name.split_once("://").map(|(scheme, _)| scheme).filter(|s| !s.is_empty());
+    let is_scheme = scheme.is_some_and(|scheme| {
+        scheme.chars().all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))
+    });
+    name.starts_with("/vsi") || is_scheme
 }
 
 /// An error with its file, place and remedy. Displays as one line.
@@ -115,8 +117,8 @@ impl Error {
 
     /// True for a missing input file.
     pub fn is_missing(&self) -> bool {
-        let is_not_found = |source: &io::Error| source.kind() == io::ErrorKind::NotFound;
-        self.kind == ErrorKind::BadInput && self.source.as_ref().is_some_and(is_not_found)
+        let source = self.source.as_ref().map(io::Error::kind);
+        self.kind == ErrorKind::BadInput && source == Some(io::ErrorKind::NotFound)
     }
 
     /// The message spelled for a front end, without the failures of single files.

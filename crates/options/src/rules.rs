@@ -156,7 +156,15 @@ impl GivenOptions<'_> {
 
     /// `‹a›, ‹b› or ‹c›`; flags that are on by default are listed as turned off.
     fn listed(&self, terms: &[&str]) -> String {
-        let named = |term: &&str| match term.split_once("!=") {
+        let names: Vec<String> = terms.iter().map(|term| self.spelled(term)).collect();
+        match names.split_last() {
+            Some((last, rest)) if !rest.is_empty() => format!("{} or {last}", rest.join(", ")),
+            _ => names.join(""),
+        }
+    }
+
+    fn spelled(&self, term: &str) -> String {
+        match term.split_once("!=") {
             // Its current value.
             Some((name, _)) => {
                 format!("‹{name}› {}", self.now.get(name).map_or(String::new(), text))
@@ -165,11 +173,6 @@ impl GivenOptions<'_> {
                 format!("‹{term}=false›")
             }
             None => format!("‹{term}›"),
-        };
-        let names: Vec<String> = terms.iter().map(named).collect();
-        match names.split_last() {
-            Some((last, rest)) if !rest.is_empty() => format!("{} or {last}", rest.join(", ")),
-            _ => names.join(""),
         }
     }
 

@@ -1,6 +1,6 @@
 //! GeoKeys to CRS: codes, names and units; raw keys are kept. GeoTIFF 1.1 (OGC 19-008r4), section 7.1.2.
 
-use super::definition::{EpsgName, GeographicCrs, Horizontal, Projected, VerticalCrs};
+use super::definition::{EpsgName, GeographicCrs, Horizontal, Projected, VerticalCrs, value_of};
 use super::method::{ProjectionMethod, ProjectionParameter};
 use super::system::{Crs, RASTER_TYPE};
 use super::unit::LengthUnit;
@@ -206,17 +206,21 @@ impl GeoKeys {
             None => LengthUnit::metre(),
         };
         let name = self.citation(Some(false)).unwrap_or_else(unknown);
+        let name = EpsgName { name, code: None };
         if let Some(zone) = self.utm_zone() {
             let method = ProjectionMethod::of_code(TRANSVERSE_MERCATOR, |_| false)?;
-            let zone = |role| zone.iter().find(|(own, _)| *own == role).map(|(_, value)| *value);
-            let known =
-                Projected::new((name, None), self.base()?, method, zone, LengthUnit::metre())?;
+            let (base, metre) = (self.base()?, LengthUnit::metre());
+            let known = Projected::new(name, base, method, |role| value_of(&zone, role), metre)?;
             return Some(known.in_unit(unit));
         }
-        let given =
-            |role: ProjectionParameter| role.keys().iter().find_map(|key| self.double(*key));
-        let method = ProjectionMethod::of_code(self.short(METHOD)?, |role| given(role).is_some())?;
-        Projected::new((name, None), self.base()?, method, given, unit)
+        let method = self.short(METHOD)?;
+        let method = ProjectionMethod::of_code(method, |role| self.parameter(role).is_some())?;
+        Projected::new(name, self.base()?, method, |role| self.parameter(role), unit)
+    }
+
+    /// Parameter of the projection, by the first of its keys that is present.
+    fn parameter(&self, role: ProjectionParameter) -> Option<f64> {
+        role.keys().iter().find_map(|key| self.double(*key))
     }
 
     /// Parameters of a UTM zone that the keys name by code only.
@@ -243,23 +247,21 @@ impl GeoKeys {
         if let Some(code) = self.code(GEODETIC_CRS) {
             return codes::geographic(code);
         }
-        let own = |geographic: GeographicCrs| {
-            let from_greenwich = self.meridian()?;
-            let name = self.part_of_citation("GCS Name").or_else(|| self.text(GEODETIC_CITATION));
-            let meridian = self.part_of_citation("Primem").filter(|_| from_greenwich != 0.0);
-            Some(GeographicCrs {
-                name: name.unwrap_or_else(unknown),
-                code: None,
-                meridian: meridian.unwrap_or_else(|| "Greenwich".to_owned()),
-                from_greenwich,
-                is_3d: false,
-                ..geographic
-            })
+        let known = match self.code(DATUM) {
+            Some(code) => codes::geographic_with(|known| known.datum.code == Some(code))?,
+            None => self.figure()?,
         };
-        if let Some(code) = self.code(DATUM) {
-            return own(codes::geographic_with(|known| known.datum.code == Some(code))?);
-        }
-        own(self.figure()?)
+        let from_greenwich = self.meridian()?;
+        let name = self.part_of_citation("GCS Name").or_else(|| self.text(GEODETIC_CITATION));
+        let meridian = self.part_of_citation("Primem").filter(|_| from_greenwich != 0.0);
+        Some(GeographicCrs {
+            name: name.unwrap_or_else(unknown),
+            code: None,
+            meridian: meridian.unwrap_or_else(|| "Greenwich".to_owned()),
+            from_greenwich,
+            is_3d: false,
+            ..known
+        })
     }
 
     /// A geographic CRS with an unknown datum on the ellipsoid of the keys.
@@ -290,8 +292,8 @@ impl GeoKeys {
 
     /// True if keys describe the ellipsoid, known or not.
     pub(super) fn defines_ellipsoid(&self) -> bool {
-        let is_told = |key| self.short(key).is_some_and(|code| code != 0);
-        [GEODETIC_CRS, PROJECTED_CRS, DATUM, ELLIPSOID].into_iter().any(is_told)
+        let mut codes = [GEODETIC_CRS, PROJECTED_CRS, DATUM, ELLIPSOID].into_iter();
+        codes.any(|key| self.short(key).is_some_and(|code| code != 0))
             || self.double(SEMI_MAJOR_AXIS).is_some()
             || !self.is_in_degrees()
     }
@@ -303,9 +305,10 @@ impl GeoKeys {
     /// Semi-major axis and inverse flattening.
     fn axes(&self) -> Option<(f64, f64)> {
         let axis = self.double(SEMI_MAJOR_AXIS)?;
-        let by_minor = |minor: f64| if minor == axis { 0.0 } else { axis / (axis - minor) };
-        let minor = self.double(SEMI_MINOR_AXIS).map(by_minor);
-        Some((axis, self.double(INVERSE_FLATTENING).or(minor)?))
+        let minor = self.double(SEMI_MINOR_AXIS);
+        // A sphere has the inverse flattening 0.
+        let by_minor = minor.map(|minor| if minor == axis { 0.0 } else { axis / (axis - minor) });
+        Some((axis, self.double(INVERSE_FLATTENING).or(by_minor)?))
     }
 
     fn meridian(&self) -> Option<f64> {

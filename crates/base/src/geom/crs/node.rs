@@ -87,8 +87,10 @@ impl<'a> CrsWktNode<'a> {
 
     /// True if the node has this word, such as UP.
     pub(super) fn has_word(&self, word: &str) -> bool {
-        let is = |value: &CrsWktValue<'_>| matches!(value, CrsWktValue::Word(w) if w.eq_ignore_ascii_case(word));
-        self.values.iter().any(is)
+        self.values.iter().any(|value| match value {
+            CrsWktValue::Word(own) => own.eq_ignore_ascii_case(word),
+            _ => false,
+        })
     }
 
     /// The EPSG code of its own `AUTHORITY` or `ID`.
