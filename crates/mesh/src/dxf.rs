@@ -18,7 +18,7 @@ use terrane_base::geom::{Crs, Point3};
 use terrane_files::AppendWriter;
 
 /// Text has no capacity limit; the bytes are typical values.
-const MOST: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX / 3, u64::MAX], 0, 170);
+const CAPACITY: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX / 3, u64::MAX], 0, 170);
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: "DXF",
@@ -30,7 +30,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |_| Ok(()),
-    most: || MOST,
+    most: || CAPACITY,
     create,
     open: |path| Ok(Box::new(DxfSource::open(path)?)),
     sniff,
@@ -99,8 +99,8 @@ impl MeshEncoder for DxfEncoder {
         FORMAT.name
     }
 
-    fn most(&self) -> MeshCapacity {
-        MOST
+    fn capacity(&self) -> MeshCapacity {
+        CAPACITY
     }
 
     fn header(&self, _counts: MeshCounts) -> Vec<u8> {

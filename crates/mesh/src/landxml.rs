@@ -21,7 +21,7 @@ use terrane_files::AppendWriter;
 use terrane_files::xml::{XmlEvent, XmlStartTag, escaped};
 
 /// Text has no capacity limit; the bytes are typical values.
-const MOST: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX, u64::MAX], 52, 32);
+const CAPACITY: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX, u64::MAX], 52, 32);
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: "LandXML",
@@ -33,7 +33,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |crs| unit(crs).map(drop),
-    most: || MOST,
+    most: || CAPACITY,
     create,
     open: |path| Ok(Box::new(LandXmlSource::open(path)?)),
     sniff: |head| head.windows(8).any(|some| some == b"<LandXML"),
@@ -121,8 +121,8 @@ impl MeshEncoder for LandXmlEncoder {
         FORMAT.name
     }
 
-    fn most(&self) -> MeshCapacity {
-        MOST
+    fn capacity(&self) -> MeshCapacity {
+        CAPACITY
     }
 
     fn header(&self, _counts: MeshCounts) -> Vec<u8> {

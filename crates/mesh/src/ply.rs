@@ -17,7 +17,7 @@ use terrane_base::geom::Point3;
 use terrane_files::AppendWriter;
 
 /// Indices are u32.
-const MOST: MeshCapacity = MeshCapacity::new([1 << 32, u64::MAX, u64::MAX], 24, 13);
+const CAPACITY: MeshCapacity = MeshCapacity::new([1 << 32, u64::MAX, u64::MAX], 24, 13);
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: "PLY",
@@ -29,7 +29,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |_| Ok(()),
-    most: || MOST,
+    most: || CAPACITY,
     create,
     open: |path| Ok(Box::new(PlySource::open(path)?)),
     sniff: |head| head.starts_with(b"ply\n") || head.starts_with(b"ply\r\n"),
@@ -76,8 +76,8 @@ impl MeshEncoder for PlyEncoder {
         FORMAT.name
     }
 
-    fn most(&self) -> MeshCapacity {
-        MOST
+    fn capacity(&self) -> MeshCapacity {
+        CAPACITY
     }
 
     fn channels(&self) -> &[VertexChannel] {
@@ -87,8 +87,8 @@ impl MeshEncoder for PlyEncoder {
     /// The header, padded by a comment to a constant length.
     fn header(&self, counts: MeshCounts) -> Vec<u8> {
         let largest = MeshCounts { vertices: u64::MAX, triangles: u64::MAX };
-        let room = self.text(largest, "").len() - self.text(counts, "").len();
-        self.text(counts, &".".repeat(room)).into_bytes()
+        let padding = self.text(largest, "").len() - self.text(counts, "").len();
+        self.text(counts, &".".repeat(padding)).into_bytes()
     }
 
     fn encode(

@@ -89,7 +89,7 @@ pub(super) trait MeshEncoder: Send {
     fn name(&self) -> &'static str;
 
     /// Capacity limits.
-    fn most(&self) -> MeshCapacity;
+    fn capacity(&self) -> MeshCapacity;
 
     /// The header for `counts`; its length is constant, because it is written first with counts of 0 and again at the
     /// end.
@@ -132,7 +132,7 @@ pub(super) trait MeshEncoder: Send {
 /// Writes one file with an encoder.
 pub(super) struct FileSink<E> {
     encoder: E,
-    most: MeshCapacity,
+    capacity: MeshCapacity,
     header_bytes: u64,
     counts: MeshCounts,
     target: AtomicFile,
@@ -164,8 +164,8 @@ impl<E: MeshEncoder + 'static> FileSink<E> {
         let header = encoder.header(MeshCounts::default());
         body.write(&header)?;
         let header_bytes = header.len() as u64;
-        let (most, counts) = (encoder.most(), MeshCounts::default());
-        Ok(Self { encoder, most, header_bytes, counts, target, body, tail, broken: false })
+        let (capacity, counts) = (encoder.capacity(), MeshCounts::default());
+        Ok(Self { encoder, capacity, header_bytes, counts, target, body, tail, broken: false })
     }
 
     /// Checks a batch and returns the counts with it.
@@ -175,7 +175,8 @@ impl<E: MeshEncoder + 'static> FileSink<E> {
             triangles: self.counts.triangles + batch.triangles.len() as u64,
         };
         let name = self.encoder.name();
-        capacity::check(name, &self.most, self.header_bytes, counts.vertices, counts.triangles)?;
+        let MeshCounts { vertices, triangles } = counts;
+        capacity::check(name, &self.capacity, self.header_bytes, vertices, triangles)?;
         check_ids(batch.triangles, counts.vertices)?;
         check_finite(batch, self.counts.vertices)?;
         check_values(self.encoder.channels(), batch.vertices.len(), batch.values)?;
@@ -265,7 +266,7 @@ mod tests {
             "Tiny"
         }
 
-        fn most(&self) -> MeshCapacity {
+        fn capacity(&self) -> MeshCapacity {
             let [vertices, triangles, bytes] = [4, 3, 100];
             MeshCapacity { vertices, triangles, bytes, vertex_bytes: 10, triangle_bytes: 20 }
         }

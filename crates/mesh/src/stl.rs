@@ -21,7 +21,7 @@ use terrane_base::geom::Point3;
 use terrane_files::{AppendWriter, folder_for};
 
 /// The number of triangles is a u32.
-const MOST: MeshCapacity = MeshCapacity::new([u64::MAX, u32::MAX as u64, u64::MAX], 0, 50);
+const CAPACITY: MeshCapacity = MeshCapacity::new([u64::MAX, u32::MAX as u64, u64::MAX], 0, 50);
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: "STL",
@@ -33,7 +33,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: false,
     admits: |_| Ok(()),
-    most: || MOST,
+    most: || CAPACITY,
     create,
     open: |path| Ok(Box::new(StlSource::open(path)?)),
     sniff: |head| head.starts_with(ORIGIN.as_bytes()) || is_ascii(head),
@@ -118,8 +118,8 @@ impl MeshEncoder for StlEncoder {
     }
 
     /// A solid has each triangle twice.
-    fn most(&self) -> MeshCapacity {
-        let surface = MOST;
+    fn capacity(&self) -> MeshCapacity {
+        let surface = CAPACITY;
         let copies = if self.solid.is_some() { 2 } else { 1 };
         MeshCapacity { triangles: surface.triangles / copies, ..surface }
     }

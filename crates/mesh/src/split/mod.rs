@@ -94,11 +94,11 @@ pub fn is_split(path: &Path) -> bool {
 /// True for such a folder without other files, which can be replaced safely.
 pub fn is_replaceable(path: &Path) -> bool {
     let (Ok(files), Ok(mut entries)) = (files(path), std::fs::read_dir(path)) else { return false };
-    let own: HashSet<PathBuf> =
+    let known: HashSet<PathBuf> =
         files.iter().cloned().chain(files.iter().skip(1).map(|mesh| prj_path(mesh))).collect();
     entries.all(|entry| {
         entry.is_ok_and(|entry| {
-            own.contains(&entry.path()) && entry.file_type().is_ok_and(|kind| kind.is_file())
+            known.contains(&entry.path()) && entry.file_type().is_ok_and(|kind| kind.is_file())
         })
     })
 }
@@ -228,13 +228,13 @@ impl BlockVertexIds {
     /// Local id of `id`, and whether it is new.
     fn of(&mut self, id: u64) -> (u64, bool) {
         let page = self.pages.entry(id / PAGE).or_insert_with(|| Box::new([0; PAGE as usize]));
-        let found = &mut page[(id % PAGE) as usize];
-        let is_new = *found == 0;
+        let number = &mut page[(id % PAGE) as usize];
+        let is_new = *number == 0;
         if is_new {
             self.count += 1;
-            *found = self.count;
+            *number = self.count;
         }
-        (*found - 1, is_new)
+        (*number - 1, is_new)
     }
 }
 

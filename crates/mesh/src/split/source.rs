@@ -41,20 +41,20 @@ pub(crate) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
     for block in &index.blocks {
         let path = path.join(&block.file);
         // Only files: a folder that contains itself would recurse without end.
-        let found = open_file(&path).map_err(|e| e.remedy("make the folder again"))?;
-        let found = found.info().clone();
-        check(&found, block, &index, &path)?;
-        if let Some(first) = info.as_ref().filter(|first| !states_the_same(first, &found)) {
+        let mesh = open_file(&path).map_err(|e| e.remedy("make the folder again"))?;
+        let part = mesh.info().clone();
+        check(&part, block, &index, &path)?;
+        if let Some(first) = info.as_ref().filter(|first| !states_the_same(first, &part)) {
             let what =
                 format!("its metadata differ from those of the first block ({})", first.format);
             return Err(lying(&path, what));
         }
         let prj = terrane_files::prj(&path)?;
         systems.extend((!prj.is_empty() && !systems.contains(&prj)).then_some(prj));
-        parts.push(SplitMeshPart { path, first, triangles: found.triangles });
-        first += found.triangles;
-        solid |= found.solid;
-        info.get_or_insert(found);
+        parts.push(SplitMeshPart { path, first, triangles: part.triangles });
+        first += part.triangles;
+        solid |= part.solid;
+        info.get_or_insert(part);
     }
     let info = info.ok_or_else(|| {
         Error::bad_input("the index has no blocks").in_file(path).remedy("make the folder again")

@@ -29,7 +29,7 @@ use terrane_files::xml::escaped;
 use terrane_files::{AppendWriter, folder_for};
 
 /// Vertex indices are below 2^31.
-const MOST: MeshCapacity = MeshCapacity::new([i32::MAX as u64, u64::MAX, u64::MAX], 16, 10);
+const CAPACITY: MeshCapacity = MeshCapacity::new([i32::MAX as u64, u64::MAX, u64::MAX], 16, 10);
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: NAME,
@@ -41,7 +41,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: true,
     names_crs: true,
     admits: |_| Ok(()),
-    most: || MOST,
+    most: || CAPACITY,
     create,
     open: |path| Ok(Box::new(read::open(path)?)),
     sniff: |head| head.starts_with(b"PK\x03\x04") && holds(head, CONTENT_TYPES.as_bytes()),
@@ -118,8 +118,8 @@ impl MeshEncoder for Encoder3mf {
     }
 
     /// A solid has each vertex twice.
-    fn most(&self) -> MeshCapacity {
-        let surface = MOST;
+    fn capacity(&self) -> MeshCapacity {
+        let surface = CAPACITY;
         let copies = if self.walls.is_some() { 2 } else { 1 };
         MeshCapacity { vertices: surface.vertices / copies, ..surface }
     }
@@ -162,8 +162,8 @@ impl MeshEncoder for Encoder3mf {
     fn complete(&mut self, body: &mut AppendWriter, tail: &mut AppendWriter) -> Result<()> {
         if let Some(walls) = self.walls.take() {
             let vertices = walls.complete(body, tail)?;
-            if vertices > MOST.vertices {
-                let limit = format!("{} vertices", MOST.vertices);
+            if vertices > CAPACITY.vertices {
+                let limit = format!("{} vertices", CAPACITY.vertices);
                 return Err(capacity::too_much(NAME, &limit, vertices, 0));
             }
         }

@@ -16,8 +16,8 @@ const BITS: [usize; 4] = [0, 2, 4, 8];
 
 /// Elements per block for elements of `stride` bytes.
 const fn block_elements(stride: usize) -> usize {
-    let most = BLOCK_BYTES / stride / GROUP * GROUP;
-    if most < BLOCK_ELEMENTS { most } else { BLOCK_ELEMENTS }
+    let max_elements = BLOCK_BYTES / stride / GROUP * GROUP;
+    if max_elements < BLOCK_ELEMENTS { max_elements } else { BLOCK_ELEMENTS }
 }
 
 /// Writes one stream of elements.
