@@ -153,9 +153,8 @@ fn index(file: &mut File, path: &Path) -> Result<Vec<TileIndexEntry>> {
 
 fn entry(bytes: &[u8]) -> Option<TileIndexEntry> {
     let (numbers, largest) = bytes.split_at(ENTRY - 8);
-    let (numbers, _) = numbers.as_chunks::<4>();
-    let numbers: Vec<u32> = numbers.iter().map(|bytes| u32::from_le_bytes(*bytes)).collect();
-    let [set, level, x, y, vertices, triangles, facts, bytes] = numbers[..].try_into().ok()?;
+    let numbers: [[u8; 4]; 8] = numbers.as_chunks().0.try_into().ok()?;
+    let [set, level, x, y, vertices, triangles, facts, bytes] = numbers.map(u32::from_le_bytes);
     let level = u8::try_from(level).ok().filter(|level| *level <= DEEPEST)?;
     let id = GlobeTileId { level, x, y };
     let largest = f64::from_le_bytes(largest.try_into().ok()?);

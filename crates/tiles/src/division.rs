@@ -67,14 +67,14 @@ impl TileNumbering {
     /// Tiles with these numbers, clipped to the existing ones.
     pub(super) fn slice(&self, numbers: Range<u64>) -> Vec<GlobeTileId> {
         let mut first = 0;
-        let mut found = Vec::new();
+        let mut tiles = Vec::new();
         for rows in &self.0 {
             let [from, to] =
                 [numbers.start, numbers.end].map(|i| i.clamp(first, first + rows.count) - first);
-            found.extend((from..to).map(|i| rows.at(i)));
+            tiles.extend((from..to).map(|i| rows.at(i)));
             first += rows.count;
         }
-        found
+        tiles
     }
 
     pub(super) fn all(&self) -> Vec<GlobeTileId> {

@@ -186,13 +186,13 @@ pub fn glb<G: TerrainSampler>(
     let mut parts = TileBufferBuilder::new(is_packed);
     let mut attributes = placed(&vertices, &counted, &mut parts)?;
     if let Some((level, ground)) = normals {
-        let at = |v: &TileVertex| normal(tile.id.place(v.at), level, ground).0.map(|x| x as f32);
-        let found: Vec<[f32; 3]> = vertices.iter().map(at).collect();
-        let found = match is_packed {
-            true => parts.directions(&found)?,
-            false => parts.floats("VEC3", &found, false)?,
+        let normals = vertices.iter().map(|v| normal(tile.id.place(v.at), level, ground).0);
+        let normals: Vec<_> = normals.map(|normal| normal.map(|value| value as f32)).collect();
+        let view = match is_packed {
+            true => parts.directions(&normals)?,
+            false => parts.floats("VEC3", &normals, false)?,
         };
-        attributes += &format!(r#","NORMAL":{found}"#);
+        attributes += &format!(r#","NORMAL":{view}"#);
     }
     let is_short = vertices.len() <= SHORT;
     let indices = parts.triangles(triangles.as_flattened(), is_short)?;

@@ -410,7 +410,7 @@ impl TileShell {
     }
 }
 
-/// Twice the area of a triangle with the axis of the earth, from above the north pole.
+/// Cross product seen along the axis of the earth: positive if `b` is to the east of `a`.
 fn turn(Vector([ax, ay, _]): Vector, Vector([bx, by, _]): Vector) -> f64 {
     ax * by - ay * bx
 }

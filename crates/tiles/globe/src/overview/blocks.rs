@@ -44,13 +44,14 @@ pub struct SampleBlocks {
 impl SampleBlocks {
     /// For a grid of this many columns and rows.
     pub fn of(whole: [u32; 2]) -> Self {
-        let count =
-            |side: u32| whole.map(|end| u64::from(end.div_ceil(side))).iter().product::<u64>();
-        let mut side = MIN_SIDE;
-        while count(side) > MAX_BLOCKS {
-            side *= 2;
+        let mut blocks = Self { side: MIN_SIDE, counts: [0; 2], whole };
+        loop {
+            blocks.counts = whole.map(|end| end.div_ceil(blocks.side));
+            if blocks.counts.map(u64::from).iter().product::<u64>() <= MAX_BLOCKS {
+                return blocks;
+            }
+            blocks.side *= 2;
         }
-        Self { side, counts: whole.map(|end| end.div_ceil(side)), whole }
     }
 
     /// The samples of a block.
@@ -126,16 +127,17 @@ fn valid(
 
 /// Largest height difference of adjacent samples in metres.
 fn jump(heights: &[f64], stride: usize, [width, height]: [usize; 2]) -> f64 {
-    let mut most = 0.0_f64;
+    let mut largest = 0.0_f64;
     for row in 0..height {
         let line = &heights[row * stride..][..width];
         let across = line.windows(2).map(|two| (two[1] - two[0]).abs());
         // NaN heights never compare.
-        most = across.fold(most, f64::max);
+        largest = across.fold(largest, f64::max);
         if row > 0 {
             let above = &heights[(row - 1) * stride..][..width];
-            most = line.iter().zip(above).map(|(a, b)| (a - b).abs()).fold(most, f64::max);
+            let down = line.iter().zip(above).map(|(a, b)| (a - b).abs());
+            largest = down.fold(largest, f64::max);
         }
     }
-    most
+    largest
 }
