@@ -101,7 +101,7 @@ impl Return {
             Self::First => number <= 1,
             Self::Last => number >= returns,
             Self::Only => number <= 1 && returns <= 1,
-            Self::Number(wanted) => number == wanted,
+            Self::Number(own) => number == own,
         }
     }
 }

@@ -170,8 +170,8 @@ impl Error {
     }
 
     /// Shorthand for [`ErrorKind::Limit`] with the name of the limit, the value found and the maximum.
-    pub fn limit(name: &str, found: impl fmt::Display, most: impl fmt::Display) -> Self {
-        Self::new(ErrorKind::Limit, format!("{name} ({found}) exceeds the limit of {most}"))
+    pub fn limit(name: &str, found: impl fmt::Display, max: impl fmt::Display) -> Self {
+        Self::new(ErrorKind::Limit, format!("{name} ({found}) exceeds the limit of {max}"))
     }
 
     /// An input/output failure while doing `action` ("read", "write", "create", ...).

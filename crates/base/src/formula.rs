@@ -461,8 +461,8 @@ impl FormulaParser<'_> {
 }
 
 /// Fails if a subexpression does not have the expected type.
-fn is(wanted: FormulaType, found: FormulaType) -> Result<FormulaType, String> {
-    match (wanted, found) {
+fn is(expected: FormulaType, found: FormulaType) -> Result<FormulaType, String> {
+    match (expected, found) {
         (FormulaType::Truth, FormulaType::Number) => {
             Err("operands of and, or and not must be conditions such as intensity > 100".to_owned())
         }

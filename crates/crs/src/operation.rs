@@ -337,7 +337,7 @@ fn choose_operation(
 ) -> Result<KnownDatumShift> {
     let known = datum.code.map(table::shifts).unwrap_or_default();
     let first = known.first().copied();
-    let found = match (first, area) {
+    let chosen = match (first, area) {
         (Some(first), _) if first.is_null() => Some(first),
         (_, Some(area)) => [NEAR, FAR]
             .into_iter()
@@ -347,7 +347,7 @@ fn choose_operation(
             a.area.size().total_cmp(&b.area.size()).then(std::cmp::Ordering::Greater)
         }),
     };
-    found.ok_or_else(|| {
+    chosen.ok_or_else(|| {
         let [name, from, to] = [datum, from, to].map(|datum| datum.name.replace('_', " "));
         let place = match first {
             Some(_) => " for the whole extent of the data",

@@ -114,12 +114,13 @@ impl Projected {
     }
 
     fn same_numbers(&self, other: &Self) -> bool {
-        let lengths =
-            |role: &ProjectionParameter| if role.is_length() { self.unit.size } else { 1.0 };
-        let pairs = self.method.roles.iter().zip(self.values.iter().zip(&other.values));
+        let mut pairs = self.method.roles.iter().zip(self.values.iter().zip(&other.values));
         self.method == other.method
             && self.unit.is(&other.unit)
-            && pairs.into_iter().all(|(role, (a, b))| (a - b).abs() * lengths(role) <= role.slack())
+            && pairs.all(|(role, (a, b))| {
+                let size = if role.is_length() { self.unit.size } else { 1.0 };
+                (a - b).abs() * size <= role.slack()
+            })
     }
 }
 

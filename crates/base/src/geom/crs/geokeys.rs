@@ -135,9 +135,8 @@ impl GeoKeys {
     pub(super) fn vertical(&self) -> Option<VerticalCrs> {
         let Some(code) = self.vertical_code() else {
             let datum = EpsgName { name: unknown(), code: None };
-            let nameless =
-                |unit| VerticalCrs { name: unknown(), code: None, datum, unit, is_down: false };
-            return self.vertical_unit().filter(|_| self.geographic() == Some(false)).map(nameless);
+            let unit = self.vertical_unit().filter(|_| self.geographic() == Some(false))?;
+            return Some(VerticalCrs { name: unknown(), code: None, datum, unit, is_down: false });
         };
         let known = vertical::by_code(code)?;
         let unit = self.vertical_unit().unwrap_or_else(|| known.unit.clone());

@@ -119,11 +119,11 @@ impl<'a> CrsWktParser<'a> {
         self.at += rest.len() - rest.trim_start().len();
     }
 
-    /// Consumes `wanted` if it is next.
-    fn takes(&mut self, wanted: char) -> bool {
+    /// Consumes a character if it is next.
+    fn takes(&mut self, c: char) -> bool {
         self.skip_space();
-        let is_next = self.rest().starts_with(wanted);
-        self.at += if is_next { wanted.len_utf8() } else { 0 };
+        let is_next = self.rest().starts_with(c);
+        self.at += if is_next { c.len_utf8() } else { 0 };
         is_next
     }
 
