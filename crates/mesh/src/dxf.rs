@@ -43,9 +43,19 @@ const GROUPS: [[u32; 3]; 4] = [[10, 20, 30], [11, 21, 31], [12, 22, 32], [13, 23
 /// Maximum number of comments kept.
 const MAX_COMMENTS: usize = 64;
 
-/// Units: metres per unit, DXF code, name.
-const UNITS: [(f64, u8, &str); 3] =
-    [(1.0, 6, "metre"), (0.3048, 2, "foot"), (1200.0 / 3937.0, 21, "US survey foot")];
+/// A unit of lengths.
+struct DxfUnit {
+    metres: f64,
+    /// Value of the variable.
+    code: u8,
+    name: &'static str,
+}
+
+const UNITS: [DxfUnit; 3] = [
+    DxfUnit { metres: 1.0, code: 6, name: "metre" },
+    DxfUnit { metres: 0.3048, code: 2, name: "foot" },
+    DxfUnit { metres: 1200.0 / 3937.0, code: 21, name: "US survey foot" },
+];
 /// The variable of the unit.
 const UNIT: &str = "$INSUNITS";
 
@@ -53,17 +63,17 @@ const UNIT: &str = "$INSUNITS";
 fn unit(crs: &Crs) -> u8 {
     let Some(metres) = crs.horizontal_metres() else { return 0 };
     let is_common = crs.vertical_metres().is_none_or(|up| is_same_length(up, metres));
-    let unit = UNITS.iter().find(|(known, ..)| is_common && is_same_length(*known, metres));
-    unit.map_or(0, |(_, number, _)| *number)
+    let unit = UNITS.iter().find(|unit| is_common && is_same_length(unit.metres, metres));
+    unit.map_or(0, |unit| unit.code)
 }
 
 /// Name of the unit with a DXF code.
-fn unit_name(number: &[u8]) -> Option<String> {
-    let number = String::from_utf8_lossy(number);
-    let known = UNITS.iter().find(|(_, known, _)| number.parse() == Ok(*known));
-    (number != "0").then(|| match known {
-        Some((.., name)) => (*name).to_owned(),
-        None => format!("{UNIT} {number}"),
+fn unit_name(code: &[u8]) -> Option<String> {
+    let code = String::from_utf8_lossy(code);
+    let known = UNITS.iter().find(|unit| code.parse() == Ok(unit.code));
+    (code != "0").then(|| match known {
+        Some(unit) => unit.name.to_owned(),
+        None => format!("{UNIT} {code}"),
     })
 }
 

@@ -39,11 +39,17 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     sniff: |head| head.windows(8).any(|some| some == b"<LandXML"),
 };
 
-/// Length units: name, metres per unit, and the system of units.
-const UNITS: [(&str, f64, &str); 3] = [
-    ("meter", 1.0, METRIC),
-    ("foot", 0.3048, IMPERIAL),
-    ("USSurveyFoot", 1200.0 / 3937.0, IMPERIAL),
+/// A length unit, and its system of units.
+struct LandXmlUnit {
+    name: &'static str,
+    metres: f64,
+    system: &'static str,
+}
+
+const UNITS: [LandXmlUnit; 3] = [
+    LandXmlUnit { name: "meter", metres: 1.0, system: METRIC },
+    LandXmlUnit { name: "foot", metres: 0.3048, system: IMPERIAL },
+    LandXmlUnit { name: "USSurveyFoot", metres: 1200.0 / 3937.0, system: IMPERIAL },
 ];
 const METRIC: &str = "Metric areaUnit=\"squareMeter\" volumeUnit=\"cubicMeter\" \
     temperatureUnit=\"celsius\" pressureUnit=\"milliBars\"";
@@ -61,8 +67,8 @@ fn unit(crs: &Crs) -> Result<String> {
         let why = format!("the horizontal unit is {metres} m, the vertical unit {up} m");
         return Err(refused_units(&why));
     }
-    let unit = UNITS.iter().find(|(_, known, _)| is_same_length(*known, metres));
-    let (name, _, system) =
+    let unit = UNITS.iter().find(|unit| is_same_length(unit.metres, metres));
+    let LandXmlUnit { name, system, .. } =
         unit.ok_or_else(|| refused_units(&format!("no LandXML unit is {metres} m long")))?;
     Ok(format!("<{system} linearUnit=\"{name}\"/>"))
 }
@@ -243,7 +249,7 @@ impl LandXmlSource {
     fn open(path: &Path) -> Result<Self> {
         let input = MeshFile::open(path)?;
         let (mut points, mut faces) = (SparseIndex::new(), SparseIndex::new());
-        let (mut numbers, mut found) = (LandXmlPointIds::default(), LandXmlSummary::default());
+        let (mut numbers, mut summary) = (LandXmlPointIds::default(), LandXmlSummary::default());
         let mut xml = MeshXmlReader::new(&input, 0);
         loop {
             let at = xml.offset();
@@ -251,27 +257,27 @@ impl LandXmlSource {
             let place = |e: Error| e.in_file(path).at(format!("byte {at}"));
             match xml.next()? {
                 XmlEvent::Over => break,
-                XmlEvent::Start(tag) if tag.local_name() == "P" && found.surfaces > 0 => {
+                XmlEvent::Start(tag) if tag.local_name() == "P" && summary.surfaces > 0 => {
                     numbers.push(number(&tag, "id").map_err(place)?).map_err(place)?;
                     points.note(mark);
                 }
-                XmlEvent::Start(tag) if tag.local_name() == "F" && found.surfaces > 0 => {
+                XmlEvent::Start(tag) if tag.local_name() == "F" && summary.surfaces > 0 => {
                     // Faces of other programs may be invisible.
                     if tag.attribute("i").map_err(place)?.is_none_or(|hidden| hidden != "1") {
                         faces.note(mark);
                     }
                 }
-                XmlEvent::Start(tag) => found.note(&tag).map_err(place)?,
+                XmlEvent::Start(tag) => summary.note(&tag).map_err(place)?,
                 XmlEvent::Text(_) | XmlEvent::End => {}
             }
         }
         numbers.complete().map_err(|e| e.in_file(path))?;
-        if !found.is_landxml || found.surfaces != 1 {
-            let count = found.surfaces;
+        if !summary.is_landxml || summary.surfaces != 1 {
+            let count = summary.surfaces;
             let error = Error::unsupported(format!("expected one TIN surface, found {count}"));
             return Err(error.in_file(path).remedy("use a LandXML file with one surface"));
         }
-        let info = found.info(points.count(), faces.count());
+        let info = summary.info(points.count(), faces.count());
         drop(xml);
         Ok(Self { input, points, faces, numbers, info })
     }

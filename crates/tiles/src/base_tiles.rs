@@ -68,10 +68,10 @@ impl ScannedGrid<'_> {
         let chart = self.opened.look.chart();
         let ranges = chart.range(bounds);
         let [cols, rows] = [0, 1].map(|axis: usize| {
-            let (whole, [low, high]) = (f64::from(chart.whole()[axis]), ranges[axis]);
+            let (count, [low, high]) = (f64::from(chart.size()[axis]), ranges[axis]);
             let low = low.floor() - f64::from(APRON);
             let high = high.ceil() + f64::from(APRON) + 1.0;
-            [low, high].map(|at| at.clamp(0.0, whole) as u32)
+            [low, high].map(|at| at.clamp(0.0, count) as u32)
         });
         Rect::new(cols[0], rows[0], cols[1] - cols[0], rows[1] - rows[0])
     }

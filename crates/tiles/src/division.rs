@@ -148,28 +148,26 @@ impl TilesDivision {
 
     /// Tasks of the three kinds, with `cut` tiles in each of the last two.
     pub(super) fn counts(&self, cut: u32) -> [u32; 3] {
-        let looks = self.place.whole[1].div_ceil(self.look_rows());
+        let looks = self.place.size[1].div_ceil(self.look_rows());
         [looks, self.regions().tasks(cut), self.above(self.far_end()).tasks(cut)]
     }
 
     fn look_rows(&self) -> u32 {
-        let rows = LOOK_SAMPLES / u64::from(self.place.whole[0]);
-        (rows as u32)
-            .max(1)
-            .next_multiple_of(LOOK_ROWS.max(SampleBlocks::of(self.place.whole).side))
+        let rows = LOOK_SAMPLES / u64::from(self.place.size[0]);
+        (rows as u32).max(1).next_multiple_of(LOOK_ROWS.max(SampleBlocks::of(self.place.size).side))
     }
 
     /// Rows of a survey task: first, and one past the last.
     pub(super) fn rows(&self, look: u32) -> [u32; 2] {
-        let (rows, height) = (u64::from(self.look_rows()), u64::from(self.place.whole[1]));
+        let (rows, height) = (u64::from(self.look_rows()), u64::from(self.place.size[1]));
         [look, look + 1].map(|look| (u64::from(look) * rows).min(height) as u32)
     }
 
     /// Approximate number of samples in a rectangle.
     pub(super) fn samples(&self, bounds: &GeodeticBounds) -> u64 {
-        let (all, whole) = (&self.place.bounds(), self.place.whole);
-        samples_along([bounds.west, bounds.east], [all.west, all.east], whole[0])
-            * samples_along([bounds.south, bounds.north], [all.south, all.north], whole[1])
+        let (all, size) = (&self.place.bounds(), self.place.size);
+        samples_along([bounds.west, bounds.east], [all.west, all.east], size[0])
+            * samples_along([bounds.south, bounds.north], [all.south, all.north], size[1])
     }
 }
 

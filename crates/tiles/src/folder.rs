@@ -226,7 +226,7 @@ impl TilesetFolder {
         sync(self.folder.inside());
         self.folder.commit()?;
         let OpenedTilesGrid { job, division, grid, .. } = ground.opened;
-        let [width, height] = division.place.whole.map(u64::from);
+        let [width, height] = division.place.size.map(u64::from);
         Ok(TilesReport {
             input: job.input.to_string(),
             output: job.output.display().to_string(),

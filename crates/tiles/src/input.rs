@@ -48,7 +48,7 @@ pub(super) fn worker_bytes(plan: &OverviewPlan) -> u64 {
     const BLOCK: u64 = 2 * (2 * 12 + 4);
     let SampleBlocks { side, counts, .. } = plan.blocks;
     let blocks = counts.map(u64::from).iter().product::<u64>();
-    let row = u64::from(plan.chart().whole()[0]) * u64::from(side) * 8;
+    let row = u64::from(plan.chart().size()[0]) * u64::from(side) * 8;
     near_bytes(plan.chart()).max((8 << 20) + blocks * BLOCK + row)
 }
 

@@ -56,7 +56,7 @@ pub fn run(job: &TilesJob, progress: &dyn Progress, cancel: &Cancel) -> Result<T
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
     let folder = TilesetFolder::create(job)?;
     let opened = OpenedTilesGrid::new(job)?;
-    let (mut gathered, rows) = (opened.look.clone().gather(), [0, opened.division.place.whole[1]]);
+    let (mut gathered, rows) = (opened.look.clone().gather(), [0, opened.division.place.size[1]]);
     scan::scan(&opened, rows, at, |glance| {
         gathered.add(glance);
         Ok(())

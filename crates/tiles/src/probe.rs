@@ -84,7 +84,7 @@ pub(super) fn expect(opened: &OpenedTilesGrid) -> Result<[u64; 2]> {
     )?;
     let [below, top] = probes.into_inner().unwrap_or_default();
     let samples: u64 = tiles.iter().map(|id| division.samples(&id.bounds())).sum();
-    let [width, height] = division.place.whole.map(f64::from);
+    let [width, height] = division.place.size.map(f64::from);
     let share = width * height / samples.max(1) as f64;
     // Parents are about as large as the largest sampled tiles.
     let above = division.above(level).len() as f64 * formats;
@@ -98,10 +98,10 @@ fn blocks(opened: &OpenedTilesGrid, id: GlobeTileId) -> Rect {
     let (chart, side) = (opened.look.chart(), opened.look.blocks.side);
     let ranges = chart.range(&id.bounds());
     let [cols, rows] = [0, 1].map(|axis: usize| {
-        let (whole, [low, high]) = (chart.whole()[axis], ranges[axis]);
-        let low = low.floor().clamp(0.0, f64::from(whole)) as u32;
-        let high = (high.ceil() + 1.0).clamp(0.0, f64::from(whole)) as u32;
-        [low / side * side, high.next_multiple_of(side).min(whole)]
+        let (count, [low, high]) = (chart.size()[axis], ranges[axis]);
+        let low = low.floor().clamp(0.0, f64::from(count)) as u32;
+        let high = (high.ceil() + 1.0).clamp(0.0, f64::from(count)) as u32;
+        [low / side * side, high.next_multiple_of(side).min(count)]
     });
     Rect::new(cols[0], rows[0], cols[1] - cols[0], rows[1] - rows[0])
 }

@@ -34,7 +34,7 @@ const ALONG: u32 = 4;
 /// Positions of the samples of a grid on the globe.
 #[derive(Clone, Debug)]
 pub struct GridGeolocation {
-    whole: [u32; 2],
+    size: [u32; 2],
     way: GlobeMapping,
     /// Descent of heights beyond the grid, in metres per metre.
     slope: f64,
@@ -83,9 +83,9 @@ struct CurvedLattice {
 
 impl GridGeolocation {
     /// For a grid of columns and rows that `map` transforms to longitudes and latitudes without rotation.
-    pub fn straight(map: Affine, whole: [u32; 2]) -> Self {
+    pub fn straight(map: Affine, size: [u32; 2]) -> Self {
         debug_assert!(map.b == 0.0 && map.d == 0.0);
-        Self { whole, way: GlobeMapping::Straight(map), slope: 0.0 }
+        Self { size, way: GlobeMapping::Straight(map), slope: 0.0 }
     }
 
     /// The same with ground beyond the grid that descends to the ellipsoid by this many metres per metre along
@@ -107,11 +107,11 @@ impl GridGeolocation {
     /// Errors of `to`; a grid across 180 degrees or with a pole, or one too bent for a thousand by a thousand
     /// nodes.
     pub fn bent(
-        whole: [u32; 2],
+        size: [u32; 2],
         to: impl Fn([f64; 2]) -> Result<[f64; 2]>,
         back: impl Fn([f64; 2]) -> Result<[f64; 2]>,
     ) -> Result<Self> {
-        let ends = whole.map(|count| count.max(2) - 1);
+        let ends = size.map(|count| count.max(2) - 1);
         let poles = [-90.0, 90.0].into_iter().flat_map(|pole| back([0.0, pole]));
         let is_in = |[col, row]: [f64; 2]| {
             (0.0..=f64::from(ends[0])).contains(&col) && (0.0..=f64::from(ends[1])).contains(&row)
@@ -123,7 +123,7 @@ impl GridGeolocation {
         let mut result = Err(Error::bad_input("is empty"));
         for between in BETWEEN {
             let parts = ends.map(|end| end.div_ceil(between).clamp(PARTS[0], PARTS[1]));
-            let chart = Self::of_parts(whole, parts, &to, &back)?;
+            let chart = Self::of_parts(size, parts, &to, &back)?;
             result = chart.check(parts, &to).map(|off| match &chart.way {
                 GlobeMapping::Bent(bent) => {
                     bent.off.set(off).unwrap_or_default();
@@ -140,17 +140,17 @@ impl GridGeolocation {
 
     /// A bent grid with nodes this many parts apart.
     fn of_parts(
-        whole: [u32; 2],
+        size: [u32; 2],
         parts: [u32; 2],
         to: &impl Fn([f64; 2]) -> Result<[f64; 2]>,
         back: &impl Fn([f64; 2]) -> Result<[f64; 2]>,
     ) -> Result<Self> {
-        let ends = whole.map(|count| f64::from(count.max(2) - 1));
+        let ends = size.map(|count| f64::from(count.max(2) - 1));
         let sides = ends.map(|end| [0.0, end]);
         let upright =
             CubicTable::new(sides, parts, |at| Ok(EllipsoidNormal::at(to(at)?).normal.0))?;
         let spacing = spacing(&upright);
-        let bounds = outline(whole, &upright, spacing)?;
+        let bounds = outline(size, &upright, spacing)?;
         // With a margin, so that the table covers the border of the samples.
         let known = bounds.grown(2.0 * spacing);
         let sides = [[known.west, known.east], [known.south, known.north]];
@@ -158,7 +158,7 @@ impl GridGeolocation {
         // At most half the sample spacing, and a divisor of every tile's side.
         let stop = 180.0 / (360.0 / spacing).log2().ceil().exp2();
         let bent = CurvedLattice { upright, samples, bounds, spacing, stop, off: OnceLock::new() };
-        Ok(Self { whole, way: GlobeMapping::Bent(Arc::new(bent)), slope: 0.0 })
+        Ok(Self { size, way: GlobeMapping::Bent(Arc::new(bent)), slope: 0.0 })
     }
 
     /// Fails if positions between nodes are inaccurate; returns their largest error in metres.
@@ -170,7 +170,7 @@ impl GridGeolocation {
             for col in (0..parts[0]).step_by(parts[0].div_ceil(MAX_TESTS) as usize) {
                 // Samples halfway between nodes, where polynomials are off most.
                 let at = [0, 1].map(|axis: usize| {
-                    let last = f64::from(self.whole[axis] - 1);
+                    let last = f64::from(self.size[axis] - 1);
                     ((f64::from([col, row][axis]) + 0.5) * last / f64::from(parts[axis])).round()
                 });
                 let place = to(at)?;
@@ -201,8 +201,8 @@ impl GridGeolocation {
     }
 
     /// Columns and rows.
-    pub fn whole(&self) -> [u32; 2] {
-        self.whole
+    pub fn size(&self) -> [u32; 2] {
+        self.size
     }
 
     /// Affine map to longitudes and latitudes, if rows are parallels and columns meridians.
@@ -222,7 +222,7 @@ impl GridGeolocation {
     pub fn bounds(&self) -> GeodeticBounds {
         match &self.way {
             GlobeMapping::Straight(map) => {
-                let [a, b] = [[0; 2], self.whole.map(|count| count - 1)]
+                let [a, b] = [[0; 2], self.size.map(|count| count - 1)]
                     .map(|[col, row]| map.apply(f64::from(col), f64::from(row)));
                 GeodeticBounds {
                     west: a[0].min(b[0]),
@@ -317,7 +317,7 @@ impl GridGeolocation {
             return GlobePosition { at: [0.0; 2], fall };
         }
         let near = at.map(|at| if (at - at.round()).abs() < HAIR { at.round() } else { at });
-        let at = [0, 1].map(|axis: usize| near[axis].clamp(0.0, f64::from(self.whole[axis] - 1)));
+        let at = [0, 1].map(|axis: usize| near[axis].clamp(0.0, f64::from(self.size[axis] - 1)));
         let is_beside = match &self.way {
             GlobeMapping::Straight(_) => false,
             GlobeMapping::Bent(bent) => !bent.bounds.holds(place),
@@ -359,7 +359,7 @@ impl GridGeolocation {
                 for point in points {
                     // Where nothing is known there may be any sample.
                     let [from, to] = match point[axis].is_nan() {
-                        true => [0.0, f64::from(self.whole[axis])],
+                        true => [0.0, f64::from(self.size[axis])],
                         false => [point[axis]; 2],
                     };
                     (*low, *high) = (low.min(from), high.max(to));

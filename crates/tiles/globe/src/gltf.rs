@@ -275,10 +275,10 @@ fn chunks(json: String, mut bytes: Vec<u8>) -> Vec<u8> {
     let mut text = json.into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
     bytes.resize(bytes.len().next_multiple_of(4), 0);
-    let whole = 12 + 8 + text.len() + 8 + bytes.len();
-    let mut out = Vec::with_capacity(whole);
+    let length = 12 + 8 + text.len() + 8 + bytes.len();
+    let mut out = Vec::with_capacity(length);
     out.extend_from_slice(MAGIC);
-    out.extend([2, whole as u32, text.len() as u32].map(u32::to_le_bytes).as_flattened());
+    out.extend([2, length as u32, text.len() as u32].map(u32::to_le_bytes).as_flattened());
     out.extend_from_slice(b"JSON");
     out.extend(text);
     out.extend((bytes.len() as u32).to_le_bytes());

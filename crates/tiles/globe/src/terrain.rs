@@ -321,7 +321,7 @@ pub(crate) fn feet(
             let (first, end) = (low.floor().max(0.0) as u32, high.ceil().max(0.0) as u32 + 1);
             along = first.max(along.start)..end.min(along.end);
         }
-        let last = chart.whole()[axis] - 1;
+        let last = chart.size()[axis] - 1;
         for (end, inwards) in
             [(0, 1.0), (last, -1.0)].into_iter().filter(|(at, _)| ends.contains(at))
         {
@@ -354,7 +354,7 @@ pub struct VoidFill {
 
 /// Nearest integer, inlined for 64-bit values.
 #[inline(always)]
-fn whole(value: f64) -> i128 {
+fn rounded(value: f64) -> i128 {
     let nearest = value.round();
     if nearest.abs() < 9.2e18 { i128::from(nearest as i64) } else { nearest as i128 }
 }
@@ -393,7 +393,7 @@ impl VoidFillSums {
             let (piece, rest) = left.split_at(here as usize);
             let (mut sum, mut count) = (0, 0);
             for height in piece.iter().filter(|height| height.is_finite()) {
-                sum += whole(height * FRACTION);
+                sum += rounded(height * FRACTION);
                 count += 1;
             }
             self.sum(row / self.cell * self.width + col / self.cell, sum, count);

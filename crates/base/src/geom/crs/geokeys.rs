@@ -326,16 +326,18 @@ impl GeoKeys {
         Some(value.trim().to_owned()).filter(|value| !value.is_empty())
     }
 
-    /// Keys as (id, location, count, value).
-    fn keys(&self) -> impl Iterator<Item = (u16, u16, u16, u16)> + '_ {
-        let keys = self.raw.chunks_exact(4).skip(1);
-        let count = usize::from(self.raw.get(3).copied().unwrap_or(0));
-        keys.take(count).map(|k| (k[0], k[1], k[2], k[3]))
+    /// The first key of this number whose value is in a location: 0 for the directory itself, or a tag.
+    fn key(&self, id: u16, location: u16) -> Option<GeoKey> {
+        let (keys, _) = self.raw.as_chunks::<4>();
+        let number = usize::from(self.raw.get(3).copied().unwrap_or(0));
+        let mut keys = keys.iter().skip(1).take(number);
+        let [_, _, count, value] = keys.find(|key| key[..2] == [id, location])?;
+        Some(GeoKey { count: *count, value: *value })
     }
 
     /// A value stored in the directory itself.
     fn short(&self, id: u16) -> Option<u16> {
-        self.keys().find(|k| k.0 == id && k.1 == 0).map(|k| k.3)
+        self.key(id, 0).map(|key| key.value)
     }
 
     /// An EPSG code: 32767 is "user-defined" and 0 "undefined".
@@ -345,14 +347,13 @@ impl GeoKeys {
 
     /// A number.
     fn double(&self, id: u16) -> Option<f64> {
-        let (.., place) = self.keys().find(|k| k.0 == id && k.1 == GEO_DOUBLE_PARAMS)?;
-        self.doubles.get(usize::from(place)).copied().filter(|number| number.is_finite())
+        let GeoKey { value, .. } = self.key(id, GEO_DOUBLE_PARAMS)?;
+        self.doubles.get(usize::from(value)).copied().filter(|number| number.is_finite())
     }
 
     fn text(&self, id: u16) -> Option<String> {
-        let (_, _, count, first) = self.keys().find(|k| k.0 == id && k.1 == GEO_ASCII_PARAMS)?;
-        let first = usize::from(first);
-        let bytes = self.ascii.as_bytes().get(first..)?;
+        let GeoKey { count, value } = self.key(id, GEO_ASCII_PARAMS)?;
+        let bytes = self.ascii.as_bytes().get(usize::from(value)..)?;
         let bytes = &bytes[..bytes.len().min(usize::from(count))];
         let text = String::from_utf8_lossy(bytes);
         let text = text.trim_end_matches(['|', '\0']).trim();
@@ -363,6 +364,14 @@ impl GeoKeys {
 /// Name of a CRS without one.
 fn unknown() -> String {
     "unknown".to_owned()
+}
+
+/// Entry of the key directory.
+struct GeoKey {
+    /// Number of values.
+    count: u16,
+    /// The value, or the index of the first one in its location.
+    value: u16,
 }
 
 #[cfg(test)]

@@ -38,15 +38,15 @@ pub struct SampleBlocks {
     /// Columns and rows of blocks.
     pub counts: [u32; 2],
     /// Columns and rows of samples.
-    pub(super) whole: [u32; 2],
+    pub(super) size: [u32; 2],
 }
 
 impl SampleBlocks {
     /// For a grid of this many columns and rows.
-    pub fn of(whole: [u32; 2]) -> Self {
-        let mut blocks = Self { side: MIN_SIDE, counts: [0; 2], whole };
+    pub fn of(size: [u32; 2]) -> Self {
+        let mut blocks = Self { side: MIN_SIDE, counts: [0; 2], size };
         loop {
-            blocks.counts = whole.map(|end| end.div_ceil(blocks.side));
+            blocks.counts = size.map(|end| end.div_ceil(blocks.side));
             if blocks.counts.map(u64::from).iter().product::<u64>() <= MAX_BLOCKS {
                 return blocks;
             }
@@ -57,7 +57,7 @@ impl SampleBlocks {
     /// The samples of a block.
     pub fn rect(&self, [col, row]: [u32; 2]) -> Rect {
         let [col, row] = [col * self.side, row * self.side];
-        Rect::new(col, row, self.side.min(self.whole[0] - col), self.side.min(self.whole[1] - row))
+        Rect::new(col, row, self.side.min(self.size[0] - col), self.side.min(self.size[1] - row))
     }
 }
 

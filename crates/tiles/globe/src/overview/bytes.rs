@@ -52,16 +52,16 @@ impl OverviewPlan {
         let blocks = u64::from(width.div_ceil(side)) * u64::from(height.div_ceil(side));
         let lines = (0..2).flat_map(|axis| self.within(axis, rect));
         let lines = lines.map(|(_, range)| 4 + 8 * range.len() as u64).sum::<u64>();
-        let cells = VoidFillSums::new(self.blocks.whole).cells_in(rect);
+        let cells = VoidFillSums::new(self.blocks.size).cells_in(rect);
         4 * 4 + 2 * 8 + blocks * BLOCK + 2 * 4 + lines + 4 + cells * SUM
     }
 
     /// Reads a survey from the front of `from`; `None` if there is none of this grid.
     pub fn read_glance(&self, from: &mut &[u8]) -> Option<BlockSummary> {
-        let SampleBlocks { side, whole, .. } = self.blocks;
+        let SampleBlocks { side, size, .. } = self.blocks;
         let [col, row, width, height] = numbers(from)?.map(u32::from_le_bytes);
         let rect = Rect::new(col, row, width, height);
-        if !fits(col, width, whole[0], side) || !fits(row, height, whole[1], side) {
+        if !fits(col, width, size[0], side) || !fits(row, height, size[1], side) {
             return None;
         }
         let [low, high] = numbers(from)?.map(f64::from_le_bytes);
@@ -80,7 +80,7 @@ impl OverviewPlan {
                 lines.insert(at, part.map(|_| float(from)).collect::<Option<_>>()?);
             }
         }
-        let mut means = VoidFillSums::new(whole);
+        let mut means = VoidFillSums::new(size);
         for _ in 0..number(from)? {
             let cell = number(from)?;
             let sum = i128::from_le_bytes(bytes(from)?);
@@ -92,9 +92,9 @@ impl OverviewPlan {
 }
 
 /// Whether a range of columns or rows begins with a block, and lies in the grid.
-fn fits(first: u32, count: u32, whole: u32, side: u32) -> bool {
+fn fits(first: u32, count: u32, total: u32, side: u32) -> bool {
     let is_aligned = first.is_multiple_of(side) && count > 0;
-    is_aligned && first.checked_add(count).is_some_and(|end| end <= whole)
+    is_aligned && first.checked_add(count).is_some_and(|end| end <= total)
 }
 
 fn block(from: &mut &[u8]) -> Option<SampleBlock> {

@@ -17,12 +17,12 @@ pub(super) fn beside(map: &Affine, place: [f64; 2]) -> [f64; 2] {
 }
 
 /// Columns and rows on both sides of meridians and parallels.
-pub(super) fn whole(chart: &GridGeolocation, lines: [&[f64]; 2]) -> [Lines; 2] {
-    let whole = chart.whole();
+pub(super) fn whole_lines(chart: &GridGeolocation, lines: [&[f64]; 2]) -> [Lines; 2] {
+    let size = chart.size();
     [0, 1].map(|axis: usize| {
-        let last = f64::from(whole[axis] - 1);
+        let last = f64::from(size[axis] - 1);
         // Edges of the grid continue beyond it.
-        let mut numbers = BTreeSet::from([0, whole[axis] - 1]);
+        let mut numbers = BTreeSet::from([0, size[axis] - 1]);
         for line in lines[axis] {
             let Some(map) = chart.map() else { continue };
             let at = match axis {
@@ -43,7 +43,7 @@ pub(super) fn whole(chart: &GridGeolocation, lines: [&[f64]; 2]) -> [Lines; 2] {
 /// Samples around meridians and parallels, by row.
 pub(super) fn spots(chart: &GridGeolocation, lines: [&[f64]; 2]) -> [Lines; 2] {
     let mut rows: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
-    let last = chart.whole().map(|count| count - 1);
+    let last = chart.size().map(|count| count - 1);
     for (axis, lines) in lines.into_iter().enumerate() {
         for line in lines {
             let ends = [-180.0, 180.0]

@@ -236,7 +236,7 @@ impl TerrainSampler for GridOverview {
     }
 
     fn feet(&self, bounds: &GeodeticBounds, stride: u32, found: &mut impl FnMut(TerrainSample)) {
-        let [width, height] = self.plan.blocks.whole;
+        let [width, height] = self.plan.blocks.size;
         feet(self, &self.plan.chart, Rect::new(0, 0, width, height), bounds, stride, found);
     }
 
@@ -250,7 +250,7 @@ impl TerrainSampler for GridOverview {
         };
         let axis = usize::from(from[0] == to[0]);
         let ends = [from, to].map(|end| beside(map, end)[axis]);
-        let max = f64::from(self.plan.blocks.whole[axis] - 1);
+        let max = f64::from(self.plan.blocks.size[axis] - 1);
         let first = ends[0].min(ends[1]).ceil().max(0.0);
         let last = ends[0].max(ends[1]).floor().min(max);
         let mut index = first;

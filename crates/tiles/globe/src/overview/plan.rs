@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::blocks::{SampleBlock, SampleBlocks};
-use super::lines::{Lines, spots, whole};
+use super::lines::{Lines, spots, whole_lines};
 use crate::georeference::GridGeolocation;
 use crate::terrain::VoidFillSums;
 use terrane_base::geom::Rect;
@@ -31,8 +31,9 @@ pub struct OverviewPlan {
 impl OverviewPlan {
     /// For a grid; samples on both sides of the meridians and parallels of `lines` are kept.
     pub fn new(chart: GridGeolocation, lines: [&[f64]; 2]) -> Self {
-        let lines = if chart.map().is_some() { whole(&chart, lines) } else { spots(&chart, lines) };
-        Self { blocks: SampleBlocks::of(chart.whole()), chart, lines }
+        let lines =
+            if chart.map().is_some() { whole_lines(&chart, lines) } else { spots(&chart, lines) };
+        Self { blocks: SampleBlocks::of(chart.size()), chart, lines }
     }
 
     /// Positions of the grid's samples.
@@ -59,13 +60,13 @@ impl OverviewPlan {
 
     /// Kept samples of a line.
     fn len(&self, axis: usize, spots: &Option<Vec<u32>>) -> usize {
-        spots.as_ref().map_or(self.blocks.whole[1 - axis] as usize, Vec::len)
+        spots.as_ref().map_or(self.blocks.size[1 - axis] as usize, Vec::len)
     }
 
     /// Surveys the samples of a rectangle of whole blocks, row by row.
     pub fn summarize(&self, rect: Rect, heights: &[f64]) -> BlockSummary {
-        let SampleBlocks { side, whole, .. } = self.blocks;
-        let mut means = VoidFillSums::new(whole);
+        let SampleBlocks { side, size, .. } = self.blocks;
+        let mut means = VoidFillSums::new(size);
         for (row, line) in (rect.row..).zip(heights.chunks(rect.width as usize)) {
             means.add(rect.col, row, line);
         }
@@ -124,13 +125,13 @@ impl OverviewPlan {
 
     /// An empty survey.
     pub fn gather(self) -> GatheredOverview {
-        let SampleBlocks { counts, whole, .. } = self.blocks;
+        let SampleBlocks { counts, size, .. } = self.blocks;
         let blocks = vec![SampleBlock::default(); counts[0] as usize * counts[1] as usize];
         let lines = [0, 1].map(|axis: usize| {
             let lines = self.lines[axis].iter();
             lines.map(|(at, spots)| (*at, vec![f64::NAN; self.len(axis, spots)])).collect()
         });
-        GatheredOverview { plan: self, blocks, lines, means: VoidFillSums::new(whole), range: None }
+        GatheredOverview { plan: self, blocks, lines, means: VoidFillSums::new(size), range: None }
     }
 }
 

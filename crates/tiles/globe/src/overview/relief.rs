@@ -93,10 +93,10 @@ impl GridOverview {
                 for col in 0..cols {
                     let [right, down] = [(col + size).min(cols - 1), (row + size).min(rows - 1)];
                     let of = [[right, row], [col, down], [right, down]];
-                    let whole = of.iter().fold(ends[row * cols + col], |whole, [col, row]| {
-                        both(whole, ends[row * cols + col])
+                    let range = of.iter().fold(ends[row * cols + col], |range, [col, row]| {
+                        both(range, ends[row * cols + col])
                     });
-                    ends[row * cols + col] = whole;
+                    ends[row * cols + col] = range;
                 }
             }
             size *= 2;
