@@ -71,12 +71,12 @@ impl TileArtifactWriter {
 }
 
 /// Appends the survey of rows.
-pub(super) fn add_glances(path: &Path, gathered: &mut GatheredOverview) -> Result<()> {
+pub(super) fn add_summaries(path: &Path, gathered: &mut GatheredOverview) -> Result<()> {
     let bytes = std::fs::read(path).map_err(|e| Error::read(path, e))?;
     let mut left = &bytes[..];
     while !left.is_empty() {
-        let glance = gathered.plan().read_glance(&mut left);
-        gathered.add(glance.ok_or_else(|| damaged_object(path))?);
+        let summary = gathered.plan().read_summary(&mut left);
+        gathered.add(summary.ok_or_else(|| damaged_object(path))?);
     }
     Ok(())
 }

@@ -35,7 +35,7 @@ impl ScannedGrid<'_> {
         put: &mut dyn FnMut(TileFile) -> Result<()>,
         cancel: &Cancel,
     ) -> Result<()> {
-        let (opened, chart) = (self.opened, self.opened.look.chart());
+        let (opened, chart) = (self.opened, self.opened.survey.chart());
         let rect = self.rect(&id.bounds());
         if rect.is_empty() {
             return Ok(());
@@ -65,7 +65,7 @@ impl ScannedGrid<'_> {
 
     /// Samples in a rectangle, with a margin.
     fn rect(&self, bounds: &GeodeticBounds) -> Rect {
-        let chart = self.opened.look.chart();
+        let chart = self.opened.survey.chart();
         let ranges = chart.range(bounds);
         let [cols, rows] = [0, 1].map(|axis: usize| {
             let (count, [low, high]) = (f64::from(chart.size()[axis]), ranges[axis]);

@@ -11,15 +11,15 @@ use terrane_globe::{DEEPEST, GeodeticBounds, GlobeTileId, SampleBlocks, degrees}
 /// Samples along a side of a region.
 pub(super) const REGION: f64 = 1024.0;
 /// Samples surveyed by one task, about.
-const LOOK_SAMPLES: u64 = 1 << 30;
+const SURVEY_SAMPLES: u64 = 1 << 30;
 /// Rows of a survey task are a multiple of this, which usually matches the blocks of files.
-const LOOK_ROWS: u32 = 1024;
+const SURVEY_ROWS: u32 = 1024;
 
 /// A task by number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum TilesTask {
     /// Surveys rows of the grid.
-    Look(u32),
+    Survey(u32),
     /// Makes the tiles of regions.
     Near(u32),
     /// Makes tiles that contain regions.
@@ -29,13 +29,13 @@ pub(super) enum TilesTask {
 impl TilesTask {
     /// By name.
     pub(super) const NAMES: [Numbered<Self>; 3] =
-        [("look", Self::Look), ("near", Self::Near), ("far", Self::Far)];
+        [("look", Self::Survey), ("near", Self::Near), ("far", Self::Far)];
 }
 
 impl fmt::Display for TilesTask {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Look(number) => write!(f, "look-{number}"),
+            Self::Survey(number) => write!(f, "look-{number}"),
             Self::Near(number) => write!(f, "near-{number}"),
             Self::Far(number) => write!(f, "far-{number}"),
         }
@@ -148,19 +148,21 @@ impl TilesDivision {
 
     /// Tasks of the three kinds, with `cut` tiles in each of the last two.
     pub(super) fn counts(&self, cut: u32) -> [u32; 3] {
-        let looks = self.place.size[1].div_ceil(self.look_rows());
-        [looks, self.regions().tasks(cut), self.above(self.far_end()).tasks(cut)]
+        let surveys = self.place.size[1].div_ceil(self.survey_rows());
+        [surveys, self.regions().tasks(cut), self.above(self.far_end()).tasks(cut)]
     }
 
-    fn look_rows(&self) -> u32 {
-        let rows = LOOK_SAMPLES / u64::from(self.place.size[0]);
-        (rows as u32).max(1).next_multiple_of(LOOK_ROWS.max(SampleBlocks::of(self.place.size).side))
+    fn survey_rows(&self) -> u32 {
+        let rows = SURVEY_SAMPLES / u64::from(self.place.size[0]);
+        (rows as u32)
+            .max(1)
+            .next_multiple_of(SURVEY_ROWS.max(SampleBlocks::of(self.place.size).side))
     }
 
     /// Rows of a survey task: first, and one past the last.
-    pub(super) fn rows(&self, look: u32) -> [u32; 2] {
-        let (rows, height) = (u64::from(self.look_rows()), u64::from(self.place.size[1]));
-        [look, look + 1].map(|look| (u64::from(look) * rows).min(height) as u32)
+    pub(super) fn rows(&self, survey: u32) -> [u32; 2] {
+        let (rows, height) = (u64::from(self.survey_rows()), u64::from(self.place.size[1]));
+        [survey, survey + 1].map(|survey| (u64::from(survey) * rows).min(height) as u32)
     }
 
     /// Approximate number of samples in a rectangle.
@@ -194,7 +196,7 @@ mod tests {
         for (side, seconds) in [(2, 1.0), (500, 3600.0 / 8.0), (9000, 1.0), (80_000, 0.3)] {
             let division = division(side, seconds);
             for cut in [1, 7, 128] {
-                let [looks, near, far] = division.counts(cut).map(|count| count as usize);
+                let [surveys, near, far] = division.counts(cut).map(|count| count as usize);
                 for (tasks, sweep) in
                     [(near, division.regions()), (far, division.above(division.far_end()))]
                 {
@@ -215,9 +217,9 @@ mod tests {
                         assert!(set.iter().any(|id| at(&id)) || division.near == 0);
                     }
                 }
-                let ends: Vec<[u32; 2]> = (0..looks as u32).map(|i| division.rows(i)).collect();
+                let ends: Vec<[u32; 2]> = (0..surveys as u32).map(|i| division.rows(i)).collect();
                 assert!(ends.windows(2).all(|pair| pair[0][1] == pair[1][0]));
-                assert_eq!((ends[0][0], ends[looks - 1][1]), (0, side));
+                assert_eq!((ends[0][0], ends[surveys - 1][1]), (0, side));
                 assert!(ends.iter().all(|[first, end]| first < end));
             }
         }

@@ -31,7 +31,7 @@ pub(super) struct OpenedTilesGrid {
     pub(super) mask: Option<TileWaterMask>,
     pub(super) division: TilesDivision,
     /// Plan of the first pass.
-    pub(super) look: OverviewPlan,
+    pub(super) survey: OverviewPlan,
 }
 
 /// Largest number of samples of a region with its margin; twice as many for a bent grid, whose rows may cross
@@ -69,23 +69,23 @@ impl OpenedTilesGrid {
         }
         check_formats(&job.tiles)?;
         let options = job.reading.options(&job.resources, 0)?;
-        let seen = memory::open_for_estimate(&job.input, &options)?;
+        let preview = memory::open_for_estimate(&job.input, &options)?;
         let (geoid, resources) = (job.tiles.geoid.as_deref(), &job.resources);
-        let (chart, heights) = georeference::of(seen.info(), &job.input, geoid, resources)?;
+        let (chart, heights) = georeference::of(preview.info(), &job.input, geoid, resources)?;
         let chart = chart.sloping(job.tiles.beyond.slope());
         let last = job.tiles.max_level.unwrap_or_else(|| deepest_for(chart.spacing()));
         let water = options.water.as_ref().filter(|_| job.tiles.water_mask);
-        let mask = water.map(|water| TileWaterMask::of(water, seen.info(), last, resources));
+        let mask = water.map(|water| TileWaterMask::of(water, preview.info(), last, resources));
         let mask = mask.transpose()?;
         let division = TilesDivision::new(GridFootprint::of(&chart), last);
         let [meridians, parallels] = division.lines();
-        let look = OverviewPlan::new(chart, [&meridians, &parallels]);
+        let survey = OverviewPlan::new(chart, [&meridians, &parallels]);
         let [shared, each] = mask.as_ref().map_or([0; 2], |mask| mask.bytes(resources.threads));
-        let fixed_bytes = memory::with_slack(look.bytes() + heights.lift.bytes() + shared);
-        let worker = worker_bytes(&look) + each;
+        let fixed_bytes = memory::with_slack(survey.bytes() + heights.lift.bytes() + shared);
+        let worker = worker_bytes(&survey) + each;
         let (grid, shares) =
             memory::open_beside(fixed_bytes, &job.input, &options, &job.resources, worker)?;
-        Ok(Self { job: job.clone(), grid, shares, heights, mask, division, look })
+        Ok(Self { job: job.clone(), grid, shares, heights, mask, division, survey })
     }
 
     /// Reads heights in metres.
@@ -97,7 +97,7 @@ impl OpenedTilesGrid {
         self.heights.lift.lift(heights, |number| {
             let [col, row] = [number % width, number / width].map(|at| at as f64);
             let [first, top] = [rect.col, rect.row].map(f64::from);
-            Ok(self.look.chart().place([first + col, top + row]))
+            Ok(self.survey.chart().place([first + col, top + row]))
         })
     }
 

@@ -56,9 +56,9 @@ pub fn run(job: &TilesJob, progress: &dyn Progress, cancel: &Cancel) -> Result<T
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
     let folder = TilesetFolder::create(job)?;
     let opened = OpenedTilesGrid::new(job)?;
-    let (mut gathered, rows) = (opened.look.clone().gather(), [0, opened.division.place.size[1]]);
-    scan::scan(&opened, rows, at, |glance| {
-        gathered.add(glance);
+    let (mut gathered, rows) = (opened.survey.clone().gather(), [0, opened.division.place.size[1]]);
+    scan::scan(&opened, rows, at, |summary| {
+        gathered.add(summary);
         Ok(())
     })?;
     let overview = opened.overview(gathered)?;

@@ -98,7 +98,7 @@ impl ScannedGrid<'_> {
         let opened = self.opened;
         opened.read(rect, heights)?;
         let fill = self.overview.voids();
-        let patch = HeightPatch::new(heights, rect, opened.look.chart(), fill);
+        let patch = HeightPatch::new(heights, rect, opened.survey.chart(), fill);
         patch.runs(bounds, 1, &mut |run| shell.add_run(&run, level.tolerance));
         opened.grid.copied(rect);
         Ok(())

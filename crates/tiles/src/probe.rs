@@ -54,7 +54,7 @@ pub(super) fn expect(opened: &OpenedTilesGrid) -> Result<[u64; 2]> {
     let count = all.len().min(PROBES);
     let numbers = (0..count).map(|i| (2 * i + 1) * all.len() / (2 * count));
     let tiles: Vec<GlobeTileId> = numbers.flat_map(|at| all.slice(at..at + 1)).collect();
-    let mut gathered = opened.look.clone().gather();
+    let mut gathered = opened.survey.clone().gather();
     let mut heights = Vec::new();
     for id in &tiles {
         let rect = blocks(opened, *id);
@@ -95,7 +95,7 @@ pub(super) fn expect(opened: &OpenedTilesGrid) -> Result<[u64; 2]> {
 
 /// Blocks with the samples of a tile.
 fn blocks(opened: &OpenedTilesGrid, id: GlobeTileId) -> Rect {
-    let (chart, side) = (opened.look.chart(), opened.look.blocks.side);
+    let (chart, side) = (opened.survey.chart(), opened.survey.blocks.side);
     let ranges = chart.range(&id.bounds());
     let [cols, rows] = [0, 1].map(|axis: usize| {
         let (count, [low, high]) = (chart.size()[axis], ranges[axis]);

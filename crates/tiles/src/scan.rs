@@ -17,7 +17,7 @@ pub(super) fn scan(
     at: RunControl<'_>,
     take: impl FnMut(BlockSummary) -> Result<()> + Send,
 ) -> Result<()> {
-    let (plan, width) = (&opened.look, opened.division.place.size[0]);
+    let (plan, width) = (&opened.survey, opened.division.place.size[0]);
     let rects = rects(width, rows, plan.blocks.side, opened.grid.info().block);
     at.progress.begin("look", rects.iter().map(|rect| rect.len() as u64).sum());
     workers::in_order(
@@ -28,10 +28,10 @@ pub(super) fn scan(
         |heights: &mut Vec<f64>, i| {
             let rect = rects[i as usize];
             opened.read(rect, heights)?;
-            let glance = plan.summarize(rect, heights);
+            let summary = plan.summarize(rect, heights);
             opened.grid.copied(rect);
             at.progress.advance(rect.len() as u64);
-            Ok(glance)
+            Ok(summary)
         },
         take,
     )?;
@@ -41,7 +41,7 @@ pub(super) fn scan(
 
 /// Size in bytes of the survey results as written by tasks.
 pub(super) fn written_bytes(opened: &OpenedTilesGrid) -> u64 {
-    let plan = &opened.look;
+    let plan = &opened.survey;
     let [width, height] = opened.division.place.size;
     let rects = rects(width, [0, height], plan.blocks.side, opened.grid.info().block);
     rects.into_iter().map(|rect| plan.written_bytes(rect)).sum()

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::artifact::{TileArtifactWriter, add_glances, add_known, each_tile};
+use super::artifact::{TileArtifactWriter, add_known, add_summaries, each_tile};
 use super::available::{KnownTiles, is_missing};
 use super::division::{TileNumbering, TilesDivision, TilesTask};
 use super::folder::{TileFile, TilesetFolder};
@@ -86,8 +86,8 @@ impl TilesPlan {
         let samples = self.grid.samples() as f64;
         let [bytes, output] = probe::expect(opened)?;
         let [shared, each] = opened.mask.as_ref().map_or([0; 2], |mask| mask.bytes(1));
-        let worker = worker_bytes(&opened.look) + each;
-        let fixed_bytes = with_slack(opened.look.bytes() + shared) + worker;
+        let worker = worker_bytes(&opened.survey) + each;
+        let fixed_bytes = with_slack(opened.survey.bytes() + shared) + worker;
         Ok(PlanNeeds {
             memory: memory::least(fixed_bytes, opened.grid.block_bytes()),
             thread_memory: worker,
@@ -117,9 +117,9 @@ impl PreparedTiles {
     /// Survey results of all objects.
     fn ground(&self, survey: &TaskStates<'_, TilesPlan>) -> Result<ScannedGrid<'_>> {
         if self.overview.get().is_none() {
-            let mut gathered = self.opened.look.clone().gather();
-            for task in looks(survey.folder.plan.work.counts()) {
-                add_glances(&survey.object(task)?.0, &mut gathered)?;
+            let mut gathered = self.opened.survey.clone().gather();
+            for task in surveys(survey.folder.plan.work.counts()) {
+                add_summaries(&survey.object(task)?.0, &mut gathered)?;
             }
             let overview = self.opened.overview(gathered)?;
             let _is_first = self.overview.set(overview);
@@ -160,8 +160,8 @@ impl PreparedTiles {
     }
 }
 
-fn looks([count, ..]: [u32; 3]) -> impl Iterator<Item = TilesTask> {
-    (0..count).map(TilesTask::Look)
+fn surveys([count, ..]: [u32; 3]) -> impl Iterator<Item = TilesTask> {
+    (0..count).map(TilesTask::Survey)
 }
 
 fn nears([_, count, _]: [u32; 3]) -> impl Iterator<Item = TilesTask> {
@@ -193,15 +193,15 @@ impl PlannedWork for TilesPlan {
     fn tasks(&self) -> Vec<TilesTask> {
         let counts = self.counts();
         let far = (0..counts[2]).map(TilesTask::Far);
-        looks(counts).chain(nears(counts)).chain(far).collect()
+        surveys(counts).chain(nears(counts)).chain(far).collect()
     }
 
     fn before(&self, task: TilesTask) -> Vec<TilesTask> {
         let counts = self.counts();
         match task {
-            TilesTask::Look(_) => Vec::new(),
-            TilesTask::Near(_) => looks(counts).collect(),
-            TilesTask::Far(_) => looks(counts).chain(nears(counts)).collect(),
+            TilesTask::Survey(_) => Vec::new(),
+            TilesTask::Near(_) => surveys(counts).collect(),
+            TilesTask::Far(_) => surveys(counts).chain(nears(counts)).collect(),
         }
     }
 
@@ -209,8 +209,8 @@ impl PlannedWork for TilesPlan {
         let division = self.division();
         let width = u64::from(self.grid.width);
         match task {
-            PlanStep::Task(TilesTask::Look(look)) => {
-                let [first, end] = division.rows(look);
+            PlanStep::Task(TilesTask::Survey(number)) => {
+                let [first, end] = division.rows(number);
                 u64::from(end - first) * width
             }
             PlanStep::Task(TilesTask::Near(near)) => {
@@ -269,12 +269,12 @@ impl PlannedWork for TilesPlan {
     ) -> Result<MadeArtifact<TileArtifactSummary>> {
         let (work, opened) = (&survey.folder.plan.work, &ready.opened);
         let tiles = match task {
-            TilesTask::Look(look) => {
+            TilesTask::Survey(number) => {
                 let mut writer = TileArtifactWriter::create(object)?;
                 let mut bytes = Vec::new();
-                scan::scan(opened, opened.division.rows(look), at, |glance| {
+                scan::scan(opened, opened.division.rows(number), at, |summary| {
                     bytes.clear();
-                    glance.write(&mut bytes);
+                    summary.write(&mut bytes);
                     writer.put(&bytes)
                 })?;
                 writer.finish()?;
@@ -321,7 +321,7 @@ impl PlannedWork for TilesPlan {
         let (started, opened) = (Instant::now(), &ready.opened);
         let (ground, folder) = (ready.ground(survey)?, TilesetFolder::create(&opened.job)?);
         let tasks = survey.done.keys().copied();
-        let tasks: Vec<_> = tasks.filter(|task| !matches!(task, TilesTask::Look(_))).collect();
+        let tasks: Vec<_> = tasks.filter(|task| !matches!(task, TilesTask::Survey(_))).collect();
         at.progress.begin("write", survey.done.values().map(|done| done.facts.tiles).sum());
         workers::run(
             opened.shares.threads,

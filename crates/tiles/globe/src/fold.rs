@@ -20,7 +20,7 @@ pub(crate) struct FoldedTriangles {
 impl TileFacet {
     /// Whether the vertical at a point meets it, from above or below.
     pub(crate) fn is_met(&self, frame: &EastNorthUpFrame) -> bool {
-        let sides = self.seen_from(frame).parts;
+        let sides = self.view_from(frame).parts;
         let is_over =
             sides.iter().all(|side| *side >= 0.0) || sides.iter().all(|side| *side <= 0.0);
         is_over && sides.iter().sum::<f64>() != 0.0
@@ -28,9 +28,9 @@ impl TileFacet {
 
     /// Distance of a sample if it is not a plane: at most that from one of its corners.
     pub(crate) fn within(&self, frame: &EastNorthUpFrame, doubt: f64) -> f64 {
-        let seen = self.seen_from(frame);
-        let highest = seen.corners.iter().fold(0.0_f64, |max, corner| max.max(corner[2].abs()));
-        seen.off(doubt).min(highest + doubt)
+        let view = self.view_from(frame);
+        let highest = view.corners.iter().fold(0.0_f64, |max, corner| max.max(corner[2].abs()));
+        view.off(doubt).min(highest + doubt)
     }
 
     fn is_turned_over(&self, id: GlobeTileId, at: [[i32; 2]; 3]) -> bool {

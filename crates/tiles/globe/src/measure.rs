@@ -129,7 +129,7 @@ impl TileShell {
     /// Measures a sample, and records it if its error exceeds the tolerance.
     pub fn add(&mut self, sample: TerrainSample, tolerance: f64) {
         let frame = EastNorthUpFrame::new(&sample.upright, sample.height);
-        let (facet, seen) = self.facet(&sample, &frame);
+        let (facet, view) = self.facet(&sample, &frame);
         let off = match sample.place[1].abs() == 90.0 {
             true => self.off_pole(&sample),
             false => {
@@ -139,10 +139,10 @@ impl TileShell {
                     None => {
                         let twins = (0..3).zip(here.twins).filter(|(_, twin)| *twin != NONE);
                         let beside =
-                            twins.filter(|(corner, _)| seen.is_beside(*corner, self.doubt));
+                            twins.filter(|(corner, _)| view.is_beside(*corner, self.doubt));
                         beside
-                            .map(|(_, twin)| self.facets[twin as usize].seen_from(&frame))
-                            .fold(seen.off(self.doubt), |off, twin| off.min(twin.off(self.doubt)))
+                            .map(|(_, twin)| self.facets[twin as usize].view_from(&frame))
+                            .fold(view.off(self.doubt), |off, twin| off.min(twin.off(self.doubt)))
                     }
                     Some(folds) => {
                         let near = folds.near(self.id.steps(sample.place)).iter();
@@ -249,9 +249,9 @@ impl TileShell {
             corners.each_ref().map(|corner| EastNorthUpFrame::new(&corner.upright, corner.height));
         let mut first = NONE;
         for (corner, frame) in corners.iter().zip(&frames).rev() {
-            let (facet, seen) = self.facet(corner, frame);
+            let (facet, view) = self.facet(corner, frame);
             let twins = self.facets[facet as usize].twins;
-            if seen.parts.iter().zip(twins).any(|(part, twin)| *part < 0.0 && twin == NONE) {
+            if view.parts.iter().zip(twins).any(|(part, twin)| *part < 0.0 && twin == NONE) {
                 return None;
             }
             first = facet;
@@ -259,7 +259,7 @@ impl TileShell {
         let [east, north] = corners[0].upright.across();
         let flat = |point: Vector| [(point - points[0]).dot(east), (point - points[0]).dot(north)];
         let quad = points.map(flat);
-        let (mut open, mut seen) = (vec![first], vec![first]);
+        let (mut open, mut visited) = (vec![first], vec![first]);
         let (mut furthest, mut steep) = (0.0_f64, 1.0_f64);
         while let Some(number) = open.pop() {
             let facet = &self.facets[number as usize];
@@ -268,16 +268,16 @@ impl TileShell {
             if number != first && !meets(ends.map(flat), &quad) {
                 continue;
             }
-            for [off, slope] in frames.iter().map(|frame| facet.seen_from(frame).plane()) {
+            for [off, slope] in frames.iter().map(|frame| facet.view_from(frame).plane()) {
                 (furthest, steep) = (furthest.max(off), steep.max(slope));
             }
             for twin in twins.iter().filter(|twin| **twin != NONE) {
-                if !seen.contains(twin) {
-                    seen.push(*twin);
+                if !visited.contains(twin) {
+                    visited.push(*twin);
                     open.push(*twin);
                 }
             }
-            if seen.len() > MAX_FACETS {
+            if visited.len() > MAX_FACETS {
                 return None;
             }
         }
@@ -296,10 +296,10 @@ impl TileShell {
     fn facet(&mut self, sample: &TerrainSample, frame: &EastNorthUpFrame) -> (u32, FacetView) {
         let mut now = self.last;
         let mut steps = 0;
-        let seen = 'walk: loop {
+        let view = 'walk: loop {
             let facet = &self.facets[now as usize];
-            let seen = facet.seen_from(frame);
-            for (part, twin) in seen.parts.into_iter().zip(facet.twins) {
+            let view = facet.view_from(frame);
+            for (part, twin) in view.parts.into_iter().zip(facet.twins) {
                 if part < 0.0 && twin != NONE {
                     steps += 1;
                     // Most walks are short, from the sample before. One that is not begins again near this sample, and
@@ -307,21 +307,21 @@ impl TileShell {
                     if steps == 64 {
                         now = self.start(sample);
                     } else if steps > 64 + self.facets.len() {
-                        break 'walk seen;
+                        break 'walk view;
                     } else {
                         now = twin;
                     }
                     continue 'walk;
                 }
             }
-            let mut out = (0..3).filter(|k| seen.parts[*k] < 0.0 && facet.twins[*k] == NONE);
+            let mut out = (0..3).filter(|k| view.parts[*k] < 0.0 && facet.twins[*k] == NONE);
             match out.find_map(|k| self.along_border(now, k, sample, frame)) {
                 Some(next) if steps < 64 + self.facets.len() => (now, steps) = (next, steps + 1),
-                _ => break seen,
+                _ => break view,
             }
         };
         self.last = now;
-        (now, seen)
+        (now, view)
     }
 
     /// The triangle of the border beside which a sample is, where that is another one: the sample is beyond the side
@@ -341,7 +341,7 @@ impl TileShell {
             let Some(further) = next(now) else { break };
             (now, is_next) = (further, false);
         }
-        let is_beyond = self.facets[now.0 as usize].seen_from(frame).parts[now.1] < 0.0;
+        let is_beyond = self.facets[now.0 as usize].view_from(frame).parts[now.1] < 0.0;
         let stays = is_next && is_beyond && !self.holds(now.0, frame);
         (now.0 != facet && !stays).then_some(now.0)
     }
@@ -362,7 +362,7 @@ impl TileShell {
             let (east, normal) = (turn(a, b), sample.upright.normal);
             [turn(normal, a) * east, turn(b, normal) * east]
         } else {
-            let [from, to] = [a, b].map(|end| frame.look(end)[1]);
+            let [from, to] = [a, b].map(|end| frame.local(end)[1]);
             [from * (to - from), to * (from - to)]
         };
         // For a corner: its counter-clockwise successors on the current side and on the next.
@@ -393,7 +393,7 @@ impl TileShell {
     /// Whether a sample is on the inner side of all sides of a triangle that are no borders.
     fn holds(&self, facet: u32, frame: &EastNorthUpFrame) -> bool {
         let facet = &self.facets[facet as usize];
-        let mut parts = facet.seen_from(frame).parts.into_iter().zip(facet.twins);
+        let mut parts = facet.view_from(frame).parts.into_iter().zip(facet.twins);
         parts.all(|(part, twin)| twin == NONE || part >= 0.0)
     }
 

@@ -8,7 +8,7 @@ use crate::terrain::VoidFillSums;
 use terrane_base::geom::Rect;
 
 impl BlockSummary {
-    /// Appends it to `out`, for [`OverviewPlan::read_glance`].
+    /// Appends it to `out`, for [`OverviewPlan::read_summary`].
     pub fn write(&self, out: &mut Vec<u8>) {
         let Rect { col, row, width, height } = self.rect;
         [col, row, width, height].into_iter().for_each(|n| out.extend(n.to_le_bytes()));
@@ -57,7 +57,7 @@ impl OverviewPlan {
     }
 
     /// Reads a survey from the front of `from`; `None` if there is none of this grid.
-    pub fn read_glance(&self, from: &mut &[u8]) -> Option<BlockSummary> {
+    pub fn read_summary(&self, from: &mut &[u8]) -> Option<BlockSummary> {
         let SampleBlocks { side, size, .. } = self.blocks;
         let [col, row, width, height] = numbers(from)?.map(u32::from_le_bytes);
         let rect = Rect::new(col, row, width, height);

@@ -9,7 +9,7 @@ use terrane_base::geom::Affine;
 pub(super) type Lines = BTreeMap<u32, Option<Vec<u32>>>;
 
 /// Columns and rows of a position, snapped to samples within the tolerance.
-pub(super) fn beside(map: &Affine, place: [f64; 2]) -> [f64; 2] {
+pub(super) fn snapped(map: &Affine, place: [f64; 2]) -> [f64; 2] {
     map.invert(place[0], place[1]).map(|at| {
         let near = at.round();
         if (at - near).abs() < HAIR { near } else { at }

@@ -15,7 +15,7 @@ use crate::terrain::{TerrainSampler, VoidFill, around, between, feet};
 use crate::tiling::GeodeticBounds;
 use blocks::BlockExtreme;
 pub use blocks::{SampleBlock, SampleBlocks};
-use lines::beside;
+use lines::snapped;
 pub use plan::{BlockSummary, GatheredOverview, OverviewPlan};
 use terrane_base::geom::Rect;
 
@@ -249,7 +249,7 @@ impl TerrainSampler for GridOverview {
             });
         };
         let axis = usize::from(from[0] == to[0]);
-        let ends = [from, to].map(|end| beside(map, end)[axis]);
+        let ends = [from, to].map(|end| snapped(map, end)[axis]);
         let max = f64::from(self.plan.blocks.size[axis] - 1);
         let first = ends[0].min(ends[1]).ceil().max(0.0);
         let last = ends[0].max(ends[1]).floor().min(max);
@@ -308,17 +308,17 @@ mod tests {
             plan.summarize(rect, &heights[from..][..rect.len()])
         };
         let mut gathered = plan.clone().gather();
-        for glance in (0..whole[1]).step_by(rows as usize).map(look) {
+        for summary in (0..whole[1]).step_by(rows as usize).map(look) {
             // As it is kept and read again.
             let mut kept = Vec::new();
-            glance.write(&mut kept);
-            assert!(plan.read_glance(&mut &kept[..kept.len() - 1]).is_none());
+            summary.write(&mut kept);
+            assert!(plan.read_summary(&mut &kept[..kept.len() - 1]).is_none());
             let mut left = &kept[..];
-            let back = plan.read_glance(&mut left).unwrap();
-            let most = plan.written_bytes(glance.rect);
+            let back = plan.read_summary(&mut left).unwrap();
+            let most = plan.written_bytes(summary.rect);
             let is_whole = heights.iter().all(|height| height.is_finite());
             assert!(kept.len() as u64 <= most && (!is_whole || kept.len() as u64 == most));
-            assert!(left.is_empty() && format!("{back:?}") == format!("{glance:?}"));
+            assert!(left.is_empty() && format!("{back:?}") == format!("{summary:?}"));
             gathered.add(back);
         }
         gathered.finish()
@@ -359,11 +359,11 @@ mod tests {
     #[test]
     fn a_void_part_comes_back_void() {
         let plan = OverviewPlan::new(GridGeolocation::straight(MAP, [20, 20]), [&[], &[]]);
-        let glance = plan.summarize(Rect::new(0, 0, 20, 20), &[f64::NAN; 400]);
+        let summary = plan.summarize(Rect::new(0, 0, 20, 20), &[f64::NAN; 400]);
         let mut kept = Vec::new();
-        glance.write(&mut kept);
-        let back = plan.read_glance(&mut &kept[..]).unwrap();
-        assert!(back.range.is_none() && back.blocks == glance.blocks);
+        summary.write(&mut kept);
+        let back = plan.read_summary(&mut &kept[..]).unwrap();
+        assert!(back.range.is_none() && back.blocks == summary.blocks);
         let mut gathered = plan.gather();
         gathered.add(back);
         assert!(gathered.finish().is_none());

@@ -152,25 +152,25 @@ impl GatheredOverview {
     }
 
     /// Merges the survey of a rectangle.
-    pub fn add(&mut self, glance: BlockSummary) {
+    pub fn add(&mut self, summary: BlockSummary) {
         let SampleBlocks { side, counts, .. } = self.plan.blocks;
-        let Rect { col, row, width, .. } = glance.rect;
+        let Rect { col, row, width, .. } = summary.rect;
         let across = width.div_ceil(side) as usize;
-        for (i, block) in glance.blocks.into_iter().enumerate() {
+        for (i, block) in summary.blocks.into_iter().enumerate() {
             let [x, y] = [col / side, row / side].map(|at| at as usize);
             self.blocks[(y + i / across) * counts[0] as usize + x + i % across] = block;
         }
         for axis in 0..2 {
-            for (at, part) in self.plan.within(axis, glance.rect) {
+            for (at, part) in self.plan.within(axis, summary.rect) {
                 if let (Some(line), Some(heights)) =
-                    (self.lines[axis].get_mut(&at), glance.lines[axis].get(&at))
+                    (self.lines[axis].get_mut(&at), summary.lines[axis].get(&at))
                 {
                     line[part].copy_from_slice(heights);
                 }
             }
         }
-        self.means.join(&glance.means);
-        self.range = self.range.into_iter().chain(glance.range).reduce(both);
+        self.means.join(&summary.means);
+        self.range = self.range.into_iter().chain(summary.range).reduce(both);
     }
 }
 
