@@ -122,13 +122,13 @@ impl Error {
     }
 
     /// The message spelled for a front end, without the failures of single files.
-    pub fn summary(&self, door: Frontend) -> String {
+    pub fn summary(&self, frontend: Frontend) -> String {
         let Self { kind, message, remedy, .. } = self;
         match (&self.several, remedy) {
             (Some(_), Some(remedy)) => {
-                Self::new(*kind, message).remedy(remedy).spelled(door).to_string()
+                Self::new(*kind, message).remedy(remedy).spelled(frontend).to_string()
             }
-            _ => self.spelled(door).to_string(),
+            _ => self.spelled(frontend).to_string(),
         }
     }
 
@@ -311,12 +311,12 @@ impl Error {
 /// An error with its options spelled for a front end; names of files stay as they are.
 pub struct SpelledError<'a> {
     error: &'a Error,
-    door: Frontend,
+    frontend: Frontend,
 }
 
 impl fmt::Display for SpelledError<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.error.write_line(f, Some(self.door))
+        self.error.write_line(f, Some(self.frontend))
     }
 }
 
@@ -328,12 +328,11 @@ impl fmt::Display for Error {
 
 impl Error {
     /// Spells the options of the message for a front end.
-    pub fn spelled(&self, door: Frontend) -> SpelledError<'_> {
-        SpelledError { error: self, door }
+    pub fn spelled(&self, frontend: Frontend) -> SpelledError<'_> {
+        SpelledError { error: self, frontend }
     }
 
-    fn write_line(&self, f: &mut fmt::Formatter<'_>, door: Option<Frontend>) -> fmt::Result {
-        let spelled = |text| door.map_or(Cow::Borrowed(text), |door| door.spell(text));
+    fn write_line(&self, f: &mut fmt::Formatter<'_>, frontend: Option<Frontend>) -> fmt::Result {
         let mut line = OneLine(f);
         if let Some(path) = &self.path {
             write!(line, "{}: ", path.display())?;
@@ -341,19 +340,23 @@ impl Error {
         if let Some(place) = &self.place {
             write!(line, "{place}: ")?;
         }
-        write!(line, "{}", spelled(&self.message))?;
+        write!(line, "{}", spelled(&self.message, frontend))?;
         for (i, inner) in self.each().iter().enumerate() {
             line.write_str(if i == 0 { ": " } else { " | " })?;
-            match door {
-                Some(door) => write!(line, "{}", inner.spelled(door))?,
+            match frontend {
+                Some(frontend) => write!(line, "{}", inner.spelled(frontend))?,
                 None => write!(line, "{inner}")?,
             }
         }
         if let Some(remedy) = &self.remedy {
-            write!(line, "; {}", spelled(remedy))?;
+            write!(line, "; {}", spelled(remedy, frontend))?;
         }
         Ok(())
     }
+}
+
+fn spelled(text: &str, frontend: Option<Frontend>) -> Cow<'_, str> {
+    frontend.map_or(Cow::Borrowed(text), |frontend| frontend.spell(text))
 }
 
 /// All values, or one error with all failures.

@@ -79,9 +79,9 @@ impl MeshFile {
         let mut buffer = vec![0; chunk.min(bytes.end - bytes.start) as usize];
         let (mut at, mut place) = (bytes.start, 0);
         while at < bytes.end {
-            let part = &mut buffer[..chunk.min(bytes.end - at) as usize];
-            self.read_at(at, part)?;
-            for record in part.chunks_exact(stride as usize) {
+            let records = &mut buffer[..chunk.min(bytes.end - at) as usize];
+            self.read_at(at, records)?;
+            for record in records.chunks_exact(stride as usize) {
                 each(place, record).map_err(|e| e.in_file(&self.path))?;
                 place += 1;
             }

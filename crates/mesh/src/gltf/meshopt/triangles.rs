@@ -89,7 +89,7 @@ impl MeshoptTriangleWriter {
     pub(crate) fn push(&mut self, corners: [u32; 3], codes: &mut Vec<u8>, data: &mut Vec<u8>) {
         match self.shared(corners) {
             Some((age, corners)) => codes.push((age as u8) << 4 | self.third(corners, data)),
-            None => codes.push(self.alone(self.begun_at_next(corners), data)),
+            None => codes.push(self.alone(self.starting_at_next(corners), data)),
         }
     }
 
@@ -134,7 +134,7 @@ impl MeshoptTriangleWriter {
     }
 
     /// Rotates the corners to begin at the next vertex, if it is one of them.
-    fn begun_at_next(&self, [a, b, c]: [u32; 3]) -> [u32; 3] {
+    fn starting_at_next(&self, [a, b, c]: [u32; 3]) -> [u32; 3] {
         match self.state.next {
             next if b == next => [b, c, a],
             next if c == next => [c, a, b],
@@ -371,14 +371,14 @@ impl MeshoptCodec for MeshoptTriangleReader {
         let count = STEP.min(self.triangles - place.triangle) as usize;
         // Copied, as the window moves on to the data.
         let codes = window.bytes(self.codes + place.triangle, count)?.to_vec();
-        let most = (self.end - place.data).min((count * MAX_DATA) as u64) as usize;
-        let mut data = MeshoptTriangleBytes(window.bytes(place.data, most)?);
+        let length = (self.end - place.data).min((count * MAX_DATA) as u64) as usize;
+        let mut data = MeshoptTriangleBytes(window.bytes(place.data, length)?);
         out.clear();
         for code in codes {
             let corners = self.triangle(code, &mut place.state, &mut data)?;
             out.extend(corners.map(u32::to_le_bytes).as_flattened());
         }
-        place.data += (most - data.0.len()) as u64;
+        place.data += (length - data.0.len()) as u64;
         place.triangle += count as u64;
         if place.triangle == self.triangles && place.data != self.end {
             return Err(bad(format!("have {} surplus bytes", self.end - place.data)));
