@@ -70,9 +70,15 @@ impl RegistryEntry for PointAttribute {
 
 /// The standard attribute with this name; letter case and underscores are ignored (`PointSourceId`).
 pub fn known(name: &str) -> Option<&'static PointAttribute> {
-    let plain = |name: &str| name.replace('_', "").to_ascii_lowercase();
-    let is_it = |own: &&str| plain(own) == plain(name);
-    ATTRIBUTES.iter().find(|one| is_it(&one.name) || one.aliases.iter().any(&is_it))
+    let name = plain(name);
+    ATTRIBUTES.iter().find(|attribute| {
+        let mut names = std::iter::once(&attribute.name).chain(attribute.aliases);
+        names.any(|known| plain(known) == name)
+    })
+}
+
+fn plain(name: &str) -> String {
+    name.replace('_', "").to_ascii_lowercase()
 }
 
 /// A return of a pulse.
@@ -95,7 +101,7 @@ impl Return {
             Self::First => number <= 1,
             Self::Last => number >= returns,
             Self::Only => number <= 1 && returns <= 1,
-            Self::Number(wanted) => number == wanted,
+            Self::Number(own) => number == own,
         }
     }
 }

@@ -58,9 +58,11 @@ impl ErrorKind {
 /// True for a remote path such as `https://host/file` or `/vsicurl/https://host/file`.
 pub fn is_address(path: &Path) -> bool {
     let name = path.to_string_lossy();
-    let is_letter = |c: char| c.is_ascii_alphanumeric() || "+-.".contains(c);
-    let scheme = name.split_once("://").map(|(scheme, _)| scheme);
-    name.starts_with("/vsi") || scheme.is_some_and(|s| !s.is_empty() && s.chars().all(is_letter))
+    let scheme = name.split_once("://").map(|(scheme, _)| scheme).filter(|s| !s.is_empty());
+    let is_scheme = scheme.is_some_and(|scheme| {
+        scheme.chars().all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))
+    });
+    name.starts_with("/vsi") || is_scheme
 }
 
 /// An error with its file, place and remedy. Displays as one line.
@@ -115,18 +117,18 @@ impl Error {
 
     /// True for a missing input file.
     pub fn is_missing(&self) -> bool {
-        let is_not_found = |source: &io::Error| source.kind() == io::ErrorKind::NotFound;
-        self.kind == ErrorKind::BadInput && self.source.as_ref().is_some_and(is_not_found)
+        let source = self.source.as_ref().map(io::Error::kind);
+        self.kind == ErrorKind::BadInput && source == Some(io::ErrorKind::NotFound)
     }
 
     /// The message spelled for a front end, without the failures of single files.
-    pub fn summary(&self, door: Frontend) -> String {
+    pub fn summary(&self, frontend: Frontend) -> String {
         let Self { kind, message, remedy, .. } = self;
         match (&self.several, remedy) {
             (Some(_), Some(remedy)) => {
-                Self::new(*kind, message).remedy(remedy).spelled(door).to_string()
+                Self::new(*kind, message).remedy(remedy).spelled(frontend).to_string()
             }
-            _ => self.spelled(door).to_string(),
+            _ => self.spelled(frontend).to_string(),
         }
     }
 
@@ -168,8 +170,8 @@ impl Error {
     }
 
     /// Shorthand for [`ErrorKind::Limit`] with the name of the limit, the value found and the maximum.
-    pub fn limit(name: &str, found: impl fmt::Display, most: impl fmt::Display) -> Self {
-        Self::new(ErrorKind::Limit, format!("{name} ({found}) exceeds the limit of {most}"))
+    pub fn limit(name: &str, found: impl fmt::Display, max: impl fmt::Display) -> Self {
+        Self::new(ErrorKind::Limit, format!("{name} ({found}) exceeds the limit of {max}"))
     }
 
     /// An input/output failure while doing `action` ("read", "write", "create", ...).
@@ -309,12 +311,12 @@ impl Error {
 /// An error with its options spelled for a front end; names of files stay as they are.
 pub struct SpelledError<'a> {
     error: &'a Error,
-    door: Frontend,
+    frontend: Frontend,
 }
 
 impl fmt::Display for SpelledError<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.error.write_line(f, Some(self.door))
+        self.error.write_line(f, Some(self.frontend))
     }
 }
 
@@ -326,12 +328,11 @@ impl fmt::Display for Error {
 
 impl Error {
     /// Spells the options of the message for a front end.
-    pub fn spelled(&self, door: Frontend) -> SpelledError<'_> {
-        SpelledError { error: self, door }
+    pub fn spelled(&self, frontend: Frontend) -> SpelledError<'_> {
+        SpelledError { error: self, frontend }
     }
 
-    fn write_line(&self, f: &mut fmt::Formatter<'_>, door: Option<Frontend>) -> fmt::Result {
-        let spelled = |text| door.map_or(Cow::Borrowed(text), |door| door.spell(text));
+    fn write_line(&self, f: &mut fmt::Formatter<'_>, frontend: Option<Frontend>) -> fmt::Result {
         let mut line = OneLine(f);
         if let Some(path) = &self.path {
             write!(line, "{}: ", path.display())?;
@@ -339,19 +340,23 @@ impl Error {
         if let Some(place) = &self.place {
             write!(line, "{place}: ")?;
         }
-        write!(line, "{}", spelled(&self.message))?;
+        write!(line, "{}", spelled(&self.message, frontend))?;
         for (i, inner) in self.each().iter().enumerate() {
             line.write_str(if i == 0 { ": " } else { " | " })?;
-            match door {
-                Some(door) => write!(line, "{}", inner.spelled(door))?,
+            match frontend {
+                Some(frontend) => write!(line, "{}", inner.spelled(frontend))?,
                 None => write!(line, "{inner}")?,
             }
         }
         if let Some(remedy) = &self.remedy {
-            write!(line, "; {}", spelled(remedy))?;
+            write!(line, "; {}", spelled(remedy, frontend))?;
         }
         Ok(())
     }
+}
+
+fn spelled(text: &str, frontend: Option<Frontend>) -> Cow<'_, str> {
+    frontend.map_or(Cow::Borrowed(text), |frontend| frontend.spell(text))
 }
 
 /// All values, or one error with all failures.

@@ -107,23 +107,29 @@ impl Formula<String> {
         &self,
         mut find: impl FnMut(&str) -> Result<Name, E>,
     ) -> Result<Formula<Name>, E> {
-        let mut step = |step: &FormulaStep<String>| -> Result<_, E> {
-            Ok(match step {
-                FormulaStep::Number(number) => FormulaStep::Number(*number),
-                FormulaStep::Value(name) => FormulaStep::Value(find(name)?),
-                FormulaStep::Negate => FormulaStep::Negate,
-                FormulaStep::Add => FormulaStep::Add,
-                FormulaStep::Subtract => FormulaStep::Subtract,
-                FormulaStep::Multiply => FormulaStep::Multiply,
-                FormulaStep::Divide => FormulaStep::Divide,
-                FormulaStep::Compare(how) => FormulaStep::Compare(*how),
-                FormulaStep::In(count) => FormulaStep::In(*count),
-                FormulaStep::And => FormulaStep::And,
-                FormulaStep::Or => FormulaStep::Or,
-                FormulaStep::Not => FormulaStep::Not,
-            })
-        };
-        self.0.iter().map(&mut step).collect::<Result<_, E>>().map(Formula)
+        self.0.iter().map(|step| step.resolve(&mut find)).collect::<Result<_, E>>().map(Formula)
+    }
+}
+
+impl FormulaStep<String> {
+    fn resolve<Name, E>(
+        &self,
+        find: impl FnOnce(&str) -> Result<Name, E>,
+    ) -> Result<FormulaStep<Name>, E> {
+        Ok(match self {
+            Self::Number(number) => FormulaStep::Number(*number),
+            Self::Value(name) => FormulaStep::Value(find(name)?),
+            Self::Negate => FormulaStep::Negate,
+            Self::Add => FormulaStep::Add,
+            Self::Subtract => FormulaStep::Subtract,
+            Self::Multiply => FormulaStep::Multiply,
+            Self::Divide => FormulaStep::Divide,
+            Self::Compare(how) => FormulaStep::Compare(*how),
+            Self::In(count) => FormulaStep::In(*count),
+            Self::And => FormulaStep::And,
+            Self::Or => FormulaStep::Or,
+            Self::Not => FormulaStep::Not,
+        })
     }
 }
 
@@ -143,9 +149,12 @@ impl<Name> Formula<Name> {
     /// Whether the condition is true. As in SQL, results of missing values (NaN) and of divisions by zero are neither
     /// true nor false.
     pub fn holds(&self, stack: &mut Vec<f64>, value: impl Fn(&Name) -> f64) -> bool {
-        let value = |name: &Name| Ok::<_, Infallible>(value(name));
-        let Ok(found) = self.run(stack, value, |found| Ok(found.unwrap_or(f64::NAN)));
-        found == TRUE
+        let Ok(result) = self.run::<Infallible>(
+            stack,
+            |name| Ok(value(name)),
+            |result| Ok(result.unwrap_or(f64::NAN)),
+        );
+        result == TRUE
     }
 
     fn run<E>(
@@ -188,13 +197,13 @@ impl<Name> FormulaStep<Name> {
             Self::In(count) => {
                 let all: Vec<f64> = (0..*count).map(|_| last()).collect();
                 let number = last();
-                let is_unknown = number.is_nan() || all.iter().any(|one| one.is_nan());
+                let is_unknown = number.is_nan() || all.iter().any(|value| value.is_nan());
                 let is_in = all.contains(&number);
                 return Ok(truth(is_in, is_unknown && !is_in));
             }
             // The conjunction is the minimum of two truth values; NaN lies between false and true.
-            Self::And => return Ok(least(last(), last())),
-            Self::Or => return Ok(TRUE - least(TRUE - last(), TRUE - last())),
+            Self::And => return Ok(and(last(), last())),
+            Self::Or => return Ok(TRUE - and(TRUE - last(), TRUE - last())),
             Self::Not => return Ok(TRUE - last()),
             Self::Number(_) | Self::Value(_) => f64::NAN,
         };
@@ -224,7 +233,7 @@ fn truth(is_true: bool, is_unknown: bool) -> f64 {
 }
 
 /// Conjunction of two truth values.
-fn least(a: f64, b: f64) -> f64 {
+fn and(a: f64, b: f64) -> f64 {
     if a == FALSE || b == FALSE { FALSE } else { a * b }
 }
 
@@ -452,8 +461,8 @@ impl FormulaParser<'_> {
 }
 
 /// Fails if a subexpression does not have the expected type.
-fn is(wanted: FormulaType, found: FormulaType) -> Result<FormulaType, String> {
-    match (wanted, found) {
+fn is(expected: FormulaType, found: FormulaType) -> Result<FormulaType, String> {
+    match (expected, found) {
         (FormulaType::Truth, FormulaType::Number) => {
             Err("operands of and, or and not must be conditions such as intensity > 100".to_owned())
         }

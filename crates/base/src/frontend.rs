@@ -111,9 +111,9 @@ const NAMED_KEYS: [&str; 7] =
 /// Start of the value of a member.
 fn value_of(json: &str, key: &str) -> Option<usize> {
     let key = format!("\"{key}\":");
-    let is_key = |at: &usize| !json[..*at].ends_with('\\');
-    let found = json.match_indices(&key).map(|(at, _)| at).find(is_key)?;
-    Some(found + key.len())
+    // A quotation mark with a backslash is inside a text.
+    let (at, _) = json.match_indices(&key).find(|(at, _)| !json[..*at].ends_with('\\'))?;
+    Some(at + key.len())
 }
 
 /// Length in bytes of a JSON value with leading white space: a text, a list of texts, or the text up to a comma.

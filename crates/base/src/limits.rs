@@ -38,7 +38,7 @@ pub const MAX_FIELDS: u64 = 65_535;
 /// Maximum magnitude of a height: differences and slopes do not overflow in `f32`.
 pub const MAX_HEIGHT: f32 = 1e30;
 
-/// Fails with the name of the limit if `found` exceeds `most`.
-pub fn check(name: &str, found: u64, most: u64) -> Result<()> {
-    if found > most { Err(Error::limit(name, found, most)) } else { Ok(()) }
+/// Fails with the name of the limit if `found` exceeds `limit`.
+pub fn check(name: &str, found: u64, limit: u64) -> Result<()> {
+    if found > limit { Err(Error::limit(name, found, limit)) } else { Ok(()) }
 }

@@ -52,12 +52,12 @@ impl Parameter {
 
     /// Whether a value is allowed.
     pub fn allows(&self, value: f64) -> bool {
-        let [least, most] = self.range;
+        let [min, max] = self.range;
         let is_auto = value.is_nan() && self.default.is_nan();
         is_auto
             || match self.ends {
                 true => self.range.contains(&value),
-                false => (least..=most).contains(&value) && (!self.whole || value.fract() == 0.0),
+                false => (min..=max).contains(&value) && (!self.whole || value.fract() == 0.0),
             }
     }
 
@@ -78,12 +78,12 @@ impl Parameter {
     }
 
     fn text(&self) -> String {
-        let [least, most] = self.range;
+        let [min, max] = self.range;
         if self.ends {
-            return format!("{} ({least} or {most})", self.usual());
+            return format!("{} ({min} or {max})", self.usual());
         }
         let kind = if self.whole { "a whole number " } else { "" };
-        format!("{} ({kind}from {least} to {most})", self.usual())
+        format!("{} ({kind}from {min} to {max})", self.usual())
     }
 }
 

@@ -23,8 +23,10 @@ pub trait RegistryEntry: 'static {
 
 /// The first entry called `name`, ignoring letter case.
 pub fn find<T: RegistryEntry>(all: &'static [T], name: &str) -> Option<&'static T> {
-    let is_it = |own: &&str| own.eq_ignore_ascii_case(name);
-    all.iter().find(|thing| is_it(&thing.name()) || thing.aliases().iter().any(is_it))
+    all.iter().find(|entry| {
+        let mut names = std::iter::once(entry.name()).chain(entry.aliases().iter().copied());
+        names.any(|known| known.eq_ignore_ascii_case(name))
+    })
 }
 
 /// Like [`find`].

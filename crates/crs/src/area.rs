@@ -33,9 +33,9 @@ impl AreaOfUse {
 
     /// True if it contains `other`, with a tolerance in degrees.
     pub(crate) fn holds(&self, other: &Self, slack: f64) -> bool {
-        let room = self.width() + 2.0 * slack;
+        let width = self.width() + 2.0 * slack;
         let into = (other.west - self.west + slack).rem_euclid(360.0);
-        let is_as_wide = room >= 360.0 || into + other.width() <= room;
+        let is_as_wide = width >= 360.0 || into + other.width() <= width;
         is_as_wide && other.south >= self.south - slack && other.north <= self.north + slack
     }
 
@@ -43,6 +43,11 @@ impl AreaOfUse {
     pub(crate) fn has(&self, [longitude, latitude]: [f64; 2]) -> bool {
         let place = Self { west: longitude, south: latitude, east: longitude, north: latitude };
         self.holds(&place, FAR + 1e-6)
+    }
+
+    /// True if it extends beyond 180 degrees on either side.
+    pub(crate) fn crosses_180(&self) -> bool {
+        self.west < -180.0 || self.east > 180.0 || self.east < self.west
     }
 
     /// Longitude of the centre, from -180 (inclusive) to 180 degrees.

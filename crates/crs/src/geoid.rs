@@ -34,36 +34,23 @@ impl Geoid {
     /// Invalid or damaged files.
     pub fn of_gtx(bytes: &[u8]) -> Result<Self> {
         limits::check("size of the geoid in bytes", bytes.len() as u64, MAX_GRID_BYTES)?;
-        let bad = |what: &str| {
-            Error::bad_input(format!("is not a valid GTX file: {what}"))
-                .remedy("download the file again")
+        let [south, west, up, across] = [0, 8, 16, 24].map(|at| number(bytes, at));
+        let (Some(south), Some(west), Some(up), Some(across)) = (south, west, up, across) else {
+            return Err(invalid_gtx("the header is truncated or not numeric"));
         };
-        let number = |at: usize| {
-            let eight = bytes.get(at..at + 8).and_then(|part| part.try_into().ok());
-            eight.map(f64::from_be_bytes).filter(|value| value.is_finite())
-        };
-        let count = |at: usize| {
-            let four = bytes.get(at..at + 4).and_then(|part| part.try_into().ok());
-            four.map(u32::from_be_bytes).filter(|count| (2..1 << 20).contains(count))
-        };
-        let (Some(south), Some(west), Some(up), Some(across)) =
-            (number(0), number(8), number(16), number(24))
-        else {
-            return Err(bad("the header is truncated or not numeric"));
-        };
-        let (Some(rows), Some(columns)) = (count(32), count(36)) else {
-            return Err(bad("the number of rows or columns is invalid"));
+        let (Some(rows), Some(columns)) = (count(bytes, 32), count(bytes, 36)) else {
+            return Err(invalid_gtx("the number of rows or columns is invalid"));
         };
         let values = &bytes[HEADER.min(bytes.len())..];
-        let wanted = u64::from(rows) * u64::from(columns) * 4;
-        if values.len() as u64 != wanted {
-            return Err(bad(&format!(
-                "expected {wanted} bytes of heights, found {}",
-                values.len()
+        let expected = u64::from(rows) * u64::from(columns) * 4;
+        if values.len() as u64 != expected {
+            let found = values.len();
+            return Err(invalid_gtx(&format!(
+                "expected {expected} bytes of heights, found {found}"
             )));
         }
-        let four = |part: &[u8]| part.try_into().map_or(f32::NAN, f32::from_be_bytes);
-        let heights = values.chunks_exact(4).map(four).collect();
+        let (values, _) = values.as_chunks::<4>();
+        let heights = values.iter().map(|bytes| f32::from_be_bytes(*bytes)).collect();
         Self::new([west, south], [across, up], [columns, rows], heights)
     }
 
@@ -78,9 +65,10 @@ impl Geoid {
         [columns, rows]: [u32; 2],
         heights: Vec<f32>,
     ) -> Result<Self> {
-        let bad = |what: &str| Error::bad_input(what).remedy("download the file again");
         if columns < 2 || rows < 2 || heights.len() as u64 != u64::from(columns) * u64::from(rows) {
-            return Err(bad("the grid has too few heights"));
+            return Err(
+                Error::bad_input("the grid has too few heights").remedy("download the file again")
+            );
         }
         let ([west, south], [across, up]) = (corner, step);
         let extent = [across * f64::from(columns - 1), up * f64::from(rows - 1)];
@@ -91,7 +79,9 @@ impl Geoid {
             && (-360.0..=360.0).contains(&west)
             && extent[0] <= 360.001;
         if !is_sound {
-            return Err(bad("the extent exceeds the globe"));
+            return Err(
+                Error::bad_input("the extent exceeds the globe").remedy("download the file again")
+            );
         }
         Ok(Self { corner, step, columns: columns as usize, rows: rows as usize, heights })
     }
@@ -101,34 +91,33 @@ impl Geoid {
     /// # Errors
     /// No value at this place.
     pub fn height(&self, [longitude, latitude]: [f64; 2]) -> Result<f64> {
-        let missing = || {
-            Error::bad_input(format!(
-                "the geoid has no value at longitude {longitude:.4}, latitude {latitude:.4}"
-            ))
-            .remedy("use a geoid that covers the whole area")
-        };
         let east = (longitude - self.corner[0]).rem_euclid(360.0);
         // A position slightly west of the grid must not wrap to the east end.
         let east = if 360.0 - east < 1e-9 { 0.0 } else { east };
         let (column, across) = self.cell(east / self.step[0], self.columns, self.is_round());
         let (row, up) = self.cell((latitude - self.corner[1]) / self.step[1], self.rows, false);
-        let (Some(column), Some(row)) = (column, row) else { return Err(missing()) };
-        let at = |c: usize, r: usize| {
-            // Where columns go all the way round, the first follows the last.
-            let value = self.heights[r * self.columns + c % self.columns];
-            let is_known = value.abs() <= HIGHEST && (value - NO_VALUE).abs() > 1e-3;
-            is_known.then_some(f64::from(value))
+        let (Some(column), Some(row)) = (column, row) else {
+            return Err(no_value(longitude, latitude));
         };
-        let weights = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(c, r)| {
-            let weight = |far: usize, part: f64| if far == 1 { part } else { 1.0 - part };
-            (c, r, weight(c, across) * weight(r, up))
-        });
+        let (columns, rows) = ([1.0 - across, across], [1.0 - up, up]);
         let mut sum = 0.0;
-        // A neighbour without weight may be unknown, and 0 times NaN is NaN.
-        for (c, r, weight) in weights.into_iter().filter(|(_, _, weight)| *weight > 0.0) {
-            sum += weight * at(column + c, row + r).ok_or_else(missing)?;
+        for (c, r) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let weight = columns[c] * rows[r];
+            // A neighbour without weight may be unknown, and 0 times NaN is NaN.
+            if weight > 0.0 {
+                let sample = self.sample(column + c, row + r);
+                sum += weight * sample.ok_or_else(|| no_value(longitude, latitude))?;
+            }
         }
         Ok(sum)
+    }
+
+    /// The height at a node; `None` for nodata.
+    fn sample(&self, column: usize, row: usize) -> Option<f64> {
+        // Where columns go all the way round, the first follows the last.
+        let value = self.heights[row * self.columns + column % self.columns];
+        let is_known = value.abs() <= HIGHEST && (value - NO_VALUE).abs() > 1e-3;
+        is_known.then_some(f64::from(value))
     }
 
     /// Bytes held.
@@ -152,6 +141,29 @@ impl Geoid {
         let low = at.floor().min(last - 1.0);
         (Some(low as usize), at - low)
     }
+}
+
+/// A finite number of the header.
+fn number(bytes: &[u8], at: usize) -> Option<f64> {
+    let bytes = bytes.get(at..)?.first_chunk()?;
+    Some(f64::from_be_bytes(*bytes)).filter(|value| value.is_finite())
+}
+
+/// A number of rows or columns.
+fn count(bytes: &[u8], at: usize) -> Option<u32> {
+    let bytes = bytes.get(at..)?.first_chunk()?;
+    Some(u32::from_be_bytes(*bytes)).filter(|count| (2..1 << 20).contains(count))
+}
+
+fn invalid_gtx(what: &str) -> Error {
+    Error::bad_input(format!("is not a valid GTX file: {what}")).remedy("download the file again")
+}
+
+fn no_value(longitude: f64, latitude: f64) -> Error {
+    Error::bad_input(format!(
+        "the geoid has no value at longitude {longitude:.4}, latitude {latitude:.4}"
+    ))
+    .remedy("use a geoid that covers the whole area")
 }
 
 #[cfg(test)]

@@ -30,7 +30,6 @@ impl HeightOperation {
         notes: &mut Vec<String>,
     ) -> Result<Self> {
         let sides = [from.heights(), to.heights()];
-        let signed = |metres: f64, is_down: bool| if is_down { -metres } else { metres };
         match (sides, geoid) {
             ([from, to], None)
                 if from == to && !(is_shifted && to == VerticalReference::Ellipsoidal) =>
@@ -79,13 +78,17 @@ impl HeightOperation {
     }
 }
 
+/// Metres per unit of heights; negative for depths.
+fn signed(metres: f64, is_down: bool) -> f64 {
+    if is_down { -metres } else { metres }
+}
+
 fn refusal(from: &VerticalReference, to: &VerticalReference, has_geoid: bool) -> Error {
-    let said = |heights: &VerticalReference| match heights {
+    let [from_text, to_text] = [from, to].map(|heights| match heights {
         VerticalReference::Unknown => "without a vertical datum".to_owned(),
         VerticalReference::Ellipsoidal => "above the ellipsoid".to_owned(),
         VerticalReference::Above { name, .. } => format!("in {name}"),
-    };
-    let [from_text, to_text] = [from, to].map(said);
+    });
     let message = format!(
         "no vertical transformation is known: source heights are {from_text}, target heights are {to_text}"
     );

@@ -87,45 +87,41 @@ impl ShiftGrid {
     /// Invalid or damaged files, and units other than seconds of arc.
     pub fn of_ntv2(bytes: &[u8]) -> Result<Self> {
         limits::check("size of the shift grid in bytes", bytes.len() as u64, MAX_GRID_BYTES)?;
-        let bad = |what: &str| {
-            Error::bad_input(format!("is not a valid NTv2 file: {what}"))
-                .remedy("download the file again")
-        };
         // The format has no mark for its order of bytes. The first number, that of header records, is 11.
         let is_big = match bytes.get(8..12) {
             Some([11, 0, 0, 0]) => false,
             Some([0, 0, 0, 11]) => true,
-            _ => return Err(bad("the header does not have 11 records")),
+            _ => return Err(invalid_ntv2("the header does not have 11 records")),
         };
         let file = Ntv2Reader { bytes, is_big };
         let (Some(count), Some(unit)) = (file.count(2), file.text(3)) else {
-            return Err(bad("the header is truncated"));
+            return Err(invalid_ntv2("the header is truncated"));
         };
         limits::check("number of subgrids", count.into(), MAX_GRIDS)?;
         if unit != "SECONDS" {
             return Err(Error::unsupported(format!("shifts in \"{unit}\" are not supported"))
                 .remedy("use a file in seconds of arc"));
         }
-        let (Some(from), Some(to), Some(axis), Some(others)) =
+        let (Some(from), Some(to), Some(from_axis), Some(to_axis)) =
             (file.text(5), file.text(6), file.number(7), file.number(9))
         else {
-            return Err(bad("the header is truncated or not numeric"));
+            return Err(invalid_ntv2("the header is truncated or not numeric"));
         };
         let mut rest =
-            bytes.get(HEADER * RECORD..).ok_or_else(|| bad("the header is truncated"))?;
+            bytes.get(HEADER * RECORD..).ok_or_else(|| invalid_ntv2("the header is truncated"))?;
         let mut grids = Vec::new();
         for number in 1..=count {
             let (grid, length) =
                 Ntv2Grid::read(&Ntv2Reader { bytes: rest, is_big }).ok_or_else(|| {
-                    bad(&format!("subgrid {number} of {count} is truncated or invalid"))
+                    invalid_ntv2(&format!("subgrid {number} of {count} is truncated or invalid"))
                 })?;
             grids.push(grid);
             rest = &rest[length..];
         }
         if grids.is_empty() {
-            return Err(bad("it has no subgrids"));
+            return Err(invalid_ntv2("it has no subgrids"));
         }
-        Ok(Self { names: [from, to], axes: [axis, others], grids })
+        Ok(Self { names: [from, to], axes: [from_axis, to_axis], grids })
     }
 
     /// Name of the shift in either direction.
@@ -140,31 +136,30 @@ impl ShiftGrid {
     /// # Errors
     /// The grid is for other datums, or does not state them.
     pub(crate) fn is_back(&self, datums: [&Datum; 2]) -> Result<bool> {
-        let is = |axis: f64, datum: &Datum| (axis - datum.axis).abs() < 0.5;
-        let fits = |[from, to]: [&Datum; 2]| is(self.axes[0], from) && is(self.axes[1], to);
         let [from, to] = datums;
-        match (fits([from, to]), fits([to, from])) {
-            (true, false) => Ok(false),
-            (false, true) => Ok(true),
-            (true, true) => self.by_name(datums),
-            (false, false) => Err(self.foreign(datums)),
+        let fits = [[from, to], [to, from]].map(|datums| {
+            datums.iter().zip(self.axes).all(|(datum, axis)| (axis - datum.axis).abs() < 0.5)
+        });
+        match fits {
+            [true, false] => Ok(false),
+            [false, true] => Ok(true),
+            [true, true] => self.is_back_by_name(datums),
+            [false, false] => Err(self.foreign(datums)),
         }
     }
 
-    fn by_name(&self, [from, to]: [&Datum; 2]) -> Result<bool> {
-        let code = |name: &String| {
-            NAMES.iter().find(|known| known.0 == name.to_uppercase()).map(|known| known.1)
-        };
-        let [own, others] = [code(&self.names[0]), code(&self.names[1])];
-        let fits = |a: &Datum, b: &Datum| {
-            let one =
-                |code: Option<u32>, datum: &Datum| code.is_none_or(|code| datum.code == Some(code));
-            one(own, a) && one(others, b) && (own.is_some() || others.is_some())
-        };
-        match (fits(from, to), fits(to, from)) {
-            (true, false) => Ok(false),
-            (false, true) => Ok(true),
-            _ => Err(self.foreign([from, to])),
+    fn is_back_by_name(&self, datums: [&Datum; 2]) -> Result<bool> {
+        let codes = self.names.each_ref().map(|name| datum_code(name));
+        let [from, to] = datums;
+        let fits = [[from, to], [to, from]].map(|datums| {
+            let mut pairs = datums.iter().zip(codes);
+            pairs.all(|(datum, code)| code.is_none_or(|code| datum.code == Some(code)))
+        });
+        // Without a known name both directions fit.
+        match fits {
+            [true, false] => Ok(false),
+            [false, true] => Ok(true),
+            _ => Err(self.foreign(datums)),
         }
     }
 
@@ -197,14 +192,14 @@ impl ShiftGrid {
 
     /// The inverse shift.
     fn undone(&self, place: [f64; 2]) -> Option<[f64; 2]> {
-        let mut found = place;
+        let mut origin = place;
         for _ in 0..STEPS {
-            let there = self.shifted(found)?;
+            let there = self.shifted(origin)?;
             // A shift hardly changes over its own length, so each round leaves a small share of what was left.
             let left = [place[0] - there[0], place[1] - there[1]];
-            found = [found[0] + left[0], found[1] + left[1]];
+            origin = [origin[0] + left[0], origin[1] + left[1]];
             if left[0].abs().max(left[1].abs()) < LEFT {
-                return Some(found);
+                return Some(origin);
             }
         }
         None
@@ -212,13 +207,13 @@ impl ShiftGrid {
 
     /// The shift of the finest subgrid that contains a place.
     fn shift(&self, [latitude, west]: [f64; 2]) -> Option<[f64; 2]> {
-        let finer = |a: &&Ntv2Grid, b: &&Ntv2Grid| a.step[0].total_cmp(&b.step[0]);
         let once = 360.0 * 3600.0;
         // Grids may count longitudes past 180 degrees on either side.
         [west, west - once, west + once].into_iter().find_map(|west| {
-            let holding = self.grids.iter().filter(|grid| grid.holds([latitude, west]));
+            let grids = self.grids.iter().filter(|grid| grid.holds([latitude, west]));
             // A grid within another has the smaller step, so names of parents need not be followed.
-            holding.min_by(finer)?.shift([latitude, west])
+            let finest = grids.min_by(|a, b| a.step[0].total_cmp(&b.step[0]));
+            finest?.shift([latitude, west])
         })
     }
 }
@@ -226,14 +221,9 @@ impl ShiftGrid {
 impl Ntv2Grid {
     /// Reads the next subgrid, and its length in bytes.
     fn read(file: &Ntv2Reader<'_>) -> Option<(Self, usize)> {
-        let number = |record: usize| file.number(record);
-        let sides = [number(4)?, number(5)?, number(6)?, number(7)?];
-        let step = [number(8)?, number(9)?];
+        let sides = [file.number(4)?, file.number(5)?, file.number(6)?, file.number(7)?];
+        let step = [file.number(8)?, file.number(9)?];
         let count = usize::try_from(file.count(10)?).ok()?;
-        let lines = |low: f64, high: f64, step: f64| {
-            let lines = ((high - low) / step).round() + 1.0;
-            (step > 0.0 && (2.0..1e6).contains(&lines)).then_some(lines as usize)
-        };
         let rows = lines(sides[0], sides[1], step[0])?;
         let columns = lines(sides[2], sides[3], step[1])?;
         let start = HEADER * RECORD;
@@ -254,24 +244,40 @@ impl Ntv2Grid {
     /// Bilinear interpolation.
     fn shift(&self, [latitude, west]: [f64; 2]) -> Option<[f64; 2]> {
         let rows = self.shifts.len() / self.columns;
-        let cell = |at: f64, count: usize| {
-            let low = at.floor().clamp(0.0, (count - 2) as f64);
-            (low as usize, (at - low).clamp(0.0, 1.0))
-        };
         let (row, up) = cell((latitude - self.sides[0]) / self.step[0], rows);
         let (column, across) = cell((west - self.sides[2]) / self.step[1], self.columns);
-        let node =
-            |r: usize, c: usize| self.shifts[(row + r) * self.columns + column + c].map(f64::from);
-        let corners = [node(0, 0), node(0, 1), node(1, 0), node(1, 1)];
+        let corners = [[0, 0], [0, 1], [1, 0], [1, 1]]
+            .map(|[r, c]| self.shifts[(row + r) * self.columns + column + c].map(f64::from));
         let weights =
             [(1.0 - up) * (1.0 - across), (1.0 - up) * across, up * (1.0 - across), up * across];
-        let part = |axis: usize| {
-            corners.iter().zip(weights).map(|(corner, weight)| corner[axis] * weight).sum()
-        };
-        let shift: [f64; 2] = [part(0), part(1)];
+        let shift = [0, 1].map(|axis: usize| {
+            let terms = corners.iter().zip(weights).map(|(corner, weight)| corner[axis] * weight);
+            terms.sum::<f64>()
+        });
         // Shifts of a degree or more are damage.
         shift.iter().all(|seconds| seconds.abs() < 3600.0).then_some(shift)
     }
+}
+
+/// Number of rows or columns of a subgrid.
+fn lines(low: f64, high: f64, step: f64) -> Option<usize> {
+    let lines = ((high - low) / step).round() + 1.0;
+    (step > 0.0 && (2.0..1e6).contains(&lines)).then_some(lines as usize)
+}
+
+/// First of the two nodes around a coordinate in steps, and the fraction between them.
+fn cell(at: f64, count: usize) -> (usize, f64) {
+    let low = at.floor().clamp(0.0, (count - 2) as f64);
+    (low as usize, (at - low).clamp(0.0, 1.0))
+}
+
+/// EPSG code of a datum by its name in a file.
+fn datum_code(name: &str) -> Option<u32> {
+    NAMES.iter().find(|(known, _)| *known == name.to_uppercase()).map(|(_, code)| *code)
+}
+
+fn invalid_ntv2(what: &str) -> Error {
+    Error::bad_input(format!("is not a valid NTv2 file: {what}")).remedy("download the file again")
 }
 
 #[cfg(test)]

@@ -69,10 +69,11 @@ impl CoordinateOperation {
         let mut notes = Vec::new();
         let datums = [&own.datum, &others.datum];
         check_bodies(datums)?;
-        let (legs, accuracy, name) = match &options.shift_grid {
+        let DatumShiftPath { legs, accuracy, name } = match &options.shift_grid {
             Some(grid) => {
                 let is_back = grid.is_back(datums)?;
-                (vec![DatumShift::Grid { grid: grid.clone(), is_back }], None, grid.name(is_back))
+                let legs = vec![DatumShift::Grid { grid: grid.clone(), is_back }];
+                DatumShiftPath { legs, accuracy: None, name: grid.name(is_back) }
             }
             None => shift(datums, area.as_ref(), &mut notes)?,
         };
@@ -83,9 +84,7 @@ impl CoordinateOperation {
             &mut notes,
         )?;
         let about = area.as_ref().filter(|_| sink.is_geographic()).map(AreaOfUse::middle);
-        let is_over =
-            |area: &AreaOfUse| area.west < -180.0 || area.east > 180.0 || area.east < area.west;
-        if sink.is_geographic() && area.as_ref().is_some_and(is_over) {
+        if sink.is_geographic() && area.as_ref().is_some_and(AreaOfUse::crosses_180) {
             notes.push(
                 "longitudes continue beyond 180 degrees to keep the data contiguous".to_owned(),
             );
@@ -108,16 +107,10 @@ impl CoordinateOperation {
     #[must_use]
     pub fn inverse(&self) -> Self {
         let [from, to] = self.systems.clone();
-        let back = |leg: &DatumShift| match leg.clone() {
-            DatumShift::Helmert { shift, ellipsoids, area, is_back } => {
-                DatumShift::Helmert { shift: shift.inverse(), ellipsoids, area, is_back: !is_back }
-            }
-            DatumShift::Grid { grid, is_back } => DatumShift::Grid { grid, is_back: !is_back },
-        };
         Self {
             from: self.to.clone(),
             to: self.from.clone(),
-            legs: self.legs.iter().rev().map(back).collect(),
+            legs: self.legs.iter().rev().map(DatumShift::inverse).collect(),
             rise: self.rise.inverse(),
             about: self.about,
             systems: [to, from],
@@ -145,16 +138,13 @@ impl CoordinateOperation {
     /// Like [`position`](Self::position); places without a geoid height.
     pub fn point(&self, [x, y, z]: [f64; 3]) -> Result<[f64; 3]> {
         let [east, north] = self.position([x, y])?;
-        let place = |projection: &Projection, at: [f64; 2]| {
-            projection.unproject(at).map(|globe| globe.map(f64::to_degrees)).unwrap_or(at)
-        };
         let z = match &self.rise {
             HeightOperation::Times(factor) => z * factor,
             HeightOperation::ToEllipsoid(geoid, metres) => {
-                z * metres + geoid.height(place(&self.to, [east, north]))?
+                z * metres + geoid.height(degrees(&self.to, [east, north]))?
             }
             HeightOperation::ToGeoid(geoid, metres) => {
-                (z - geoid.height(place(&self.from, [x, y]))?) / metres
+                (z - geoid.height(degrees(&self.from, [x, y]))?) / metres
             }
         };
         Ok([east, north, z])
@@ -208,7 +198,21 @@ impl CoordinateOperation {
     }
 }
 
+/// Longitude and latitude of a position in degrees.
+fn degrees(projection: &Projection, at: [f64; 2]) -> [f64; 2] {
+    projection.unproject(at).map(|globe| globe.map(f64::to_degrees)).unwrap_or(at)
+}
+
 impl DatumShift {
+    fn inverse(&self) -> Self {
+        match self.clone() {
+            Self::Helmert { shift, ellipsoids, area, is_back } => {
+                Self::Helmert { shift: shift.inverse(), ellipsoids, area, is_back: !is_back }
+            }
+            Self::Grid { grid, is_back } => Self::Grid { grid, is_back: !is_back },
+        }
+    }
+
     fn apply(&self, place: [f64; 2]) -> Result<[f64; 2]> {
         match self {
             Self::Helmert { shift, ellipsoids: [own, wgs84], area, is_back } => {
@@ -250,12 +254,23 @@ fn check_area(area: &AreaOfUse, place: [f64; 2]) -> Result<()> {
     .remedy("transform the parts separately, or pass a shift grid (‹shift_grid› FILE)"))
 }
 
-type Way = (Vec<DatumShift>, Option<f64>, String);
+/// Datum shifts applied one after the other.
+struct DatumShiftPath {
+    legs: Vec<DatumShift>,
+    /// Metres, if known.
+    accuracy: Option<f64>,
+    name: String,
+}
 
-/// The shift between two datums by way of WGS 84, its name and accuracy.
-fn shift(datums: [&Datum; 2], area: Option<&AreaOfUse>, notes: &mut Vec<String>) -> Result<Way> {
-    if is_one(datums) {
-        return Ok((Vec::new(), Some(0.0), "the same datum".to_owned()));
+/// The shift between two datums by way of WGS 84.
+fn shift(
+    datums: [&Datum; 2],
+    area: Option<&AreaOfUse>,
+    notes: &mut Vec<String>,
+) -> Result<DatumShiftPath> {
+    if is_same(datums) {
+        let name = "the same datum".to_owned();
+        return Ok(DatumShiftPath { legs: Vec::new(), accuracy: Some(0.0), name });
     }
     let (mut legs, mut accuracy, mut names) = (Vec::new(), 0.0, Vec::new());
     for (datum, is_back) in datums.into_iter().zip([false, true]) {
@@ -287,7 +302,7 @@ fn shift(datums: [&Datum; 2], area: Option<&AreaOfUse>, notes: &mut Vec<String>)
         let ellipsoids = [ellipsoid, Ellipsoid::WGS84];
         legs.push(DatumShift::Helmert { shift, ellipsoids, area: known.area, is_back });
     }
-    Ok((legs, Some(accuracy), names.join(", back by ")))
+    Ok(DatumShiftPath { legs, accuracy: Some(accuracy), name: names.join(", back by ") })
 }
 
 /// Ellipsoids of the Earth differ by less than this fraction of their size.
@@ -306,7 +321,7 @@ fn check_bodies(datums: [&Datum; 2]) -> Result<()> {
     .remedy("use a CRS of the same body"))
 }
 
-fn is_one([a, b]: [&Datum; 2]) -> bool {
+fn is_same([a, b]: [&Datum; 2]) -> bool {
     match (a.code, b.code) {
         (Some(a), Some(b)) => a == b,
         (None, None) => a == b,
@@ -322,18 +337,17 @@ fn choose_operation(
 ) -> Result<KnownDatumShift> {
     let known = datum.code.map(table::shifts).unwrap_or_default();
     let first = known.first().copied();
-    let found = match (first, area) {
+    let chosen = match (first, area) {
         (Some(first), _) if first.is_null() => Some(first),
-        (_, Some(area)) => {
-            let holding = |slack| known.iter().find(|known| known.area.holds(area, slack)).copied();
-            holding(NEAR).or_else(|| holding(FAR))
-        }
+        (_, Some(area)) => [NEAR, FAR]
+            .into_iter()
+            .find_map(|slack| known.iter().find(|known| known.area.holds(area, slack)).copied()),
         (_, None) => known.iter().copied().max_by(|a, b| {
             // The first of several equal ones counts; it is the best.
             a.area.size().total_cmp(&b.area.size()).then(std::cmp::Ordering::Greater)
         }),
     };
-    found.ok_or_else(|| {
+    chosen.ok_or_else(|| {
         let [name, from, to] = [datum, from, to].map(|datum| datum.name.replace('_', " "));
         let place = match first {
             Some(_) => " for the whole extent of the data",
@@ -351,15 +365,14 @@ fn choose_operation(
 /// The area in degrees covered by a rectangle of a CRS.
 fn area(system: &Projection, [x0, y0, x1, y1]: [f64; 4]) -> Result<AreaOfUse> {
     const STEPS: u32 = 16;
-    let at = |c: u32, r: u32| {
-        let [u, v] = [c, r].map(|step| f64::from(step) / f64::from(STEPS));
+    let all = (0..=STEPS).flat_map(|c| (0..=STEPS).map(move |r| [c, r]));
+    let steps = std::iter::once([STEPS / 2; 2]).chain(all);
+    let places = steps.map(|step| {
+        let [u, v] = step.map(|step| f64::from(step) / f64::from(STEPS));
         [x0 + (x1 - x0) * u, y0 + (y1 - y0) * v]
-    };
-    let middle = STEPS / 2;
-    let mut places = vec![at(middle, middle)];
-    places.extend((0..=STEPS).flat_map(|c| (0..=STEPS).map(move |r| at(c, r))));
-    let found: Vec<[f64; 2]> = places.iter().filter_map(|at| system.to_globe(*at).ok()).collect();
-    let Some(first) = found.first() else {
+    });
+    let places: Vec<[f64; 2]> = places.collect();
+    let Some(first) = places.iter().find_map(|at| system.to_globe(*at).ok()) else {
         // None of them can be transformed: the error of one explains it.
         return system.to_globe(places[0]).map(|_| AreaOfUse {
             west: 0.0,
@@ -368,16 +381,15 @@ fn area(system: &Projection, [x0, y0, x1, y1]: [f64; 4]) -> Result<AreaOfUse> {
             north: 0.0,
         });
     };
-    let near = |longitude: f64| first[0] + (longitude - first[0] + PI).rem_euclid(TAU) - PI;
     let is_geographic = system.is_geographic();
-    // Longitudes of the input are not wrapped.
-    let longitude = |at: &[f64; 2], globe: &[f64; 2]| {
-        if is_geographic { at[0].to_radians() } else { near(globe[0]) }
-    };
     let pairs = places.iter().filter_map(|at| Some((*at, system.to_globe(*at).ok()?)));
     let mut area = [f64::MAX, f64::MAX, f64::MIN, f64::MIN];
     for (at, globe) in pairs {
-        let east = longitude(&at, &globe);
+        // Longitudes of the input are not wrapped; others continue those of the first place.
+        let east = match is_geographic {
+            true => at[0].to_radians(),
+            false => first[0] + (globe[0] - first[0] + PI).rem_euclid(TAU) - PI,
+        };
         area = [area[0].min(east), area[1].min(globe[1]), area[2].max(east), area[3].max(globe[1])];
     }
     for pole in [-FRAC_PI_2, FRAC_PI_2] {

@@ -27,15 +27,15 @@ pub(crate) struct Projection {
 
 impl Projection {
     pub(crate) fn new(conversion: &Conversion, label: String) -> Result<Self> {
-        let open = |text: &str| Proj::from_proj_string(text);
         let name = conversion.proj.split(['=', ' ']).nth(1).unwrap_or_default();
         let refuse = |error: proj4rs::errors::Error| {
             let what = format!("the projection \"{name}\" is not supported: {error}");
             Error::unsupported(what).at(&label).remedy("reproject the data with GDAL or PDAL first")
         };
-        let proj = open(&conversion.proj).map_err(refuse)?;
+        let proj = Proj::from_proj_string(&conversion.proj).map_err(refuse)?;
         let (a, b) = proj.ellipse_parameters();
-        let globe = open(&format!("+proj=longlat +a={a} +b={b}")).map_err(refuse)?;
+        let globe = Proj::from_proj_string(&format!("+proj=longlat +a={a} +b={b}"));
+        let globe = globe.map_err(refuse)?;
         if !proj.has_inverse() || !proj.has_forward() {
             return Err(refuse(proj4rs::errors::Error::NoInverseProjectionDefined));
         }
@@ -54,20 +54,20 @@ impl Projection {
 
     /// Longitude and latitude of a position.
     pub(crate) fn to_globe(&self, at: [f64; 2]) -> Result<[f64; 2]> {
-        let found = self.unproject(at).and_then(|globe| {
+        let checked = self.unproject(at).and_then(|globe| {
             let back = self.project(globe)?;
             self.is_near(at, back).then_some(globe)
         });
-        found.ok_or_else(|| self.beyond(&format!("{}, {}", at[0], at[1])))
+        checked.ok_or_else(|| self.beyond(&format!("{}, {}", at[0], at[1])))
     }
 
     /// The position of a longitude and latitude.
     pub(crate) fn of_globe(&self, globe: [f64; 2]) -> Result<[f64; 2]> {
-        let found = self.project(globe).filter(|at| {
+        let checked = self.project(globe).filter(|at| {
             let back = self.unproject(*at);
             back.is_some_and(|back| is_one_place(globe, back))
         });
-        found.ok_or_else(|| {
+        checked.ok_or_else(|| {
             let [longitude, latitude] = globe.map(f64::to_degrees);
             self.beyond(&format!("longitude {longitude}, latitude {latitude}"))
         })

@@ -69,16 +69,11 @@ impl Helmert {
     /// The exact inverse: the inverse matrix, not negated angles.
     pub(crate) fn inverse(&self) -> Self {
         let m = &self.matrix;
-        let minor = |r: usize, c: usize| {
-            let [a, b] = [(r + 1) % 3, (r + 2) % 3];
-            let [d, e] = [(c + 1) % 3, (c + 2) % 3];
-            m[a][d] * m[b][e] - m[a][e] * m[b][d]
-        };
-        let determinant: f64 = (0..3).map(|c| m[0][c] * minor(0, c)).sum();
+        let determinant: f64 = (0..3).map(|c| m[0][c] * minor(m, 0, c)).sum();
         let mut matrix = [[0.0; 3]; 3];
         for (r, row) in matrix.iter_mut().enumerate() {
             for (c, value) in row.iter_mut().enumerate() {
-                *value = minor(c, r) / determinant;
+                *value = minor(m, c, r) / determinant;
             }
         }
         let back = Self { matrix, move_by: [0.0; 3] }.apply(self.move_by);
@@ -92,6 +87,13 @@ impl Helmert {
         }
         moved
     }
+}
+
+/// Signed minor of a matrix without a row and a column.
+fn minor(m: &[[f64; 3]; 3], r: usize, c: usize) -> f64 {
+    let [a, b] = [(r + 1) % 3, (r + 2) % 3];
+    let [d, e] = [(c + 1) % 3, (c + 2) % 3];
+    m[a][d] * m[b][e] - m[a][e] * m[b][d]
 }
 
 #[cfg(test)]

@@ -31,35 +31,40 @@ impl KnownDatumShift {
     }
 
     fn of_line(line: &'static str) -> Option<(u32, Self)> {
-        let mut fields = line.split('\t');
-        let mut next = || fields.next();
-        let datum = next()?.parse().ok()?;
-        let (code, accuracy) = (next()?.parse().ok()?, next()?.parse().ok()?);
-        let all =
-            |text: &str| text.split_whitespace().map(str::parse).collect::<Result<Vec<f64>, _>>();
-        let [west, south, east, north] = all(next()?).ok()?[..] else { return None };
+        let fields: Vec<&str> = line.split('\t').collect();
+        let [datum, code, accuracy, area, parameters, name] = fields[..].try_into().ok()?;
+        let [west, south, east, north] = all_numbers(area)?[..] else { return None };
+        let area = AreaOfUse { west, south, east, north };
         let mut numbers = [0.0; 7];
-        for (place, number) in numbers.iter_mut().zip(all(next()?).ok()?) {
+        for (place, number) in numbers.iter_mut().zip(all_numbers(parameters)?) {
             *place = number;
         }
-        let area = AreaOfUse { west, south, east, north };
-        Some((datum, Self { code, name: next()?, accuracy, area, numbers }))
+        let (code, accuracy) = (code.parse().ok()?, accuracy.parse().ok()?);
+        Some((datum.parse().ok()?, Self { code, name, accuracy, area, numbers }))
+    }
+
+    /// True if the datum is taken for WGS 84.
+    fn is_preferred(&self) -> bool {
+        self.is_null() && self.accuracy <= SAME
     }
 }
 
 /// The shifts of a datum, the preferred one first: null shifts, then by accuracy, smaller area and newer code.
 pub(crate) fn shifts(datum: u32) -> Vec<KnownDatumShift> {
     let all = SHIFTS.lines().filter_map(KnownDatumShift::of_line);
-    let mut own: Vec<KnownDatumShift> =
+    let mut shifts: Vec<KnownDatumShift> =
         all.filter(|(of, _)| *of == datum).map(|(_, known)| known).collect();
-    let is_same = |known: &KnownDatumShift| known.is_null() && known.accuracy <= SAME;
-    own.sort_by(|a, b| {
-        (is_same(b).cmp(&is_same(a)))
+    shifts.sort_by(|a, b| {
+        (b.is_preferred().cmp(&a.is_preferred()))
             .then(a.accuracy.total_cmp(&b.accuracy))
             .then(a.area.size().total_cmp(&b.area.size()))
             .then(b.code.cmp(&a.code))
     });
-    own
+    shifts
+}
+
+fn all_numbers(text: &str) -> Option<Vec<f64>> {
+    text.split_whitespace().map(|number| number.parse().ok()).collect()
 }
 
 #[cfg(test)]

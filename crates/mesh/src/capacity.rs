@@ -22,8 +22,8 @@ pub struct MeshCapacity {
 
 impl MeshCapacity {
     /// Maximum vertices, triangles and bytes; bytes of a vertex and of a triangle.
-    pub(super) const fn new(most: [u64; 3], vertex_bytes: u64, triangle_bytes: u64) -> Self {
-        let [vertices, triangles, bytes] = most;
+    pub(super) const fn new(limits: [u64; 3], vertex_bytes: u64, triangle_bytes: u64) -> Self {
+        let [vertices, triangles, bytes] = limits;
         Self { vertices, triangles, bytes, vertex_bytes, triangle_bytes }
     }
 
@@ -48,21 +48,21 @@ impl MeshCapacity {
             (bytes, self.bytes, "bytes"),
         ]
         .into_iter()
-        .find(|(found, most, _)| found > most)
-        .map(|(_, most, what)| format!("{most} {what}"))
+        .find(|(count, limit, _)| count > limit)
+        .map(|(_, limit, what)| format!("{limit} {what}"))
     }
 }
 
-/// Fails if a mesh of this size with a header of `header` bytes exceeds `most`, the capacity of the format called
-/// `name`.
+/// Fails if a mesh of this size with a header of `header` bytes exceeds the capacity of the format called `name`.
 pub(super) fn check(
     name: &str,
-    most: &MeshCapacity,
+    capacity: &MeshCapacity,
     header: u64,
     vertices: u64,
     triangles: u64,
 ) -> Result<()> {
-    most.exceeded(header, vertices, triangles)
+    capacity
+        .exceeded(header, vertices, triangles)
         .map_or(Ok(()), |limit| Err(too_much(name, &limit, vertices, triangles)))
 }
 

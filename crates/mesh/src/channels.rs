@@ -13,6 +13,17 @@ pub enum ChannelKind {
     Double,
 }
 
+impl ChannelKind {
+    /// Whether a value is stored exactly.
+    fn stores(self, value: f64) -> bool {
+        match self {
+            Self::Byte => value == f64::from(value as u8),
+            Self::Single => value == f64::from(value as f32),
+            Self::Double => value.is_finite(),
+        }
+    }
+}
+
 /// A number per vertex.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct VertexChannel {
@@ -43,13 +54,13 @@ impl VertexChannel {
     pub fn of_bands(bands: &[(u32, ChannelKind)]) -> Vec<Self> {
         let is_colour = matches!(bands.len(), 3 | 4)
             && bands.iter().all(|(_, kind)| *kind == ChannelKind::Byte);
-        let channel = |(place, &(band, kind)): (usize, &(u32, ChannelKind))| match (kind, is_colour)
-        {
-            (_, true) => Self { name: COLOURS[place].to_owned(), kind },
-            (ChannelKind::Byte, _) => Self { name: named(band), kind: ChannelKind::Single },
-            _ => Self { name: named(band), kind },
-        };
-        bands.iter().enumerate().map(channel).collect()
+        let channels = bands.iter().enumerate().map(|(place, (band, kind))| match kind {
+            _ if is_colour => Self { name: COLOURS[place].to_owned(), kind: *kind },
+            // No format stores bytes that are not colours.
+            ChannelKind::Byte => Self { name: named(*band), kind: ChannelKind::Single },
+            _ => Self { name: named(*band), kind: *kind },
+        });
+        channels.collect()
     }
 }
 
@@ -84,13 +95,8 @@ pub(crate) fn check_values(
         let (given, needed) = (values.len(), vertices * channels.len());
         return Err(Error::usage(format!("expected {needed} channel values, found {given}")));
     }
-    let fits = |kind: ChannelKind, value: f64| match kind {
-        ChannelKind::Byte => value == f64::from(value as u8),
-        ChannelKind::Single => value == f64::from(value as f32),
-        ChannelKind::Double => value.is_finite(),
-    };
     let mut all = values.iter().zip(channels.iter().cycle());
-    match all.find(|(value, channel)| !fits(channel.kind, **value)) {
+    match all.find(|(value, channel)| !channel.kind.stores(**value)) {
         None => Ok(()),
         Some((value, VertexChannel { name, .. })) => {
             Err(Error::bad_input(format!("the channel {name} cannot store the value {value}")))

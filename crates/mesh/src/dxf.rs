@@ -12,13 +12,13 @@ use crate::sink::{
     FileSink, MeshBatch, MeshCounts, MeshEncoder, MeshHeader, MeshSink, SinkOptions,
 };
 use crate::source::{MeshInfo, MeshSource};
-use crate::text::{self, push_f64};
+use crate::text::{self, is_same_length, push_f64};
 use terrane_base::error::Result;
 use terrane_base::geom::{Crs, Point3};
 use terrane_files::AppendWriter;
 
 /// Text has no capacity limit; the bytes are typical values.
-const MOST: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX / 3, u64::MAX], 0, 170);
+const CAPACITY: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX / 3, u64::MAX], 0, 170);
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: "DXF",
@@ -30,7 +30,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |_| Ok(()),
-    most: || MOST,
+    most: || CAPACITY,
     create,
     open: |path| Ok(Box::new(DxfSource::open(path)?)),
     sniff,
@@ -43,27 +43,38 @@ const GROUPS: [[u32; 3]; 4] = [[10, 20, 30], [11, 21, 31], [12, 22, 32], [13, 23
 /// Maximum number of comments kept.
 const MAX_COMMENTS: usize = 64;
 
-/// Units: metres per unit, DXF code, name.
-const UNITS: [(f64, u8, &str); 3] =
-    [(1.0, 6, "metre"), (0.3048, 2, "foot"), (1200.0 / 3937.0, 21, "US survey foot")];
+/// A unit of lengths.
+struct DxfUnit {
+    metres: f64,
+    /// Value of the variable.
+    code: u8,
+    name: &'static str,
+}
+
+const UNITS: [DxfUnit; 3] = [
+    DxfUnit { metres: 1.0, code: 6, name: "metre" },
+    DxfUnit { metres: 0.3048, code: 2, name: "foot" },
+    DxfUnit { metres: 1200.0 / 3937.0, code: 21, name: "US survey foot" },
+];
 /// The variable of the unit.
 const UNIT: &str = "$INSUNITS";
 
 /// DXF code of the common unit of all coordinates; 0 if there is none.
 fn unit(crs: &Crs) -> u8 {
-    let is = |known: f64, metres: f64| (known / metres - 1.0).abs() < 1e-9;
     let Some(metres) = crs.horizontal_metres() else { return 0 };
-    let is_one = crs.vertical_metres().is_none_or(|up| is(up, metres));
-    let found = UNITS.iter().find(|(known, ..)| is_one && is(*known, metres));
-    found.map_or(0, |(_, number, _)| *number)
+    let is_common = crs.vertical_metres().is_none_or(|up| is_same_length(up, metres));
+    let unit = UNITS.iter().find(|unit| is_common && is_same_length(unit.metres, metres));
+    unit.map_or(0, |unit| unit.code)
 }
 
 /// Name of the unit with a DXF code.
-fn unit_name(number: &[u8]) -> Option<String> {
-    let number = String::from_utf8_lossy(number);
-    let known = UNITS.iter().find(|(_, known, _)| number.parse() == Ok(*known));
-    let other = || format!("{UNIT} {number}");
-    (number != "0").then(|| known.map_or_else(other, |(.., name)| (*name).to_owned()))
+fn unit_name(code: &[u8]) -> Option<String> {
+    let code = String::from_utf8_lossy(code);
+    let known = UNITS.iter().find(|unit| code.parse() == Ok(unit.code));
+    (code != "0").then(|| match known {
+        Some(unit) => unit.name.to_owned(),
+        None => format!("{UNIT} {code}"),
+    })
 }
 
 fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
@@ -82,8 +93,8 @@ const END: &[u8] = b"0\nENDSEC\n0\nEOF\n";
 /// True if the file begins with DXF groups.
 fn sniff(head: &[u8]) -> bool {
     let mut lines = head.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);
-    let mut pair = || Some((lines.next()?, lines.next()?));
-    let first = std::iter::from_fn(&mut pair).find(|(code, _)| *code != b"999");
+    let mut pairs = std::iter::from_fn(|| Some((lines.next()?, lines.next()?)));
+    let first = pairs.find(|(code, _)| *code != b"999");
     head.starts_with(BINARY)
         || head.starts_with(b"999\nterrane ")
         || first.is_some_and(|(code, value)| code == b"0" && value == b"SECTION")
@@ -98,8 +109,8 @@ impl MeshEncoder for DxfEncoder {
         FORMAT.name
     }
 
-    fn most(&self) -> MeshCapacity {
-        MOST
+    fn capacity(&self) -> MeshCapacity {
+        CAPACITY
     }
 
     fn header(&self, _counts: MeshCounts) -> Vec<u8> {
@@ -254,7 +265,7 @@ impl DxfSource {
         if faces.count() == 0 && comments.is_empty() {
             return Err(input.unsupported("has no 3DFACE entities"));
         }
-        let info = info(faces.count(), comments, (unit, others));
+        let info = info(faces.count(), comments, unit, others);
         drop(pairs);
         Ok(Self { input, faces, info })
     }
@@ -285,7 +296,7 @@ impl DxfSource {
     }
 }
 
-fn info(triangles: u64, comments: Vec<String>, (unit, others): (Option<String>, u64)) -> MeshInfo {
+fn info(triangles: u64, comments: Vec<String>, unit: Option<String>, others: u64) -> MeshInfo {
     let others = (others > 0)
         .then(|| ("passed over".to_owned(), format!("{others} entities other than 3DFACE")));
     let details = unit.map(|unit| ("unit".to_owned(), unit)).into_iter().chain(others).collect();

@@ -55,9 +55,9 @@ impl MeshFile {
         Error::unsupported(message).in_file(&self.path)
     }
 
-    /// The first bytes of the file, at most `most`.
-    pub(super) fn head(&self, most: usize) -> Result<Vec<u8>> {
-        let mut head = vec![0; self.bytes.min(most as u64) as usize];
+    /// The first bytes of the file, at most `max_bytes`.
+    pub(super) fn head(&self, max_bytes: usize) -> Result<Vec<u8>> {
+        let mut head = vec![0; self.bytes.min(max_bytes as u64) as usize];
         self.read_at(0, &mut head)?;
         Ok(head)
     }
@@ -79,9 +79,9 @@ impl MeshFile {
         let mut buffer = vec![0; chunk.min(bytes.end - bytes.start) as usize];
         let (mut at, mut place) = (bytes.start, 0);
         while at < bytes.end {
-            let part = &mut buffer[..chunk.min(bytes.end - at) as usize];
-            self.read_at(at, part)?;
-            for record in part.chunks_exact(stride as usize) {
+            let records = &mut buffer[..chunk.min(bytes.end - at) as usize];
+            self.read_at(at, records)?;
+            for record in records.chunks_exact(stride as usize) {
                 each(place, record).map_err(|e| e.in_file(&self.path))?;
                 place += 1;
             }
@@ -184,12 +184,12 @@ impl MeshFileLines<'_> {
     }
 }
 
-/// Fails unless the range `first .. first + count` is within `most` items called `what`.
-pub(super) fn check_range(what: &str, first: u64, count: usize, most: u64) -> Result<()> {
+/// Fails unless the range `first .. first + count` is within `total` items called `what`.
+pub(super) fn check_range(what: &str, first: u64, count: usize, total: u64) -> Result<()> {
     match first.checked_add(count as u64) {
-        Some(end) if end <= most => Ok(()),
+        Some(end) if end <= total => Ok(()),
         _ => Err(Error::usage(format!(
-            "the range of {count} {what} from {first} exceeds the {most} {what} of the \
+            "the range of {count} {what} from {first} exceeds the {total} {what} of the \
              mesh"
         ))),
     }

@@ -12,7 +12,7 @@ use crate::sink::{
     FileSink, MeshBatch, MeshCounts, MeshEncoder, MeshHeader, MeshSink, SinkOptions,
 };
 use crate::source::{MeshInfo, MeshSource};
-use crate::text::{self, push_f64, push_u64};
+use crate::text::{self, is_same_length, push_f64, push_u64};
 use crate::xml::{MeshXmlReader, number};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3};
@@ -21,7 +21,7 @@ use terrane_files::AppendWriter;
 use terrane_files::xml::{XmlEvent, XmlStartTag, escaped};
 
 /// Text has no capacity limit; the bytes are typical values.
-const MOST: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX, u64::MAX], 52, 32);
+const CAPACITY: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX, u64::MAX], 52, 32);
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: "LandXML",
@@ -33,17 +33,23 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |crs| unit(crs).map(drop),
-    most: || MOST,
+    most: || CAPACITY,
     create,
     open: |path| Ok(Box::new(LandXmlSource::open(path)?)),
     sniff: |head| head.windows(8).any(|some| some == b"<LandXML"),
 };
 
-/// Length units: name, metres per unit, and the system of units.
-const UNITS: [(&str, f64, &str); 3] = [
-    ("meter", 1.0, METRIC),
-    ("foot", 0.3048, IMPERIAL),
-    ("USSurveyFoot", 1200.0 / 3937.0, IMPERIAL),
+/// A length unit, and its system of units.
+struct LandXmlUnit {
+    name: &'static str,
+    metres: f64,
+    system: &'static str,
+}
+
+const UNITS: [LandXmlUnit; 3] = [
+    LandXmlUnit { name: "meter", metres: 1.0, system: METRIC },
+    LandXmlUnit { name: "foot", metres: 0.3048, system: IMPERIAL },
+    LandXmlUnit { name: "USSurveyFoot", metres: 1200.0 / 3937.0, system: IMPERIAL },
 ];
 const METRIC: &str = "Metric areaUnit=\"squareMeter\" volumeUnit=\"cubicMeter\" \
     temperatureUnit=\"celsius\" pressureUnit=\"milliBars\"";
@@ -52,25 +58,24 @@ const IMPERIAL: &str = "Imperial areaUnit=\"squareFoot\" volumeUnit=\"cubicFeet\
 
 /// The XML element of the unit of a CRS; metres if unknown.
 fn unit(crs: &Crs) -> Result<String> {
-    let refused = |why: String| {
-        Error::unsupported(format!("LandXML requires one length unit for x, y and z: {why}"))
-            .remedy("write PLY or OBJ, or reproject the data")
-    };
     let across = crs.horizontal_metres();
     if across.is_none() && crs.horizontal_unit() == "degree" {
-        return Err(refused("x and y are in degrees".to_owned()));
+        return Err(refused_units("x and y are in degrees"));
     }
     let metres = across.unwrap_or(1.0);
-    let is = |known: f64, metres: f64| (known / metres - 1.0).abs() < 1e-9;
-    if let Some(up) = crs.vertical_metres().filter(|up| !is(*up, metres)) {
-        return Err(refused(format!(
-            "the horizontal unit is {metres} m, the vertical unit {up} m"
-        )));
+    if let Some(up) = crs.vertical_metres().filter(|up| !is_same_length(*up, metres)) {
+        let why = format!("the horizontal unit is {metres} m, the vertical unit {up} m");
+        return Err(refused_units(&why));
     }
-    let found = UNITS.iter().find(|(_, known, _)| is(*known, metres));
-    let (name, _, system) =
-        found.ok_or_else(|| refused(format!("no LandXML unit is {metres} m long")))?;
+    let unit = UNITS.iter().find(|unit| is_same_length(unit.metres, metres));
+    let LandXmlUnit { name, system, .. } =
+        unit.ok_or_else(|| refused_units(&format!("no LandXML unit is {metres} m long")))?;
     Ok(format!("<{system} linearUnit=\"{name}\"/>"))
+}
+
+fn refused_units(why: &str) -> Error {
+    Error::unsupported(format!("LandXML requires one length unit for x, y and z: {why}"))
+        .remedy("write PLY or OBJ, or reproject the data")
 }
 
 fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
@@ -122,8 +127,8 @@ impl MeshEncoder for LandXmlEncoder {
         FORMAT.name
     }
 
-    fn most(&self) -> MeshCapacity {
-        MOST
+    fn capacity(&self) -> MeshCapacity {
+        CAPACITY
     }
 
     fn header(&self, _counts: MeshCounts) -> Vec<u8> {
@@ -244,7 +249,7 @@ impl LandXmlSource {
     fn open(path: &Path) -> Result<Self> {
         let input = MeshFile::open(path)?;
         let (mut points, mut faces) = (SparseIndex::new(), SparseIndex::new());
-        let (mut numbers, mut found) = (LandXmlPointIds::default(), LandXmlSummary::default());
+        let (mut numbers, mut summary) = (LandXmlPointIds::default(), LandXmlSummary::default());
         let mut xml = MeshXmlReader::new(&input, 0);
         loop {
             let at = xml.offset();
@@ -252,27 +257,27 @@ impl LandXmlSource {
             let place = |e: Error| e.in_file(path).at(format!("byte {at}"));
             match xml.next()? {
                 XmlEvent::Over => break,
-                XmlEvent::Start(tag) if tag.local_name() == "P" && found.surfaces > 0 => {
+                XmlEvent::Start(tag) if tag.local_name() == "P" && summary.surfaces > 0 => {
                     numbers.push(number(&tag, "id").map_err(place)?).map_err(place)?;
                     points.note(mark);
                 }
-                XmlEvent::Start(tag) if tag.local_name() == "F" && found.surfaces > 0 => {
+                XmlEvent::Start(tag) if tag.local_name() == "F" && summary.surfaces > 0 => {
                     // Faces of other programs may be invisible.
                     if tag.attribute("i").map_err(place)?.is_none_or(|hidden| hidden != "1") {
                         faces.note(mark);
                     }
                 }
-                XmlEvent::Start(tag) => found.note(&tag).map_err(place)?,
+                XmlEvent::Start(tag) => summary.note(&tag).map_err(place)?,
                 XmlEvent::Text(_) | XmlEvent::End => {}
             }
         }
         numbers.complete().map_err(|e| e.in_file(path))?;
-        if !found.is_landxml || found.surfaces != 1 {
-            let count = found.surfaces;
+        if !summary.is_landxml || summary.surfaces != 1 {
+            let count = summary.surfaces;
             let error = Error::unsupported(format!("expected one TIN surface, found {count}"));
             return Err(error.in_file(path).remedy("use a LandXML file with one surface"));
         }
-        let info = found.info(points.count(), faces.count());
+        let info = summary.info(points.count(), faces.count());
         drop(xml);
         Ok(Self { input, points, faces, numbers, info })
     }
@@ -369,8 +374,8 @@ impl MeshSource for LandXmlSource {
         let Some(mut slot) = slots.next() else { return Ok(()) };
         self.scan(&self.faces, "F", first, |xml| {
             for (id, number) in slot.iter_mut().zip(xml.three::<u64>("a face")?) {
-                let lost = || xml.bad(format!("point {number} does not exist"));
-                *id = self.numbers.place(number).ok_or_else(lost)?;
+                let place = self.numbers.place(number);
+                *id = place.ok_or_else(|| xml.bad(format!("point {number} does not exist")))?;
             }
             Ok(slots.next().map(|next| slot = next).is_none())
         })

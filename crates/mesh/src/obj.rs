@@ -17,7 +17,7 @@ use terrane_base::geom::Point3;
 use terrane_files::AppendWriter;
 
 /// Text has no capacity limit; the bytes are typical values.
-const MOST: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX, u64::MAX], 32, 24);
+const CAPACITY: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX, u64::MAX], 32, 24);
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: "OBJ",
@@ -29,7 +29,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |_| Ok(()),
-    most: || MOST,
+    most: || CAPACITY,
     create,
     open: |path| Ok(Box::new(ObjSource::open(path)?)),
     sniff,
@@ -62,8 +62,8 @@ impl MeshEncoder for ObjEncoder {
         FORMAT.name
     }
 
-    fn most(&self) -> MeshCapacity {
-        MOST
+    fn capacity(&self) -> MeshCapacity {
+        CAPACITY
     }
 
     fn header(&self, _counts: MeshCounts) -> Vec<u8> {

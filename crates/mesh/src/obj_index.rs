@@ -20,16 +20,16 @@ pub(super) struct SparseIndex {
     marks: Vec<TextLineMark>,
     stride: u64,
     count: u64,
-    most: usize,
+    max_marks: usize,
 }
 
 impl SparseIndex {
     pub(super) fn new() -> Self {
-        Self::with_most(MAX_MARKS)
+        Self::with_max_marks(MAX_MARKS)
     }
 
-    fn with_most(most: usize) -> Self {
-        Self { marks: Vec::new(), stride: 64, count: 0, most }
+    fn with_max_marks(max_marks: usize) -> Self {
+        Self { marks: Vec::new(), stride: 64, count: 0, max_marks }
     }
 
     /// Number of lines.
@@ -48,20 +48,20 @@ impl SparseIndex {
         self.count += 1;
     }
 
-    /// The last recorded line at or before line `wanted`: its index and position.
-    pub(super) fn before(&self, wanted: u64) -> (u64, TextLineMark) {
-        let at = usize::try_from(wanted / self.stride).unwrap_or(usize::MAX);
+    /// The last recorded line at or before a line: its index and position.
+    pub(super) fn before(&self, line: u64) -> (u64, TextLineMark) {
+        let at = usize::try_from(line / self.stride).unwrap_or(usize::MAX);
         let at = at.min(self.marks.len().saturating_sub(1));
         let start = TextLineMark { offset: 0, line: 1, vertices: 0 };
         (at as u64 * self.stride, self.marks.get(at).copied().unwrap_or(start))
     }
 
     fn evict(&mut self) {
-        if self.marks.len() == self.most {
-            let mut is_kept = false;
+        if self.marks.len() == self.max_marks {
+            let mut is_even = false;
             self.marks.retain(|_| {
-                is_kept = !is_kept;
-                is_kept
+                is_even = !is_even;
+                is_even
             });
             self.stride *= 2;
         }
@@ -75,7 +75,7 @@ mod tests {
     #[test]
     fn every_line_is_found_however_few_are_remembered() {
         for most in [2, 5, 8, 1000] {
-            let mut index = SparseIndex::with_most(most);
+            let mut index = SparseIndex::with_max_marks(most);
             for i in 0..5000 {
                 index.note(TextLineMark { offset: 10 * i, line: i + 1, vertices: i });
                 assert!(index.marks.len() <= most);

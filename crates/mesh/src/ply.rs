@@ -6,7 +6,7 @@ use crate::capacity::MeshCapacity;
 use crate::channels::{ChannelKind, VertexCapabilities, VertexChannel};
 use crate::format::MeshFormat;
 use crate::input::{MeshFile, check_corners, check_position, check_range};
-use crate::ply_header::{self, PADDING, PlyElementSpan, PlyHeader, PlyScalar};
+use crate::ply_header::{self, PADDING, PlyElementSpan, PlyField, PlyHeader, PlyScalar};
 use crate::sink::{
     FileSink, MeshBatch, MeshCounts, MeshEncoder, MeshHeader, MeshSink, SinkOptions,
 };
@@ -17,7 +17,7 @@ use terrane_base::geom::Point3;
 use terrane_files::AppendWriter;
 
 /// Indices are u32.
-const MOST: MeshCapacity = MeshCapacity::new([1 << 32, u64::MAX, u64::MAX], 24, 13);
+const CAPACITY: MeshCapacity = MeshCapacity::new([1 << 32, u64::MAX, u64::MAX], 24, 13);
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: "PLY",
@@ -29,7 +29,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |_| Ok(()),
-    most: || MOST,
+    most: || CAPACITY,
     create,
     open: |path| Ok(Box::new(PlySource::open(path)?)),
     sniff: |head| head.starts_with(b"ply\n") || head.starts_with(b"ply\r\n"),
@@ -76,8 +76,8 @@ impl MeshEncoder for PlyEncoder {
         FORMAT.name
     }
 
-    fn most(&self) -> MeshCapacity {
-        MOST
+    fn capacity(&self) -> MeshCapacity {
+        CAPACITY
     }
 
     fn channels(&self) -> &[VertexChannel] {
@@ -87,8 +87,8 @@ impl MeshEncoder for PlyEncoder {
     /// The header, padded by a comment to a constant length.
     fn header(&self, counts: MeshCounts) -> Vec<u8> {
         let largest = MeshCounts { vertices: u64::MAX, triangles: u64::MAX };
-        let room = self.text(largest, "").len() - self.text(counts, "").len();
-        self.text(counts, &".".repeat(room)).into_bytes()
+        let padding = self.text(largest, "").len() - self.text(counts, "").len();
+        self.text(counts, &".".repeat(padding)).into_bytes()
     }
 
     fn encode(
@@ -181,10 +181,12 @@ impl PlySource {
     }
 
     fn position(&self, record: &[u8]) -> Point3 {
-        self.header.xyz.map(|field| {
-            let bytes = record.get(field.offset as usize..).unwrap_or_default();
-            field.scalar.read(bytes, self.header.big)
-        })
+        self.header.xyz.map(|field| self.number(record, field))
+    }
+
+    /// A number of a record; NaN beyond its end.
+    fn number(&self, record: &[u8], PlyField { offset, scalar }: PlyField) -> f64 {
+        scalar.read(record.get(offset as usize..).unwrap_or_default(), self.header.big)
     }
 
     fn is_native_face(&self) -> bool {
@@ -195,12 +197,12 @@ impl PlySource {
 
     /// The vertex ids of triangle `index`.
     fn corners(&self, index: u64, record: &[u8]) -> Result<[u64; 3]> {
-        let number = |offset: u64, scalar: PlyScalar| {
-            scalar.read(record.get(offset as usize..).unwrap_or_default(), self.header.big)
-        };
-        let PlyHeader { length, item, .. } = &self.header;
-        check_length(index, number(length.offset, length.scalar))?;
-        let ids = [0, 1, 2].map(|i| number(item.offset + i * item.scalar.bytes(), item.scalar));
+        let PlyHeader { length, item, .. } = self.header;
+        check_length(index, self.number(record, length))?;
+        let ids = [0, 1, 2].map(|i| {
+            let offset = item.offset + i * item.scalar.bytes();
+            self.number(record, PlyField { offset, ..item })
+        });
         match ids.iter().find(|id| **id < 0.0) {
             None => Ok(ids.map(|id| id as u64)),
             Some(id) => Err(Error::bad_input(format!("vertex index {id} is negative"))

@@ -176,20 +176,12 @@ impl PlyHeaderParser {
     }
 
     fn property(&mut self, words: &[&str], lines: &MeshFileLines<'_>) -> Result<()> {
-        let scalar = |name: &str| {
-            PlyScalar::parse(name).ok_or_else(|| lines.bad(format!("\"{name}\" is not a PLY type")))
-        };
-        let property = match *words {
-            ["list", length, item, name] => PlyProperty {
-                name: name.to_owned(),
-                length: Some(scalar(length)?),
-                item: scalar(item)?,
-            },
-            [item, name] => {
-                PlyProperty { name: name.to_owned(), length: None, item: scalar(item)? }
-            }
+        let (length, item, name) = match *words {
+            ["list", length, item, name] => (Some(scalar(length, lines)?), item, name),
+            [item, name] => (None, item, name),
             _ => return Err(lines.bad("a property needs a type and a name")),
         };
+        let property = PlyProperty { name: name.to_owned(), length, item: scalar(item, lines)? };
         let element = self.elements.last_mut();
         let element = element.ok_or_else(|| lines.bad("property without an element"))?;
         let count = element.properties.len() as u64 + 1;
@@ -219,6 +211,10 @@ impl PlyHeaderParser {
 /// Prefix of the comment that pads the header.
 pub(super) const PADDING: &str = "padding";
 
+fn scalar(name: &str, lines: &MeshFileLines<'_>) -> Result<PlyScalar> {
+    PlyScalar::parse(name).ok_or_else(|| lines.bad(format!("\"{name}\" is not a PLY type")))
+}
+
 fn is_big(format: &str, lines: &MeshFileLines<'_>) -> Result<bool> {
     match format {
         "binary_little_endian" => Ok(false),
@@ -238,9 +234,8 @@ impl PlyHeader {
         }
         let mut offset = start;
         for (i, element) in elements.iter().enumerate() {
-            let is_needed = |e: &PlyElement| matches!(e.name.as_str(), "vertex" | "face");
             // Lists behind all that is needed: where they end is known only by reading them.
-            if element.scalars().is_none() && !elements[i..].iter().any(is_needed) {
+            if element.scalars().is_none() && !elements[i..].iter().any(PlyElement::is_needed) {
                 return Ok(());
             }
             let span = self.element(input, element, offset)?;
@@ -286,20 +281,27 @@ impl PlyHeader {
         element: &PlyElement,
         offset: u64,
     ) -> Result<PlyElementSpan> {
-        let span = |stride| PlyElementSpan { offset, stride, count: element.count };
-        match element.name.as_str() {
-            "vertex" => self.vertices = span(self.vertex(input, element)?),
-            "face" => self.faces = span(self.face(input, element)?),
-            _ => return Ok(span(element.scalars().ok_or_else(|| element.refused(input))?)),
+        let name = element.name.as_str();
+        let stride = match name {
+            "vertex" => self.vertex(input, element)?,
+            "face" => self.face(input, element)?,
+            _ => element.scalars().ok_or_else(|| element.refused(input))?,
+        };
+        let span = PlyElementSpan { offset, stride, count: element.count };
+        match name {
+            "vertex" => self.vertices = span,
+            "face" => self.faces = span,
+            _ => {}
         }
-        Ok(if element.name == "vertex" { self.vertices } else { self.faces })
+        Ok(span)
     }
 
     fn vertex(&mut self, input: &MeshFile, element: &PlyElement) -> Result<u64> {
         let stride = element.scalars().ok_or_else(|| element.refused(input))?;
         for (field, name) in self.xyz.iter_mut().zip(["x", "y", "z"]) {
-            let missing = || input.bad(format!("vertices have no property \"{name}\""));
-            *field = element.field(|p| p.name == name).ok_or_else(missing)?;
+            *field = element
+                .field(name)
+                .ok_or_else(|| input.bad(format!("vertices have no property \"{name}\"")))?;
             if !field.scalar.is_real() {
                 return Err(input.unsupported(format!(
                     "integer vertex coordinates ({name}) are not supported"
@@ -312,46 +314,54 @@ impl PlyHeader {
 
     /// Record length of triangles; other polygons are detected when reading.
     fn face(&mut self, input: &MeshFile, element: &PlyElement) -> Result<u64> {
-        let is_corners =
-            |p: &PlyProperty| matches!(p.name.as_str(), "vertex_indices" | "vertex_index");
-        let missing = || input.bad("faces have no property list \"vertex_indices\"");
-        let at = element.properties.iter().position(is_corners).ok_or_else(missing)?;
-        let list = &element.properties[at];
-        let length = list.length.ok_or_else(missing)?;
-        if length.is_real() || list.item.is_real() {
+        let mut names = element.properties.iter().map(|property| property.name.as_str());
+        let list = names
+            .position(|name| matches!(name, "vertex_indices" | "vertex_index"))
+            .and_then(|at| Some((at, element.properties[at].length?)));
+        let (at, length) =
+            list.ok_or_else(|| input.bad("faces have no property list \"vertex_indices\""))?;
+        let item = element.properties[at].item;
+        if length.is_real() || item.is_real() {
             return Err(input.bad("vertex indices are not integers"));
         }
         let (before, after) = (&element.properties[..at], &element.properties[at + 1..]);
         let sizes = scalars(before).zip(scalars(after));
         let (before, after) = sizes.ok_or_else(|| element.refused(input))?;
         self.length = PlyField { offset: before, scalar: length };
-        self.item = PlyField { offset: before + length.bytes(), scalar: list.item };
-        Ok(self.item.offset + 3 * list.item.bytes() + after)
+        self.item = PlyField { offset: before + length.bytes(), scalar: item };
+        Ok(self.item.offset + 3 * item.bytes() + after)
     }
 }
 
 impl PlyElement {
+    fn is_needed(&self) -> bool {
+        matches!(self.name.as_str(), "vertex" | "face")
+    }
+
     /// Record length, unless the element has lists.
     fn scalars(&self) -> Option<u64> {
         scalars(&self.properties)
     }
 
-    /// The first matching property of an element without lists.
-    fn field(&self, is_it: impl Fn(&PlyProperty) -> bool) -> Option<PlyField> {
-        let at = self.properties.iter().position(is_it)?;
+    /// The first property of this name of an element without lists.
+    fn field(&self, name: &str) -> Option<PlyField> {
+        let at = self.properties.iter().position(|property| property.name == name)?;
         let offset = scalars(&self.properties[..at])?;
         Some(PlyField { offset, scalar: self.properties[at].item })
     }
 
+    fn channel(&self, name: &str) -> Option<(String, PlyField)> {
+        self.field(name).map(|field| (name.to_owned(), field))
+    }
+
     /// Channels of an element without lists: red, green, blue and optionally alpha if they are bytes, and bands.
     fn channels(&self) -> Vec<(String, PlyField)> {
-        let field = |name: &str| self.field(|p| p.name == name).map(|at| (name.to_owned(), at));
-        let bytes = COLOURS.map(|name| field(name).filter(|(_, at)| at.scalar == PlyScalar::U8));
-        let [red, green, blue, alpha] = bytes;
+        let [red, green, blue, alpha] = COLOURS
+            .map(|name| self.channel(name).filter(|(_, field)| field.scalar == PlyScalar::U8));
         let colour = red.zip(green).zip(blue).map(|((red, green), blue)| [red, green, blue]);
         let alpha = alpha.filter(|_| colour.is_some());
         let bands = self.properties.iter().filter(|p| p.name.starts_with(BAND));
-        let bands = bands.filter_map(|p| field(&p.name));
+        let bands = bands.filter_map(|p| self.channel(&p.name));
         colour.into_iter().flatten().chain(alpha).chain(bands).collect()
     }
 

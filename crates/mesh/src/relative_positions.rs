@@ -49,6 +49,11 @@ impl LocalCoordinates {
         local
     }
 
+    /// The corners of a triangle, each as by [`place`](Self::place).
+    pub(super) fn triangle(&mut self, corners: &[Point3; 3]) -> [[f32; 3]; 3] {
+        corners.each_ref().map(|point| self.place(point))
+    }
+
     /// Fails if a position exceeded the range of f32.
     pub(super) fn check(&self) -> Result<()> {
         let out = self.low.contains(&f32::NEG_INFINITY) || self.high.contains(&f32::INFINITY);

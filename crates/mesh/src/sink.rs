@@ -89,7 +89,7 @@ pub(super) trait MeshEncoder: Send {
     fn name(&self) -> &'static str;
 
     /// Capacity limits.
-    fn most(&self) -> MeshCapacity;
+    fn capacity(&self) -> MeshCapacity;
 
     /// The header for `counts`; its length is constant, because it is written first with counts of 0 and again at the
     /// end.
@@ -132,7 +132,7 @@ pub(super) trait MeshEncoder: Send {
 /// Writes one file with an encoder.
 pub(super) struct FileSink<E> {
     encoder: E,
-    most: MeshCapacity,
+    capacity: MeshCapacity,
     header_bytes: u64,
     counts: MeshCounts,
     target: AtomicFile,
@@ -164,8 +164,8 @@ impl<E: MeshEncoder + 'static> FileSink<E> {
         let header = encoder.header(MeshCounts::default());
         body.write(&header)?;
         let header_bytes = header.len() as u64;
-        let (most, counts) = (encoder.most(), MeshCounts::default());
-        Ok(Self { encoder, most, header_bytes, counts, target, body, tail, broken: false })
+        let (capacity, counts) = (encoder.capacity(), MeshCounts::default());
+        Ok(Self { encoder, capacity, header_bytes, counts, target, body, tail, broken: false })
     }
 
     /// Checks a batch and returns the counts with it.
@@ -175,7 +175,8 @@ impl<E: MeshEncoder + 'static> FileSink<E> {
             triangles: self.counts.triangles + batch.triangles.len() as u64,
         };
         let name = self.encoder.name();
-        capacity::check(name, &self.most, self.header_bytes, counts.vertices, counts.triangles)?;
+        let MeshCounts { vertices, triangles } = counts;
+        capacity::check(name, &self.capacity, self.header_bytes, vertices, triangles)?;
         check_ids(batch.triangles, counts.vertices)?;
         check_finite(batch, self.counts.vertices)?;
         check_values(self.encoder.channels(), batch.vertices.len(), batch.values)?;
@@ -204,9 +205,10 @@ impl<E: MeshEncoder + 'static> MeshSink for FileSink<E> {
         // Set before the work and taken back after it: an error on the way leaves it set, and a body that is
         // half written never becomes a file.
         self.broken = true;
-        let in_file = |e: Error| e.in_file(self.target.path());
-        let counts = self.admit(&batch).map_err(in_file)?;
-        self.encoder.encode(batch, &mut self.body, &mut self.tail).map_err(in_file)?;
+        let counts = self.admit(&batch).map_err(|e| e.in_file(self.target.path()))?;
+        self.encoder
+            .encode(batch, &mut self.body, &mut self.tail)
+            .map_err(|e| e.in_file(self.target.path()))?;
         self.counts = counts;
         self.broken = false;
         Ok(())
@@ -237,7 +239,6 @@ fn check_ids(triangles: &[[u64; 3]], vertices: u64) -> Result<()> {
 }
 
 fn check_finite(batch: &MeshBatch<'_>, first: u64) -> Result<()> {
-    let is_finite = |point: &[f64; 3]| point.iter().all(|c| c.is_finite());
     let bad = batch.vertices.iter().position(|v| !is_finite(v));
     if let Some(bad) = bad {
         let vertex = first + bad as u64;
@@ -247,6 +248,10 @@ fn check_finite(batch: &MeshBatch<'_>, first: u64) -> Result<()> {
         return Ok(());
     }
     Err(Error::bad_input("a corner of the mesh is not finite"))
+}
+
+fn is_finite(point: &[f64; 3]) -> bool {
+    point.iter().all(|c| c.is_finite())
 }
 
 #[cfg(test)]
@@ -261,7 +266,7 @@ mod tests {
             "Tiny"
         }
 
-        fn most(&self) -> MeshCapacity {
+        fn capacity(&self) -> MeshCapacity {
             let [vertices, triangles, bytes] = [4, 3, 100];
             MeshCapacity { vertices, triangles, bytes, vertex_bytes: 10, triangle_bytes: 20 }
         }

@@ -221,17 +221,17 @@ impl EdgePairing {
 /// Sorts the edges and removes pairs of opposite ones.
 fn cancel_in_place(edges: &mut Vec<DirectedEdge>) {
     edges.sort_unstable_by_key(DirectedEdge::key);
-    let mut kept = 0;
+    let mut count = 0;
     for i in 0..edges.len() {
         let edge = edges[i];
-        if kept > 0 && edges[kept - 1].is_opposite(&edge) {
-            kept -= 1;
+        if count > 0 && edges[count - 1].is_opposite(&edge) {
+            count -= 1;
         } else {
-            edges[kept] = edge;
-            kept += 1;
+            edges[count] = edge;
+            count += 1;
         }
     }
-    edges.truncate(kept);
+    edges.truncate(count);
 }
 
 /// A sorted run of edges in a file.

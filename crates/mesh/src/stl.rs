@@ -21,7 +21,7 @@ use terrane_base::geom::Point3;
 use terrane_files::{AppendWriter, folder_for};
 
 /// The number of triangles is a u32.
-const MOST: MeshCapacity = MeshCapacity::new([u64::MAX, u32::MAX as u64, u64::MAX], 0, 50);
+const CAPACITY: MeshCapacity = MeshCapacity::new([u64::MAX, u32::MAX as u64, u64::MAX], 0, 50);
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: "STL",
@@ -33,7 +33,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: false,
     admits: |_| Ok(()),
-    most: || MOST,
+    most: || CAPACITY,
     create,
     open: |path| Ok(Box::new(StlSource::open(path)?)),
     sniff: |head| head.starts_with(ORIGIN.as_bytes()) || is_ascii(head),
@@ -72,20 +72,19 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
 /// Abbreviated statements without units: " max error 1.5 bound surface fitted heights".
 fn stated(promises: &Promises) -> String {
     let all: Vec<_> = promises.statements().collect();
-    let short = |[key, short]: [&str; 2]| {
-        let (_, text) = all.iter().find(|(own, _)| *own == key)?;
+    let stated = STATED.into_iter().filter_map(|[key, short]| {
+        let (_, text) = all.iter().find(|(known, _)| *known == key)?;
         let word = text.split_whitespace().next()?;
         Some(format!(" {short} {}", if word == ANY[1] { ANY[0] } else { word }))
-    };
-    STATED.into_iter().filter_map(short).collect()
+    });
+    stated.collect()
 }
 
 /// The first 80 bytes. If origin and scale leave no space for the statements, they are omitted; with fitted heights
 /// or a minimum angle, this is an error.
 fn title(origin: Point3, scale: Option<Point3>, promises: &Promises) -> Result<[u8; TITLE_BYTES]> {
-    let numbers = |point: Point3| point.map(text::f64_text).join(" ");
-    let scale = scale.map(|scale| format!("{SCALE}{}", numbers(scale))).unwrap_or_default();
-    let mut text = format!("{ORIGIN}{}{scale}", numbers(origin));
+    let scale = scale.map(|scale| format!("{SCALE}{}", text::point_text(scale)));
+    let mut text = format!("{ORIGIN}{}{}", text::point_text(origin), scale.unwrap_or_default());
     if text.len() > TITLE_BYTES {
         return Err(Error::usage(format!("the origin {origin:?} does not fit into an STL header")));
     }
@@ -119,8 +118,8 @@ impl MeshEncoder for StlEncoder {
     }
 
     /// A solid has each triangle twice.
-    fn most(&self) -> MeshCapacity {
-        let surface = MOST;
+    fn capacity(&self) -> MeshCapacity {
+        let surface = CAPACITY;
         let copies = if self.solid.is_some() { 2 } else { 1 };
         MeshCapacity { triangles: surface.triangles / copies, ..surface }
     }
@@ -141,12 +140,11 @@ impl MeshEncoder for StlEncoder {
         _tail: &mut AppendWriter,
     ) -> Result<()> {
         let Self { local, .. } = self;
-        let mut place = |corners: &[Point3; 3]| corners.each_ref().map(|p| local.place(p));
         match &mut self.solid {
-            None => body.records(batch.corners, |corners| record(&place(corners)))?,
+            None => body.records(batch.corners, |corners| record(&local.triangle(corners)))?,
             Some(solid) => {
                 for (&ids, corners) in batch.triangles.iter().zip(batch.corners) {
-                    let top = place(corners);
+                    let top = local.triangle(corners);
                     solid.outline.push(ids, top)?;
                     body.records(&[top, solid.bottom(top)?], record)?;
                 }
@@ -214,8 +212,7 @@ fn record(corners: &Corners) -> [u8; TRIANGLE_BYTES] {
 
 /// Unit normal of a triangle; zeros if degenerate.
 fn normal([a, b, c]: &Corners) -> [f32; 3] {
-    let minus = |p: &[f32; 3], q: &[f32; 3]| [0, 1, 2].map(|i| f64::from(p[i]) - f64::from(q[i]));
-    let (u, v) = (minus(b, a), minus(c, a));
+    let [u, v] = [b, c].map(|p| [0, 1, 2].map(|i: usize| f64::from(p[i]) - f64::from(a[i])));
     let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
     let length = n.iter().map(|c| c * c).sum::<f64>().sqrt();
     let usable = length > 0.0 && length.is_finite();
@@ -348,8 +345,9 @@ impl MeshSource for StlSource {
         check_range("vertices", first, out.len(), self.info.vertices)?;
         let end = first + out.len() as u64;
         let (from, to) = (first / 3, end.div_ceil(3));
-        let byte = |triangle: u64| HEADER_BYTES + triangle * TRIANGLE_BYTES as u64;
-        self.input.records(byte(from)..byte(to), TRIANGLE_BYTES as u64, |place, record| {
+        let [start, stop] =
+            [from, to].map(|triangle| HEADER_BYTES + triangle * TRIANGLE_BYTES as u64);
+        self.input.records(start..stop, TRIANGLE_BYTES as u64, |place, record| {
             for corner in 0..3 {
                 let index = 3 * (from + place as u64) + corner as u64;
                 let slot = index.checked_sub(first).and_then(|i| out.get_mut(i as usize));

@@ -2,6 +2,7 @@
 
 use crate::promises::Promises;
 use crate::sink::MeshHeader;
+use terrane_base::geom::Point3;
 
 /// Appends the shortest text that reads back as exactly `value` (finite): "12", "0.1", "1e300".
 pub(super) fn push_f64(value: f64, text: &mut Vec<u8>) {
@@ -36,6 +37,17 @@ pub(super) fn f64_text(value: f64) -> String {
     let mut text = Vec::new();
     push_f64(value, &mut text);
     text.iter().map(|&byte| char::from(byte)).collect()
+}
+
+/// Three numbers with spaces between.
+pub(super) fn point_text(point: Point3) -> String {
+    point.map(f64_text).join(" ")
+}
+
+/// Whether two lengths of a unit in metres differ by rounding only. The US survey foot and the foot differ by
+/// 2e-6.
+pub(super) fn is_same_length(known: f64, metres: f64) -> bool {
+    (known / metres - 1.0).abs() < 1e-9
 }
 
 /// Comment lines of a mesh file: generator, CRS, and statements.

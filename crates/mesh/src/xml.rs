@@ -51,10 +51,9 @@ impl<'a> MeshXmlReader<'a> {
     /// Three numbers of the text of the current element.
     pub(super) fn three<T: std::str::FromStr + Copy>(&mut self, what: &str) -> Result<[T; 3]> {
         let text = self.text()?;
-        let mut words = text.split_ascii_whitespace();
-        let mut word = || words.next().map(parsed::<T>).transpose();
-        let found = [word(), word(), word(), word()];
-        let [a, b, c, more] = found.map(|word| word.map_err(|e| self.place(e)));
+        let mut numbers = text.split_ascii_whitespace().map(parsed::<T>);
+        let [a, b, c, more] =
+            [(); 4].map(|()| numbers.next().transpose().map_err(|e| self.place(e)));
         match (a?, b?, c?, more) {
             (Some(a), Some(b), Some(c), Ok(None)) => Ok([a, b, c]),
             (.., Ok(None)) => Err(self.bad(format!("{what} has fewer than three numbers"))),

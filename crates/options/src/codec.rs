@@ -62,9 +62,9 @@ pub trait Choice: Copy + PartialEq + 'static {
     /// # Errors
     /// The valid names.
     fn named(name: &str) -> Result<Self, String> {
-        let wanted = name.trim().to_ascii_lowercase().replace('_', "-");
-        let found = Self::ALL.iter().find(|(_, named)| named.name == wanted);
-        found.map(|(value, _)| *value).ok_or_else(|| {
+        let name = name.trim().to_ascii_lowercase().replace('_', "-");
+        let choice = Self::ALL.iter().find(|(_, named)| named.name == name);
+        choice.map(|(value, _)| *value).ok_or_else(|| {
             let names: Vec<_> = Self::ALL.iter().map(|(_, named)| named.name).collect();
             format!("expected {}", names.join(" or "))
         })

@@ -71,14 +71,14 @@ pub fn check_planned<O: Options>(options: &O, given: &[&str]) -> Result<()> {
 
 fn check_as<O: Options>(options: &O, given: &[&str], is_plan: bool) -> Result<()> {
     let fields = O::TABLE.fields();
-    let mut found = Ok(());
+    let mut checked = Ok(());
     options.visit(&mut |name, value| {
         let field = fields.iter().find(|field| field.name == name);
-        if let (Some(field), Ok(())) = (field, &found) {
-            found = check_value(field, value);
+        if let (Some(field), Ok(())) = (field, &checked) {
+            checked = check_value(field, value);
         }
     });
-    found?;
+    checked?;
     let (table, now, defaults) = (O::TABLE, to_map(options), to_map(&O::default()));
     let given = GivenOptions { table, now, defaults, given, is_plan };
     table.rules().into_iter().try_for_each(|rule| given.check(rule))
@@ -138,9 +138,12 @@ impl GivenOptions<'_> {
 
     /// The options that this context supports.
     fn had<'n>(&self, names: &[&'n str]) -> Vec<&'n str> {
-        let is_of_runs =
-            |name| self.table.find(name).is_some_and(|own| own.role == OptionRole::Run);
-        names.iter().copied().filter(|name| !(self.is_plan && is_of_runs(name))).collect()
+        let names = names.iter().copied().filter(|name| {
+            let is_of_runs =
+                self.table.find(name).is_some_and(|field| field.role == OptionRole::Run);
+            !(self.is_plan && is_of_runs)
+        });
+        names.collect()
     }
 
     /// Options to add; for a single choice, with its values.
@@ -156,7 +159,15 @@ impl GivenOptions<'_> {
 
     /// `‹a›, ‹b› or ‹c›`; flags that are on by default are listed as turned off.
     fn listed(&self, terms: &[&str]) -> String {
-        let named = |term: &&str| match term.split_once("!=") {
+        let names: Vec<String> = terms.iter().map(|term| self.spelled(term)).collect();
+        match names.split_last() {
+            Some((last, rest)) if !rest.is_empty() => format!("{} or {last}", rest.join(", ")),
+            _ => names.join(""),
+        }
+    }
+
+    fn spelled(&self, term: &str) -> String {
+        match term.split_once("!=") {
             // Its current value.
             Some((name, _)) => {
                 format!("‹{name}› {}", self.now.get(name).map_or(String::new(), text))
@@ -165,11 +176,6 @@ impl GivenOptions<'_> {
                 format!("‹{term}=false›")
             }
             None => format!("‹{term}›"),
-        };
-        let names: Vec<String> = terms.iter().map(named).collect();
-        match names.split_last() {
-            Some((last, rest)) if !rest.is_empty() => format!("{} or {last}", rest.join(", ")),
-            _ => names.join(""),
         }
     }
 

@@ -244,9 +244,8 @@ impl OptionTable {
     /// The field with this name or alias; dashes equal underscores.
     pub fn find(&'static self, name: &str) -> Option<&'static OptionField> {
         let name = name.replace('-', "_");
-        let is_it =
-            |field: &&OptionField| field.name == name || field.aliases.contains(&name.as_str());
-        self.fields().into_iter().find(is_it)
+        let mut fields = self.fields().into_iter();
+        fields.find(|field| field.name == name || field.aliases.contains(&name.as_str()))
     }
 
     /// Whether a field has this name, for checks at compile time.

@@ -45,8 +45,9 @@ pub fn set_texts<O: Options>(options: &mut O, field: &OptionField, texts: &[Stri
         }
     });
     done.map_err(|expected| {
-        let told = texts.iter().find_map(|text| field.check_text(text).err()).unwrap_or(expected);
-        Error::usage(format!("‹{}› is {:?}: {told}", field.name, texts.join(" ")))
+        let of_text = texts.iter().find_map(|text| field.check_text(text).err());
+        let expected = of_text.unwrap_or(expected);
+        Error::usage(format!("‹{}› is {:?}: {expected}", field.name, texts.join(" ")))
     })
 }
 
@@ -141,9 +142,9 @@ fn wrong(field: &OptionField, value: &Json) -> Error {
         OptionKind::Text | OptionKind::Path | OptionKind::Choice(_) => "text",
     };
     let text = value.to_string();
-    let told: String = text.chars().take(MAX_LISTED).collect();
-    let rest = if told.len() < text.len() { "..." } else { "" };
-    Error::usage(format!("‹{}› is {told}{rest}: expected {expected}", field.name))
+    let start: String = text.chars().take(MAX_LISTED).collect();
+    let rest = if start.len() < text.len() { "..." } else { "" };
+    Error::usage(format!("‹{}› is {start}{rest}: expected {expected}", field.name))
 }
 
 /// All values by name.
@@ -184,16 +185,16 @@ pub fn changed<O: Options>(options: &O) -> Map<String, Json> {
 
 /// The error for an unknown name, with the closest known one.
 fn unknown(table: &'static OptionTable, name: &str) -> Error {
-    let wanted = name.replace('-', "_");
+    let given = name.replace('-', "_");
     let names = table
         .fields()
         .into_iter()
         .flat_map(|field| std::iter::once(field.name).chain(field.aliases.iter().copied()));
-    let near = names.map(|own| (distance(own, &wanted), own)).min();
+    let near = names.map(|known| (distance(known, &given), known)).min();
     let error = Error::usage(format!("unknown option {name:?}"));
     match near {
-        Some((steps, own)) if steps <= own.len() / 3 + 1 => {
-            error.remedy(format!("did you mean ‹{own}›?"))
+        Some((steps, known)) if steps <= known.len() / 3 + 1 => {
+            error.remedy(format!("did you mean ‹{known}›?"))
         }
         _ => error.remedy("leave it out"),
     }

@@ -71,12 +71,12 @@ impl TileArtifactWriter {
 }
 
 /// Appends the survey of rows.
-pub(super) fn add_glances(path: &Path, gathered: &mut GatheredOverview) -> Result<()> {
+pub(super) fn add_summaries(path: &Path, gathered: &mut GatheredOverview) -> Result<()> {
     let bytes = std::fs::read(path).map_err(|e| Error::read(path, e))?;
     let mut left = &bytes[..];
     while !left.is_empty() {
-        let glance = gathered.plan().read_glance(&mut left);
-        gathered.add(glance.ok_or_else(|| damaged_object(path))?);
+        let summary = gathered.plan().read_summary(&mut left);
+        gathered.add(summary.ok_or_else(|| damaged_object(path))?);
     }
     Ok(())
 }
@@ -122,39 +122,41 @@ struct TileIndexEntry {
     bytes: u32,
 }
 
+impl TileIndexEntry {
+    /// Size in bytes of the tile in the object.
+    fn stored_bytes(&self) -> u64 {
+        u64::from(self.bytes) + if self.facts { 8 * FACTS as u64 } else { 0 }
+    }
+}
+
 /// Contents of an object's index.
 fn index(file: &mut File, path: &Path) -> Result<Vec<TileIndexEntry>> {
     let fail = |e: io::Error| Error::read(path, e);
     let length = file.metadata().map_err(fail)?.len();
-    let damaged = || damaged_object(path);
     let mut count = [0; 8];
-    let end = length.checked_sub(8).ok_or_else(damaged)?;
+    let end = length.checked_sub(8).ok_or_else(|| damaged_object(path))?;
     file.seek(SeekFrom::Start(end)).map_err(fail)?;
     file.read_exact(&mut count).map_err(fail)?;
     let size = u64::from_le_bytes(count).checked_mul(ENTRY as u64);
-    let (size, start) =
-        size.and_then(|size| Some((size, end.checked_sub(size)?))).ok_or_else(damaged)?;
+    let (size, start) = size
+        .and_then(|size| Some((size, end.checked_sub(size)?)))
+        .ok_or_else(|| damaged_object(path))?;
     file.seek(SeekFrom::Start(start)).map_err(fail)?;
     let mut entries = vec![0; size as usize];
     file.read_exact(&mut entries).map_err(fail)?;
-    let found = entries.chunks_exact(ENTRY).map(entry).collect::<Option<Vec<_>>>();
-    let found = found.ok_or_else(damaged)?;
-    let length = |entry: &TileIndexEntry| {
-        u64::from(entry.bytes) + if entry.facts { 8 * FACTS as u64 } else { 0 }
-    };
-    let all: u64 = found.iter().map(length).sum();
-    if all == start { Ok(found) } else { Err(damaged()) }
+    let entries = entries.chunks_exact(ENTRY).map(entry).collect::<Option<Vec<_>>>();
+    // The tiles fill the object up to its index, so a truncated object is detected.
+    entries
+        .filter(|entries| entries.iter().map(TileIndexEntry::stored_bytes).sum::<u64>() == start)
+        .ok_or_else(|| damaged_object(path))
 }
 
 fn entry(bytes: &[u8]) -> Option<TileIndexEntry> {
     let (numbers, largest) = bytes.split_at(ENTRY - 8);
-    let mut numbers =
-        numbers.chunks_exact(4).filter_map(|n| Some(u32::from_le_bytes(n.try_into().ok()?)));
-    let mut next = || numbers.next();
-    let set = next()?;
-    let level = u8::try_from(next()?).ok().filter(|level| *level <= DEEPEST)?;
-    let id = GlobeTileId { level, x: next()?, y: next()? };
-    let (vertices, triangles, facts, bytes) = (next()?, next()?, next()?, next()?);
+    let numbers: [[u8; 4]; 8] = numbers.as_chunks().0.try_into().ok()?;
+    let [set, level, x, y, vertices, triangles, facts, bytes] = numbers.map(u32::from_le_bytes);
+    let level = u8::try_from(level).ok().filter(|level| *level <= DEEPEST)?;
+    let id = GlobeTileId { level, x, y };
     let largest = f64::from_le_bytes(largest.try_into().ok()?);
     let is_known = set == NO_SET || (set as usize) < TilesFormat::ALL.len();
     let set = (set != NO_SET).then_some(set as usize);

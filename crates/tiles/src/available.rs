@@ -44,25 +44,26 @@ impl KnownTiles {
     /// Descendants of a tile, `by` levels deeper.
     pub(super) fn below(&self, id: GlobeTileId, by: u8) -> LevelSpans {
         let [columns, rows] = [id.x, id.y].map(|at| [at << by, ((at + 1) << by) - 1]);
-        let cut = |[first, last]: [u32; 2]| {
-            let run = [first.max(columns[0]), last.min(columns[1])];
-            (run[0] <= run[1]).then_some(run)
-        };
-        let mut found = LevelSpans::default();
+        let mut spans = LevelSpans::default();
         for (y, runs) in self.level(id.level + by).rows.range(rows[0]..=rows[1]) {
-            let inner: Vec<_> = runs.iter().copied().filter_map(cut).collect();
+            let clipped =
+                runs.iter().map(|[first, last]| [*first.max(&columns[0]), *last.min(&columns[1])]);
+            let inner: Vec<_> = clipped.filter(|[first, last]| first <= last).collect();
             if !inner.is_empty() {
-                found.rows.insert(*y, inner);
+                spans.rows.insert(*y, inner);
             }
         }
-        found
+        spans
+    }
+
+    fn holds(&self, id: GlobeTileId) -> bool {
+        self.level(id.level).holds(id.x, id.y)
     }
 }
 
 /// Whether a tile belongs to the known tiles and is missing.
 pub(super) fn is_missing(id: GlobeTileId, [there, known]: [&KnownTiles; 2]) -> bool {
-    let holds = |known: &KnownTiles| known.level(id.level).holds(id.x, id.y);
-    holds(known) && !holds(there)
+    known.holds(id) && !there.holds(id)
 }
 
 impl LevelSpans {
@@ -86,8 +87,8 @@ impl LevelSpans {
 
     /// Whether a tile exists.
     pub(super) fn holds(&self, x: u32, y: u32) -> bool {
-        let holds = |[first, last]: &[u32; 2]| (*first..=*last).contains(&x);
-        self.rows.get(&y).is_some_and(|runs| runs.iter().any(holds))
+        let runs = self.rows.get(&y).into_iter().flatten();
+        runs.into_iter().any(|[first, last]| (*first..=*last).contains(&x))
     }
 
     /// Number of tiles.
@@ -101,26 +102,28 @@ impl LevelSpans {
 
     /// Rectangles for clients: runs of a row, merged with identical runs of the next rows.
     pub(super) fn rectangles(&self) -> Value {
-        let mut found: Vec<[u32; 4]> = Vec::new();
+        let mut rectangles: Vec<[u32; 4]> = Vec::new();
         // By start and end: the rectangle that includes the previous row.
         let mut open: BTreeMap<[u32; 2], usize> = BTreeMap::new();
         for (y, runs) in &self.rows {
             let mut here = BTreeMap::new();
             for run in runs {
-                let place = match open.get(run).filter(|place| found[**place][3] + 1 == *y) {
+                let place = match open.get(run).filter(|place| rectangles[**place][3] + 1 == *y) {
                     Some(place) => *place,
                     None => {
-                        found.push([run[0], *y, run[1], *y]);
-                        found.len() - 1
+                        rectangles.push([run[0], *y, run[1], *y]);
+                        rectangles.len() - 1
                     }
                 };
-                found[place][3] = *y;
+                rectangles[place][3] = *y;
                 here.insert(*run, place);
             }
             open = here;
         }
-        let told = |[x, y, to_x, to_y]: &[u32; 4]| json!({"startX": x, "startY": y, "endX": to_x, "endY": to_y});
-        found.iter().map(told).collect()
+        let rectangles = rectangles.iter().map(
+            |[x, y, to_x, to_y]| json!({"startX": x, "startY": y, "endX": to_x, "endY": to_y}),
+        );
+        rectangles.collect()
     }
 }
 

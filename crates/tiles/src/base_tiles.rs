@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 
 use super::available::KnownTiles;
-use super::folder::TileFile;
+use super::folder::{TileContext, TileFile};
 use super::grid_levels::ScannedGrid;
 use super::input::{APRON, max_samples};
 use super::mask::TileWaterMask;
@@ -35,7 +35,7 @@ impl ScannedGrid<'_> {
         put: &mut dyn FnMut(TileFile) -> Result<()>,
         cancel: &Cancel,
     ) -> Result<()> {
-        let (opened, chart) = (self.opened, self.opened.look.chart());
+        let (opened, chart) = (self.opened, self.opened.survey.chart());
         let rect = self.rect(&id.bounds());
         if rect.is_empty() {
             return Ok(());
@@ -48,7 +48,7 @@ impl ScannedGrid<'_> {
         let mut heights = HEIGHTS.take();
         opened.read(rect, &mut heights)?;
         let fill = self.overview.voids();
-        let patch = HeightPatch::new(&heights, rect, chart, fill).kept();
+        let patch = HeightPatch::new(&heights, rect, chart, fill).with_positions();
         let water = opened.mask.as_ref().map(|mask| mask.near(id));
         let mut descent =
             TileDescent { patch: &patch, water, known: KnownTiles::default(), put, cancel };
@@ -65,13 +65,13 @@ impl ScannedGrid<'_> {
 
     /// Samples in a rectangle, with a margin.
     fn rect(&self, bounds: &GeodeticBounds) -> Rect {
-        let chart = self.opened.look.chart();
+        let chart = self.opened.survey.chart();
         let ranges = chart.range(bounds);
         let [cols, rows] = [0, 1].map(|axis: usize| {
-            let (whole, [low, high]) = (f64::from(chart.whole()[axis]), ranges[axis]);
+            let (count, [low, high]) = (f64::from(chart.size()[axis]), ranges[axis]);
             let low = low.floor() - f64::from(APRON);
             let high = high.ceil() + f64::from(APRON) + 1.0;
-            [low, high].map(|at| at.clamp(0.0, whole) as u32)
+            [low, high].map(|at| at.clamp(0.0, count) as u32)
         });
         Rect::new(cols[0], rows[0], cols[1] - cols[0], rows[1] - rows[0])
     }
@@ -88,8 +88,8 @@ impl ScannedGrid<'_> {
         let water = to.water.as_ref().map(|water| water.pixels(id));
         for (set, level) in self.of_level(id).enumerate() {
             let tile = build(id, level, to.patch)?;
-            let beside = (&to.known, water.as_deref());
-            (to.put)(TileFile::new((set, &tile), self.opened, level, to.patch, beside)?)?;
+            let context = TileContext { known: &to.known, water: water.as_deref() };
+            (to.put)(TileFile::new(set, &tile, self.opened, level, to.patch, context)?)?;
         }
         Ok(())
     }

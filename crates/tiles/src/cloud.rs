@@ -57,19 +57,20 @@ impl ModelWorkFolder<'_> {
     /// Fails if the folder is a file, or if the output lies in the work folder.
     fn check(&self, output: &Path) -> Result<()> {
         refuse_file(self.folder)?;
-        let is_in = |part: &str| {
-            let part = self.folder.join(part);
-            let near = std::path::absolute(&part).ok().zip(std::path::absolute(output).ok());
-            near.is_some_and(|(part, output)| output.starts_with(part))
-                || std::fs::canonicalize(part).is_ok_and(|part| place(output).starts_with(part))
-        };
-        match PARTS.iter().any(|part| is_in(part)) {
+        match PARTS.iter().any(|part| lies_in(output, &self.folder.join(part))) {
             true => Err(Error::usage("lies in the work folder")
                 .in_file(output)
                 .remedy("choose another folder")),
             false => Ok(()),
         }
     }
+}
+
+/// Whether a path lies in a folder, by name or after following links.
+fn lies_in(path: &Path, folder: &Path) -> bool {
+    let absolute = std::path::absolute(folder).ok().zip(std::path::absolute(path).ok());
+    absolute.is_some_and(|(folder, path)| path.starts_with(folder))
+        || std::fs::canonicalize(folder).is_ok_and(|folder| place(path).starts_with(folder))
 }
 
 /// A finished model, deleted on drop unless it is in a work folder.
@@ -90,26 +91,26 @@ pub struct BuiltCloudModel {
 pub fn run_cloud(
     model: &CloudModel,
     job: &TilesJob,
-    kept: Option<ModelWorkFolder<'_>>,
+    work_folder: Option<ModelWorkFolder<'_>>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TilesReport> {
     check_formats(&job.tiles)?;
     let resources = &job.resources;
-    let made = match kept {
+    let made = match work_folder {
         None => {
             refuse_existing(&job.output, job.overwrite)?;
             model.make(&job.output, resources, progress, cancel)?
         }
-        Some(kept) => {
-            kept.check(&job.output)?;
-            model.keep(kept, resources, progress, cancel)?
+        Some(work_folder) => {
+            work_folder.check(&job.output)?;
+            model.make_in(work_folder, resources, progress, cancel)?
         }
     };
     let tiles = TilesJob { input: made.inputs.clone(), ..job.clone() };
     let report = with_polygons(&model.cloud, &job.resources, |resources| {
         let tiles = TilesJob { resources, ..tiles };
-        match kept {
+        match work_folder {
             None => run(&tiles, progress, cancel),
             Some(ModelWorkFolder { folder, disk, .. }) => {
                 run_in(&folder.join(PARTS[1]), &tiles, &[], disk, progress, cancel)
@@ -129,10 +130,11 @@ impl CloudModel {
         notes: Vec<String>,
         temporary: Option<TempDir>,
     ) -> Result<BuiltCloudModel> {
-        let names = self.input.names();
-        let files = || cloud::files(names).unwrap_or_else(|_| names.to_vec());
-        let label = self.input.label().map(str::to_owned);
-        let label = label.unwrap_or_else(|| feature_files::in_order(&files()).to_string());
+        let label = self.input.label().map(str::to_owned).unwrap_or_else(|| {
+            let names = self.input.names();
+            let files = cloud::files(names).unwrap_or_else(|_| names.to_vec());
+            feature_files::in_order(&files).to_string()
+        });
         let inputs = Inputs::labelled(vec![name_of(path.clone())?], label);
         Ok(BuiltCloudModel { inputs, path, notes, _temporary: temporary })
     }
@@ -157,22 +159,22 @@ impl CloudModel {
     }
 
     /// Makes the model by a plan in a folder, or reuses a finished one.
-    fn keep(
+    fn make_in(
         &self,
-        kept: ModelWorkFolder<'_>,
+        work_folder: ModelWorkFolder<'_>,
         resources: &Resources,
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<BuiltCloudModel> {
         let job = self.job(resources)?;
-        let folder = kept.folder.join(PARTS[0]);
+        let folder = work_folder.folder.join(PARTS[0]);
         std::fs::create_dir_all(&folder).map_err(|e| Error::write(&folder, e))?;
         let path = folder.join(MODEL);
         let plan = PlanGridJob {
             job: GridJob { output: path.clone(), overwrite: true, ..job },
             folder: folder.clone(),
             cut: None,
-            skipped: kept.skipped.to_vec(),
+            skipped: work_folder.skipped.to_vec(),
         };
         plan_grid(&plan, progress, cancel)?;
         let run = RunJob {
@@ -181,7 +183,7 @@ impl CloudModel {
             output: Some(path.clone()),
             overwrite: true,
             form: OutputForm::default(),
-            disk: kept.disk,
+            disk: work_folder.disk,
             resources: resources.clone(),
         };
         let made = GridOptions::run_plan(&run, progress, cancel)?.of.grid;
@@ -194,13 +196,9 @@ impl CloudModel {
     /// A point cloud that cannot be opened, lacks a CRS, or has too few points to estimate their spacing.
     fn job(&self, resources: &Resources) -> Result<GridJob> {
         let names = self.input.names();
-        let of_cloud = |error: Error| match names {
-            [name] => error.in_file(&path_of(name)),
-            _ => error,
-        };
         if cloud::source(names, &self.cloud)?.info().crs.is_unknown() {
             let error = Error::bad_input("CRS is missing");
-            return Err(of_cloud(error.remedy("pass it, such as ‹crs› EPSG:2154")));
+            return Err(self.in_input(error.remedy("pass it, such as ‹crs› EPSG:2154")));
         }
         let model = GridJob::of_preset(names.to_vec(), PathBuf::new(), SurfaceModel::Dtm, 1.0);
         let model = GridJob {
@@ -211,7 +209,15 @@ impl CloudModel {
             resources: resources.clone(),
             ..model
         };
-        model.settled().map_err(of_cloud)
+        model.settled().map_err(|error| self.in_input(error))
+    }
+
+    /// Names the input in an error, if it is a single file.
+    fn in_input(&self, error: Error) -> Error {
+        match self.input.names() {
+            [name] => error.in_file(&path_of(name)),
+            _ => error,
+        }
     }
 }
 
@@ -250,8 +256,8 @@ impl Operation for CloudTilesOptions {
             model: self.model.clone(),
         };
         let disk = self.resuming.disk();
-        let kept = self.resuming.workdir.as_deref();
-        let kept = kept.map(|folder| ModelWorkFolder { folder, skipped, disk });
-        run_cloud(&model, &job, kept, progress, cancel)
+        let work_folder = self.resuming.workdir.as_deref();
+        let work_folder = work_folder.map(|folder| ModelWorkFolder { folder, skipped, disk });
+        run_cloud(&model, &job, work_folder, progress, cancel)
     }
 }

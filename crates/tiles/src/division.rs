@@ -11,15 +11,15 @@ use terrane_globe::{DEEPEST, GeodeticBounds, GlobeTileId, SampleBlocks, degrees}
 /// Samples along a side of a region.
 pub(super) const REGION: f64 = 1024.0;
 /// Samples surveyed by one task, about.
-const LOOK_SAMPLES: u64 = 1 << 30;
+const SURVEY_SAMPLES: u64 = 1 << 30;
 /// Rows of a survey task are a multiple of this, which usually matches the blocks of files.
-const LOOK_ROWS: u32 = 1024;
+const SURVEY_ROWS: u32 = 1024;
 
 /// A task by number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum TilesTask {
     /// Surveys rows of the grid.
-    Look(u32),
+    Survey(u32),
     /// Makes the tiles of regions.
     Near(u32),
     /// Makes tiles that contain regions.
@@ -29,13 +29,13 @@ pub(super) enum TilesTask {
 impl TilesTask {
     /// By name.
     pub(super) const NAMES: [Numbered<Self>; 3] =
-        [("look", Self::Look), ("near", Self::Near), ("far", Self::Far)];
+        [("look", Self::Survey), ("near", Self::Near), ("far", Self::Far)];
 }
 
 impl fmt::Display for TilesTask {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Look(number) => write!(f, "look-{number}"),
+            Self::Survey(number) => write!(f, "look-{number}"),
             Self::Near(number) => write!(f, "near-{number}"),
             Self::Far(number) => write!(f, "far-{number}"),
         }
@@ -59,21 +59,26 @@ impl TileNumbering {
         self.0.iter().map(|rows| rows.count).sum()
     }
 
+    /// Number of tasks with `cut` tiles each.
+    fn tasks(&self, cut: u32) -> u32 {
+        self.len().div_ceil(u64::from(cut)) as u32
+    }
+
     /// Tiles with these numbers, clipped to the existing ones.
-    pub(super) fn part(&self, numbers: Range<u64>) -> Vec<GlobeTileId> {
+    pub(super) fn slice(&self, numbers: Range<u64>) -> Vec<GlobeTileId> {
         let mut first = 0;
-        let mut found = Vec::new();
+        let mut tiles = Vec::new();
         for rows in &self.0 {
             let [from, to] =
                 [numbers.start, numbers.end].map(|i| i.clamp(first, first + rows.count) - first);
-            found.extend((from..to).map(|i| rows.at(i)));
+            tiles.extend((from..to).map(|i| rows.at(i)));
             first += rows.count;
         }
-        found
+        tiles
     }
 
     pub(super) fn all(&self) -> Vec<GlobeTileId> {
-        self.part(0..self.len())
+        self.slice(0..self.len())
     }
 }
 
@@ -98,9 +103,8 @@ pub(super) struct TilesDivision {
 impl TilesDivision {
     /// Division for levels up to `last`.
     pub(super) fn new(place: GridFootprint, last: u8) -> Self {
-        let is_near = |level: &u8| degrees(*level) <= REGION * place.spacing;
-        let near = (0..DEEPEST).find(is_near).unwrap_or(DEEPEST);
-        Self { place, last, near }
+        let near = (0..DEEPEST).find(|level| degrees(*level) <= REGION * place.spacing);
+        Self { place, last, near: near.unwrap_or(DEEPEST) }
     }
 
     /// Level after the last with tiles that contain regions.
@@ -144,38 +148,35 @@ impl TilesDivision {
 
     /// Tasks of the three kinds, with `cut` tiles in each of the last two.
     pub(super) fn counts(&self, cut: u32) -> [u32; 3] {
-        let tasks = |tiles: TileNumbering| tiles.len().div_ceil(u64::from(cut)) as u32;
-        let looks = self.place.whole[1].div_ceil(self.look_rows());
-        [looks, tasks(self.regions()), tasks(self.above(self.far_end()))]
+        let surveys = self.place.size[1].div_ceil(self.survey_rows());
+        [surveys, self.regions().tasks(cut), self.above(self.far_end()).tasks(cut)]
     }
 
-    fn look_rows(&self) -> u32 {
-        let rows = LOOK_SAMPLES / u64::from(self.place.whole[0]);
+    fn survey_rows(&self) -> u32 {
+        let rows = SURVEY_SAMPLES / u64::from(self.place.size[0]);
         (rows as u32)
             .max(1)
-            .next_multiple_of(LOOK_ROWS.max(SampleBlocks::of(self.place.whole).side))
+            .next_multiple_of(SURVEY_ROWS.max(SampleBlocks::of(self.place.size).side))
     }
 
     /// Rows of a survey task: first, and one past the last.
-    pub(super) fn rows(&self, look: u32) -> [u32; 2] {
-        let (rows, height) = (u64::from(self.look_rows()), u64::from(self.place.whole[1]));
-        let at = |look: u32| (u64::from(look) * rows).min(height) as u32;
-        [at(look), at(look + 1)]
+    pub(super) fn rows(&self, survey: u32) -> [u32; 2] {
+        let (rows, height) = (u64::from(self.survey_rows()), u64::from(self.place.size[1]));
+        [survey, survey + 1].map(|survey| (u64::from(survey) * rows).min(height) as u32)
     }
 
     /// Approximate number of samples in a rectangle.
     pub(super) fn samples(&self, bounds: &GeodeticBounds) -> u64 {
-        let all = &self.place.bounds();
-        let side = |low: f64, high: f64, from: f64, to: f64, step: f64| {
-            ((high.min(to) - low.max(from)).max(0.0) / step) as u64 + 1
-        };
-        // Assumes samples spread evenly over the bounds.
-        let [dx, dy] = [(all.east - all.west, 0), (all.north - all.south, 1)].map(
-            |(degrees, axis): (f64, usize)| degrees / f64::from(self.place.whole[axis].max(2) - 1),
-        );
-        side(bounds.west, bounds.east, all.west, all.east, dx.max(f64::MIN_POSITIVE))
-            * side(bounds.south, bounds.north, all.south, all.north, dy.max(f64::MIN_POSITIVE))
+        let (all, size) = (&self.place.bounds(), self.place.size);
+        samples_along([bounds.west, bounds.east], [all.west, all.east], size[0])
+            * samples_along([bounds.south, bounds.north], [all.south, all.north], size[1])
     }
+}
+
+/// Samples from `low` to `high` if `count` samples spread evenly over `from..to`.
+fn samples_along([low, high]: [f64; 2], [from, to]: [f64; 2], count: u32) -> u64 {
+    let step = ((to - from) / f64::from(count.max(2) - 1)).max(f64::MIN_POSITIVE);
+    ((high.min(to) - low.max(from)).max(0.0) / step) as u64 + 1
 }
 
 #[cfg(test)]
@@ -195,13 +196,13 @@ mod tests {
         for (side, seconds) in [(2, 1.0), (500, 3600.0 / 8.0), (9000, 1.0), (80_000, 0.3)] {
             let division = division(side, seconds);
             for cut in [1, 7, 128] {
-                let [looks, near, far] = division.counts(cut).map(|count| count as usize);
+                let [surveys, near, far] = division.counts(cut).map(|count| count as usize);
                 for (tasks, sweep) in
                     [(near, division.regions()), (far, division.above(division.far_end()))]
                 {
                     let cut = u64::from(cut);
                     let parts: Vec<Vec<GlobeTileId>> =
-                        (0..tasks as u64).map(|i| sweep.part(i * cut..(i + 1) * cut)).collect();
+                        (0..tasks as u64).map(|i| sweep.slice(i * cut..(i + 1) * cut)).collect();
                     assert!(parts.iter().all(|part| !part.is_empty()));
                     assert_eq!(parts.concat(), sweep.all());
                     let set: std::collections::BTreeSet<GlobeTileId> =
@@ -216,9 +217,9 @@ mod tests {
                         assert!(set.iter().any(|id| at(&id)) || division.near == 0);
                     }
                 }
-                let ends: Vec<[u32; 2]> = (0..looks as u32).map(|i| division.rows(i)).collect();
+                let ends: Vec<[u32; 2]> = (0..surveys as u32).map(|i| division.rows(i)).collect();
                 assert!(ends.windows(2).all(|pair| pair[0][1] == pair[1][0]));
-                assert_eq!((ends[0][0], ends[looks - 1][1]), (0, side));
+                assert_eq!((ends[0][0], ends[surveys - 1][1]), (0, side));
                 assert!(ends.iter().all(|[first, end]| first < end));
             }
         }

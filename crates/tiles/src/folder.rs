@@ -3,6 +3,7 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -46,6 +47,15 @@ struct TileLevelTotals {
     bytes: u64,
 }
 
+/// Data of a tile beside its surface.
+#[derive(Clone, Copy)]
+pub(super) struct TileContext<'a> {
+    /// Tiles for its metadata.
+    pub(super) known: &'a KnownTiles,
+    /// Its water mask.
+    pub(super) water: Option<&'a [u8]>,
+}
+
 /// The file of a tile.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct TileFile {
@@ -68,13 +78,14 @@ impl TileFile {
         Self { set: None, id, largest, vertices, triangles, facts, bytes }
     }
 
-    /// A tile of a set; `known` has the tiles for its metadata, `water` is its mask.
+    /// A tile of a set.
     pub(super) fn new(
-        (set, tile): (usize, &TerrainTile),
+        set: usize,
+        tile: &TerrainTile,
         opened: &OpenedTilesGrid,
         level: &TileLevel,
         ground: &impl terrane_globe::TerrainSampler,
-        (known, water): (&KnownTiles, Option<&[u8]>),
+        TileContext { known, water }: TileContext<'_>,
     ) -> Result<Self> {
         let job = &opened.job;
         let normals = job.tiles.normals.then_some((level, ground));
@@ -117,7 +128,7 @@ pub(super) struct TilesetFolder {
     folder: AtomicFolder,
     formats: Vec<TilesFormat>,
     compress: bool,
-    held: Mutex<TilesetFolderState>,
+    state: Mutex<TilesetFolderState>,
 }
 
 /// Statistics of its files.
@@ -136,7 +147,7 @@ impl TilesetFolder {
         refuse_file_name(&job.output)?;
         let folder = AtomicFolder::create(&job.output, job.overwrite, is_tiles)?;
         let (formats, compress) = (job.tiles.format.clone(), job.tiles.gzip);
-        Ok(Self { folder, formats, compress, held: Mutex::default() })
+        Ok(Self { folder, formats, compress, state: Mutex::default() })
     }
 
     /// Folder of the files of a set: the folder itself for a single set.
@@ -151,7 +162,7 @@ impl TilesetFolder {
     pub(super) fn put(&self, made: &TileFile) -> Result<()> {
         let GlobeTileId { level, x, y } = made.id;
         let Some(set) = made.set else {
-            lock(&self.held).known.insert(made.id);
+            lock(&self.state).known.insert(made.id);
             return Ok(());
         };
         let name = match self.formats[set] {
@@ -160,10 +171,10 @@ impl TilesetFolder {
         };
         // Before the lock: threads write at the same time.
         self.write(set, &name, &made.bytes)?;
-        let mut held = lock(&self.held);
-        held.known.insert(made.id);
-        held.facts.extend(made.facts.map(|facts| (made.id, facts)));
-        let row = held.rows.entry((set, level)).or_default();
+        let mut state = lock(&self.state);
+        state.known.insert(made.id);
+        state.facts.extend(made.facts.map(|facts| (made.id, facts)));
+        let row = state.rows.entry((set, level)).or_default();
         row.largest = row.largest.max(made.largest);
         row.vertices += u64::from(made.vertices);
         row.triangles += u64::from(made.triangles);
@@ -186,21 +197,21 @@ impl TilesetFolder {
 
     /// The written tiles.
     pub(super) fn known(&self) -> KnownTiles {
-        lock(&self.held).known.clone()
+        lock(&self.state).known.clone()
     }
 
     /// Writes the metadata files, and renames the folder to its final name.
     pub(super) fn finish(self, ground: &ScannedGrid<'_>, cancel: &Cancel) -> Result<TilesReport> {
-        let mut held = std::mem::take(&mut *lock(&self.held));
-        tiles_3d::nest(&mut held.facts);
+        let mut state = std::mem::take(&mut *lock(&self.state));
+        tiles_3d::nest(&mut state.facts);
         let (mut levels, mut bytes) = (Vec::new(), 0);
         for (set, format) in self.formats.iter().enumerate() {
-            let told = level_reports(ground, set, &held);
+            let reports = level_reports(ground, set, &state);
             let (name, text) = match format {
-                TilesFormat::QuantizedMesh => (LAYER, layer(ground, &held.known, &told)),
+                TilesFormat::QuantizedMesh => (LAYER, layer(ground, &state.known, &reports)),
                 TilesFormat::ThreeTiles => {
-                    bytes += self.subtrees(set, &held.facts, cancel)?;
-                    (tiles_3d::TILESET, tiles_3d::tileset(ground, &told, &held.facts))
+                    bytes += self.subtrees(set, &state.facts, cancel)?;
+                    (tiles_3d::TILESET, tiles_3d::tileset(ground, &reports, &state.facts))
                 }
             };
             let path = self.inside(set).join(name);
@@ -208,14 +219,14 @@ impl TilesetFolder {
             let text = serde_json::to_vec_pretty(&text).unwrap_or_default();
             file.write_all(&text).map_err(|e| Error::write(&path, e))?;
             bytes += file.commit()?;
-            levels.extend(told);
+            levels.extend(reports);
         }
         cancel.check()?;
         // On the disk before the folder has its name, so that a crash leaves all of it or nothing.
         sync(self.folder.inside());
         self.folder.commit()?;
         let OpenedTilesGrid { job, division, grid, .. } = ground.opened;
-        let [width, height] = division.place.whole.map(u64::from);
+        let [width, height] = division.place.size.map(u64::from);
         Ok(TilesReport {
             input: job.input.to_string(),
             output: job.output.display().to_string(),
@@ -251,10 +262,10 @@ impl TilesetFolder {
 fn level_reports(
     ground: &ScannedGrid<'_>,
     set: usize,
-    held: &TilesetFolderState,
+    state: &TilesetFolderState,
 ) -> Vec<TileLevelReport> {
-    let rows = held.rows.iter().filter(|((of, _), _)| *of == set);
-    let told = rows.map(|((_, level), row)| {
+    let rows = state.rows.iter().filter(|((of, _), _)| *of == set);
+    let reports = rows.map(|((_, level), row)| {
         let of_level = &ground.levels[set][usize::from(*level)];
         TileLevelReport {
             format: ground.opened.job.tiles.format[set].name().to_owned(),
@@ -264,13 +275,13 @@ fn level_reports(
             lattice: of_level.lattice,
             skirt: (of_level.skirt > 0).then(|| of_level.skirt_depth()),
             error: row.largest,
-            tiles: held.known.level(*level).count(),
+            tiles: state.known.level(*level).count(),
             vertices: row.vertices,
             triangles: row.triangles,
             bytes: row.bytes,
         }
     });
-    told.collect()
+    reports.collect()
 }
 
 /// Flushes the file system once; a flush per file would take minutes.
@@ -302,11 +313,11 @@ fn packed(bytes: &[u8]) -> Result<Vec<u8>> {
 }
 
 /// Metadata for clients: format, available tiles, and proven errors.
-fn layer(ground: &ScannedGrid<'_>, known: &KnownTiles, told: &[TileLevelReport]) -> Value {
+fn layer(ground: &ScannedGrid<'_>, known: &KnownTiles, reports: &[TileLevelReport]) -> Value {
     let OpenedTilesGrid { job, division, .. } = ground.opened;
     let (bounds, last) = (&division.place.bounds(), division.last);
     let available: Vec<Value> = (0..=last).map(|level| known.level(level).rectangles()).collect();
-    let levels = told.iter().map(|TileLevelReport { level, tolerance, step, error, tiles, .. }| {
+    let levels = reports.iter().map(|TileLevelReport { level, tolerance, step, error, tiles, .. }| {
         json!({"level": level, "tolerance": tolerance, "step": step, "error": error, "tiles": tiles})
     });
     let levels: Vec<Value> = levels.collect();
@@ -348,36 +359,39 @@ fn layer(ground: &ScannedGrid<'_>, known: &KnownTiles, told: &[TileLevelReport])
 fn is_tiles(path: &Path) -> bool {
     let entries = std::fs::read_dir(path).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
     let Ok(entries) = entries else { return false };
-    let is_set =
-        |name: &std::ffi::OsStr| TilesFormat::names().iter().any(|known| name == known.name);
-    match !entries.is_empty() && entries.iter().all(|entry| is_set(&entry.file_name())) {
+    match !entries.is_empty() && entries.iter().all(|entry| is_format_name(&entry.file_name())) {
         true => entries.iter().all(|entry| is_one_set(&entry.path())),
         false => is_one_set(path),
     }
 }
 
+fn is_format_name(name: &OsStr) -> bool {
+    TilesFormat::names().iter().any(|known| name == known.name)
+}
+
 /// True for a folder of tiles of one format, damaged or not, that contains nothing else.
 fn is_one_set(path: &Path) -> bool {
-    let layer = TilesetLayout { told: LAYER, top: &[], endings: &[ENDING] };
+    let layer = TilesetLayout { metadata: LAYER, top: &[], endings: &[ENDING] };
     let tileset = TilesetLayout {
-        told: tiles_3d::TILESET,
+        metadata: tiles_3d::TILESET,
         top: &tiles_3d::HALVES,
         endings: &[tiles_3d::ENDING, tiles_3d::SUBTREE],
     };
-    let is_set = |kind: &TilesetLayout<'_>, depth| {
-        path.join(kind.told).is_file() && kind.holds_all(path, depth)
-    };
-    is_set(&layer, 1) || is_set(&tileset, 0)
+    layer.matches(path, 1) || tileset.matches(path, 0)
 }
 
 /// Contents of a set's folder in a format: metadata file, top folders, and tile files.
 struct TilesetLayout<'a> {
-    told: &'a str,
+    metadata: &'a str,
     top: &'a [&'a str],
     endings: &'a [&'a str],
 }
 
 impl TilesetLayout<'_> {
+    fn matches(&self, path: &Path, depth: u32) -> bool {
+        path.join(self.metadata).is_file() && self.holds_all(path, depth)
+    }
+
     /// Whether all names in a folder belong to a set: at depth 0 the top folders; below them two levels of
     /// numbered folders with tiles.
     fn holds_all(&self, path: &Path, depth: u32) -> bool {
@@ -386,15 +400,13 @@ impl TilesetLayout<'_> {
         entries.all(|entry| {
             let Ok(entry) = entry else { return false };
             let name = PathBuf::from(entry.file_name());
-            let is_number =
-                |name: &Path| name.to_str().is_some_and(|name| name.parse::<u32>().is_ok());
             match entry.file_type().is_ok_and(|kind| kind.is_dir()) {
                 true if depth == 0 => {
                     self.top.iter().any(|top| name == Path::new(top))
                         && self.holds_all(&entry.path(), 1)
                 }
                 true => depth < 3 && is_number(&name) && self.holds_all(&entry.path(), depth + 1),
-                false if depth == first => name == Path::new(self.told),
+                false if depth == first => name == Path::new(self.metadata),
                 false => {
                     depth == 3
                         && name
@@ -404,4 +416,8 @@ impl TilesetLayout<'_> {
             }
         })
     }
+}
+
+fn is_number(name: &Path) -> bool {
+    name.to_str().is_some_and(|name| name.parse::<u32>().is_ok())
 }

@@ -22,7 +22,8 @@ pub const AS_GIVEN: &str = "as given";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct GridFootprint {
     /// Columns and rows.
-    pub(super) whole: [u32; 2],
+    #[serde(rename = "whole")]
+    pub(super) size: [u32; 2],
     /// Bounds of the samples: west, south, east and north.
     sides: [f64; 4],
     /// Degrees between samples, along the finer axis.
@@ -42,7 +43,7 @@ impl GridFootprint {
     /// Georeference of a grid.
     pub(super) fn of(chart: &GridGeolocation) -> Self {
         let GeodeticBounds { west, south, east, north } = chart.bounds();
-        Self { whole: chart.whole(), sides: [west, south, east, north], spacing: chart.spacing() }
+        Self { size: chart.size(), sides: [west, south, east, north], spacing: chart.spacing() }
     }
 
     /// Where the samples lie.
@@ -58,11 +59,11 @@ impl GridFootprint {
 /// A grid without a georeference; the error names the missing part.
 pub(super) fn of(
     info: &GridInfo,
-    (input, geoid): (&Inputs, Option<&str>),
+    input: &Inputs,
+    geoid: Option<&str>,
     resources: &Resources,
 ) -> Result<(GridGeolocation, HeightReference)> {
-    let found = chart(info);
-    let (chart, mut notes) = found.map_err(|error| match input.names() {
+    let (chart, mut notes) = chart(info).map_err(|error| match input.names() {
         [name] => error.in_file(Path::new(name)),
         _ => error,
     })?;
@@ -89,14 +90,14 @@ pub(super) fn of(
 }
 
 fn chart(info: &GridInfo) -> Result<(GridGeolocation, Vec<String>)> {
-    let whole = [info.width, info.height];
+    let size = [info.width, info.height];
     let (place, notes) = OnGlobe::of(info)?;
     let chart = match place {
-        OnGlobe::Straight(map) => GridGeolocation::straight(map, whole),
+        OnGlobe::Straight(map) => GridGeolocation::straight(map, size),
         OnGlobe::Moved(map, operation) => {
             let back = operation.inverse();
             GridGeolocation::bent(
-                whole,
+                size,
                 |[col, row]| operation.position(map.apply(col, row)),
                 |place| back.position(place).map(|[x, y]| map.invert(x, y)),
             )?

@@ -17,9 +17,9 @@ pub(super) struct ScannedGrid<'a> {
 impl<'a> ScannedGrid<'a> {
     pub(super) fn new(opened: &'a OpenedTilesGrid, overview: &'a GridOverview) -> Self {
         let reliefs = overview.reliefs(opened.division.last);
-        let of_set = |format: &TilesFormat| levels(*format, opened, overview.ends(), &reliefs);
-        let levels = opened.job.tiles.format.iter().map(of_set).collect();
-        Self { opened, overview, levels }
+        let formats = opened.job.tiles.format.iter();
+        let levels = formats.map(|format| levels(*format, opened, overview.ends(), &reliefs));
+        Self { opened, overview, levels: levels.collect() }
     }
 
     /// The level of a tile, by set.

@@ -1,7 +1,6 @@
 //! An open grid, and the division of its work.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use super::division::{REGION, TilesDivision};
 use super::georeference::{self, GridFootprint, HeightReference};
@@ -15,7 +14,7 @@ use terrane_globe::{
     DEEPEST, GatheredOverview, GridGeolocation, GridOverview, HeightPatch, OverviewPlan,
     SampleBlocks, deepest_for,
 };
-use terrane_raster::{GridSource, Water};
+use terrane_raster::GridSource;
 
 /// Largest magnitude of a height in metres.
 const MAX_HEIGHT: f64 = 1e6;
@@ -32,7 +31,7 @@ pub(super) struct OpenedTilesGrid {
     pub(super) mask: Option<TileWaterMask>,
     pub(super) division: TilesDivision,
     /// Plan of the first pass.
-    pub(super) look: OverviewPlan,
+    pub(super) survey: OverviewPlan,
 }
 
 /// Largest number of samples of a region with its margin; twice as many for a bent grid, whose rows may cross
@@ -49,7 +48,7 @@ pub(super) fn worker_bytes(plan: &OverviewPlan) -> u64 {
     const BLOCK: u64 = 2 * (2 * 12 + 4);
     let SampleBlocks { side, counts, .. } = plan.blocks;
     let blocks = counts.map(u64::from).iter().product::<u64>();
-    let row = u64::from(plan.chart().whole()[0]) * u64::from(side) * 8;
+    let row = u64::from(plan.chart().size()[0]) * u64::from(side) * 8;
     near_bytes(plan.chart()).max((8 << 20) + blocks * BLOCK + row)
 }
 
@@ -70,23 +69,23 @@ impl OpenedTilesGrid {
         }
         check_formats(&job.tiles)?;
         let options = job.reading.options(&job.resources, 0)?;
-        let seen = memory::open_for_estimate(&job.input, &options)?;
-        let (input, resources) = ((&job.input, job.tiles.geoid.as_deref()), &job.resources);
-        let (chart, heights) = georeference::of(seen.info(), input, resources)?;
+        let preview = memory::open_for_estimate(&job.input, &options)?;
+        let (geoid, resources) = (job.tiles.geoid.as_deref(), &job.resources);
+        let (chart, heights) = georeference::of(preview.info(), &job.input, geoid, resources)?;
         let chart = chart.sloping(job.tiles.beyond.slope());
         let last = job.tiles.max_level.unwrap_or_else(|| deepest_for(chart.spacing()));
         let water = options.water.as_ref().filter(|_| job.tiles.water_mask);
-        let mask = |water: &Arc<Water>| TileWaterMask::of(water, seen.info(), last, resources);
-        let mask = water.map(mask).transpose()?;
+        let mask = water.map(|water| TileWaterMask::of(water, preview.info(), last, resources));
+        let mask = mask.transpose()?;
         let division = TilesDivision::new(GridFootprint::of(&chart), last);
         let [meridians, parallels] = division.lines();
-        let look = OverviewPlan::new(chart, [&meridians, &parallels]);
+        let survey = OverviewPlan::new(chart, [&meridians, &parallels]);
         let [shared, each] = mask.as_ref().map_or([0; 2], |mask| mask.bytes(resources.threads));
-        let held = memory::with_slack(look.bytes() + heights.lift.bytes() + shared);
-        let worker = worker_bytes(&look) + each;
+        let fixed_bytes = memory::with_slack(survey.bytes() + heights.lift.bytes() + shared);
+        let worker = worker_bytes(&survey) + each;
         let (grid, shares) =
-            memory::open_beside(held, &job.input, &options, &job.resources, worker)?;
-        Ok(Self { job: job.clone(), grid, shares, heights, mask, division, look })
+            memory::open_beside(fixed_bytes, &job.input, &options, &job.resources, worker)?;
+        Ok(Self { job: job.clone(), grid, shares, heights, mask, division, survey })
     }
 
     /// Reads heights in metres.
@@ -98,7 +97,7 @@ impl OpenedTilesGrid {
         self.heights.lift.lift(heights, |number| {
             let [col, row] = [number % width, number / width].map(|at| at as f64);
             let [first, top] = [rect.col, rect.row].map(f64::from);
-            Ok(self.look.chart().place([first + col, top + row]))
+            Ok(self.survey.chart().place([first + col, top + row]))
         })
     }
 
@@ -118,20 +117,20 @@ impl OpenedTilesGrid {
     ///
     /// # Errors
     /// A grid without valid samples, or with heights out of range.
-    pub(super) fn seen(&self, gathered: GatheredOverview) -> Result<GridOverview> {
-        let refuse = |error: Error, remedy: &str| error.in_file(&self.name()).remedy(remedy);
+    pub(super) fn overview(&self, gathered: GatheredOverview) -> Result<GridOverview> {
         let overview = gathered.finish().ok_or_else(|| {
-            let remedy = "check its nodata value, or choose another ‹band›";
-            refuse(Error::bad_input("the grid has no valid sample"), remedy)
+            Error::bad_input("the grid has no valid sample")
+                .in_file(&self.name())
+                .remedy("check its nodata value, or choose another ‹band›")
         })?;
         let [lowest, highest] = overview.range;
         let furthest = if lowest < -MAX_HEIGHT { lowest } else { highest };
         if furthest.abs() > MAX_HEIGHT {
             // Converted to the stored type, to report the digits of the file.
             let stored = (furthest / self.heights.lift.metres) as f32;
-            let remedy = format!("if it is nodata, pass ‹nodata› {stored:e}");
-            let error = Error::bad_input(format!("height {stored:e} is out of range"));
-            return Err(refuse(error, &remedy));
+            return Err(Error::bad_input(format!("height {stored:e} is out of range"))
+                .in_file(&self.name())
+                .remedy(format!("if it is nodata, pass ‹nodata› {stored:e}")));
         }
         Ok(overview)
     }

@@ -51,8 +51,8 @@ impl TilesJob {
 pub type PlanJob = plan::PlanJob<TilesJob>;
 /// Fails for missing or repeated formats, and for options that a format does not support.
 pub(super) fn check_formats(tiles: &TileOptions) -> Result<()> {
-    let is_twice = |i: usize| tiles.format[..i].contains(&tiles.format[i]);
-    if tiles.format.is_empty() || (0..tiles.format.len()).any(is_twice) {
+    let formats = &tiles.format;
+    if formats.is_empty() || (1..formats.len()).any(|i| formats[..i].contains(&formats[i])) {
         return Err(
             Error::usage("a tile format is missing or given twice").remedy("name each format once")
         );

@@ -56,12 +56,12 @@ pub fn run(job: &TilesJob, progress: &dyn Progress, cancel: &Cancel) -> Result<T
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
     let folder = TilesetFolder::create(job)?;
     let opened = OpenedTilesGrid::new(job)?;
-    let (mut gathered, rows) = (opened.look.clone().gather(), [0, opened.division.place.whole[1]]);
-    scan::scan(&opened, rows, at, |glance| {
-        gathered.add(glance);
+    let (mut gathered, rows) = (opened.survey.clone().gather(), [0, opened.division.place.size[1]]);
+    scan::scan(&opened, rows, at, |summary| {
+        gathered.add(summary);
         Ok(())
     })?;
-    let overview = opened.seen(gathered)?;
+    let overview = opened.overview(gathered)?;
     let ground = ScannedGrid::new(&opened, &overview);
     ground.make(&folder, at)?;
     let made = folder.finish(&ground, cancel)?;
@@ -129,8 +129,11 @@ pub fn run_in(
 ) -> Result<TilesReport> {
     let (to, with) = ((folder, &*job.output), (disk, &job.resources));
     let all = RunJob::until(to, job.overwrite, OutputForm::default(), with);
-    let plan = || plan_tiles(&PlanJob::all(job, folder, skipped)).map(drop);
-    let report = plan::run_in::<TilesPlan>(&all, plan, RunControl { progress, cancel })?;
+    let report = plan::run_in::<TilesPlan>(
+        &all,
+        || plan_tiles(&PlanJob::all(job, folder, skipped)).map(drop),
+        RunControl { progress, cancel },
+    )?;
     let mut tiles = PlanKind::Tiles.made(report.of.tiles)?;
     tiles.run.wall_seconds = report.wall_seconds;
     Ok(tiles)
@@ -161,13 +164,18 @@ impl ScannedGrid<'_> {
         work: impl Fn(GlobeTileId) -> Result<()> + Sync,
     ) -> Result<()> {
         at.progress.begin(stage, tiles.len() as u64);
-        let one = |(): &mut (), i: u64| {
-            work(tiles[i as usize])?;
-            at.progress.advance(1);
-            Ok(())
-        };
-        let (threads, count) = (self.opened.shares.threads, tiles.len() as u64);
-        workers::run(threads, count, at.cancel, || (), one, Ok)?;
+        workers::run(
+            self.opened.shares.threads,
+            tiles.len() as u64,
+            at.cancel,
+            || (),
+            |(), i| {
+                work(tiles[i as usize])?;
+                at.progress.advance(1);
+                Ok(())
+            },
+            Ok,
+        )?;
         at.progress.end();
         Ok(())
     }

@@ -36,12 +36,11 @@ impl TileWaterMask {
         last: u8,
         resources: &Resources,
     ) -> Result<Self> {
-        let of_file = |e: Error| e.in_file(water.path());
         let (on_globe, _) = OnGlobe::of(info)?;
         let extent = extent_of(info);
         let off = degrees(last) / f64::from(MASK_SIDE) * OF_PIXEL;
-        let (mut rings, mut brought, mut bytes) = (ClipRings::default(), Vec::new(), 0);
-        let (mut area, mut is_near, most) = (None, false, resources.memory / 4);
+        let (mut rings, mut transformed, mut bytes) = (ClipRings::default(), Vec::new(), 0);
+        let (mut area, mut is_near, max_bytes) = (None, false, resources.memory / 4);
         for (number, ring) in water.rings() {
             if area.replace(number) != Some(number) {
                 rings.begin_feature()?;
@@ -51,22 +50,23 @@ impl TileWaterMask {
             if !is_near {
                 continue;
             }
-            brought.clear();
+            transformed.clear();
             match &on_globe {
-                OnGlobe::Straight(_) => brought.extend_from_slice(ring),
+                OnGlobe::Straight(_) => transformed.extend_from_slice(ring),
                 OnGlobe::Moved(_, operation) => {
-                    bring(ring, off, |at| operation.position(at), &mut brought)
-                        .map_err(|e| of_file(e).remedy("clip it to the extent of the grid"))?;
+                    transform(ring, off, |at| operation.position(at), &mut transformed).map_err(
+                        |e| e.in_file(water.path()).remedy("clip it to the extent of the grid"),
+                    )?;
                 }
             }
-            bytes += brought.len() as u64 * ClipRings::EDGE_BYTES;
+            bytes += transformed.len() as u64 * ClipRings::EDGE_BYTES;
             // Beyond the limit segments are only counted.
-            if bytes <= most {
-                rings.push(&brought).map_err(of_file)?;
+            if bytes <= max_bytes {
+                rings.push(&transformed).map_err(|e| e.in_file(water.path()))?;
             }
         }
-        if bytes > most {
-            return Err(of_file(too_many(bytes)));
+        if bytes > max_bytes {
+            return Err(too_many(bytes).in_file(water.path()));
         }
         Ok(Self(PolygonEdgeIndex::new(rings)))
     }
@@ -116,35 +116,39 @@ fn within(areas: &PolygonEdgeIndex, id: GlobeTileId) -> PolygonEdgeIndex {
 }
 
 fn meets(ring: &[Xy], [west, south, east, north]: [f64; 4]) -> bool {
-    let ends = |axis: usize| {
+    let [[x0, x1], [y0, y1]] = [0, 1].map(|axis: usize| {
         let along = ring.iter().map(|at| at[axis]);
         along
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
-    };
-    let ([x0, x1], [y0, y1]) = (ends(0), ends(1));
+    });
     x0 <= east && x1 >= west && y0 <= north && y1 >= south
 }
 
 /// Transforms a ring to WGS 84 in pieces within `off` degrees of the original.
-fn bring(ring: &[Xy], off: f64, to: impl Fn(Xy) -> Result<Xy>, out: &mut Vec<Xy>) -> Result<()> {
+fn transform(
+    ring: &[Xy],
+    off: f64,
+    to: impl Fn(Xy) -> Result<Xy>,
+    out: &mut Vec<Xy>,
+) -> Result<()> {
     let Some(first) = ring.first() else { return Ok(()) };
     out.push(to(*first)?);
     let mut open = Vec::new();
     for side in ring.windows(2) {
         open.push(([side[0], side[1]], [to(side[0])?, to(side[1])?], 0));
-        while let Some((ends, brought, halvings)) = open.pop() {
+        while let Some((ends, transformed, halvings)) = open.pop() {
             // The middle alone may be exact on a side that bends both ways.
             let mut worst = 0_f64;
             for part in [0.25, 0.5, 0.75] {
-                worst = worst.max(apart(to(along(ends, part))?, along(brought, part)));
+                worst = worst.max(apart(to(along(ends, part))?, along(transformed, part)));
             }
             if worst > off && halvings < MAX_HALVINGS {
                 let middle = along(ends, 0.5);
                 let there = to(middle)?;
-                open.push(([middle, ends[1]], [there, brought[1]], halvings + 1));
-                open.push(([ends[0], middle], [brought[0], there], halvings + 1));
+                open.push(([middle, ends[1]], [there, transformed[1]], halvings + 1));
+                open.push(([ends[0], middle], [transformed[0], there], halvings + 1));
             } else {
-                out.push(brought[1]);
+                out.push(transformed[1]);
             }
         }
     }

@@ -1,7 +1,7 @@
 //! Tiles with too many samples to process one by one.
 
 use super::available::KnownTiles;
-use super::folder::TileFile;
+use super::folder::{TileContext, TileFile};
 use super::grid_levels::ScannedGrid;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
@@ -20,15 +20,17 @@ impl ScannedGrid<'_> {
         cancel: &Cancel,
     ) -> Result<Vec<TileFile>> {
         let water = self.opened.mask.as_ref().map(|mask| mask.pixels(id));
-        let beside = (known, water.as_deref());
-        self.of_level(id).enumerate().map(|of| self.far_of(of, id, beside, cancel)).collect()
+        let context = TileContext { known, water: water.as_deref() };
+        let levels = self.of_level(id).enumerate();
+        levels.map(|(set, level)| self.far_of(set, level, id, context, cancel)).collect()
     }
 
     fn far_of(
         &self,
-        (set, level): (usize, &TileLevel),
+        set: usize,
+        level: &TileLevel,
         id: GlobeTileId,
-        beside: (&KnownTiles, Option<&[u8]>),
+        context: TileContext<'_>,
         cancel: &Cancel,
     ) -> Result<TileFile> {
         let bounds = id.bounds();
@@ -39,7 +41,7 @@ impl ScannedGrid<'_> {
                 .feet(&bounds, level.stride, &mut |foot| take(TerrainSampleRun::One(foot)));
         });
         let tile = builder.refine(|shell| self.measure(&bounds, level, shell, cancel))?;
-        TileFile::new((set, &tile), self.opened, level, self.overview, beside)
+        TileFile::new(set, &tile, self.opened, level, self.overview, context)
     }
 
     /// Measures all samples of a rectangle: by blocks, and one by one where the bound of a block is not
@@ -61,7 +63,7 @@ impl ScannedGrid<'_> {
                 let block = self.overview.block([col, row]);
                 let corners = self.overview.corners([col, row]);
                 let off = [block.off(), self.overview.bow([col, row])];
-                let is_told = block.count == 0
+                let is_measured = block.count == 0
                     || match self.overview.lie([col, row], &corners, bounds) {
                         RectRelation::Beside => true,
                         RectRelation::Within => {
@@ -69,7 +71,7 @@ impl ScannedGrid<'_> {
                         }
                         RectRelation::Across => false,
                     };
-                if is_told {
+                if is_measured {
                     self.read(open.take(), bounds, level, shell, &mut heights)?;
                     continue;
                 }
@@ -96,7 +98,7 @@ impl ScannedGrid<'_> {
         let opened = self.opened;
         opened.read(rect, heights)?;
         let fill = self.overview.voids();
-        let patch = HeightPatch::new(heights, rect, opened.look.chart(), fill);
+        let patch = HeightPatch::new(heights, rect, opened.survey.chart(), fill);
         patch.runs(bounds, 1, &mut |run| shell.add_run(&run, level.tolerance));
         opened.grid.copied(rect);
         Ok(())

@@ -52,12 +52,9 @@ pub(super) fn expect(opened: &OpenedTilesGrid) -> Result<[u64; 2]> {
     let level = division.near.saturating_add(BELOW).min(division.last);
     let all = division.level(level);
     let count = all.len().min(PROBES);
-    let tile = |i: u64| {
-        let at = (2 * i + 1) * all.len() / (2 * count);
-        all.part(at..at + 1)
-    };
-    let tiles: Vec<GlobeTileId> = (0..count).flat_map(tile).collect();
-    let mut gathered = opened.look.clone().gather();
+    let numbers = (0..count).map(|i| (2 * i + 1) * all.len() / (2 * count));
+    let tiles: Vec<GlobeTileId> = numbers.flat_map(|at| all.slice(at..at + 1)).collect();
+    let mut gathered = opened.survey.clone().gather();
     let mut heights = Vec::new();
     for id in &tiles {
         let rect = blocks(opened, *id);
@@ -69,38 +66,42 @@ pub(super) fn expect(opened: &OpenedTilesGrid) -> Result<[u64; 2]> {
     // The sampled part may be void by chance.
     let Some(overview) = gathered.finish() else { return Ok([0; 2]) };
     let ground = ScannedGrid::new(opened, &overview);
-    let seen = Mutex::new([TileProbe::default(); 2]);
-    let (threads, cancel) = (opened.shares.threads, Cancel::default());
-    let probe = |(): &mut (), i: u64| {
-        let mut put = |made: TileFile| {
-            let is_top = made.id.level == level;
-            lock(&seen)[usize::from(is_top)].add(&made);
-            Ok(())
-        };
-        ground.region(tiles[i as usize], &mut put, &cancel)
-    };
-    workers::run(threads, count, &cancel, || (), probe, Ok)?;
-    let [below, top] = seen.into_inner().unwrap_or_default();
+    let probes = Mutex::new([TileProbe::default(); 2]);
+    let cancel = Cancel::default();
+    workers::run(
+        opened.shares.threads,
+        count,
+        &cancel,
+        || (),
+        |(), i| {
+            let mut add = |made: TileFile| {
+                lock(&probes)[usize::from(made.id.level == level)].add(&made);
+                Ok(())
+            };
+            ground.region(tiles[i as usize], &mut add, &cancel)
+        },
+        Ok,
+    )?;
+    let [below, top] = probes.into_inner().unwrap_or_default();
     let samples: u64 = tiles.iter().map(|id| division.samples(&id.bounds())).sum();
-    let [width, height] = division.place.whole.map(f64::from);
+    let [width, height] = division.place.size.map(f64::from);
     let share = width * height / samples.max(1) as f64;
     // Parents are about as large as the largest sampled tiles.
     let above = division.above(level).len() as f64 * formats;
     let above = above / top.tiles.max(1.0);
-    let whole =
-        |of: fn(&TileProbe) -> f64| ((of(&below) + of(&top)) * share + of(&top) * above) * MARGIN;
-    Ok([whole(|seen| seen.bytes), whole(|seen| seen.on_disk)].map(|bytes| bytes as u64))
+    let sizes = [[below.bytes, top.bytes], [below.on_disk, top.on_disk]];
+    Ok(sizes.map(|[below, top]| (((below + top) * share + top * above) * MARGIN) as u64))
 }
 
 /// Blocks with the samples of a tile.
 fn blocks(opened: &OpenedTilesGrid, id: GlobeTileId) -> Rect {
-    let (chart, side) = (opened.look.chart(), opened.look.blocks.side);
+    let (chart, side) = (opened.survey.chart(), opened.survey.blocks.side);
     let ranges = chart.range(&id.bounds());
     let [cols, rows] = [0, 1].map(|axis: usize| {
-        let (whole, [low, high]) = (chart.whole()[axis], ranges[axis]);
-        let low = low.floor().clamp(0.0, f64::from(whole)) as u32;
-        let high = (high.ceil() + 1.0).clamp(0.0, f64::from(whole)) as u32;
-        [low / side * side, high.next_multiple_of(side).min(whole)]
+        let (count, [low, high]) = (chart.size()[axis], ranges[axis]);
+        let low = low.floor().clamp(0.0, f64::from(count)) as u32;
+        let high = (high.ceil() + 1.0).clamp(0.0, f64::from(count)) as u32;
+        [low / side * side, high.next_multiple_of(side).min(count)]
     });
     Rect::new(cols[0], rows[0], cols[1] - cols[0], rows[1] - rows[0])
 }

@@ -17,7 +17,7 @@ pub(super) fn scan(
     at: RunControl<'_>,
     take: impl FnMut(BlockSummary) -> Result<()> + Send,
 ) -> Result<()> {
-    let (plan, width) = (&opened.look, opened.division.place.whole[0]);
+    let (plan, width) = (&opened.survey, opened.division.place.size[0]);
     let rects = rects(width, rows, plan.blocks.side, opened.grid.info().block);
     at.progress.begin("look", rects.iter().map(|rect| rect.len() as u64).sum());
     workers::in_order(
@@ -28,10 +28,10 @@ pub(super) fn scan(
         |heights: &mut Vec<f64>, i| {
             let rect = rects[i as usize];
             opened.read(rect, heights)?;
-            let glance = plan.summarize(rect, heights);
+            let summary = plan.summarize(rect, heights);
             opened.grid.copied(rect);
             at.progress.advance(rect.len() as u64);
-            Ok(glance)
+            Ok(summary)
         },
         take,
     )?;
@@ -41,24 +41,25 @@ pub(super) fn scan(
 
 /// Size in bytes of the survey results as written by tasks.
 pub(super) fn written_bytes(opened: &OpenedTilesGrid) -> u64 {
-    let plan = &opened.look;
-    let [width, height] = opened.division.place.whole;
+    let plan = &opened.survey;
+    let [width, height] = opened.division.place.size;
     let rects = rects(width, [0, height], plan.blocks.side, opened.grid.info().block);
     rects.into_iter().map(|rect| plan.written_bytes(rect)).sum()
 }
 
 /// Windows of whole blocks, aligned with those of the file.
 fn rects(width: u32, [first, end]: [u32; 2], side: u32, block: (u32, u32)) -> Vec<Rect> {
-    let whole = |samples: u32, most: u32| {
-        samples.max(1).next_multiple_of(side).min(most.next_multiple_of(side))
-    };
-    let rows = whole(block.1.min(1024), end - first).max(side);
-    let cols = whole(WINDOW / rows, width).max(side);
-    let starts = |from: u32, end: u32, step: u32| (from..end).step_by(step as usize);
-    let rect =
-        |(col, row): (u32, u32)| Rect::new(col, row, cols.min(width - col), rows.min(end - row));
-    starts(first, end, rows)
-        .flat_map(|row| starts(0, width, cols).map(move |col| (col, row)))
-        .map(rect)
+    let rows = whole_blocks(block.1.min(1024), end - first, side);
+    let cols = whole_blocks(WINDOW / rows, width, side);
+    let starts = (first..end).step_by(rows as usize);
+    let corners =
+        starts.flat_map(|row| (0..width).step_by(cols as usize).map(move |col| [col, row]));
+    corners
+        .map(|[col, row]| Rect::new(col, row, cols.min(width - col), rows.min(end - row)))
         .collect()
+}
+
+/// About this many samples in whole blocks: at least one, at most as many as cover `max`.
+fn whole_blocks(samples: u32, max: u32, side: u32) -> u32 {
+    samples.max(1).next_multiple_of(side).min(max.next_multiple_of(side)).max(side)
 }

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::artifact::{TileArtifactWriter, add_glances, add_known, each_tile};
+use super::artifact::{TileArtifactWriter, add_known, add_summaries, each_tile};
 use super::available::{KnownTiles, is_missing};
 use super::division::{TileNumbering, TilesDivision, TilesTask};
 use super::folder::{TileFile, TilesetFolder};
@@ -86,10 +86,10 @@ impl TilesPlan {
         let samples = self.grid.samples() as f64;
         let [bytes, output] = probe::expect(opened)?;
         let [shared, each] = opened.mask.as_ref().map_or([0; 2], |mask| mask.bytes(1));
-        let worker = worker_bytes(&opened.look) + each;
-        let held = with_slack(opened.look.bytes() + shared) + worker;
+        let worker = worker_bytes(&opened.survey) + each;
+        let fixed_bytes = with_slack(opened.survey.bytes() + shared) + worker;
         Ok(PlanNeeds {
-            memory: memory::least(held, opened.grid.block_bytes()),
+            memory: memory::least(fixed_bytes, opened.grid.block_bytes()),
             thread_memory: worker,
             objects: scan::written_bytes(opened) + bytes,
             output,
@@ -107,9 +107,9 @@ impl TilesPlan {
     }
 
     /// Tiles of a task among all possible tiles.
-    fn part(&self, task: u32, all: &TileNumbering) -> Vec<GlobeTileId> {
+    fn tiles_of(&self, task: u32, all: &TileNumbering) -> Vec<GlobeTileId> {
         let [task, cut] = [task, self.method.cut].map(u64::from);
-        all.part(task * cut..(task + 1) * cut)
+        all.slice(task * cut..(task + 1) * cut)
     }
 }
 
@@ -117,36 +117,38 @@ impl PreparedTiles {
     /// Survey results of all objects.
     fn ground(&self, survey: &TaskStates<'_, TilesPlan>) -> Result<ScannedGrid<'_>> {
         if self.overview.get().is_none() {
-            let mut gathered = self.opened.look.clone().gather();
-            for task in looks(survey.folder.plan.work.counts()) {
-                add_glances(&survey.object(task)?.0, &mut gathered)?;
+            let mut gathered = self.opened.survey.clone().gather();
+            for task in surveys(survey.folder.plan.work.counts()) {
+                add_summaries(&survey.object(task)?.0, &mut gathered)?;
             }
-            let found = self.opened.seen(gathered)?;
-            let _is_first = self.overview.set(found);
+            let overview = self.opened.overview(gathered)?;
+            let _is_first = self.overview.set(overview);
         }
-        let overview = self.overview.get();
-        let lost = || Error::new(ErrorKind::Internal, "the survey of the grid is lost");
-        let overview = overview.ok_or_else(lost)?;
+        let overview = self
+            .overview
+            .get()
+            .ok_or_else(|| Error::new(ErrorKind::Internal, "the survey of the grid is lost"))?;
         Ok(ScannedGrid::new(&self.opened, overview))
     }
 
     /// Makes tiles on all threads, and writes them to an object.
     fn tiles(
         &self,
-        (stage, object): (&str, &Path),
-        parts: &[GlobeTileId],
+        stage: &str,
+        object: &Path,
+        ids: &[GlobeTileId],
         at: RunControl<'_>,
         make: impl Fn(&GlobeTileId) -> Result<Vec<TileFile>> + Sync,
     ) -> Result<u64> {
         let mut writer = TileArtifactWriter::create(object)?;
-        at.progress.begin(stage, parts.len() as u64);
+        at.progress.begin(stage, ids.len() as u64);
         workers::in_order(
             self.opened.shares.threads,
-            parts.len() as u64,
+            ids.len() as u64,
             at.cancel,
             || (),
             |(), i| {
-                let made = make(&parts[i as usize])?;
+                let made = make(&ids[i as usize])?;
                 at.progress.advance(1);
                 Ok(made)
             },
@@ -158,8 +160,8 @@ impl PreparedTiles {
     }
 }
 
-fn looks([count, ..]: [u32; 3]) -> impl Iterator<Item = TilesTask> {
-    (0..count).map(TilesTask::Look)
+fn surveys([count, ..]: [u32; 3]) -> impl Iterator<Item = TilesTask> {
+    (0..count).map(TilesTask::Survey)
 }
 
 fn nears([_, count, _]: [u32; 3]) -> impl Iterator<Item = TilesTask> {
@@ -191,15 +193,15 @@ impl PlannedWork for TilesPlan {
     fn tasks(&self) -> Vec<TilesTask> {
         let counts = self.counts();
         let far = (0..counts[2]).map(TilesTask::Far);
-        looks(counts).chain(nears(counts)).chain(far).collect()
+        surveys(counts).chain(nears(counts)).chain(far).collect()
     }
 
     fn before(&self, task: TilesTask) -> Vec<TilesTask> {
         let counts = self.counts();
         match task {
-            TilesTask::Look(_) => Vec::new(),
-            TilesTask::Near(_) => looks(counts).collect(),
-            TilesTask::Far(_) => looks(counts).chain(nears(counts)).collect(),
+            TilesTask::Survey(_) => Vec::new(),
+            TilesTask::Near(_) => surveys(counts).collect(),
+            TilesTask::Far(_) => surveys(counts).chain(nears(counts)).collect(),
         }
     }
 
@@ -207,17 +209,17 @@ impl PlannedWork for TilesPlan {
         let division = self.division();
         let width = u64::from(self.grid.width);
         match task {
-            PlanStep::Task(TilesTask::Look(look)) => {
-                let [first, end] = division.rows(look);
+            PlanStep::Task(TilesTask::Survey(number)) => {
+                let [first, end] = division.rows(number);
                 u64::from(end - first) * width
             }
             PlanStep::Task(TilesTask::Near(near)) => {
-                let part = self.part(near, &division.regions());
-                part.iter().map(|id| division.samples(&id.bounds())).sum()
+                let regions = self.tiles_of(near, &division.regions());
+                regions.iter().map(|id| division.samples(&id.bounds())).sum()
             }
             // Most of the work is on blocks of samples.
             PlanStep::Task(TilesTask::Far(far)) => {
-                self.part(far, &division.above(division.far_end())).len() as u64 * 4096
+                self.tiles_of(far, &division.above(division.far_end())).len() as u64 * 4096
             }
             PlanStep::Finish => self.grid.samples(),
         }
@@ -267,12 +269,12 @@ impl PlannedWork for TilesPlan {
     ) -> Result<MadeArtifact<TileArtifactSummary>> {
         let (work, opened) = (&survey.folder.plan.work, &ready.opened);
         let tiles = match task {
-            TilesTask::Look(look) => {
+            TilesTask::Survey(number) => {
                 let mut writer = TileArtifactWriter::create(object)?;
                 let mut bytes = Vec::new();
-                scan::scan(opened, opened.division.rows(look), at, |glance| {
+                scan::scan(opened, opened.division.rows(number), at, |summary| {
                     bytes.clear();
-                    glance.write(&mut bytes);
+                    summary.write(&mut bytes);
                     writer.put(&bytes)
                 })?;
                 writer.finish()?;
@@ -280,8 +282,8 @@ impl PlannedWork for TilesPlan {
             }
             TilesTask::Near(number) => {
                 let ground = ready.ground(survey)?;
-                let part = work.part(number, &opened.division.regions());
-                ready.tiles(("near levels", object), &part, at, |id| {
+                let regions = work.tiles_of(number, &opened.division.regions());
+                ready.tiles("near levels", object, &regions, at, |id| {
                     let mut made = Vec::new();
                     let mut put = |tile| {
                         made.push(tile);
@@ -299,9 +301,9 @@ impl PlannedWork for TilesPlan {
                 let mut known = there.clone();
                 known.add_above(opened.division.near);
                 let far_end = opened.division.far_end();
-                let mut part = work.part(number, &opened.division.above(far_end));
-                part.retain(|id| is_missing(*id, [&there, &known]));
-                ready.tiles(("far levels", object), &part, at, |id| {
+                let mut ids = work.tiles_of(number, &opened.division.above(far_end));
+                ids.retain(|id| is_missing(*id, [&there, &known]));
+                ready.tiles("far levels", object, &ids, at, |id| {
                     ground.far(*id, &known, at.cancel)
                 })?
             }
@@ -318,22 +320,28 @@ impl PlannedWork for TilesPlan {
     ) -> Result<TilesReport> {
         let (started, opened) = (Instant::now(), &ready.opened);
         let (ground, folder) = (ready.ground(survey)?, TilesetFolder::create(&opened.job)?);
-        let holds_tiles = |task: &&TilesTask| !matches!(task, TilesTask::Look(_));
-        let tasks: Vec<TilesTask> = survey.done.keys().filter(holds_tiles).copied().collect();
+        let tasks = survey.done.keys().copied();
+        let tasks: Vec<_> = tasks.filter(|task| !matches!(task, TilesTask::Survey(_))).collect();
         at.progress.begin("write", survey.done.values().map(|done| done.facts.tiles).sum());
-        let write = |(): &mut (), i: u64| {
-            each_tile(&survey.object(tasks[i as usize])?.0, |made| {
-                at.cancel.check()?;
-                folder.put(&made)?;
-                at.progress.advance(1);
-                Ok(())
-            })
-        };
-        workers::run(opened.shares.threads, tasks.len() as u64, at.cancel, || (), write, Ok)?;
+        workers::run(
+            opened.shares.threads,
+            tasks.len() as u64,
+            at.cancel,
+            || (),
+            |(), i| {
+                each_tile(&survey.object(tasks[i as usize])?.0, |made| {
+                    at.cancel.check()?;
+                    folder.put(&made)?;
+                    at.progress.advance(1);
+                    Ok(())
+                })
+            },
+            Ok,
+        )?;
         at.progress.end();
         let made = folder.finish(&ground, at.cancel)?;
-        let figures = RunStatistics::since(started, &opened.job.resources);
-        let report = TilesReport { run: figures.with_threads(opened.shares.threads), ..made };
+        let statistics = RunStatistics::since(started, &opened.job.resources);
+        let report = TilesReport { run: statistics.with_threads(opened.shares.threads), ..made };
         run.tiles = Some(report.clone());
         Ok(report)
     }

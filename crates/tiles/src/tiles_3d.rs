@@ -40,9 +40,9 @@ pub(super) fn name_of(id: GlobeTileId, ending: &str) -> String {
 pub(super) fn nest(facts: &mut BTreeMap<GlobeTileId, TileMetadata>) {
     let finest_first: Vec<GlobeTileId> = facts.keys().rev().copied().collect();
     for id in finest_first {
-        let part = facts.get(&id).copied();
-        if let (Some(part), Some(whole)) = (part, id.parent().and_then(|id| facts.get_mut(&id))) {
-            whole.hold(&part);
+        let tile = facts.get(&id).copied();
+        if let (Some(tile), Some(parent)) = (tile, id.parent().and_then(|id| facts.get_mut(&id))) {
+            parent.hold(&tile);
         }
     }
 }
@@ -81,35 +81,19 @@ pub(super) fn tileset(
     // Upper bound of all errors; clients halve it per level.
     let errors = facts.values().map(|facts| facts.error);
     let error = errors.fold(level_error(0), f64::max);
-    let region = |west: f64, east: f64, [low, high]: [f64; 2]| json!({"region": [west, -FRAC_PI_2, east, FRAC_PI_2, low, high]});
-    let half = |x: usize| {
-        let name = HALVES[x];
-        let west = -PI * (1.0 - x as f64);
-        json!({
-            "boundingVolume": region(west, west + PI, ends[x]),
-            "geometricError": error,
-            "refine": "REPLACE",
-            "content": {"uri": format!("{name}/{{level}}/{{x}}/{{y}}.{ENDING}")},
-            "implicitTiling": {
-                "subdivisionScheme": "QUADTREE",
-                "subtreeLevels": SUBTREE_LEVELS,
-                "availableLevels": levels.len(),
-                "subtrees": {"uri": format!("{name}/{{level}}/{{x}}/{{y}}.{SUBTREE}")},
-            },
-        })
-    };
+    let halves = [0, 1].map(|x| hemisphere(x, ends[x], error, levels.len()));
     let both = [ends[0][0].min(ends[1][0]), ends[0][1].max(ends[1][1])];
     let OpenedTilesGrid { job, division, .. } = ground.opened;
     let bounds = &division.place.bounds();
-    let told: Vec<Value> = levels
+    let levels: Vec<Value> = levels
         .iter()
         .map(|l| {
-            let mut told = json!({"level": l.level, "tolerance": l.tolerance, "step": l.step,
-                                  "lattice": l.lattice, "error": l.error, "tiles": l.tiles});
+            let mut level = json!({"level": l.level, "tolerance": l.tolerance, "step": l.step,
+                                   "lattice": l.lattice, "error": l.error, "tiles": l.tiles});
             if let Some(depth) = l.skirt {
-                told["skirt"] = json!(depth);
+                level["skirt"] = json!(depth);
             }
-            told
+            level
         })
         .collect();
     json!({
@@ -120,7 +104,7 @@ pub(super) fn tileset(
             "boundingVolume": region(-PI, PI, both),
             "geometricError": 2.0 * error,
             "refine": "REPLACE",
-            "children": [half(0), half(1)],
+            "children": halves,
         },
         "extras": {"terrane": {
             "version": env!("CARGO_PKG_VERSION"),
@@ -131,18 +115,41 @@ pub(super) fn tileset(
             "bounds": [bounds.west, bounds.south, bounds.east, bounds.north],
             "normals": job.tiles.normals,
             "edges": job.tiles.tile_edges,
-            "levels": told,
+            "levels": levels,
         }},
     })
 }
 
+/// Root tile of a hemisphere, west (0) or east (1), with a range of heights.
+fn hemisphere(x: usize, heights: [f64; 2], error: f64, levels: usize) -> Value {
+    let name = HALVES[x];
+    let west = -PI * (1.0 - x as f64);
+    json!({
+        "boundingVolume": region(west, west + PI, heights),
+        "geometricError": error,
+        "refine": "REPLACE",
+        "content": {"uri": format!("{name}/{{level}}/{{x}}/{{y}}.{ENDING}")},
+        "implicitTiling": {
+            "subdivisionScheme": "QUADTREE",
+            "subtreeLevels": SUBTREE_LEVELS,
+            "availableLevels": levels,
+            "subtrees": {"uri": format!("{name}/{{level}}/{{x}}/{{y}}.{SUBTREE}")},
+        },
+    })
+}
+
+/// Bounding volume from pole to pole: radians, and heights in metres.
+fn region(west: f64, east: f64, [low, high]: [f64; 2]) -> Value {
+    json!({"region": [west, -FRAC_PI_2, east, FRAC_PI_2, low, high]})
+}
+
 fn properties() -> Value {
-    let property = |(name, kind, semantic): &(&str, &str, &str)| {
+    let mut properties = Map::new();
+    for (name, kind, semantic) in CLASS {
         let text = format!(
             r#"{{{kind},"componentType":"FLOAT64","required":true,"semantic":"{semantic}"}}"#
         );
-        let value = serde_json::from_str(&text).unwrap_or_default();
-        ((*name).to_owned(), value)
-    };
-    Value::Object(CLASS.iter().map(property).collect::<Map<String, Value>>())
+        properties.insert(name.to_owned(), serde_json::from_str(&text).unwrap_or_default());
+    }
+    Value::Object(properties)
 }

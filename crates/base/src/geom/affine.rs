@@ -62,9 +62,9 @@ impl Affine {
 
     /// Whether doubles resolve the positions of all samples of a grid of this size to a thousandth of a cell.
     pub fn resolves(&self, width: u32, height: u32) -> bool {
-        let ends = |side: u32| [0.0, f64::from(side)];
+        let [cols, rows] = [width, height].map(|side| [0.0, f64::from(side)]);
         // Coordinates of an affine map are largest at a corner, and so are the gaps of doubles.
-        let corners = ends(width).into_iter().flat_map(|col| ends(height).map(|row| [col, row]));
+        let corners = cols.into_iter().flat_map(|col| rows.map(|row| [col, row]));
         let steps =
             corners.map(|[col, row]| self.apply(col, row).map(|v| v.abs().next_up() - v.abs()));
         let [x, y] =

@@ -26,8 +26,9 @@ impl SampleSegment {
 
     /// The same segment, with positions relative to `origin`.
     pub fn seen_from(&self, origin: [i64; 2]) -> Self {
-        let moved = |at: [i64; 2]| [0, 1].map(|axis| at[axis] - origin[axis]);
-        Self { from: moved(self.from), to: moved(self.to) }
+        let [from, to] =
+            [self.from, self.to].map(|at| [0, 1].map(|axis: usize| at[axis] - origin[axis]));
+        Self { from, to }
     }
 
     /// Columns and rows between the ends.
@@ -65,14 +66,16 @@ impl SampleSegment {
     pub fn within(&self, low: [i64; 2], high: [i64; 2]) -> Option<RangeInclusive<u64>> {
         let (mut first, mut last) = (0, self.steps());
         for axis in [0, 1] {
+            let (low, high) = (low[axis], high[axis]);
             let is_forward = self.to[axis] >= self.from[axis];
-            let (is_before, is_after): (&dyn Fn(i64) -> bool, &dyn Fn(i64) -> bool) =
-                match is_forward {
-                    true => (&|at| at < low[axis], &|at| at > high[axis]),
-                    false => (&|at| at > high[axis], &|at| at < low[axis]),
-                };
-            first = self.first_step(first, last, |at| !is_before(at[axis]))?;
-            last = match self.first_step(first, last, |at| is_after(at[axis])) {
+            let entry = self.first_step(first, last, |at| {
+                if is_forward { at[axis] >= low } else { at[axis] <= high }
+            });
+            first = entry?;
+            let exit = self.first_step(first, last, |at| {
+                if is_forward { at[axis] > high } else { at[axis] < low }
+            });
+            last = match exit {
                 Some(beyond) => beyond.checked_sub(1).filter(|&last| last >= first)?,
                 None => last,
             };
@@ -99,23 +102,25 @@ pub fn cut([a, b]: [[f64; 2]; 2], size: [u32; 2]) -> Option<Ends> {
     let [mut a, mut b] = if [a[1], a[0]] <= [b[1], b[0]] { [a, b] } else { [b, a] };
     // Sutherland & Hodgman (1974), side by side.
     for axis in [0, 1] {
-        let most = f64::from(size[axis]) - 0.5;
-        if a[axis].max(b[axis]) < -0.5 || a[axis].min(b[axis]) >= most {
+        let end = f64::from(size[axis]) - 0.5;
+        if a[axis].max(b[axis]) < -0.5 || a[axis].min(b[axis]) >= end {
             return None;
         }
-        for side in [-0.5, most] {
-            let is_beyond = |at: f64| if side < 0.0 { at < side } else { at > side };
-            match [a, b].map(|at| is_beyond(at[axis])) {
+        for side in [-0.5, end] {
+            let is_beyond =
+                [a, b].map(|at| if side < 0.0 { at[axis] < side } else { at[axis] > side });
+            match is_beyond {
                 [true, false] => a = crossing(a, b, axis, side),
                 [false, true] => b = crossing(b, a, axis, side),
                 _ => {}
             }
         }
     }
-    let nearest = |at: [f64; 2]| {
-        [0, 1].map(|axis| (at[axis] + 0.5).floor().clamp(0.0, f64::from(size[axis] - 1)) as u32)
-    };
-    Some([nearest(a), nearest(b)])
+    Some([a, b].map(|at| {
+        [0, 1].map(|axis: usize| {
+            (at[axis] + 0.5).floor().clamp(0.0, f64::from(size[axis] - 1)) as u32
+        })
+    }))
 }
 
 /// Intersection of the segment from `a` to `b` with a side. Coordinates are halved because differences of distant
@@ -147,9 +152,8 @@ impl Paths {
 
     /// From segments in any order and direction. Time O(n log n).
     pub fn of(mut segments: Vec<Ends>) -> Self {
-        let row_first = |[col, row]: [u32; 2]| (row, col);
         segments.iter_mut().for_each(|ends| ends.sort_unstable_by_key(|&at| row_first(at)));
-        let block = |[col, row]: [u32; 2]| (row / 256, col / 256);
+        // By blocks, so that the bounds of groups are small.
         segments.sort_unstable_by_key(|&[a, b]| (block(a), row_first(a), row_first(b)));
         segments.dedup();
         let groups = segments.chunks(Self::GROUP).map(bounds).collect();
@@ -179,37 +183,53 @@ impl Paths {
 
     /// Number of steps of all paths.
     pub fn steps(&self) -> u64 {
-        let steps = |[a, b]: &Ends| u64::from(a[0].abs_diff(b[0])) + u64::from(a[1].abs_diff(b[1]));
-        self.segments.iter().map(steps).sum()
+        let spans =
+            self.segments.iter().flat_map(|[a, b]| [a[0].abs_diff(b[0]), a[1].abs_diff(b[1])]);
+        spans.map(u64::from).sum()
     }
 
     /// Segments whose path may touch a sample of a rectangle, in a fixed order. Time linear in the number of groups
     /// and of the segments in groups near the rectangle.
     pub fn near(&self, rect: Rect) -> impl Iterator<Item = SampleSegment> + '_ {
-        let segment = |[a, b]: Ends| SampleSegment::new(a.map(i64::from), b.map(i64::from));
-        self.ends_near(rect).map(segment)
+        self.ends_near(rect).map(|[a, b]| SampleSegment::new(a.map(i64::from), b.map(i64::from)))
     }
 
     /// The end points of these segments.
     pub fn ends_near(&self, rect: Rect) -> impl Iterator<Item = Ends> + '_ {
-        let meets = move |&[low, high]: &Ends| {
-            !rect.is_empty()
-                && low[0] < rect.end_col()
-                && low[1] < rect.end_row()
-                && high[0] >= rect.col
-                && high[1] >= rect.row
-        };
         let groups = self.groups.iter().zip(self.segments.chunks(Self::GROUP));
-        let near = groups.filter(move |(bounds, _)| meets(bounds)).flat_map(|(_, group)| group);
-        near.copied().filter(move |&ends| meets(&bounds(&[ends])))
+        let near =
+            groups.filter(move |(bounds, _)| meets(rect, **bounds)).flat_map(|(_, group)| group);
+        near.copied().filter(move |&ends| meets(rect, bounds(&[ends])))
     }
 }
 
+fn row_first([col, row]: [u32; 2]) -> (u32, u32) {
+    (row, col)
+}
+
+fn block([col, row]: [u32; 2]) -> (u32, u32) {
+    (row / 256, col / 256)
+}
+
+/// Whether a rectangle meets bounds, which include their ends.
+fn meets(rect: Rect, [low, high]: Ends) -> bool {
+    !rect.is_empty()
+        && low[0] < rect.end_col()
+        && low[1] < rect.end_row()
+        && high[0] >= rect.col
+        && high[1] >= rect.row
+}
+
+/// Minimum and maximum column and row.
 fn bounds(segments: &[Ends]) -> Ends {
-    let all = || segments.iter().flatten();
-    let least = |axis: usize| all().map(|at| at[axis]).min().unwrap_or_default();
-    let most = |axis: usize| all().map(|at| at[axis]).max().unwrap_or_default();
-    [[least(0), least(1)], [most(0), most(1)]]
+    let mut bounds = [[u32::MAX; 2], [0; 2]];
+    for at in segments.iter().flatten() {
+        for axis in 0..2 {
+            bounds[0][axis] = bounds[0][axis].min(at[axis]);
+            bounds[1][axis] = bounds[1][axis].max(at[axis]);
+        }
+    }
+    bounds
 }
 
 #[cfg(test)]

@@ -117,16 +117,16 @@ impl FloatExpansion {
 
     fn add(&mut self, value: f64) {
         let mut carry = value;
-        let mut kept = 0;
+        let mut count = 0;
         for i in 0..self.parts.len() {
             let (sum, error) = two_sum(carry, self.parts[i]);
             if error != 0.0 {
-                self.parts[kept] = error;
-                kept += 1;
+                self.parts[count] = error;
+                count += 1;
             }
             carry = sum;
         }
-        self.parts.truncate(kept);
+        self.parts.truncate(count);
         if carry != 0.0 {
             self.parts.push(carry);
         }

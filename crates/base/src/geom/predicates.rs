@@ -18,12 +18,15 @@ pub fn orient(a: Lattice, b: Lattice, c: Lattice) -> i64 {
 /// zero on it, negative outside.
 #[inline(always)]
 pub fn in_circle(a: Lattice, b: Lattice, c: Lattice, d: Lattice) -> i64 {
-    let row = |p: Lattice| {
-        let (x, y) = (i64::from(p[0] - d[0]), i64::from(p[1] - d[1]));
-        (x, y, x * x + y * y)
-    };
-    let ((ax, ay, aa), (bx, by, bb), (cx, cy, cc)) = (row(a), row(b), row(c));
+    let ([ax, ay, aa], [bx, by, bb], [cx, cy, cc]) = (lifted(a, d), lifted(b, d), lifted(c, d));
     aa * (bx * cy - by * cx) - bb * (ax * cy - ay * cx) + cc * (ax * by - ay * bx)
+}
+
+/// A position relative to an origin, lifted to a paraboloid.
+#[inline(always)]
+fn lifted(p: Lattice, origin: Lattice) -> [i64; 3] {
+    let (x, y) = (i64::from(p[0] - origin[0]), i64::from(p[1] - origin[1]));
+    [x, y, x * x + y * y]
 }
 
 #[cfg(test)]

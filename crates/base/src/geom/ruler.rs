@@ -9,8 +9,15 @@ use super::decimal::Decimal;
 pub struct Ruler {
     scale: f64,
     offset: f64,
-    /// Scale and offset in units of this number of digits.
-    exact: Option<(i128, i128, u32)>,
+    exact: Option<DecimalSteps>,
+}
+
+/// Scale and offset as whole numbers of the unit 10^-`digits`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct DecimalSteps {
+    scale: i128,
+    offset: i128,
+    digits: u32,
 }
 
 /// Steps are clamped to this magnitude; no lattice is larger.
@@ -23,13 +30,13 @@ const HAIR: f64 = 1.0 / (1 << 20) as f64;
 impl Ruler {
     /// From a positive scale and an offset, both finite.
     pub fn new(scale: f64, offset: f64) -> Self {
-        Self { scale, offset, exact: exact(scale, offset) }
+        Self { scale, offset, exact: DecimalSteps::new(scale, offset) }
     }
 
     /// The coordinate of a step, rounded once.
     pub fn at(&self, step: i64) -> f64 {
         match self.exact {
-            Some((scale, offset, digits)) => {
+            Some(DecimalSteps { scale, offset, digits }) => {
                 Decimal::new(scale * i128::from(step) + offset, digits).value()
             }
             None => self.in_floats(step),
@@ -83,13 +90,15 @@ impl Ruler {
     }
 }
 
-fn exact(scale: f64, offset: f64) -> Option<(i128, i128, u32)> {
-    let (scale, offset) = (Decimal::of(scale)?, Decimal::of(offset)?);
-    let digits = scale.digits().max(offset.digits());
-    let (scale, offset) = (scale.units(digits)?, offset.units(digits)?);
-    // No step that the search may ask for overflows in `at`.
-    scale.checked_mul(i128::from(2 * FAR))?.checked_add(offset.checked_abs()?)?;
-    Some((scale, offset, digits))
+impl DecimalSteps {
+    fn new(scale: f64, offset: f64) -> Option<Self> {
+        let (scale, offset) = (Decimal::of(scale)?, Decimal::of(offset)?);
+        let digits = scale.digits().max(offset.digits());
+        let (scale, offset) = (scale.units(digits)?, offset.units(digits)?);
+        // No step that the search may ask for overflows in `at`.
+        scale.checked_mul(i128::from(2 * FAR))?.checked_add(offset.checked_abs()?)?;
+        Some(Self { scale, offset, digits })
+    }
 }
 
 #[cfg(test)]
@@ -145,7 +154,7 @@ mod tests {
             for limit in [ruler.at(step), ruler.in_floats(step)] {
                 prop_assert!(ruler.first(limit) <= step && step <= ruler.last(limit));
             }
-            let naive = ruler.exact.map(|(scale, offset, digits)| {
+            let naive = ruler.exact.map(|DecimalSteps { scale, offset, digits }| {
                 format!("{}e-{digits}", scale * i128::from(step) + offset).parse().unwrap()
             });
             prop_assert_eq!(naive.unwrap_or(ruler.in_floats(step)), ruler.at(step));

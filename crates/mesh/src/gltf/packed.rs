@@ -33,23 +33,34 @@ pub(super) enum MeshoptAccessor {
     Triangles(MeshoptStream<triangles::MeshoptTriangleReader>),
 }
 
+/// Elements of an accessor.
+#[derive(Clone, Copy)]
+pub(super) struct AccessorElements {
+    /// Byte offset in the buffer view.
+    pub(super) offset: u64,
+    pub(super) count: u64,
+    /// Bytes of a component.
+    pub(super) width: usize,
+    /// Components of an element.
+    pub(super) parts: u64,
+}
+
 impl MeshoptExtension {
     /// Index of the buffer with the compressed bytes.
     pub(super) fn buffer(&self) -> u64 {
         self.buffer
     }
 
-    /// Opens an accessor: `range` is its byte offset in the view and its number of elements, `shape` the bytes of a
-    /// component and the number of components. `data` is the offset of the buffer in the file, and its length.
+    /// Opens an accessor to a buffer, which has `bytes` bytes from `start` in the file.
     pub(super) fn open(
         &self,
         input: &MeshFile,
-        data: (u64, u64),
-        range: (u64, u64),
-        shape: (usize, u64),
+        start: u64,
+        bytes: u64,
+        elements: AccessorElements,
     ) -> Result<MeshoptAccessor> {
         let end = self.byte_offset.checked_add(self.byte_length);
-        if end.is_none_or(|end| end > data.1) {
+        if end.is_none_or(|end| end > bytes) {
             return Err(input.bad("has a compressed buffer view outside its buffer"));
         }
         if let Some(filter) = self.filter.as_ref().filter(|filter| *filter != "NONE") {
@@ -58,10 +69,10 @@ impl MeshoptExtension {
                 input.unsupported(format!("the buffer view filter {filter:?} is not supported"))
             );
         }
-        let bytes = (data.0 + self.byte_offset, self.byte_length);
+        let start = start + self.byte_offset;
         let place = match self.mode.as_str() {
-            "ATTRIBUTES" => self.attributes(input, bytes, range, shape),
-            "TRIANGLES" => self.triangles(input, bytes, range, shape),
+            "ATTRIBUTES" => self.attributes(input, start, elements),
+            "TRIANGLES" => self.triangles(input, start, elements),
             mode => {
                 let mode: String = mode.chars().take(20).collect();
                 Err(Error::unsupported(format!("the buffer view mode {mode:?} is not supported")))
@@ -73,15 +84,15 @@ impl MeshoptExtension {
     fn attributes(
         &self,
         input: &MeshFile,
-        bytes: (u64, u64),
-        (offset, count): (u64, u64),
-        (width, parts): (usize, u64),
+        start: u64,
+        AccessorElements { offset, count, width, parts }: AccessorElements,
     ) -> Result<MeshoptAccessor> {
-        let stride = usize::try_from(self.byte_stride).unwrap_or(0);
         let reader = attributes::MeshoptAttributeReader::new(
             &mut MeshoptWindow::new(input),
-            bytes,
-            (stride, self.count),
+            start,
+            self.byte_length,
+            usize::try_from(self.byte_stride).unwrap_or(0),
+            self.count,
         )?;
         let (first, inner) = (offset / self.byte_stride, offset % self.byte_stride);
         let is_within = inner + width as u64 * parts <= self.byte_stride
@@ -99,9 +110,8 @@ impl MeshoptExtension {
     fn triangles(
         &self,
         input: &MeshFile,
-        bytes: (u64, u64),
-        (offset, count): (u64, u64),
-        (width, parts): (usize, u64),
+        start: u64,
+        AccessorElements { offset, count, width, parts }: AccessorElements,
     ) -> Result<MeshoptAccessor> {
         if self.byte_stride != width as u64 || width < 2 || parts != 1 {
             return Err(input.bad("the index type does not match the compressed triangles"));
@@ -113,7 +123,8 @@ impl MeshoptExtension {
         }
         let reader = triangles::MeshoptTriangleReader::new(
             &mut MeshoptWindow::new(input),
-            bytes,
+            start,
+            self.byte_length,
             count / 3,
         )?;
         Ok(MeshoptAccessor::Triangles(MeshoptStream::new(reader)))

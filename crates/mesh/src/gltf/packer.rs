@@ -15,7 +15,7 @@ pub(super) struct MeshoptPacker {
     triangles: triangles::MeshoptTriangleWriter,
     /// Data of the triangles, which follow all their codes.
     data: AppendWriter,
-    is_begun: bool,
+    has_triangles: bool,
     sizes: MeshoptSizes,
 }
 
@@ -30,7 +30,7 @@ impl MeshoptPacker {
             vertices,
             triangles,
             data: AppendWriter::spool(folder)?,
-            is_begun: false,
+            has_triangles: false,
             sizes: MeshoptSizes::default(),
         })
     }
@@ -48,9 +48,9 @@ impl MeshoptPacker {
         tail: &mut AppendWriter,
     ) -> Result<()> {
         for corners in all {
-            if !self.is_begun {
+            if !self.has_triangles {
                 tail.write(&triangles::MeshoptTriangleWriter::HEAD)?;
-                self.is_begun = true;
+                self.has_triangles = true;
             }
             self.triangles.push(corners, &mut tail.buffer, &mut self.data.buffer);
             tail.settle()?;
@@ -69,7 +69,7 @@ impl MeshoptPacker {
         self.vertices.complete(&mut body.buffer);
         self.sizes.0[0] += body.bytes() - before;
         pad(self.sizes.0[0], body);
-        if self.is_begun {
+        if self.has_triangles {
             let empty = AppendWriter::spool(self.data.path())?;
             tail.append(std::mem::replace(&mut self.data, empty))?;
             tail.write(&triangles::MeshoptTriangleWriter::TAIL)?;

@@ -9,7 +9,7 @@ use super::layout::{
     VERSION, to_z_up,
 };
 use super::meshopt;
-use super::packed::{self, MeshoptExtension};
+use super::packed::{self, AccessorElements, MeshoptExtension};
 use crate::channels::{COLOURS, from_linear, from_opacity, linear};
 use crate::input::{MeshFile, check_corners, check_position, check_range};
 use crate::relative_positions::{is_scale, to_world};
@@ -361,8 +361,8 @@ impl<'a> GltfResolver<'a> {
     }
 
     fn accessor(&self, at: usize) -> Result<&'a GltfAccessor> {
-        let missing = || self.bad(format!("has no accessor {at}"));
-        let accessor = self.document.accessors.get(at).ok_or_else(missing)?;
+        let accessor = self.document.accessors.get(at);
+        let accessor = accessor.ok_or_else(|| self.bad(format!("has no accessor {at}")))?;
         if accessor.sparse.is_some() {
             return Err(
                 self.unsupported(format!("sparse accessors (accessor {at}) are not supported"))
@@ -378,9 +378,10 @@ impl<'a> GltfResolver<'a> {
         let view = accessor.buffer_view.and_then(|at| self.document.buffer_views.get(at));
         let view = view.ok_or_else(|| self.bad("has an accessor without a buffer view"))?;
         if let Some(packed) = &view.extensions.packed {
-            let data = self.buffer_bytes(packed.buffer())?;
-            let range = (accessor.byte_offset, accessor.count);
-            let place = packed.open(self.input, (self.data.0, data), range, (width, parts))?;
+            let bytes = self.buffer_bytes(packed.buffer())?;
+            let GltfAccessor { byte_offset: offset, count, .. } = *accessor;
+            let elements = AccessorElements { offset, count, width, parts };
+            let place = packed.open(self.input, self.data.0, bytes, elements)?;
             return Ok(AccessorSpan {
                 place: AccessorLocation::Packed(place),
                 count: accessor.count,
@@ -421,8 +422,9 @@ impl<'a> GltfResolver<'a> {
 impl GltfAccessor {
     /// Stated bounds of positions, as stored.
     fn bounds(&self) -> Option<[Point3; 2]> {
-        let corner = |of: &serde_json::Value| serde_json::from_value::<Point3>(of.clone()).ok();
-        Some([corner(&self.min)?, corner(&self.max)?])
+        let [min, max] =
+            [&self.min, &self.max].map(|corner| serde_json::from_value(corner.clone()).ok());
+        Some([min?, max?])
     }
 }
 
@@ -493,8 +495,9 @@ impl MeshSource for GlbSource {
         // Values rounded to single precision are stored exactly.
         let stored = self.bounds?.map(|corner| corner.map(|v| f64::from(v as f32)));
         let [a, b] = stored.map(|at| to_world(to_z_up(at), self.info.origin, self.info.scale));
-        let both = |pick: fn(f64, f64) -> f64| std::array::from_fn(|i| pick(a[i], b[i]));
-        Some([both(f64::min), both(f64::max)])
+        // Turning the axes or a negative scale may exchange the ends.
+        let low = std::array::from_fn(|i| a[i].min(b[i]));
+        Some([low, std::array::from_fn(|i| a[i].max(b[i]))])
     }
 
     fn read_channels(&self, first: u64, out: &mut [f64]) -> Result<()> {

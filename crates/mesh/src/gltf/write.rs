@@ -22,7 +22,7 @@ use terrane_base::geom::Point3;
 use terrane_files::{AppendWriter, folder_for};
 
 /// The file length is a u32, and so is the uncompressed size.
-pub(super) const MOST: MeshCapacity = MeshCapacity::new([u32::MAX as u64; 3], 12, 12);
+pub(super) const CAPACITY: MeshCapacity = MeshCapacity::new([u32::MAX as u64; 3], 12, 12);
 
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
@@ -192,8 +192,8 @@ impl MeshEncoder for GlbEncoder {
         if self.packer.is_some() { PACKED_NAME } else { NAME }
     }
 
-    fn most(&self) -> MeshCapacity {
-        MeshCapacity { vertex_bytes: self.vertex_bytes() as u64, ..MOST }
+    fn capacity(&self) -> MeshCapacity {
+        MeshCapacity { vertex_bytes: self.vertex_bytes() as u64, ..CAPACITY }
     }
 
     fn channels(&self) -> &[VertexChannel] {
@@ -204,16 +204,16 @@ impl MeshEncoder for GlbEncoder {
     /// header becomes spaces too.
     fn header(&self, counts: MeshCounts) -> Vec<u8> {
         let mut json = self.json(counts, self.local.bounds(), self.sizes());
-        let mut room = self.json_bytes();
+        let mut reserved = self.json_bytes();
         let is_empty = counts.vertices == 0;
         if is_empty {
-            room += 8;
+            reserved += 8;
         }
-        json.resize(room, b' ');
+        json.resize(reserved, b' ');
         let data = self.data_bytes(counts);
         let file = FRAME_BYTES + self.json_bytes() as u64 + data;
         let mut header = [MAGIC.as_slice(), &VERSION.to_le_bytes(), &word(file)].concat();
-        header.extend([word(room as u64), *JSON_CHUNK].concat());
+        header.extend([word(reserved as u64), *JSON_CHUNK].concat());
         header.extend(json);
         if !is_empty {
             header.extend([word(data), *BIN_CHUNK].concat());

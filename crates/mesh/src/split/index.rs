@@ -124,21 +124,33 @@ struct BlockIndexProperties {
     vertices: u64,
 }
 
+impl From<MeshBlock> for BlockIndexFeature {
+    fn from(MeshBlock { file, vertices, triangles, bytes, ring }: MeshBlock) -> Self {
+        Self {
+            geometry: BlockIndexPolygon { coordinates: [ring], kind: "Polygon" },
+            properties: BlockIndexProperties { bytes, file, triangles, vertices },
+            kind: "Feature",
+        }
+    }
+}
+
+impl BlockIndexFeature {
+    /// The block, if its file name does not lead out of the folder.
+    fn block(self) -> Option<MeshBlock> {
+        let BlockIndexProperties { bytes, file, triangles, vertices } = self.properties;
+        let is_name = Path::new(&file).file_name().is_some_and(|name| name == file.as_str());
+        let [ring] = self.geometry.coordinates;
+        is_name.then_some(MeshBlock { file, vertices, triangles, bytes, ring })
+    }
+}
+
 impl From<MeshBlockIndex> for BlockIndexCollection {
     fn from(index: MeshBlockIndex) -> Self {
-        let feature = |block: MeshBlock| {
-            let MeshBlock { file, vertices, triangles, bytes, ring } = block;
-            BlockIndexFeature {
-                geometry: BlockIndexPolygon { coordinates: [ring], kind: "Polygon" },
-                properties: BlockIndexProperties { bytes, file, triangles, vertices },
-                kind: "Feature",
-            }
-        };
         Self {
             comments: index.comments,
             crs: index.crs.map(|name| json!({ "type": "name", "properties": { "name": name } })),
             epsg: index.epsg,
-            features: index.blocks.into_iter().map(feature).collect(),
+            features: index.blocks.into_iter().map(BlockIndexFeature::from).collect(),
             format: index.format,
             name: MARK.to_owned(),
             kind: "FeatureCollection",
@@ -149,16 +161,11 @@ impl From<MeshBlockIndex> for BlockIndexCollection {
 impl BlockIndexCollection {
     /// The index, if valid and without names outside its folder.
     fn index(self) -> Option<MeshBlockIndex> {
-        let block = |feature: BlockIndexFeature| {
-            let BlockIndexProperties { bytes, file, triangles, vertices } = feature.properties;
-            let is_name = Path::new(&file).file_name().is_some_and(|name| name == file.as_str());
-            let [ring] = feature.geometry.coordinates;
-            is_name.then_some(MeshBlock { file, vertices, triangles, bytes, ring })
-        };
         if self.name != MARK {
             return None;
         }
-        let blocks = self.features.into_iter().map(block).collect::<Option<_>>()?;
+        let blocks = self.features.into_iter().map(BlockIndexFeature::block);
+        let blocks = blocks.collect::<Option<_>>()?;
         let crs = self.crs.as_ref().and_then(|crs| crs["properties"]["name"].as_str());
         let (epsg, crs) = (self.epsg, crs.map(str::to_owned));
         Some(MeshBlockIndex { format: self.format, epsg, crs, comments: self.comments, blocks })

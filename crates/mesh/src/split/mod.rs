@@ -60,8 +60,8 @@ impl MeshBlockLayout {
 
     /// Fraction of the grid's cells in the largest block.
     pub fn largest_share(&self) -> f64 {
-        let share = |samples: u32| f64::from(self.cells.min(samples - 1)) / f64::from(samples - 1);
-        self.samples.map(share).iter().product()
+        let cells = self.samples.map(|samples| samples - 1);
+        cells.map(|cells| f64::from(self.cells.min(cells)) / f64::from(cells)).iter().product()
     }
 
     /// Column and row of the block of a triangle.
@@ -76,12 +76,11 @@ impl MeshBlockLayout {
     }
 
     /// World positions of the corners of a block, as a closed ring.
-    fn ring(&self, [col, row]: [u32; 2]) -> [[f64; 2]; 5] {
-        let span = |at: u32, samples: u32| {
-            [at * self.cells, ((at + 1) * self.cells).min(samples - 1)].map(f64::from)
-        };
-        let ([left, right], [top, bottom]) =
-            (span(col, self.samples[0]), span(row, self.samples[1]));
+    fn ring(&self, block: [u32; 2]) -> [[f64; 2]; 5] {
+        let [[left, right], [top, bottom]] = [0, 1].map(|axis: usize| {
+            let [first, end] = [block[axis], block[axis] + 1].map(|at| at * self.cells);
+            [first, end.min(self.samples[axis] - 1)].map(f64::from)
+        });
         [(left, top), (left, bottom), (right, bottom), (right, top), (left, top)]
             .map(|(col, row)| self.to_world.apply(col, row))
     }
@@ -95,11 +94,11 @@ pub fn is_split(path: &Path) -> bool {
 /// True for such a folder without other files, which can be replaced safely.
 pub fn is_replaceable(path: &Path) -> bool {
     let (Ok(files), Ok(mut entries)) = (files(path), std::fs::read_dir(path)) else { return false };
-    let own: HashSet<PathBuf> =
+    let known: HashSet<PathBuf> =
         files.iter().cloned().chain(files.iter().skip(1).map(|mesh| prj_path(mesh))).collect();
     entries.all(|entry| {
         entry.is_ok_and(|entry| {
-            own.contains(&entry.path()) && entry.file_type().is_ok_and(|kind| kind.is_file())
+            known.contains(&entry.path()) && entry.file_type().is_ok_and(|kind| kind.is_file())
         })
     })
 }
@@ -229,13 +228,13 @@ impl BlockVertexIds {
     /// Local id of `id`, and whether it is new.
     fn of(&mut self, id: u64) -> (u64, bool) {
         let page = self.pages.entry(id / PAGE).or_insert_with(|| Box::new([0; PAGE as usize]));
-        let found = &mut page[(id % PAGE) as usize];
-        let is_new = *found == 0;
+        let number = &mut page[(id % PAGE) as usize];
+        let is_new = *number == 0;
         if is_new {
             self.count += 1;
-            *found = self.count;
+            *number = self.count;
         }
-        (*found - 1, is_new)
+        (*number - 1, is_new)
     }
 }
 

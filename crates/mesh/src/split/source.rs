@@ -11,7 +11,7 @@ use terrane_base::geom::Point3;
 use terrane_files::lock;
 
 /// Maximum blocks in memory.
-const MAX_HELD: usize = 4;
+const MAX_CACHED: usize = 4;
 /// Triangles of a block read at a time.
 const BATCH: usize = 1 << 12;
 
@@ -20,7 +20,7 @@ struct SplitSource {
     info: MeshInfo,
     parts: Vec<SplitMeshPart>,
     /// The recently read blocks by index in `parts`; the latest last.
-    held: Mutex<Vec<(usize, Arc<OpenPart>)>>,
+    cached: Mutex<Vec<(usize, Arc<OpenPart>)>>,
 }
 
 struct SplitMeshPart {
@@ -41,20 +41,20 @@ pub(crate) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
     for block in &index.blocks {
         let path = path.join(&block.file);
         // Only files: a folder that contains itself would recurse without end.
-        let found = open_file(&path).map_err(|e| e.remedy("make the folder again"))?;
-        let found = found.info().clone();
-        check(&found, block, &index, &path)?;
-        if let Some(first) = info.as_ref().filter(|first| !states_the_same(first, &found)) {
+        let mesh = open_file(&path).map_err(|e| e.remedy("make the folder again"))?;
+        let part = mesh.info().clone();
+        check(&part, block, &index, &path)?;
+        if let Some(first) = info.as_ref().filter(|first| !states_the_same(first, &part)) {
             let what =
                 format!("its metadata differ from those of the first block ({})", first.format);
             return Err(lying(&path, what));
         }
         let prj = terrane_files::prj(&path)?;
         systems.extend((!prj.is_empty() && !systems.contains(&prj)).then_some(prj));
-        parts.push(SplitMeshPart { path, first, triangles: found.triangles });
-        first += found.triangles;
-        solid |= found.solid;
-        info.get_or_insert(found);
+        parts.push(SplitMeshPart { path, first, triangles: part.triangles });
+        first += part.triangles;
+        solid |= part.solid;
+        info.get_or_insert(part);
     }
     let info = info.ok_or_else(|| {
         Error::bad_input("the index has no blocks").in_file(path).remedy("make the folder again")
@@ -73,7 +73,7 @@ pub(crate) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
         details,
         ..info
     };
-    Ok(Box::new(SplitSource { info, parts, held: Mutex::default() }))
+    Ok(Box::new(SplitSource { info, parts, cached: Mutex::default() }))
 }
 
 /// Fails unless a block matches the index. Meshes without shared vertices, and solids, have more vertices than the
@@ -102,8 +102,8 @@ fn lying(path: &Path, message: String) -> Error {
 
 /// True for blocks with the same metadata.
 fn states_the_same(a: &MeshInfo, b: &MeshInfo) -> bool {
-    let of = |info: &MeshInfo| (info.crs.clone(), info.systems.clone(), info.details.clone());
-    of(a) == of(b) && (a.origin, a.scale) == (b.origin, b.scale)
+    (&a.crs, &a.systems, &a.details, a.origin, a.scale)
+        == (&b.crs, &b.systems, &b.details, b.origin, b.scale)
 }
 
 impl SplitSource {
@@ -123,15 +123,15 @@ impl SplitSource {
     }
 
     fn part(&self, part: usize) -> Result<Arc<OpenPart>> {
-        let mut held = lock(&self.held);
-        if let Some((_, open)) = held.iter().find(|(held, _)| *held == part) {
+        let mut cached = lock(&self.cached);
+        if let Some((_, open)) = cached.iter().find(|(number, _)| *number == part) {
             return Ok(Arc::clone(open));
         }
-        if held.len() >= MAX_HELD {
-            held.remove(0);
+        if cached.len() >= MAX_CACHED {
+            cached.remove(0);
         }
         let open = Arc::new(self.parts[part].open()?);
-        held.push((part, Arc::clone(&open)));
+        cached.push((part, Arc::clone(&open)));
         Ok(open)
     }
 }
@@ -176,9 +176,8 @@ impl OpenPart {
         }
         let mut ids = vec![[0; 3]; out.len()];
         self.mesh.read_triangles(first, &mut ids)?;
-        let vertex = |id: &u64| self.vertices.get(*id as usize).copied();
         for (out, id) in out.as_flattened_mut().iter_mut().zip(ids.as_flattened()) {
-            *out = vertex(id).ok_or_else(|| changed(&self.path))?;
+            *out = *self.vertices.get(*id as usize).ok_or_else(|| changed(&self.path))?;
         }
         Ok(())
     }

@@ -25,12 +25,11 @@ use crate::sink::{
 use crate::solid::{SolidBase, lowered};
 use crate::text;
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::Point3;
 use terrane_files::xml::escaped;
 use terrane_files::{AppendWriter, folder_for};
 
 /// Vertex indices are below 2^31.
-const MOST: MeshCapacity = MeshCapacity::new([i32::MAX as u64, u64::MAX, u64::MAX], 16, 10);
+const CAPACITY: MeshCapacity = MeshCapacity::new([i32::MAX as u64, u64::MAX, u64::MAX], 16, 10);
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
     name: NAME,
@@ -42,7 +41,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: true,
     names_crs: true,
     admits: |_| Ok(()),
-    most: || MOST,
+    most: || CAPACITY,
     create,
     open: |path| Ok(Box::new(read::open(path)?)),
     sniff: |head| head.starts_with(b"PK\x03\x04") && holds(head, CONTENT_TYPES.as_bytes()),
@@ -80,17 +79,13 @@ fn unit(header: &MeshHeader) -> Result<&'static str> {
 }
 
 fn head(header: &MeshHeader, is_solid: bool) -> Result<String> {
-    let numbers = |point: Point3| point.map(text::f64_text).join(" ");
-    let record = |name: &str, value: &str| {
-        format!("<metadata name=\"{PREFIX}{name}\">{}</metadata>\n", escaped(value))
-    };
-    let mut recorded = record("origin", &numbers(header.origin));
+    let mut recorded = metadata("origin", &text::point_text(header.origin));
     if header.scale != [1.0; 3] {
-        recorded += &record("scale", &numbers(header.scale));
+        recorded += &metadata("scale", &text::point_text(header.scale));
     }
     // Metadata names must be unique.
     for (place, comment) in text::comments(header).iter().enumerate() {
-        recorded += &record(&format!("comment-{}", place + 1), comment);
+        recorded += &metadata(&format!("comment-{}", place + 1), comment);
     }
     let kind = if is_solid { "model" } else { "surface" };
     Ok(format!(
@@ -101,6 +96,10 @@ fn head(header: &MeshHeader, is_solid: bool) -> Result<String> {
         unit(header)?,
         text::generator(),
     ))
+}
+
+fn metadata(name: &str, value: &str) -> String {
+    format!("<metadata name=\"{PREFIX}{name}\">{}</metadata>\n", escaped(value))
 }
 
 const BETWEEN: &[u8] = b"</vertices>\n<triangles>\n";
@@ -119,8 +118,8 @@ impl MeshEncoder for Encoder3mf {
     }
 
     /// A solid has each vertex twice.
-    fn most(&self) -> MeshCapacity {
-        let surface = MOST;
+    fn capacity(&self) -> MeshCapacity {
+        let surface = CAPACITY;
         let copies = if self.walls.is_some() { 2 } else { 1 };
         MeshCapacity { vertices: surface.vertices / copies, ..surface }
     }
@@ -163,8 +162,8 @@ impl MeshEncoder for Encoder3mf {
     fn complete(&mut self, body: &mut AppendWriter, tail: &mut AppendWriter) -> Result<()> {
         if let Some(walls) = self.walls.take() {
             let vertices = walls.complete(body, tail)?;
-            if vertices > MOST.vertices {
-                let limit = format!("{} vertices", MOST.vertices);
+            if vertices > CAPACITY.vertices {
+                let limit = format!("{} vertices", CAPACITY.vertices);
                 return Err(capacity::too_much(NAME, &limit, vertices, 0));
             }
         }

@@ -39,7 +39,7 @@ pub(super) struct ThreeMfSource {
 pub(super) fn open(path: &Path) -> Result<ThreeMfSource> {
     let input = unpacked(path).map_err(|e| e.in_file(path))?;
     let (mut vertices, mut triangles) = (SparseIndex::new(), SparseIndex::new());
-    let mut found = ThreeMfSummary::default();
+    let mut summary = ThreeMfSummary::default();
     let mut xml = MeshXmlReader::new(&input, 0);
     loop {
         let at = xml.offset();
@@ -51,19 +51,19 @@ pub(super) fn open(path: &Path) -> Result<ThreeMfSource> {
             XmlEvent::Start(tag) if tag.local_name() == "triangle" => triangles.note(mark),
             XmlEvent::Start(tag) if tag.local_name() == "metadata" => {
                 let name = tag.attribute("name").map_err(place)?;
-                found.record(name.unwrap_or_default(), xml.text()?);
+                summary.record(name.unwrap_or_default(), xml.text()?);
             }
-            XmlEvent::Start(tag) => found.note(&tag).map_err(place)?,
+            XmlEvent::Start(tag) => summary.note(&tag).map_err(place)?,
             XmlEvent::Text(_) | XmlEvent::End => {}
         }
     }
     drop(xml);
-    if found.objects != 1 {
+    if summary.objects != 1 {
         let error =
-            Error::unsupported(format!("expected one mesh object, found {}", found.objects));
+            Error::unsupported(format!("expected one mesh object, found {}", summary.objects));
         return Err(error.in_file(path).remedy("use a file with one object"));
     }
-    let info = found.info(vertices.count(), triangles.count());
+    let info = summary.info(vertices.count(), triangles.count());
     Ok(ThreeMfSource { input, vertices, triangles, info })
 }
 

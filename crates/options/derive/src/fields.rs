@@ -58,19 +58,19 @@ pub(crate) fn expand(input: &DeriveInput) -> Result<TokenStream> {
     let Data::Struct(data) = &input.data else {
         return Err(Error::new_spanned(name, "Options can be derived for structs only"));
     };
-    let whole = whole(&input.attrs)?;
+    let container = container_attributes(&input.attrs)?;
     let mut parts = FieldTokens::default();
     for field in &data.fields {
-        let said = said(&field.attrs)?;
-        match said.flatten {
-            true => parts.add_group(name, field, &whole),
-            false => parts.add_field(field, &said, &whole)?,
+        let attributes = field_attributes(&field.attrs)?;
+        match attributes.flatten {
+            true => parts.add_group(name, field, &container),
+            false => parts.add_field(field, &attributes, &container)?,
         }
     }
     let about = docs::text(&input.attrs);
     let FieldTokens { entries, visits, mutable_visits, defaults, setters, groups } = &parts;
-    let rules = whole.rules.as_ref().map_or_else(|| quote!(&[]), |rules| quote!(#rules));
-    let setters = whole.setters.as_ref().map(|kind| traits(name, kind, setters));
+    let rules = container.rules.as_ref().map_or_else(|| quote!(&[]), |rules| quote!(#rules));
+    let setters = container.setters.as_ref().map(|kind| traits(name, kind, setters));
     Ok(quote! {
         impl ::terrane_options::Options for #name {
             const TABLE: &'static ::terrane_options::OptionTable =
@@ -94,7 +94,7 @@ pub(crate) fn expand(input: &DeriveInput) -> Result<TokenStream> {
     })
 }
 
-fn whole(attributes: &[Attribute]) -> Result<StructAttributes> {
+fn container_attributes(attributes: &[Attribute]) -> Result<StructAttributes> {
     let mut heading = LitStr::new("Options", proc_macro2::Span::call_site());
     let (mut setters, mut rules) = (None, None);
     for attribute in attributes.iter().filter(|attribute| attribute.path().is_ident("options")) {
@@ -111,39 +111,39 @@ fn whole(attributes: &[Attribute]) -> Result<StructAttributes> {
     Ok(StructAttributes { heading, rules, setters })
 }
 
-fn said(attributes: &[Attribute]) -> Result<FieldAttributes> {
-    let mut said = FieldAttributes::default();
+fn field_attributes(attributes: &[Attribute]) -> Result<FieldAttributes> {
+    let mut parsed = FieldAttributes::default();
     for attribute in attributes.iter().filter(|attribute| attribute.path().is_ident("option")) {
         attribute.parse_nested_meta(|meta| {
-            let is = |name: &str| meta.path.is_ident(name);
-            match () {
-                () if is("flatten") => said.flatten = true,
-                () if is("positional") => said.positional = true,
-                () if is("no_setter") => said.no_setter = true,
-                () if is("name") => said.name = Some(meta.value()?.parse()?),
-                () if is("alias") => said.aliases.push(meta.value()?.parse()?),
-                () if is("stands_for") => said.stands_for.push(meta.value()?.parse()?),
-                () if is("short") => said.short = Some(meta.value()?.parse()?),
-                () if is("value") => said.value = Some(meta.value()?.parse()?),
-                () if is("heading") => said.heading = Some(meta.value()?.parse()?),
-                () if is("default") => said.default = Some(meta.value()?.parse()?),
-                () if is("default_text") => said.default_text = Some(meta.value()?.parse()?),
-                () if is("bare") => said.bare = Some(meta.value()?.parse()?),
-                () if is("range") => said.range = Some(meta.value()?.parse()?),
-                () if is("with") => said.codec = Some(meta.value()?.parse()?),
-                () if is("off") => said.off = Some(meta.value()?.parse()?),
-                () if is("role") => said.role = Some(meta.value()?.parse()?),
-                () => return Err(meta.error("unknown attribute of an option")),
+            let name = meta.path.get_ident().map(Ident::to_string).unwrap_or_default();
+            match name.as_str() {
+                "flatten" => parsed.flatten = true,
+                "positional" => parsed.positional = true,
+                "no_setter" => parsed.no_setter = true,
+                "name" => parsed.name = Some(meta.value()?.parse()?),
+                "alias" => parsed.aliases.push(meta.value()?.parse()?),
+                "stands_for" => parsed.stands_for.push(meta.value()?.parse()?),
+                "short" => parsed.short = Some(meta.value()?.parse()?),
+                "value" => parsed.value = Some(meta.value()?.parse()?),
+                "heading" => parsed.heading = Some(meta.value()?.parse()?),
+                "default" => parsed.default = Some(meta.value()?.parse()?),
+                "default_text" => parsed.default_text = Some(meta.value()?.parse()?),
+                "bare" => parsed.bare = Some(meta.value()?.parse()?),
+                "range" => parsed.range = Some(meta.value()?.parse()?),
+                "with" => parsed.codec = Some(meta.value()?.parse()?),
+                "off" => parsed.off = Some(meta.value()?.parse()?),
+                "role" => parsed.role = Some(meta.value()?.parse()?),
+                _ => return Err(meta.error("unknown attribute of an option")),
             }
             Ok(())
         })?;
     }
-    Ok(said)
+    Ok(parsed)
 }
 
 impl FieldTokens {
     /// Adds a group: its fields are flattened into the struct.
-    fn add_group(&mut self, name: &Ident, field: &Field, whole: &StructAttributes) {
+    fn add_group(&mut self, name: &Ident, field: &Field, container: &StructAttributes) {
         let (ident, ty) = (&field.ident, &field.ty);
         self.entries.push(quote! {
             ::terrane_options::OptionEntry::Group(<#ty as ::terrane_options::Options>::TABLE)
@@ -152,7 +152,7 @@ impl FieldTokens {
         self.mutable_visits
             .push(quote!(::terrane_options::Options::visit_mut(&mut self.#ident, visit);));
         self.defaults.push(quote!(#ident: ::core::default::Default::default()));
-        if whole.setters.is_some() {
+        if container.setters.is_some() {
             self.groups.push(quote! {
                 impl ::terrane_engine::operation::HasGroup<#ty> for #name {
                     fn part(&self) -> &#ty { &self.#ident }
@@ -166,8 +166,8 @@ impl FieldTokens {
     fn add_field(
         &mut self,
         field: &Field,
-        said: &FieldAttributes,
-        whole: &StructAttributes,
+        attributes: &FieldAttributes,
+        container: &StructAttributes,
     ) -> Result<()> {
         let ty = &field.ty;
         let Some(ident) = &field.ident else {
@@ -177,17 +177,18 @@ impl FieldTokens {
         if about.is_empty() {
             return Err(Error::new_spanned(field, "an option needs a doc comment"));
         }
-        let called = said.name.as_ref().map_or_else(|| ident.to_string(), LitStr::value);
-        let codec = said.codec.as_ref();
+        let called = attributes.name.as_ref().map_or_else(|| ident.to_string(), LitStr::value);
+        let codec = attributes.codec.as_ref();
         let codec =
             codec.map_or_else(|| quote!(::terrane_options::PlainCodec), |path| quote!(#path));
-        let heading = said.heading.as_ref().unwrap_or(&whole.heading);
-        let FieldAttributes { aliases, stands_for, default, positional, .. } = said;
+        let heading = attributes.heading.as_ref().unwrap_or(&container.heading);
+        let FieldAttributes { aliases, stands_for, default, positional, .. } = attributes;
         let (short, default_text) =
-            (optional(said.short.as_ref()), optional(said.default_text.as_ref()));
-        let (off, value) = (optional(said.off.as_ref()), optional(said.value.as_ref()));
-        let (range, bare) = (optional(said.range.as_ref()), optional(said.bare.as_ref()));
-        let role = said.role.clone().unwrap_or_else(|| format_ident!("Result"));
+            (optional(attributes.short.as_ref()), optional(attributes.default_text.as_ref()));
+        let (off, value) = (optional(attributes.off.as_ref()), optional(attributes.value.as_ref()));
+        let (range, bare) =
+            (optional(attributes.range.as_ref()), optional(attributes.bare.as_ref()));
+        let role = attributes.role.clone().unwrap_or_else(|| format_ident!("Result"));
         self.entries.push(
             quote!(::terrane_options::OptionEntry::Field(::terrane_options::OptionField {
                 name: #called,
@@ -218,7 +219,7 @@ impl FieldTokens {
             Some(value) => quote!(#ident: #value),
             None => quote!(#ident: ::core::default::Default::default()),
         });
-        if !said.no_setter {
+        if !attributes.no_setter {
             self.setters.push(FieldSetter::new(field, ident));
         }
         Ok(())
@@ -262,7 +263,7 @@ fn traits(name: &Ident, kind: &Ident, setters: &[FieldSetter]) -> TokenStream {
     let text = name.to_string();
     let about = format!("Setters of [`{name}`].");
     let called = format_ident!("{}Setters", text.strip_suffix("Options").unwrap_or(&text));
-    let said = setters.iter().map(|FieldSetter { docs, ident, taken, .. }| {
+    let signatures = setters.iter().map(|FieldSetter { docs, ident, taken, .. }| {
         quote! {
             #(#docs)*
             #[must_use]
@@ -290,7 +291,7 @@ fn traits(name: &Ident, kind: &Ident, setters: &[FieldSetter]) -> TokenStream {
     };
     quote! {
         #[doc = #about]
-        pub trait #called: Sized { #(#said)* }
+        pub trait #called: Sized { #(#signatures)* }
 
         #jobs { #(#done)* }
     }

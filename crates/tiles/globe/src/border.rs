@@ -68,17 +68,17 @@ pub(crate) fn vertices(
     level: &TileLevel,
     ground: &impl TerrainSampler,
 ) -> Vec<[i32; 2]> {
-    let stops = stops(tile, side, level, ground);
-    let mut kept: Vec<usize> = (0..stops.len()).filter(|i| stops[*i].is_post).collect();
-    let mut open: Vec<[usize; 2]> = kept.windows(2).map(|pair| [pair[0], pair[1]]).collect();
+    let stops = TileBorder { tile, side, level, ground }.stops();
+    let mut vertices: Vec<usize> = (0..stops.len()).filter(|i| stops[*i].is_post).collect();
+    let mut open: Vec<[usize; 2]> = vertices.windows(2).map(|pair| [pair[0], pair[1]]).collect();
     while let Some([from, to]) = open.pop() {
         if let Some(worst) = worst(&stops, [from, to], [level.border_goal(), level.goal()]) {
-            kept.push(worst);
+            vertices.push(worst);
             open.extend([[from, worst], [worst, to]]);
         }
     }
-    kept.sort_unstable();
-    kept.into_iter().map(|i| [stops[i].along, stops[i].height]).collect()
+    vertices.sort_unstable();
+    vertices.into_iter().map(|i| [stops[i].along, stops[i].height]).collect()
 }
 
 /// Steps to the start of a part.
@@ -88,82 +88,96 @@ pub(crate) fn along(part: u32, parts: u32) -> i32 {
     (double / (2 * u64::from(parts))) as i32
 }
 
-/// Breaks of the ground, and anchor vertices. In voids the fill is used and continues along the same straight
-/// lines, so borders of different levels are as close to each other there as elsewhere.
-fn stops(
+/// A side of a tile, on the ground.
+struct TileBorder<'a, G> {
     tile: GlobeTileId,
     side: TileSide,
-    level: &TileLevel,
-    ground: &impl TerrainSampler,
-) -> Vec<BorderStop> {
-    let stop = |along: i32, metres: f64, is_post: bool| {
-        let height = level.steps(metres);
-        let upright = EllipsoidNormal::at(tile.place(side.position(along)));
-        let point = upright.point(f64::from(height) * level.step);
-        BorderStop { along, is_post, height, metres, upright, point }
-    };
-    let post = |part: u32| {
-        let along = along(part, level.posts);
-        let place = tile.place(side.position(along));
-        stop(along, ground.height(place).unwrap_or_else(|| ground.filled(place)), true)
-    };
-    let mut stops: Vec<BorderStop> = (0..=level.posts).map(post).collect();
-    let ends = [0, STEPS].map(|end| tile.place(side.position(end)));
-    ground.bends(ends, &mut |place, height| {
-        let [u, v] = tile.steps(place).map(|at| at.round() as i32);
-        let along = if matches!(side, TileSide::West | TileSide::East) { v } else { u };
-        let height = height.unwrap_or_else(|| ground.filled(place));
-        stops.push(stop(along.clamp(0, STEPS), height, false));
-    });
-    // At one position an anchor vertex has priority, otherwise the first stop.
-    let sort = |stops: &mut Vec<BorderStop>| {
-        stops.sort_by_key(|stop| (stop.along, !stop.is_post));
-        stops.dedup_by_key(|stop| stop.along);
-    };
-    sort(&mut stops);
-    let fallen = |stop: &BorderStop| ground.beyond(tile.place(side.position(stop.along)));
-    let feet = feet(&stops, fallen);
-    if !feet.is_empty() {
-        stops.extend(feet.into_iter().map(|along| stop(along, 0.0, false)));
-        sort(&mut stops);
-    }
-    stops
+    level: &'a TileLevel,
+    ground: &'a G,
 }
 
-/// Where ground that descends beyond a grid reaches the ellipsoid: between two stops both the height at the
-/// edge and the descent change linearly.
-fn feet(stops: &[BorderStop], fallen: impl Fn(&BorderStop) -> Option<[f64; 2]>) -> Vec<i32> {
-    let found: Vec<_> = stops.iter().map(fallen).collect();
-    let mut feet = Vec::new();
-    for (two, of) in stops.windows(2).zip(found.windows(2)).filter(|(_, of)| **of != [None; 2]) {
-        let ends = [0, 1].map(|end| of[end].unwrap_or([two[end].metres, 0.0]));
-        for sign in [1.0, -1.0] {
-            let [a, b] = ends.map(|[height, fall]| height - sign * fall);
-            if a * b < 0.0 && (b - a).is_finite() {
-                let [from, to] = [two[0].along, two[1].along].map(f64::from);
-                feet.push((from + (to - from) * (a / (a - b))).round() as i32);
+impl<G: TerrainSampler> TileBorder<'_, G> {
+    /// Breaks of the ground, and anchor vertices. In voids the fill is used and continues along the same straight
+    /// lines, so borders of different levels are as close to each other there as elsewhere.
+    fn stops(&self) -> Vec<BorderStop> {
+        let Self { tile, side, level, ground } = self;
+        let mut stops: Vec<BorderStop> = (0..=level.posts).map(|part| self.post(part)).collect();
+        let ends = [0, STEPS].map(|end| self.place(end));
+        ground.bends(ends, &mut |place, height| {
+            let [u, v] = tile.steps(place).map(|at| at.round() as i32);
+            let along = if matches!(side, TileSide::West | TileSide::East) { v } else { u };
+            let height = height.unwrap_or_else(|| ground.filled(place));
+            stops.push(self.stop(along.clamp(0, STEPS), height, false));
+        });
+        sort(&mut stops);
+        let feet = self.feet(&stops);
+        if !feet.is_empty() {
+            stops.extend(feet.into_iter().map(|along| self.stop(along, 0.0, false)));
+            sort(&mut stops);
+        }
+        stops
+    }
+
+    /// Longitude and latitude at a number of steps.
+    fn place(&self, along: i32) -> [f64; 2] {
+        self.tile.place(self.side.position(along))
+    }
+
+    fn stop(&self, along: i32, metres: f64, is_post: bool) -> BorderStop {
+        let height = self.level.steps(metres);
+        let upright = EllipsoidNormal::at(self.place(along));
+        let point = upright.point(f64::from(height) * self.level.step);
+        BorderStop { along, is_post, height, metres, upright, point }
+    }
+
+    /// Anchor vertex at the start of a part.
+    fn post(&self, part: u32) -> BorderStop {
+        let along = along(part, self.level.posts);
+        let place = self.place(along);
+        let height = self.ground.height(place);
+        self.stop(along, height.unwrap_or_else(|| self.ground.filled(place)), true)
+    }
+
+    /// Where ground that descends beyond a grid reaches the ellipsoid: between two stops both the height at the
+    /// edge and the descent change linearly.
+    fn feet(&self, stops: &[BorderStop]) -> Vec<i32> {
+        let descents = stops.iter().map(|stop| self.ground.beyond(self.place(stop.along)));
+        let descents: Vec<_> = descents.collect();
+        let pairs = stops.windows(2).zip(descents.windows(2));
+        let mut feet = Vec::new();
+        for (two, of) in pairs.filter(|(_, of)| **of != [None; 2]) {
+            let ends = [0, 1].map(|end| of[end].unwrap_or([two[end].metres, 0.0]));
+            for sign in [1.0, -1.0] {
+                let [a, b] = ends.map(|[height, fall]| height - sign * fall);
+                if a * b < 0.0 && (b - a).is_finite() {
+                    let [from, to] = [two[0].along, two[1].along].map(f64::from);
+                    feet.push((from + (to - from) * (a / (a - b))).round() as i32);
+                }
             }
         }
+        feet
     }
-    feet
+}
+
+/// Sorts stops along the border. At one position an anchor vertex has priority, otherwise the first stop.
+fn sort(stops: &mut Vec<BorderStop>) {
+    stops.sort_by_key(|stop| (stop.along, !stop.is_post));
+    stops.dedup_by_key(|stop| stop.along);
 }
 
 /// The stop between two others that is furthest from the straight line between them, if it exceeds one goal, or
 /// if stops on both sides of the line are further apart than the other.
-fn worst(stops: &[BorderStop], [from, to]: [usize; 2], [most, apart]: [f64; 2]) -> Option<usize> {
+fn worst(stops: &[BorderStop], [from, to]: [usize; 2], [max, apart]: [f64; 2]) -> Option<usize> {
     let (a, b) = (&stops[from], &stops[to]);
     let chord = b.point - a.point;
-    let off = |stop: &BorderStop| {
-        let part = f64::from(stop.along - a.along) / f64::from(b.along - a.along);
-        (stop.point - (a.point + chord * part)).dot(stop.upright.normal)
-    };
     let (mut worst, mut ends) = ((0.0, from), [0.0_f64; 2]);
     for (i, stop) in (from + 1..to).zip(&stops[from + 1..]) {
-        let off = off(stop);
+        let part = f64::from(stop.along - a.along) / f64::from(b.along - a.along);
+        let off = (stop.point - (a.point + chord * part)).dot(stop.upright.normal);
         ends = [ends[0].min(off), ends[1].max(off)];
         if off.abs() > worst.0 {
             worst = (off.abs(), i);
         }
     }
-    (worst.0 > most || ends[1] - ends[0] > apart).then_some(worst.1)
+    (worst.0 > max || ends[1] - ends[0] > apart).then_some(worst.1)
 }

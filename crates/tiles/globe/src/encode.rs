@@ -54,18 +54,17 @@ impl QuantizedHeights {
     }
 
     fn fitting(tile: &TerrainTile) -> Option<Self> {
-        let heights = || tile.vertices.iter().map(|vertex| vertex.height);
-        let (lowest, highest) = (heights().min()?, heights().max()?);
-        let fits = |halvings: &u32| {
+        let heights = tile.vertices.iter().map(|vertex| vertex.height);
+        let (lowest, highest) = (heights.clone().min()?, heights.max()?);
+        let halvings = (0..=MAX_HALVINGS).rev().find(|halvings| {
             let fineness = 1_i64 << halvings;
             let reach = i64::from(lowest).abs() * fineness + i64::from(STEPS);
             i64::from(highest - lowest) * fineness <= i64::from(STEPS) && reach < 1 << 24
-        };
-        let halvings = (0..=MAX_HALVINGS).rev().find(fits)?;
-        let own = tile.step / f64::from(1_u32 << halvings);
+        })?;
+        let step = tile.step / f64::from(1_u32 << halvings);
         let low = f64::from(lowest) * tile.step;
         // Both are integer steps below 2^24, so they are exact.
-        let range = [low as f32, (low + own * f64::from(STEPS)) as f32];
+        let range = [low as f32, (low + step * f64::from(STEPS)) as f32];
         Some(Self { lowest, fineness: 1 << halvings, range })
     }
 
@@ -101,10 +100,6 @@ pub fn quantized_mesh<G: TerrainSampler>(
         [&|v| v.at[0], &|v| v.at[1], &|v| heights.stored(v.height)];
     parts.iter().for_each(|part| differences(vertices.iter().map(part), &mut out));
     let is_short = vertices.len() <= SHORT;
-    let index = |index: u32, out: &mut Vec<u8>| match is_short {
-        true => out.extend((index as u16).to_le_bytes()),
-        false => out.extend(index.to_le_bytes()),
-    };
     // Indices of 32 bits begin at a multiple of four bytes (IndexData32).
     while !is_short && out.len() % 4 != 0 {
         out.push(0);
@@ -112,16 +107,17 @@ pub fn quantized_mesh<G: TerrainSampler>(
     out.extend((triangles.len() as u32).to_le_bytes());
     let mut next = 0;
     for corner in triangles.iter().flatten() {
-        // High-water marks: a vertex is told by how far it is below the next new one, which is 0 for that.
-        index(next - corner, &mut out);
+        // High-water mark: the distance of a vertex below the next new one, which has 0.
+        put_index(next - corner, is_short, &mut out);
         next += u32::from(*corner == next);
     }
     for side in TileSide::ALL {
-        let on_side = |(i, v): (u32, &TileVertex)| side.along(v.at).map(|along| (along, i));
-        let mut ends: Vec<(i32, u32)> = (0..).zip(&vertices).filter_map(on_side).collect();
-        ends.sort_unstable();
-        out.extend((ends.len() as u32).to_le_bytes());
-        ends.iter().for_each(|(_, vertex)| index(*vertex, &mut out));
+        let numbered = (0..).zip(&vertices);
+        let on_side = numbered.filter_map(|(i, v)| side.along(v.at).map(|along| (along, i)));
+        let mut on_side: Vec<(i32, u32)> = on_side.collect();
+        on_side.sort_unstable();
+        out.extend((on_side.len() as u32).to_le_bytes());
+        on_side.iter().for_each(|(_, vertex)| put_index(*vertex, is_short, &mut out));
     }
     if let Some((level, ground)) = normals {
         out.push(NORMALS);
@@ -143,14 +139,22 @@ fn header(tile: &TerrainTile, heights: &QuantizedHeights, out: &mut Vec<u8>) {
     let points: Vec<Vector> = tile.vertices.iter().map(|vertex| tile.point(*vertex)).collect();
     let (centre, radius) = horizon::sphere(&points);
     let occlusion = horizon::occlusion(centre, &points, heights.range[0].into());
-    let doubles = |out: &mut Vec<u8>, values: &[f64]| {
-        out.extend(values.iter().flat_map(|value| value.to_le_bytes()));
-    };
-    doubles(out, &centre.0);
+    put_doubles(&centre.0, out);
     out.extend(heights.range.iter().flat_map(|height| height.to_le_bytes()));
-    doubles(out, &centre.0);
-    doubles(out, &[radius]);
-    doubles(out, &occlusion.0);
+    put_doubles(&centre.0, out);
+    put_doubles(&[radius], out);
+    put_doubles(&occlusion.0, out);
+}
+
+fn put_doubles(values: &[f64], out: &mut Vec<u8>) {
+    out.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+}
+
+fn put_index(index: u32, is_short: bool, out: &mut Vec<u8>) {
+    match is_short {
+        true => out.extend((index as u16).to_le_bytes()),
+        false => out.extend(index.to_le_bytes()),
+    }
 }
 
 /// Differences of successive values, zigzag-encoded.
@@ -190,10 +194,6 @@ fn walk(triangles: &[[u32; 3]]) -> Vec<(usize, usize)> {
         edges.extend((0..3).map(|k| ([corners[k], corners[(k + 1) % 3]], number)));
     }
     edges.sort_unstable();
-    let beyond = |from: u32, to: u32| {
-        let found = edges.binary_search_by_key(&[to, from], |(edge, _)| *edge);
-        found.ok().map(|i| edges[i].1 as usize)
-    };
     let mut is_done = vec![false; triangles.len()];
     let mut order = Vec::with_capacity(triangles.len());
     let mut open = vec![(0, 0)];
@@ -206,7 +206,9 @@ fn walk(triangles: &[[u32; 3]]) -> Vec<(usize, usize)> {
         // Nothing is left across the edge that it came from.
         for k in [(first + 2) % 3, (first + 1) % 3, first] {
             let [from, to] = [corners[k], corners[(k + 1) % 3]];
-            if let Some(next) = beyond(from, to).filter(|next| !is_done[*next]) {
+            let twin = edges.binary_search_by_key(&[to, from], |(edge, _)| *edge).ok();
+            let next = twin.map(|i| edges[i].1 as usize);
+            if let Some(next) = next.filter(|next| !is_done[*next]) {
                 let corner = triangles[next].iter().position(|corner| *corner == to).unwrap_or(0);
                 open.push((next, corner));
             }
@@ -217,31 +219,37 @@ fn walk(triangles: &[[u32; 3]]) -> Vec<(usize, usize)> {
 
 /// Normal of the ground at a position: a function of the ground only, so that neighbouring tiles are lit alike.
 pub(crate) fn normal(place: [f64; 2], level: &TileLevel, ground: &impl TerrainSampler) -> Vector {
-    let by = level.slope;
     let upright = EllipsoidNormal::at(place);
     let [east, north] = upright.across();
-    let here = ground.height(place);
-    let slope = |axis: usize| {
-        let mut ends = [place; 2];
-        ends[0][axis] -= by;
-        ends[1][axis] += by;
-        let found = ends.map(|end| ground.height(end));
-        let rise = match (found, here) {
-            ([Some(low), Some(high)], _) => high - low,
-            ([None, Some(high)], Some(here)) => 2.0 * (high - here),
-            ([Some(low), None], Some(here)) => 2.0 * (here - low),
-            _ => return 0.0,
-        };
-        let length = (EllipsoidNormal::at(ends[1]).point(0.0)
-            - EllipsoidNormal::at(ends[0]).point(0.0))
-        .length();
-        // Meridians meet at the poles.
-        let least = 2.0 * by.to_radians() * EQUATOR * NARROWEST;
-        if length > least { rise / length } else { 0.0 }
-    };
-    let slopes = [slope(0), slope(1)];
+    let height = ground.height(place);
+    let slopes = [0, 1].map(|axis| slope(place, height, axis, level.slope, ground));
     let share = (STEEPEST / slopes[0].hypot(slopes[1])).min(1.0);
     (upright.normal - east * (slopes[0] * share) - north * (slopes[1] * share)).unit()
+}
+
+/// Slope at a position with a height, to the east or to the north, between positions `by` degrees away; 0 where
+/// it is unknown.
+fn slope(
+    place: [f64; 2],
+    height: Option<f64>,
+    axis: usize,
+    by: f64,
+    ground: &impl TerrainSampler,
+) -> f64 {
+    let mut ends = [place; 2];
+    ends[0][axis] -= by;
+    ends[1][axis] += by;
+    let rise = match (ends.map(|end| ground.height(end)), height) {
+        ([Some(low), Some(high)], _) => high - low,
+        ([None, Some(high)], Some(here)) => 2.0 * (high - here),
+        ([Some(low), None], Some(here)) => 2.0 * (here - low),
+        _ => return 0.0,
+    };
+    let [from, to] = ends.map(|end| EllipsoidNormal::at(end).point(0.0));
+    let length = (to - from).length();
+    // Meridians meet at the poles.
+    let min_length = 2.0 * by.to_radians() * EQUATOR * NARROWEST;
+    if length > min_length { rise / length } else { 0.0 }
 }
 
 /// A direction in two bytes: octahedral encoding (Cigolle et al. 2014, "A Survey of Efficient Representations
@@ -251,8 +259,9 @@ fn octants(direction: Vector) -> [u8; 2] {
     let size = x.abs() + y.abs() + z.abs();
     let [mut x, mut y] = [x / size, y / size];
     if z < 0.0 {
-        let sign = |value: f64| if value < 0.0 { -1.0 } else { 1.0 };
-        [x, y] = [(1.0 - y.abs()) * sign(x), (1.0 - x.abs()) * sign(y)];
+        // Not `signum`: it is -1 for negative zero.
+        let signs = [x, y].map(|value| if value < 0.0 { -1.0 } else { 1.0 });
+        [x, y] = [(1.0 - y.abs()) * signs[0], (1.0 - x.abs()) * signs[1]];
     }
     [x, y].map(|value| ((value.clamp(-1.0, 1.0) * 0.5 + 0.5) * 255.0).round() as u8)
 }

@@ -13,13 +13,14 @@ const SURELY: f64 = 0.02;
 /// Triangles by the cells of positions that they touch.
 pub(crate) struct FoldedTriangles {
     lists: Vec<Vec<u32>>,
-    squares: usize,
+    /// Cells along a side.
+    cells: usize,
 }
 
 impl TileFacet {
     /// Whether the vertical at a point meets it, from above or below.
     pub(crate) fn is_met(&self, frame: &EastNorthUpFrame) -> bool {
-        let sides = self.seen_from(frame).parts;
+        let sides = self.view_from(frame).parts;
         let is_over =
             sides.iter().all(|side| *side >= 0.0) || sides.iter().all(|side| *side <= 0.0);
         is_over && sides.iter().sum::<f64>() != 0.0
@@ -27,9 +28,9 @@ impl TileFacet {
 
     /// Distance of a sample if it is not a plane: at most that from one of its corners.
     pub(crate) fn within(&self, frame: &EastNorthUpFrame, doubt: f64) -> f64 {
-        let seen = self.seen_from(frame);
-        let highest = seen.corners.iter().fold(0.0_f64, |most, corner| most.max(corner[2].abs()));
-        seen.off(doubt).min(highest + doubt)
+        let view = self.view_from(frame);
+        let highest = view.corners.iter().fold(0.0_f64, |max, corner| max.max(corner[2].abs()));
+        view.off(doubt).min(highest + doubt)
     }
 
     fn is_turned_over(&self, id: GlobeTileId, at: [[i32; 2]; 3]) -> bool {
@@ -37,8 +38,7 @@ impl TileFacet {
         if self.across.dot(out) > SURELY * self.across.length() {
             return false;
         }
-        let up = |at: [i32; 2]| EllipsoidNormal::at(id.place(at)).normal;
-        at.into_iter().any(|at| self.across.dot(up(at)) <= 0.0)
+        at.into_iter().any(|at| self.across.dot(EllipsoidNormal::at(id.place(at)).normal) <= 0.0)
     }
 }
 
@@ -46,18 +46,19 @@ impl FoldedTriangles {
     /// For triangles by number, with corner positions, on a lattice of this many metres (0 for none); `None` if
     /// no triangle is reversed.
     pub(crate) fn of(
-        (id, lattice): (GlobeTileId, f64),
+        id: GlobeTileId,
+        lattice: f64,
         facets: &[TileFacet],
         triangles: impl Iterator<Item = (u32, [[i32; 2]; 3])> + Clone,
     ) -> Option<Self> {
         triangles.clone().find(|(number, at)| facets[*number as usize].is_turned_over(id, *at))?;
-        let squares = (facets.len() as f64).sqrt().ceil().max(1.0) as usize;
-        let mut folds = Self { lists: vec![Vec::new(); squares * squares], squares };
+        let cells = (facets.len() as f64).sqrt().ceil().max(1.0) as usize;
+        let mut folds = Self { lists: vec![Vec::new(); cells * cells], cells };
         let bounds = id.bounds();
         let north = bounds.south.abs().max(bounds.north.abs()).to_radians();
         let angle = degrees(id.level).to_radians() / f64::from(STEPS);
         let step = angle * EQUATOR;
-        let beside = [step * north.cos().max(0.01), step].map(|step| 2.0 + 2.0 * lattice / step);
+        let margins = [step * north.cos().max(0.01), step].map(|step| 2.0 + 2.0 * lattice / step);
         for (number, at) in triangles {
             let ends = [0, 1].map(|axis: usize| {
                 let all = at.map(|at| f64::from(at[axis]));
@@ -67,24 +68,25 @@ impl FoldedTriangles {
             });
             // Steps that a chord is from the parallel through its ends, at 45 degrees, are half of that.
             let bend = (ends[0][1] - ends[0][0]).powi(2) * angle / 8.0;
-            let reach = |axis: usize, beside: f64| {
-                folds.square(ends[axis][0] - beside)..=folds.square(ends[axis][1] + beside)
-            };
-            let (cols, rows) = (reach(0, beside[0]), reach(1, beside[1] + bend));
+            let margins = [margins[0], margins[1] + bend];
+            let [cols, rows] = [0, 1].map(|axis: usize| {
+                let [low, high] = [ends[axis][0] - margins[axis], ends[axis][1] + margins[axis]];
+                cell(low, cells)..=cell(high, cells)
+            });
             for row in rows {
-                cols.clone().for_each(|col| folds.lists[row * squares + col].push(number));
+                cols.clone().for_each(|col| folds.lists[row * cells + col].push(number));
             }
         }
         Some(folds)
     }
 
-    fn square(&self, at: f64) -> usize {
-        let square = at / f64::from(STEPS + 1) * self.squares as f64;
-        square.clamp(0.0, self.squares as f64 - 1.0) as usize
-    }
-
     /// Triangles that may lie above or below a position.
     pub(crate) fn near(&self, [u, v]: [f64; 2]) -> &[u32] {
-        &self.lists[self.square(v) * self.squares + self.square(u)]
+        &self.lists[cell(v, self.cells) * self.cells + cell(u, self.cells)]
     }
+}
+
+/// Cell of a number of steps, of this many along a side.
+pub(crate) fn cell(at: f64, cells: usize) -> usize {
+    (at / f64::from(STEPS + 1) * cells as f64).clamp(0.0, cells as f64 - 1.0) as usize
 }

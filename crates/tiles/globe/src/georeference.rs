@@ -34,7 +34,7 @@ const ALONG: u32 = 4;
 /// Positions of the samples of a grid on the globe.
 #[derive(Clone, Debug)]
 pub struct GridGeolocation {
-    whole: [u32; 2],
+    size: [u32; 2],
     way: GlobeMapping,
     /// Descent of heights beyond the grid, in metres per metre.
     slope: f64,
@@ -83,9 +83,9 @@ struct CurvedLattice {
 
 impl GridGeolocation {
     /// For a grid of columns and rows that `map` transforms to longitudes and latitudes without rotation.
-    pub fn straight(map: Affine, whole: [u32; 2]) -> Self {
+    pub fn straight(map: Affine, size: [u32; 2]) -> Self {
         debug_assert!(map.b == 0.0 && map.d == 0.0);
-        Self { whole, way: GlobeMapping::Straight(map), slope: 0.0 }
+        Self { size, way: GlobeMapping::Straight(map), slope: 0.0 }
     }
 
     /// The same with ground beyond the grid that descends to the ellipsoid by this many metres per metre along
@@ -107,48 +107,50 @@ impl GridGeolocation {
     /// Errors of `to`; a grid across 180 degrees or with a pole, or one too bent for a thousand by a thousand
     /// nodes.
     pub fn bent(
-        whole: [u32; 2],
+        size: [u32; 2],
         to: impl Fn([f64; 2]) -> Result<[f64; 2]>,
         back: impl Fn([f64; 2]) -> Result<[f64; 2]>,
     ) -> Result<Self> {
-        let ends = whole.map(|count| count.max(2) - 1);
-        let is_in =
-            |at: [f64; 2]| (0..2).all(|axis| (0.0..=f64::from(ends[axis])).contains(&at[axis]));
-        if [-90.0, 90.0].into_iter().any(|pole| back([0.0, pole]).is_ok_and(is_in)) {
+        let ends = size.map(|count| count.max(2) - 1);
+        let poles = [-90.0, 90.0].into_iter().flat_map(|pole| back([0.0, pole]));
+        let is_in = |[col, row]: [f64; 2]| {
+            (0.0..=f64::from(ends[0])).contains(&col) && (0.0..=f64::from(ends[1])).contains(&row)
+        };
+        if poles.into_iter().any(is_in) {
             return Err(Error::unsupported("contains a pole")
                 .remedy("split it into parts without the pole"));
         }
-        let mut found = Err(Error::bad_input("is empty"));
+        let mut result = Err(Error::bad_input("is empty"));
         for between in BETWEEN {
             let parts = ends.map(|end| end.div_ceil(between).clamp(PARTS[0], PARTS[1]));
-            let chart = Self::of_parts(whole, parts, &to, &back)?;
-            found = chart.check(parts, &to).map(|off| match &chart.way {
+            let chart = Self::of_parts(size, parts, &to, &back)?;
+            result = chart.check(parts, &to).map(|off| match &chart.way {
                 GlobeMapping::Bent(bent) => {
                     bent.off.set(off).unwrap_or_default();
                     chart
                 }
                 GlobeMapping::Straight(_) => chart,
             });
-            if found.is_ok() {
+            if result.is_ok() {
                 break;
             }
         }
-        found
+        result
     }
 
     /// A bent grid with nodes this many parts apart.
     fn of_parts(
-        whole: [u32; 2],
+        size: [u32; 2],
         parts: [u32; 2],
         to: &impl Fn([f64; 2]) -> Result<[f64; 2]>,
         back: &impl Fn([f64; 2]) -> Result<[f64; 2]>,
     ) -> Result<Self> {
-        let ends = whole.map(|count| f64::from(count.max(2) - 1));
+        let ends = size.map(|count| f64::from(count.max(2) - 1));
         let sides = ends.map(|end| [0.0, end]);
         let upright =
             CubicTable::new(sides, parts, |at| Ok(EllipsoidNormal::at(to(at)?).normal.0))?;
         let spacing = spacing(&upright);
-        let bounds = outline(whole, &upright, spacing)?;
+        let bounds = outline(size, &upright, spacing)?;
         // With a margin, so that the table covers the border of the samples.
         let known = bounds.grown(2.0 * spacing);
         let sides = [[known.west, known.east], [known.south, known.north]];
@@ -156,35 +158,28 @@ impl GridGeolocation {
         // At most half the sample spacing, and a divisor of every tile's side.
         let stop = 180.0 / (360.0 / spacing).log2().ceil().exp2();
         let bent = CurvedLattice { upright, samples, bounds, spacing, stop, off: OnceLock::new() };
-        Ok(Self { whole, way: GlobeMapping::Bent(Arc::new(bent)), slope: 0.0 })
+        Ok(Self { size, way: GlobeMapping::Bent(Arc::new(bent)), slope: 0.0 })
     }
 
     /// Fails if positions between nodes are inaccurate; returns their largest error in metres.
     fn check(&self, parts: [u32; 2], to: impl Fn([f64; 2]) -> Result<[f64; 2]>) -> Result<f64> {
         /// Largest number of test positions along an axis.
-        const MOST: u32 = 64;
-        let too_bent = |off: f64, unit: &str| {
-            Error::unsupported(format!(
-                "is too large for its projection: positions are off by {off:.1e} {unit}"
-            ))
-            .remedy("split it, or transform it with gdalwarp -t_srs EPSG:4326")
-        };
-        let mut most = 0.0_f64;
-        for row in (0..parts[1]).step_by(parts[1].div_ceil(MOST) as usize) {
-            for col in (0..parts[0]).step_by(parts[0].div_ceil(MOST) as usize) {
-                // Samples halfway between nodes.
-                let middle = |axis: usize, part: u32| {
-                    let last = f64::from(self.whole[axis] - 1);
-                    ((f64::from(part) + 0.5) * last / f64::from(parts[axis])).round()
-                };
-                let at = [middle(0, col), middle(1, row)];
+        const MAX_TESTS: u32 = 64;
+        let mut max_off = 0.0_f64;
+        for row in (0..parts[1]).step_by(parts[1].div_ceil(MAX_TESTS) as usize) {
+            for col in (0..parts[0]).step_by(parts[0].div_ceil(MAX_TESTS) as usize) {
+                // Samples halfway between nodes, where polynomials are off most.
+                let at = [0, 1].map(|axis: usize| {
+                    let last = f64::from(self.size[axis] - 1);
+                    ((f64::from([col, row][axis]) + 0.5) * last / f64::from(parts[axis])).round()
+                });
                 let place = to(at)?;
                 let off =
                     (self.upright(at).point(0.0) - EllipsoidNormal::at(place).point(0.0)).length();
                 if off > OFF {
                     return Err(too_bent(off, "m"));
                 }
-                most = most.max(off);
+                max_off = max_off.max(off);
                 let back = self.at(place);
                 let off = (back[0] - at[0]).abs().max((back[1] - at[1]).abs());
                 if off.is_nan() || off > OFF_BACK {
@@ -192,7 +187,7 @@ impl GridGeolocation {
                 }
             }
         }
-        Ok(most)
+        Ok(max_off)
     }
 
     /// Largest error of sample positions in metres.
@@ -206,8 +201,8 @@ impl GridGeolocation {
     }
 
     /// Columns and rows.
-    pub fn whole(&self) -> [u32; 2] {
-        self.whole
+    pub fn size(&self) -> [u32; 2] {
+        self.size
     }
 
     /// Affine map to longitudes and latitudes, if rows are parallels and columns meridians.
@@ -227,7 +222,7 @@ impl GridGeolocation {
     pub fn bounds(&self) -> GeodeticBounds {
         match &self.way {
             GlobeMapping::Straight(map) => {
-                let [a, b] = [[0; 2], self.whole.map(|count| count - 1)]
+                let [a, b] = [[0; 2], self.size.map(|count| count - 1)]
                     .map(|[col, row]| map.apply(f64::from(col), f64::from(row)));
                 GeodeticBounds {
                     west: a[0].min(b[0]),
@@ -322,8 +317,7 @@ impl GridGeolocation {
             return GlobePosition { at: [0.0; 2], fall };
         }
         let near = at.map(|at| if (at - at.round()).abs() < HAIR { at.round() } else { at });
-        let clamp = |axis: usize| near[axis].clamp(0.0, f64::from(self.whole[axis] - 1));
-        let at = [0, 1].map(clamp);
+        let at = [0, 1].map(|axis: usize| near[axis].clamp(0.0, f64::from(self.size[axis] - 1)));
         let is_beside = match &self.way {
             GlobeMapping::Straight(_) => false,
             GlobeMapping::Bent(bent) => !bent.bounds.holds(place),
@@ -357,16 +351,15 @@ impl GridGeolocation {
         let corners = [[west, south], [east, south], [east, north], [west, north]];
         for (i, from) in corners.into_iter().enumerate() {
             let to = corners[(i + 1) % 4];
-            let at = |k: u32| {
-                let part = f64::from(k) / f64::from(ALONG);
+            let points: [[f64; 2]; ALONG as usize + 1] = std::array::from_fn(|k| {
+                let part = f64::from(k as u32) / f64::from(ALONG);
                 self.columns([0, 1].map(|axis: usize| from[axis] + (to[axis] - from[axis]) * part))
-            };
-            let points: [[f64; 2]; ALONG as usize + 1] = std::array::from_fn(|k| at(k as u32));
+            });
             for (axis, [low, high]) in ends.iter_mut().enumerate() {
                 for point in points {
                     // Where nothing is known there may be any sample.
                     let [from, to] = match point[axis].is_nan() {
-                        true => [0.0, f64::from(self.whole[axis])],
+                        true => [0.0, f64::from(self.size[axis])],
                         false => [point[axis]; 2],
                     };
                     (*low, *high) = (low.min(from), high.max(to));
@@ -386,14 +379,16 @@ impl GridGeolocation {
         if let GlobeMapping::Straight(_) = &self.way {
             return 0.0;
         }
-        let point = |at: [f64; 2]| self.upright(at).point(0.0);
-        let off = |a: [f64; 2], b: [f64; 2]| {
-            let middle = [(a[0] + b[0]) / 2.0, (a[1] + b[1]) / 2.0];
-            (point(middle) - (point(a) + point(b)) * 0.5).length()
-        };
-        let along = off([left, top], [right, top]).max(off([left, bottom], [right, bottom]));
-        let down = off([left, top], [left, bottom]).max(off([right, top], [right, bottom]));
-        along + down
+        let [across, below] = [top, bottom].map(|row| self.sagitta([left, row], [right, row]));
+        let [down, beside] = [left, right].map(|col| self.sagitta([col, top], [col, bottom]));
+        across.max(below) + down.max(beside)
+    }
+
+    /// Distance of the middle of two samples from the straight line between them, in metres.
+    fn sagitta(&self, a: [f64; 2], b: [f64; 2]) -> f64 {
+        let middle = [(a[0] + b[0]) / 2.0, (a[1] + b[1]) / 2.0];
+        let [a, middle, b] = [a, middle, b].map(|at| self.upright(at).point(0.0));
+        (middle - (a + b) * 0.5).length()
     }
 
     /// Passes on positions along the straight line between two positions on one meridian or parallel that
@@ -405,35 +400,41 @@ impl GridGeolocation {
         let [origin, low, high] =
             if axis == 0 { [-180.0, west, east] } else { [-90.0, south, north] };
         let [a, b] = [from[axis].min(to[axis]).max(low), from[axis].max(to[axis]).min(high)];
-        let mut stop = |at: f64| {
-            let mut place = from;
-            place[axis] = at;
-            found(place);
-        };
+        let across = from[1 - axis];
         // The ground beyond the samples begins at their bounds.
-        [low, high].into_iter().filter(|end| (a..=b).contains(end)).for_each(&mut stop);
+        for end in [low, high].into_iter().filter(|end| (a..=b).contains(end)) {
+            found(on_line(axis, end, across));
+        }
         let [first, last] = [a, b].map(|value| (value - origin) / bent.stop);
         let mut i = first.ceil();
         while i <= last.floor() {
-            stop(origin + i * bent.stop);
+            found(on_line(axis, origin + i * bent.stop, across));
             i += 1.0;
         }
         // Crossings with rows or columns of samples may be breaks of the ground.
-        let at = |along: f64| {
-            let mut place = from;
-            place[axis] = along;
-            self.at(place)
-        };
-        let (mut i, mut here) = (first.floor(), at(origin + first.floor() * bent.stop));
+        let mut i = first.floor();
+        let mut here = self.at(on_line(axis, origin + i * bent.stop, across));
         while i < last.ceil() {
             let ends = [i, i + 1.0].map(|i| origin + i * bent.stop);
-            let next = at(ends[1]);
+            let next = self.at(on_line(axis, ends[1], across));
             for crossing in (0..2).flat_map(|axis| crossings(ends, [here[axis], next[axis]])) {
                 if (a..=b).contains(&crossing) {
-                    stop(crossing);
+                    found(on_line(axis, crossing, across));
                 }
             }
             (i, here) = (i + 1.0, next);
         }
     }
+}
+
+/// Position on a meridian (axis 1) or a parallel (axis 0).
+fn on_line(axis: usize, along: f64, across: f64) -> [f64; 2] {
+    if axis == 0 { [along, across] } else { [across, along] }
+}
+
+fn too_bent(off: f64, unit: &str) -> Error {
+    Error::unsupported(format!(
+        "is too large for its projection: positions are off by {off:.1e} {unit}"
+    ))
+    .remedy("split it, or transform it with gdalwarp -t_srs EPSG:4326")
 }

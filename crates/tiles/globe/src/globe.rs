@@ -170,7 +170,7 @@ impl EastNorthUpFrame {
 
     /// Local coordinates of a position: east and north in metres times cos(latitude), and metres up.
     #[inline]
-    pub(crate) fn look(&self, place: Vector) -> [f64; 3] {
+    pub(crate) fn local(&self, place: Vector) -> [f64; 3] {
         let from = place - self.at;
         self.axes.map(|axis| axis.dot(from))
     }

@@ -51,8 +51,9 @@ pub fn in_shorts(level: TileLevel) -> TileLevel {
     if level.is_steep {
         return level;
     }
-    let coarser = |lattice: f64| (lattice * COARSER).min(level.step / 2.0).max(lattice);
-    TileLevel { lattice: level.lattice.map(coarser), ..level }
+    let lattice =
+        level.lattice.map(|lattice| (lattice * COARSER).min(level.step / 2.0).max(lattice));
+    TileLevel { lattice, ..level }
 }
 
 /// Metadata of a tile in a tileset.
@@ -99,10 +100,12 @@ impl TileMetadata {
 
     /// Extends the sphere and the error of a tile to those of a child, as clients require. Heights are
     /// unchanged: the occlusion point depends on them.
-    pub fn hold(&mut self, part: &Self) {
-        let ((centre, radius), (beside, least)) = (self.sphere, part.sphere);
-        self.sphere.1 = radius.max(((beside - centre).length() + least) * (1.0 + f64::EPSILON));
-        self.error = self.error.max(part.error);
+    pub fn hold(&mut self, child: &Self) {
+        let ((centre, radius), (of_child, child_radius)) = (self.sphere, child.sphere);
+        // Rounded up, so that the sphere contains that of the child.
+        let reach = ((of_child - centre).length() + child_radius) * (1.0 + f64::EPSILON);
+        self.sphere.1 = radius.max(reach);
+        self.error = self.error.max(child.error);
     }
 }
 
@@ -112,8 +115,9 @@ fn lowest(tile: &TerrainTile, points: &[Vector], corners: [u32; 3]) -> f64 {
     let heights =
         corners.map(|corner| f64::from(tile.vertices[corner as usize].height) * tile.step);
     let low = heights.into_iter().fold(f64::INFINITY, f64::min);
-    let side = |k: usize| points[corners[k] as usize] - points[corners[(k + 1) % 3] as usize];
-    let longest = (0..3).map(|k| side(k).dot(side(k))).fold(0.0, f64::max);
+    let corners = corners.map(|corner| points[corner as usize]);
+    let sides = [0, 1, 2].map(|k| corners[k] - corners[(k + 1) % 3]);
+    let longest = sides.iter().map(|side| side.dot(*side)).fold(0.0, f64::max);
     low - longest / (6.0 * (BEND + low.min(0.0)))
 }
 
@@ -133,20 +137,20 @@ enum PositionNumbers {
 impl QuantizedPositions {
     /// Relative to a centre on the lattice.
     fn single(points: &[Vector], from: Vector) -> Self {
-        let offset = |point: &Vector| (*point - from).0.map(|value| value as f32);
-        let numbers = PositionNumbers::Single(points.iter().map(offset).collect());
-        Self { from, metres: 1.0, numbers }
+        let offsets = points.iter().map(|point| (*point - from).0.map(|value| value as f32));
+        Self { from, metres: 1.0, numbers: PositionNumbers::Single(offsets.collect()) }
     }
 
     /// In lattice steps from the lowest coordinates, if they fit in 16 bits.
     fn short(points: &[Vector], lattice: f64, is_part: bool) -> Option<Self> {
-        let lowest = |axis: usize| points.iter().map(|p| p.0[axis]).fold(f64::INFINITY, f64::min);
-        let from = Vector(std::array::from_fn(lowest));
-        let steps = |point: &Vector| {
+        let from = Vector(std::array::from_fn(|axis| {
+            points.iter().map(|p| p.0[axis]).fold(f64::INFINITY, f64::min)
+        }));
+        let steps = points.iter().map(|point| {
             let steps = (*point - from).0.map(|value| value / lattice);
             steps.iter().all(|steps| *steps <= SHORTS).then(|| steps.map(|steps| steps as u16))
-        };
-        let steps = points.iter().map(steps).collect::<Option<_>>()?;
+        });
+        let steps = steps.collect::<Option<_>>()?;
         let metres = if is_part { lattice * SHORTS } else { lattice };
         Some(Self { from, metres, numbers: PositionNumbers::Short(steps, is_part) })
     }
@@ -182,13 +186,13 @@ pub fn glb<G: TerrainSampler>(
     let mut parts = TileBufferBuilder::new(is_packed);
     let mut attributes = placed(&vertices, &counted, &mut parts)?;
     if let Some((level, ground)) = normals {
-        let at = |v: &TileVertex| normal(tile.id.place(v.at), level, ground).0.map(|x| x as f32);
-        let found: Vec<[f32; 3]> = vertices.iter().map(at).collect();
-        let found = match is_packed {
-            true => parts.directions(&found)?,
-            false => parts.floats("VEC3", &found, false)?,
+        let normals = vertices.iter().map(|v| normal(tile.id.place(v.at), level, ground).0);
+        let normals: Vec<_> = normals.map(|normal| normal.map(|value| value as f32)).collect();
+        let view = match is_packed {
+            true => parts.directions(&normals)?,
+            false => parts.floats("VEC3", &normals, false)?,
         };
-        attributes += &format!(r#","NORMAL":{found}"#);
+        attributes += &format!(r#","NORMAL":{view}"#);
     }
     let is_short = vertices.len() <= SHORT;
     let indices = parts.triangles(triangles.as_flattened(), is_short)?;
@@ -220,16 +224,15 @@ fn placed(
     parts: &mut TileBufferBuilder,
 ) -> Result<String> {
     // From the top, as in images.
-    let steps = |v: &TileVertex| [v.at[0], STEPS - v.at[1]];
+    let steps = vertices.iter().map(|v| [v.at[0], STEPS - v.at[1]]);
     let [position, place] = match &counted.numbers {
         PositionNumbers::Single(offsets) => {
-            let places: Vec<[f32; 2]> =
-                vertices.iter().map(|v| steps(v).map(|at| at as f32 / STEPS as f32)).collect();
+            let places: Vec<_> =
+                steps.map(|steps| steps.map(|at| at as f32 / STEPS as f32)).collect();
             [parts.floats("VEC3", offsets, true)?, parts.floats("VEC2", &places, false)?]
         }
         PositionNumbers::Short(counts, is_part) => {
-            let places: Vec<[i16; 2]> =
-                vertices.iter().map(|v| steps(v).map(|at| at as i16)).collect();
+            let places: Vec<_> = steps.map(|steps| steps.map(|at| at as i16)).collect();
             [parts.positions(counts, *is_part)?, parts.shares(&places)?]
         }
     };
@@ -238,27 +241,33 @@ fn placed(
 
 /// Used and required extensions of a file.
 fn extensions(edges: bool, is_packed: bool) -> String {
-    let edges = edges.then_some(EDGES);
-    let needed = [MESHOPT, QUANTIZED].into_iter().filter(|_| is_packed);
-    let list = |names: Vec<&str>, key: &str| match names.is_empty() {
+    let required: &[&str] = if is_packed { &[MESHOPT, QUANTIZED] } else { &[] };
+    let used: Vec<&str> = edges.then_some(EDGES).iter().chain(required).copied().collect();
+    name_list("extensionsUsed", &used) + &name_list("extensionsRequired", required)
+}
+
+/// A property with a list of names, after others; empty without names.
+fn name_list(key: &str, names: &[&str]) -> String {
+    match names.is_empty() {
         true => String::new(),
         false => format!(r#","{key}":["{}"]"#, names.join(r#"",""#)),
-    };
-    list(edges.into_iter().chain(needed.clone()).collect(), "extensionsUsed")
-        + &list(needed.collect(), "extensionsRequired")
+    }
 }
 
 /// Vertices of a side in the order of a walk around the tile with the tile on the right, as clients build
 /// skirts; of a vertex and its skirt vertex, the upper one.
 fn around(vertices: &[TileVertex], side: TileSide) -> Vec<u32> {
-    let on_side = |(i, v): (u32, &TileVertex)| side.along(v.at).map(|along| (along, -v.height, i));
-    let mut found: Vec<(i32, i32, u32)> = (0..).zip(vertices).filter_map(on_side).collect();
-    found.sort_unstable();
-    found.dedup_by_key(|(along, ..)| *along);
+    // Upper vertices first, so that skirt vertices are removed as duplicates.
+    let mut on_side: Vec<(i32, i32, u32)> = (0..)
+        .zip(vertices)
+        .filter_map(|(i, v)| side.along(v.at).map(|along| (along, -v.height, i)))
+        .collect();
+    on_side.sort_unstable();
+    on_side.dedup_by_key(|(along, ..)| *along);
     if matches!(side, TileSide::South | TileSide::East) {
-        found.reverse();
+        on_side.reverse();
     }
-    found.into_iter().map(|(_, _, vertex)| vertex).collect()
+    on_side.into_iter().map(|(_, _, vertex)| vertex).collect()
 }
 
 /// The two chunks of a file.
@@ -266,10 +275,10 @@ fn chunks(json: String, mut bytes: Vec<u8>) -> Vec<u8> {
     let mut text = json.into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
     bytes.resize(bytes.len().next_multiple_of(4), 0);
-    let whole = 12 + 8 + text.len() + 8 + bytes.len();
-    let mut out = Vec::with_capacity(whole);
+    let length = 12 + 8 + text.len() + 8 + bytes.len();
+    let mut out = Vec::with_capacity(length);
     out.extend_from_slice(MAGIC);
-    out.extend([2, whole as u32, text.len() as u32].map(u32::to_le_bytes).as_flattened());
+    out.extend([2, length as u32, text.len() as u32].map(u32::to_le_bytes).as_flattened());
     out.extend_from_slice(b"JSON");
     out.extend(text);
     out.extend((bytes.len() as u32).to_le_bytes());

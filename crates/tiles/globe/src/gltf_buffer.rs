@@ -154,17 +154,18 @@ impl TileBufferBuilder {
 
     /// Adds the corners of triangles.
     pub(crate) fn triangles(&mut self, corners: &[u32], is_short: bool) -> Result<usize> {
-        self.indices((corners, TilePartMode::Triangles(corners)), is_short, INDICES)
+        self.indices(corners, TilePartMode::Triangles(corners), is_short, INDICES)
     }
 
     /// Adds numbers of vertices in any order.
     pub(crate) fn vertices(&mut self, numbers: &[u32], is_short: bool) -> Result<usize> {
-        self.indices((numbers, TilePartMode::Sequence(numbers)), is_short, 0)
+        self.indices(numbers, TilePartMode::Sequence(numbers), is_short, 0)
     }
 
     fn indices(
         &mut self,
-        (indices, mode): (&[u32], TilePartMode<'_>),
+        indices: &[u32],
+        mode: TilePartMode<'_>,
         is_short: bool,
         target: u32,
     ) -> Result<usize> {
@@ -196,13 +197,13 @@ impl TilePartMode<'_> {
 
 /// Minimum and maximum of elements along each axis, for an accessor.
 fn ends<T: Copy + PartialOrd + std::fmt::Display, const N: usize>(values: &[[T; N]]) -> String {
-    let along = |axis: usize, is_before: fn(&T, &T) -> bool| {
-        let found = values.iter().map(|value| value[axis]);
-        let end = found.reduce(|a, b| if is_before(&b, &a) { b } else { a });
-        end.map_or("0".to_owned(), |end| end.to_string())
-    };
-    let list = |is_before: fn(&T, &T) -> bool| {
-        std::array::from_fn::<String, N, _>(|axis| along(axis, is_before)).join(",")
-    };
-    format!(r#","min":[{}],"max":[{}]"#, list(|b, a| b < a), list(|b, a| b > a))
+    let [min, max] = [T::lt as fn(&T, &T) -> bool, T::gt].map(|is_before| {
+        let ends = std::array::from_fn::<String, N, _>(|axis| {
+            let along = values.iter().map(|value| value[axis]);
+            let end = along.reduce(|a, b| if is_before(&b, &a) { b } else { a });
+            end.map_or("0".to_owned(), |end| end.to_string())
+        });
+        ends.join(",")
+    });
+    format!(r#","min":[{min}],"max":[{max}]"#)
 }

@@ -9,11 +9,13 @@ const ALWAYS: f64 = 1e6;
 
 /// Centre of the bounding box of points, and the largest distance from it.
 pub(crate) fn sphere(points: &[Vector]) -> (Vector, f64) {
-    let end = |start: f64, choose: fn(f64, f64) -> f64| {
-        let far = |end: [f64; 3], p: &Vector| std::array::from_fn(|i| choose(end[i], p.0[i]));
-        Vector(points.iter().fold([start; 3], far))
-    };
-    let centre = (end(f64::INFINITY, f64::min) + end(f64::NEG_INFINITY, f64::max)) * 0.5;
+    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for Vector(point) in points {
+        for axis in 0..3 {
+            (low[axis], high[axis]) = (low[axis].min(point[axis]), high[axis].max(point[axis]));
+        }
+    }
+    let centre = (Vector(low) + Vector(high)) * 0.5;
     let radius = points.iter().map(|p| (*p - centre).length()).fold(0.0, f64::max);
     (centre, radius + EQUATOR * SLACK)
 }
@@ -25,24 +27,28 @@ pub(crate) fn sphere(points: &[Vector]) -> (Vector, f64) {
 /// A point at distance `m` is hidden where the line from the eye to it touches the unit sphere at an angle of
 /// acos(1 / m) from it or later; so what lies over the middle must be as far out as that line is there.
 pub(crate) fn occlusion(centre: Vector, points: &[Vector], lowest: f64) -> Vector {
-    let scaled = |point: Vector, below: f64| {
-        let [x, y, z] = point.0;
-        Vector([x / (EQUATOR + below), y / (EQUATOR + below), z / (POLE + below)])
-    };
     let below = lowest.min(0.0);
-    let towards = scaled(centre, below).unit();
-    let out = |point: Vector| {
-        let length = point.length().max(1.0);
-        let direction = point.unit();
-        let [cos, sin] = [direction.dot(towards), direction.cross(towards).length()];
-        let (near, far) = (1.0 / length, (length * length - 1.0).sqrt() / length);
-        let down = cos * near - sin * far;
-        // There is no such point beyond a quarter of the earth.
-        if down > 1.0 / ALWAYS { 1.0 / down } else { ALWAYS }
-    };
-    let both = points.iter().flat_map(|point| [below, 0.0].map(|by| scaled(*point, by)));
-    let most = both.map(out).fold(1.0, f64::max);
-    towards * most
+    let towards = in_radii(centre, below).unit();
+    let both = points.iter().flat_map(|point| [below, 0.0].map(|by| in_radii(*point, by)));
+    let distances = both.map(|point| occlusion_distance(point, towards));
+    towards * distances.fold(1.0, f64::max)
+}
+
+/// A point in radii of the ellipsoid, of one this many metres larger.
+fn in_radii(Vector([x, y, z]): Vector, below: f64) -> Vector {
+    Vector([x / (EQUATOR + below), y / (EQUATOR + below), z / (POLE + below)])
+}
+
+/// Distance of the point in a direction that is hidden only if `point` is, in radii.
+fn occlusion_distance(point: Vector, towards: Vector) -> f64 {
+    let length = point.length().max(1.0);
+    let direction = point.unit();
+    // By the cross product: from the cosine, the sine of a small angle would lose its digits.
+    let [cos, sin] = [direction.dot(towards), direction.cross(towards).length()];
+    let (near, far) = (1.0 / length, (length * length - 1.0).sqrt() / length);
+    let down = cos * near - sin * far;
+    // There is no such point beyond a quarter of the earth.
+    if down > 1.0 / ALWAYS { 1.0 / down } else { ALWAYS }
 }
 
 #[cfg(test)]

@@ -170,8 +170,9 @@ impl TileLevel {
 /// Deepest level with more detail than a coarser one: tiles have at most 64 samples, this many degrees apart,
 /// along a side.
 pub fn deepest_for(spacing: f64) -> u8 {
-    let is_fine = |level: &u8| tiling::degrees(*level) <= 64.0 * spacing * (1.0 + 1e-9);
-    (0..tiling::DEEPEST).find(is_fine).unwrap_or(tiling::DEEPEST)
+    let fine = 64.0 * spacing * (1.0 + 1e-9);
+    let deepest = (0..tiling::DEEPEST).find(|level| tiling::degrees(*level) <= fine);
+    deepest.unwrap_or(tiling::DEEPEST)
 }
 
 /// Nearest integer, inlined on all processors.

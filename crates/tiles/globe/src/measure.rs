@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::fold::FoldedTriangles;
+use crate::fold::{FoldedTriangles, cell};
 use crate::globe::{EastNorthUpFrame, POLE, SinCos, Vector, beneath};
 use crate::level::TileLevel;
 use crate::sample_run::{
@@ -50,8 +50,8 @@ impl ParallelFacet {
         let sides = [0, 1, 2].map(|k| corners[(k + 2) % 3] - corners[(k + 1) % 3]);
         let longest = sides.iter().fold(0.0_f64, |longest, side| longest.max(side.length()));
         let slack = HAIR * (longest + tolerance);
-        let side = |k: usize| (corners[(k + 1) % 3] - axis).cross(sides[k]).0;
-        let planes = [side(0), side(1), side(2), across.0];
+        let [p, q, r] = [0, 1, 2].map(|k| (corners[(k + 1) % 3] - axis).cross(sides[k]).0);
+        let planes = [p, q, r, across.0];
         let less = [slack, slack, slack, 0.0];
         let along = [
             planes.map(|plane| plane[0] * lat.cos),
@@ -79,7 +79,8 @@ pub struct TileShell {
     facets: Vec<TileFacet>,
     /// Start triangle for each cell of positions.
     starts: Vec<u32>,
-    squares: usize,
+    /// Cells along a side.
+    cells: usize,
     last: u32,
     /// Overlapping triangles, if some are reversed.
     folds: Option<FoldedTriangles>,
@@ -96,37 +97,39 @@ impl TileShell {
     pub(crate) fn new(
         id: GlobeTileId,
         level: &TileLevel,
-        (vertices, points): (&[TileVertex], Vec<Vector>),
+        vertices: &[TileVertex],
+        points: Vec<Vector>,
         mut triangles: Vec<([u32; 3], [u32; 3])>,
     ) -> Self {
-        let squares = (triangles.len() as f64).sqrt().ceil().max(1.0) as usize;
+        let cells = (triangles.len() as f64).sqrt().ceil().max(1.0) as usize;
         let (poles, is_flat) = flatten(&points, &mut triangles);
         let first = (0..).zip(&is_flat).find(|(_, is_flat)| !**is_flat).map_or(0, |(i, _)| i);
-        let mut starts = vec![first; squares * squares];
-        let square = |at: i32| (at as usize * squares / (STEPS as usize + 1)).min(squares - 1);
+        let mut starts = vec![first; cells * cells];
         for (number, (corners, _)) in (0..).zip(&triangles).filter(|(i, _)| !is_flat[*i as usize]) {
-            let [u, v] = vertices[corners[0] as usize].at;
-            starts[square(v) * squares + square(u)] = number;
+            let [col, row] = vertices[corners[0] as usize]
+                .at
+                .map(|at| (at as usize * cells / (STEPS as usize + 1)).min(cells - 1));
+            starts[row * cells + col] = number;
         }
-        let facet = |(corners, twins): &([u32; 3], [u32; 3])| {
+        let facets = triangles.iter().map(|(corners, twins)| {
             let at = corners.map(|corner| vertices[corner as usize].at);
             TileFacet::new(corners.map(|corner| points[corner as usize]), at, *twins)
-        };
-        let facets: Vec<TileFacet> = triangles.iter().map(facet).collect();
+        });
+        let facets: Vec<TileFacet> = facets.collect();
         let inner = (0..).zip(&triangles).zip(&is_flat).filter(|(_, is_flat)| !**is_flat);
         let inner = inner.map(|((number, (corners, _)), _)| {
             (number, corners.map(|corner| vertices[corner as usize].at))
         });
-        let folds = FoldedTriangles::of((id, level.lattice.unwrap_or_default()), &facets, inner);
+        let folds = FoldedTriangles::of(id, level.lattice.unwrap_or_default(), &facets, inner);
         let (measure, beyond, doubt) = (TileErrorMeasure::default(), BTreeMap::new(), level.doubt);
         let last = first;
-        Self { id, facets, starts, squares, last, folds, doubt, poles, measure, beyond }
+        Self { id, facets, starts, cells, last, folds, doubt, poles, measure, beyond }
     }
 
     /// Measures a sample, and records it if its error exceeds the tolerance.
     pub fn add(&mut self, sample: TerrainSample, tolerance: f64) {
         let frame = EastNorthUpFrame::new(&sample.upright, sample.height);
-        let (facet, seen) = self.facet(&sample, &frame);
+        let (facet, view) = self.facet(&sample, &frame);
         let off = match sample.place[1].abs() == 90.0 {
             true => self.off_pole(&sample),
             false => {
@@ -136,17 +139,19 @@ impl TileShell {
                     None => {
                         let twins = (0..3).zip(here.twins).filter(|(_, twin)| *twin != NONE);
                         let beside =
-                            twins.filter(|(corner, _)| seen.is_beside(*corner, self.doubt));
+                            twins.filter(|(corner, _)| view.is_beside(*corner, self.doubt));
                         beside
-                            .map(|(_, twin)| self.facets[twin as usize].seen_from(&frame))
-                            .fold(seen.off(self.doubt), |off, twin| off.min(twin.off(self.doubt)))
+                            .map(|(_, twin)| self.facets[twin as usize].view_from(&frame))
+                            .fold(view.off(self.doubt), |off, twin| off.min(twin.off(self.doubt)))
                     }
                     Some(folds) => {
                         let near = folds.near(self.id.steps(sample.place)).iter();
                         let near = near.map(|number| &self.facets[*number as usize]);
                         let met = near.filter(|facet| facet.is_met(&frame));
-                        let most = met.map(|facet| facet.within(&frame, self.doubt));
-                        most.reduce(f64::max).unwrap_or_else(|| here.within(&frame, self.doubt))
+                        let distances = met.map(|facet| facet.within(&frame, self.doubt));
+                        distances
+                            .reduce(f64::max)
+                            .unwrap_or_else(|| here.within(&frame, self.doubt))
                     }
                 }
             }
@@ -219,16 +224,16 @@ impl TileShell {
         tolerance: f64,
     ) -> bool {
         let points = corners.each_ref().map(|corner| corner.upright.point(corner.height));
-        let Some((most, steep)) = self.furthest(corners, &points) else { return false };
+        let Some((furthest, steep)) = self.furthest(corners, &points) else { return false };
         // Between the corners the earth is curved, unlike a plane.
         let across = (points[2] - points[0]).length().max((points[3] - points[1]).length());
-        let most = most + off + across * across / (4.0 * POLE) + bow * steep;
-        let is_far = most > tolerance || corners[0].place[1].abs() > FAR_NORTH;
+        let bound = furthest + off + across * across / (4.0 * POLE) + bow * steep;
+        let is_far = bound > tolerance || corners[0].place[1].abs() > FAR_NORTH;
         if is_far || self.folds.is_some() {
             return false;
         }
         self.measure.samples += u64::from(count);
-        self.measure.largest = self.measure.largest.max(most);
+        self.measure.largest = self.measure.largest.max(bound);
         true
     }
 
@@ -244,9 +249,9 @@ impl TileShell {
             corners.each_ref().map(|corner| EastNorthUpFrame::new(&corner.upright, corner.height));
         let mut first = NONE;
         for (corner, frame) in corners.iter().zip(&frames).rev() {
-            let (facet, seen) = self.facet(corner, frame);
+            let (facet, view) = self.facet(corner, frame);
             let twins = self.facets[facet as usize].twins;
-            if seen.parts.iter().zip(twins).any(|(part, twin)| *part < 0.0 && twin == NONE) {
+            if view.parts.iter().zip(twins).any(|(part, twin)| *part < 0.0 && twin == NONE) {
                 return None;
             }
             first = facet;
@@ -254,8 +259,8 @@ impl TileShell {
         let [east, north] = corners[0].upright.across();
         let flat = |point: Vector| [(point - points[0]).dot(east), (point - points[0]).dot(north)];
         let quad = points.map(flat);
-        let (mut open, mut seen) = (vec![first], vec![first]);
-        let (mut most, mut steep) = (0.0_f64, 1.0_f64);
+        let (mut open, mut visited) = (vec![first], vec![first]);
+        let (mut furthest, mut steep) = (0.0_f64, 1.0_f64);
         while let Some(number) = open.pop() {
             let facet = &self.facets[number as usize];
             let TileFacet { corners: ends, twins, .. } = facet;
@@ -263,20 +268,20 @@ impl TileShell {
             if number != first && !meets(ends.map(flat), &quad) {
                 continue;
             }
-            for [off, slope] in frames.iter().map(|frame| facet.seen_from(frame).plane()) {
-                (most, steep) = (most.max(off), steep.max(slope));
+            for [off, slope] in frames.iter().map(|frame| facet.view_from(frame).plane()) {
+                (furthest, steep) = (furthest.max(off), steep.max(slope));
             }
             for twin in twins.iter().filter(|twin| **twin != NONE) {
-                if !seen.contains(twin) {
-                    seen.push(*twin);
+                if !visited.contains(twin) {
+                    visited.push(*twin);
                     open.push(*twin);
                 }
             }
-            if seen.len() > MAX_FACETS {
+            if visited.len() > MAX_FACETS {
                 return None;
             }
         }
-        Some((most, steep))
+        Some((furthest, steep))
     }
 
     /// Records the sample with the largest error of each triangle, so that few become vertices.
@@ -291,10 +296,10 @@ impl TileShell {
     fn facet(&mut self, sample: &TerrainSample, frame: &EastNorthUpFrame) -> (u32, FacetView) {
         let mut now = self.last;
         let mut steps = 0;
-        let seen = 'walk: loop {
+        let view = 'walk: loop {
             let facet = &self.facets[now as usize];
-            let seen = facet.seen_from(frame);
-            for (part, twin) in seen.parts.into_iter().zip(facet.twins) {
+            let view = facet.view_from(frame);
+            for (part, twin) in view.parts.into_iter().zip(facet.twins) {
                 if part < 0.0 && twin != NONE {
                     steps += 1;
                     // Most walks are short, from the sample before. One that is not begins again near this sample, and
@@ -302,21 +307,21 @@ impl TileShell {
                     if steps == 64 {
                         now = self.start(sample);
                     } else if steps > 64 + self.facets.len() {
-                        break 'walk seen;
+                        break 'walk view;
                     } else {
                         now = twin;
                     }
                     continue 'walk;
                 }
             }
-            let mut out = (0..3).filter(|k| seen.parts[*k] < 0.0 && facet.twins[*k] == NONE);
+            let mut out = (0..3).filter(|k| view.parts[*k] < 0.0 && facet.twins[*k] == NONE);
             match out.find_map(|k| self.along_border(now, k, sample, frame)) {
                 Some(next) if steps < 64 + self.facets.len() => (now, steps) = (next, steps + 1),
-                _ => break seen,
+                _ => break view,
             }
         };
         self.last = now;
-        (now, seen)
+        (now, view)
     }
 
     /// The triangle of the border beside which a sample is, where that is another one: the sample is beyond the side
@@ -336,7 +341,7 @@ impl TileShell {
             let Some(further) = next(now) else { break };
             (now, is_next) = (further, false);
         }
-        let is_beyond = self.facets[now.0 as usize].seen_from(frame).parts[now.1] < 0.0;
+        let is_beyond = self.facets[now.0 as usize].view_from(frame).parts[now.1] < 0.0;
         let stays = is_next && is_beyond && !self.holds(now.0, frame);
         (now.0 != facet && !stays).then_some(now.0)
     }
@@ -354,11 +359,10 @@ impl TileShell {
         let [a, b] = [1, 2].map(|k| here.corners[(corner + k) % 3]);
         // Positive if the sample is before the first end, and past the other one.
         let [before, beyond] = if here.on_parallel[corner] {
-            let turn = |Vector([ax, ay, _]): Vector, Vector([bx, by, _]): Vector| ax * by - ay * bx;
             let (east, normal) = (turn(a, b), sample.upright.normal);
             [turn(normal, a) * east, turn(b, normal) * east]
         } else {
-            let [from, to] = [a, b].map(|end| frame.look(end)[1]);
+            let [from, to] = [a, b].map(|end| frame.local(end)[1]);
             [from * (to - from), to * (from - to)]
         };
         // For a corner: its counter-clockwise successors on the current side and on the next.
@@ -389,18 +393,14 @@ impl TileShell {
     /// Whether a sample is on the inner side of all sides of a triangle that are no borders.
     fn holds(&self, facet: u32, frame: &EastNorthUpFrame) -> bool {
         let facet = &self.facets[facet as usize];
-        let mut parts = facet.seen_from(frame).parts.into_iter().zip(facet.twins);
+        let mut parts = facet.view_from(frame).parts.into_iter().zip(facet.twins);
         parts.all(|(part, twin)| twin == NONE || part >= 0.0)
     }
 
     /// A triangle near a sample.
     fn start(&self, sample: &TerrainSample) -> u32 {
-        let square = |at: f64| {
-            let square = at / f64::from(STEPS + 1) * self.squares as f64;
-            square.clamp(0.0, self.squares as f64 - 1.0) as usize
-        };
-        let [u, v] = self.id.steps(sample.place);
-        self.starts[square(v) * self.squares + square(u)]
+        let [col, row] = self.id.steps(sample.place).map(|at| cell(at, self.cells));
+        self.starts[row * self.cells + col]
     }
 
     /// Measured errors, and for each triangle the sample with the largest error beyond the tolerance.
@@ -410,6 +410,16 @@ impl TileShell {
     }
 }
 
+/// Cross product seen along the axis of the earth: positive if `b` is to the east of `a`.
+fn turn(Vector([ax, ay, _]): Vector, Vector([bx, by, _]): Vector) -> f64 {
+    ax * by - ay * bx
+}
+
+/// Whether a point of a vertex lies on the axis of the earth.
+fn is_pole(point: &Vector) -> bool {
+    point.0[0].abs().max(point.0[1].abs()) < POLAR
+}
+
 /// At a pole a whole border is one position, and a triangle with two corners there is degenerate: it is
 /// unlinked from its neighbours. Returns the lowest and the highest vertex at both poles, and the unlinked
 /// triangles.
@@ -417,7 +427,6 @@ fn flatten(
     points: &[Vector],
     triangles: &mut [([u32; 3], [u32; 3])],
 ) -> ([[f64; 2]; 2], Vec<bool>) {
-    let is_pole = |point: &Vector| point.0[0].abs().max(point.0[1].abs()) < POLAR;
     let mut poles = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
     for point in points.iter().filter(|point| is_pole(point)) {
         let ([low, high], height) =
@@ -430,17 +439,14 @@ fn flatten(
     }
     for number in 0..triangles.len() {
         let (corners, twins) = triangles[number];
-        let at_pole = |is_north: bool| {
-            corners.map(|corner| {
-                let point = &points[corner as usize];
-                is_pole(point) && (point.0[2] > 0.0) == is_north
-            })
-        };
+        let corners = corners.map(|corner| &points[corner as usize]);
+        let polar = [false, true]
+            .map(|is_north| corners.map(|point| is_pole(point) && (point.0[2] > 0.0) == is_north));
         let is_line = |polar: &[bool; 3]| polar.iter().filter(|polar| **polar).count() > 1;
-        let Some(polar) = [false, true].map(at_pole).into_iter().find(is_line) else { continue };
+        let Some(polar) = polar.into_iter().find(is_line) else { continue };
         is_flat[number] = true;
-        let mut beside = twins.into_iter().zip(polar).filter(|(_, polar)| *polar);
-        let (Some((a, _)), Some((b, _))) = (beside.next(), beside.next()) else { continue };
+        let mut neighbors = twins.into_iter().zip(polar).filter(|(_, polar)| *polar);
+        let (Some((a, _)), Some((b, _))) = (neighbors.next(), neighbors.next()) else { continue };
         for (one, other) in [(a, b), (b, a)].into_iter().filter(|(one, _)| *one != NONE) {
             let back = triangles[one as usize].1.iter_mut();
             back.filter(|twin| **twin == number as u32).for_each(|twin| *twin = other);
@@ -452,24 +458,29 @@ fn flatten(
 /// Whether a counter-clockwise triangle may intersect a quadrilateral: no edge of the triangle has it entirely
 /// on the right, and the bounding boxes intersect.
 fn meets(triangle: [[f64; 2]; 3], quad: &[[f64; 2]; 4]) -> bool {
-    let ends = |points: &[[f64; 2]], axis: usize| {
-        let all = points.iter().map(|point| point[axis]);
-        all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
-    };
+    let [of_triangle, of_quad] =
+        [&triangle[..], quad].map(|points| [0, 1].map(|axis| range(points, axis)));
     // Margin for rounding and for the curvature of the earth.
-    let [width, height] = [0, 1].map(|axis| ends(quad, axis)).map(|[low, high]| high - low);
+    let [width, height] = of_quad.map(|[low, high]| high - low);
     let slack = width.max(height) * SLACK;
-    let apart = |axis: usize| {
-        let ([a, b], [c, d]) = (ends(&triangle, axis), ends(quad, axis));
-        b < c - slack || d < a - slack
-    };
-    let beside = |k: usize| {
-        let ([ax, ay], [bx, by]) = (triangle[k], triangle[(k + 1) % 3]);
-        let [ex, ey] = [bx - ax, by - ay];
-        let size = (ex * ex + ey * ey).sqrt() * slack;
-        quad.iter().all(|[x, y]| ex * (y - ay) - ey * (x - ax) < -size)
-    };
-    !(apart(0) || apart(1) || (0..3).any(beside))
+    let is_apart = of_triangle
+        .iter()
+        .zip(of_quad)
+        .any(|([low, high], [from, to])| *high < from - slack || to < low - slack);
+    !is_apart && (0..3).all(|k| !is_right_of(quad, [triangle[k], triangle[(k + 1) % 3]], slack))
+}
+
+/// Lowest and highest coordinate along an axis.
+fn range(points: &[[f64; 2]], axis: usize) -> [f64; 2] {
+    let all = points.iter().map(|point| point[axis]);
+    all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
+}
+
+/// Whether all points lie on the right of an edge, more than `slack` away.
+fn is_right_of(points: &[[f64; 2]], [[ax, ay], [bx, by]]: [[f64; 2]; 2], slack: f64) -> bool {
+    let [ex, ey] = [bx - ax, by - ay];
+    let size = (ex * ex + ey * ey).sqrt() * slack;
+    points.iter().all(|[x, y]| ex * (y - ay) - ey * (x - ax) < -size)
 }
 
 /// Tolerance for triangles beside a block, relative to its size.

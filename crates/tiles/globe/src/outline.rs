@@ -8,19 +8,19 @@ use terrane_base::error::{Error, Result};
 /// Smallest spacing of samples in degrees along the equator.
 pub(crate) fn spacing(upright: &CubicTable<3>) -> f64 {
     let [cols, rows] = upright.parts.map(|parts| parts as usize);
-    let mut least = f64::INFINITY;
+    let mut min = f64::INFINITY;
     for row in 0..=rows {
         for col in 0..=cols {
             let here = Vector(upright.node([col, row]));
             for (axis, next) in [[col + 1, row], [col, row + 1]].into_iter().enumerate() {
                 if next[axis] <= [cols, rows][axis] {
                     let off = (Vector(upright.node(next)) - here).length();
-                    least = least.min(off / upright.step[axis]);
+                    min = min.min(off / upright.step[axis]);
                 }
             }
         }
     }
-    least.to_degrees()
+    min.to_degrees()
 }
 
 /// Bounds of all samples.
@@ -32,13 +32,13 @@ pub(crate) fn outline(
     upright: &CubicTable<3>,
     spacing: f64,
 ) -> Result<GeodeticBounds> {
-    let place = |col: u32, row: u32| {
-        EllipsoidNormal::along(Vector(upright.at([col, row].map(f64::from)))).place()
-    };
-    let across = |row: u32| (0..width).map(|col| place(col, row)).collect::<Vec<_>>();
-    let down = |col: u32| (0..height).map(|row| place(col, row)).collect::<Vec<_>>();
+    let [top, bottom] = [0, height - 1].map(|row| (0..width).map(|col| [col, row]).collect());
+    let [left, right] = [0, width - 1].map(|col| (0..height).map(|row| [col, row]).collect());
+    let sides: [Vec<[u32; 2]>; 4] = [top, bottom, left, right];
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-    for side in [across(0), across(height - 1), down(0), down(width - 1)] {
+    for side in sides {
+        let normals = side.into_iter().map(|at| Vector(upright.at(at.map(f64::from))));
+        let side: Vec<_> = normals.map(|up| EllipsoidNormal::along(up).place()).collect();
         if side.windows(2).any(|two| (two[0][0] - two[1][0]).abs() > 180.0) {
             return Err(Error::unsupported("crosses 180 degrees or contains a pole")
                 .remedy("split it there"));

@@ -29,20 +29,22 @@ type Column = fn(&TileMetadata) -> Vec<f64>;
 
 /// The subtree with root `root`: its tiles in any order, and the roots of child subtrees.
 pub fn subtree(root: GlobeTileId, tiles: &[TileMetadata], below: &[GlobeTileId]) -> Vec<u8> {
-    let first = |level: u8| ((1_usize << (2 * level)) - 1) / 3;
-    let number = |id: GlobeTileId| first(id.level - root.level) + along_curve(root, id);
-    let mut rows: Vec<(usize, &TileMetadata)> =
-        tiles.iter().map(|facts| (number(facts.id), facts)).collect();
+    let mut rows: Vec<(usize, &TileMetadata)> = tiles
+        .iter()
+        .map(|facts| {
+            (tiles_above(facts.id.level - root.level) + along_curve(root, facts.id), facts)
+        })
+        .collect();
     rows.sort_unstable_by_key(|(number, _)| *number);
-    let mut views = SubtreeBuffer::default();
-    let here = bits(first(SUBTREE_LEVELS), rows.iter().map(|(number, _)| *number));
-    let (here, count) = (views.add(&here), rows.len());
+    let mut buffer = SubtreeBuffer::default();
+    let here = bits(tiles_above(SUBTREE_LEVELS), rows.iter().map(|(number, _)| *number));
+    let (here, count) = (buffer.add(&here), rows.len());
     let here = format!(r#"{{"bitstream":{here},"availableCount":{count}}}"#);
     let children = match below.len() {
         0 => r#"{"constant":0}"#.to_owned(),
         count => {
             let all = below.iter().map(|id| along_curve(root, *id));
-            let bits = views.add(&bits(1 << (2 * SUBTREE_LEVELS), all));
+            let bits = buffer.add(&bits(1 << (2 * SUBTREE_LEVELS), all));
             format!(r#"{{"bitstream":{bits},"availableCount":{count}}}"#)
         }
     };
@@ -59,16 +61,21 @@ pub fn subtree(root: GlobeTileId, tiles: &[TileMetadata], below: &[GlobeTileId])
         .map(|((name, ..), column)| {
             let values = rows.iter().flat_map(|(_, facts)| column(facts));
             let bytes: Vec<u8> = values.flat_map(f64::to_le_bytes).collect();
-            format!(r#""{name}":{{"values":{}}}"#, views.add(&bytes))
+            format!(r#""{name}":{{"values":{}}}"#, buffer.add(&bytes))
         })
         .collect();
     let json = format!(
         r#"{{"buffers":[{{"byteLength":{}}}],"bufferViews":[{}],"propertyTables":[{{"class":"tile","count":{count},"properties":{{{}}}}}],"tileMetadata":0,"tileAvailability":{here},"contentAvailability":[{here}],"childSubtreeAvailability":{children}}}"#,
-        views.bytes.len(),
-        views.told.join(","),
+        buffer.bytes.len(),
+        buffer.views.join(","),
         properties.join(","),
     );
-    file(json, &views.bytes)
+    file(json, &buffer.bytes)
+}
+
+/// Number of tiles of all levels above a level of a quadtree.
+fn tiles_above(level: u8) -> usize {
+    ((1 << (2 * level)) - 1) / 3
 }
 
 /// Morton index of a tile in its level below `root`: interleaved bits of column and row.
@@ -89,17 +96,17 @@ fn bits(count: usize, set: impl Iterator<Item = usize>) -> Vec<u8> {
 #[derive(Default)]
 struct SubtreeBuffer {
     bytes: Vec<u8>,
-    told: Vec<String>,
+    views: Vec<String>,
 }
 
 impl SubtreeBuffer {
     /// Adds a view; returns its index.
     fn add(&mut self, bytes: &[u8]) -> usize {
         let (offset, length) = (self.bytes.len(), bytes.len());
-        self.told.push(format!(r#"{{"buffer":0,"byteOffset":{offset},"byteLength":{length}}}"#));
+        self.views.push(format!(r#"{{"buffer":0,"byteOffset":{offset},"byteLength":{length}}}"#));
         self.bytes.extend_from_slice(bytes);
         self.bytes.resize(self.bytes.len().next_multiple_of(8), 0);
-        self.told.len() - 1
+        self.views.len() - 1
     }
 }
 

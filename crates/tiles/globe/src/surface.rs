@@ -65,20 +65,20 @@ impl<'a> TileBuilder<'a> {
                 first.push(TileVertex { at: side.position(along), height });
             }
         }
-        let post = |part: u32| border::along(part, level.posts);
-        for row in 1..level.posts {
-            for col in 1..level.posts {
-                let at = [post(col), post(row)];
-                let place = id.place(at);
-                let height = ground.height(place);
-                let height = level.steps(height.unwrap_or_else(|| ground.filled(place)));
-                first.push(TileVertex { at, height });
-            }
+        let posts: Vec<i32> =
+            (1..level.posts).map(|part| border::along(part, level.posts)).collect();
+        for at in posts.iter().flat_map(|v| posts.iter().map(|u| [*u, *v])) {
+            let place = id.place(at);
+            let height = ground.height(place);
+            let height = level.steps(height.unwrap_or_else(|| ground.filled(place)));
+            first.push(TileVertex { at, height });
         }
         let points: Vec<Point> = first.into_iter().map(|vertex| drop.point_above(vertex)).collect();
         let corners = [[0, 0], [STEPS, 0], [0, STEPS]];
-        let corner = |at: &[i32; 2]| points.iter().copied().find(|p| [p.x, p.y] == *at);
-        let corners: Vec<Point> = corners.iter().filter_map(corner).collect();
+        let corners: Vec<Point> = corners
+            .iter()
+            .filter_map(|at| points.iter().copied().find(|p| [p.x, p.y] == *at))
+            .collect();
         let mesh = <[Point; 3]>::try_from(corners).ok().and_then(ScatterMesh::new);
         let mut mesh =
             mesh.ok_or_else(|| Error::new(ErrorKind::Internal, "a tile has no corners"))?;
@@ -138,10 +138,9 @@ impl<'a> TileBuilder<'a> {
         let before = self.mesh.points().len();
         for sample in samples {
             let [u, v] = self.id.steps(sample.place);
-            let ends = |at: f64| {
+            let [[near, far], [close, off]] = [u, v].map(|at| {
                 if at.round() > at { [at.ceil(), at.floor()] } else { [at.floor(), at.ceil()] }
-            };
-            let ([near, far], [close, off]) = (ends(u), ends(v));
+            });
             let places = [[near, close], [far, close], [near, off], [far, off]];
             places.into_iter().any(|place| {
                 let point = self.candidate(place, sample.height);
@@ -163,17 +162,16 @@ impl<'a> TileBuilder<'a> {
         columns: &mut Vec<TileMeridian>,
         points: &mut Vec<Point>,
     ) {
-        let steps = |column: &SampleMeridian| inner(self.id.steps([column.lon, row.parallel.lat]));
+        let lat = row.parallel.lat;
         let Some((first, _)) = row.iter().next() else { return };
         if columns.len() != row.len() || columns[0].lon != first.lon {
-            let meridian = |(column, _): (&SampleMeridian, f64)| {
-                let [u, _] = steps(column);
-                TileMeridian { lon: column.lon, u, cosine: self.drop.cosine(u) }
-            };
             columns.clear();
-            columns.extend(row.iter().map(meridian));
+            columns.extend(row.iter().map(|(SampleMeridian { lon, .. }, _)| {
+                let [u, _] = inner(self.id.steps([*lon, lat]));
+                TileMeridian { lon: *lon, u, cosine: self.drop.cosine(u) }
+            }));
         }
-        let [_, v] = steps(first);
+        let [_, v] = inner(self.id.steps([first.lon, lat]));
         // Both are powers of two, so the product equals the quotient.
         let [by_step, by_unit] = [self.level.step, self.level.unit()].map(|size| 1.0 / size);
         let units = self.level.step * by_unit;
@@ -189,9 +187,10 @@ impl<'a> TileBuilder<'a> {
     /// The current surface, to measure samples against.
     pub fn shell(&self) -> TileShell {
         let (vertices, numbers) = self.vertices();
-        let decoding = (self.level.step, self.level.lattice);
-        let points = vertices.iter().map(|vertex| point(self.id, decoding, *vertex));
-        TileShell::new(self.id, self.level, (&vertices, points.collect()), self.triangles(&numbers))
+        let TileLevel { step, lattice, .. } = *self.level;
+        let points = vertices.iter().map(|vertex| point(self.id, step, lattice, *vertex));
+        let (points, triangles) = (points.collect(), self.triangles(&numbers));
+        TileShell::new(self.id, self.level, &vertices, points, triangles)
     }
 
     /// The current tile with its measured errors.
@@ -204,10 +203,10 @@ impl<'a> TileBuilder<'a> {
 
     fn vertices(&self) -> (Vec<TileVertex>, Vec<u32>) {
         let vertices = self.mesh.points().iter().map(|point| self.drop.lower(*point)).collect();
-        // Ghost triangles have no index.
-        let is_inner = |i: &u32| self.mesh.corners(*i).is_some();
         let mut numbers = vec![u32::MAX; self.mesh.triangles().len()];
-        let inner = (0..self.mesh.triangles().len() as u32).filter(is_inner);
+        // Ghost triangles have no index.
+        let inner =
+            (0..self.mesh.triangles().len() as u32).filter(|i| self.mesh.corners(*i).is_some());
         for (number, triangle) in inner.enumerate() {
             numbers[triangle as usize] = number as u32;
         }

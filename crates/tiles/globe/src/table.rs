@@ -21,9 +21,10 @@ impl<const N: usize> CubicTable<N> {
         let from = sides.map(|[low, _]| low);
         let step =
             [0, 1].map(|axis: usize| (sides[axis][1] - sides[axis][0]) / f64::from(parts[axis]));
-        let place = |axis: usize, part: u32| from[axis] + step[axis] * f64::from(part);
-        let all = (0..=parts[1]).flat_map(|row| (0..=parts[0]).map(move |col| (col, row)));
-        let nodes = all.map(|(col, row)| of([place(0, col), place(1, row)]));
+        let all = (0..=parts[1]).flat_map(|row| (0..=parts[0]).map(move |col| [col, row]));
+        let nodes = all.map(|node| {
+            of([0, 1].map(|axis: usize| from[axis] + step[axis] * f64::from(node[axis])))
+        });
         Ok(Self { from, step, parts, nodes: nodes.collect::<Result<_>>()? })
     }
 

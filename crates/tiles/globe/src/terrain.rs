@@ -62,10 +62,10 @@ pub struct HeightPatch<'a> {
 enum PatchPositions {
     /// Where columns are meridians and rows parallels.
     Straight { cols: Vec<SampleMeridian>, rows: Vec<SampleParallel> },
-    /// Found once, row by row.
-    Found(Vec<([f64; 2], EllipsoidNormal)>),
+    /// Computed once, row by row.
+    Cached(Vec<([f64; 2], EllipsoidNormal)>),
     /// Computed on request.
-    Asked,
+    OnDemand,
 }
 
 impl<'a> HeightPatch<'a> {
@@ -81,13 +81,14 @@ impl<'a> HeightPatch<'a> {
     ) -> Self {
         debug_assert_eq!(heights.len(), rect.len());
         let places = match chart.map() {
-            None => PatchPositions::Asked,
+            None => PatchPositions::OnDemand,
             Some(map) => {
-                let col = |col: u32| SampleMeridian::new(map.apply(f64::from(col), 0.0)[0]);
-                let row = |row: u32| SampleParallel::new(map.apply(0.0, f64::from(row))[1]);
-                let cols = (rect.col..rect.col + rect.width).map(col).collect();
-                let rows = (rect.row..rect.row + rect.height).map(row).collect();
-                PatchPositions::Straight { cols, rows }
+                let cols = (rect.col..rect.col + rect.width).map(|col| longitude(map, col));
+                let rows = (rect.row..rect.row + rect.height).map(|row| latitude(map, row));
+                PatchPositions::Straight {
+                    cols: cols.map(SampleMeridian::new).collect(),
+                    rows: rows.map(SampleParallel::new).collect(),
+                }
             }
         };
         Self { heights, rect, chart, places, fill }
@@ -95,17 +96,14 @@ impl<'a> HeightPatch<'a> {
 
     /// The same with cached positions.
     #[must_use]
-    pub fn kept(mut self) -> Self {
-        if matches!(self.places, PatchPositions::Asked) {
+    pub fn with_positions(mut self) -> Self {
+        if matches!(self.places, PatchPositions::OnDemand) {
             let Rect { col, row, width, height } = self.rect;
             let all =
                 (row..row + height).flat_map(|row| (col..col + width).map(move |col| [col, row]));
-            let place = |at: [u32; 2]| {
-                let TerrainSample { place, upright, .. } =
-                    self.chart.sample(at.map(f64::from), 0.0);
-                (place, upright)
-            };
-            self.places = PatchPositions::Found(all.map(place).collect());
+            let samples = all.map(|at| self.chart.sample(at.map(f64::from), 0.0));
+            let places = samples.map(|sample| (sample.place, sample.upright)).collect();
+            self.places = PatchPositions::Cached(places);
         }
         self
     }
@@ -113,11 +111,13 @@ impl<'a> HeightPatch<'a> {
     /// True if a rectangle, border included, contains a valid sample.
     pub fn holds_any(&self, bounds: &GeodeticBounds) -> bool {
         let [[left, right], [top, bottom]] = self.ranges(bounds);
-        let is_one = |col: u32, row: u32| {
+        // The ranges of columns and rows are exact where these are meridians and parallels.
+        let is_exact = self.chart.map().is_some();
+        let mut all = (top..bottom).flat_map(|row| (left..right).map(move |col| (col, row)));
+        all.any(|(col, row)| {
             self.at(col, row).is_some()
-                && (self.chart.map().is_some() || bounds.holds(self.sample(col, row, 0.0).place))
-        };
-        (top..bottom).any(|row| (left..right).any(|col| is_one(col, row)))
+                && (is_exact || bounds.holds(self.sample(col, row, 0.0).place))
+        })
     }
 
     /// A sample of the patch.
@@ -125,11 +125,11 @@ impl<'a> HeightPatch<'a> {
         let [along, down] = [col - self.rect.col, row - self.rect.row].map(|at| at as usize);
         match &self.places {
             PatchPositions::Straight { cols, rows } => rows[down].sample(&cols[along], height),
-            PatchPositions::Found(places) => {
+            PatchPositions::Cached(places) => {
                 let (place, upright) = places[down * self.rect.width as usize + along];
                 TerrainSample { place, height, upright }
             }
-            PatchPositions::Asked => self.chart.sample([col, row].map(f64::from), height),
+            PatchPositions::OnDemand => self.chart.sample([col, row].map(f64::from), height),
         }
     }
 
@@ -156,8 +156,7 @@ impl<'a> HeightPatch<'a> {
         let Rect { col, row, width, height } = self.rect;
         let [cols, rows] = self.chart.range(bounds);
         [(cols, col, width), (rows, row, height)].map(|([low, high], first, count)| {
-            let clip = |at: f64| at.clamp(f64::from(first), f64::from(first + count)) as u32;
-            [clip((low - 1.0).floor()), clip((high + 2.0).ceil())]
+            [(low - 1.0).floor(), (high + 2.0).ceil()].map(|at| clip(at, first, count))
         })
     }
 
@@ -167,28 +166,37 @@ impl<'a> HeightPatch<'a> {
             0 => [self.rect.col, self.rect.width],
             _ => [self.rect.row, self.rect.height],
         };
-        let inverse = |value: f64| match axis {
+        let [a, b] = [low, high].map(|value| match axis {
             0 => map.invert(value, map.y0)[0],
             _ => map.invert(map.x0, value)[1],
-        };
-        let place = |index: u32| match axis {
-            0 => map.apply(f64::from(index), 0.0)[0],
-            _ => map.apply(0.0, f64::from(index))[1],
-        };
-        let holds = |index: u32| (low..=high).contains(&place(index));
-        let [a, b] = [inverse(low), inverse(high)];
-        let clip = |value: f64| value.clamp(f64::from(first), f64::from(first + count)) as u32;
+        });
+        let place = if axis == 0 { longitude } else { latitude };
         // Rounding may be off by one.
-        let mut start = clip(a.min(b).floor() - 1.0);
-        let mut end = clip(a.max(b).ceil() + 2.0).max(start);
-        while start < end && !holds(start) {
+        let mut start = clip(a.min(b).floor() - 1.0, first, count);
+        let mut end = clip(a.max(b).ceil() + 2.0, first, count).max(start);
+        while start < end && !(low..=high).contains(&place(map, start)) {
             start += 1;
         }
-        while start < end && !holds(end - 1) {
+        while start < end && !(low..=high).contains(&place(map, end - 1)) {
             end -= 1;
         }
         [start, end]
     }
+}
+
+/// Longitude of a column, where columns are meridians.
+fn longitude(map: &Affine, col: u32) -> f64 {
+    map.apply(f64::from(col), 0.0)[0]
+}
+
+/// Latitude of a row, where rows are parallels.
+fn latitude(map: &Affine, row: u32) -> f64 {
+    map.apply(0.0, f64::from(row))[1]
+}
+
+/// A column or row clipped to a patch; one past the last at most.
+fn clip(at: f64, first: u32, count: u32) -> u32 {
+    at.clamp(f64::from(first), f64::from(first + count)) as u32
 }
 
 impl TerrainSampler for HeightPatch<'_> {
@@ -211,7 +219,7 @@ impl TerrainSampler for HeightPatch<'_> {
     }
 
     fn feet(&self, bounds: &GeodeticBounds, stride: u32, found: &mut impl FnMut(TerrainSample)) {
-        feet(self, (self.chart, self.rect), (bounds, stride), found);
+        feet(self, self.chart, self.rect, bounds, stride, found);
     }
 
     fn bends(&self, [from, to]: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2], Option<f64>)) {
@@ -266,14 +274,18 @@ impl TerrainSampler for HeightPatch<'_> {
 
 /// Samples around a position in columns and rows with their weights; zero weights are omitted.
 pub(crate) fn around([col, row]: [f64; 2]) -> impl Iterator<Item = ([u32; 2], f64)> {
-    let ends = |at: f64| {
-        let first = at as u32;
-        let part = at - f64::from(first);
-        // A sample that counts for nothing may be void, or beyond the last column.
-        [(first, 1.0 - part), (first + 1, part)].into_iter().filter(|(_, part)| *part > 0.0)
-    };
-    ends(row)
-        .flat_map(move |(row, down)| ends(col).map(move |(col, along)| ([col, row], down * along)))
+    weighted(row).flat_map(move |(row, down)| {
+        weighted(col).map(move |(col, along)| ([col, row], down * along))
+    })
+}
+
+/// The two columns or rows around a position with their weights; zero weights are omitted.
+#[inline]
+fn weighted(at: f64) -> impl Iterator<Item = (u32, f64)> {
+    let first = at as u32;
+    let part = at - f64::from(first);
+    // A sample that counts for nothing may be void, or beyond the last column.
+    [(first, 1.0 - part), (first + 1, part)].into_iter().filter(|(_, part)| *part > 0.0)
 }
 
 /// Height at a position in columns and rows, from samples or fill.
@@ -282,34 +294,34 @@ pub(crate) fn between(
     fill: &VoidFill,
     sample: impl Fn([u32; 2]) -> Option<f64>,
 ) -> f64 {
-    let known = |at: [u32; 2]| sample(at).unwrap_or_else(|| fill.at(at.map(f64::from)));
-    around(at).map(|(at, part)| part * known(at)).sum()
+    around(at)
+        .map(|(at, part)| part * sample(at).unwrap_or_else(|| fill.at(at.map(f64::from))))
+        .sum()
 }
 
 /// Passes on, for every `stride`-th sample in `rect` at the edge of the grid, the position outside where the
 /// ground reaches the ellipsoid.
 pub(crate) fn feet(
     ground: &impl TerrainSampler,
-    (chart, rect): (&GridGeolocation, Rect),
-    (bounds, stride): (&GeodeticBounds, u32),
+    chart: &GridGeolocation,
+    rect: Rect,
+    bounds: &GeodeticBounds,
+    stride: u32,
     found: &mut impl FnMut(TerrainSample),
 ) {
     if chart.slope() == 0.0 {
         return;
     }
     let parts = [rect.col..rect.end_col(), rect.row..rect.end_row()];
-    // Where rows are parallels, these positions are on the meridian or parallel of their samples.
-    let near = |axis: usize| match chart.is_bent() {
-        true => parts[axis].clone(),
-        false => {
-            let [low, high] = chart.range(bounds)[axis];
-            let (first, end) = (low.floor().max(0.0) as u32, high.ceil().max(0.0) as u32 + 1);
-            first.max(parts[axis].start)..end.min(parts[axis].end)
-        }
-    };
     for axis in 0..2 {
-        let (ends, along) = (&parts[axis], near(1 - axis));
-        let last = chart.whole()[axis] - 1;
+        let (ends, mut along) = (&parts[axis], parts[1 - axis].clone());
+        // Where rows are parallels, these positions are on the meridian or parallel of their samples.
+        if !chart.is_bent() {
+            let [low, high] = chart.range(bounds)[1 - axis];
+            let (first, end) = (low.floor().max(0.0) as u32, high.ceil().max(0.0) as u32 + 1);
+            along = first.max(along.start)..end.min(along.end);
+        }
+        let last = chart.size()[axis] - 1;
         for (end, inwards) in
             [(0, 1.0), (last, -1.0)].into_iter().filter(|(at, _)| ends.contains(at))
         {
@@ -337,12 +349,12 @@ pub struct VoidFill {
     width: u32,
     height: u32,
     /// Samples along the side of a cell.
-    square: u32,
+    cell: u32,
 }
 
 /// Nearest integer, inlined for 64-bit values.
 #[inline(always)]
-fn whole(value: f64) -> i128 {
+fn rounded(value: f64) -> i128 {
     let nearest = value.round();
     if nearest.abs() < 9.2e18 { i128::from(nearest as i64) } else { nearest as i128 }
 }
@@ -354,85 +366,87 @@ pub struct VoidFillSums {
     sums: BTreeMap<u32, (i128, u64)>,
     width: u32,
     height: u32,
-    square: u32,
+    cell: u32,
 }
 
 /// Largest number of cells along a side.
-const SQUARES: u32 = 128;
+const MAX_CELLS: u32 = 128;
 /// Step of summed heights.
 const FRACTION: f64 = (1 << 20) as f64;
 
 impl VoidFillSums {
     /// Largest memory in bytes, including the fill.
-    pub(crate) const BYTES: u64 = (SQUARES * SQUARES) as u64 * 48;
+    pub(crate) const BYTES: u64 = (MAX_CELLS * MAX_CELLS) as u64 * 48;
 
     /// For a grid of this many columns and rows.
     pub fn new([width, height]: [u32; 2]) -> Self {
-        let square = width.max(height).div_ceil(SQUARES).max(1);
-        let [width, height] = [width, height].map(|side| side.div_ceil(square));
-        Self { sums: BTreeMap::new(), width, height, square }
+        let cell = width.max(height).div_ceil(MAX_CELLS).max(1);
+        let [width, height] = [width, height].map(|side| side.div_ceil(cell));
+        Self { sums: BTreeMap::new(), width, height, cell }
     }
 
     /// Adds a run of samples of a row; non-finite values are skipped.
     pub fn add(&mut self, first: u32, row: u32, heights: &[f64]) {
         let (mut col, mut left) = (first, heights);
         while !left.is_empty() {
-            let here = (self.square - col % self.square).min(left.len() as u32);
+            let here = (self.cell - col % self.cell).min(left.len() as u32);
             let (piece, rest) = left.split_at(here as usize);
             let (mut sum, mut count) = (0, 0);
             for height in piece.iter().filter(|height| height.is_finite()) {
-                sum += whole(height * FRACTION);
+                sum += rounded(height * FRACTION);
                 count += 1;
             }
-            self.sum(row / self.square * self.width + col / self.square, sum, count);
+            self.sum(row / self.cell * self.width + col / self.cell, sum, count);
             (col, left) = (col + here, rest);
         }
     }
 
-    fn sum(&mut self, square: u32, sum: i128, count: u64) {
+    fn sum(&mut self, cell: u32, sum: i128, count: u64) {
         if count > 0 {
-            let here = self.sums.entry(square).or_default();
+            let here = self.sums.entry(cell).or_default();
             *here = (here.0 + sum, here.1 + count);
         }
     }
 
     /// Adds the sums of other samples of the same grid.
     pub fn join(&mut self, other: &Self) {
-        other.sums().for_each(|(square, sum, count)| self.sum(square, sum, count));
+        other.sums().for_each(|(cell, sum, count)| self.sum(cell, sum, count));
     }
 
     /// Cells with samples in a rectangle.
-    pub(crate) fn squares_in(&self, rect: Rect) -> u64 {
-        let along = |from: u32, count: u32| match count {
-            0 => 0,
-            _ => u64::from((from + count - 1) / self.square - from / self.square) + 1,
-        };
-        along(rect.col, rect.width) * along(rect.row, rect.height)
+    pub(crate) fn cells_in(&self, rect: Rect) -> u64 {
+        let [across, down] =
+            [(rect.col, rect.width), (rect.row, rect.height)].map(|(from, count)| match count {
+                0 => 0,
+                _ => u64::from((from + count - 1) / self.cell - from / self.cell) + 1,
+            });
+        across * down
     }
 
     /// Cells with their sums and counts.
     pub(crate) fn sums(&self) -> impl Iterator<Item = (u32, i128, u64)> {
-        self.sums.iter().map(|(square, (sum, count))| (*square, *sum, *count))
+        self.sums.iter().map(|(cell, (sum, count))| (*cell, *sum, *count))
     }
 
     /// Adds a sum; `None` for an invalid cell or sum.
-    pub(crate) fn put(&mut self, square: u32, sum: i128, count: u64) -> Option<()> {
-        let is_one = square < self.width * self.height && sum.unsigned_abs() >> 100 == 0;
-        is_one.then(|| self.sum(square, sum, count))
+    pub(crate) fn put(&mut self, cell: u32, sum: i128, count: u64) -> Option<()> {
+        // Far below the range of the type, so that no merged sum overflows.
+        let is_valid = cell < self.width * self.height && sum.unsigned_abs() >> 100 == 0;
+        is_valid.then(|| self.sum(cell, sum, count))
     }
 
     /// The fill; `None` without samples.
     pub fn fill(&self) -> Option<VoidFill> {
-        let sum = |square| self.sums.get(&square).copied().unwrap_or_default();
-        let sums: Vec<_> = (0..self.width * self.height).map(sum).collect();
+        let cells = 0..self.width * self.height;
+        let sums = cells.map(|cell| self.sums.get(&cell).copied().unwrap_or_default());
+        let sums: Vec<_> = sums.collect();
         let means = filled(&sums, [self.width as usize, self.height as usize])?;
-        Some(VoidFill { means, width: self.width, height: self.height, square: self.square })
+        Some(VoidFill { means, width: self.width, height: self.height, cell: self.cell })
     }
 }
 
 /// Means of sums; empty cells use sums of two by two cells.
 fn filled(sums: &[(i128, u64)], [width, height]: [usize; 2]) -> Option<Vec<f64>> {
-    let mean = |(sum, count): &(i128, u64)| *sum as f64 / *count as f64 / FRACTION;
     if sums.iter().all(|(_, count)| *count > 0) {
         return Some(sums.iter().map(mean).collect());
     }
@@ -446,24 +460,29 @@ fn filled(sums: &[(i128, u64)], [width, height]: [usize; 2]) -> Option<Vec<f64>>
         *place = (place.0 + sum, place.1 + count);
     }
     let coarse = filled(&fewer, [wide, high])?;
-    let of = |(i, sum): (usize, &(i128, u64))| match sum.1 {
+    let means = sums.iter().enumerate().map(|(i, sum)| match sum.1 {
         0 => coarse[i / width / 2 * wide + i % width / 2],
         _ => mean(sum),
-    };
-    Some(sums.iter().enumerate().map(of).collect())
+    });
+    Some(means.collect())
+}
+
+/// Mean height of a sum and its count, in metres.
+fn mean((sum, count): &(i128, u64)) -> f64 {
+    *sum as f64 / *count as f64 / FRACTION
 }
 
 impl VoidFill {
     /// Range of the fill in a rectangle of samples.
     pub(crate) fn ends(&self, rect: Rect) -> [f64; 2] {
-        let along = |first: u32, count: u32, most: u32| {
-            let last = (first + count - 1) / self.square + 1;
-            (first / self.square).saturating_sub(1)..last.min(most - 1) + 1
-        };
-        let (cols, rows) =
-            (along(rect.col, rect.width, self.width), along(rect.row, rect.height, self.height));
+        let axes = [(rect.col, rect.width, self.width), (rect.row, rect.height, self.height)];
+        // With the cells around, as heights are interpolated between them.
+        let [cols, rows] = axes.map(|(first, count, cells)| {
+            let last = (first + count - 1) / self.cell + 1;
+            (first / self.cell).saturating_sub(1)..last.min(cells - 1) + 1
+        });
         let all = rows.flat_map(|row| cols.clone().map(move |col| row * self.width + col));
-        let means = all.map(|square| self.means[square as usize]);
+        let means = all.map(|cell| self.means[cell as usize]);
         means.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], mean| {
             [low.min(mean), high.max(mean)]
         })
@@ -471,21 +490,17 @@ impl VoidFill {
 
     /// At a position in samples; beyond the grid as at its border.
     pub fn at(&self, place: [f64; 2]) -> f64 {
-        let along = |axis: usize, count: u32| {
-            let place = (place[axis] + 0.5) / f64::from(self.square) - 0.5;
-            let place = place.clamp(0.0, f64::from(count - 1));
-            let first = place.floor();
-            [
-                (first as u32, 1.0 - (place - first)),
-                ((first as u32 + 1).min(count - 1), place - first),
-            ]
-        };
-        let (cols, rows) = (along(0, self.width), along(1, self.height));
-        let mean = |col: u32, row: u32| self.means[(row * self.width + col) as usize];
-        let part = |(row, down): (u32, f64)| {
-            cols.map(|(col, part)| part * down * mean(col, row)).iter().sum::<f64>()
-        };
-        rows.map(part).iter().sum()
+        let [cols, rows] = [(place[0], self.width), (place[1], self.height)].map(|(at, count)| {
+            let at = ((at + 0.5) / f64::from(self.cell) - 0.5).clamp(0.0, f64::from(count - 1));
+            let first = at.floor();
+            [(first as u32, 1.0 - (at - first)), ((first as u32 + 1).min(count - 1), at - first)]
+        });
+        let sums = rows.map(|(row, down)| {
+            let means =
+                cols.map(|(col, part)| part * down * self.means[(row * self.width + col) as usize]);
+            means.iter().sum::<f64>()
+        });
+        sums.iter().sum()
     }
 }
 

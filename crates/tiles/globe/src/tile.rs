@@ -50,14 +50,15 @@ pub struct TerrainTile {
 impl TerrainTile {
     /// Decoded position of a vertex.
     pub fn point(&self, vertex: TileVertex) -> Vector {
-        point(self.id, (self.step, self.lattice), vertex)
+        point(self.id, self.step, self.lattice, vertex)
     }
 }
 
 /// Position of a vertex from height steps and earth-centred steps in metres.
 pub(crate) fn point(
     id: GlobeTileId,
-    (step, lattice): (f64, Option<f64>),
+    step: f64,
+    lattice: Option<f64>,
     vertex: TileVertex,
 ) -> Vector {
     let point = EllipsoidNormal::at(id.place(vertex.at)).point(f64::from(vertex.height) * step);

@@ -24,24 +24,19 @@ impl TileFacet {
 
     /// View from a sample.
     #[inline]
-    pub(crate) fn seen_from(&self, frame: &EastNorthUpFrame) -> FacetView {
-        let corners = self.corners.map(|corner| frame.look(corner));
-        let part = |k: usize| {
+    pub(crate) fn view_from(&self, frame: &EastNorthUpFrame) -> FacetView {
+        let corners = self.corners.map(|corner| frame.local(corner));
+        let parts = [0, 1, 2].map(|k| {
             let ([ax, ay, _], [bx, by, _]) = (corners[(k + 1) % 3], corners[(k + 2) % 3]);
             ax * by - ay * bx
-        };
-        FacetView {
-            corners,
-            parts: [part(0), part(1), part(2)],
-            square: frame.square,
-            area: self.area,
-        }
+        });
+        FacetView { corners, parts, square: frame.square, area: self.area }
     }
 }
 
 /// A triangle viewed from a sample.
 pub(crate) struct FacetView {
-    /// Corners, as from [`EastNorthUpFrame::look`].
+    /// Corners, as from [`EastNorthUpFrame::local`].
     pub(crate) corners: [[f64; 3]; 3],
     /// For each corner, twice the area between the sample and the opposite side, from above, times `square`.
     pub(crate) parts: [f64; 3],

@@ -75,12 +75,12 @@ impl GlobeTileId {
     #[inline]
     pub fn place(self, [u, v]: [i32; 2]) -> [f64; 2] {
         let (bounds, width) = (self.bounds(), degrees(self.level));
-        let along = |from: f64, to: f64, steps: i32| match steps {
+        let sides = [(bounds.west, bounds.east, u), (bounds.south, bounds.north, v)];
+        sides.map(|(from, to, steps)| match steps {
             // Bit-identical to the neighbouring tile.
             STEPS => to,
             _ => from + width * (f64::from(steps) / f64::from(STEPS)),
-        };
-        [along(bounds.west, bounds.east, u), along(bounds.south, bounds.north, v)]
+        })
     }
 
     /// Steps of a position from the west and the south.
@@ -108,17 +108,14 @@ impl GlobeTileId {
 
     /// Tiles of a level whose closed rectangles intersect `bounds`: first and last column and row.
     pub fn meeting(level: u8, bounds: &GeodeticBounds) -> [[u32; 2]; 2] {
-        let width = degrees(level);
-        let range = |low: f64, high: f64, from: f64, count: u32| {
+        let (width, rows) = (degrees(level), 1 << level);
+        let GeodeticBounds { west, south, east, north } = *bounds;
+        let axes = [(west, east, -180.0, 2 * rows), (south, north, -90.0, rows)];
+        axes.map(|(low, high, from, count)| {
             let first = ((low - from) / width).ceil() - 1.0;
             let last = ((high - from) / width).floor();
             [first, last].map(|tile| tile.clamp(0.0, f64::from(count - 1)) as u32)
-        };
-        let rows = 1 << level;
-        [
-            range(bounds.west, bounds.east, -180.0, 2 * rows),
-            range(bounds.south, bounds.north, -90.0, rows),
-        ]
+        })
     }
 }
 

@@ -53,8 +53,8 @@ pub enum VerticalReference {
     },
 }
 
-/// Parameters kept from PROJ strings of codes: the projection, without datum and ellipsoid.
-const KEPT: [&str; 20] = [
+/// Parameters used of PROJ strings of codes: the projection, without datum and ellipsoid.
+const PARAMETERS: [&str; 20] = [
     "proj", "lat_0", "lat_1", "lat_2", "lat_ts", "lon_0", "lonc", "alpha", "gamma", "k", "k_0",
     "x_0", "y_0", "zone", "south", "no_uoff", "units", "to_meter", "axis", "pm",
 ];
@@ -68,20 +68,21 @@ impl Crs {
         if let Some(code) = self.epsg {
             return by_code(code).map_err(|error| error.at(self.label()));
         }
-        let refuse = |what: &str| {
-            let remedy = "set a georeferenced CRS in the file or in a .prj file beside it";
-            Err(Error::unsupported(what).at(self.label()).remedy(remedy))
-        };
-        match self.parts().0 {
-            Some(Horizontal::Projected(own)) => own.conversion().map_err(|e| e.at(self.label())),
-            Some(Horizontal::Geographic(own)) => Ok(own.conversion()),
-            Some(Horizontal::Local { .. }) => {
-                refuse("a local (engineering) CRS cannot be transformed")
+        let refused = match self.parts().0 {
+            Some(Horizontal::Projected(own)) => {
+                return own.conversion().map_err(|e| e.at(self.label()));
             }
-            None if self.is_named() => refuse("the projection of this CRS is unknown"),
-            None => Err(Error::bad_input("CRS is missing")
-                .remedy("set the CRS in the file or in a .prj file beside it")),
-        }
+            Some(Horizontal::Geographic(own)) => return Ok(own.conversion()),
+            Some(Horizontal::Local { .. }) => "a local (engineering) CRS cannot be transformed",
+            None if self.is_named() => "the projection of this CRS is unknown",
+            None => {
+                return Err(Error::bad_input("CRS is missing")
+                    .remedy("set the CRS in the file or in a .prj file beside it"));
+            }
+        };
+        Err(Error::unsupported(refused)
+            .at(self.label())
+            .remedy("set a georeferenced CRS in the file or in a .prj file beside it"))
     }
 
     /// The ellipsoid, of any body; `None` if the CRS states none.
@@ -180,38 +181,41 @@ impl VerticalCrs {
 }
 
 fn by_code(code: u32) -> Result<Conversion> {
-    let unknown = || {
+    let definition = u16::try_from(code).ok().and_then(crs_definitions::from_code);
+    let definition =
+        definition.and_then(|own| Some((own.proj4, CrsWktNode::all(own.wkt)?, own.wkt)));
+    let (proj4, nodes, wkt) = definition.ok_or_else(|| {
         Error::unsupported(format!("unknown EPSG code {code}"))
             .remedy("set another EPSG code, or give the CRS as WKT")
-    };
-    let definition = u16::try_from(code).ok().and_then(crs_definitions::from_code);
-    let definition = definition.ok_or_else(unknown)?;
-    let nodes = CrsWktNode::all(definition.wkt).ok_or_else(unknown)?;
-    let words = definition.proj4.split_whitespace().map(|word| word.trim_start_matches('+'));
-    let of = |name: &str| {
-        words
-            .clone()
-            .find_map(|word| word.strip_prefix(name)?.strip_prefix('='))
-            .unwrap_or_default()
-    };
-    let (datum, is_degrees) = datum(&nodes).ok_or_else(|| no_place(of("proj")))?;
-    match of("proj") {
+    })?;
+    let words = proj4.split_whitespace().map(|word| word.trim_start_matches('+'));
+    let words: Vec<&str> = words.collect();
+    let projection = proj_value(&words, "proj");
+    let (datum, is_degrees) = datum(&nodes).ok_or_else(|| no_place(projection))?;
+    match projection {
         "longlat" if !is_degrees => return Err(grads()),
         "krovak" if faces_south(&nodes) => return Err(turned()),
-        "geocent" | "" => return Err(no_place(of("proj"))),
+        "geocent" | "" => return Err(no_place(projection)),
         _ => {}
     }
     // Web Mercator treats longitudes and latitudes on the ellipsoid as spherical.
-    let is_sphere_of_ellipsoid = definition.wkt.contains("EXTENSION[\"PROJ4\"");
+    let is_sphere_of_ellipsoid = wkt.contains("EXTENSION[\"PROJ4\"");
     let figure = match is_sphere_of_ellipsoid {
-        true => format!("+a={0} +b={0}", of("a")),
+        true => format!("+a={0} +b={0}", proj_value(&words, "a")),
         false => datum.figure(),
     };
-    let kept =
-        words.clone().filter(|word| KEPT.contains(&word.split('=').next().unwrap_or_default()));
+    let parameters = words
+        .iter()
+        .filter(|word| PARAMETERS.contains(&word.split('=').next().unwrap_or_default()));
     // The unit of a geographic CRS is not a length unit.
-    let kept = kept.map(|word| format!("+{word}")).collect::<Vec<_>>().join(" ");
-    Ok(Conversion { proj: format!("{kept} {figure}"), datum })
+    let parameters = parameters.map(|word| format!("+{word}")).collect::<Vec<_>>().join(" ");
+    Ok(Conversion { proj: format!("{parameters} {figure}"), datum })
+}
+
+/// The value of a parameter of a PROJ string; empty without it.
+fn proj_value<'a>(words: &[&'a str], name: &str) -> &'a str {
+    let value = words.iter().find_map(|word| word.strip_prefix(name)?.strip_prefix('='));
+    value.unwrap_or_default()
 }
 
 /// Datum of a WKT, and whether its angles are in degrees.
@@ -269,13 +273,10 @@ impl Datum {
 impl GeographicCrs {
     /// Its datum; looked up by name if it has no code.
     pub(super) fn to_datum(&self) -> Datum {
-        let named = || codes::geographic_with(|own| own.same_figure(self) && own.same_datum(self));
-        Datum {
-            name: self.datum.name.clone(),
-            code: self.datum.code.or_else(|| named()?.datum.code),
-            axis: self.axis,
-            flattening: self.flattening,
-        }
+        let code = self.datum.code.or_else(|| {
+            codes::geographic_with(|own| own.same_figure(self) && own.same_datum(self))?.datum.code
+        });
+        Datum { name: self.datum.name.clone(), code, axis: self.axis, flattening: self.flattening }
     }
 
     fn meridian(&self) -> String {
@@ -328,17 +329,15 @@ impl ProjectionMethod {
         let [lat, lon, first, second] = [Latitude, Longitude, Parallel1, Parallel2].map(&value);
         let scale = value(Scale);
         let origin = format!("+lat_0={lat} +lon_0={lon}");
-        let oblique = || {
-            let [alpha, gamma] = [Azimuth, GridAngle].map(&value);
-            format!("+lat_0={lat} +lonc={lon} +alpha={alpha} +gamma={gamma} +k={scale}")
-        };
-        let is_swiss = value(Azimuth) == 90.0 && value(GridAngle) == 90.0;
+        let [alpha, gamma] = [Azimuth, GridAngle].map(&value);
+        let oblique = format!("+lat_0={lat} +lonc={lon} +alpha={alpha} +gamma={gamma} +k={scale}");
+        let is_swiss = alpha == 90.0 && gamma == 90.0;
         let is_pole = lat.abs() == 90.0;
         Some(match self.code {
             1 => format!("+proj=tmerc {origin} +k={scale}"),
-            3 => format!("+proj=omerc +no_uoff {}", oblique()),
+            3 => format!("+proj=omerc +no_uoff {oblique}"),
             9815 if is_swiss => format!("+proj=somerc {origin} +k_0={scale}"),
-            9815 => format!("+proj=omerc {}", oblique()),
+            9815 => format!("+proj=omerc {oblique}"),
             7 if self.roles.contains(&Scale) => format!("+proj=merc +lon_0={lon} +k={scale}"),
             7 => format!("+proj=merc +lon_0={lon} +lat_ts={first}"),
             8 => format!("+proj=lcc {origin} +lat_1={first} +lat_2={second}"),

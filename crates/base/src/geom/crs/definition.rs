@@ -74,7 +74,7 @@ pub(super) struct VerticalCrs {
 impl Projected {
     /// From the parameters of a file; `None` if a required parameter is missing, or an unknown one has an effect.
     pub(super) fn new(
-        (name, code): (String, Option<u32>),
+        EpsgName { name, code }: EpsgName,
         base: GeographicCrs,
         method: &'static ProjectionMethod,
         given: impl Fn(ProjectionParameter) -> Option<f64>,
@@ -88,20 +88,19 @@ impl Projected {
         };
         let is_moved = given(ProjectionParameter::Latitude)
             .is_some_and(|latitude| parallel.is_some_and(|parallel| parallel != latitude));
-        let idle = |role: &ProjectionParameter| {
-            value(*role).is_none_or(|number| role.default() == Some(number))
-        };
-        if !ProjectionParameter::ALL.iter().filter(|role| !method.roles.contains(role)).all(idle)
-            || (is_moved && method.code == 9)
-        {
+        let mut others =
+            ProjectionParameter::ALL.iter().filter(|role| !method.roles.contains(role));
+        let has_effect =
+            others.any(|role| value(*role).is_some_and(|number| role.default() != Some(number)));
+        if has_effect || (is_moved && method.code == 9) {
             return None;
         }
-        let needed = |role: &ProjectionParameter| match (value(*role), role) {
+        let values = method.roles.iter().map(|role| match (value(*role), role) {
             // Without a rectified grid angle, the angle is the azimuth.
             (None, ProjectionParameter::GridAngle) => value(ProjectionParameter::Azimuth),
             (given, role) => given.or(role.default()),
-        };
-        let values = method.roles.iter().map(needed).collect::<Option<Vec<f64>>>()?;
+        });
+        let values = values.collect::<Option<Vec<f64>>>()?;
         Some(Self { name, code, base, method, values, unit })
     }
 
@@ -115,12 +114,13 @@ impl Projected {
     }
 
     fn same_numbers(&self, other: &Self) -> bool {
-        let lengths =
-            |role: &ProjectionParameter| if role.is_length() { self.unit.size } else { 1.0 };
-        let pairs = self.method.roles.iter().zip(self.values.iter().zip(&other.values));
+        let mut pairs = self.method.roles.iter().zip(self.values.iter().zip(&other.values));
         self.method == other.method
             && self.unit.is(&other.unit)
-            && pairs.into_iter().all(|(role, (a, b))| (a - b).abs() * lengths(role) <= role.slack())
+            && pairs.all(|(role, (a, b))| {
+                let size = if role.is_length() { self.unit.size } else { 1.0 };
+                (a - b).abs() * size <= role.slack()
+            })
     }
 }
 
@@ -146,12 +146,28 @@ impl GeographicCrs {
         if let (Some(a), Some(b)) = (self.datum.code, other.datum.code) {
             return a == b;
         }
-        let names =
-            |geographic: &Self| [datum_name(&geographic.datum.name), datum_name(&geographic.name)];
-        let (a, b) = (names(self), names(other));
-        let unknown = |names: &[String; 2]| names[0].starts_with("unknown");
-        unknown(&a) && unknown(&b) || a.iter().any(|name| b.contains(name) && !name.is_empty())
+        let [a, b] = [self, other].map(|crs| [datum_name(&crs.datum.name), datum_name(&crs.name)]);
+        let are_unknown = [&a, &b].iter().all(|names| names[0].starts_with("unknown"));
+        are_unknown || a.iter().any(|name| b.contains(name) && !name.is_empty())
     }
+
+    /// Properties by name, to show how two CRSs differ.
+    fn facts(&self) -> Vec<(&'static str, String)> {
+        vec![
+            ("datum", self.datum.name.clone()),
+            ("ellipsoid", format!("{} {}", self.axis, self.flattening)),
+            ("prime meridian", self.from_greenwich.to_string()),
+            ("dimensions", if self.is_3d { "3" } else { "2" }.to_owned()),
+        ]
+    }
+}
+
+/// The value of a parameter in a list.
+pub(super) fn value_of(
+    values: &[(ProjectionParameter, f64)],
+    role: ProjectionParameter,
+) -> Option<f64> {
+    values.iter().find(|(own, _)| *own == role).map(|(_, value)| *value)
 }
 
 /// Names of datums as programs write them, and their canonical names.
@@ -216,16 +232,8 @@ impl Horizontal {
 
     /// Properties by name, to show how two CRSs differ.
     pub(super) fn facts(&self) -> Vec<(&'static str, String)> {
-        let base = |own: &GeographicCrs| {
-            vec![
-                ("datum", own.datum.name.clone()),
-                ("ellipsoid", format!("{} {}", own.axis, own.flattening)),
-                ("prime meridian", own.from_greenwich.to_string()),
-                ("dimensions", if own.is_3d { "3" } else { "2" }.to_owned()),
-            ]
-        };
         match self {
-            Self::Geographic(own) => base(own),
+            Self::Geographic(own) => own.facts(),
             Self::Local { name, unit } => vec![("name", name.clone()), ("unit", unit.name.clone())],
             Self::Projected(own) => {
                 let mut facts = vec![("method", own.method.name.to_owned())];
@@ -234,7 +242,7 @@ impl Horizontal {
                     numbers.map(|(role, value)| (own.method.parameter(*role), value.to_string())),
                 );
                 facts.push(("unit", own.unit.name.clone()));
-                facts.extend(base(&own.base));
+                facts.extend(own.base.facts());
                 facts
             }
         }
@@ -244,9 +252,8 @@ impl Horizontal {
 impl VerticalCrs {
     /// True for the same vertical CRS, or if one of them has no name.
     pub(super) fn same(&self, other: &Self) -> bool {
-        let is_nameless = |own: &Self| matches!(plain(&own.datum.name).as_str(), "" | "unknown");
-        let is_alike = is_nameless(self)
-            || is_nameless(other)
+        let is_alike = self.is_nameless()
+            || other.is_nameless()
             || match (self.datum.code, other.datum.code) {
                 (Some(a), Some(b)) => a == b,
                 _ => {
@@ -255,5 +262,9 @@ impl VerticalCrs {
                 }
             };
         is_alike && self.unit.is(&other.unit) && self.is_down == other.is_down
+    }
+
+    fn is_nameless(&self) -> bool {
+        matches!(plain(&self.datum.name).as_str(), "" | "unknown")
     }
 }

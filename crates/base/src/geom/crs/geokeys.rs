@@ -1,6 +1,6 @@
 //! GeoKeys to CRS: codes, names and units; raw keys are kept. GeoTIFF 1.1 (OGC 19-008r4), section 7.1.2.
 
-use super::definition::{EpsgName, GeographicCrs, Horizontal, Projected, VerticalCrs};
+use super::definition::{EpsgName, GeographicCrs, Horizontal, Projected, VerticalCrs, value_of};
 use super::method::{ProjectionMethod, ProjectionParameter};
 use super::system::{Crs, RASTER_TYPE};
 use super::unit::LengthUnit;
@@ -135,9 +135,8 @@ impl GeoKeys {
     pub(super) fn vertical(&self) -> Option<VerticalCrs> {
         let Some(code) = self.vertical_code() else {
             let datum = EpsgName { name: unknown(), code: None };
-            let nameless =
-                |unit| VerticalCrs { name: unknown(), code: None, datum, unit, is_down: false };
-            return self.vertical_unit().filter(|_| self.geographic() == Some(false)).map(nameless);
+            let unit = self.vertical_unit().filter(|_| self.geographic() == Some(false))?;
+            return Some(VerticalCrs { name: unknown(), code: None, datum, unit, is_down: false });
         };
         let known = vertical::by_code(code)?;
         let unit = self.vertical_unit().unwrap_or_else(|| known.unit.clone());
@@ -206,17 +205,21 @@ impl GeoKeys {
             None => LengthUnit::metre(),
         };
         let name = self.citation(Some(false)).unwrap_or_else(unknown);
+        let name = EpsgName { name, code: None };
         if let Some(zone) = self.utm_zone() {
             let method = ProjectionMethod::of_code(TRANSVERSE_MERCATOR, |_| false)?;
-            let zone = |role| zone.iter().find(|(own, _)| *own == role).map(|(_, value)| *value);
-            let known =
-                Projected::new((name, None), self.base()?, method, zone, LengthUnit::metre())?;
+            let (base, metre) = (self.base()?, LengthUnit::metre());
+            let known = Projected::new(name, base, method, |role| value_of(&zone, role), metre)?;
             return Some(known.in_unit(unit));
         }
-        let given =
-            |role: ProjectionParameter| role.keys().iter().find_map(|key| self.double(*key));
-        let method = ProjectionMethod::of_code(self.short(METHOD)?, |role| given(role).is_some())?;
-        Projected::new((name, None), self.base()?, method, given, unit)
+        let method = self.short(METHOD)?;
+        let method = ProjectionMethod::of_code(method, |role| self.parameter(role).is_some())?;
+        Projected::new(name, self.base()?, method, |role| self.parameter(role), unit)
+    }
+
+    /// Parameter of the projection, by the first of its keys that is present.
+    fn parameter(&self, role: ProjectionParameter) -> Option<f64> {
+        role.keys().iter().find_map(|key| self.double(*key))
     }
 
     /// Parameters of a UTM zone that the keys name by code only.
@@ -243,23 +246,21 @@ impl GeoKeys {
         if let Some(code) = self.code(GEODETIC_CRS) {
             return codes::geographic(code);
         }
-        let own = |geographic: GeographicCrs| {
-            let from_greenwich = self.meridian()?;
-            let name = self.part_of_citation("GCS Name").or_else(|| self.text(GEODETIC_CITATION));
-            let meridian = self.part_of_citation("Primem").filter(|_| from_greenwich != 0.0);
-            Some(GeographicCrs {
-                name: name.unwrap_or_else(unknown),
-                code: None,
-                meridian: meridian.unwrap_or_else(|| "Greenwich".to_owned()),
-                from_greenwich,
-                is_3d: false,
-                ..geographic
-            })
+        let known = match self.code(DATUM) {
+            Some(code) => codes::geographic_with(|known| known.datum.code == Some(code))?,
+            None => self.figure()?,
         };
-        if let Some(code) = self.code(DATUM) {
-            return own(codes::geographic_with(|known| known.datum.code == Some(code))?);
-        }
-        own(self.figure()?)
+        let from_greenwich = self.meridian()?;
+        let name = self.part_of_citation("GCS Name").or_else(|| self.text(GEODETIC_CITATION));
+        let meridian = self.part_of_citation("Primem").filter(|_| from_greenwich != 0.0);
+        Some(GeographicCrs {
+            name: name.unwrap_or_else(unknown),
+            code: None,
+            meridian: meridian.unwrap_or_else(|| "Greenwich".to_owned()),
+            from_greenwich,
+            is_3d: false,
+            ..known
+        })
     }
 
     /// A geographic CRS with an unknown datum on the ellipsoid of the keys.
@@ -290,8 +291,8 @@ impl GeoKeys {
 
     /// True if keys describe the ellipsoid, known or not.
     pub(super) fn defines_ellipsoid(&self) -> bool {
-        let is_told = |key| self.short(key).is_some_and(|code| code != 0);
-        [GEODETIC_CRS, PROJECTED_CRS, DATUM, ELLIPSOID].into_iter().any(is_told)
+        let mut codes = [GEODETIC_CRS, PROJECTED_CRS, DATUM, ELLIPSOID].into_iter();
+        codes.any(|key| self.short(key).is_some_and(|code| code != 0))
             || self.double(SEMI_MAJOR_AXIS).is_some()
             || !self.is_in_degrees()
     }
@@ -303,9 +304,10 @@ impl GeoKeys {
     /// Semi-major axis and inverse flattening.
     fn axes(&self) -> Option<(f64, f64)> {
         let axis = self.double(SEMI_MAJOR_AXIS)?;
-        let by_minor = |minor: f64| if minor == axis { 0.0 } else { axis / (axis - minor) };
-        let minor = self.double(SEMI_MINOR_AXIS).map(by_minor);
-        Some((axis, self.double(INVERSE_FLATTENING).or(minor)?))
+        let minor = self.double(SEMI_MINOR_AXIS);
+        // A sphere has the inverse flattening 0.
+        let by_minor = minor.map(|minor| if minor == axis { 0.0 } else { axis / (axis - minor) });
+        Some((axis, self.double(INVERSE_FLATTENING).or(by_minor)?))
     }
 
     fn meridian(&self) -> Option<f64> {
@@ -324,16 +326,18 @@ impl GeoKeys {
         Some(value.trim().to_owned()).filter(|value| !value.is_empty())
     }
 
-    /// Keys as (id, location, count, value).
-    fn keys(&self) -> impl Iterator<Item = (u16, u16, u16, u16)> + '_ {
-        let keys = self.raw.chunks_exact(4).skip(1);
-        let count = usize::from(self.raw.get(3).copied().unwrap_or(0));
-        keys.take(count).map(|k| (k[0], k[1], k[2], k[3]))
+    /// The first key of this number whose value is in a location: 0 for the directory itself, or a tag.
+    fn key(&self, id: u16, location: u16) -> Option<GeoKey> {
+        let (keys, _) = self.raw.as_chunks::<4>();
+        let number = usize::from(self.raw.get(3).copied().unwrap_or(0));
+        let mut keys = keys.iter().skip(1).take(number);
+        let [_, _, count, value] = keys.find(|key| key[..2] == [id, location])?;
+        Some(GeoKey { count: *count, value: *value })
     }
 
     /// A value stored in the directory itself.
     fn short(&self, id: u16) -> Option<u16> {
-        self.keys().find(|k| k.0 == id && k.1 == 0).map(|k| k.3)
+        self.key(id, 0).map(|key| key.value)
     }
 
     /// An EPSG code: 32767 is "user-defined" and 0 "undefined".
@@ -343,14 +347,13 @@ impl GeoKeys {
 
     /// A number.
     fn double(&self, id: u16) -> Option<f64> {
-        let (.., place) = self.keys().find(|k| k.0 == id && k.1 == GEO_DOUBLE_PARAMS)?;
-        self.doubles.get(usize::from(place)).copied().filter(|number| number.is_finite())
+        let GeoKey { value, .. } = self.key(id, GEO_DOUBLE_PARAMS)?;
+        self.doubles.get(usize::from(value)).copied().filter(|number| number.is_finite())
     }
 
     fn text(&self, id: u16) -> Option<String> {
-        let (_, _, count, first) = self.keys().find(|k| k.0 == id && k.1 == GEO_ASCII_PARAMS)?;
-        let first = usize::from(first);
-        let bytes = self.ascii.as_bytes().get(first..)?;
+        let GeoKey { count, value } = self.key(id, GEO_ASCII_PARAMS)?;
+        let bytes = self.ascii.as_bytes().get(usize::from(value)..)?;
         let bytes = &bytes[..bytes.len().min(usize::from(count))];
         let text = String::from_utf8_lossy(bytes);
         let text = text.trim_end_matches(['|', '\0']).trim();
@@ -361,6 +364,14 @@ impl GeoKeys {
 /// Name of a CRS without one.
 fn unknown() -> String {
     "unknown".to_owned()
+}
+
+/// Entry of the key directory.
+struct GeoKey {
+    /// Number of values.
+    count: u16,
+    /// The value, or the index of the first one in its location.
+    value: u16,
 }
 
 #[cfg(test)]

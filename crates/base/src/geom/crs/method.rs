@@ -151,8 +151,9 @@ impl ProjectionMethod {
     ) -> Option<&'static Self> {
         let mut methods = METHODS.iter().filter(|method| method.code == code);
         // Mercator has one code for both variants.
-        let is_alike = |method: &&Self| method.roles.contains(&Parallel1) == has(Parallel1);
-        methods.clone().find(is_alike).or_else(|| methods.next())
+        let variant =
+            methods.clone().find(|method| method.roles.contains(&Parallel1) == has(Parallel1));
+        variant.or_else(|| methods.next())
     }
 
     /// By the WKT name and the parameters present.
@@ -161,16 +162,18 @@ impl ProjectionMethod {
         has: impl Fn(ProjectionParameter) -> bool,
     ) -> Option<&'static Self> {
         let name = plain(name);
-        let method = |code| Self::of_code(code, &has);
-        match name.as_str() {
+        let code = match name.as_str() {
             // Esri has one name for both variants of each.
-            "lambertconformalconic" if has(Parallel2) => method(8),
-            "lambertconformalconic" => method(9),
-            "mercator" => method(7),
-            _ => METHODS
-                .iter()
-                .find(|method| plain(method.name) == name || method.also.contains(&name.as_str())),
-        }
+            "lambertconformalconic" if has(Parallel2) => 8,
+            "lambertconformalconic" => 9,
+            "mercator" => 7,
+            name => {
+                let mut methods = METHODS.iter();
+                return methods
+                    .find(|method| plain(method.name) == name || method.also.contains(&name));
+            }
+        };
+        Self::of_code(code, has)
     }
 }
 

@@ -145,9 +145,10 @@ impl Crs {
         let (horizontal, vertical) = self.parts();
         let given = self.wkt.as_deref().map(str::trim).filter(|text| !text.is_empty());
         let known = given.or_else(|| codes::text(self.epsg?));
-        let is_whole = |text: &str| vertical.is_none() || read::parts(text).1 == vertical;
         match (known.filter(|text| read::is_first_kind(text)), horizontal, &vertical) {
-            (Some(text), ..) if is_whole(text) => Some(text.to_owned()),
+            (Some(text), ..) if vertical.is_none() || read::parts(text).1 == vertical => {
+                Some(text.to_owned())
+            }
             (Some(text), _, Some(up)) if read::parts(text).1.is_none() => {
                 Some(write::compound(text.split('"').nth(1).unwrap_or_default(), text, up))
             }
@@ -259,15 +260,14 @@ impl Crs {
             return labels;
         }
         let facts = [self, other].map(Self::facts);
-        let only = |mine: usize, theirs: usize| {
-            let new = facts[mine].iter().filter(|fact| !facts[theirs].contains(fact));
-            let new: Vec<_> = new.map(|(name, value)| format!("{name} {value}")).collect();
-            match new.is_empty() {
-                true => labels[mine].clone(),
-                false => format!("{} with {}", labels[mine], new.join(", ")),
+        [(0, 1), (1, 0)].map(|(own, other)| {
+            let only = facts[own].iter().filter(|fact| !facts[other].contains(fact));
+            let only: Vec<_> = only.map(|(name, value)| format!("{name} {value}")).collect();
+            match only.is_empty() {
+                true => labels[own].clone(),
+                false => format!("{} with {}", labels[own], only.join(", ")),
             }
-        };
-        [only(0, 1), only(1, 0)]
+        })
     }
 
     fn facts(&self) -> Vec<(&'static str, String)> {
@@ -429,7 +429,7 @@ mod tests {
                 method.roles.contains(&role).then_some(10.0 + 0.5 * at as f64)
             };
             let own = definition::Projected::new(
-                ("x \"y\"".to_owned(), None),
+                definition::EpsgName { name: "x \"y\"".to_owned(), code: None },
                 wgs84.clone(),
                 method,
                 given,

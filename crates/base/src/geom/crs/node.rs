@@ -87,8 +87,10 @@ impl<'a> CrsWktNode<'a> {
 
     /// True if the node has this word, such as UP.
     pub(super) fn has_word(&self, word: &str) -> bool {
-        let is = |value: &CrsWktValue<'_>| matches!(value, CrsWktValue::Word(w) if w.eq_ignore_ascii_case(word));
-        self.values.iter().any(is)
+        self.values.iter().any(|value| match value {
+            CrsWktValue::Word(own) => own.eq_ignore_ascii_case(word),
+            _ => false,
+        })
     }
 
     /// The EPSG code of its own `AUTHORITY` or `ID`.
@@ -117,11 +119,11 @@ impl<'a> CrsWktParser<'a> {
         self.at += rest.len() - rest.trim_start().len();
     }
 
-    /// Consumes `wanted` if it is next.
-    fn takes(&mut self, wanted: char) -> bool {
+    /// Consumes a character if it is next.
+    fn takes(&mut self, c: char) -> bool {
         self.skip_space();
-        let is_next = self.rest().starts_with(wanted);
-        self.at += if is_next { wanted.len_utf8() } else { 0 };
+        let is_next = self.rest().starts_with(c);
+        self.at += if is_next { c.len_utf8() } else { 0 };
         is_next
     }
 

@@ -1,6 +1,6 @@
 //! Meaning of WKT nodes, in any version.
 
-use super::definition::{EpsgName, GeographicCrs, Horizontal, Projected, VerticalCrs};
+use super::definition::{EpsgName, GeographicCrs, Horizontal, Projected, VerticalCrs, value_of};
 use super::method::{ProjectionMethod, ProjectionParameter};
 use super::node::CrsWktNode;
 use super::unit::LengthUnit;
@@ -83,7 +83,6 @@ pub(super) fn geographic(node: &CrsWktNode<'_>) -> Option<GeographicCrs> {
     if is_geocentric(node) || !is_in_degrees(node) {
         return None;
     }
-    let of = |node: &CrsWktNode<'_>| EpsgName { name: node.name().to_owned(), code: node.code() };
     let datum = node.child(&["DATUM", "ENSEMBLE", "TRF", "GEODETICDATUM"])?;
     let ellipsoid = datum.child(&["SPHEROID", "ELLIPSOID"])?;
     let meridian = node.child(&["PRIMEM", "PRIMEMERIDIAN"]);
@@ -92,8 +91,8 @@ pub(super) fn geographic(node: &CrsWktNode<'_>) -> Option<GeographicCrs> {
     Some(GeographicCrs {
         name: node.name().to_owned(),
         code: node.code(),
-        datum: of(datum),
-        ellipsoid: of(ellipsoid),
+        datum: epsg_name(datum),
+        ellipsoid: epsg_name(ellipsoid),
         axis: number(ellipsoid, 1.0)?,
         flattening: ellipsoid.number(1)?,
         meridian: meridian.map_or("Greenwich", CrsWktNode::name).to_owned(),
@@ -137,10 +136,13 @@ fn projected(node: &CrsWktNode<'_>) -> Option<Projected> {
         };
         given.push((role, number(parameter, scale)?));
     }
-    let value = |role| given.iter().find(|(own, _)| *own == role).map(|(_, value)| *value);
     let method = conversion.child(&["PROJECTION", "METHOD"])?.name();
-    let method = ProjectionMethod::of_name(method, |role| value(role).is_some())?;
-    Projected::new((node.name().to_owned(), node.code()), base, method, value, unit)
+    let method = ProjectionMethod::of_name(method, |role| value_of(&given, role).is_some())?;
+    Projected::new(epsg_name(node), base, method, |role| value_of(&given, role), unit)
+}
+
+fn epsg_name(node: &CrsWktNode<'_>) -> EpsgName {
+    EpsgName { name: node.name().to_owned(), code: node.code() }
 }
 
 /// Length unit of a CRS: its own, or the unit of its first axis.
@@ -155,19 +157,16 @@ pub(super) fn vertical(node: &CrsWktNode<'_>) -> Option<VerticalCrs> {
     let datum = ["VERT_DATUM", "VDATUM", "VRF", "VERTICALDATUM", "DATUM", "ENSEMBLE"];
     let datum = node.child(&datum);
     let axis = node.child(&["AXIS"]);
-    let turned = |child: &CrsWktNode<'_>| {
+    let is_turned = node.children().any(|child| {
         child.is(&["PARAMETER"]) && child.name() == "Direction" && child.number(0) == Some(-1.0)
-    };
+    });
     let unit = length(node).or(known.as_ref().map(|known| known.unit.clone()))?;
     let code = node.code().filter(|_| known.is_none_or(|known| known.unit.is(&unit)));
     Some(VerticalCrs {
         name: node.name().to_owned(),
         code,
-        datum: datum.map_or_else(EpsgName::default, |datum| EpsgName {
-            name: datum.name().to_owned(),
-            code: datum.code(),
-        }),
+        datum: datum.map(epsg_name).unwrap_or_default(),
         unit,
-        is_down: axis.is_some_and(|axis| axis.has_word("DOWN")) || node.children().any(turned),
+        is_down: is_turned || axis.is_some_and(|axis| axis.has_word("DOWN")),
     })
 }

@@ -44,9 +44,8 @@ impl Crs {
                 && self.geo_doubles == other.geo_doubles
                 && self.geo_ascii == other.geo_ascii;
         }
-        let plain = |text: &Option<String>| text.as_deref().map(plain);
-        plain(&self.wkt) == plain(&other.wkt)
-            && (&self.citation, self.geographic) == (&other.citation, other.geographic)
+        let [own, others] = [self, other].map(|crs| crs.wkt.as_deref().map(plain));
+        own == others && (&self.citation, self.geographic) == (&other.citation, other.geographic)
     }
 
     /// The GeoKeys with inline values, except the raster type.

@@ -1,6 +1,6 @@
 //! Systems that are told by GeoKeys against those that texts and codes tell.
 
-use super::definition::Projected;
+use super::definition::{EpsgName, Projected};
 use super::method::{METHODS, ProjectionMethod, ProjectionParameter};
 use super::*;
 
@@ -29,7 +29,8 @@ fn by_text(
 ) -> Crs {
     let given = |role| method.roles.contains(&role).then(|| number(role));
     let base = codes::geographic(4326).unwrap();
-    let own = Projected::new(("own".to_owned(), None), base, method, given, unit.clone()).unwrap();
+    let name = EpsgName { name: "own".to_owned(), code: None };
+    let own = Projected::new(name, base, method, given, unit.clone()).unwrap();
     wkt::from_text(&CrsDefinition { horizontal: Horizontal::Projected(own), vertical: None }.wkt())
 }
 

@@ -45,10 +45,10 @@ impl LengthUnit {
     /// By a common name.
     pub(super) fn named(name: &str) -> Option<Self> {
         let plain = plain(name);
-        let is = |known: &&(u16, &str, f64, &[&str])| {
-            self::plain(known.1) == plain || known.3.contains(&plain.as_str())
-        };
-        KNOWN.iter().find(is).and_then(|known| Self::of_code(known.0))
+        let known = KNOWN.iter().find(|(_, name, _, aliases)| {
+            self::plain(name) == plain || aliases.contains(&plain.as_str())
+        });
+        known.and_then(|known| Self::of_code(known.0))
     }
 
     /// From a node with a name and a size.

@@ -34,12 +34,12 @@ pub fn from_text(text: &str) -> Crs {
         Some(Horizontal::Geographic(own)) if own.is_3d => Some("metre".to_owned()),
         _ => None,
     };
-    let believed = |code: &u32| match (&meaning, codes::horizontal(*code)) {
-        (Some(said), Some(known)) => !said.contradicts(&known),
-        _ => true,
-    };
     Crs {
-        epsg: epsg.filter(believed),
+        // Some programs write a code beside the definition of another CRS.
+        epsg: epsg.filter(|code| match (&meaning, codes::horizontal(*code)) {
+            (Some(stated), Some(known)) => !stated.contradicts(&known),
+            _ => true,
+        }),
         vertical_epsg: match &height {
             Some(own) => own.code,
             None => vertical.and_then(CrsWktNode::code),
@@ -78,14 +78,14 @@ pub fn with_codes(text: &str) -> String {
 /// Codes of the horizontal and the vertical CRS.
 fn codes_in(text: &str) -> Option<(u32, Option<u32>)> {
     let (name, codes) = text.split_once(':')?;
-    let code = |text: &str| text.trim().parse().ok();
-    let (first, second) = codes.split_once('+').unzip();
-    let is_epsg = name.trim().eq_ignore_ascii_case("EPSG");
-    let codes = (code(first.unwrap_or(codes))?, second.map(code));
-    match codes {
-        _ if !is_epsg => None,
-        (_, Some(None)) => None,
-        (first, second) => Some((first, second.flatten())),
+    if !name.trim().eq_ignore_ascii_case("EPSG") {
+        return None;
+    }
+    match codes.split_once('+') {
+        Some((first, second)) => {
+            Some((first.trim().parse().ok()?, Some(second.trim().parse().ok()?)))
+        }
+        None => Some((codes.trim().parse().ok()?, None)),
     }
 }
 

@@ -16,8 +16,8 @@ const BITS: [usize; 4] = [0, 2, 4, 8];
 
 /// Elements per block for elements of `stride` bytes.
 const fn block_elements(stride: usize) -> usize {
-    let most = BLOCK_BYTES / stride / GROUP * GROUP;
-    if most < BLOCK_ELEMENTS { most } else { BLOCK_ELEMENTS }
+    let max_elements = BLOCK_BYTES / stride / GROUP * GROUP;
+    if max_elements < BLOCK_ELEMENTS { max_elements } else { BLOCK_ELEMENTS }
 }
 
 /// Writes one stream of elements.
@@ -101,8 +101,8 @@ fn write_groups(codes: &[u8], out: &mut Vec<u8>) {
     let head = out.len();
     out.resize(head + groups.div_ceil(4), 0);
     for (group, codes) in codes.chunks_exact(GROUP).enumerate() {
-        let cost = |mode: &usize| group_bytes(codes, BITS[*mode]);
-        let mode = (0..BITS.len()).min_by_key(cost).unwrap_or(3);
+        let smallest = (0..BITS.len()).min_by_key(|mode| group_bytes(codes, BITS[*mode]));
+        let mode = smallest.unwrap_or(3);
         out[head + group / 4] |= (mode as u8) << (2 * (group % 4));
         write_group(codes, BITS[mode], out);
     }
@@ -110,11 +110,10 @@ fn write_groups(codes: &[u8], out: &mut Vec<u8>) {
 
 /// Bytes of a group with this bit width; a huge value if it does not fit.
 fn group_bytes(codes: &[u8], bits: usize) -> usize {
-    let marked = |mark: u8| codes.iter().filter(|code| **code >= mark).count();
     match bits {
-        0 if marked(1) > 0 => usize::MAX,
+        0 if codes.iter().any(|code| *code > 0) => usize::MAX,
         0 | 8 => 2 * bits,
-        _ => 2 * bits + marked(mark(bits)),
+        _ => 2 * bits + codes.iter().filter(|code| **code >= mark(bits)).count(),
     }
 }
 
@@ -160,19 +159,20 @@ impl MeshoptAttributeReader {
     /// The stream of `count` elements of `stride` bytes at `start`, with `bytes` bytes.
     pub(crate) fn new(
         window: &mut MeshoptWindow<'_>,
-        (start, bytes): (u64, u64),
-        (stride, count): (usize, u64),
+        start: u64,
+        bytes: u64,
+        stride: usize,
+        count: u64,
     ) -> Result<Self> {
         if !(4..=256).contains(&stride) || !stride.is_multiple_of(4) {
             return Err(bad(format!("has an invalid stride of {stride} bytes")));
         }
         let tail = TAIL_BYTES.max(stride) as u64;
-        // A byte plane has at least two bits for each group.
-        let block = block_elements(stride);
-        let of = |elements: u64| elements.div_ceil(GROUP as u64).div_ceil(4) * stride as u64;
-        let least = (count / block as u64).checked_mul(of(block as u64));
-        let least = least.and_then(|b| b.checked_add(of(count % block as u64) + 1 + tail));
-        if least.is_none_or(|least| bytes < least) {
+        let block = block_elements(stride) as u64;
+        let min_bytes = (count / block)
+            .checked_mul(min_block_bytes(block, stride))
+            .and_then(|b| b.checked_add(min_block_bytes(count % block, stride) + 1 + tail));
+        if min_bytes.is_none_or(|min_bytes| bytes < min_bytes) {
             return Err(bad(format!("has only {bytes} bytes for {count} elements")));
         }
         if window.bytes(start, 1)? != [HEADER] {
@@ -182,6 +182,11 @@ impl MeshoptAttributeReader {
         let first = window.bytes(end + tail - stride as u64, stride)?.to_vec();
         Ok(Self { start, end, stride, count, first })
     }
+}
+
+/// Smallest size of a block: a byte plane has at least two bits for each group.
+fn min_block_bytes(elements: u64, stride: usize) -> u64 {
+    elements.div_ceil(GROUP as u64).div_ceil(4) * stride as u64
 }
 
 impl MeshoptCodec for MeshoptAttributeReader {

@@ -61,9 +61,9 @@ impl<C: MeshoptCodec> MeshoptStream<C> {
         Self::with_marks(codec, MAX_MARKS)
     }
 
-    pub(super) fn with_marks(codec: C, most: u64) -> Self {
+    pub(super) fn with_marks(codec: C, max_marks: u64) -> Self {
         let steps = codec.count().div_ceil(codec.step_elements());
-        let stride = steps.div_ceil(most).max(1);
+        let stride = steps.div_ceil(max_marks).max(1);
         Self {
             codec,
             known: Mutex::new(MeshoptCheckpoints { marks: Vec::new(), ends: Vec::new() }),
@@ -108,13 +108,13 @@ impl<C: MeshoptCodec> MeshoptStream<C> {
     }
 
     /// The last recorded position at or before an element.
-    fn before(&self, wanted: u64) -> C::Place {
+    fn before(&self, element: u64) -> C::Place {
         let known = lock(&self.known);
-        let at = (wanted / self.codec.step_elements() / self.stride) as usize;
+        let at = (element / self.codec.step_elements() / self.stride) as usize;
         let marks = &known.marks[..known.marks.len().min(at + 1)];
         let mark = marks.iter().rev().flatten().next();
         let usable =
-            mark.into_iter().chain(&known.ends).filter(|place| self.codec.index(place) <= wanted);
+            mark.into_iter().chain(&known.ends).filter(|place| self.codec.index(place) <= element);
         let best = usable.max_by_key(|place| self.codec.index(place));
         best.cloned().unwrap_or_else(|| self.codec.start())
     }
@@ -148,11 +148,10 @@ impl<'a> MeshoptWindow<'a> {
 
     /// `count` bytes from `offset`, fewer than a window and inside the file.
     pub(crate) fn bytes(&mut self, offset: u64, count: usize) -> Result<&[u8]> {
-        let holds = |(start, bytes): &(u64, Vec<u8>)| {
+        let loaded = self.parts.iter().position(|(start, bytes)| {
             offset >= *start && offset + count as u64 <= start + bytes.len() as u64
-        };
-        let found = self.parts.iter().position(holds);
-        self.latest = match found {
+        });
+        self.latest = match loaded {
             Some(part) => part,
             None => self.load(1 - self.latest, offset, count)?,
         };
@@ -163,13 +162,13 @@ impl<'a> MeshoptWindow<'a> {
 
     fn load(&mut self, part: usize, offset: u64, count: usize) -> Result<usize> {
         let left = self.input.bytes().saturating_sub(offset);
-        let bytes = left.min(WINDOW_BYTES.max(count as u64));
-        let (start, held) = &mut self.parts[part];
+        let size = left.min(WINDOW_BYTES.max(count as u64));
+        let (start, bytes) = &mut self.parts[part];
         *start = offset;
-        held.clear();
-        held.resize(bytes.max(count as u64) as usize, 0);
+        bytes.clear();
+        bytes.resize(size.max(count as u64) as usize, 0);
         // Past the end of the file this fails with an ordinary error.
-        self.input.read_at(offset, held)?;
+        self.input.read_at(offset, bytes)?;
         Ok(part)
     }
 }

@@ -45,8 +45,10 @@ impl Lab {
     fn attributes(&self, stride: usize, count: u64) -> attributes::MeshoptAttributeReader {
         attributes::MeshoptAttributeReader::new(
             &mut MeshoptWindow::new(&self.input),
-            self.span,
-            (stride, count),
+            self.span.0,
+            self.span.1,
+            stride,
+            count,
         )
         .unwrap()
     }
@@ -54,7 +56,8 @@ impl Lab {
     fn triangles(&self, count: u64) -> triangles::MeshoptTriangleReader {
         triangles::MeshoptTriangleReader::new(
             &mut MeshoptWindow::new(&self.input),
-            self.span,
+            self.span.0,
+            self.span.1,
             count,
         )
         .unwrap()
@@ -208,7 +211,7 @@ fn streams_of_the_wrong_length_are_refused() {
     let lab = Lab::new(&stream);
     let open = |bytes, stride, count| {
         let window = &mut MeshoptWindow::new(&lab.input);
-        attributes::MeshoptAttributeReader::new(window, (lab.span.0, bytes), (stride, count))
+        attributes::MeshoptAttributeReader::new(window, lab.span.0, bytes, stride, count)
     };
     for (bytes, stride, count) in
         [(90, 12, 300), (lab.span.1, 12, u64::MAX), (lab.span.1, 0, 1), (lab.span.1, 260, 1)]

@@ -89,7 +89,7 @@ impl MeshoptTriangleWriter {
     pub(crate) fn push(&mut self, corners: [u32; 3], codes: &mut Vec<u8>, data: &mut Vec<u8>) {
         match self.shared(corners) {
             Some((age, corners)) => codes.push((age as u8) << 4 | self.third(corners, data)),
-            None => codes.push(self.alone(self.begun_at_next(corners), data)),
+            None => codes.push(self.alone(self.starting_at_next(corners), data)),
         }
     }
 
@@ -134,7 +134,7 @@ impl MeshoptTriangleWriter {
     }
 
     /// Rotates the corners to begin at the next vertex, if it is one of them.
-    fn begun_at_next(&self, [a, b, c]: [u32; 3]) -> [u32; 3] {
+    fn starting_at_next(&self, [a, b, c]: [u32; 3]) -> [u32; 3] {
         match self.state.next {
             next if b == next => [b, c, a],
             next if c == next => [c, a, b],
@@ -218,11 +218,12 @@ impl MeshoptTriangleReader {
     /// The stream of `triangles` triangles at `start`, with `bytes` bytes.
     pub(crate) fn new(
         window: &mut MeshoptWindow<'_>,
-        (start, bytes): (u64, u64),
+        start: u64,
+        bytes: u64,
         triangles: u64,
     ) -> Result<Self> {
         let frame = 1 + PAIRS.len() as u64;
-        if triangles.checked_add(frame).is_none_or(|least| bytes < least) {
+        if triangles.checked_add(frame).is_none_or(|min_bytes| bytes < min_bytes) {
             return Err(bad(format!("have only {bytes} bytes for {triangles} triangles")));
         }
         if window.bytes(start, 1)? != [HEADER] {
@@ -231,8 +232,8 @@ impl MeshoptTriangleReader {
         let end = start + bytes - PAIRS.len() as u64;
         let mut pairs = PAIRS;
         pairs.copy_from_slice(window.bytes(end, PAIRS.len())?);
-        let is_place = |pair: &u8| pair & 0xf != 0xf && pair >> 4 != 0xf;
-        if !pairs.iter().all(is_place) || pairs[14..] != [0, 0] {
+        let is_valid = pairs.iter().all(|pair| pair & 0xf != 0xf && pair >> 4 != 0xf);
+        if !is_valid || pairs[14..] != [0, 0] {
             return Err(bad("have an invalid table"));
         }
         Ok(Self { codes: start + 1, end, triangles, pairs })
@@ -370,14 +371,14 @@ impl MeshoptCodec for MeshoptTriangleReader {
         let count = STEP.min(self.triangles - place.triangle) as usize;
         // Copied, as the window moves on to the data.
         let codes = window.bytes(self.codes + place.triangle, count)?.to_vec();
-        let most = (self.end - place.data).min((count * MAX_DATA) as u64) as usize;
-        let mut data = MeshoptTriangleBytes(window.bytes(place.data, most)?);
+        let length = (self.end - place.data).min((count * MAX_DATA) as u64) as usize;
+        let mut data = MeshoptTriangleBytes(window.bytes(place.data, length)?);
         out.clear();
         for code in codes {
             let corners = self.triangle(code, &mut place.state, &mut data)?;
             out.extend(corners.map(u32::to_le_bytes).as_flattened());
         }
-        place.data += (most - data.0.len()) as u64;
+        place.data += (length - data.0.len()) as u64;
         place.triangle += count as u64;
         if place.triangle == self.triangles && place.data != self.end {
             return Err(bad(format!("have {} surplus bytes", self.end - place.data)));

@@ -91,7 +91,7 @@ proptest! {
         let fill = means.fill().unwrap();
         let rect = Rect::new(0, 0, 70, 45);
         let asked = HeightPatch::new(&heights, rect, &chart, &fill);
-        let kept = asked.clone().kept();
+        let kept = asked.clone().with_positions();
         let width = 40.0 * step;
         let level = (0..20).find(|level| crate::degrees(*level) < width).unwrap();
         let [cols, rows] = GlobeTileId::meeting(level, &chart.bounds());

@@ -38,42 +38,37 @@ pub struct SampleBlocks {
     /// Columns and rows of blocks.
     pub counts: [u32; 2],
     /// Columns and rows of samples.
-    pub(super) whole: [u32; 2],
+    pub(super) size: [u32; 2],
 }
 
 impl SampleBlocks {
     /// For a grid of this many columns and rows.
-    pub fn of(whole: [u32; 2]) -> Self {
-        let count =
-            |side: u32| whole.map(|end| u64::from(end.div_ceil(side))).iter().product::<u64>();
-        let mut side = MIN_SIDE;
-        while count(side) > MAX_BLOCKS {
-            side *= 2;
+    pub fn of(size: [u32; 2]) -> Self {
+        let mut blocks = Self { side: MIN_SIDE, counts: [0; 2], size };
+        loop {
+            blocks.counts = size.map(|end| end.div_ceil(blocks.side));
+            if blocks.counts.map(u64::from).iter().product::<u64>() <= MAX_BLOCKS {
+                return blocks;
+            }
+            blocks.side *= 2;
         }
-        Self { side, counts: whole.map(|end| end.div_ceil(side)), whole }
     }
 
     /// The samples of a block.
     pub fn rect(&self, [col, row]: [u32; 2]) -> Rect {
         let [col, row] = [col * self.side, row * self.side];
-        Rect::new(col, row, self.side.min(self.whole[0] - col), self.side.min(self.whole[1] - row))
+        Rect::new(col, row, self.side.min(self.size[0] - col), self.side.min(self.size[1] - row))
     }
 }
 
 impl SampleBlock {
     /// From heights with row stride `stride`.
     pub(super) fn of(heights: &[f64], stride: usize, [width, height]: [usize; 2]) -> Self {
-        let at = |col: usize, row: usize| heights[row * stride + col];
-        let valid = || {
-            let all = (0..height).flat_map(move |row| (0..width).map(move |col| (col, row)));
-            all.filter_map(move |(col, row)| {
-                let z = at(col, row);
-                z.is_finite().then_some((col as f64, row as f64, z))
-            })
-        };
-        let Some((_, _, first)) = valid().next() else { return Self::default() };
+        let valid = valid(heights, stride, [width, height]);
+        let Some((_, _, first)) = valid.clone().next() else { return Self::default() };
         let mut sums = [0.0; 9];
-        for (x, y, z) in valid() {
+        for (x, y, z) in valid.clone() {
+            // Relative to one of them: sums of squares of large heights would lose the small differences.
             let z = z - first;
             let terms = [1.0, x, y, z, x * x, x * y, y * y, x * z, y * z];
             (0..9).for_each(|i| sums[i] += terms[i]);
@@ -94,13 +89,12 @@ impl SampleBlock {
             ends: [BlockExtreme::default(); 2],
             jump: jump(heights, stride, [width, height]),
         };
-        let found = valid().map(|(x, y, height)| {
+        let samples = valid.map(|(x, y, height)| {
             let at = [x as u16, y as u16];
             BlockExtreme { at, height, off: height - block.height([x, y]) }
         });
-        let less = |a: &BlockExtreme, b: &BlockExtreme| a.off.total_cmp(&b.off);
-        let low = found.clone().min_by(less).unwrap_or_default();
-        let high = found.max_by(less).unwrap_or_default();
+        let low = samples.clone().min_by(|a, b| a.off.total_cmp(&b.off)).unwrap_or_default();
+        let high = samples.max_by(|a, b| a.off.total_cmp(&b.off)).unwrap_or_default();
         block.ends = [low, high];
         block
     }
@@ -118,18 +112,32 @@ impl SampleBlock {
     }
 }
 
+/// Column, row and height of the valid samples.
+fn valid(
+    heights: &[f64],
+    stride: usize,
+    [width, height]: [usize; 2],
+) -> impl Iterator<Item = (f64, f64, f64)> + Clone {
+    let all = (0..height).flat_map(move |row| (0..width).map(move |col| (col, row)));
+    all.filter_map(move |(col, row)| {
+        let z = heights[row * stride + col];
+        z.is_finite().then_some((col as f64, row as f64, z))
+    })
+}
+
 /// Largest height difference of adjacent samples in metres.
 fn jump(heights: &[f64], stride: usize, [width, height]: [usize; 2]) -> f64 {
-    let mut most = 0.0_f64;
+    let mut largest = 0.0_f64;
     for row in 0..height {
         let line = &heights[row * stride..][..width];
         let across = line.windows(2).map(|two| (two[1] - two[0]).abs());
         // NaN heights never compare.
-        most = across.fold(most, f64::max);
+        largest = across.fold(largest, f64::max);
         if row > 0 {
             let above = &heights[(row - 1) * stride..][..width];
-            most = line.iter().zip(above).map(|(a, b)| (a - b).abs()).fold(most, f64::max);
+            let down = line.iter().zip(above).map(|(a, b)| (a - b).abs());
+            largest = down.fold(largest, f64::max);
         }
     }
-    most
+    largest
 }

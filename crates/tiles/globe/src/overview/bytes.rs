@@ -8,7 +8,7 @@ use crate::terrain::VoidFillSums;
 use terrane_base::geom::Rect;
 
 impl BlockSummary {
-    /// Appends it to `out`, for [`OverviewPlan::read_glance`].
+    /// Appends it to `out`, for [`OverviewPlan::read_summary`].
     pub fn write(&self, out: &mut Vec<u8>) {
         let Rect { col, row, width, height } = self.rect;
         [col, row, width, height].into_iter().for_each(|n| out.extend(n.to_le_bytes()));
@@ -32,8 +32,8 @@ impl BlockSummary {
         }
         let sums: Vec<_> = self.means.sums().collect();
         out.extend((sums.len() as u32).to_le_bytes());
-        for (square, sum, count) in sums {
-            out.extend(square.to_le_bytes());
+        for (cell, sum, count) in sums {
+            out.extend(cell.to_le_bytes());
             out.extend(sum.to_le_bytes());
             out.extend(count.to_le_bytes());
         }
@@ -50,24 +50,18 @@ impl OverviewPlan {
         let Rect { width, height, .. } = rect;
         let side = self.blocks.side;
         let blocks = u64::from(width.div_ceil(side)) * u64::from(height.div_ceil(side));
-        let lines = |axis: usize| {
-            self.within(axis, rect).map(|(_, part)| 4 + 8 * part.len() as u64).sum::<u64>()
-        };
-        let lines = lines(0) + lines(1);
-        let squares = VoidFillSums::new(self.blocks.whole).squares_in(rect);
-        4 * 4 + 2 * 8 + blocks * BLOCK + 2 * 4 + lines + 4 + squares * SUM
+        let lines = (0..2).flat_map(|axis| self.within(axis, rect));
+        let lines = lines.map(|(_, range)| 4 + 8 * range.len() as u64).sum::<u64>();
+        let cells = VoidFillSums::new(self.blocks.size).cells_in(rect);
+        4 * 4 + 2 * 8 + blocks * BLOCK + 2 * 4 + lines + 4 + cells * SUM
     }
 
     /// Reads a survey from the front of `from`; `None` if there is none of this grid.
-    pub fn read_glance(&self, from: &mut &[u8]) -> Option<BlockSummary> {
-        let SampleBlocks { side, whole, .. } = self.blocks;
+    pub fn read_summary(&self, from: &mut &[u8]) -> Option<BlockSummary> {
+        let SampleBlocks { side, size, .. } = self.blocks;
         let [col, row, width, height] = numbers(from)?.map(u32::from_le_bytes);
         let rect = Rect::new(col, row, width, height);
-        let fits = |first: u32, count: u32, whole: u32| {
-            let is_aligned = first.is_multiple_of(side) && count > 0;
-            is_aligned && first.checked_add(count).is_some_and(|end| end <= whole)
-        };
-        if !fits(col, width, whole[0]) || !fits(row, height, whole[1]) {
+        if !fits(col, width, size[0], side) || !fits(row, height, size[1], side) {
             return None;
         }
         let [low, high] = numbers(from)?.map(f64::from_le_bytes);
@@ -86,15 +80,21 @@ impl OverviewPlan {
                 lines.insert(at, part.map(|_| float(from)).collect::<Option<_>>()?);
             }
         }
-        let mut means = VoidFillSums::new(whole);
+        let mut means = VoidFillSums::new(size);
         for _ in 0..number(from)? {
-            let square = number(from)?;
+            let cell = number(from)?;
             let sum = i128::from_le_bytes(bytes(from)?);
-            means.put(square, sum, u64::from_le_bytes(bytes(from)?))?;
+            means.put(cell, sum, u64::from_le_bytes(bytes(from)?))?;
         }
         let range = (low <= high).then_some([low, high]);
         Some(BlockSummary { rect, blocks, lines, means, range })
     }
+}
+
+/// Whether a range of columns or rows begins with a block, and lies in the grid.
+fn fits(first: u32, count: u32, total: u32, side: u32) -> bool {
+    let is_aligned = first.is_multiple_of(side) && count > 0;
+    is_aligned && first.checked_add(count).is_some_and(|end| end <= total)
 }
 
 fn block(from: &mut &[u8]) -> Option<SampleBlock> {

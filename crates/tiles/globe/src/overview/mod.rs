@@ -15,7 +15,7 @@ use crate::terrain::{TerrainSampler, VoidFill, around, between, feet};
 use crate::tiling::GeodeticBounds;
 use blocks::BlockExtreme;
 pub use blocks::{SampleBlock, SampleBlocks};
-use lines::beside;
+use lines::snapped;
 pub use plan::{BlockSummary, GatheredOverview, OverviewPlan};
 use terrane_base::geom::Rect;
 
@@ -100,23 +100,23 @@ impl GridOverview {
         corners: &[TerrainSample; 4],
         bounds: &GeodeticBounds,
     ) -> RectRelation {
-        let holds =
-            |bounds: &GeodeticBounds| corners.iter().all(|corner| bounds.holds(corner.place));
+        let places = corners.each_ref().map(|corner| corner.place);
         if !self.plan.chart.is_bent() {
-            return if holds(bounds) { RectRelation::Within } else { RectRelation::Across };
+            let is_within = places.iter().all(|place| bounds.holds(*place));
+            return if is_within { RectRelation::Within } else { RectRelation::Across };
         }
         // Parts of a block may bulge beyond its corners; meridians converge towards the poles.
-        let furthest = corners.iter().fold(0.0_f64, |most, corner| most.max(corner.place[1].abs()));
+        let furthest = places.iter().fold(0.0_f64, |max, [_, lat]| max.max(lat.abs()));
         let slack = self.bow(at) / DEGREE / furthest.to_radians().cos().max(1e-3);
         let GeodeticBounds { west, south, east, north } = bounds.grown(slack);
-        let all = |is: &dyn Fn([f64; 2]) -> bool| corners.iter().all(|corner| is(corner.place));
-        let is_beside = all(&|[lon, _]| lon < west)
-            || all(&|[lon, _]| lon > east)
-            || all(&|[_, lat]| lat < south)
-            || all(&|[_, lat]| lat > north);
+        let is_beside = places.iter().all(|[lon, _]| *lon < west)
+            || places.iter().all(|[lon, _]| *lon > east)
+            || places.iter().all(|[_, lat]| *lat < south)
+            || places.iter().all(|[_, lat]| *lat > north);
+        let inner = bounds.grown(-slack);
         match is_beside {
             true => RectRelation::Beside,
-            false if holds(&bounds.grown(-slack)) => RectRelation::Within,
+            false if places.iter().all(|place| inner.holds(*place)) => RectRelation::Within,
             false => RectRelation::Across,
         }
     }
@@ -132,15 +132,21 @@ impl GridOverview {
 }
 
 impl GridOverview {
-    /// Interpolated height from kept samples; `Err` if they are not kept.
-    fn kept(&self, [col, row]: [f64; 2]) -> Result<Option<f64>, ()> {
+    /// Interpolated height from stored samples; `Err` if they are not stored.
+    fn stored(&self, [col, row]: [f64; 2]) -> Result<Option<f64>, ()> {
         match self.plan.chart.map() {
             Some(_) => self.on_line([col, row]),
             None => self.on_spots([col, row]),
         }
     }
 
-    /// A kept sample, NaN if void; `None` if not kept.
+    /// Height at a position, from stored samples.
+    fn stored_height(&self, place: [f64; 2]) -> Result<Option<f64>, ()> {
+        let spot = self.plan.chart.within(place);
+        self.stored(spot.at).map(|height| height.map(|height| spot.lower(height)))
+    }
+
+    /// A stored sample, NaN if void; `None` if not stored.
     fn sample(&self, at: [u32; 2]) -> Option<f64> {
         (0..2).find_map(|axis| {
             let (line, along) = (at[axis], at[1 - axis]);
@@ -161,7 +167,7 @@ impl GridOverview {
         Ok(sum.is_finite().then_some(sum))
     }
 
-    /// Height on a kept column or row; `Err` for others.
+    /// Height on a stored column or row; `Err` for others.
     fn on_line(&self, [col, row]: [f64; 2]) -> Result<Option<f64>, ()> {
         for (axis, [across, along]) in [(0, [col, row]), (1, [row, col])] {
             let first = across as u32;
@@ -170,16 +176,9 @@ impl GridOverview {
             let [Some(a), Some(b)] = [first, next].map(|at| self.lines[axis].get(&at)) else {
                 continue;
             };
-            let at = along as usize;
-            let down = along - at as f64;
-            let below = at + usize::from(down > 0.0);
-            let mixed = |line: &[f64]| match down > 0.0 {
-                true => line[at] * (1.0 - down) + line[below] * down,
-                false => line[at],
-            };
             let height = match part > 0.0 {
-                true => mixed(a) * (1.0 - part) + mixed(b) * part,
-                false => mixed(a),
+                true => height_on(a, along) * (1.0 - part) + height_on(b, along) * part,
+                false => height_on(a, along),
             };
             return Ok(height.is_finite().then_some(height));
         }
@@ -187,11 +186,19 @@ impl GridOverview {
     }
 }
 
+/// Height between two samples of a column or row.
+fn height_on(line: &[f64], along: f64) -> f64 {
+    let at = along as usize;
+    let part = along - at as f64;
+    // On a sample it alone counts: the next one may be void, or missing.
+    if part > 0.0 { line[at] * (1.0 - part) + line[at + 1] * part } else { line[at] }
+}
+
 impl GridOverview {
     /// Height from samples, or on a block's plane.
     fn at(&self, GlobePosition { at: [col, row], .. }: GlobePosition) -> Option<f64> {
-        if let Ok(found) = self.kept([col, row]) {
-            return found;
+        if let Ok(height) = self.stored([col, row]) {
+            return height;
         }
         let side = f64::from(self.plan.blocks.side);
         let at = [(col / side) as u32, (row / side) as u32];
@@ -202,8 +209,8 @@ impl GridOverview {
     }
 
     fn between(&self, spot: GlobePosition) -> f64 {
-        let is_kept = around(spot.at).all(|(at, _)| self.sample(at).is_some());
-        match if is_kept { None } else { self.at(spot) } {
+        let is_stored = around(spot.at).all(|(at, _)| self.sample(at).is_some());
+        match if is_stored { None } else { self.at(spot) } {
             Some(height) => height,
             None => between(spot.at, &self.fill, |at| self.sample(at).filter(|z| z.is_finite())),
         }
@@ -211,13 +218,13 @@ impl GridOverview {
 }
 
 impl TerrainSampler for GridOverview {
-    /// Exact along kept lines; elsewhere the height of the block's plane.
+    /// Exact along stored lines; elsewhere the height of the block's plane.
     fn height(&self, place: [f64; 2]) -> Option<f64> {
         let spot = self.plan.chart.within(place);
         self.at(spot).map(|height| spot.lower(height))
     }
 
-    /// From kept samples; elsewhere as the height.
+    /// From stored samples; elsewhere as the height.
     fn filled(&self, place: [f64; 2]) -> f64 {
         let spot = self.plan.chart.within(place);
         spot.lower(self.between(spot))
@@ -229,30 +236,30 @@ impl TerrainSampler for GridOverview {
     }
 
     fn feet(&self, bounds: &GeodeticBounds, stride: u32, found: &mut impl FnMut(TerrainSample)) {
-        let [width, height] = self.plan.blocks.whole;
-        feet(self, (&self.plan.chart, Rect::new(0, 0, width, height)), (bounds, stride), found);
+        let [width, height] = self.plan.blocks.size;
+        feet(self, &self.plan.chart, Rect::new(0, 0, width, height), bounds, stride, found);
     }
 
     fn bends(&self, [from, to]: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2], Option<f64>)) {
-        let mut stop = |place: [f64; 2]| {
-            let spot = self.plan.chart.within(place);
-            if let Ok(height) = self.kept(spot.at) {
-                found(place, height.map(|height| spot.lower(height)));
-            }
-        };
         let Some(map) = self.plan.chart.map() else {
-            return self.plan.chart.stops([from, to], &mut stop);
+            return self.plan.chart.stops([from, to], &mut |place| {
+                if let Ok(height) = self.stored_height(place) {
+                    found(place, height);
+                }
+            });
         };
         let axis = usize::from(from[0] == to[0]);
-        let ends = [from, to].map(|end| beside(map, end)[axis]);
-        let most = f64::from(self.plan.blocks.whole[axis] - 1);
+        let ends = [from, to].map(|end| snapped(map, end)[axis]);
+        let max = f64::from(self.plan.blocks.size[axis] - 1);
         let first = ends[0].min(ends[1]).ceil().max(0.0);
-        let last = ends[0].max(ends[1]).floor().min(most);
+        let last = ends[0].max(ends[1]).floor().min(max);
         let mut index = first;
         while index <= last {
             let mut place = from;
             place[axis] = map.apply(index, index)[axis];
-            stop(place);
+            if let Ok(height) = self.stored_height(place) {
+                found(place, height);
+            }
             index += 1.0;
         }
     }
@@ -301,17 +308,17 @@ mod tests {
             plan.summarize(rect, &heights[from..][..rect.len()])
         };
         let mut gathered = plan.clone().gather();
-        for glance in (0..whole[1]).step_by(rows as usize).map(look) {
+        for summary in (0..whole[1]).step_by(rows as usize).map(look) {
             // As it is kept and read again.
             let mut kept = Vec::new();
-            glance.write(&mut kept);
-            assert!(plan.read_glance(&mut &kept[..kept.len() - 1]).is_none());
+            summary.write(&mut kept);
+            assert!(plan.read_summary(&mut &kept[..kept.len() - 1]).is_none());
             let mut left = &kept[..];
-            let back = plan.read_glance(&mut left).unwrap();
-            let most = plan.written_bytes(glance.rect);
+            let back = plan.read_summary(&mut left).unwrap();
+            let most = plan.written_bytes(summary.rect);
             let is_whole = heights.iter().all(|height| height.is_finite());
             assert!(kept.len() as u64 <= most && (!is_whole || kept.len() as u64 == most));
-            assert!(left.is_empty() && format!("{back:?}") == format!("{glance:?}"));
+            assert!(left.is_empty() && format!("{back:?}") == format!("{summary:?}"));
             gathered.add(back);
         }
         gathered.finish()
@@ -352,11 +359,11 @@ mod tests {
     #[test]
     fn a_void_part_comes_back_void() {
         let plan = OverviewPlan::new(GridGeolocation::straight(MAP, [20, 20]), [&[], &[]]);
-        let glance = plan.summarize(Rect::new(0, 0, 20, 20), &[f64::NAN; 400]);
+        let summary = plan.summarize(Rect::new(0, 0, 20, 20), &[f64::NAN; 400]);
         let mut kept = Vec::new();
-        glance.write(&mut kept);
-        let back = plan.read_glance(&mut &kept[..]).unwrap();
-        assert!(back.range.is_none() && back.blocks == glance.blocks);
+        summary.write(&mut kept);
+        let back = plan.read_summary(&mut &kept[..]).unwrap();
+        assert!(back.range.is_none() && back.blocks == summary.blocks);
         let mut gathered = plan.gather();
         gathered.add(back);
         assert!(gathered.finish().is_none());

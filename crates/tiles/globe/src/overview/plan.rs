@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::blocks::{SampleBlock, SampleBlocks};
-use super::lines::{Lines, spots, whole};
+use super::lines::{Lines, spots, whole_lines};
 use crate::georeference::GridGeolocation;
 use crate::terrain::VoidFillSums;
 use terrane_base::geom::Rect;
@@ -31,8 +31,9 @@ pub struct OverviewPlan {
 impl OverviewPlan {
     /// For a grid; samples on both sides of the meridians and parallels of `lines` are kept.
     pub fn new(chart: GridGeolocation, lines: [&[f64]; 2]) -> Self {
-        let lines = if chart.map().is_some() { whole(&chart, lines) } else { spots(&chart, lines) };
-        Self { blocks: SampleBlocks::of(chart.whole()), chart, lines }
+        let lines =
+            if chart.map().is_some() { whole_lines(&chart, lines) } else { spots(&chart, lines) };
+        Self { blocks: SampleBlocks::of(chart.size()), chart, lines }
     }
 
     /// Positions of the grid's samples.
@@ -59,13 +60,13 @@ impl OverviewPlan {
 
     /// Kept samples of a line.
     fn len(&self, axis: usize, spots: &Option<Vec<u32>>) -> usize {
-        spots.as_ref().map_or(self.blocks.whole[1 - axis] as usize, Vec::len)
+        spots.as_ref().map_or(self.blocks.size[1 - axis] as usize, Vec::len)
     }
 
     /// Surveys the samples of a rectangle of whole blocks, row by row.
     pub fn summarize(&self, rect: Rect, heights: &[f64]) -> BlockSummary {
-        let SampleBlocks { side, whole, .. } = self.blocks;
-        let mut means = VoidFillSums::new(whole);
+        let SampleBlocks { side, size, .. } = self.blocks;
+        let mut means = VoidFillSums::new(size);
         for (row, line) in (rect.row..).zip(heights.chunks(rect.width as usize)) {
             means.add(rect.col, row, line);
         }
@@ -81,49 +82,56 @@ impl OverviewPlan {
                 ));
             }
         }
-        let valid = || heights.iter().copied().filter(|height| height.is_finite());
-        let range = valid().map(|height| [height; 2]).reduce(both);
-        let width = rect.width as usize;
-        let line = |axis: usize, (line, part): (u32, Range<usize>)| {
-            let at = |along: u32| {
-                let [col, row] = if axis == 0 { [line, along] } else { [along, line] };
-                heights[(row - rect.row) as usize * width + (col - rect.col) as usize]
-            };
-            let heights = match &self.lines[axis][&line] {
-                None => part.map(|along| at(along as u32)).collect(),
-                Some(spots) => spots[part].iter().map(|along| at(*along)).collect(),
-            };
-            (line, heights)
-        };
-        let lines =
-            [0, 1].map(|axis| self.within(axis, rect).map(|found| line(axis, found)).collect());
+        let valid = heights.iter().filter(|height| height.is_finite());
+        let range = valid.map(|height| [*height; 2]).reduce(both);
+        let lines = [0, 1].map(|axis| {
+            let lines = self.within(axis, rect);
+            lines.map(|(line, spots)| (line, self.line(axis, line, spots, rect, heights))).collect()
+        });
         BlockSummary { rect, blocks, lines, means, range }
+    }
+
+    /// Heights of stored samples of a line in a rectangle.
+    fn line(
+        &self,
+        axis: usize,
+        line: u32,
+        spots: Range<usize>,
+        rect: Rect,
+        heights: &[f64],
+    ) -> Vec<f64> {
+        let at = |along: u32| {
+            let [col, row] = if axis == 0 { [line, along] } else { [along, line] };
+            heights[(row - rect.row) as usize * rect.width as usize + (col - rect.col) as usize]
+        };
+        match &self.lines[axis][&line] {
+            None => spots.map(|along| at(along as u32)).collect(),
+            Some(numbers) => numbers[spots].iter().map(|along| at(*along)).collect(),
+        }
     }
 
     /// Memory in bytes of the survey of the whole grid.
     pub fn bytes(&self) -> u64 {
         let SampleBlocks { counts, .. } = self.blocks;
         let blocks = u64::from(counts[0]) * u64::from(counts[1]) * size_of::<SampleBlock>() as u64;
-        let line = |axis: usize| {
-            let bytes = |spots: &Option<Vec<u32>>| {
+        let lines = (0..2).flat_map(|axis| {
+            self.lines[axis].values().map(move |spots| {
                 let number = if spots.is_some() { size_of::<u32>() } else { 0 };
                 self.len(axis, spots) * (size_of::<f64>() + number)
-            };
-            self.lines[axis].values().map(bytes).sum::<usize>() as u64
-        };
-        blocks + line(0) + line(1) + VoidFillSums::BYTES + self.chart.bytes()
+            })
+        });
+        blocks + lines.sum::<usize>() as u64 + VoidFillSums::BYTES + self.chart.bytes()
     }
 
     /// An empty survey.
     pub fn gather(self) -> GatheredOverview {
-        let SampleBlocks { counts, whole, .. } = self.blocks;
+        let SampleBlocks { counts, size, .. } = self.blocks;
         let blocks = vec![SampleBlock::default(); counts[0] as usize * counts[1] as usize];
-        let line = |axis: usize| {
-            let empty = |(at, spots): (&u32, _)| (*at, vec![f64::NAN; self.len(axis, spots)]);
-            self.lines[axis].iter().map(empty).collect()
-        };
-        let (lines, means) = ([line(0), line(1)], VoidFillSums::new(whole));
-        GatheredOverview { plan: self, blocks, lines, means, range: None }
+        let lines = [0, 1].map(|axis: usize| {
+            let lines = self.lines[axis].iter();
+            lines.map(|(at, spots)| (*at, vec![f64::NAN; self.len(axis, spots)])).collect()
+        });
+        GatheredOverview { plan: self, blocks, lines, means: VoidFillSums::new(size), range: None }
     }
 }
 
@@ -144,25 +152,25 @@ impl GatheredOverview {
     }
 
     /// Merges the survey of a rectangle.
-    pub fn add(&mut self, glance: BlockSummary) {
+    pub fn add(&mut self, summary: BlockSummary) {
         let SampleBlocks { side, counts, .. } = self.plan.blocks;
-        let Rect { col, row, width, .. } = glance.rect;
+        let Rect { col, row, width, .. } = summary.rect;
         let across = width.div_ceil(side) as usize;
-        for (i, block) in glance.blocks.into_iter().enumerate() {
+        for (i, block) in summary.blocks.into_iter().enumerate() {
             let [x, y] = [col / side, row / side].map(|at| at as usize);
             self.blocks[(y + i / across) * counts[0] as usize + x + i % across] = block;
         }
         for axis in 0..2 {
-            for (at, part) in self.plan.within(axis, glance.rect) {
+            for (at, part) in self.plan.within(axis, summary.rect) {
                 if let (Some(line), Some(heights)) =
-                    (self.lines[axis].get_mut(&at), glance.lines[axis].get(&at))
+                    (self.lines[axis].get_mut(&at), summary.lines[axis].get(&at))
                 {
                     line[part].copy_from_slice(heights);
                 }
             }
         }
-        self.means.join(&glance.means);
-        self.range = self.range.into_iter().chain(glance.range).reduce(both);
+        self.means.join(&summary.means);
+        self.range = self.range.into_iter().chain(summary.range).reduce(both);
     }
 }
 

@@ -28,14 +28,14 @@ impl GridOverview {
         let ranges = self.ranges();
         let [low, high] = self.ends();
         let jump = self.jump();
-        let relief = |level: u8| LevelRelief {
+        let levels = (0..=last).map(|level| LevelRelief {
             reach: low.abs().max(high.abs()),
             range: self.range_of(level, &ranges).min(high - low),
             rough: self.roughness(level),
             doubt: self.plan.chart.doubt(),
             jump,
-        };
-        (0..=last).map(relief).collect()
+        });
+        levels.collect()
     }
 
     /// Largest height difference of adjacent samples in metres: between two blocks the difference guaranteed by
@@ -43,11 +43,11 @@ impl GridOverview {
     fn jump(&self) -> f64 {
         let [cols, rows] = self.plan.blocks.counts;
         let all = (0..rows).flat_map(|row| (0..cols).map(move |col| [col, row]));
-        let of = |at: [u32; 2]| {
+        let jumps = all.map(|at| {
             let [right, below] = [0, 1].map(|axis| self.jump_beside(at, axis));
             self.block(at).jump.max(right).max(below)
-        };
-        all.map(of).fold(0.0, f64::max)
+        });
+        jumps.fold(0.0, f64::max)
     }
 
     /// The same between a block and the next one along an axis; 0 where there is none.
@@ -63,12 +63,12 @@ impl GridOverview {
         }
         let rect = self.plan.blocks.rect(at);
         let last = [rect.width - 1, rect.height - 1].map(f64::from);
-        let step = |along: f64| {
+        let [first, last] = [0.0, last[1 - axis]].map(|along| {
             let [mut here, mut there] = [[along; 2], [along; 2]];
             (here[axis], there[axis]) = (last[axis], 0.0);
             (block.height(here) - beside.height(there)).abs()
-        };
-        step(0.0).max(step(last[1 - axis])) - block.off() - beside.off()
+        });
+        first.max(last) - block.off() - beside.off()
     }
 
     /// Largest height range of a tile in metres.
@@ -86,25 +86,23 @@ impl GridOverview {
         let [cols, rows] = self.plan.blocks.counts.map(|count| count as usize);
         let all = (0..rows as u32).flat_map(|row| (0..cols as u32).map(move |col| [col, row]));
         let mut ends: Vec<[f64; 2]> = all.map(|at| self.ends_of(at)).collect();
-        let most =
-            |ends: &[[f64; 2]]| ends.iter().map(|[low, high]| high - low).fold(0.0, f64::max);
-        let mut found = vec![most(&ends)];
+        let mut ranges = vec![max_range(&ends)];
         let mut size = 1;
         while size < cols.max(rows) {
             for row in 0..rows {
                 for col in 0..cols {
                     let [right, down] = [(col + size).min(cols - 1), (row + size).min(rows - 1)];
                     let of = [[right, row], [col, down], [right, down]];
-                    let whole = of.iter().fold(ends[row * cols + col], |whole, [col, row]| {
-                        both(whole, ends[row * cols + col])
+                    let range = of.iter().fold(ends[row * cols + col], |range, [col, row]| {
+                        both(range, ends[row * cols + col])
                     });
-                    ends[row * cols + col] = whole;
+                    ends[row * cols + col] = range;
                 }
             }
             size *= 2;
-            found.push(most(&ends));
+            ranges.push(max_range(&ends));
         }
-        found
+        ranges
     }
 
     /// Range of heights of a block, including its voids.
@@ -129,27 +127,43 @@ impl GridOverview {
         let [cols, rows] = self.plan.blocks.counts;
         let all = (0..rows).flat_map(|row| (0..cols).map(move |col| [col, row]));
         let rough = all.filter(|at| self.block(*at).off() > level_error(level));
-        let mut found: Vec<([u32; 2], f64, u32)> = rough
+        let mut blocks: Vec<RoughBlock> = rough
             .map(|at| {
                 let (block, rect) = (self.block(at), self.plan.blocks.rect(at));
                 let middle = [rect.col + rect.width / 2, rect.row + rect.height / 2];
                 let [lon, lat] = self.plan.chart.place(middle.map(f64::from));
                 let tile = [lon + 180.0, lat + 90.0].map(|at| (at / degrees(level)) as u32);
-                (tile, block.off(), block.count)
+                RoughBlock { tile, off: block.off(), samples: block.count }
             })
             .collect();
-        found.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
-        let of_tile = |blocks: &[([u32; 2], f64, u32)]| {
-            let mut sum = 0;
-            let first = blocks.iter().find(|(.., count)| {
-                sum += u64::from(*count);
-                sum > MAX_VERTICES
-            });
-            // At least the distance of two samples of a block: below it, each vertex would cause another.
-            first.map_or(0.0, |(_, off, _)| 2.0 * off)
-        };
-        found.chunk_by(|a, b| a.0 == b.0).map(of_tile).fold(0.0, f64::max)
+        blocks.sort_by(|a, b| a.tile.cmp(&b.tile).then(b.off.total_cmp(&a.off)));
+        blocks.chunk_by(|a, b| a.tile == b.tile).map(tile_roughness).fold(0.0, f64::max)
     }
+}
+
+/// A block that no plane approximates within the error of a level.
+struct RoughBlock {
+    /// Column and row of its tile.
+    tile: [u32; 2],
+    /// Largest distance of a sample from the plane in metres.
+    off: f64,
+    samples: u32,
+}
+
+/// Error of a tile with at most [`MAX_VERTICES`] samples in rougher blocks; its blocks are sorted by error,
+/// largest first.
+fn tile_roughness(blocks: &[RoughBlock]) -> f64 {
+    let mut sum = 0;
+    let first = blocks.iter().find(|block| {
+        sum += u64::from(block.samples);
+        sum > MAX_VERTICES
+    });
+    // At least the distance of two samples of a block: below it, each vertex would cause another.
+    first.map_or(0.0, |block| 2.0 * block.off)
+}
+
+fn max_range(ends: &[[f64; 2]]) -> f64 {
+    ends.iter().map(|[low, high]| high - low).fold(0.0, f64::max)
 }
 
 impl SampleBlock {
