@@ -58,14 +58,14 @@ impl PagePointTally {
 }
 
 /// The `max` points of lowest rank.
-struct PointSample {
+struct PagePointSample {
     max: usize,
     /// Points of higher rank are not in the sample.
     limit: AtomicU64,
     points: Mutex<Vec<Ranked>>,
 }
 
-impl PointSample {
+impl PagePointSample {
     fn new(max: usize) -> Self {
         Self { max, limit: AtomicU64::new(u64::MAX), points: Mutex::default() }
     }
@@ -118,7 +118,7 @@ pub(super) fn select(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<(Vec<Ranked>, PagePointTally)> {
-    let (reader, sample) = (AppearanceReader::new(cloud)?, PointSample::new(max));
+    let (reader, sample) = (AppearanceReader::new(cloud)?, PagePointSample::new(max));
     progress.begin("points", cloud.info().count);
     let read = (0..cloud.parts()).into_par_iter().map(|part| {
         FileAt::report_part(progress, cloud, part);
@@ -187,7 +187,7 @@ mod tests {
             let mut points: Vec<PointAppearance> = points.iter().map(|(x, y, z, c)| seen(*x, *y, *z, *c)).collect();
             let expected = chosen(&points, most);
             points.reverse();
-            let fewest = PointSample::new(most);
+            let fewest = PagePointSample::new(most);
             for some in points.chunks(batch) {
                 fewest.offer(some);
                 fewest.shorten(&mut lock(&fewest.points));
