@@ -3,10 +3,10 @@
 //!
 //! The lattice of heights is twice as fine as the picture: from a grid by averaging blocks of samples and
 //! interpolating between the means, from a mesh by filling triangles (the higher surface wins) as they
-//! stream by, with colours interpolated between vertices that have them. Of a grid with more than 2^26 samples under the picture not all are read: each pixel gets
-//! the mean of a square of samples in the middle of its block, as large as 2^22 samples in all allow and
-//! at least one sample, so the time depends on the picture and not on the grid (a compressed file still
-//! decodes each block that a pixel falls into).
+//! stream by, with colours interpolated between vertices that have them. Grids with more than 2^26 samples under
+//! the picture are subsampled: each pixel gets the mean of a square of samples in the middle of its block, of
+//! 2^22 samples in all but at least one per pixel, so the time depends on the picture and not on the grid (a
+//! compressed file still decodes each block that a pixel falls into).
 
 mod contact_sheet;
 mod drawn;
@@ -100,8 +100,7 @@ pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Vi
 fn options(job: &ViewJob) -> Result<GridOpenOptions> {
     let PictureOptions { grid, resources, .. } = &job.options;
     // The picture crops: a mesh has bounds too.
-    let whole = grid.unbounded();
-    whole.options(resources, cache_beside(resources.memory))
+    grid.unbounded().options(resources, cache_beside(resources.memory))
 }
 
 fn paint(

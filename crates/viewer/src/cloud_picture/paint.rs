@@ -158,7 +158,7 @@ impl CellColoring {
     /// The colour of a cell with points.
     fn of(&self, map: &PointDensityMap, cell: usize) -> [u8; 3] {
         match self {
-            Self::Density(most) => between(map.counts[cell] as f64 / most),
+            Self::Density(max) => between(map.counts[cell] as f64 / max),
             Self::Voids => FILLED,
             Self::Height(tint, frame) => rounded(tint.colour(height(frame, map.top(cell).0))),
             Self::Class => class_colour(map.top(cell).1),
@@ -169,11 +169,11 @@ impl CellColoring {
         let unit = info.crs.horizontal_unit();
         let cells = LegendLine::Text(format!("cells of {} {unit}", map.cells.side), String::new());
         match self {
-            Self::Density(most) => vec![
+            Self::Density(max) => vec![
                 LegendLine::Bar((0..256).map(|i| between(f64::from(i) / 255.0)).collect()),
                 LegendLine::Text(
                     "0".to_owned(),
-                    format!("{} and more", short(most / map.cells.area())),
+                    format!("{} and more", short(max / map.cells.area())),
                 ),
                 LegendLine::Text(format!("points per square {unit}"), String::new()),
                 cells,

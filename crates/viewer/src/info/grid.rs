@@ -88,7 +88,7 @@ impl GridInfoReport {
     }
 }
 
-/// Notes on what the file says, and on its heights where they were read.
+/// Notes on the metadata, and on the heights if they were read.
 fn all_notes(info: &GridInfo, stats: Option<&GridStats>) -> Vec<GridNote> {
     let samples = u64::from(info.width) * u64::from(info.height);
     let on_heights = stats.map(|stats| {

@@ -102,7 +102,7 @@ fn read(grid: &dyn GridSource, cols: &[u32], rows: &[u32], cancel: &Cancel) -> R
     Ok(heights)
 }
 
-/// Heights in at most [`MAX_STEPS`] steps: exact where that is enough.
+/// Heights in at most [`MAX_STEPS`] steps; exact if these suffice.
 fn coarse(heights: &[f64]) -> QuantizedAxis {
     let axis = QuantizedAxis::of(heights);
     let top = axis.codes.iter().copied().max().unwrap_or(0);

@@ -132,8 +132,8 @@ impl PageOptions {
     ) -> Result<(HtmlPage, PageReport)> {
         let part = self.grid.bounds;
         // The page crops: a mesh has bounds too.
-        let whole = self.grid.unbounded();
-        let opening = whole.options(job.resources, cache_beside(job.resources.memory))?;
+        let unbounded = self.grid.unbounded();
+        let opening = unbounded.options(job.resources, cache_beside(job.resources.memory))?;
         match (input::open(job.input.names(), &opening)?, &self.against) {
             (SurfaceInput::Grid(_), Some(_)) => {
                 Err(Error::usage("‹against› requires a mesh, not a grid")

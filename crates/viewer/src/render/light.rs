@@ -2,7 +2,7 @@
 
 use crate::render::PictureHeights;
 
-/// A main light with two weaker ones beside it, so that no slope is lost in the dark.
+/// A main light with two weaker ones on either side, so that no slope is black.
 #[derive(Clone, Copy, Debug)]
 pub struct ReliefLight {
     /// Unit vectors towards the lights (east, north, up) with their weights.
