@@ -216,23 +216,23 @@ impl OctaveRun {
     fn add_small<const SIDE: usize>(&self, amplitude: f32, weight: &[f32], height: &mut [f32]) {
         let width = self.place.len();
         let head = ((SIDE - self.phase) % SIDE).min(width);
-        let whole = (width - head) / SIDE;
+        let cells = (width - head) / SIDE;
         let first = usize::from(self.phase > 0);
-        let tail = head + whole * SIDE;
+        let tail = head + cells * SIDE;
         if head > 0 {
             self.add_cell(0, 0..head, amplitude, weight, height);
         }
         let place: [f32; SIDE] = std::array::from_fn(|k| k as f32 / SIDE as f32);
         let heights = height[head..tail].chunks_exact_mut(SIDE);
-        let cells = self.value[first..].windows(REACH).map(CubicPolynomial::new);
-        for ((heights, weights), cell) in heights.zip(weight[head..].chunks_exact(SIDE)).zip(cells)
+        let cubics = self.value[first..].windows(REACH).map(CubicPolynomial::new);
+        for ((heights, weights), cell) in heights.zip(weight[head..].chunks_exact(SIDE)).zip(cubics)
         {
             for ((h, w), u) in heights.iter_mut().zip(weights).zip(&place) {
                 *h += amplitude * cell.at(*u) * w;
             }
         }
         if tail < width {
-            self.add_cell(first + whole, tail..width, amplitude, weight, height);
+            self.add_cell(first + cells, tail..width, amplitude, weight, height);
         }
     }
 }

@@ -6,8 +6,8 @@
 //! Only additions, multiplications, divisions and square roots are used, which IEEE 754 defines to the
 //! last bit, so the points are the same on every machine.
 //!
-//! Ground truth: [`LidarSurvey::ground`] is the height of the ground at any position. A return of class [`GROUND`] that is not
-//! withheld lies on it at its own recorded x and y, except for range noise (a bell curve that
+//! Ground truth: [`LidarSurvey::ground`] is the height of the ground at any position. A return of class
+//! [`GROUND`] that is not withheld lies on it at its own recorded x and y, except for range noise (a bell curve that
 //! ends at 3.5 standard deviations) and half a step of z.
 
 mod building;

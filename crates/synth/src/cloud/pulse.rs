@@ -142,11 +142,11 @@ fn place_of(
     let shift = (hit.above * tangent * land.by_metre) as i32;
     let nearer = if hit.class == GROUND || hit.class == BUILDING { x } else { x - shift };
     let x = if (0..land.columns).contains(&nearer) { nearer } else { x };
-    Point::new(x, y, whole(land, ground + hit.above + land.noise * dice.bell()))
+    Point::new(x, y, steps_of(land, ground + hit.above + land.noise * dice.bell()))
 }
 
 /// Height in whole steps, rounded to the nearest. Lifted above zero, a plain conversion rounds down.
-fn whole(land: &LandscapeWindow, z: f64) -> i32 {
+fn steps_of(land: &LandscapeWindow, z: f64) -> i32 {
     const LIFT: i64 = 1 << 31;
     ((z * land.by_metre + (LIFT as f64 + 0.5)) as i64 - LIFT) as i32
 }
@@ -174,7 +174,7 @@ fn stray(
         k if k < 0.7 => (HIGH_NOISE, 40.0 + 260.0 * size, false),
         _ => (GROUND, 10.0 * (size - 0.5), true),
     };
-    let point = Point::new(at[0], at[1], whole(land, ground + above));
+    let point = Point::new(at[0], at[1], steps_of(land, ground + above));
     let intensity = (100.0 * strength) as u16;
     SimulatedReturn { point, intensity, number: 1, of: 1, class, withheld, ..template }
 }
