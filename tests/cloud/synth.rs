@@ -298,7 +298,7 @@ fn names_round_trip_and_mistakes_are_explained() {
     assert_eq!((first.width, first.height, first.seed), (30.5, 7.0, u64::MAX));
     assert_eq!(LidarSurvey::parse(&first.to_string()).unwrap(), first);
     for (name, expected) in [
-        ("clouds", "first word"),
+        ("clouds", "begin the name"),
         ("cloud,", "empty parameter"),
         ("cloud,sise=3", "size, width"),
         ("cloud,size=0", "a number from 1 to"),

@@ -113,7 +113,7 @@ def test_the_error_on_the_screen_decides_what_is_loaded(either, opened):
     near = calm(page)
     assert near["levels"][1] == either.told["levels"] - 1 and near["received"] > first["received"]
     told = dict(row.split("\t") for row in page.page.inner_text("#figures").splitlines())
-    assert told["Tiles drawn"] == f"{near['drawn']:,}" and told["Waited for"] == "0"
+    assert told["Tiles drawn"] == f"{near['drawn']:,}" and told["Tiles loading"] == "0"
 
 
 def test_the_terrain_is_drawn_in_every_way(served, opened):
@@ -524,7 +524,7 @@ def test_requests_that_failed_are_made_again(either, opened, grid, status):
     page.wait(lambda: page("() => Object.keys(window.asked).length") > 0)
     figures = calm(page)
     assert figures["failures"] == 0 and figures["again"] == 0 and figures["loaded"] > before["loaded"]
-    assert any("failed and are made again" in note for note in page("() => window.notes"))
+    assert any("failed requests will be repeated" in note for note in page("() => window.notes"))
     assert page.page.inner_text("#notes") == ""
     asked = list(page("() => window.asked").values())
     assert len(asked) > 3 and all(len(times) in (1, 2, 3, 4) for times in asked)
@@ -540,7 +540,7 @@ def test_requests_are_given_up_in_the_end(either, opened, grid):
     figures = slide(page, 0.5)
     assert figures["failures"] > 0 and figures["drawn"] > 0, "what is above is shown"
     assert "cannot be shown, first" in page.page.inner_text("#notes")
-    assert "500 told, asked for 3 times; reload the page" in page.page.inner_text("#notes")
+    assert "500 told after 3 requests; reload the page" in page.page.inner_text("#notes")
     assert {len(times) for times in page("() => window.asked").values()} == {3}
 
 

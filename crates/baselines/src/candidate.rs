@@ -1,4 +1,4 @@
-//! A sample that is further off than allowed, and which of several goes first.
+//! Samples beyond the tolerance, and their order.
 
 use std::cmp::{Ordering, Reverse};
 
@@ -6,8 +6,7 @@ use crate::grid::PackedSample;
 use crate::plane::{PlaneOffset, TrianglePlane};
 use crate::settings::BaselineTask;
 
-/// A sample beyond the tolerance. Of two the one with the larger error is the greater, and among equals the
-/// one with the lower (row, column).
+/// A sample beyond the tolerance, ordered by its error, and for equal errors by descending (row, column).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RefinementCandidate {
     pub(crate) error: f64,
@@ -15,18 +14,17 @@ pub(crate) struct RefinementCandidate {
 }
 
 impl RefinementCandidate {
-    /// The candidate that a sample of a triangle is, if it is one.
+    /// A sample of a triangle as a candidate, if it is beyond the tolerance.
     pub(crate) fn of(
         task: &BaselineTask<'_>,
         at: PackedSample,
         offset: &PlaneOffset,
     ) -> Option<Self> {
-        // What is further off by so little that it rounds to nothing is not at 0 all the same.
-        let error = || offset.error().max(f64::MIN_POSITIVE);
-        task.exceeds(offset).then(|| Self { error: error(), at })
+        // An error may round to 0; a candidate's must not.
+        task.exceeds(offset).then(|| Self { error: offset.error().max(f64::MIN_POSITIVE), at })
     }
 
-    /// The greatest of a triangle.
+    /// The greatest candidate of a triangle.
     pub(crate) fn worst(task: &BaselineTask<'_>, corners: [PackedSample; 3]) -> Option<Self> {
         let plane = TrianglePlane::new(&task.grid, corners);
         plane.offsets().filter_map(|(at, offset)| Self::of(task, at, &offset)).max()

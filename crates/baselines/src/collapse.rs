@@ -1,13 +1,13 @@
-//! Edge collapse: all samples are vertices, and edges are drawn together into one of their ends, the cheapest
-//! first, while no sample is further off than the tolerance and no triangle is turned over.
+//! Edge collapse: starts with all samples as vertices and collapses edges to one of their ends, the cheapest
+//! first, while all samples are within the tolerance and no triangle is inverted.
 //!
 //! Source: Garland & Heckbert, "Surface simplification using quadric error metrics" (1997), with half-edge
 //! collapses, so that vertices stay samples. The quadrics are sums of squared *vertical* distances from the
-//! planes of the first triangles, weighted by area: so the unit of the heights does not matter. They only say
-//! what goes first; whether it may go is decided by all samples of the star.
+//! planes of the first triangles, weighted by area: so the unit of the heights does not matter. They only determine
+//! the order; whether a collapse is allowed is decided by all samples of the star.
 //!
-//! Ties: of equal costs the lowest vertex to go, then the lowest to stay. Time O(n log n) expected, and the
-//! samples of the stars that are looked at. Memory: some hundred bytes a sample.
+//! Ties: for equal costs the lowest removed vertex goes first, then the lowest remaining one. Time O(n log n)
+//! expected, plus the samples of the tested stars. Memory: some hundred bytes per sample.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -52,12 +52,12 @@ impl Quadric {
         let [a, b, c] = corners.map(PackedSample::lattice);
         let [x, y, z] = corners.map(|corner| grid.vertex(corner));
         let area = orient(a, b, c) as f64;
-        let slope = |axis: usize| {
-            let d = |from: [i32; 2], to: [i32; 2]| f64::from(to[axis] - from[axis]);
-            (d(a, c) * (y - x) - d(a, b) * (z - x)) / area
-        };
+        let slopes = [0, 1].map(|axis| {
+            let [ab, ac] = [b, c].map(|to| f64::from(to[axis] - a[axis]));
+            (ac * (y - x) - ab * (z - x)) / area
+        });
         // z = across * x + down * y + rest
-        let (across, down) = (slope(1), -slope(0));
+        let (across, down) = (slopes[1], -slopes[0]);
         let rest = x - across * f64::from(a[0]) - down * f64::from(a[1]);
         Self::outer([across, down, -1.0, rest]).times(area)
     }
@@ -81,20 +81,28 @@ impl Quadric {
         let Self(place) = Self::outer([x, y, grid.vertex(vertex), 1.0]);
         let twice = [1.0, 2.0, 2.0, 2.0, 1.0, 2.0, 2.0, 1.0, 2.0, 1.0];
         let sum: f64 = (0..10).map(|i| twice[i] * self.0[i] * place[i]).sum();
-        // What rounding leaves below zero is nothing.
+        // Rounding may leave a sum below zero.
         sum.max(0.0)
     }
 }
 
-/// A collapse: its cost, by its bits, who goes, who stays, and the stamp of the star of who goes.
-type Collapse = Reverse<(u64, PackedSample, PackedSample, u32)>;
+/// A collapse of an edge; the order is that of costs, and for equal costs that of vertices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct EdgeCollapse {
+    /// Bits of the cost: costs are not negative, so bits have their order.
+    cost: u64,
+    removed: PackedSample,
+    remaining: PackedSample,
+    /// Stamp of the star of the removed vertex.
+    stamp: u32,
+}
 
-/// A mesh that gets coarser.
+/// A mesh during simplification.
 struct CollapsingMesh<'a> {
     task: &'a BaselineTask<'a>,
     full: FullMesh,
-    heap: BinaryHeap<Collapse>,
-    /// By sample: its quadric, and how often its star has changed.
+    heap: BinaryHeap<Reverse<EdgeCollapse>>,
+    /// By sample: its quadric, and the number of changes of its star.
     quadrics: Vec<Quadric>,
     stamps: Vec<u32>,
 }
@@ -124,31 +132,31 @@ impl<'a> CollapsingMesh<'a> {
         let mut size = SurfaceSize::counted(&self.full.mesh);
         while !size.meets(self.task.goal) {
             (self.task.pulse)()?;
-            let Some(Reverse((_, gone, kept, stamp))) = self.heap.pop() else {
+            let Some(Reverse(next)) = self.heap.pop() else {
                 return size.check(self.task.goal);
             };
-            if self.stamps[self.task.grid.index(gone)] == stamp {
-                self.collapse(gone, kept, &mut size);
+            if self.stamps[self.task.grid.index(next.removed)] == next.stamp {
+                self.collapse(next.removed, next.remaining, &mut size);
             }
         }
         Ok(())
     }
 
-    /// Draws an edge together, if no triangle is turned over and no sample is too far off then.
-    fn collapse(&mut self, gone: PackedSample, kept: PackedSample, size: &mut SurfaceSize) {
+    /// Collapses an edge unless that inverts a triangle or leaves a sample beyond the tolerance.
+    fn collapse(&mut self, removed: PackedSample, remaining: PackedSample, size: &mut SurfaceSize) {
         let grid = &self.task.grid;
-        let star = self.full.star(grid, gone);
-        let Some(filling) = star.fan(kept).filter(|filling| self.is_allowed(filling)) else {
+        let star = self.full.star(grid, removed);
+        let Some(filling) = star.fan(remaining).filter(|filling| self.is_allowed(filling)) else {
             return;
         };
         size.shrink(&star, &filling);
         self.full.refill(grid, &star, &filling);
-        let [from, to] = [gone, kept].map(|vertex| grid.index(vertex));
+        let [from, to] = [removed, remaining].map(|vertex| grid.index(vertex));
         self.quadrics[to] = self.quadrics[to].plus(self.quadrics[from]);
         self.stamps[from] += 1;
-        self.weigh(kept);
-        // All of the ring are neighbours of the one that stays, which costs more now.
-        for link in self.full.star(grid, kept).ring {
+        self.weigh(remaining);
+        // The quadric of the remaining vertex changed, and so do the costs of its neighbours.
+        for link in self.full.star(grid, remaining).ring {
             self.weigh(link.from);
         }
     }
@@ -160,7 +168,7 @@ impl<'a> CollapsingMesh<'a> {
         })
     }
 
-    /// Puts the collapses into the neighbours of a vertex into the heap. Invalidates existing entries.
+    /// Queues the collapses of a vertex into its neighbours. Invalidates existing entries.
     fn weigh(&mut self, vertex: PackedSample) {
         let grid = &self.task.grid;
         let index = grid.index(vertex);
@@ -170,8 +178,12 @@ impl<'a> CollapsingMesh<'a> {
         }
         for link in self.full.star(grid, vertex).ring {
             let both = self.quadrics[index].plus(self.quadrics[grid.index(link.from)]);
-            let cost = both.at(grid, link.from).to_bits();
-            self.heap.push(Reverse((cost, vertex, link.from, self.stamps[index])));
+            self.heap.push(Reverse(EdgeCollapse {
+                cost: both.at(grid, link.from).to_bits(),
+                removed: vertex,
+                remaining: link.from,
+                stamp: self.stamps[index],
+            }));
         }
     }
 }

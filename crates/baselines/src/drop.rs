@@ -1,16 +1,16 @@
-//! The drop heuristic: all samples are vertices, and the one whose removal leaves the smallest error goes, again
-//! and again, while no sample is further off than the tolerance.
+//! The drop heuristic: starts with all samples as vertices and repeatedly removes the one that leaves the smallest
+//! error, while all samples are within the tolerance.
 //!
 //! Source: Lee, "A drop heuristic conversion method for extracting irregular network for digital elevation
 //! models" (1989); "Comparison of existing methods for building triangular irregular network models of terrain
 //! from grid digital elevation models" (1991). The error of a removal is the largest of all samples in the
-//! star of the vertex, refilled with Delaunay triangles, so those that went before count as well; a vertex is
-//! looked at again when its star changes. At the end no vertex can go. Outlines stay.
+//! star of the vertex, refilled with Delaunay triangles, including samples removed before; a vertex is
+//! measured again when its star changes. At the end no vertex can be removed. Outlines stay.
 //!
-//! Ties: of equal errors the lowest (row, column) goes first.
+//! Ties: for equal errors the lowest (row, column) goes first.
 //!
 //! Time O(n log n log (n/m)) expected to come from n samples to m vertices: a star holds some n/m samples when
-//! m are left. Memory: some words a sample.
+//! m are left. Memory: some words per sample.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -44,15 +44,22 @@ fn run(task: &BaselineTask<'_>) -> Result<BaselineTin> {
     Ok(BaselineTin::of_mesh(&task.grid, &dropping.full.mesh))
 }
 
-/// A removal: the error it leaves, by its bits, the vertex, and the stamp of its star.
-type Removal = Reverse<(u64, PackedSample, u32)>;
+/// A removal of a vertex; the order is that of errors, and for equal errors that of vertices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct VertexRemoval {
+    /// Bits of the resulting error: errors are not negative, so bits have their order.
+    error: u64,
+    vertex: PackedSample,
+    /// Stamp of the star of the vertex.
+    stamp: u32,
+}
 
-/// A mesh that gets coarser.
+/// A mesh during simplification.
 struct DroppingMesh<'a> {
     task: &'a BaselineTask<'a>,
     full: FullMesh,
-    heap: BinaryHeap<Removal>,
-    /// By sample: how often its star has changed.
+    heap: BinaryHeap<Reverse<VertexRemoval>>,
+    /// By sample: the number of changes of its star.
     stamps: Vec<u32>,
 }
 
@@ -83,30 +90,32 @@ impl<'a> DroppingMesh<'a> {
         Ok(())
     }
 
-    /// The vertex that goes next.
+    /// The vertex to remove next.
     fn next(&mut self) -> Option<PackedSample> {
         loop {
-            let Reverse((_, vertex, stamp)) = self.heap.pop()?;
-            if self.stamps[self.task.grid.index(vertex)] == stamp {
-                return Some(vertex);
+            let Reverse(removal) = self.heap.pop()?;
+            if self.stamps[self.task.grid.index(removal.vertex)] == removal.stamp {
+                return Some(removal.vertex);
             }
         }
     }
 
-    /// Puts the removal of a vertex into the heap, if it is allowed. Invalidates existing entries.
+    /// Queues the removal of a vertex, if it is allowed. Invalidates existing entries.
     fn weigh(&mut self, vertex: PackedSample) {
         let index = self.task.grid.index(vertex);
         self.stamps[index] += 1;
         if is_free(&self.task.grid, vertex) {
             let star = self.full.star(&self.task.grid, vertex);
-            let error = removal_error(self.task, &star);
-            // No error is negative: their bits are ordered as they are, and equals go by vertex.
-            self.heap.extend(error.map(|e| Reverse((e.to_bits(), vertex, self.stamps[index]))));
+            let stamp = self.stamps[index];
+            self.heap.extend(
+                removal_error(self.task, &star)
+                    .map(|error| Reverse(VertexRemoval { error: error.to_bits(), vertex, stamp })),
+            );
         }
     }
 }
 
-/// The largest error that the removal of a vertex leaves in its star; none where that is beyond the tolerance.
+/// The largest error in the star of a vertex after its removal; `None` if it is beyond the tolerance.
 fn removal_error(task: &BaselineTask<'_>, star: &VertexStar) -> Option<f64> {
     let mut worst = 0.0;
     for corners in star.ears()? {

@@ -1,8 +1,8 @@
 //! The exact decision: the sign of a sum of products of doubles. Source: Shewchuk, "Adaptive Precision
 //! Floating-Point Arithmetic and Fast Robust Geometric Predicates" (1997), grow-expansion. Time quadratic in
-//! the terms, of which there are seven at most; only close calls come here.
+//! the number of terms, at most seven; only nearly equal numbers are compared here.
 
-/// Parts of a sum, none of which overlap, the smallest first: their exact sum has the sign of the last.
+/// Nonoverlapping terms of a sum, the smallest first: their exact sum has the sign of the last nonzero one.
 #[derive(Clone, Debug, Default)]
 struct ShewchukExpansion(Vec<f64>);
 
@@ -17,31 +17,31 @@ impl ShewchukExpansion {
 
     fn add_product(&mut self, a: f64, b: f64) {
         let product = a * b;
-        // Fused: what rounding took of the product, exactly.
+        // The fused operation gives the exact rounding error of the product.
         self.add(a.mul_add(b, -product));
         self.add(product);
     }
 
     fn sign(&self) -> f64 {
-        // The last part that is not 0 outweighs all before it, as the parts do not overlap.
+        // The last nonzero term outweighs all before it, as terms do not overlap.
         self.0.iter().rev().find(|part| **part != 0.0).map_or(0.0, |part| part.signum())
     }
 }
 
-/// The rounded sum and what rounding took.
+/// The rounded sum and its exact rounding error.
 fn two_sum(a: f64, b: f64) -> (f64, f64) {
     let sum = a + b;
     let shadow = sum - a;
     (sum, (a - (sum - shadow)) + (b - shadow))
 }
 
-/// True when the sum of the products of `terms` is at most `most` times `total` from zero, without
-/// rounding; as long as no product overflows or falls below the smallest normal number.
-pub(crate) fn is_at_most(terms: &[(f64, f64)], most: f64, total: f64) -> bool {
+/// True if the sum of the products of `terms` is at most `max` times `total` in absolute value. Exact as long as no
+/// product overflows or falls below the smallest normal number.
+pub(crate) fn is_at_most(terms: &[(f64, f64)], max: f64, total: f64) -> bool {
     [1.0, -1.0].into_iter().all(|side| {
         let mut sum = ShewchukExpansion::default();
         terms.iter().for_each(|(a, b)| sum.add_product(side * a, *b));
-        sum.add_product(-most, total);
+        sum.add_product(-max, total);
         sum.sign() <= 0.0
     })
 }

@@ -1,4 +1,4 @@
-//! The grid that methods work on: heights of samples, and positions packed into one number.
+//! The input of the methods: heights of samples, and positions packed into one number.
 
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::HeightQuantization;
@@ -38,7 +38,7 @@ impl PackedSample {
     }
 }
 
-/// Heights of a grid, all of them in memory.
+/// Heights of a grid in memory.
 #[derive(Clone, Copy, Debug)]
 pub struct HeightGrid<'a> {
     width: u32,
@@ -47,15 +47,16 @@ pub struct HeightGrid<'a> {
     rounding: Option<HeightQuantization>,
 }
 
-/// Most samples along a side, so that all predicates are exact in 64 bits.
+/// Maximum number of samples along a side: all predicates are exact in 64 bits.
 pub const MOST_SIDE: u32 = 1 << BITS;
 
 impl<'a> HeightGrid<'a> {
     /// A grid of `width` columns and `height` rows of samples; `heights` row by row, NaN where void.
-    /// Vertices get heights after `rounding`, where the output stores no more than an f32.
+    /// Vertices have heights after `rounding`, if the output stores f32.
     ///
     /// # Errors
-    /// Usage: not as many heights as samples, or an infinite one. Limit: a side of more than 2^14 samples.
+    /// Usage: the number of heights differs from that of samples, or a height is infinite. Limit: a side of more than
+    /// 2^14 samples.
     pub fn new(
         width: u32,
         height: u32,
@@ -64,11 +65,12 @@ impl<'a> HeightGrid<'a> {
     ) -> Result<Self> {
         check_sides(width, height)?;
         if heights.len() as u64 != u64::from(width) * u64::from(height) {
-            let given = heights.len();
-            return Err(Error::usage(format!("{given} heights are no {width} x {height} grid")));
+            let message =
+                format!("{} heights for a grid of {width} x {height} samples", heights.len());
+            return Err(Error::usage(message).remedy("give one height for each sample"));
         }
         if heights.iter().any(|height| height.is_infinite()) {
-            return Err(Error::usage("a height is infinite").remedy("voids are NaN"));
+            return Err(Error::usage("a height is infinite").remedy("use NaN for voids"));
         }
         Ok(Self { width, height, heights, rounding })
     }
@@ -106,7 +108,7 @@ impl<'a> HeightGrid<'a> {
             [self.index(PackedSample::new(low, row))..=self.index(PackedSample::new(high, row))]
     }
 
-    /// The height that a vertex at this sample has in the output.
+    /// Height in the output of a vertex at this sample.
     #[inline(always)]
     pub fn vertex(&self, at: PackedSample) -> f64 {
         let height = self.sample(at);
@@ -119,7 +121,7 @@ impl<'a> HeightGrid<'a> {
         (0..height).flat_map(move |row| (0..width).map(move |col| PackedSample::new(col, row)))
     }
 
-    /// True when the cell whose first sample is (`col`, `row`) has four valid samples.
+    /// True if the cell whose first sample is (`col`, `row`) has four valid samples.
     pub(crate) fn holds_cell(&self, col: u32, row: u32) -> bool {
         let corners = [(col, row), (col + 1, row), (col, row + 1), (col + 1, row + 1)];
         col + 1 < self.width
@@ -127,10 +129,24 @@ impl<'a> HeightGrid<'a> {
             && corners.iter().all(|&(col, row)| !self.sample(PackedSample::new(col, row)).is_nan())
     }
 
+    /// True for samples of the first and the last column.
+    fn is_on_west_or_east(&self, at: PackedSample) -> bool {
+        at.col() == 0 || at.col() + 1 == self.width
+    }
+
+    /// True for samples of the first and the last row.
+    fn is_on_north_or_south(&self, at: PackedSample) -> bool {
+        at.row() == 0 || at.row() + 1 == self.height
+    }
+
+    /// True for samples on the sides of the grid.
+    pub(crate) fn is_on_side(&self, at: PackedSample) -> bool {
+        self.is_on_west_or_east(at) || self.is_on_north_or_south(at)
+    }
+
     /// True for the four corners of the grid.
     pub(crate) fn is_corner(&self, at: PackedSample) -> bool {
-        let is_end = |at: u32, count: u32| at == 0 || at + 1 == count;
-        is_end(at.col(), self.width) && is_end(at.row(), self.height)
+        self.is_on_west_or_east(at) && self.is_on_north_or_south(at)
     }
 }
 
@@ -140,9 +156,11 @@ impl<'a> HeightGrid<'a> {
 /// Limit: a side of more than 2^14 samples.
 pub fn check_sides(width: u32, height: u32) -> Result<()> {
     if width.max(height) > MOST_SIDE {
-        let message = format!("a grid of {width} x {height} samples has a side above {MOST_SIDE}");
+        let message = format!(
+            "a grid of {width} x {height} samples exceeds the limit of {MOST_SIDE} along a side"
+        );
         return Err(Error::new(ErrorKind::Limit, message)
-            .remedy("leave ‹method› out: the engine's own takes grids of any size"));
+            .remedy("leave ‹method› out: the default method supports grids of any size"));
     }
     Ok(())
 }

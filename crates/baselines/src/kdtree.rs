@@ -1,16 +1,17 @@
-//! A tree of rectangles, each halved across its longer side, and each two triangles.
+//! A tree of rectangles of two triangles each, halved across the longer side.
 //!
 //! Source: the tree is the k-d tree of Bentley, "Multidimensional binary search trees used for associative
 //! searching" (1975), as used for surfaces in Samet, "The design and analysis of spatial data structures"
-//! (1990). Its rectangles meet in corners that lie within a neighbour's side; as in Von Herzen & Barr,
-//! "Accurate triangulations of deformed, intersecting surfaces" (1987), such a corner becomes a vertex of the
-//! neighbour too, whose triangles are Delaunay between its corners and these. That changes its surface, so its
-//! samples are looked at again, and it is cut if one is too far off: in rounds, until all are sound. A single
-//! cell always is.
+//! (1990). Corners may lie within a side of a neighbour; as in Von Herzen & Barr, "Accurate triangulations of
+//! deformed, intersecting surfaces" (1987), such a corner becomes a vertex of the neighbour too, which is
+//! triangulated by Delaunay. That changes its surface, so its samples are tested again, and it is cut if one is
+//! beyond the tolerance: in rounds, until all are within. A single cell always is.
 //!
-//! A rectangle that is partly void is cut, too. Of equal sides the columns are halved. Cuts through the worst
-//! sample instead of the middle leave a fifth more vertices, because what is cut off is narrow. Time O(n log n) a
-//! round, expected; there are few. Memory: the rectangles, and a number a sample.
+//! Rectangles that are partly void are cut, too. Of equal sides the columns are halved. Cuts through the worst
+//! sample instead of the middle leave a fifth more vertices, because they make narrow rectangles. Time O(n log n)
+//! for each of few rounds, expected. Memory: the rectangles, and a number per sample.
+
+use std::ops::Range;
 
 use crate::grid::PackedSample;
 use crate::mesh::{BaselineMesh, check_surface};
@@ -45,7 +46,7 @@ fn run(task: &BaselineTask<'_>) -> Result<BaselineTin> {
     }];
     let mut leaves = Vec::new();
     loop {
-        // A cut puts vertices onto sides of neighbours, which may be unsound then: all leaves are looked at again.
+        // A cut adds vertices on sides of neighbours, whose errors change: all leaves are tested again.
         divide(task, &cells, &mut waiting, &mut leaves)?;
         let triangles = conform(task, &mut leaves, &mut waiting)?;
         if waiting.is_empty() {
@@ -54,7 +55,7 @@ fn run(task: &BaselineTask<'_>) -> Result<BaselineTin> {
     }
 }
 
-/// Cuts rectangles until all are on the surface, and within the tolerance as two triangles.
+/// Cuts rectangles until all are on the surface and, as two triangles, within the tolerance.
 fn divide(
     task: &BaselineTask<'_>,
     cells: &SurfaceCellSums,
@@ -72,8 +73,8 @@ fn divide(
     Ok(())
 }
 
-/// The triangles of all leaves between the corners of all; a leaf that is not sound with them is cut, and
-/// leaves no more.
+/// The triangles of all leaves with the corners of neighbours as vertices; a leaf beyond the tolerance with them is
+/// cut and moved to `waiting`.
 fn conform(
     task: &BaselineTask<'_>,
     leaves: &mut Vec<SampleRectangle>,
@@ -101,12 +102,20 @@ fn conform(
     Ok(triangles)
 }
 
-/// True when all samples are within the tolerance.
+/// True if all samples are within the tolerance.
 fn is_sound(task: &BaselineTask<'_>, mesh: &BaselineMesh) -> bool {
     mesh.surface().all(|id| {
         let plane = TrianglePlane::new(&task.grid, mesh.tris[id as usize].corners);
         !plane.offsets().any(|(_, offset)| task.exceeds(&offset))
     })
+}
+
+fn along_row(row: u32, cols: Range<u32>) -> impl Iterator<Item = PackedSample> {
+    cols.map(move |col| PackedSample::new(col, row))
+}
+
+fn along_column(col: u32, rows: Range<u32>) -> impl Iterator<Item = PackedSample> {
+    rows.map(move |row| PackedSample::new(col, row))
 }
 
 /// A rectangle between two samples.
@@ -117,10 +126,10 @@ struct SampleRectangle {
 }
 
 impl SampleRectangle {
-    /// Its parts on both sides of a cut through the middle of its longer side.
+    /// The parts on both sides of a cut through the middle of the longer side.
     fn halves(self) -> [Self; 2] {
-        let side = |axis: usize| self.high[axis] - self.low[axis];
-        let axis = usize::from(side(1) > side(0));
+        let [cols, rows] = [0, 1].map(|axis| self.high[axis] - self.low[axis]);
+        let axis = usize::from(rows > cols);
         let cut = u32::midpoint(self.low[axis], self.high[axis]);
         let (mut before, mut after) = (self, self);
         (before.high[axis], after.low[axis]) = (cut, cut);
@@ -133,12 +142,15 @@ impl SampleRectangle {
             .map(|[col, row]| PackedSample::new(col, row))
     }
 
-    /// The samples of its sides but for its corners.
+    /// The samples of the sides without the corners.
     fn sides(&self) -> impl Iterator<Item = PackedSample> + use<> {
         let ([left, above], [right, below]) = (self.low, self.high);
-        let across = move |row: u32| (left + 1..right).map(move |col| PackedSample::new(col, row));
-        let down = move |col: u32| (above + 1..below).map(move |row| PackedSample::new(col, row));
-        across(above).chain(down(right)).chain(across(below)).chain(down(left))
+        let (cols, rows) = (left + 1..right, above + 1..below);
+        // In ring order: samples are inserted in this order, each near the one before.
+        along_row(above, cols.clone())
+            .chain(along_column(right, rows.clone()))
+            .chain(along_row(below, cols))
+            .chain(along_column(left, rows))
     }
 
     fn mesh(&self) -> BaselineMesh {

@@ -1,9 +1,8 @@
-//! Grid to TIN by the methods of the textbooks, with the whole grid in memory. Pure.
+//! Grid to TIN by textbook methods, with the whole grid in memory. Pure.
 //!
-//! What they are for is comparison: each is written to be read, none to be fast, and they share no line with
-//! the engine's kernel. Every mesh is conforming (no vertex lies within an edge), covers the surface and
-//! nothing else (the union of cells with four valid samples), and has samples as vertices. Errors are decided
-//! without rounding.
+//! They serve as a reference: written for clarity, not speed, and independent of the engine's kernel. Every
+//! mesh is conforming (no vertex lies within an edge), covers exactly the surface (the union of cells with four
+//! valid samples), and has samples as vertices. Error bounds are decided without rounding.
 //!
 //! ```
 //! use terrane_baselines::{BaselineGoal, HeightGrid, METHODS, BaselineTask};

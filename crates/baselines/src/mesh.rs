@@ -1,8 +1,8 @@
-//! The triangle store that all methods share: triangles in one flat array, known to each other by twins.
+//! The mesh of all methods: triangles in a flat array, linked by twins of half-edges.
 //!
 //! A half-edge is `4 * triangle + edge`; edge `i` of a triangle runs from `corners[i]` to
-//! `corners[i + 1]`. A half-edge without a twin lies on the border. Every change is of one kind: some
-//! triangles go, others take their place, within the same ring of edges ([`BaselineMesh::replace`]).
+//! `corners[i + 1]`. A half-edge without a twin lies on the border. Every change replaces some triangles by
+//! others within the same ring of edges ([`BaselineMesh::replace`]).
 
 use crate::grid::{HeightGrid, PackedSample};
 use crate::surface::SampleRole;
@@ -18,9 +18,9 @@ pub(crate) const NONE: u32 = u32::MAX;
 pub(crate) enum TriangleState {
     /// Part of the surface.
     Surface,
-    /// Beyond the outline: kept so that the mesh is convex, never written.
+    /// Beyond the outline: keeps the mesh convex, never written.
     Outside,
-    /// A slot that is not in use.
+    /// An unused slot.
     Free,
 }
 
@@ -37,6 +37,14 @@ pub(crate) struct BaselineTriangle {
 pub(crate) struct RingEdge {
     pub(crate) from: PackedSample,
     pub(crate) beyond: u32,
+}
+
+/// The triangles at an edge or of a sample, and the ring around them, counter-clockwise.
+struct EdgeStar {
+    triangles: Vec<u32>,
+    ring: Vec<RingEdge>,
+    /// Where the ring ends, if it is open: at an edge on the border.
+    end: Option<PackedSample>,
 }
 
 /// A triangulation of samples.
@@ -94,7 +102,7 @@ impl BaselineMesh {
         mesh
     }
 
-    /// The mesh that methods which insert begin with: the corners of the grid and the outline of the voids.
+    /// The start of insertion methods: the corners of the grid and the outline of the voids.
     ///
     /// # Errors
     /// `BadInput`: the grid has no surface.
@@ -108,7 +116,7 @@ impl BaselineMesh {
         Ok(mesh)
     }
 
-    /// Inserts samples one after the other, near each other at best, the Delaunay way.
+    /// Inserts samples into a Delaunay triangulation; fast if consecutive samples are near each other.
     pub(crate) fn insert_all(
         &mut self,
         grid: &HeightGrid<'_>,
@@ -122,13 +130,13 @@ impl BaselineMesh {
         }
     }
 
-    /// Triangles lie wholly on the surface or wholly beyond it, because every edge of its outline is an
-    /// edge of the mesh; one cell under a triangle's middle tells.
+    /// Marks triangles beyond the surface. Each triangle is on one side of the outline, whose edges are edges of
+    /// the mesh, so the cell under its centroid decides.
     fn mark_outside(&mut self, grid: &HeightGrid<'_>) {
         for tri in &mut self.tris {
-            let sum =
-                |of: fn(PackedSample) -> u32| tri.corners.into_iter().map(of).sum::<u32>() / 3;
-            if !grid.holds_cell(sum(PackedSample::col), sum(PackedSample::row)) {
+            let cols: u32 = tri.corners.iter().map(|corner| corner.col()).sum();
+            let rows: u32 = tri.corners.iter().map(|corner| corner.row()).sum();
+            if !grid.holds_cell(cols / 3, rows / 3) {
                 tri.state = TriangleState::Outside;
             }
         }
@@ -146,7 +154,7 @@ impl BaselineMesh {
         self.tris[(half_edge >> 2) as usize].corners[next(half_edge & 3) as usize]
     }
 
-    /// The corner across from a half-edge.
+    /// The corner opposite to a half-edge.
     #[inline(always)]
     pub(crate) fn across(&self, half_edge: u32) -> PackedSample {
         self.tris[(half_edge >> 2) as usize].corners[prev(half_edge & 3) as usize]
@@ -160,8 +168,8 @@ impl BaselineMesh {
 
     /// Triangles of the surface.
     pub(crate) fn surface(&self) -> impl Iterator<Item = u32> + '_ {
-        let is_part = |&id: &u32| self.tris[id as usize].state == TriangleState::Surface;
-        (0..self.tris.len() as u32).filter(is_part)
+        (0..self.tris.len() as u32)
+            .filter(|id| self.tris[*id as usize].state == TriangleState::Surface)
     }
 
     fn add(&mut self, tri: BaselineTriangle) -> u32 {
@@ -182,7 +190,7 @@ impl BaselineMesh {
         }
     }
 
-    /// Puts the triangles `filling` where `gone` were; `ring` are the edges around both, in any order.
+    /// Replaces the triangles `gone` by `filling`; `ring` are the edges around both, in any order.
     /// Returns the new triangles in the order of `filling`. Time quadratic in the triangles, which are few.
     pub(crate) fn replace(
         &mut self,
@@ -195,29 +203,32 @@ impl BaselineMesh {
             self.tris[id as usize].state = TriangleState::Free;
             self.free.push(id);
         }
-        let add = |&corners: &_| self.add(BaselineTriangle { corners, twins: [NONE; 3], state });
-        let added: Vec<u32> = filling.iter().map(add).collect();
+        let added = filling
+            .iter()
+            .map(|&corners| self.add(BaselineTriangle { corners, twins: [NONE; 3], state }));
+        let added: Vec<u32> = added.collect();
         let mut open: Vec<u32> = Vec::new();
         for half_edge in added.iter().flat_map(|&id| 4 * id..4 * id + 3) {
             let (from, to) = (self.origin(half_edge), self.end(half_edge));
-            let is_twin = |&other: &u32| self.origin(other) == to && self.end(other) == from;
-            match open.iter().position(is_twin) {
+            let twin =
+                open.iter().position(|other| self.origin(*other) == to && self.end(*other) == from);
+            match twin {
                 Some(at) => self.link(half_edge, open.swap_remove(at)),
                 None => open.push(half_edge),
             }
         }
         for half_edge in open {
             let from = self.origin(half_edge);
-            // Each vertex of a ring begins one edge of it.
+            // Each vertex of a ring starts one edge of it.
             let link = ring.iter().find(|link| link.from == from);
             self.link(half_edge, link.map_or(NONE, |link| link.beyond));
         }
         added
     }
 
-    /// The triangle that holds `at`, by walking from `start`; the mesh must be convex. The edge that is
-    /// looked at first changes from step to step, as in Devillers, Pion & Teillaud, "Walking in a
-    /// triangulation" (2002): without that the walk may go round in circles where a mesh is not Delaunay.
+    /// The triangle that contains `at`, by a walk from `start`; the mesh must be convex. The edge tested
+    /// first changes from step to step, as in Devillers, Pion & Teillaud, "Walking in a triangulation"
+    /// (2002): otherwise the walk may cycle in a mesh that is not Delaunay.
     pub(crate) fn locate(&self, at: PackedSample, start: u32) -> u32 {
         let target = at.lattice();
         let (mut t, mut turn) = (start, 0x9e37_79b9_u32);
@@ -225,10 +236,10 @@ impl BaselineMesh {
             turn = turn.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             let first = (turn >> 16) % 3;
             let edges = [first, next(first), prev(first)].map(|edge| 4 * t + edge);
-            let is_beyond = |&edge: &u32| {
-                orient(self.origin(edge).lattice(), self.end(edge).lattice(), target) < 0
-            };
-            match edges.into_iter().find(is_beyond) {
+            let crossed = edges.into_iter().find(|edge| {
+                orient(self.origin(*edge).lattice(), self.end(*edge).lattice(), target) < 0
+            });
+            match crossed {
                 Some(edge) => t = self.twin(edge) >> 2,
                 None => return t,
             }
@@ -236,20 +247,19 @@ impl BaselineMesh {
     }
 
     fn locate_in(&self, t: u32, at: PackedSample) -> SampleLocation {
-        let side = |edge: u32| {
+        let edges = (0..3).filter(|edge| {
             let half_edge = 4 * t + edge;
             let ends = [self.origin(half_edge), self.end(half_edge)].map(PackedSample::lattice);
-            orient(ends[0], ends[1], at.lattice())
-        };
-        let on: Vec<u32> = (0..3).filter(|&edge| side(edge) == 0).collect();
-        match on[..] {
+            orient(ends[0], ends[1], at.lattice()) == 0
+        });
+        match edges.collect::<Vec<u32>>()[..] {
             [] => SampleLocation::Inside,
             [edge] => SampleLocation::Edge(edge),
             _ => SampleLocation::Corner,
         }
     }
 
-    /// By how many the triangles will grow when `at`, which triangle `t` holds, is inserted.
+    /// Number of additional triangles when `at`, which is in triangle `t`, is inserted.
     pub(crate) fn growth(&self, t: u32, at: PackedSample) -> u64 {
         match self.locate_in(t, at) {
             SampleLocation::Inside => 2,
@@ -259,9 +269,9 @@ impl BaselineMesh {
         }
     }
 
-    /// Inserts `at`, which triangle `t` holds, and flips edges across from it as `triangulation` says.
-    /// Returns the triangles around it, all of which are new, and no other is; none when it is a vertex
-    /// already. The result depends on the mesh and the sample, and not on `t` or on the numbers of triangles.
+    /// Inserts `at`, which is in triangle `t`, and flips edges opposite to it by `triangulation`.
+    /// Returns the triangles around it, which are all new ones; none if it is a vertex already. The result
+    /// depends on the mesh and the sample only, not on `t` or on the numbers of triangles.
     pub(crate) fn insert(
         &mut self,
         grid: &HeightGrid<'_>,
@@ -269,43 +279,43 @@ impl BaselineMesh {
         t: u32,
         at: PackedSample,
     ) -> Vec<u32> {
-        let (gone, mut ring, last) = match self.locate_in(t, at) {
+        let EdgeStar { triangles, mut ring, end } = match self.locate_in(t, at) {
             SampleLocation::Corner => return Vec::new(),
-            SampleLocation::Inside => (vec![t], self.around(&[4 * t, 4 * t + 1, 4 * t + 2]), None),
+            SampleLocation::Inside => {
+                let ring = self.around(&[4 * t, 4 * t + 1, 4 * t + 2]);
+                EdgeStar { triangles: vec![t], ring, end: None }
+            }
             SampleLocation::Edge(edge) => self.star_of_edge(4 * t + edge),
         };
-        if last.is_none() {
+        if end.is_none() {
+            // A fixed start: the result must not depend on the numbers of triangles.
             let lowest = (0..ring.len()).min_by_key(|&i| ring[i].from).unwrap_or(0);
             ring.rotate_left(lowest);
         }
-        let ends = ring.iter().map(|link| link.from).skip(1).chain(last.or(Some(ring[0].from)));
+        let ends = ring.iter().map(|link| link.from).skip(1).chain(end.or(Some(ring[0].from)));
         let fan: Vec<_> = ring.iter().zip(ends).map(|(link, to)| [at, link.from, to]).collect();
-        let fresh = self.replace(&gone, &fan, &ring);
+        let fresh = self.replace(&triangles, &fan, &ring);
         self.legalise(grid, triangulation, fresh)
     }
 
     fn around(&self, half_edges: &[u32]) -> Vec<RingEdge> {
-        let link = |&edge: &u32| RingEdge { from: self.origin(edge), beyond: self.twin(edge) };
-        half_edges.iter().map(link).collect()
+        let ring = half_edges.iter();
+        ring.map(|edge| RingEdge { from: self.origin(*edge), beyond: self.twin(*edge) }).collect()
     }
 
-    /// The triangles beside an edge and what lies around them, counter-clockwise; on the border the ring is
-    /// open and ends where the edge starts.
-    fn star_of_edge(&self, half_edge: u32) -> (Vec<u32>, Vec<RingEdge>, Option<PackedSample>) {
-        let others = |half_edge: u32| {
-            let (t, edge) = (half_edge >> 2, half_edge & 3);
-            [4 * t + next(edge), 4 * t + prev(edge)]
-        };
+    /// The triangles beside an edge and the ring around them.
+    fn star_of_edge(&self, half_edge: u32) -> EdgeStar {
         let (t, twin) = (half_edge >> 2, self.twin(half_edge));
-        let mut edges = others(half_edge).to_vec();
+        let mut edges = other_edges(half_edge).to_vec();
         if twin == NONE {
-            return (vec![t], self.around(&edges), Some(self.origin(half_edge)));
+            let end = Some(self.origin(half_edge));
+            return EdgeStar { triangles: vec![t], ring: self.around(&edges), end };
         }
-        edges.extend(others(twin));
-        (vec![t, twin >> 2], self.around(&edges), None)
+        edges.extend(other_edges(twin));
+        EdgeStar { triangles: vec![t, twin >> 2], ring: self.around(&edges), end: None }
     }
 
-    /// Tests the edges across from the new corner 0 of `waiting`, and edges created by flips.
+    /// Tests the edges opposite to the new corner 0 of `waiting`, and edges created by flips.
     fn legalise(
         &mut self,
         grid: &HeightGrid<'_>,
@@ -343,12 +353,18 @@ impl BaselineMesh {
     /// ```
     fn flip(&mut self, half_edge: u32) -> Vec<u32> {
         let [p, a, b, d] = self.quad(half_edge);
-        let (gone, ring, _) = self.star_of_edge(half_edge);
-        self.replace(&gone, &[[p, a, d], [p, d, b]], &ring)
+        let EdgeStar { triangles, ring, .. } = self.star_of_edge(half_edge);
+        self.replace(&triangles, &[[p, a, d], [p, d, b]], &ring)
     }
 }
 
-/// Fails when no cell of the grid has four valid samples.
+/// The other edges of a half-edge's triangle, counter-clockwise from it.
+fn other_edges(half_edge: u32) -> [u32; 2] {
+    let (t, edge) = (half_edge >> 2, half_edge & 3);
+    [4 * t + next(edge), 4 * t + prev(edge)]
+}
+
+/// Fails if no cell of the grid has four valid samples.
 pub(crate) fn check_surface(grid: &HeightGrid<'_>) -> Result<()> {
     let mut samples = grid.samples();
     if samples.any(|at| grid.holds_cell(at.col(), at.row())) {

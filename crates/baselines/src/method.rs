@@ -8,14 +8,15 @@ use terrane_base::registry::RegistryEntry;
 /// Error promise of a method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MethodPromise {
-    /// No sample is further off than the tolerance; equal is allowed.
+    /// The vertical error at every sample is at most the tolerance.
     Samples,
-    /// None: the error is measured and reported. For a given maximum error, takes the number of vertices that keeps it.
+    /// None: the error is measured and reported. For a given maximum error, the number of vertices is increased until it
+    /// is met.
     Measured,
 }
 
 impl MethodPromise {
-    /// In words.
+    /// As text.
     pub fn text(self) -> &'static str {
         match self {
             Self::Samples => "at samples",
@@ -45,7 +46,7 @@ pub struct BaselineMethod {
     pub is_delaunay: bool,
     /// True if a number of vertices or triangles can be given instead of a maximum error.
     pub takes_budget: bool,
-    /// Most bytes it takes for a sample, its height and the result included.
+    /// Maximum bytes per sample, including its height and the result.
     pub sample_bytes: u64,
     /// Makes a mesh.
     pub run: fn(&BaselineTask<'_>) -> Result<BaselineTin>,

@@ -1,15 +1,15 @@
-//! How far a sample is from a triangle, vertically: as a number that depends on nothing but the triangle, and
-//! as an exact decision.
+//! Vertical distance of a sample from a triangle: as a number that depends on the triangle only, and as an exact
+//! decision.
 //!
-//! Versions of a method that find samples in different ways have to agree on ties. So the corners are taken
-//! in the order of their positions, and a sample on an edge is measured along that edge, in lowest terms:
-//! the triangles on both sides find the same number, to the last bit.
+//! Versions of a method that find samples in different ways must agree on ties. So the corners are sorted by
+//! position, and a sample on an edge is measured along that edge, in lowest terms: the triangles on both sides
+//! get the same number, bit for bit.
 
 use crate::exact::is_at_most;
 use crate::grid::{HeightGrid, PackedSample};
 use terrane_base::geom::predicates::{Lattice, orient};
 
-/// Relative rounding of the plain evaluation, with room to spare.
+/// Relative rounding of the plain evaluation, with a safety margin.
 const DOUBT: f64 = 1e-14;
 
 /// A triangle with the heights of its corners.
@@ -26,22 +26,22 @@ impl<'a> TrianglePlane<'a> {
         Self { grid, corners, heights: corners.map(|corner| grid.vertex(corner)) }
     }
 
-    /// How a sample of the closed triangle lies to it.
+    /// Offset of a sample of the closed triangle.
     pub(crate) fn offset(&self, at: PackedSample) -> PlaneOffset {
         self.offset_by(weights_in(self.corners, at), at)
     }
 
-    /// The same, by the sample's [`weights_in`] this triangle: they are the same for all channels.
+    /// The same from the sample's [`weights_in`] this triangle, which are the same for all channels.
     pub(crate) fn offset_by(&self, weights: [i64; 3], at: PackedSample) -> PlaneOffset {
         PlaneOffset { weights, heights: self.heights, height: self.grid.sample(at) }
     }
 
-    /// The corners in the order that weights are in.
+    /// The corners in the order of the weights.
     pub(crate) fn corners(&self) -> [PackedSample; 3] {
         self.corners
     }
 
-    /// The samples of the closed triangle in (row, column) order, and how they lie to it.
+    /// The samples of the closed triangle in (row, column) order, with their offsets.
     pub(crate) fn offsets(&self) -> impl Iterator<Item = (PackedSample, PlaneOffset)> {
         samples_of(self.corners).map(|at| (at, self.offset(at)))
     }
@@ -53,7 +53,7 @@ pub(crate) fn weights_in(corners: [PackedSample; 3], at: PackedSample) -> [i64; 
     lowest([orient(b, c, q), orient(c, a, q), orient(a, b, q)].map(i64::abs))
 }
 
-/// Weights of a sample on an edge without what they have in common, which differs from side to side.
+/// Weights of a sample on an edge without their common divisor, which differs between the sides of the edge.
 fn lowest(weights: [i64; 3]) -> [i64; 3] {
     match weights {
         [0, a, b] | [a, 0, b] | [a, b, 0] if a != 0 && b != 0 => {
@@ -71,7 +71,7 @@ fn greatest_divisor(mut a: i64, mut b: i64) -> i64 {
     a
 }
 
-/// A sample and the plane over or under it.
+/// A sample and the plane above or below it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PlaneOffset {
     /// Barycentric weights, none negative.
@@ -97,7 +97,7 @@ impl PlaneOffset {
         self.weights.iter().sum::<i64>() as f64
     }
 
-    /// True when |sample - plane| is at most `tolerance`: exact, and closed.
+    /// True if |sample - plane| is at most `tolerance`, exactly.
     pub(crate) fn is_within(&self, tolerance: f64) -> bool {
         let size = self.heights.iter().fold(self.height.abs(), |size, z| size + z.abs());
         let excess = self.error() - tolerance;
@@ -109,13 +109,13 @@ impl PlaneOffset {
         is_at_most(&[(a, x), (b, y), (c, z), (-self.total(), self.height)], tolerance, self.total())
     }
 
-    /// The smallest number that [`is_within`](Self::is_within) holds for: bisected, as doubles that are not
-    /// negative are in the order of their bits.
+    /// The smallest tolerance that [`is_within`](Self::is_within) accepts, by bisection of bits, which order
+    /// non-negative doubles.
     pub(crate) fn min_bound(&self) -> f64 {
         if self.is_within(0.0) {
             return 0.0;
         }
-        // Not from 0, which does not grow by doubling: the error may have been rounded to it.
+        // 0 does not grow by doubling, and the error may have been rounded to it.
         let mut above = self.error().max(f64::MIN_POSITIVE);
         while !self.is_within(above) {
             above *= 2.0;
@@ -163,7 +163,7 @@ fn columns([a, b, c]: [Lattice; 3], row: i32) -> [i64; 2] {
         match dy {
             0 => {}
             1.. => high = high.min(start + reach.div_euclid(dy)),
-            // Rounded up: a number less a floor.
+            // Rounds up.
             _ => low = low.max(start - reach.div_euclid(-dy)),
         }
     }

@@ -1,4 +1,4 @@
-//! The finished mesh, in an order that depends on its triangles alone, and its true error.
+//! The finished mesh, in an order that depends on its triangles only, and its exact error.
 
 use crate::grid::{HeightGrid, PackedSample};
 use crate::mesh::BaselineMesh;
@@ -11,9 +11,9 @@ use terrane_base::bits::BitSet;
 pub struct BaselineTin {
     /// Samples that are vertices, in (row, column) order.
     pub vertices: Vec<PackedSample>,
-    /// Triangles, counter-clockwise in (column, row) axes, as places in `vertices`.
+    /// Triangles, counter-clockwise in (column, row) axes, as indices into `vertices`.
     pub triangles: Vec<[u32; 3]>,
-    /// The smallest number that no sample of the surface is further off than: exact, nothing is rounded down.
+    /// The smallest double that is not below the vertical error of any sample of the surface.
     pub max_error: f64,
     /// Sum of the squared errors of the samples of the surface.
     pub square_sum: f64,
@@ -27,7 +27,7 @@ impl BaselineTin {
         Self::of_triangles(grid, mesh.surface().map(|id| mesh.tris[id as usize].corners).collect())
     }
 
-    /// A mesh of counter-clockwise triangles. Time O(n log n), memory a bit a sample beside the mesh.
+    /// A mesh of counter-clockwise triangles. Time O(n log n), memory a bit per sample beside the mesh.
     pub(crate) fn of_triangles(grid: &HeightGrid<'_>, mut corners: Vec<[PackedSample; 3]>) -> Self {
         let (vertices, triangles) = connected(&mut corners);
         let (max_error, square_sum) = measure(grid, &corners);
@@ -35,15 +35,17 @@ impl BaselineTin {
     }
 }
 
-/// Vertices in order, and triangles by their places; `corners` become sorted.
+/// Vertices in order, and triangles as indices into them; sorts `corners`.
 pub(crate) fn connected(corners: &mut [[PackedSample; 3]]) -> (Vec<PackedSample>, Vec<[u32; 3]>) {
     corners.iter_mut().for_each(lowest_first);
     corners.sort_unstable();
     let mut vertices: Vec<PackedSample> = corners.iter().flatten().copied().collect();
     vertices.sort_unstable();
     vertices.dedup();
-    let place = |at: PackedSample| vertices.partition_point(|&vertex| vertex < at) as u32;
-    let triangles = corners.iter().map(|corners| corners.map(place)).collect();
+    let triangles = corners
+        .iter()
+        .map(|corners| corners.map(|at| vertices.partition_point(|vertex| *vertex < at) as u32));
+    let triangles = triangles.collect();
     (vertices, triangles)
 }
 
@@ -52,8 +54,8 @@ fn lowest_first(corners: &mut [PackedSample; 3]) {
     corners.rotate_left(lowest);
 }
 
-/// The largest error, and the sum of squares, of which a sample on an edge is part once. Vertices that the
-/// output moves count, too.
+/// The largest error and the sum of squared errors. A sample on an edge counts once; vertices that the output
+/// rounds count, too.
 pub(crate) fn measure(grid: &HeightGrid<'_>, triangles: &[[PackedSample; 3]]) -> (f64, f64) {
     let mut seen = BitSet::new(grid.len());
     let (mut worst, mut sum) = (0.0, 0.0);

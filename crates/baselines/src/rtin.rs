@@ -1,18 +1,17 @@
-//! Right-triangulated irregular networks: a square is cut into two right triangles, and a triangle by the
-//! middle of its longest side, again and again.
+//! Right-triangulated irregular networks: a square is cut into two right triangles, and triangles are bisected
+//! recursively at the midpoint of the longest side.
 //!
 //! Source: Evans, Kirkpatrick & Townsend, "Right-triangulated irregular networks" (1998; Algorithmica 2001);
 //! the dependencies that keep it free of cracks as in Lindstrom et al., "Real-time, continuous level of detail
-//! rendering of height fields" (1996): a triangle and the one across its longest side are cut together, and
-//! whatever is cut has its parents cut before.
+//! rendering of height fields" (1996): a triangle and its neighbour across the longest side are cut together, after
+//! their parents.
 //!
-//! A triangle is cut if any sample in it is beyond the tolerance: the true error. The error at the middle of
-//! the longest side alone, which many programs take because it costs one subtraction, says nothing of the
-//! samples in between and bounds nothing.
+//! A triangle is cut if any sample in it is beyond the tolerance: the true error. Many programs test only the
+//! midpoint of the longest side, which costs one subtraction and does not bound the error of other samples.
 //!
-//! Sides are powers of two. A grid of other sides lies in a corner of the next larger square, and what lies
-//! beyond it is void: a triangle that is partly on the surface is cut, so outlines are met by small triangles
-//! (the smallest are half a cell). Time O(n log n), memory a bit a sample of the square, beside the mesh.
+//! Sides are powers of two. Other grids lie in a corner of the next larger square, whose remainder is void.
+//! Triangles partly on the surface are cut, so outlines consist of small triangles (half a cell at least). Time
+//! O(n log n), memory a bit per sample of the square, beside the mesh.
 
 use crate::grid::PackedSample;
 use crate::mesh::check_surface;
@@ -42,16 +41,16 @@ fn run(task: &BaselineTask<'_>) -> Result<BaselineTin> {
     check_surface(&task.grid)?;
     let mut tree = RtinHierarchy::new(task);
     let roots = tree.roots();
-    // From the finest level up: a cut forces those of the triangles that it lies in.
+    // From the finest level up: a cut requires cuts of the triangles that contain it.
     for level in (0..tree.levels).rev() {
         roots.iter().try_for_each(|&root| tree.mark(root, level))?;
     }
-    let mut kept = Vec::new();
-    roots.iter().for_each(|&root| tree.collect(root, &mut kept));
-    Ok(BaselineTin::of_triangles(&task.grid, kept))
+    let mut triangles = Vec::new();
+    roots.iter().for_each(|&root| tree.collect(root, &mut triangles));
+    Ok(BaselineTin::of_triangles(&task.grid, triangles))
 }
 
-/// A right triangle: the ends of its longest side, and the corner across, counter-clockwise.
+/// A right triangle: the ends of its longest side and the opposite corner, counter-clockwise.
 #[derive(Clone, Copy, Debug)]
 struct RightTriangle {
     corners: [[u32; 2]; 3],
@@ -76,7 +75,7 @@ impl RightTriangle {
     }
 }
 
-/// The hierarchy over a square, and the middles at which it is cut.
+/// The hierarchy over a square, and the midpoints at which it is cut.
 struct RtinHierarchy<'a> {
     task: &'a BaselineTask<'a>,
     cells: SurfaceCellSums,
@@ -112,25 +111,24 @@ impl<'a> RtinHierarchy<'a> {
 
     /// Coverage of the bounding box of a triangle.
     fn extent_around(&self, triangle: RightTriangle) -> SurfaceCoverage {
-        let ends = |axis: usize| {
+        let [cols, rows] = [0, 1].map(|axis| {
             let [a, b, c] = triangle.corners.map(|corner| corner[axis]);
             [a.min(b).min(c), a.max(b).max(c)]
-        };
-        let [cols, rows] = [ends(0), ends(1)];
+        });
         self.cells.extent([cols[0], rows[0]], [cols[1], rows[1]])
     }
 
     fn extent(&self, triangle: RightTriangle) -> SurfaceCoverage {
         match self.extent_around(triangle) {
             SurfaceCoverage::Partly => {
-                let [one, other] = triangle.halves().map(|half| self.extent(half));
-                if one == other { one } else { SurfaceCoverage::Partly }
+                let [first, second] = triangle.halves().map(|half| self.extent(half));
+                if first == second { first } else { SurfaceCoverage::Partly }
             }
             extent => extent,
         }
     }
 
-    /// Marks where triangles of a level within this one have to be cut; those of all deeper levels are marked.
+    /// Marks cuts of triangles of a level within this one; deeper levels are marked already.
     fn mark(&mut self, triangle: RightTriangle, level: u32) -> Result<()> {
         (self.task.pulse)()?;
         if self.extent_around(triangle) == SurfaceCoverage::Outside {
@@ -157,12 +155,12 @@ impl<'a> RtinHierarchy<'a> {
         }
     }
 
-    /// The triangles that are not cut, as far as they belong to the surface.
-    fn collect(&self, triangle: RightTriangle, kept: &mut Vec<[PackedSample; 3]>) {
+    /// The uncut triangles that belong to the surface.
+    fn collect(&self, triangle: RightTriangle, triangles: &mut Vec<[PackedSample; 3]>) {
         if self.is_cut(triangle) {
-            triangle.halves().into_iter().for_each(|half| self.collect(half, kept));
+            triangle.halves().into_iter().for_each(|half| self.collect(half, triangles));
         } else if self.extent(triangle) == SurfaceCoverage::Inside {
-            kept.push(triangle.sampled());
+            triangles.push(triangle.sampled());
         }
     }
 }

@@ -10,7 +10,7 @@ use terrane_base::error::{Error, Result};
 /// Target of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BaselineGoal {
-    /// No valid sample further than this from the surface, vertically; equal is allowed.
+    /// Maximum vertical error at valid samples.
     MaxError(f64),
     /// Maximum number of vertices.
     MaxVertices(u64),
@@ -21,23 +21,23 @@ pub enum BaselineGoal {
 /// A mesh to make.
 #[derive(Clone, Copy)]
 pub struct BaselineTask<'a> {
-    /// Of what.
+    /// Input heights.
     pub grid: HeightGrid<'a>,
-    /// How good.
+    /// Target.
     pub goal: BaselineGoal,
-    /// How vertices are connected, by methods that leave it open.
+    /// Connectivity of vertices, for methods with a choice.
     pub triangulation: TriangulationRule,
-    /// Called now and then; where it fails, the work ends with its error.
+    /// Called at intervals; an error ends the work.
     pub pulse: &'a dyn Fn() -> Result<()>,
 }
 
 impl<'a> BaselineTask<'a> {
-    /// A task that nothing interrupts, with a Delaunay triangulation.
+    /// A task that cannot be interrupted, with a Delaunay triangulation.
     pub fn new(grid: HeightGrid<'a>, goal: BaselineGoal) -> Self {
         Self { grid, goal, triangulation: TriangulationRule::Delaunay, pulse: &|| Ok(()) }
     }
 
-    /// The largest error allowed: of a number of vertices any error is asked to go.
+    /// The maximum error; 0 for a target number of vertices or triangles.
     pub(crate) fn tolerance(&self) -> f64 {
         match self.goal {
             BaselineGoal::MaxError(tolerance) => tolerance,
@@ -50,13 +50,13 @@ impl<'a> BaselineTask<'a> {
         !offset.is_corner() && !offset.is_within(self.tolerance())
     }
 
-    /// True for a sample whose error forbids that vertices go: of a number of vertices there is none.
+    /// True for a sample whose error forbids the removal of vertices, which is possible for a maximum error only.
     pub(crate) fn forbids(&self, offset: &PlaneOffset) -> bool {
         matches!(self.goal, BaselineGoal::MaxError(_)) && self.exceeds(offset)
     }
 }
 
-/// Vertices and triangles of a surface that grows.
+/// Numbers of vertices and triangles of a surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SurfaceSize {
     pub(crate) vertices: u64,
@@ -64,10 +64,10 @@ pub(crate) struct SurfaceSize {
 }
 
 impl SurfaceSize {
-    /// Of the mesh a method begins with.
+    /// Size of the initial mesh of a method.
     ///
     /// # Errors
-    /// Usage: it is larger than the goal allows.
+    /// Usage: the mesh is larger than the target.
     pub(crate) fn of(mesh: &BaselineMesh, goal: BaselineGoal) -> Result<Self> {
         let size = Self::counted(mesh);
         size.check(goal)?;
@@ -75,46 +75,48 @@ impl SurfaceSize {
     }
 
     pub(crate) fn counted(mesh: &BaselineMesh) -> Self {
-        let corners = |id: u32| mesh.tris[id as usize].corners;
-        let mut vertices: Vec<PackedSample> = mesh.surface().flat_map(corners).collect();
+        let corners = mesh.surface().flat_map(|id| mesh.tris[id as usize].corners);
+        let mut vertices: Vec<PackedSample> = corners.collect();
         vertices.sort_unstable();
         vertices.dedup();
         Self { vertices: vertices.len() as u64, triangles: mesh.surface().count() as u64 }
     }
 
-    /// Fails when a mesh that cannot be coarser is larger than the goal allows.
+    /// Fails if the coarsest mesh is larger than the target.
     ///
     /// # Errors
     /// Usage.
     pub(crate) fn check(self, goal: BaselineGoal) -> Result<()> {
-        let (least, most, what) = match goal {
+        let (min, max, what) = match goal {
             BaselineGoal::MaxError(_) => return Ok(()),
-            BaselineGoal::MaxVertices(most) => (self.vertices, most, "vertices"),
-            BaselineGoal::MaxTriangles(most) => (self.triangles, most, "triangles"),
+            BaselineGoal::MaxVertices(max) => (self.vertices, max, "vertices"),
+            BaselineGoal::MaxTriangles(max) => (self.triangles, max, "triangles"),
         };
-        if least <= most {
+        if min <= max {
             return Ok(());
         }
-        Err(Error::usage(format!("the coarsest mesh of this grid has {least} {what}, not {most}"))
-            .remedy(format!("allow {least} {what} or more")))
+        let message = format!(
+            "the coarsest mesh of this grid has {min} {what}, more than the limit of {max}"
+        );
+        Err(Error::usage(message).remedy(format!("allow {min} {what} or more")))
     }
 
-    /// True when a goal in vertices or triangles is reached.
+    /// True if a target number of vertices or triangles is reached.
     pub(crate) fn meets(self, goal: BaselineGoal) -> bool {
         match goal {
             BaselineGoal::MaxError(_) => false,
-            BaselineGoal::MaxVertices(most) => self.vertices <= most,
-            BaselineGoal::MaxTriangles(most) => self.triangles <= most,
+            BaselineGoal::MaxVertices(max) => self.vertices <= max,
+            BaselineGoal::MaxTriangles(max) => self.triangles <= max,
         }
     }
 
-    /// A vertex goes, and `filling` takes the place of its star.
+    /// Counts the removal of a vertex whose star is replaced by `filling`.
     pub(crate) fn shrink(&mut self, star: &VertexStar, filling: &[[PackedSample; 3]]) {
         self.vertices -= 1;
         self.triangles -= (star.triangles.len() - filling.len()) as u64;
     }
 
-    /// Inserts `at`, which triangle `t` holds, unless the goal forbids it; returns the new triangles.
+    /// Inserts `at`, which is in triangle `t`, unless the target is reached; returns the new triangles.
     pub(crate) fn insert(
         &mut self,
         task: &BaselineTask<'_>,
@@ -126,8 +128,8 @@ impl SurfaceSize {
         let grown = mesh.growth(t, at);
         let is_full = match task.goal {
             BaselineGoal::MaxError(_) => false,
-            BaselineGoal::MaxVertices(most) => self.vertices == most,
-            BaselineGoal::MaxTriangles(most) => self.triangles + grown > most,
+            BaselineGoal::MaxVertices(max) => self.vertices == max,
+            BaselineGoal::MaxTriangles(max) => self.triangles + grown > max,
         };
         if is_full {
             return None;

@@ -1,19 +1,19 @@
-//! The triangles around a vertex, for methods that take vertices away.
+//! The triangles around a vertex, for decimation methods.
 
 use crate::grid::{HeightGrid, PackedSample};
 use crate::mesh::{BaselineMesh, NONE, RingEdge, next, prev};
 use crate::surface::SampleRole;
 use terrane_base::geom::predicates::{in_circle, orient};
 
-/// The star of a vertex and the ring around it, counter-clockwise. On a side of the grid the ring is closed
-/// by the edge that is left when the vertex goes.
+/// The star of a vertex and the ring around it, counter-clockwise. On a side of the grid the ring is closed by
+/// the edge that remains after the removal.
 pub(crate) struct VertexStar {
     pub(crate) triangles: Vec<u32>,
     pub(crate) ring: Vec<RingEdge>,
 }
 
 impl VertexStar {
-    /// The star of the vertex that a half-edge starts from.
+    /// The star of the origin of a half-edge.
     pub(crate) fn of(mesh: &BaselineMesh, half_edge: u32) -> Self {
         let mut first = half_edge;
         while mesh.twin(first) != NONE {
@@ -39,8 +39,8 @@ impl VertexStar {
         }
     }
 
-    /// Delaunay triangles of the ring: ears whose circle holds no other vertex of the ring, one after the
-    /// other, each the first from the lowest (row, column) on. Time cubic in the ring at worst.
+    /// Delaunay triangles of the ring, by repeated cutting of the first ear, from the lowest (row, column) on, whose
+    /// circumcircle contains no other vertex of the ring. Time cubic in the ring at worst.
     pub(crate) fn ears(&self) -> Option<Vec<[PackedSample; 3]>> {
         let mut ring: Vec<PackedSample> = self.ring.iter().map(|link| link.from).collect();
         let lowest = (0..ring.len()).min_by_key(|&i| ring[i])?;
@@ -56,7 +56,7 @@ impl VertexStar {
         is_left(last).then_some(filling)
     }
 
-    /// Triangles of the ring that all have a vertex of it as a corner; none where one would be turned over.
+    /// A fan of triangles of the ring around one of its vertices; `None` if a triangle would be inverted.
     pub(crate) fn fan(&self, apex: PackedSample) -> Option<Vec<[PackedSample; 3]>> {
         let count = self.ring.len();
         let edges = (0..count).map(|i| [self.ring[i].from, self.ring[(i + 1) % count].from]);
@@ -72,35 +72,30 @@ fn corners(ring: &[PackedSample], i: usize) -> [PackedSample; 3] {
     [ring[(i + count - 1) % count], ring[i], ring[(i + 1) % count]]
 }
 
-fn is_left([a, b, c]: [PackedSample; 3]) -> bool {
+/// True for a counter-clockwise triangle.
+pub(crate) fn is_left([a, b, c]: [PackedSample; 3]) -> bool {
     orient(a.lattice(), b.lattice(), c.lattice()) > 0
 }
 
 fn is_ear(ring: &[PackedSample], i: usize) -> bool {
     let around = corners(ring, i);
     let [a, b, c] = around.map(PackedSample::lattice);
-    let is_outside = |d: &PackedSample| around.contains(d) || in_circle(a, b, c, d.lattice()) <= 0;
-    is_left(around) && ring.iter().all(is_outside)
+    is_left(around)
+        && ring.iter().all(|d| around.contains(d) || in_circle(a, b, c, d.lattice()) <= 0)
 }
 
-/// A mesh of all samples of the surface, and where the star of each begins.
+/// A mesh of all samples of the surface, and the start of each star.
 pub(crate) struct FullMesh {
     pub(crate) mesh: BaselineMesh,
-    /// By sample, a half-edge that starts from it, or [`NONE`].
+    /// By sample, a half-edge with this origin, or [`NONE`].
     spokes: Vec<u32>,
 }
 
 impl FullMesh {
-    /// Every cell cut from its first sample to its last: Delaunay, as all four lie on one circle.
+    /// Cuts each cell from its first sample to its last: Delaunay, as all four samples are cocircular.
     pub(crate) fn new(grid: &HeightGrid<'_>) -> Self {
         let cells = grid.samples().filter(|at| grid.holds_cell(at.col(), at.row()));
-        let halves = |at: PackedSample| {
-            let [col, row] = [at.col(), at.row()];
-            let [a, b] = [at, PackedSample::new(col + 1, row)];
-            let [c, d] = [PackedSample::new(col + 1, row + 1), PackedSample::new(col, row + 1)];
-            [[a, b, c], [a, c, d]]
-        };
-        let triangles: Vec<_> = cells.flat_map(halves).collect();
+        let triangles: Vec<_> = cells.flat_map(cell_triangles).collect();
         let mut full =
             Self { mesh: BaselineMesh::of_triangles(&triangles), spokes: vec![NONE; grid.len()] };
         full.note(grid, &full.mesh.surface().collect::<Vec<_>>());
@@ -112,7 +107,7 @@ impl FullMesh {
         VertexStar::of(&self.mesh, self.spokes[grid.index(vertex)])
     }
 
-    /// Puts other triangles in the place of a star.
+    /// Replaces a star by other triangles.
     pub(crate) fn refill(
         &mut self,
         grid: &HeightGrid<'_>,
@@ -130,7 +125,15 @@ impl FullMesh {
     }
 }
 
-/// True for vertices that may go: neither corners of the grid nor on the outline of a void.
+/// The triangles of the cell whose first sample is `at`.
+fn cell_triangles(at: PackedSample) -> [[PackedSample; 3]; 2] {
+    let [col, row] = [at.col(), at.row()];
+    let [a, b] = [at, PackedSample::new(col + 1, row)];
+    let [c, d] = [PackedSample::new(col + 1, row + 1), PackedSample::new(col, row + 1)];
+    [[a, b, c], [a, c, d]]
+}
+
+/// True for vertices that may be removed: neither corners of the grid nor on the outline of a void.
 pub(crate) fn is_free(grid: &HeightGrid<'_>, at: PackedSample) -> bool {
     grid.role(at) == SampleRole::Interior && !grid.is_corner(at)
 }

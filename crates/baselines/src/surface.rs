@@ -1,36 +1,35 @@
 //! The surface of a grid: the union of the cells whose four samples are valid.
 //!
-//! Samples on its outline towards voids are vertices from the start. Edges of the unit lattice are Delaunay
-//! edges whatever else is inserted (the circle around one holds no other sample), so in the Delaunay
-//! triangulation of these vertices the outline is there without constraints; and no sample lies within a
-//! unit edge, so no method ever splits it.
+//! Samples on its outline towards voids are vertices from the start. Edges of the unit lattice are always
+//! Delaunay (their diametral circle contains no other sample), so the Delaunay triangulation of these vertices
+//! contains the outline without constraints; and no sample lies within a unit edge, so no method splits it.
 
 use crate::grid::{HeightGrid, PackedSample};
 
-/// Part a sample plays in the surface.
+/// Role of a sample in the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum SampleRole {
     /// All its cells belong to the surface.
     Interior,
-    /// Some of its cells do: it must be a vertex.
+    /// Some of its cells belong to the surface: it must be a vertex.
     Outline,
-    /// It has a height but no cell: it has no surface.
+    /// Valid, but in no cell of the surface.
     Isolated,
-    /// It has no height.
+    /// Without a height.
     Void,
 }
 
 impl HeightGrid<'_> {
     /// Role of a sample in the surface.
     pub(crate) fn role(&self, at: PackedSample) -> SampleRole {
-        let (mut held, mut missing) = (false, false);
+        let (mut has_cell, mut lacks_cell) = (false, false);
         for (col, row) in cells_around(self, at) {
             match self.holds_cell(col, row) {
-                true => held = true,
-                false => missing = true,
+                true => has_cell = true,
+                false => lacks_cell = true,
             }
         }
-        match (held, missing) {
+        match (has_cell, lacks_cell) {
             (true, true) => SampleRole::Outline,
             (true, false) => SampleRole::Interior,
             (false, _) if self.sample(at).is_nan() => SampleRole::Void,
@@ -42,12 +41,12 @@ impl HeightGrid<'_> {
 /// The cells of the grid that a sample is a corner of, by their first samples.
 fn cells_around(grid: &HeightGrid<'_>, at: PackedSample) -> impl Iterator<Item = (u32, u32)> {
     let (cols, rows) = (grid.width().saturating_sub(1), grid.height().saturating_sub(1));
-    let beside = |at: u32, count: u32| at.saturating_sub(1)..(at + 1).min(count);
-    let (across, down) = (beside(at.col(), cols), beside(at.row(), rows));
-    down.flat_map(move |row| across.clone().map(move |col| (col, row)))
+    let [cols, rows] = [(at.col(), cols), (at.row(), rows)]
+        .map(|(at, count)| at.saturating_sub(1)..(at + 1).min(count));
+    rows.flat_map(move |row| cols.clone().map(move |col| (col, row)))
 }
 
-/// How much of something belongs to the surface.
+/// Coverage of an area by the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum SurfaceCoverage {
     /// All.
@@ -58,8 +57,7 @@ pub(crate) enum SurfaceCoverage {
     Outside,
 }
 
-/// Cells of the surface, summed up from the first sample, so that those of a rectangle are counted in no time
-/// (Crow 1984).
+/// Summed-area table of the cells of the surface: counts those of a rectangle in O(1) (Crow 1984).
 pub(crate) struct SurfaceCellSums {
     sums: Vec<u32>,
     width: u32,
@@ -81,21 +79,21 @@ impl SurfaceCellSums {
         cells
     }
 
-    /// Cells of the surface before this sample, in columns and rows.
+    /// Number of cells of the surface before this sample in columns and rows.
     fn before(&self, col: u32, row: u32) -> u32 {
         self.sums[row as usize * self.width as usize + col as usize]
     }
 
-    /// How much of the rectangle between two samples belongs to the surface; beyond the grid nothing does.
+    /// Coverage of the rectangle between two samples by the surface, which ends with the grid.
     pub(crate) fn extent(&self, low: [u32; 2], high: [u32; 2]) -> SurfaceCoverage {
-        let within = |[col, row]: [u32; 2]| [col.min(self.width - 1), row.min(self.height - 1)];
-        let ([left, above], [right, below]) = (within(low), within(high));
-        let held = self.before(right, below) + self.before(left, above)
+        let [[left, above], [right, below]] =
+            [low, high].map(|[col, row]| [col.min(self.width - 1), row.min(self.height - 1)]);
+        let count = self.before(right, below) + self.before(left, above)
             - self.before(left, below)
             - self.before(right, above);
-        match held {
+        match count {
             0 => SurfaceCoverage::Outside,
-            _ if u64::from(held) == area(low, high) => SurfaceCoverage::Inside,
+            _ if u64::from(count) == area(low, high) => SurfaceCoverage::Inside,
             _ => SurfaceCoverage::Partly,
         }
     }
@@ -105,10 +103,10 @@ fn area(low: [u32; 2], high: [u32; 2]) -> u64 {
     u64::from(high[0] - low[0]) * u64::from(high[1] - low[1])
 }
 
-/// Samples of the grid by what becomes of them.
+/// Statistics of the samples of a grid.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SampleStatistics {
-    /// With a height.
+    /// Number of samples with a height.
     pub valid: u64,
     /// Number of valid samples without a cell of four valid samples: they have no surface.
     pub isolated: u64,

@@ -1,17 +1,17 @@
-//! Very Important Points: samples that stand out among their eight neighbours are vertices of a Delaunay
+//! Very Important Points: samples that differ most from their eight neighbours are vertices of a Delaunay
 //! triangulation.
 //!
 //! Source: Chen & Guevara, "Systematic selection of very important points (VIP) from digital terrain model
-//! for constructing triangular irregular networks" (1987). How much a sample stands out is the mean of its
-//! distances from the four lines between opposite neighbours. They are taken vertically here, so that the unit
-//! of the heights does not matter; of a line with a void or beyond the grid nothing is taken.
+//! for constructing triangular irregular networks" (1987). The significance of a sample is the mean of its
+//! distances from the four lines between opposite neighbours. Distances are vertical here, so that the unit of
+//! the heights does not matter; lines with a void or beyond the grid are left out.
 //!
-//! That is a high-pass filter: it sees pits, peaks and breaks of slope, and no large gentle form at all. So it
-//! bounds no error by itself: the error is measured. Given a largest error, the samples are
-//! taken in the order of significance, as many as a bisection finds to be enough: one of the numbers of
-//! vertices that keep the error while one fewer does not (it is not monotonic, so there may be a smaller one).
+//! That is a high-pass filter: it detects pits, peaks and breaks of slope, but no large gentle forms. So it does
+//! not bound the error, which is measured. For a maximum error, the most significant samples are inserted; their
+//! number is found by bisection: it meets the error, one less does not (the error is not monotonic, so a smaller
+//! number may exist).
 //!
-//! Time O(n log n), and again for each of the log n meshes of a bisection. Memory: sixteen bytes a sample.
+//! Time O(n log n), and again for each of the log n meshes of a bisection. Memory: sixteen bytes per sample.
 
 use std::cmp::Reverse;
 
@@ -20,7 +20,7 @@ use crate::mesh::BaselineMesh;
 use crate::method::{BaselineMethod, MethodPromise};
 use crate::result::BaselineTin;
 use crate::settings::{BaselineGoal, BaselineTask, SurfaceSize};
-use crate::surface::SampleRole;
+use crate::star::is_free;
 use terrane_base::error::Result;
 
 pub(crate) const VIP: BaselineMethod = BaselineMethod {
@@ -41,58 +41,56 @@ fn run(task: &BaselineTask<'_>) -> Result<BaselineTin> {
     let outline = BaselineMesh::of_outline(&task.grid)?;
     let size = SurfaceSize::of(&outline, task.goal)?;
     let order = by_significance(&task.grid);
-    let room = match task.goal {
+    let count = match task.goal {
         BaselineGoal::MaxError(tolerance) => return enough(task, &outline, &order, tolerance),
-        BaselineGoal::MaxVertices(most) => (most - size.vertices) as usize,
-        BaselineGoal::MaxTriangles(most) => {
-            with_triangles(&task.grid, &order, most - size.triangles)
-        }
+        BaselineGoal::MaxVertices(max) => (max - size.vertices) as usize,
+        BaselineGoal::MaxTriangles(max) => with_triangles(&task.grid, &order, max - size.triangles),
     };
-    mesh(task, &outline, &order[..room.min(order.len())])
+    mesh(task, &outline, &order[..count.min(order.len())])
 }
 
 /// Number of first samples that make at most the given number of triangles: two each, or one on a side of the grid.
-fn with_triangles(grid: &HeightGrid<'_>, order: &[PackedSample], most: u64) -> usize {
-    let is_side = |at: u32, count: u32| at == 0 || at + 1 == count;
-    let grown = order.iter().scan(0, |sum, at| {
-        let on_side = is_side(at.col(), grid.width()) || is_side(at.row(), grid.height());
-        *sum += if on_side { 1 } else { 2 };
+fn with_triangles(grid: &HeightGrid<'_>, order: &[PackedSample], max: u64) -> usize {
+    let sums = order.iter().scan(0, |sum, at| {
+        *sum += if grid.is_on_side(*at) { 1 } else { 2 };
         Some(*sum)
     });
-    grown.take_while(|sum| *sum <= most).count()
+    sums.take_while(|sum| *sum <= max).count()
 }
 
-/// Samples within the surface, the most significant first, among equals the lowest (row, column).
+/// Samples within the surface, the most significant first; for equal significance the lowest (row, column).
 fn by_significance(grid: &HeightGrid<'_>) -> Vec<PackedSample> {
-    let is_open =
-        |at: &PackedSample| grid.role(*at) == SampleRole::Interior && !grid.is_corner(*at);
+    let samples = grid.samples().filter(|at| is_free(grid, *at));
     let mut all: Vec<(Significance, PackedSample)> =
-        grid.samples().filter(is_open).map(|at| (significance(grid, at), at)).collect();
+        samples.map(|at| (significance(grid, at), at)).collect();
     all.sort_unstable_by_key(|&(significance, at)| (Reverse(significance), at));
     all.into_iter().map(|(_, at)| at).collect()
 }
 
-/// A distance that is not negative, ordered by its bits.
+/// A non-negative distance as bits, which have its order.
 type Significance = u64;
 
 fn significance(grid: &HeightGrid<'_>, at: PackedSample) -> Significance {
     let [col, row] = at.lattice();
-    let height = |[dx, dy]: [i32; 2]| {
-        let (col, row) = (u32::try_from(col + dx).ok()?, u32::try_from(row + dy).ok()?);
-        let is_inside = col < grid.width() && row < grid.height();
-        is_inside.then(|| grid.sample(PackedSample::new(col, row))).filter(|z| !z.is_nan())
-    };
-    let distance = |[dx, dy]: [i32; 2]| {
-        let [before, after] = [height([-dx, -dy])?, height([dx, dy])?];
-        Some((grid.sample(at) - f64::midpoint(before, after)).abs())
-    };
     let lines = [[1, 0], [0, 1], [1, 1], [1, -1]];
-    let distances: Vec<f64> = lines.into_iter().filter_map(distance).collect();
-    // Beside holes there may be no line: 0, not NaN, whose bits are above those of all numbers.
+    let distances = lines.into_iter().filter_map(|[dx, dy]| {
+        let before = height_at(grid, [col - dx, row - dy])?;
+        let after = height_at(grid, [col + dx, row + dy])?;
+        Some((grid.sample(at) - f64::midpoint(before, after)).abs())
+    });
+    let distances: Vec<f64> = distances.collect();
+    // Beside voids there may be no line: 0, not NaN, whose bits are above those of all numbers.
     (distances.iter().sum::<f64>() / distances.len().max(1) as f64).to_bits()
 }
 
-/// Samples that are inserted before a pulse.
+/// Height at a column and row; `None` for a void or beyond the grid.
+fn height_at(grid: &HeightGrid<'_>, [col, row]: [i32; 2]) -> Option<f64> {
+    let (col, row) = (u32::try_from(col).ok()?, u32::try_from(row).ok()?);
+    let is_inside = col < grid.width() && row < grid.height();
+    is_inside.then(|| grid.sample(PackedSample::new(col, row))).filter(|z| !z.is_nan())
+}
+
+/// Samples inserted between pulses.
 const STRETCH: usize = 1 << 12;
 
 /// The mesh of some samples, inserted near each other.
@@ -110,31 +108,28 @@ fn mesh(
     Ok(BaselineTin::of_mesh(&task.grid, &mesh))
 }
 
-/// The bits of a number with zeros between them, so that two numbers make a place on a Z-shaped curve (Morton
-/// 1966).
+/// The bits of a number with zeros between them, for a position on a Z-order curve (Morton 1966).
 fn interleaved(number: u32) -> u64 {
     (0..14).map(|bit| u64::from(number >> bit & 1) << (2 * bit)).sum()
 }
 
-/// The mesh with the smallest number of first samples that keeps the error.
+/// The mesh of a number of first samples that meets the error, while one less does not.
 fn enough(
     task: &BaselineTask<'_>,
     outline: &BaselineMesh,
     order: &[PackedSample],
     tolerance: f64,
 ) -> Result<BaselineTin> {
-    let of_first = |count: usize| mesh(task, outline, &order[..count]);
-    let keeps = |tin: &BaselineTin| tin.max_error <= tolerance;
-    let coarsest = of_first(0)?;
-    if keeps(&coarsest) {
+    let coarsest = mesh(task, outline, &[])?;
+    if coarsest.max_error <= tolerance {
         return Ok(coarsest);
     }
-    let mut best = of_first(order.len())?;
+    let mut best = mesh(task, outline, order)?;
     let (mut fails, mut holds) = (0, order.len());
     while holds - fails > 1 {
         let middle = fails + (holds - fails) / 2;
-        let tin = of_first(middle)?;
-        match keeps(&tin) {
+        let tin = mesh(task, outline, &order[..middle])?;
+        match tin.max_error <= tolerance {
             true => (holds, best) = (middle, tin),
             false => fails = middle,
         }

@@ -1,4 +1,4 @@
-//! The characters a terrain can have, and the registry that names them.
+//! The registry of characters of terrains.
 
 use super::hash::{RowHash, mix64};
 use super::octaves::OctaveSpectrum;
@@ -9,7 +9,7 @@ const ROUGH: OctaveSpectrum =
 const SMOOTH: OctaveSpectrum =
     OctaveSpectrum { coarsest: 12, ridged: 9, detail: 9, finest: 5, amplitude: 0.35, gain: 0.45 };
 
-/// Shorter swells than `ROUGH`, so that a thousand samples see both land and sea.
+/// Shorter swells than `ROUGH`, so that a thousand samples include both land and sea.
 const SHORES: OctaveSpectrum =
     OctaveSpectrum { coarsest: 9, ridged: 7, detail: 5, finest: 2, amplitude: 0.12, gain: 0.56 };
 
@@ -35,7 +35,7 @@ const VOIDS: SynthParameter = SynthParameter {
     whole: false,
 };
 
-/// The parameters every character has.
+/// Parameters of all characters.
 pub const PARAMETERS: &[SynthParameter] = &[
     SynthParameter {
         key: "size",
@@ -139,7 +139,7 @@ pub const CHARACTERS: &[TerrainKind] = &[
     },
 ];
 
-/// Metres above the foot of the terrain, from the height of the stack.
+/// Metres above the base of the terrain, from the height of the octaves.
 #[inline(always)]
 fn metres(terrain: &Terrain) -> impl Fn(f32) -> f32 + use<> {
     let (foot, scale) = (0.6 * terrain.relief as f32, 0.9 * terrain.relief as f32);
@@ -153,7 +153,7 @@ fn land(terrain: &Terrain, _at: SampleRunStart, heights: &[f32], out: &mut [f32]
     }
 }
 
-/// Adding and taking away 2^23 rounds an `f32` below 2^22 to the nearest whole number.
+/// Adding and subtracting 2^23 rounds an `f32` below 2^22 to the nearest integer.
 const ROUND: f32 = 8_388_608.0;
 
 fn whole_metres(terrain: &Terrain, _at: SampleRunStart, heights: &[f32], out: &mut [f32]) {
@@ -189,7 +189,7 @@ fn coast(terrain: &Terrain, _at: SampleRunStart, heights: &[f32], out: &mut [f32
 fn salt(terrain: &Terrain, at: SampleRunStart, heights: &[f32], out: &mut [f32]) {
     land(terrain, at, heights, out);
     let hash = RowHash::new(mix64(terrain.seed), at.row);
-    // 2^24 grades of likelihood.
+    // The upper 24 bits of a hash, as a probability.
     let limit = (terrain.own * 16_777_216.0) as u32;
     for (z, col) in out.iter_mut().zip(at.col..) {
         *z = if hash.at(col) >> 8 < limit { f32::NAN } else { *z };

@@ -1,4 +1,4 @@
-//! Integer hashes: the only source of chance, a pure function of seed and position.
+//! Integer hashes: the only source of randomness, a pure function of seed and position.
 
 /// Mixes 64 bits; the finaliser of SplitMix64 (Steele, Lea & Flood, "Fast splittable pseudorandom
 /// number generators", 2014).

@@ -4,8 +4,8 @@
 //! filtering as in Lewis, "Algorithms for Solid Noise Synthesis", 1989): two times continuously
 //! differentiable and nearly free of the lattice's directions. Along a row the noise inside a cell
 //! is a cubic whose coefficients depend on the cell and the row only. Every sample is computed by
-//! the same multiplications and additions whatever the window, so windows agree bit for bit, and
-//! nothing depends on the width of the machine's registers.
+//! the same multiplications and additions in any window, so windows agree bit for bit, and
+//! the result does not depend on the width of SIMD registers.
 
 use std::ops::Range;
 
@@ -105,16 +105,15 @@ impl OctaveRun {
         let mask = octave.side() - 1;
         let phase = (col + octave.shift_col) as usize & mask;
         let nodes = (phase + width - 1) / octave.side() + REACH;
-        let zeros = || vec![0.0; nodes];
-        let place = |k| ((phase + k) & mask) as f32 / octave.side() as f32;
+        let place = (0..width).map(|k| ((phase + k) & mask) as f32 / octave.side() as f32);
         Self {
             octave,
             first,
             phase,
-            place: (0..width).map(place).collect(),
+            place: place.collect(),
             row: None,
-            nodes: [(); REACH].map(|()| zeros()),
-            value: zeros(),
+            nodes: std::array::from_fn(|_| vec![0.0; nodes]),
+            value: vec![0.0; nodes],
         }
     }
 
@@ -129,13 +128,13 @@ impl OctaveRun {
         if self.row == Some(row) {
             return;
         }
-        let kept = match self.row {
+        let reused = match self.row {
             Some(old) if old + 1 == row => REACH - 1,
             _ => 0,
         };
-        // Of consecutive rows all lines of nodes but the last are there already.
+        // Consecutive rows share all lines of nodes except the last.
         self.nodes.rotate_left(1);
-        for (nodes, row) in self.nodes.iter_mut().zip(row..).skip(kept) {
+        for (nodes, row) in self.nodes.iter_mut().zip(row..).skip(reused) {
             let hash = RowHash::new(self.octave.key, row);
             for (node, col) in nodes.iter_mut().zip(self.first..) {
                 *node = signed(hash.at(col));
@@ -217,23 +216,23 @@ impl OctaveRun {
     fn add_small<const SIDE: usize>(&self, amplitude: f32, weight: &[f32], height: &mut [f32]) {
         let width = self.place.len();
         let head = ((SIDE - self.phase) % SIDE).min(width);
-        let whole = (width - head) / SIDE;
+        let cells = (width - head) / SIDE;
         let first = usize::from(self.phase > 0);
-        let tail = head + whole * SIDE;
+        let tail = head + cells * SIDE;
         if head > 0 {
             self.add_cell(0, 0..head, amplitude, weight, height);
         }
         let place: [f32; SIDE] = std::array::from_fn(|k| k as f32 / SIDE as f32);
         let heights = height[head..tail].chunks_exact_mut(SIDE);
-        let cells = self.value[first..].windows(REACH).map(CubicPolynomial::new);
-        for ((heights, weights), cell) in heights.zip(weight[head..].chunks_exact(SIDE)).zip(cells)
+        let cubics = self.value[first..].windows(REACH).map(CubicPolynomial::new);
+        for ((heights, weights), cell) in heights.zip(weight[head..].chunks_exact(SIDE)).zip(cubics)
         {
             for ((h, w), u) in heights.iter_mut().zip(weights).zip(&place) {
                 *h += amplitude * cell.at(*u) * w;
             }
         }
         if tail < width {
-            self.add_cell(first + whole, tail..width, amplitude, weight, height);
+            self.add_cell(first + cells, tail..width, amplitude, weight, height);
         }
     }
 }

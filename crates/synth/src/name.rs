@@ -9,8 +9,8 @@ use terrane_base::registry::{RegistryEntry, named};
 
 impl Terrain {
     /// The terrain with this name: a character, then any of its parameters as `key=value`,
-    /// separated by commas, in any order, each at most once; width and height go before size. Fails
-    /// with [`ErrorKind::Usage`](terrane_base::ErrorKind::Usage) and the words known.
+    /// separated by commas, in any order, each at most once; width and height override size. Fails
+    /// with [`ErrorKind::Usage`](terrane_base::ErrorKind::Usage), which lists the parameters.
     pub fn parse(name: &str) -> Result<Self> {
         let mut words = name.split(',').map(str::trim);
         let character = words.next().unwrap_or_default();
@@ -23,7 +23,6 @@ impl Terrain {
 
     /// The terrain of this kind with all parameters at their defaults.
     pub fn new(character: &'static TerrainKind) -> Self {
-        let default = |key| PARAMETERS.iter().find(|p| p.key == key).map_or(0.0, |p| p.default);
         Self {
             character,
             width: default("width") as u32,
@@ -49,11 +48,15 @@ impl Terrain {
         Ok(())
     }
 
-    /// Every parameter this terrain has.
+    /// All parameters of this terrain.
     fn words(&self) -> NameGrammar {
         let known = PARAMETERS.iter().chain(self.character.own.as_ref()).collect();
         NameGrammar { what: "terrain", kind: self.character.name, known }
     }
+}
+
+fn default(key: &str) -> f64 {
+    PARAMETERS.iter().find(|p| p.key == key).map_or(0.0, |p| p.default)
 }
 
 impl RegistryEntry for TerrainKind {
@@ -64,7 +67,7 @@ impl RegistryEntry for TerrainKind {
     }
 }
 
-/// The name that [`Terrain::parse`] turns back into the same terrain.
+/// The name, which [`Terrain::parse`] parses into the same terrain.
 impl fmt::Display for Terrain {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { character, width, height, seed, cell, relief, own } = self;

@@ -1,4 +1,4 @@
-//! A stack of octaves: the relief before a character gives it its face.
+//! A stack of octaves: the relief to which a character is applied.
 //!
 //! Wide swells come first and decide where mountains and plains are; ridged octaves follow, heavier
 //! at crests and in the mountains (after the multifractals of Musgrave, in Ebert et al., "Texturing
@@ -30,7 +30,7 @@ impl OctaveSpectrum {
     }
 }
 
-/// Columns handled at a time, so that all sums stay in the first-level cache.
+/// Columns per run, so that all sums stay in the first-level cache.
 const RUN: u32 = 512;
 
 /// Calls `finish(row, first column, heights)` for every row of every run of columns of the window
@@ -56,7 +56,7 @@ pub(super) fn relief(
     }
 }
 
-/// The octave of a seed, with a lattice of its own.
+/// An octave of a seed, with its own lattice.
 fn octave(seed: u64, log2: u32) -> Octave {
     let key = mix64(seed ^ mix64(u64::from(log2)));
     let shift = mix64(key);

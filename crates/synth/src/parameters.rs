@@ -1,4 +1,4 @@
-//! The `key=value` words of a name, against the parameters known.
+//! The `key=value` words of a name, checked against the known parameters.
 
 use super::SynthParameter;
 use terrane_base::error::{Error, Result};
@@ -7,12 +7,12 @@ use terrane_base::error::{Error, Result};
 pub(super) struct NameGrammar {
     /// Noun for messages: "terrain", "cloud".
     pub(super) what: &'static str,
-    /// Which of them: "rough".
+    /// Kind, such as "rough".
     pub(super) kind: &'static str,
     pub(super) known: Vec<&'static SynthParameter>,
 }
 
-/// A parameter as it was given: what it says, and how.
+/// A given parameter: its value and text.
 pub(super) struct GivenSynthParameter<'a> {
     pub(super) key: &'static str,
     pub(super) value: f64,
@@ -22,7 +22,7 @@ pub(super) struct GivenSynthParameter<'a> {
 }
 
 impl GivenSynthParameter<'_> {
-    /// The value as a whole number of 64 bits, which `f64` may not hold.
+    /// The value as a 64-bit integer, which `f64` may not represent.
     pub(super) fn whole(&self) -> Result<u64> {
         self.text.parse().map_err(|_| wrong(self.what, self.parameter, self.text))
     }
@@ -50,8 +50,8 @@ impl NameGrammar {
 
     fn given<'a>(&self, word: &'a str) -> Result<GivenSynthParameter<'a>> {
         if word.is_empty() {
-            let message = format!("the {}'s name has an empty parameter", self.what);
-            return Err(Error::usage(message).remedy("remove the comma too many"));
+            let message = format!("empty parameter in the {} name", self.what);
+            return Err(Error::usage(message).remedy("remove the extra comma"));
         }
         let (key, text) = word.split_once('=').ok_or_else(|| self.unknown(word))?;
         let (key, text) = (key.trim(), text.trim());
@@ -63,21 +63,21 @@ impl NameGrammar {
 
     fn unknown(&self, key: &str) -> Error {
         let known: Vec<&str> = self.known.iter().map(|p| p.key).collect();
-        Error::usage(format!("the {} {:?} has no parameter {key:?}", self.what, self.kind))
-            .remedy(format!("it has {} (as key=value)", known.join(", ")))
+        Error::usage(format!("unknown {} parameter {key:?} for {:?}", self.what, self.kind))
+            .remedy(format!("choose from {} (as key=value)", known.join(", ")))
     }
 }
 
 fn check(what: &str, parameter: &SynthParameter, text: &str) -> Result<f64> {
     let value: f64 = text.parse().map_err(|_| wrong(what, parameter, text))?;
-    let (least, most) = parameter.range;
-    let sound = (least..=most).contains(&value) && !(parameter.whole && value.fract() != 0.0);
+    let (min, max) = parameter.range;
+    let sound = (min..=max).contains(&value) && !(parameter.whole && value.fract() != 0.0);
     if sound { Ok(value) } else { Err(wrong(what, parameter, text)) }
 }
 
 fn wrong(what: &str, parameter: &SynthParameter, text: &str) -> Error {
-    let (least, most) = parameter.range;
+    let (min, max) = parameter.range;
     let kind = if parameter.whole { "a whole number" } else { "a number" };
-    Error::usage(format!("{}={text} of the {what} makes no sense", parameter.key))
-        .remedy(format!("give {kind} from {least} to {most} ({})", parameter.about))
+    Error::usage(format!("invalid {what} parameter {}={text}", parameter.key))
+        .remedy(format!("give {kind} from {min} to {max} ({})", parameter.about))
 }

@@ -3,7 +3,7 @@
 use super::octaves::{self, OctaveSpectrum};
 use terrane_base::geom::Rect;
 
-/// Most columns or rows of a terrain.
+/// Maximum number of columns or rows of a terrain.
 pub const MAX_SIDE: u32 = 1 << 30;
 
 /// A parameter of a terrain, as `key=value`.
@@ -13,11 +13,11 @@ pub struct SynthParameter {
     pub key: &'static str,
     /// One line for the help, with the unit.
     pub about: &'static str,
-    /// Value when it is not given.
+    /// Default value.
     pub default: f64,
-    /// Least and most value allowed.
+    /// Minimum and maximum value.
     pub range: (f64, f64),
-    /// True when only whole numbers make sense.
+    /// True for integers.
     pub whole: bool,
 }
 
@@ -28,11 +28,11 @@ pub struct TerrainKind {
     pub name: &'static str,
     /// One line for the help.
     pub about: &'static str,
-    /// A parameter only this character has.
+    /// A parameter of this character only.
     pub own: Option<SynthParameter>,
-    /// True when every height is a whole number of metres between 0 and 32767.
+    /// True if heights are whole metres from 0 to 32767.
     pub integer: bool,
-    /// True when some samples can be void.
+    /// True if samples can be void.
     pub voids: bool,
     pub(super) spectrum: OctaveSpectrum,
     pub(super) finish: fn(&Terrain, SampleRunStart, &[f32], &mut [f32]),
@@ -45,7 +45,7 @@ pub(super) struct SampleRunStart {
     pub(super) row: u32,
 }
 
-/// A terrain: what [`fill_f32`](Terrain::fill_f32) computes windows of.
+/// Parameters of a terrain; [`fill_f32`](Terrain::fill_f32) computes heights.
 #[derive(Clone, Copy, Debug)]
 pub struct Terrain {
     /// Its kind.
@@ -54,24 +54,24 @@ pub struct Terrain {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Chooses one terrain among all of its kind.
+    /// Random seed.
     pub seed: u64,
     /// Metres between samples.
     pub cell: f64,
-    /// Metres from low plains to high peaks, about.
+    /// Approximate height range in metres.
     pub relief: f64,
-    /// Value of the character's own parameter (0 when it has none).
+    /// Value of the character's own parameter (0 without one).
     pub own: f64,
 }
 
 impl Terrain {
     /// Computes the heights in metres of the samples of `rect`, row by row; voids are NaN.
     ///
-    /// Time is proportional to the samples, with a set-up of the order of a hundred samples for
-    /// each row and each 512 columns begun: wide or square windows pay least.
+    /// Time is linear in the samples, plus a set-up of about a hundred samples for each row of
+    /// each 512 columns: wide or square windows are fastest.
     ///
     /// # Panics
-    /// When `out.len()` is not `rect.len()`, or when `rect` ends beyond [`MAX_SIDE`].
+    /// If `out.len()` is not `rect.len()`, or if `rect` ends beyond [`MAX_SIDE`].
     pub fn fill_f32(&self, rect: Rect, out: &mut [f32]) {
         assert_eq!(out.len(), rect.len(), "one value for each sample of the window");
         assert!(ends_within(rect), "the window ends beyond column or row {MAX_SIDE}");
@@ -94,6 +94,6 @@ impl Terrain {
 }
 
 fn ends_within(rect: Rect) -> bool {
-    let end = |from: u32, length: u32| from.checked_add(length).is_some_and(|end| end <= MAX_SIDE);
-    end(rect.col, rect.width) && end(rect.row, rect.height)
+    let ends = [rect.col.checked_add(rect.width), rect.row.checked_add(rect.height)];
+    ends.iter().all(|end| end.is_some_and(|end| end <= MAX_SIDE))
 }

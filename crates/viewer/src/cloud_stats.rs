@@ -24,11 +24,11 @@ pub struct CloudStats {
     pub returns: BTreeMap<u8, u64>,
     /// Points that are the last return of their pulse.
     pub last: u64,
-    /// Points by mark; those without any are not counted.
+    /// Points by flag; points without flags are not counted.
     pub flags: BTreeMap<&'static str, u64>,
     /// Lowest and highest coordinates; absent without points.
     pub bounds: Option<[Point3; 2]>,
-    /// How their heights are spread; absent without points.
+    /// Distribution of heights; absent without points.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub heights: Option<HeightDistribution>,
     #[serde(skip)]
@@ -70,8 +70,7 @@ fn joined(one: Option<[Point3; 2]>, other: Option<[Point3; 2]>) -> Option<[Point
     Some([std::array::from_fn(|i| a[i].min(c[i])), std::array::from_fn(|i| b[i].max(d[i]))])
 }
 
-/// Reads all wanted points of a cloud, part by part. The result does not depend on the number of
-/// threads.
+/// Reads all points that pass the filters, part by part. The result does not depend on the number of threads.
 pub fn cloud_stats(
     cloud: &PointCloud,
     resources: &Resources,

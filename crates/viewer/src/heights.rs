@@ -1,5 +1,5 @@
-//! How heights are spread: counts of steps whose size is a power of two and follows from the lowest and highest height
-//! alone, so that it makes no difference in what order heights come.
+//! Distribution of heights: counts of steps whose size is a power of two and follows from the lowest and highest height
+//! alone, so that the order of heights does not matter.
 
 use serde::Serialize;
 
@@ -8,7 +8,7 @@ const MAX_STEPS: i64 = 1 << 14;
 /// The finest steps, as a power of two, and heights beyond which all are one.
 const FINEST: i32 = -20;
 const MAX_HEIGHT: f64 = (1_u64 << 40) as f64;
-/// Sums are of whole parts of a unit, so that their order leaves no trace.
+/// Sums are of integer parts of a unit, so that their order does not matter.
 const PARTS: f64 = (1 << 20) as f64;
 /// Most bars of a histogram, and the share of points that may lie beyond them, below and above.
 const MAX_BARS: i64 = 24;
@@ -16,7 +16,7 @@ const BEYOND: f64 = 0.001;
 /// Reported percentiles.
 const PERCENTILES: [u64; 7] = [1, 5, 25, 50, 75, 95, 99];
 
-/// Heights as they are counted.
+/// Counts of heights by step.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct HeightCounts {
     /// Steps are of 2^power.
@@ -24,11 +24,11 @@ pub(crate) struct HeightCounts {
     /// The lowest step, and points of it and those above.
     first: i64,
     counts: Vec<u64>,
-    /// In parts.
+    /// In [`PARTS`] of a unit.
     sum: i128,
 }
 
-/// How heights are spread.
+/// Distribution of heights.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct HeightDistribution {
     /// Mean height.
@@ -41,14 +41,14 @@ pub struct HeightDistribution {
     pub histogram: Vec<HistogramBar>,
 }
 
-/// Points of some heights.
+/// Points in a range of heights.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct HistogramBar {
-    /// The lowest of the heights, which belongs to them.
+    /// Lower end, included.
     pub low: f64,
-    /// The first height that does not.
+    /// Upper end, excluded.
     pub high: f64,
-    /// How many points.
+    /// Number of points.
     pub points: u64,
 }
 
@@ -86,9 +86,8 @@ impl HeightCounts {
         while other.power < self.power {
             other.coarsen();
         }
-        let last = |spread: &Self| spread.first + spread.counts.len() as i64 - 1;
         while !other.counts.is_empty()
-            && last(&self).max(last(&other)) - self.first.min(other.first) >= MAX_STEPS
+            && self.last().max(other.last()) - self.first.min(other.first) >= MAX_STEPS
         {
             self.coarsen();
             other.coarsen();
@@ -102,9 +101,9 @@ impl HeightCounts {
         self
     }
 
-    /// The count of a step, between those there are or made for it; `None` where it is too far from them.
+    /// The count of a step, added where it is missing; `None` where the counts would exceed [`MAX_STEPS`].
     fn place(&mut self, step: i64) -> Option<&mut u64> {
-        // Steps before the first wrap beyond all there are.
+        // Steps before the first wrap around to a place beyond the last.
         let place = step.wrapping_sub(self.first) as usize;
         if place < self.counts.len() {
             return self.counts.get_mut(place);
@@ -112,8 +111,7 @@ impl HeightCounts {
         if self.counts.is_empty() {
             self.first = step;
         }
-        let (low, last) =
-            (self.first.min(step), (self.first + self.counts.len() as i64 - 1).max(step));
+        let (low, last) = (self.first.min(step), self.last().max(step));
         if last - low >= MAX_STEPS {
             return None;
         }
@@ -136,6 +134,11 @@ impl HeightCounts {
         (self.power, self.first, self.counts) = (self.power + 1, first, counts);
     }
 
+    /// The highest step that has a count.
+    fn last(&self) -> i64 {
+        self.first + self.counts.len() as i64 - 1
+    }
+
     fn points(&self) -> u64 {
         self.counts.iter().sum()
     }
@@ -147,26 +150,28 @@ impl HeightCounts {
     /// The step that the height of this rank, from 1, lies in.
     fn step_of(&self, rank: u64) -> i64 {
         let mut below = 0;
-        let is_it = |points: &u64| {
+        let place = self.counts.iter().position(|points| {
             below += points;
             below >= rank
-        };
-        self.first + self.counts.iter().position(is_it).unwrap_or(0) as i64
+        });
+        self.first + place.unwrap_or(0) as i64
     }
 
     /// The report; `None` without heights.
     pub(crate) fn distribution(&self) -> Option<HeightDistribution> {
         let points = self.points();
-        let percentile = |percent: u64| {
-            let step = self.step_of((points * percent).div_ceil(100).max(1));
-            (percent, (step as f64 + 0.5) * self.size())
-        };
         (points > 0).then(|| HeightDistribution {
             mean: self.sum as f64 / PARTS / points as f64,
-            percentiles: PERCENTILES.map(percentile).to_vec(),
+            percentiles: PERCENTILES.map(|percent| (percent, self.percentile(percent))).to_vec(),
             within: self.size() / 2.0,
             histogram: self.histogram(),
         })
+    }
+
+    /// The height below which `percent` of the points lie, to half a step.
+    fn percentile(&self, percent: u64) -> f64 {
+        let rank = (self.points() * percent).div_ceil(100).max(1);
+        (self.step_of(rank) as f64 + 0.5) * self.size()
     }
 
     fn histogram(&self) -> Vec<HistogramBar> {

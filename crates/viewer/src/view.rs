@@ -3,10 +3,10 @@
 //!
 //! The lattice of heights is twice as fine as the picture: from a grid by averaging blocks of samples and
 //! interpolating between the means, from a mesh by filling triangles (the higher surface wins) as they
-//! stream by, with colours interpolated between vertices that have them. Of a grid with more than 2^26 samples under the picture not all are read: each pixel gets
-//! the mean of a square of samples in the middle of its block, as large as 2^22 samples in all allow and
-//! at least one sample, so the time depends on the picture and not on the grid (a compressed file still
-//! decodes each block that a pixel falls into).
+//! stream by, with colours interpolated between vertices that have them. Grids with more than 2^26 samples under
+//! the picture are subsampled: each pixel gets the mean of a square of samples in the middle of its block, of
+//! 2^22 samples in all but at least one per pixel, so the time depends on the picture and not on the grid (a
+//! compressed file still decodes each block that a pixel falls into).
 
 mod contact_sheet;
 mod drawn;
@@ -16,7 +16,7 @@ mod options;
 
 pub use contact_sheet::{ContactSheetJob, PicturePanel, run_contact_sheet};
 pub(crate) use drawn::DEGREE_METRES;
-pub(crate) use grid::grid_bounds;
+pub(crate) use grid::{corner_bounds, grid_bounds};
 pub use options::{
     Exaggeration, ExaggerationSetters, Lighting, LightingSetters, PictureOptions, PictureSetters,
     ViewJob,
@@ -99,9 +99,8 @@ pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Vi
 
 fn options(job: &ViewJob) -> Result<GridOpenOptions> {
     let PictureOptions { grid, resources, .. } = &job.options;
-    // A part is that of the picture.
-    let whole = grid.unbounded();
-    whole.options(resources, cache_beside(resources.memory))
+    // The picture crops: a mesh has bounds too.
+    grid.unbounded().options(resources, cache_beside(resources.memory))
 }
 
 fn paint(
@@ -115,8 +114,8 @@ fn paint(
     let painter = drawn.painter(style);
     let mut file = AtomicFile::create(&job.output, job.options.replacing.overwrite)?;
     let size = [painter.width(), painter.height()];
-    let fill = |row, line: &mut [u8]| painter.row(row, line);
-    write_png(&mut file, size, fill, &job.options.resources, progress, cancel)?;
+    let resources = &job.options.resources;
+    write_png(&mut file, size, |row, line| painter.row(row, line), resources, progress, cancel)?;
     let (low, high) = extremes(&drawn.field);
     Ok(ViewReport {
         input: job.input.to_string(),
@@ -132,13 +131,13 @@ fn paint(
     })
 }
 
-/// How `drawn` is lit.
+/// Lighting of `drawn`.
 fn style(job: &ViewJob, drawn: &DrawnSurface) -> PictureStyle {
     let ground = drawn.frame.finer(FINENESS).ground_pixel();
-    let natural = || natural_exaggeration(&drawn.field, ground);
-    let exaggeration = job.options.lighting.heights.exaggeration.unwrap_or_else(natural);
-    let Lighting { azimuth, altitude, .. } = job.options.lighting;
-    let light = ReliefLight::new(azimuth, altitude);
+    let Lighting { azimuth, altitude, heights } = &job.options.lighting;
+    let exaggeration =
+        heights.exaggeration.unwrap_or_else(|| natural_exaggeration(&drawn.field, ground));
+    let light = ReliefLight::new(*azimuth, *altitude);
     PictureStyle { light, exaggeration, ground, fineness: FINENESS as usize }
 }
 
@@ -150,8 +149,7 @@ fn extremes(field: &PictureHeights) -> (f32, f32) {
 /// Rows painted together.
 const BAND: usize = 64;
 
-/// Writes a picture of `width` x `height` pixels, whose rows `fill` makes from their numbers: RGBA, any row on
-/// its own.
+/// Writes a picture of `width` x `height` pixels. `fill` makes any row, in RGBA, from its number.
 pub(crate) fn write_png(
     file: &mut AtomicFile,
     [width, height]: [usize; 2],
@@ -161,17 +159,12 @@ pub(crate) fn write_png(
     cancel: &Cancel,
 ) -> Result<()> {
     let path = file.path().to_path_buf();
-    let failed = |e| Error::write(&path, e);
-    let fail = |e: png::EncodingError| match e {
-        png::EncodingError::IoError(e) => failed(e),
-        other => Error::new(ErrorKind::Internal, other.to_string()).in_file(&path),
-    };
     let mut out = BufWriter::new(file);
     let mut encoder = png::Encoder::new(&mut out, width as u32, height as u32);
     encoder.set_color(png::ColorType::Rgba);
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-    let mut writer = encoder.write_header().map_err(fail)?;
-    let mut stream = writer.stream_writer().map_err(fail)?;
+    let mut writer = encoder.write_header().map_err(|e| png_error(&path, e))?;
+    let mut stream = writer.stream_writer().map_err(|e| png_error(&path, e))?;
     let workers = input::workers(resources)?;
     let mut band = vec![0; width * 4 * BAND];
     progress.begin("paint", height as u64);
@@ -183,11 +176,18 @@ pub(crate) fn write_png(
             let lines = band.par_chunks_mut(width * 4).enumerate();
             lines.for_each(|(row, line)| fill(first + row, line));
         });
-        stream.write_all(band).map_err(failed)?;
+        stream.write_all(band).map_err(|e| Error::write(&path, e))?;
         progress.advance(rows as u64);
     }
     progress.end();
-    stream.finish().map_err(fail)?;
-    writer.finish().map_err(fail)?;
-    out.flush().map_err(failed)
+    stream.finish().map_err(|e| png_error(&path, e))?;
+    writer.finish().map_err(|e| png_error(&path, e))?;
+    out.flush().map_err(|e| Error::write(&path, e))
+}
+
+fn png_error(path: &Path, e: png::EncodingError) -> Error {
+    match e {
+        png::EncodingError::IoError(e) => Error::write(path, e),
+        other => Error::new(ErrorKind::Internal, other.to_string()).in_file(path),
+    }
 }

@@ -1,4 +1,4 @@
-// A camera that looks at a point: it goes around it, or flies.
+// A camera that orbits a target point, or flies.
 
 /** Matrices are 16 numbers, column by column. */
 function product(a, b) {
@@ -17,7 +17,7 @@ const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const norm = (a) => along([0, 0, 0], a, 1 / (Math.hypot(...a) || 1));
 
-/** True when nothing in a box of codes can be seen: all its corners lie beyond one side of the view. */
+/** True if a box of codes is outside the view: all its corners lie beyond one side. */
 function unseen({ low, high }, m, { middle, scale }, exaggeration) {
   const outside = [0, 0, 0, 0, 0];
   for (let k = 0; k < 8; k++) {
@@ -35,21 +35,21 @@ function unseen({ low, high }, m, { middle, scale }, exaggeration) {
   return outside.includes(8);
 }
 
-/** Half of the angle between the top and the bottom of the view. */
+/** Tangent of half the vertical field of view. */
 const HALF_VIEW = Math.tan((40 / 2) * (Math.PI / 180));
 
 class Camera {
-  /** For a scene of that radius around 0, in metres. */
+  /** For a scene of this radius around 0, in metres. */
   constructor(radius) {
     this.radius = radius;
     this.aspect = 1;
-    this.shift = 0; // of the middle, in halves of the view's width
+    this.shift = 0; // of the centre, in half widths of the view
     this.reset();
   }
 
   reset() {
     this.target = [0, 0, -0.04 * this.radius];
-    this.yaw = 0.5; // where the camera looks: radians clockwise from north
+    this.yaw = 0.5; // radians clockwise from north
     this.pitch = -0.62; // below the horizon
     this.distance = this.radius * 2.6 * Math.max(1, 1.15 / this.aspect);
   }
@@ -74,7 +74,7 @@ class Camera {
     return along(this.target, this.ahead, -this.distance);
   }
 
-  /** From metres to the cube that is drawn. */
+  /** From metres to clip space. */
   get matrix() {
     const [eye, ahead, right] = [this.eye, this.ahead, this.right];
     const up = cross(right, ahead);
@@ -92,7 +92,7 @@ class Camera {
     return product(project, look);
   }
 
-  /** The direction of the ray through a place of the view, -1 to 1 along x and y. */
+  /** Direction of the ray through a position in the view, -1 to 1 along x and y. */
   ray(x, y) {
     const [ahead, right] = [this.ahead, this.right];
     const up = cross(right, ahead);
@@ -106,7 +106,7 @@ class Camera {
     if (aroundEye) this.target = along(eye, this.ahead, this.distance);
   }
 
-  /** Moves what is looked at with the pointer: shares of the view's height. */
+  /** Moves the target with the pointer, by shares of the view's height. */
   pan(dx, dy) {
     const metres = 2 * HALF_VIEW * this.distance;
     const level = norm([Math.sin(this.yaw), Math.cos(this.yaw), 0]);
@@ -172,7 +172,7 @@ function gestures(view, on) {
   };
   view.addEventListener('pointerup', end);
   view.addEventListener('pointercancel', end);
-  // A finger that goes leaves what it pointed at.
+  // After touch, the hovered position stays.
   view.addEventListener('pointerleave', (event) => event.pointerType === 'mouse' && on.hover(NaN, NaN));
   view.addEventListener('contextmenu', (event) => event.preventDefault());
   view.addEventListener('wheel', (event) => {
@@ -182,20 +182,20 @@ function gestures(view, on) {
   }, { passive: false });
 }
 
-// ---- keys that are held
+// ---- held keys
 
 const FLIGHT = ['w', 'a', 's', 'd', 'q', 'y', 'arrowup', 'arrowdown', 'arrowleft', 'arrowright'];
 const held = new Set();
 window.addEventListener('keyup', (event) => held.delete(event.key.toLowerCase()));
 window.addEventListener('blur', () => held.clear());
 
-/** Takes a key that flies; whether it is one. */
+/** Registers a held key; returns false if it is not a flight key. */
 function hold(key) {
   if (FLIGHT.includes(key)) held.add(key);
   return FLIGHT.includes(key);
 }
 
-/** Moves by the keys that are held, by the time that went by; whether any is. */
+/** Moves by the held keys; returns false if there are none. */
 function moveHeld(camera, seconds) {
   if (held.size === 0) return false;
   const way = (forth, back) => (held.has(forth) ? 1 : 0) - (held.has(back) ? 1 : 0);
@@ -223,7 +223,7 @@ function drawCompass(camera) {
   context.fillText('N', 0, -half * 0.66);
 }
 
-// ---- controls that pages have in common
+// ---- shared controls
 
 function flip(name) {
   shown[name] = !shown[name];

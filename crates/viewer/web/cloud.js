@@ -1,10 +1,10 @@
-// The page of a cloud: what is shown of its points, and the tools to look at them.
+// The page of a point cloud: displayed points and tools.
 
 const COLOURS = ['Height', 'Class', 'Intensity', 'Return', 'Colour'];
 const RETURNS = [[130, 130, 136], [58, 108, 168], [232, 150, 60], [92, 166, 96], [196, 78, 88], [140, 104, 176], [150, 116, 92],
   [214, 138, 190], [188, 182, 74], [84, 186, 196]];
 const MARKS = ['synthetic', 'key point', 'withheld', 'overlap'];
-/** Shares of the points that may lie beyond either end of the colours. */
+/** Shares of points beyond either end of the colour scale. */
 const BEYOND = 0.001;
 
 const shown = { colour: 0, exaggeration: 1, size: 2, shade: true, classes: new Set(), returns: new Set() };
@@ -41,7 +41,7 @@ async function start() {
   requestAnimationFrame(frame);
 }
 
-/** The values that but a share of all lie below, and above: by counts of 4096 steps. */
+/** Low and high quantiles of values, by counts of 4096 steps. */
 function endsOf(values, share) {
   const [low, high] = values.reduce(([a, b], v) => [v < a ? v : a, v > b ? v : b], [Infinity, 0]);
   const size = (high - low + 1) / 4096;
@@ -58,7 +58,7 @@ function endsOf(values, share) {
 
 // ---- classes and returns
 
-/** Points that are in the page, by class and return. */
+/** Numbers of points in the page, by class and return. */
 function countKinds() {
   scene.counts = new Uint32Array(4096);
   for (const mark of scene.marks) scene.counts[mark & 4095]++;
@@ -66,12 +66,12 @@ function countKinds() {
 
 const isOn = (mark) => shown.classes.has(mark & 255) && shown.returns.has((mark >> 8) & 15);
 
-/** Points in the page whose class and return are shown. */
+/** Number of points whose class and return are shown. */
 const countShown = () => scene.counts.reduce((sum, points, mark) => sum + (points > 0 && isOn(mark) ? points : 0), 0);
 
 const returnColour = (number) => RETURNS[number % RETURNS.length];
 
-/** What can be switched in these colours: a set, and what is in it. */
+/** The set of switches of these colours, and its entries. */
 function kindsOf(colour) {
   if (colour === 1) {
     return { on: shown.classes, list: facts.classes.map((of) => ({ ...of, code: of.class, name: of.class + ' ' + of.name })) };
@@ -147,9 +147,9 @@ function drawLegend() {
   if (colour === 2) drawRamp(Array.from({ length: 256 }, (_, i) => gray(i)), ...scene.strengths, '');
 }
 
-// ---- what is where
+// ---- picking
 
-/** All that is known of a point. */
+/** All attributes of a point. */
 function pointOf(i) {
   const { x, y, z, marks, intensity, rgb } = scene;
   const mark = marks[i];
@@ -161,7 +161,7 @@ function pointOf(i) {
   };
 }
 
-/** The point under a pixel of the layout, or null. */
+/** The point under a CSS pixel, or null. */
 function under(px, py) {
   if (dirty) render();
   const view = $('view');
@@ -171,7 +171,7 @@ function under(px, py) {
 
 function tellPlace(found) {
   const [level, upright] = facts.reported_steps;
-  if (!found) return tell([['', 'Point at the cloud to read it · ? for help']]);
+  if (!found) return tell([['', 'Point at the cloud to read values · ? for help']]);
   const names = facts.geographic ? ['Lon', 'Lat'] : ['X', 'Y'];
   const name = facts.classes.find((of) => of.class === found.class)?.name ?? '';
   const list = [[names[0], num(found.x, level)], [names[1], num(found.y, level)],
@@ -179,11 +179,11 @@ function tellPlace(found) {
   if (found.number > 0) list.push(['Return', found.number + ' of ' + found.returns]);
   if (found.intensity !== null) list.push(['Intensity', String(found.intensity)]);
   if (found.colour) list.push(['Colour', found.colour.join(' ')]);
-  if (found.marks.length) list.push(['Marks', found.marks.join(', ')]);
+  if (found.marks.length) list.push(['Flags', found.marks.join(', ')]);
   tell(list);
 }
 
-/** What the tools ask of this page. */
+/** Interface of the tools. */
 const terrain = {
   level: 'in plan', apart, areaOf,
   get unit() { return facts.units[1]; },
@@ -194,7 +194,7 @@ const terrain = {
 
 // ---- controls
 
-/** Whether the points have what these colours tell. */
+/** True if the points have the attribute of these colours. */
 const isKnown = (colour) => (colour !== 2 || Boolean(scene.intensity)) && (colour !== 4 || Boolean(scene.rgb));
 
 function setColour(colour) {
@@ -217,7 +217,7 @@ function setControls() {
   for (const button of $('colours').children) {
     const colour = Number(button.dataset.colour);
     button.addEventListener('click', () => setColour(colour));
-    if (!isKnown(colour)) button.disabled = true, button.title = 'the points have none';
+    if (!isKnown(colour)) button.disabled = true, button.title = 'not an attribute of these points';
   }
   $('shade').addEventListener('click', () => flip('shade'));
   $('everything').addEventListener('click', showEverything);
@@ -242,7 +242,7 @@ function tellFigures() {
   $('about').textContent = facts.about;
   rows($('figures'), [
     ['Points', of],
-    ['In the page', held < of ? count(held) + ' (' + num((held * 100) / of) + ' %)' : 'all'],
+    ['Shown', held < of ? count(held) + ' (' + num((held * 100) / of) + ' %)' : 'all'],
     ['Shown', countShown()],
     ['Files', facts.files],
     [facts.geographic ? 'Lon' : 'X', span(bounds.x, level)],
@@ -267,7 +267,7 @@ function how() {
   return { ...shown, size: shown.size * ratio, heights: scene.heights, strengths: scene.strengths };
 }
 
-/** For scripts: what is shown, a point, the one under a pixel, and the picture. */
+/** Interface for scripts. */
 window.terrane = {
   facts, shown, names: COLOURS, under, toView: (place) => toView(place), camera: () => camera, places: () => places,
   point: pointOf, points: () => drawing.points, countShown, heights: () => scene.heights.map(heightOf),

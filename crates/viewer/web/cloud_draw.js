@@ -1,5 +1,5 @@
-// Points on the graphics card. They are drawn into two pictures of the view: of colours, and of which point is seen where
-// and how far away it is. The second one tells what is under the cursor, and shades the first where depth changes.
+// Rendering of points into two images: colours, and ids with depths. The second image serves picking under the cursor
+// and eye-dome lighting of the first.
 
 const POINT_VERTEX = `#version 300 es
 precision highp float;
@@ -26,7 +26,7 @@ float share(float value, vec2 range) {
 void main() {
   vec4 of_class = kind(marks & 255u, 0), of_return = kind(marks >> 8u & 15u, 1);
   gl_Position = view * vec4((vec3(x, y, z) - middle) * scale * vec3(1, 1, exaggeration), 1);
-  // Near points are larger, within reason.
+  // Near points are larger, up to a limit.
   wide = clamp(size * reach / max(gl_Position.w, 1e-6), 1.0, 3.0 * size);
   gl_PointSize = wide;
   known = uvec2(gl_VertexID + 1, floatBitsToUint(gl_Position.w));
@@ -58,7 +58,7 @@ void main() {
   gl_Position = vec4(gl_VertexID == 1 ? 3 : -1, gl_VertexID == 2 ? 3 : -1, 0, 1);
 }`;
 
-// Darker where what is beside a pixel is nearer (eye-dome lighting, Boucheny 2009), with neighbours on a circle.
+// Darkens pixels with nearer neighbours (eye-dome lighting, Boucheny 2009), sampled on a circle.
 const SHADE_FRAGMENT = `#version 300 es
 precision highp float;
 precision highp int;
@@ -83,9 +83,9 @@ void main() {
   seen = vec4(texelFetch(colours, here, 0).rgb * max(0.35, exp(-strength * sum / 8.0)), 1);
 }`;
 
-/** Points that are drawn or left out together. */
+/** Number of points culled together. */
 const RUN = 1 << 15;
-/** Around a pixel, points up to so many pixels away are under it. */
+/** Picking radius in pixels. */
 const NEAR = 7;
 const SKY = [0.886, 0.914, 0.937];
 const ATTRIBUTES = ['x', 'y', 'z', 'marks', 'intensity', 'rgb'];
@@ -95,7 +95,7 @@ class CloudDrawing {
       `heights`: codes of z that the scene reaches between, whatever lies far off. */
   constructor(canvas, data, ground, [low, high]) {
     const gl = canvas.getContext('webgl2', { antialias: false, preserveDrawingBuffer: false, powerPreference: 'high-performance' });
-    if (!gl) throw new Error('this browser has no WebGL 2');
+    if (!gl) throw new Error('this browser does not support WebGL 2');
     Object.assign(this, { gl, canvas, data, scale: ground, points: data.x.length, drawn: 0 });
     const top = (codes) => codes.reduce((most, code) => (code > most ? code : most), 0);
     this.top = [data.x, data.y, data.z].map(top);
@@ -125,7 +125,7 @@ class CloudDrawing {
     gl.bindVertexArray(null);
   }
 
-  /** Boxes around runs of points, to leave out what is not in view. */
+  /** Bounding boxes of runs of points, for culling. */
   makeRuns() {
     const { data, points } = this;
     this.runs = [];
@@ -147,7 +147,7 @@ class CloudDrawing {
     ramp(this.gl, this.palette, 2, colours);
   }
 
-  /** Colours of classes and of returns, and which are shown: two lines of [r, g, b, shown], 256 each. */
+  /** Colours and visibility of classes and returns: two lines of 256 [r, g, b, shown]. */
   paintKinds(lines) {
     const gl = this.gl;
     gl.activeTexture(gl.TEXTURE3);
@@ -158,7 +158,7 @@ class CloudDrawing {
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, 256, 2, 0, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
   }
 
-  /** The pictures of the view, as large as it is. */
+  /** Framebuffers of the size of the view. */
   target() {
     const { gl, canvas: { width, height } } = this;
     if (this.size[0] === width && this.size[1] === height) return;
@@ -181,7 +181,7 @@ class CloudDrawing {
     gl.drawBuffers([gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1]);
   }
 
-  /** Draws all. `how`: exaggeration, colour (0 to 4), size in pixels of the screen, shade, heights, strengths. */
+  /** Draws the points. `how`: exaggeration, colour (0 to 4), size in pixels of the screen, shade, heights, strengths. */
   draw(camera, how) {
     const { gl, canvas, program: { program, at } } = this;
     const m = camera.matrix;

@@ -1,9 +1,9 @@
-// What all pages share: facts, packed arrays, numbers as text, the panel.
+// Shared code of all pages: facts, packed arrays, numbers as text, the panel.
 
 const $ = (id) => document.getElementById(id);
 const facts = JSON.parse($('facts').textContent);
 
-/** Bytes of base64, in parts so that no text is copied whole. */
+/** Decodes base64 in parts, without a copy of the whole text. */
 function bytesOf(text) {
   const part = 1 << 20; // a multiple of 4
   const end = text.endsWith('==') ? 2 : text.endsWith('=') ? 1 : 0;
@@ -16,7 +16,7 @@ function bytesOf(text) {
   return out;
 }
 
-/** The array of a name: inflated, its planes of bytes joined, zigzag and differences undone. */
+/** Decodes an array: inflates it, joins its byte planes, and reverts zigzag and differences. */
 async function array(name) {
   const block = $('array-' + name);
   const { count, differences } = facts.arrays[name];
@@ -24,7 +24,7 @@ async function array(name) {
   block.remove();
   const stream = packed.stream().pipeThrough(new DecompressionStream('deflate'));
   const planes = new Uint8Array(await new Response(stream).arrayBuffer());
-  if (planes.length !== 4 * count) throw new Error('the array ' + name + ' is damaged');
+  if (planes.length !== 4 * count) throw new Error('array ' + name + ' is damaged');
   const out = new Uint32Array(count);
   let before = 0;
   for (let i = 0; i < count; i++) {
@@ -38,7 +38,7 @@ async function array(name) {
 
 const has = (name) => name in facts.arrays;
 
-/** A number with as many digits behind the point as `step` needs. */
+/** A number with the decimals that `step` requires. */
 function num(value, step = 0) {
   if (!Number.isFinite(value)) return '–';
   const digits = step > 0 ? Math.min(8, Math.max(0, Math.ceil(-Math.log10(step) - 1e-9))) : undefined;
@@ -55,7 +55,7 @@ function element(tag, text, parent) {
   return made;
 }
 
-/** Rows of names and values into a table. */
+/** Fills a table with rows of names and values. */
 function rows(table, list) {
   table.replaceChildren();
   for (const [name, value] of list) {
@@ -65,7 +65,7 @@ function rows(table, list) {
   }
 }
 
-/** Names and values into the line below the view. */
+/** Shows names and values in the status line. */
 function tell(list) {
   $('status').replaceChildren();
   for (const [name, value] of list) {
@@ -82,7 +82,7 @@ function press(button, on) {
 
 const pressed = (button) => button.getAttribute('aria-pressed') === 'true';
 
-/** A canvas with as many pixels as the screen has under it, cleared; its context has units of the layout. */
+/** Clears a canvas and fits its size to device pixels; its context uses CSS pixels. */
 function plane(canvas) {
   const ratio = Math.min(window.devicePixelRatio || 1, 2);
   const [width, height] = [canvas.clientWidth, canvas.clientHeight];
@@ -90,7 +90,7 @@ function plane(canvas) {
     canvas.width = Math.round(width * ratio);
     canvas.height = Math.round(height * ratio);
   }
-  // Few strokes, painted by the processor: accelerated, Chromium may show one frame late for as long as none follows.
+  // Without acceleration: Chromium may show the last accelerated frame late, until another follows.
   const context = canvas.getContext('2d', { willReadFrequently: true });
   context.setTransform(ratio, 0, 0, ratio, 0, 0);
   context.clearRect(0, 0, width, height);
@@ -98,13 +98,13 @@ function plane(canvas) {
   return [context, width, height];
 }
 
-/** Calls `resize` when the window or a canvas of the panel changes its size: one in a folded panel has none until it opens. */
+/** Calls `resize` when the window or a canvas of the panel changes its size; in a folded panel it is 0. */
 function whenResized(resize) {
   const observer = new ResizeObserver(resize);
   for (const one of [document.body, ...document.querySelectorAll('#panel canvas')]) observer.observe(one);
 }
 
-/** Round numbers between two others, about so many. */
+/** About `about` round numbers from `low` to `high`. */
 function ticks(low, high, about) {
   const rough = (high - low) / Math.max(1, about);
   if (!(rough > 0)) return [low];
@@ -115,7 +115,7 @@ function ticks(low, high, about) {
   return out;
 }
 
-/** 256 colours and what they stand for, into the legend. */
+/** Draws 256 colours and their scale into the legend. */
 function drawRamp(colours, low, high, unit, told = num) {
   const [context, width] = plane($('legend'));
   for (let i = 0; i < width; i++) {
@@ -144,7 +144,7 @@ function between(stops, at) {
 
 const css = ([r, g, b], alpha = 1) => `rgba(${Math.round(r)},${Math.round(g)},${Math.round(b)},${alpha})`;
 
-/** A program of the graphics card, and where its uniforms are. */
+/** A shader program and its uniform locations. */
 function linked(gl, vertex, fragment) {
   const program = gl.createProgram();
   for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
@@ -164,7 +164,7 @@ function linked(gl, vertex, fragment) {
   return { program, at };
 }
 
-/** 256 colours, as [r, g, b] from 0 to 255, into a texture. */
+/** Uploads 256 colours ([r, g, b], 0 to 255) to a texture. */
 function ramp(gl, texture, unit, colours) {
   const bytes = new Uint8Array(4 * 256);
   colours.forEach((colour, i) => bytes.set([...colour.map(Math.round), 255], 4 * i));
@@ -177,11 +177,11 @@ function ramp(gl, texture, unit, colours) {
   }
 }
 
-/** What does not work is said in the middle of the page. */
+/** Shows an error in the middle of the page. */
 function fail(error) {
   const wait = $('wait');
   wait.hidden = false;
-  wait.textContent = 'This page cannot be shown: ' + (error?.message ?? error);
+  wait.textContent = 'Cannot show this page: ' + (error?.message ?? error);
   document.body.dataset.state = 'failed';
 }
 

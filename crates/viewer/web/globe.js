@@ -1,4 +1,4 @@
-// The earth as an ellipsoid (WGS 84), and a camera that goes around a place on it.
+// The WGS 84 ellipsoid, and a camera that orbits a position on it.
 
 const EQUATOR = 6378137;
 const FLATTENING = 1 / 298.257223563;
@@ -6,23 +6,23 @@ const SQUASH = FLATTENING * (2 - FLATTENING); // of the squared axes
 const RADIANS = Math.PI / 180;
 const plus = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
 
-/** Degrees of longitude as -180 to 180. */
+/** Longitude normalized to -180 to 180 degrees. */
 const around = (degrees) => ((((degrees + 180) % 360) + 360) % 360) - 180;
 
-/** What is at right angles to the ellipsoid. */
+/** Normal of the ellipsoid. */
 function upright(lon, lat) {
   const flat = Math.cos(lat * RADIANS);
   return [flat * Math.cos(lon * RADIANS), flat * Math.sin(lon * RADIANS), Math.sin(lat * RADIANS)];
 }
 
-/** Earth-centred metres of a place in degrees and a height above the ellipsoid. */
+/** Earth-centred coordinates, in metres, from degrees and ellipsoidal height. */
 function earthCentred(lon, lat, height) {
   const up = upright(lon, lat);
   const reach = EQUATOR / Math.sqrt(1 - SQUASH * up[2] * up[2]);
   return [(reach + height) * up[0], (reach + height) * up[1], (reach * (1 - SQUASH) + height) * up[2]];
 }
 
-/** Longitude and latitude in degrees, and height, of earth-centred metres. */
+/** Longitude and latitude in degrees, and height, from earth-centred coordinates. */
 function geodetic([x, y, z]) {
   const flat = Math.hypot(x, y);
   let lat = Math.atan2(z, flat * (1 - SQUASH));
@@ -35,7 +35,7 @@ function geodetic([x, y, z]) {
   return [Math.atan2(y, x) / RADIANS, lat / RADIANS, height];
 }
 
-/** The integral of a function from one number to another (Gauss's rule of three places, in pieces). */
+/** The integral of a function (three-point Gauss quadrature, in pieces). */
 function integral(of, from, to) {
   const pieces = 32;
   const half = (to - from) / pieces / 2;
@@ -48,19 +48,19 @@ function integral(of, from, to) {
   return sum * half;
 }
 
-/** Metres of the shortest way along the ellipsoid between two places in degrees. Of all ways that leave the place further
- * from the equator, just one meets the latitude of the other at its longitude; its direction is found by halving (Karney
- * 2013, Algorithms for geodesics), so that places on opposite sides of the globe are no trouble. */
+/** Geodesic distance in metres between two positions in degrees. Of all geodesics from the position farther from the
+ * equator, exactly one meets the latitude of the other at its longitude; its azimuth is found by bisection (Karney 2013,
+ * Algorithms for geodesics), which also works for nearly antipodal positions. */
 function geodesic([lon, lat], [toLon, toLat]) {
   const wide = Math.abs(around(toLon - lon)) * RADIANS;
-  // Latitudes on the sphere beside the ellipsoid; the first is south.
+  // Reduced latitudes; the first is south.
   const reduced = [lat, toLat].map((of) => Math.atan((1 - FLATTENING) * Math.tan(of * RADIANS)));
   const [a, b] = reduced.sort((one, other) => Math.abs(other) - Math.abs(one));
   const [first, second] = a > 0 ? [-a, -b] : [a, b];
   if (first === 0 && wide <= (1 - FLATTENING) * Math.PI) return EQUATOR * wide;
   const flat = Math.cos(first);
   const spread = Math.sin(second - first) * Math.sin(second + first);
-  /** The way that leaves so far south of east: from where to where along the sphere, how stretched, how far round. */
+  /** The geodesic of an azimuth: start and end on the auxiliary sphere, its scale, and the longitude difference. */
   const way = (turn) => {
     const east = Math.cos(turn) * flat; // of its direction at the equator
     const north = -Math.sin(turn) * flat;
@@ -81,7 +81,7 @@ function geodesic([lon, lat], [toLon, toLat]) {
   }
 }
 
-/** Whether the globe is between the eye and a place, in earth-centred metres; what is near its rim counts as seen. */
+/** True if the globe hides a position, in earth-centred coordinates, from the eye; positions near the horizon are visible. */
 function isBehind(eye, place) {
   const round = ([x, y, z]) => [x, y, z / (1 - FLATTENING)].map((v) => v / (0.99 * EQUATOR));
   const [from, to] = [round(eye), round(place)];
@@ -90,7 +90,7 @@ function isBehind(eye, place) {
   return nearest > 0 && nearest < 1 && Math.hypot(...along(from, way, nearest)) < 1;
 }
 
-/** East, north and up at a place on the ellipsoid. */
+/** East, north and up at a position on the ellipsoid. */
 class Frame {
   constructor(lon, lat) {
     const [cosine, sine] = [Math.cos(lon * RADIANS), Math.sin(lon * RADIANS)];
@@ -101,7 +101,7 @@ class Frame {
     this.north = cross(this.up, this.east);
   }
 
-  /** A direction of the earth in this frame, and back. */
+  /** An earth-centred direction in this frame, and back. */
   inward(v) {
     return [dot(v, this.east), dot(v, this.north), dot(v, this.up)];
   }
@@ -110,7 +110,7 @@ class Frame {
     return along(along(along([0, 0, 0], this.east, v[0]), this.north, v[1]), this.up, v[2]);
   }
 
-  /** Earth-centred metres of a place in this frame. */
+  /** Earth-centred coordinates of a position in this frame. */
   world(place) {
     return plus(this.origin, this.outward(place));
   }
@@ -120,13 +120,13 @@ class Frame {
   }
 }
 
-/** A camera whose place to look at is above the origin of its frame, wherever on the globe it goes. */
+/** A camera whose target is above the origin of its local frame. */
 class GlobeCamera extends Camera {
   /** `home`: lon, lat, distance. */
   constructor(home) {
     super(EQUATOR);
     this.home = home;
-    this.relief = 9000; // metres that the highest place has above the ellipsoid, as it is drawn
+    this.relief = 9000; // maximum exaggerated height above the ellipsoid, in metres
     this.reset();
   }
 
@@ -137,7 +137,7 @@ class GlobeCamera extends Camera {
     this.pitch = -0.85;
   }
 
-  /** Looks at another place, in the same direction. */
+  /** Moves to another target with the same direction of view. */
   look(lon, lat, distance, height = 0) {
     this.frame = new Frame(lon, Math.max(-89.99, Math.min(89.99, lat)));
     this.target = [0, 0, height];
@@ -149,7 +149,7 @@ class GlobeCamera extends Camera {
     this.pitch = -Math.PI / 2 + 1e-4;
   }
 
-  /** Takes the frame to where the target is; the direction of the view stays what it is in space. */
+  /** Moves the frame to the target; keeps the direction of view in space. */
   settle() {
     const [lon, lat, height] = geodetic(this.frame.world(this.target));
     const ahead = this.frame.outward(this.ahead);
@@ -175,7 +175,7 @@ class GlobeCamera extends Camera {
     const before = this.distance;
     this.distance = Math.min(6 * EQUATOR, Math.max(10, before * factor));
     if (!towards) return;
-    // What is pointed at stays where it is seen, but never far above or below the ground.
+    // The position under the pointer stays, but the target never moves far above or below the ground.
     const height = this.target[2] + (towards[2] - this.target[2]) * Math.max(0, 1 - this.distance / before);
     this.target = along(this.target, minus(towards, this.target), 1 - this.distance / before);
     const reach = Math.hypot(...this.target);
@@ -193,7 +193,7 @@ class GlobeCamera extends Camera {
     this.target[2] = Math.max(-12000, Math.min(6 * EQUATOR, height));
   }
 
-  /** Metres to where the ground goes out of sight, and on to where the highest place does. */
+  /** Distance in metres to the horizon of the ground, plus that of the highest terrain. */
   get horizon() {
     const eye = Math.hypot(...this.frame.world(this.eye));
     const ground = Math.hypot(...earthCentred(this.frame.lon, this.frame.lat, 0));
@@ -201,7 +201,7 @@ class GlobeCamera extends Camera {
     return { ground: reach(eye - ground), most: 1.2 * (reach(eye - ground) + reach(this.relief)) + this.distance };
   }
 
-  /** From metres counted from the eye, along east, north and up, to the cube that is drawn. */
+  /** From metres east, north and up of the eye to clip space. */
   get matrix() {
     const [ahead, right] = [this.ahead, this.right];
     const up = cross(right, ahead);

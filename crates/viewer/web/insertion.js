@@ -1,4 +1,4 @@
-// The page of greedy insertion: two meshes that grow side by side, and their errors.
+// The page of greedy insertion: two growing meshes side by side, and their errors.
 
 const COLOURS = ['#1c6e8c', '#d9822b'];
 const HEAT = [[246, 247, 243], [250, 222, 160], [240, 150, 82], [196, 60, 60], [96, 22, 60]];
@@ -11,7 +11,7 @@ async function start() {
   setPanel();
   const z = await array('z');
   grid = { width: facts.width, height: facts.height, z: Float64Array.from(z) };
-  // Lets the browser show what it is waiting for.
+  // Lets the browser show the waiting message.
   await new Promise((go) => setTimeout(go, 30));
   runs = [true, false].map((flips) => history(grid.width, grid.height, grid.z, flips));
   makeTints();
@@ -33,7 +33,7 @@ function restart() {
   shown.step = 0;
 }
 
-/** Shows both meshes after so many insertions. */
+/** Shows both meshes after a number of insertions. */
 function go(step) {
   const target = Math.max(0, Math.min(last(), Math.round(step)));
   if (target < shown.step) restart();
@@ -42,7 +42,7 @@ function go(step) {
   dirty = true;
 }
 
-// The slider is even in the logarithm of the vertices.
+// The slider is logarithmic in the number of vertices.
 const toSlider = (step) => (1000 * Math.log((step + 4) / 4)) / Math.log((last() + 4) / 4);
 const fromSlider = (place) => 4 * ((last() + 4) / 4) ** (place / 1000) - 4;
 
@@ -56,7 +56,7 @@ function tellStep() {
   [0, 1].forEach((i) => { $('told-' + i).textContent = `largest error ${told(value(runs[i].largest))}`; });
 }
 
-/** Vertices that a run needs until its largest error is at most so much. */
+/** Number of vertices at which a run meets a maximum error. */
 function needed(i, error) {
   const at = runs[i].largest.findIndex((largest) => metre(largest) <= error);
   return at < 0 ? null : at + 4;
@@ -66,7 +66,7 @@ function tellNeeded() {
   const error = Number($('exact').value);
   const [delaunay, split] = [0, 1].map((i) => needed(i, error));
   rows($('needed'), [['Delaunay', `${count(delaunay)} vertices`], ['Split in three', `${count(split)} vertices`],
-    ['That is', `${num((split / delaunay - 1) * 100, 0.1)} % more`]]);
+    ['Difference', `${num((split / delaunay - 1) * 100, 0.1)} % more`]]);
 }
 
 // ---- pictures
@@ -95,7 +95,7 @@ function makeTints() {
   };
 }
 
-/** Where samples lie on a canvas. */
+/** Positions of samples on a canvas. */
 function layout(width, height) {
   const [w, h] = [(grid.width - 1) * facts.cell[0], (grid.height - 1) * facts.cell[1]];
   const scale = Math.min((width - 8) / w, (height - 12) / h);
@@ -272,7 +272,7 @@ function flipEdges() {
 }
 
 function tellSpeed() {
-  $('speed-told').textContent = num(aSecond(), 1) + ' a second';
+  $('speed-told').textContent = num(aSecond(), 1) + ' per second';
 }
 
 let before = 0;
@@ -294,7 +294,7 @@ function frame(now) {
   requestAnimationFrame(frame);
 }
 
-/** For scripts: what is shown, the meshes, and how many vertices an error takes. */
+/** Interface for scripts. */
 window.terrane = { facts, shown, go, play, meshes: () => meshes, runs: () => runs, needed };
 
 start().catch(fail);

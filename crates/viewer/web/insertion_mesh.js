@@ -1,6 +1,6 @@
-// Greedy insertion on a small grid: the sample with the largest error becomes a vertex, again and again.
-// Garland & Heckbert 1995. Heights are whole numbers of steps, so every decision is exact, ties go to the lowest
-// row and column, and the result is that of `terrane tin --method greedy1` on the same heights.
+// Greedy insertion on a small grid: repeatedly, the sample with the largest error becomes a vertex.
+// Garland & Heckbert 1995. Heights are integers, so every decision is exact; ties go to the lowest
+// row and column. The result is that of `terrane tin --method greedy1` on the same heights.
 
 class Insertion {
   /** z: heights by row and column; `flips`: Delaunay, or triangles are only split. */
@@ -39,13 +39,13 @@ class Insertion {
 
   row(sample) { return Math.floor(sample / this.width); }
 
-  /** Twice the area of three samples: positive when they turn from columns to rows. */
+  /** Twice the signed area of three samples: positive if they turn from columns to rows. */
   turn(a, b, c) {
     const [ax, ay] = [this.col(a), this.row(a)];
     return (this.col(b) - ax) * (this.row(c) - ay) - (this.row(b) - ay) * (this.col(c) - ax);
   }
 
-  /** Positive when d lies within the circle of a, b and c. */
+  /** Positive if d lies within the circumcircle of a, b and c. */
   inCircle(a, b, c, d) {
     const [dx, dy] = [this.col(d), this.row(d)];
     const [ax, ay, bx, by, cx, cy] = [a, b, c].flatMap((s) => [this.col(s) - dx, this.row(s) - dy]);
@@ -53,7 +53,7 @@ class Insertion {
     return aa * (bx * cy - by * cx) - bb * (ax * cy - ay * cx) + cc * (ax * by - ay * bx);
   }
 
-  /** Measures the samples of a triangle, and remembers the worst. */
+  /** Measures the samples of a triangle and stores the worst. */
   scan(t) {
     const { width, z, errors, corners } = this;
     const [a, b, c] = [corners[3 * t], corners[3 * t + 1], corners[3 * t + 2]];
@@ -78,7 +78,7 @@ class Insertion {
     if (place >= 0) this.push({ error: worst, at: place, t, version: this.versions[t] });
   }
 
-  /** The next to become a vertex: the largest error, and of several the lowest row and column. */
+  /** The next vertex: the sample with the largest error; for ties the lowest row and column. */
   get worst() {
     while (this.heap.length > 0 && this.versions[this.heap[0].t] !== this.heap[0].version) this.pop();
     return this.heap[0] ?? null;
@@ -110,7 +110,7 @@ class Insertion {
     }
   }
 
-  /** Inserts the worst sample; false when none is off. */
+  /** Inserts the worst sample; false if all errors are 0. */
   step() {
     const worst = this.worst;
     if (!worst) return false;
@@ -119,7 +119,7 @@ class Insertion {
     return true;
   }
 
-  /** Makes a sample of triangle `t` a vertex; gives the triangles around it. */
+  /** Inserts a sample of triangle `t`; returns the triangles around it. */
   insert(t, p) {
     const sides = [0, 1, 2].map((k) => this.turn(this.corners[3 * t + k], this.corners[3 * t + ((k + 1) % 3)], p));
     const on = sides.indexOf(0);
@@ -152,7 +152,7 @@ class Insertion {
     return this.flips ? this.legalise(p, fresh) : fresh;
   }
 
-  /** Lawson 1977: an edge across from `p` is flipped when `p` lies within the circle beyond it. */
+  /** Lawson 1977: an edge opposite to `p` is flipped if `p` lies within the circumcircle of the triangle beyond it. */
   legalise(p, fresh) {
     const star = new Set(fresh);
     const waiting = [...fresh];
@@ -184,7 +184,7 @@ class Insertion {
   get rms() { return Math.sqrt(Math.max(0, this.squares) / (this.width * this.height)); }
 }
 
-/** Runs to the end: the largest error and the RMS after each insertion, from 4 vertices on. */
+/** Runs to the end: the maximum error and the RMS after each insertion, from 4 vertices on. */
 function history(width, height, z, flips) {
   const mesh = new Insertion(width, height, z, flips);
   const [largest, rms] = [[], []];

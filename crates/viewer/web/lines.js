@@ -24,7 +24,7 @@ async function start() {
   requestAnimationFrame(frame);
 }
 
-// ---- the view: a place in the middle, and pixels a metre
+// ---- view: centre and pixels per metre
 
 function room() {
   const canvas = $('view');
@@ -32,13 +32,13 @@ function room() {
   return { left, width: canvas.clientWidth - left, height: canvas.clientHeight };
 }
 
-/** Where nearly all vertices are: islands far away are left to be looked for. */
+/** Extent of nearly all vertices, without remote islands. */
 function middleOf() {
   const ends = ['x', 'y'].map((name) => {
     const some = filter[name].filter((_, i) => i % Math.ceil(filter.x.length / 1e5) === 0).sort();
     const [low, high] = [0.01, 0.99].map((share) => some[Math.floor((some.length - 1) * share)]);
     const [first, last] = [some[0], some[some.length - 1]];
-    // A whole that is not much larger than the middle is shown whole.
+    // If the full extent is not much larger, it is shown.
     return last - first < 2 * (high - low) ? [first, last] : [low, high];
   });
   return [ends.map(([low]) => low), ends.map(([, high]) => high)];
@@ -55,7 +55,7 @@ function fit() {
   dirty = true;
 }
 
-/** Codes at a pixel of the layout. */
+/** Codes at a CSS pixel. */
 function codesAt(px, py) {
   const canvas = $('view');
   return [view.middle[0] + (px - canvas.clientWidth / 2) / view.pixels / view.ground[0],
@@ -71,7 +71,7 @@ function zoom(factor, px, py) {
 }
 
 function tellPlace(px, py) {
-  if (Number.isNaN(px)) return tell([['', 'Drag to move, wheel to come nearer · ? for help']]);
+  if (Number.isNaN(px)) return tell([['', 'Drag to move, wheel to zoom · ? for help']]);
   const codes = codesAt(px, py);
   const names = facts.geographic ? ['Lon', 'Lat'] : ['X', 'Y'];
   const step = facts.geographic ? 1e-5 : 10 ** Math.floor(Math.log10(1 / view.pixels));
@@ -80,7 +80,7 @@ function tellPlace(px, py) {
 
 // ---- the threshold
 
-/** Filters at a threshold, and takes the time. */
+/** Filters at a threshold and measures the time. */
 function choose(method, threshold) {
   const before = performance.now();
   Object.assign(shown, { method, threshold });
@@ -100,16 +100,16 @@ function tellKept() {
   $('share').textContent = `of ${count(facts.vertices)} vertices: ${num(share * 100, share < 0.01 ? 0.001 : 0.1)} %`;
   $('bar').style.width = share * 100 + '%';
   $('unit').textContent = unitOf(method);
-  $('bounded').textContent = facts.methods[method][1] === 'area' ? 'Largest area left out' : 'Tolerance';
+  $('bounded').textContent = facts.methods[method][1] === 'area' ? 'Area threshold' : 'Tolerance';
   if (document.activeElement !== $('exact')) $('exact').value = Number(threshold.toPrecision(5));
   if (document.activeElement !== $('slider') || sliderAt(method) !== threshold) $('slider').value = placeOf(method, threshold);
   [...$('methods').children].forEach((button, i) => press(button, i === method));
   rows($('figures'), [['Features', facts.features], ['Lines and rings', filter.parts.length], ['Vertices', facts.vertices],
-    ['Kept', result.kept], ['Left out', facts.vertices - result.kept], ['This move took', num(took, 0.1) + ' ms']]);
+    ['Kept', result.kept], ['Removed', facts.vertices - result.kept], ['Filter time', num(took, 0.1) + ' ms']]);
   drawCurve();
 }
 
-/** The slider: at 0 nothing, then from the first thresholds to the last in equal steps of their logarithm. */
+/** The slider: 0 for no simplification, then a logarithmic scale from the lowest threshold to the highest. */
 function sliderAt(method) {
   const place = Number($('slider').value);
   const [low, high] = filter.range(method);
@@ -122,7 +122,7 @@ function placeOf(method, threshold) {
   return Math.min(1000, 1 + Math.round((999 * Math.log(threshold / low)) / Math.log(high / low)));
 }
 
-/** The other method at as many vertices, so that the two can be compared. */
+/** The other method with the same number of vertices, for comparison. */
 function setMethod(method) {
   choose(method, filter.thresholdFor(method, result.kept));
 }
@@ -228,7 +228,7 @@ function frame() {
   requestAnimationFrame(frame);
 }
 
-/** For scripts: what is shown, what a threshold keeps, how long the last move took, and the picture. */
+/** Interface for scripts. */
 window.terrane = {
   facts, shown, choose, result: () => ({ ...result, took }), count: (method, threshold) => filter.count(method, threshold),
   range: (method) => filter.range(method), view: () => view,

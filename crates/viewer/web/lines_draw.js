@@ -1,4 +1,4 @@
-// Lines on the graphics card: the original as it is, what is kept as ribbons of some pixels.
+// Rendering of lines: the original as thin lines, the simplified lines as ribbons.
 
 const THIN_VERTEX = `#version 300 es
 precision highp float;
@@ -20,7 +20,7 @@ void main() {
   seen = vec4(colour.rgb * colour.a, colour.a);
 }`;
 
-// A quad between two places; one of them below zero is a break.
+// A quad between two vertices; a negative one is a break.
 const RIBBON_VERTEX = `#version 300 es
 precision highp float;
 in vec2 from, to;
@@ -51,13 +51,13 @@ void main() {
   seen = vec4(colour.rgb * alpha, alpha);
 }`;
 
-/** Above all ids of vertices: where one line ends and the next begins. */
+/** Primitive restart index, above all ids of vertices. */
 const RESTART = 0xffffffff;
 
 class LinesDrawing {
   constructor(canvas, filter) {
     const gl = canvas.getContext('webgl2', { antialias: true, alpha: false });
-    if (!gl) throw new Error('this browser has no WebGL 2');
+    if (!gl) throw new Error('this browser does not support WebGL 2');
     Object.assign(this, { gl, canvas, places: 0 });
     this.thin = linked(gl, THIN_VERTEX, THIN_FRAGMENT).program;
     this.ribbon = linked(gl, RIBBON_VERTEX, RIBBON_FRAGMENT).program;
@@ -69,7 +69,7 @@ class LinesDrawing {
     this.points = this.attributes(this.thin, [['place', 0, 0]]);
   }
 
-  /** An array of attributes over the bound buffer: name, offset in bytes, whether one a ribbon. */
+  /** An attribute array of the bound buffer: name, offset in bytes, true if per ribbon. */
   attributes(program, list) {
     const gl = this.gl;
     const array = gl.createVertexArray();
@@ -109,7 +109,7 @@ class LinesDrawing {
     this.ids = at;
   }
 
-  /** Takes what a filter left. */
+  /** Uploads the result of a filter. */
   take(out, places) {
     const gl = this.gl;
     gl.bindBuffer(gl.ARRAY_BUFFER, this.kept);
@@ -121,7 +121,7 @@ class LinesDrawing {
     const gl = this.gl;
     gl.useProgram(program);
     const at = (name) => gl.getUniformLocation(program, name);
-    // Codes are whole numbers that floats hold: what is left of the middle is taken away after it.
+    // Codes are integers that floats represent: the fraction of the centre is subtracted separately.
     gl.uniform2f(at('middle'), ...view.middle.map(Math.floor));
     gl.uniform2f(at('rest'), ...view.middle.map((v) => v - Math.floor(v)));
     gl.uniform2f(at('scale'), ...view.scale);

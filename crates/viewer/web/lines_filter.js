@@ -1,16 +1,16 @@
-// What is kept of lines at a threshold: a look at one number for each vertex.
+// Lines at a threshold: one comparison per vertex.
 
 class LinesFilter {
   /** x, y: codes of vertices; parts: vertices of each, doubled, one more for rings; thresholds: by method. */
   constructor(x, y, parts, thresholds) {
     Object.assign(this, { x, y, parts, thresholds });
-    // Rings are closed again, and a place between parts breaks the line.
+    // Closes rings; an entry between parts breaks the line.
     this.out = new Float32Array(2 * (x.length + 2 * parts.length));
     this.sorted = thresholds.map((own) => Float32Array.from(own.filter((t) => t > 0 && t < Infinity)).sort());
     this.rings = parts.reduce((sum, part) => sum + (part & 1), 0);
   }
 
-  /** Fills `out` with the vertices kept; gives how many places are filled, and how many vertices that is. */
+  /** Fills `out` with the kept vertices; returns the number of entries and of vertices. */
   filter(method, threshold) {
     const { x, y, parts, out } = this;
     const own = this.thresholds[method];
@@ -38,12 +38,12 @@ class LinesFilter {
     return { places: at / 2, kept: at / 2 - breaks };
   }
 
-  /** How many vertices are kept at a threshold, without making them: by halving. */
+  /** Number of kept vertices at a threshold, by bisection. */
   count(method, threshold) {
     return this.always(method) + this.sorted[method].length - this.upTo(method, threshold);
   }
 
-  /** Thresholds that are not larger than one. */
+  /** Number of thresholds up to a value. */
   upTo(method, threshold) {
     const list = this.sorted[method];
     let [low, high] = [0, list.length];
@@ -54,25 +54,25 @@ class LinesFilter {
     return low;
   }
 
-  /** Vertices that stay at every threshold, the closing ones of rings among them. */
+  /** Number of vertices kept at every threshold, including closing vertices of rings. */
   always(method) {
     this.stay ??= this.thresholds.map((own) => own.reduce((sum, t) => sum + (t === Infinity ? 1 : 0), 0) + this.rings);
     return this.stay[method];
   }
 
-  /** A threshold at which about so many vertices are kept. */
+  /** A threshold that keeps about a number of vertices. */
   thresholdFor(method, kept) {
     const list = this.sorted[method];
     const gone = list.length + this.always(method) - kept;
     return gone <= 0 ? 0 : list[Math.min(list.length, gone) - 1];
   }
 
-  /** The range of a slider: thresholds at which the first ones go, and the last. */
+  /** The range of the slider: thresholds that remove the first and the last vertices. */
   range(method) {
     const list = this.sorted[method];
     if (list.length === 0) return [0, 0];
     const high = list[list.length - 1];
-    // What lies on its line but for rounding is no use on a slider.
+    // Thresholds of rounding errors are left out.
     return [Math.max(list[Math.floor(list.length * 0.002)], high * 1e-7), high];
   }
 }

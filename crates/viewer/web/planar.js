@@ -1,5 +1,5 @@
-// What pages have in common whose data have x, y and a height: where a place is in the scene and in the view, lengths and
-// areas, colours of heights, the camera's controls, the frames. A page has `scene`, `camera`, `drawing`, `shown`, `KEYS`,
+// Shared code of pages with x, y and height: positions in the scene and the view, lengths and areas, colours of heights,
+// camera controls, frames. A page defines `scene`, `camera`, `drawing`, `shown`, `KEYS`,
 // `under`, `tellPlace` and `how`.
 
 // ---- between the data's coordinates and the scene
@@ -10,7 +10,7 @@ const toScene = ([x, y, z]) => [x, y, z].map(
 const toData = (v) => v.map(
   (m, k) => m / facts.ground[k] / (k === 2 ? shown.exaggeration : 1) + scene.middle[k]);
 
-/** Where a place in the data's coordinates is in the view, in pixels of the layout; null behind the eye. */
+/** Position in the view, in CSS pixels, of a position in data coordinates; null behind the eye. */
 function toView(place) {
   const p = toScene(place);
   const m = camera.matrix;
@@ -20,7 +20,7 @@ function toView(place) {
   return [((x / w + 1) / 2) * view.clientWidth, ((1 - y / w) / 2) * view.clientHeight];
 }
 
-/** The area within a line that is closed, in plan. */
+/** Horizontal area of a polygon. */
 function areaOf(list) {
   const twice = list.reduce((sum, a, i) => {
     const b = list[(i + 1) % list.length];
@@ -38,7 +38,7 @@ function apart(a, b) {
 
 // ---- colours
 
-/** 256 colours of heights: halfway between equal steps and equal shares of what `bins` count of each step. */
+/** 256 colours of heights: halfway between equal steps and equal counts of `bins`. */
 function heightRamp(bins, [low, high]) {
   const size = (high - low) / 256 || 1;
   const isSea = low <= 0 && high > 0;
@@ -53,7 +53,7 @@ function heightRamp(bins, [low, high]) {
   });
 }
 
-/** The histogram of heights from `low` to `high`: what `bins` count, in 64 groups of their colours. */
+/** Draws the histogram of heights from `low` to `high`: `bins` in 64 coloured groups. */
 function drawHeights(bins, ramp, [low, high], counted) {
   const [context, width, height] = plane($('histogram'));
   const groups = 64;
@@ -79,7 +79,7 @@ function setExaggeration(value) {
   dirty = true;
 }
 
-/** Pointers, buttons and keys that turn, move and stretch. */
+/** Pointers, buttons and keys of the camera. */
 function setCamera() {
   $('exaggeration').addEventListener('input', (event) => setExaggeration(2 ** event.target.value));
   $('flight').addEventListener('click', () => setFlight(!flying));
@@ -120,7 +120,7 @@ function keyed(event) {
   dirty = true;
 }
 
-/** Gives the view as many pixels as it has on the screen; what is looked at is in the middle of what the panel leaves. */
+/** Fits the canvas to device pixels, with the target centred beside the panel. */
 function fitView() {
   const ratio = Math.min(window.devicePixelRatio || 1, 2);
   const view = $('view');
@@ -148,7 +148,7 @@ function render() {
   drawCompass(camera);
 }
 
-/** What is drawn, from the bottom row on. */
+/** Pixels of the view, from the bottom row up. */
 function pictureOf({ gl, canvas }, draw) {
   draw();
   const bytes = new Uint8Array(4 * canvas.width * canvas.height);

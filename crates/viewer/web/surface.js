@@ -1,4 +1,4 @@
-// The page of a surface: what is shown of it, and the tools to look at it.
+// The page of a surface: display and tools.
 
 const SLOPES = [[255, 255, 240], [254, 217, 140], [240, 130, 70], [178, 40, 60], [82, 12, 62]];
 const ERRORS = [[238, 244, 240], [168, 211, 204], [110, 176, 180], [247, 214, 138], [236, 146, 78], [190, 52, 58]];
@@ -48,7 +48,7 @@ async function start() {
 
 // ---- colours
 
-/** Heights' colours: halfway between equal steps of height and equal shares of the area. */
+/** Colours of heights: halfway between equal steps of height and equal shares of the area. */
 function makeScale() {
   const { z } = scene.world;
   const [low, high] = scene.bounds.z;
@@ -77,9 +77,9 @@ function drawLegend() {
   drawRamp(scaleOf(colour), low, high, colour === 2 ? '°' : ' ' + facts.units[1]);
 }
 
-// ---- what is where
+// ---- picking
 
-/** The place of the surface under a pixel of the layout, or null. */
+/** The position on the surface under a CSS pixel, or null. */
 function under(px, py) {
   const view = $('view');
   const ray = camera.ray((2 * px) / view.clientWidth - 1, 1 - (2 * py) / view.clientHeight);
@@ -89,7 +89,7 @@ function under(px, py) {
   return found && { ...found, error: floats ? floats[found.triangle] : undefined };
 }
 
-// ---- what is told
+// ---- status line
 
 function slopeOf(t) {
   const [a, b, c] = [0, 1, 2].map((k) => scene.corners[3 * t + k]);
@@ -100,7 +100,7 @@ function slopeOf(t) {
 
 function tellPlace(found) {
   const [level, upright] = facts.reported_steps;
-  if (!found) return tell([['', 'Point at the surface to read it · ? for help']]);
+  if (!found) return tell([['', 'Point at the surface to read values · ? for help']]);
   const names = facts.geographic ? ['Lon', 'Lat'] : ['X', 'Y'];
   const list = [[names[0], num(found.x, level)], [names[1], num(found.y, level)],
     ['Height', num(found.z, upright) + ' ' + facts.units[1]], ['Slope', num(slopeOf(found.triangle), 0.1) + '°']];
@@ -108,9 +108,9 @@ function tellPlace(found) {
   tell(list);
 }
 
-const tellError = (error) => (Number.isNaN(error) ? 'no sample in it' : num(error, facts.reported_steps[1] / 10) + ' ' + facts.units[1]);
+const tellError = (error) => (Number.isNaN(error) ? 'no samples' : num(error, facts.reported_steps[1] / 10) + ' ' + facts.units[1]);
 
-/** What the tools ask of this page. */
+/** Interface of the tools. */
 const terrain = {
   columns: 'x,y,height', level: 'in plan', apart, areaOf,
   get unit() { return facts.units[1]; },
@@ -138,7 +138,7 @@ function setColour(colour) {
 function setControls() {
   for (const button of $('colours').children) {
     button.addEventListener('click', () => setColour(Number(button.dataset.colour)));
-    if (button.dataset.colour === '3' && !floats) button.disabled = true, button.title = 'made with --against GRID';
+    if (button.dataset.colour === '3' && !floats) button.disabled = true, button.title = 'requires --against GRID';
   }
   for (const name of ['wire', 'facets', 'walls']) {
     $(name).addEventListener('click', () => flip(name));
@@ -168,8 +168,8 @@ function tellFigures() {
     [facts.geographic ? 'Lon' : 'X', span(bounds.x, level)],
     [facts.geographic ? 'Lat' : 'Y', span(bounds.y, level)],
     ['Heights', span(bounds.z, upright) + ' ' + facts.units[1]],
-    ['Area in plan', area(drawing.areas.plan)],
-    ['Area of the surface', area(drawing.areas.surface)],
+    ['Horizontal area', area(drawing.areas.plan)],
+    ['Surface area', area(drawing.areas.surface)],
   ]);
   $('notes').textContent = facts.notes.join(' ');
 }
@@ -192,7 +192,7 @@ function how() {
     light: [Math.sin(azimuth) * level, Math.cos(azimuth) * level, Math.sin(altitude)] };
 }
 
-/** For scripts: what is shown, the surface at a place and under a pixel, and the picture. */
+/** Interface for scripts. */
 window.terrane = {
   facts, shown, names: NAMES, at: (x, y) => index.at(x, y), under, toView: (place) => toView(place),
   camera: () => camera, places: () => places, profile: () => profile,

@@ -1,5 +1,5 @@
-// A surface on the graphics card. Corners and places lie in textures of whole numbers that the vertex shader looks
-// up by triangle, so that a triangle can have an error of its own, and edges are known within it.
+// Rendering of a surface. Corners and positions are integer textures that the vertex shader reads by triangle, so that
+// each triangle has its own error and edges.
 
 const VERTEX = `#version 300 es
 precision highp float;
@@ -59,14 +59,14 @@ void main() {
   float sun = max(0.0, dot(n, light));
   float lit = colour == 3 ? 0.62 + 0.42 * sun : 0.3 + 0.16 * n.z + 0.72 * sun;
   vec3 shown = tint * lit + vec3(0.05, 0.045, 0.03) * sun * sun;
-  // Sky between here and there.
+  // Haze with distance.
   float haze = clamp(length(at - eye) / pixel - 1.6, 0.0, 1.0);
   shown = mix(shown, vec3(0.86, 0.9, 0.94), 0.25 * haze);
   if (wire > 0.0) {
     vec3 width = fwidth(edge);
     vec3 near = smoothstep(vec3(0.3), vec3(1.1), edge / max(width, vec3(1e-7)));
     float line = 1.0 - min(near.x, min(near.y, near.z));
-    // Triangles of a few pixels are all edge: their edges fade, so that dense parts do not turn black.
+    // Edges of triangles of a few pixels fade, so that dense parts do not turn black.
     float dense = max(width.x, max(width.y, width.z));
     shown = mix(shown, vec3(0.07, 0.1, 0.17), line * wire * clamp(0.42 / dense - 0.5, 0.1, 0.62));
   }
@@ -92,14 +92,14 @@ in float side;
 out vec4 seen;
 void main() { seen = vec4(vec3(0.5, 0.46, 0.42) * (1.0 - 0.28 * side), 1); }`;
 
-/** Triangles that are drawn or left out together. */
+/** Number of triangles culled together. */
 const RUN = 1 << 15;
 
 class SurfaceDrawing {
   /** `data`: codes of x, y and z, corners, errors or null; `ground`: metres of a step along each axis. */
   constructor(canvas, data, ground) {
     const gl = canvas.getContext('webgl2', { antialias: true, preserveDrawingBuffer: false, powerPreference: 'high-performance' });
-    if (!gl) throw new Error('this browser has no WebGL 2');
+    if (!gl) throw new Error('this browser does not support WebGL 2');
     Object.assign(this, { gl, canvas, data, scale: ground });
     this.triangles = data.corners.length / 3;
     this.across = Math.min(4096, gl.getParameter(gl.MAX_TEXTURE_SIZE));
@@ -111,7 +111,7 @@ class SurfaceDrawing {
     this.empty = gl.createVertexArray();
   }
 
-  /** Normals of vertices, weighted by area; areas; and what the scene measures. */
+  /** Area-weighted vertex normals, areas, and dimensions of the scene. */
   measure() {
     const { x, y, z, corners } = this.data;
     const [sx, sy, sz] = this.scale;
@@ -142,7 +142,7 @@ class SurfaceDrawing {
   texture(unit, width, words) {
     const gl = this.gl;
     const lines = words.length / 4 / width;
-    if (lines > gl.getParameter(gl.MAX_TEXTURE_SIZE)) throw new Error('this surface is too large for the graphics card');
+    if (lines > gl.getParameter(gl.MAX_TEXTURE_SIZE)) throw new Error('this surface exceeds the texture size of the graphics card');
     const texture = gl.createTexture();
     gl.activeTexture(gl.TEXTURE0 + unit);
     gl.bindTexture(gl.TEXTURE_2D, texture);
@@ -174,7 +174,7 @@ class SurfaceDrawing {
     this.texture(0, this.across, all);
   }
 
-  /** Boxes around runs of triangles, to leave out what is not in view. */
+  /** Bounding boxes of runs of triangles, for culling. */
   makeRuns() {
     const { x, y, z, corners } = this.data;
     this.runs = [];
@@ -192,7 +192,7 @@ class SurfaceDrawing {
     }
   }
 
-  /** Walls from the outline down to below the lowest place, so that the surface looks like a block. */
+  /** Walls from the outline down to below the lowest height, so that the surface looks like a block. */
   makeWalls() {
     const { x, y, z, corners } = this.data;
     const gl = this.gl;
@@ -228,7 +228,7 @@ class SurfaceDrawing {
     ramp(this.gl, this.palette, 2, colours);
   }
 
-  /** Draws all. `how`: exaggeration, colour (0 to 3), range, most, wire, facets, light, walls. */
+  /** Draws the surface. `how`: exaggeration, colour (0 to 3), range, most, wire, facets, light, walls. */
   draw(camera, how) {
     const { gl, canvas } = this;
     const m = camera.matrix;
@@ -282,7 +282,7 @@ class SurfaceDrawing {
   }
 }
 
-/** Edges that one triangle alone has, as pairs of vertices in its direction. */
+/** Border edges, as pairs of vertices in the direction of their triangle. */
 function outline(corners, vertices) {
   const starts = new Uint32Array(vertices + 1);
   const triangles = corners.length / 3;

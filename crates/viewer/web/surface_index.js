@@ -1,7 +1,7 @@
-// Where triangles are: heights at a place, what a ray hits, what a section cuts. All in double precision.
+// Spatial index of triangles: heights, ray intersections and sections in double precision.
 
 class SurfaceIndex {
-  /** x, y, z: coordinates of vertices; corners: three vertices a triangle. */
+  /** x, y, z: coordinates of vertices; corners: three vertices per triangle. */
   constructor(x, y, z, corners, bounds) {
     Object.assign(this, { x, y, z, corners, bounds });
     const triangles = corners.length / 3;
@@ -21,7 +21,7 @@ class SurfaceIndex {
     return Math.min(this.lines - 1, Math.max(0, Math.floor((y - this.bounds.y[0]) / this.size[1])));
   }
 
-  /** Triangles by the cells that their boxes touch: one list, and where each cell's part of it starts. */
+  /** Triangles by the cells that their boxes touch: one list, and the start of each cell in it. */
   fill(triangles) {
     const starts = new Uint32Array(this.columns * this.lines + 1);
     this.boxes(triangles, (cell) => { starts[cell + 1]++; });
@@ -43,7 +43,7 @@ class SurfaceIndex {
     }
   }
 
-  /** Height of a triangle's plane at a place within it; NaN outside. */
+  /** Height of a triangle at a position in it; NaN outside. */
   heightIn(t, px, py) {
     const { x, y, z, corners } = this;
     const [a, b, c] = [corners[3 * t], corners[3 * t + 1], corners[3 * t + 2]];
@@ -57,7 +57,7 @@ class SurfaceIndex {
     return z[a] + u * (z[b] - z[a]) + v * (z[c] - z[a]);
   }
 
-  /** The highest surface at a place: its triangle and height; null where there is none. */
+  /** The highest surface at a position: its triangle and height; null without one. */
   at(px, py) {
     const { x, y } = this.bounds;
     if (!(px >= x[0] && px <= x[1] && py >= y[0] && py <= y[1])) return null;
@@ -70,7 +70,7 @@ class SurfaceIndex {
     return best;
   }
 
-  /** Cells along a line from `from` to `to` ([x, y]), in their order; `each` may end it with true. */
+  /** Calls `each` for the cells along a line from `from` to `to` ([x, y]), until it returns true. */
   walk(from, to, each) {
     const d = [to[0] - from[0], to[1] - from[1]];
     let [c, r] = [this.column(from[0]), this.line(from[1])];
@@ -85,7 +85,7 @@ class SurfaceIndex {
     }
   }
 
-  /** The part of a line that lies over the box of all, as two shares of it; null when none does. */
+  /** The part of a line within the bounding box, as two shares of it; null if there is none. */
   clip(from, d) {
     let [low, high] = [0, 1];
     for (const [axis, name] of [[0, 'x'], [1, 'y']]) {
@@ -111,7 +111,7 @@ class SurfaceIndex {
         const share = this.meet(this.list[i], from, d);
         if (share >= 0 && !seen(share)) best = { share, triangle: this.list[i] };
       }
-      // What was hit in this cell hides all behind it, unless the hit itself lies in a later cell.
+      // A hit in this cell hides all behind it, unless it lies in a later cell.
       if (!best) return false;
       const [hx, hy] = [from[0] + d[0] * best.share, from[1] + d[1] * best.share];
       return this.line(hy) * this.columns + this.column(hx) === cell;
@@ -121,7 +121,7 @@ class SurfaceIndex {
     return { triangle: best.triangle, x: hx, y: hy, z: from[2] + d[2] * best.share };
   }
 
-  /** The share of a ray at which it meets a triangle; NaN when it misses (Möller & Trumbore, 1997). */
+  /** The share of a ray at which it hits a triangle; NaN if it misses (Möller & Trumbore, 1997). */
   meet(t, from, d) {
     const { x, y, z, corners } = this;
     const [a, b, c] = [corners[3 * t], corners[3 * t + 1], corners[3 * t + 2]];
@@ -138,7 +138,7 @@ class SurfaceIndex {
     return dot(v, q) / volume;
   }
 
-  /** Where a section from `from` to `to` crosses edges: [share, height] by share; pieces of triangles apart. */
+  /** Intersections of a section from `from` to `to` with edges: [share, height] by share, in pieces by triangle. */
   section(from, to) {
     const seen = new Set();
     const pieces = [];
@@ -159,7 +159,7 @@ class SurfaceIndex {
     return pieces.sort((a, b) => a[0][0] - b[0][0] || a[1][0] - b[1][0]);
   }
 
-  /** What a line cuts out of a triangle: its two ends as [share, height]. */
+  /** The intersection of a line and a triangle: its two ends as [share, height]. */
   piece(t, from, d) {
     const { x, y, z, corners } = this;
     const ids = [corners[3 * t], corners[3 * t + 1], corners[3 * t + 2]];

@@ -1,12 +1,12 @@
-// The page of terrain tiles: what is shown of them, and the tools to look at it.
+// The page of terrain tiles: display and tools.
 
 const SLOPES = [[255, 255, 240], [254, 217, 140], [240, 130, 70], [178, 40, 60], [82, 12, 62]];
 const ERRORS = [[238, 244, 240], [168, 211, 204], [110, 176, 180], [247, 214, 138], [236, 146, 78], [190, 52, 58]];
-/** Colours of levels, so that one is told from the next. */
+/** Colours of levels; adjacent levels differ clearly. */
 const LEVELS = [[196, 122, 94], [121, 164, 196], [214, 184, 104], [132, 172, 122], [170, 132, 178], [110, 178, 174]];
-/** Digits behind the point of degrees: a tenth of a metre. */
+/** Rounding step of degrees: a tenth of a metre. */
 const DEGREE_STEP = 1e-6;
-/** Metres above the ellipsoid that no terrain reaches. */
+/** Upper bound of heights above the ellipsoid, in metres. */
 const ABOVE = 1e5;
 
 const shown = {
@@ -17,8 +17,8 @@ let drawing, camera, stream, set;
 let view = null;
 let flying = false;
 let dirty = true;
-let touched = false; // the place looked at is where somebody put it
-let natural = facts.exaggeration === null; // the exaggeration is still to be chosen
+let touched = false; // the user has moved the target
+let natural = facts.exaggeration === null; // the exaggeration is still to be fitted
 let pointer = null;
 let painted = '';
 
@@ -39,7 +39,7 @@ async function start() {
   requestAnimationFrame(frame);
 }
 
-/** Where all of the data can be seen from. */
+/** View of the full extent. */
 function homeOf([west, south, east, north]) {
   const lat = (south + north) / 2;
   const wide = (east - west) * RADIANS * EQUATOR * Math.cos(lat * RADIANS);
@@ -47,7 +47,7 @@ function homeOf([west, south, east, north]) {
   return { lon: (west + east) / 2, lat, span, distance: Math.min(2.6e7, span * 1.3) };
 }
 
-// ---- what is seen
+// ---- picking
 
 function viewOf() {
   const { frame } = camera;
@@ -62,20 +62,20 @@ function viewOf() {
   };
 }
 
-/** What is drawn at a place of the view. */
+/** The terrain under a position in the view. */
 function under(px, py) {
   const { clientWidth, clientHeight } = $('view');
   const way = camera.frame.outward(camera.ray((2 * px) / clientWidth - 1, 1 - (2 * py) / clientHeight));
   return told(hit(stream.draws, camera.frame.world(camera.eye), way, shown.exaggeration), shown.exaggeration);
 }
 
-/** What is drawn at a place on the globe. */
+/** The displayed terrain at a position on the globe. */
 function at(lon, lat) {
   const up = upright(lon, lat);
   return told(hit(stream.draws, earthCentred(lon, lat, ABOVE), along([0, 0, 0], up, -1), 1, 2 * ABOVE), 1);
 }
 
-/** A hit, with where it is on the globe. */
+/** A hit with its position on the globe. */
 function told(found, exaggeration) {
   if (!found) return null;
   const { tile, three, weights } = found;
@@ -88,7 +88,7 @@ function told(found, exaggeration) {
     scene: camera.frame.local(plus(mesh.middle, of(bentPlaces(mesh, exaggeration)))) };
 }
 
-/** Where a place on the globe is seen: null behind the eye or the globe. */
+/** Position in the view of a position on the globe; null behind the eye or the globe. */
 function toView([lon, lat, height]) {
   const world = earthCentred(lon, lat, height * shown.exaggeration);
   if (isBehind(camera.frame.world(camera.eye), world)) return null;
@@ -100,7 +100,7 @@ function toView([lon, lat, height]) {
 }
 
 function tellPlace(found) {
-  if (!found) return tell([['', 'point at the terrain']]);
+  if (!found) return tell([['', 'Point at the terrain to read values']]);
   tell([['Lon', num(found.lon, DEGREE_STEP) + '°'], ['Lat', num(found.lat, DEGREE_STEP) + '°'],
     ['Height', num(found.height, 0.1) + ' m'], ['Slope', num(found.slope, 0.1) + '°'],
     ['Level', String(found.level)], ['Error', tellError(found.error)]]);
@@ -108,10 +108,10 @@ function tellPlace(found) {
 
 // ---- measuring and sections
 
-/** Pieces that a line between two places is drawn with. */
+/** Number of pieces of a drawn line. */
 const TRACE = 64;
 
-/** What the tools ask of this page; heights are above the ellipsoid. */
+/** Interface of the tools; heights are above the ellipsoid. */
 const terrain = {
   columns: 'lon,lat,height', level: 'on the ellipsoid', unit: 'm', step: 0.1,
   placeOf: ({ lon, lat, height }) => [lon, lat, height],
@@ -128,7 +128,7 @@ const terrain = {
   },
 };
 
-/** A section follows the tiles that are shown. */
+/** Updates the section for the displayed tiles. */
 let sectioned = '';
 function followSection() {
   if (!profile) return;
@@ -143,10 +143,10 @@ const tellError = (error) => '≤ ' + num(error, error < 10 ? 0.01 : 0.1) + ' m'
 
 const rangeOf = () => stream.heights ?? [0, 1];
 
-/** What is drawn of the data, and not of what tiles span beyond them. */
+/** Drawn tiles with data. */
 const covering = () => stream.draws.filter((draw) => !draw.isBare);
 
-/** Least and largest error of what is drawn, for a scale by powers. */
+/** Smallest and largest error of drawn tiles, for a logarithmic scale. */
 function errorRange() {
   const all = covering().map(({ tile }) => Math.max(1e-3, tile.error));
   return all.length ? [Math.min(...all), Math.max(...all) * 1.001] : [1, 2];
@@ -167,7 +167,7 @@ function scaleOf(colour) {
   return Array.from({ length: 256 }, (_, i) => between(stops, i / 255));
 }
 
-/** The legend, when what it is about has changed. */
+/** Draws the legend if its range has changed. */
 function paint() {
   const { colour } = shown;
   const levels = [...new Set(covering().map(({ tile }) => tile.level))].sort((a, b) => a - b);
@@ -310,7 +310,7 @@ function how() {
     errorOf: ({ error }) => (Math.log(Math.max(1e-3, error)) - least) / (most - least) };
 }
 
-/** Until somebody moves: what is looked at lies on the ground, and heights are raised as suits them. */
+/** Until the user moves: keeps the target on the ground and fits the exaggeration. */
 function follow() {
   if (touched) return;
   if (natural && isIdle() && stream.heights) {
@@ -319,7 +319,7 @@ function follow() {
     setExaggeration(Math.min(3, Math.max(1, Math.round((0.13 * camera.home.span) / (relief || 1)) / 2)));
   }
   const ground = at(camera.frame.lon, camera.frame.lat);
-  // Coarse tiles may be kilometres off.
+  // Errors of coarse tiles may be kilometres.
   const isNear = ground && (ground.error < camera.distance || ground.level === set.last);
   if (isNear) camera.target[2] = ground.height * shown.exaggeration;
 }
@@ -370,12 +370,12 @@ function tellFigures() {
     ['Largest error', num(now.pixels, 0.1) + ' pixels'],
     ['Tiles in memory', count(now.loaded) + ', ' + bytes(now.bytes)],
     ['Received', bytes(now.received)],
-    ['Waited for', now.loading],
+    ['Tiles loading', now.loading],
     ['Heights', rangeOf().map((height) => num(height, 1)).join(' – ') + ' m'],
   ]);
   const notes = [];
-  if (now.strain > 1) notes.push('Tiles are coarser than asked for: finer ones do not fit into memory.');
-  if (now.again) notes.push(`${now.again} requests failed and are made again soon.`);
+  if (now.strain > 1) notes.push('Tiles are coarser than requested: finer tiles do not fit into memory.');
+  if (now.again) notes.push(`${now.again} failed requests will be repeated.`);
   if (now.failures) notes.push(`${now.failures} tiles cannot be shown, first ${failures()[0]}.`);
   $('notes').textContent = notes.join(' ');
 }
@@ -392,7 +392,7 @@ function frame(now) {
   requestAnimationFrame(frame);
 }
 
-/** For scripts: what is shown, the terrain at a place and under a pixel, what is loaded, and the picture. */
+/** Interface for scripts. */
 window.terrane = {
   facts, shown, at, under, toView, geodesic, figures, section: (from, to) => terrain.section(from, to).pieces, places: () => places, profile: () => profile, stream: () => stream, camera: () => camera,
   isIdle: () => !dirty && isIdle(),

@@ -1,10 +1,10 @@
-// Requests of the server that the page came from: not too many at once, and again after a pause when one fails.
+// Requests to the server of the page: a limited number at once, repeated after a pause if they fail.
 
-/** Requests under way at once: as many as browsers make of one server. */
+/** Maximum number of concurrent requests: the limit of browsers for one server. */
 const MAX_REQUESTS = 6;
-/** Milliseconds before a request is made again, the first time, the second and so on; then it is given up. */
+/** Milliseconds before each repetition of a failed request; afterwards it is given up. */
 const PAUSES = [500, 1000, 2000, 4000, 8000];
-/** Answers below 500 that may be others later: too slow, too early, too many. */
+/** Temporary failures below 500: timeout, too early, too many requests. */
 const FOR_NOW = [408, 425, 429];
 
 class Asker {
@@ -13,10 +13,10 @@ class Asker {
     this.paused = 0;
     this.received = 0; // bytes
     this.pauses = PAUSES;
-    this.failed = new Map(); // how often, by address
+    this.failed = new Map(); // number of failures by address
   }
 
-  /** Requests that may be made. */
+  /** Number of requests that may be made now. */
   get room() {
     return MAX_REQUESTS - this.under;
   }
@@ -25,7 +25,7 @@ class Asker {
     return this.under === 0 && this.paused === 0;
   }
 
-  /** The bytes at an address. What is thrown has `isForNow` where the same request may do better later. */
+  /** The bytes at an address. Errors have `isForNow` if the request may succeed later. */
   async get(address, signal) {
     this.under++;
     try {
@@ -36,18 +36,18 @@ class Asker {
       this.failed.delete(address);
       return buffer;
     } catch (error) {
-      error.isForNow ??= true; // no answer, or one cut off
+      error.isForNow ??= true; // no answer, or an incomplete one
       throw error;
     } finally {
       this.under--;
     }
   }
 
-  /** Calls `again` after a pause, a longer one each time; or tells why not, if it is of no use or was tried often enough. */
+  /** Calls `again` after an increasing pause; or returns the reason if the failure is permanent or repeated too often. */
   later(address, error, again) {
     const times = (this.failed.get(address) ?? 0) + 1;
     if (!error.isForNow) return error.message;
-    if (times > this.pauses.length) return `${error.message}, asked for ${times} times; reload the page to try again`;
+    if (times > this.pauses.length) return `${error.message} after ${times} requests; reload the page to try again`;
     this.failed.set(address, times);
     this.paused++;
     setTimeout(() => { this.paused--; again(); }, this.pauses[times - 1]);

@@ -1,8 +1,8 @@
-// Tiles as they are stored, and as they are drawn: earth-centred places counted from the middle of the tile.
+// Decoding of tiles: from stored tiles to earth-centred positions relative to the centre of the tile.
 
 /** Steps from one border of a tile to the other. */
 const STEPS = 32767;
-/** Numbers of the extensions of quantized-mesh that are read. */
+/** Ids of supported extensions of quantized-mesh. */
 const EXTENSION = { normals: 1, metadata: 4 };
 
 /** Degrees: west, south, width. */
@@ -17,7 +17,7 @@ function decodeTerrain(buffer) {
   const [low, high] = [view.getFloat32(24, true), view.getFloat32(28, true)];
   const vertices = view.getUint32(88, true);
   let at = 92;
-  if (vertices * 6 > buffer.byteLength) throw new Error('it is cut off');
+  if (vertices * 6 > buffer.byteLength) throw new Error('truncated tile');
   const steps = () => {
     const out = new Uint16Array(vertices);
     for (let i = 0, value = 0; i < vertices; i++, at += 2) {
@@ -33,11 +33,11 @@ function decodeTerrain(buffer) {
   const index = () => (at += wide, wide === 4 ? view.getUint32(at - 4, true) : view.getUint16(at - 2, true));
   const triangles = view.getUint32(at, true);
   at += 4;
-  if (triangles * 3 * wide > buffer.byteLength) throw new Error('it is cut off');
+  if (triangles * 3 * wide > buffer.byteLength) throw new Error('truncated tile');
   const corners = new Uint32Array(3 * triangles);
   for (let i = 0, next = 0; i < corners.length; i++) {
     const code = index();
-    if (code > next || next - code >= vertices) throw new Error('it names a vertex that it does not have');
+    if (code > next || next - code >= vertices) throw new Error('vertex index out of range');
     corners[i] = next - code;
     if (code === 0) next++;
   }
@@ -57,7 +57,7 @@ function decodeTerrain(buffer) {
   return found;
 }
 
-/** Directions from their places on an unfolded octahedron. */
+/** Directions from octahedral encoding. */
 function octants(bytes) {
   const out = new Float32Array((bytes.length / 2) * 3);
   for (let i = 0; 2 * i < bytes.length; i++) {
@@ -69,7 +69,7 @@ function octants(bytes) {
   return out;
 }
 
-/** A decoded tile in space: its middle, and places from there. */
+/** A decoded tile in space: its centre, and positions relative to it. */
 function placed(id, found) {
   const { west, south, width } = rectangle(id);
   const { u, v, heights } = found;
@@ -82,18 +82,18 @@ function placed(id, found) {
   return measured({ ...found, middle, places });
 }
 
-/** A tile with the range of its heights, and how far its places are from its middle. */
+/** A tile with its range of heights and its bounding radius. */
 function measured(mesh) {
   let [low, high, reach] = [Infinity, -Infinity, 0];
   mesh.heights.forEach((height, i) => {
     [low, high] = [Math.min(low, height), Math.max(high, height)];
     reach = Math.max(reach, Math.hypot(...mesh.places.subarray(3 * i, 3 * i + 3)));
   });
-  if (mesh.corners.length === 0) throw new Error('it has no triangle');
+  if (mesh.corners.length === 0) throw new Error('tile without triangles');
   return { ...mesh, low, high, reach };
 }
 
-/** What a `layer.json` says: where there are tiles, where they are, how far off a level is. */
+/** Contents of a `layer.json`: available tiles, addresses, errors of levels. */
 class TileSet {
   constructor(layer) {
     this.layer = layer;
@@ -117,7 +117,7 @@ class TileSet {
     return placed(tile, decodeTerrain(buffer));
   }
 
-  /** Metres, of a tile that does not tell: what is told of the level, or what viewers take it for. */
+  /** Error in metres of a tile without one: that of the level, or the one that viewers assume. */
   error({ level }) {
     const told = this.layer.terrane?.levels?.find((one) => one.level === level);
     return told?.error ?? 77067.34 / 2 ** level;

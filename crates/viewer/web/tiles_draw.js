@@ -1,12 +1,12 @@
-// Tiles on the graphics card: three vertices of its own for each triangle, counted from the middle of the tile.
-// What moves a tile to where it is seen from is worked out in doubles, so that nothing trembles.
+// Rendering of tiles: three separate vertices per triangle, relative to the centre of the tile. The offset from the eye
+// is computed in doubles, so that nothing jitters.
 
 const TILE_VERTEX = `#version 300 es
 precision highp float;
 in vec3 place;
 in float height;
 in vec2 within;
-in vec4 aside; // what is at right angles to the ground; 1 for the lower end of a skirt
+in vec4 aside; // normal; 1 for the lower end of a skirt
 uniform mat4 view;
 uniform mat3 turned;
 uniform vec3 offset, middle;
@@ -44,14 +44,14 @@ centroid in float level;
 in float hang;
 uniform sampler2D palette;
 uniform vec2 range;
-uniform vec4 data; // where the data are in the tile
+uniform vec4 data; // bounds of the data in the tile
 uniform vec3 light, pole, tint;
 uniform float exaggeration, wire, horizon, haze, error;
 uniform int colour, quarters;
 uniform bool facets, borders, smooth_;
 out vec4 seen;
 
-// Pixels between a place and 0.
+// Distance of a value from 0, in pixels.
 vec2 pixels(vec2 value) { return abs(value) / max(fwidth(inside), vec2(1e-9)); }
 
 void main() {
@@ -90,7 +90,7 @@ void main() {
   seen = vec4(shown, 1);
 }`;
 
-/** Bytes of a vertex: place, height, place in the tile, what is at right angles. */
+/** Bytes of a vertex: position, height, position in the tile, normal. */
 const VERTEX_BYTES = 24;
 const ATTRIBUTES = [['place', 3, 'FLOAT', false, 0], ['height', 1, 'FLOAT', false, 12],
   ['within', 2, 'UNSIGNED_SHORT', true, 16], ['aside', 4, 'BYTE', true, 20]];
@@ -98,7 +98,7 @@ const ATTRIBUTES = [['place', 3, 'FLOAT', false, 0], ['height', 1, 'FLOAT', fals
 class TilesDrawing {
   constructor(canvas) {
     const gl = canvas.getContext('webgl2', { antialias: true, preserveDrawingBuffer: false, powerPreference: 'high-performance' });
-    if (!gl) throw new Error('this browser has no WebGL 2');
+    if (!gl) throw new Error('this browser does not support WebGL 2');
     Object.assign(this, { gl, canvas, palette: gl.createTexture() });
     this.program = linked(gl, TILE_VERTEX, TILE_FRAGMENT);
     this.slots = ATTRIBUTES.map(([name]) => gl.getAttribLocation(this.program.program, name));
@@ -108,7 +108,7 @@ class TilesDrawing {
     ramp(this.gl, this.palette, 0, colours);
   }
 
-  /** Puts a tile on the card; the bytes that it takes, here and there. */
+  /** Uploads a tile; returns the bytes that it takes in both memories. */
   upload(mesh) {
     const gl = this.gl;
     const { order, starts } = byQuarter(mesh);
@@ -193,13 +193,13 @@ class TilesDrawing {
 
 const NOWHERE = [2, 2, 2, 2];
 
-/** Where bounds in degrees lie in a tile: 0 to 1 from its west and south. */
+/** Bounds in degrees as 0 to 1 from the west and south of a tile. */
 function part({ west, south, width }, [w, s, e, n]) {
   return [(w - west) / width, (s - south) / width, (e - west) / width, (n - south) / width];
 }
 
-/** Vertices of all triangles, those that lie in one quarter together, and at the end those of several: where each
- * begins. So what is hidden of a tile costs little. */
+/** Vertices of all triangles, grouped by quarter, with those in several quarters last, and the start of each group. So
+ * hidden quarters cost little. */
 function byQuarter(mesh) {
   const middle = STEPS / 2 + 1;
   const list = [...mesh.corners].map((vertex) => [vertex, 0]).concat(skirt(mesh));
@@ -217,13 +217,13 @@ function byQuarter(mesh) {
   return { order: groups.flat(), starts };
 }
 
-/** What to draw for some quarters: from where to where. */
+/** Ranges to draw for a set of quarters. */
 function runs(starts, quarters) {
   if (quarters === ALL_QUARTERS) return [[0, starts[5]]];
   return [0, 1, 2, 3, 4].filter((q) => q === 4 || (quarters >> q) & 1).map((q) => [starts[q], starts[q + 1]]).filter(([a, b]) => b > a);
 }
 
-/** Walls below the four sides, which hide that tiles of other levels lie a little higher or lower: vertices, and 1 for the lower end. */
+/** Skirts below the four sides, which hide gaps to tiles of other levels: vertices, and 1 for the lower end. */
 function skirt({ u, v }) {
   const out = [];
   for (const [fixed, end, way] of [[u, 0, v], [v, 0, u], [u, STEPS, v], [v, STEPS, u]]) {
@@ -236,7 +236,7 @@ function skirt({ u, v }) {
   return out;
 }
 
-/** The nearest place of what is drawn on a ray in earth-centred metres, up to so far away: { tile, triangle, weights, distance }. */
+/** The nearest hit of a ray in earth-centred coordinates, up to a distance: { tile, triangle, weights, distance }. */
 function hit(draws, origin, way, exaggeration, most = Infinity) {
   let found = null;
   for (const { tile, quarters } of draws) {
@@ -260,7 +260,7 @@ function hit(draws, origin, way, exaggeration, most = Infinity) {
   return found;
 }
 
-/** Places of a tile as it is drawn, counted from its middle. */
+/** Exaggerated positions of a tile, relative to its centre. */
 function bentPlaces(mesh, exaggeration) {
   if (exaggeration === 1) return mesh.places;
   if (mesh.bent?.exaggeration === exaggeration) return mesh.bent.places;
@@ -274,7 +274,7 @@ function bentPlaces(mesh, exaggeration) {
   return places;
 }
 
-/** Where a ray meets a triangle, from either side (Möller & Trumbore 1997). */
+/** Intersection of a ray and a triangle, from either side (Möller & Trumbore 1997). */
 function cut(from, way, a, b, c) {
   const [ab, ac] = [minus(b, a), minus(c, a)];
   const across = cross(way, ac);

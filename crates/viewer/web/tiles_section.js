@@ -1,17 +1,18 @@
-// Sections through tiles: where the plane through two places and the middle of the earth cuts what is drawn.
+// Sections through tiles: intersection of the displayed terrain with the plane through two positions and the centre of
+// the earth.
 
-/** Stretches of a section whose lengths are added up. */
+/** Number of pieces for the length of a section. */
 const STRETCHES = 512;
-/** Of the error of a tile: how far a piece of a section may be off, as it is straight and the earth is round. */
+/** Share of a tile's error that straight pieces of a section may add. */
 const SAG = 0.01;
 
-/** The line of a section: its plane, and how far along it places are. */
+/** The line of a section: its plane, and distances along it. */
 class SectionLine {
   /** From and to [longitude, latitude, height]. */
   constructor(from, to) {
     const across = cross(earthCentred(...from), earthCentred(...to));
     this.across = norm(across);
-    /** False for two places above each other, or on opposite sides of the globe: many planes hold them. */
+    /** False for positions above each other or antipodal: their plane is not unique. */
     this.isOne = Math.hypot(...across) > 1e-13 * EQUATOR * EQUATOR;
     const foot = earthCentred(from[0], from[1], 0);
     this.start = norm(along(foot, this.across, -dot(foot, this.across)));
@@ -25,19 +26,19 @@ class SectionLine {
     }
   }
 
-  /** Radians from the beginning, as seen from the middle of the earth, to what is below a place. */
+  /** Geocentric angle from the start, in radians. */
   angleOf([lon, lat]) {
     const foot = earthCentred(lon, lat, 0);
     return Math.atan2(dot(foot, this.side), dot(foot, this.start));
   }
 
-  /** The ellipsoid at an angle. */
+  /** Position on the ellipsoid at an angle. */
   at(angle) {
     const way = along(along([0, 0, 0], this.start, Math.cos(angle)), this.side, Math.sin(angle));
     return along([0, 0, 0], way, EQUATOR / Math.hypot(way[0], way[1], way[2] / (1 - FLATTENING)));
   }
 
-  /** How much of the line lies before a place, of 1; below 0 and above 1 beyond its ends. */
+  /** Share of the line before a position; below 0 and above 1 beyond its ends. */
   share(place) {
     const at = (this.angleOf(place) / this.angle) * STRETCHES;
     const i = Math.min(STRETCHES - 1, Math.max(0, Math.floor(at)));
@@ -45,8 +46,8 @@ class SectionLine {
   }
 }
 
-/** What a line cuts out of the tiles that are drawn, within bounds in degrees: pieces as [[share, place], [share, place]] by
- * share, each place on the globe, and the largest error of the tiles they are of. */
+/** Section of drawn tiles within bounds in degrees: pieces as [[share, position], [share, position]] by share, with
+ * positions on the globe, and the largest error of their tiles. */
 function sectionOf(draws, line, bounds) {
   const pieces = [];
   let error = 0;
@@ -70,7 +71,7 @@ function piecesOf(tile, line, quarters, bounds) {
   for (let t = 0; t < mesh.corners.length; t += 3) {
     const ends = crossing(mesh, sides, mesh.corners.subarray(t, t + 3));
     if (!ends) continue;
-    // Where the tile is no longer drawn, or no longer has data.
+    // Beyond the drawn quarters or the data of the tile.
     const cuts = [0.5, rims[0], rims[2]].map((rim) => [3, rim]).concat([0.5, rims[1], rims[3]].map((rim) => [4, rim]));
     const stops = cuts.map(([k, rim]) => (rim - ends[0][k]) / (ends[1][k] - ends[0][k])).filter((s) => s > 0 && s < 1);
     const shares = [0, ...stops.sort((a, b) => a - b), 1];
@@ -83,11 +84,11 @@ function piecesOf(tile, line, quarters, bounds) {
   return pieces;
 }
 
-/** Numbers of a list at a share of the way to those of another. */
+/** Linear interpolation of two lists of numbers. */
 const mix = (a, b, share) => a.map((from, k) => from + (b[k] - from) * share);
 
-/** Where a plane that has vertices so far at one side enters and leaves a triangle: earth-centred metres, and the place in
- * the tile. */
+/** Ends of the intersection of a plane and a triangle, from distances of its vertices: earth-centred coordinates, and
+ * positions in the tile. */
 function crossing(mesh, sides, three) {
   const vertex = (i) => [...plus(mesh.middle, mesh.places.subarray(3 * i, 3 * i + 3)), mesh.u[i] / STEPS, mesh.v[i] / STEPS];
   const found = [];
@@ -100,7 +101,7 @@ function crossing(mesh, sides, three) {
   return found.length < 2 ? null : found.slice(0, 2);
 }
 
-/** A straight piece, in parts so short that heights are even between their ends; what lies within the line. */
+/** Divides a straight piece so that heights are linear between ends, and clips it to the line. */
 function bent(from, to, { error, mesh }, line, pieces) {
   const reach = Math.sqrt(8 * EQUATOR * SAG * Math.max(error, 1e-3));
   const parts = Math.ceil(Math.hypot(...minus(to, from)) / reach);
@@ -117,12 +118,12 @@ function bent(from, to, { error, mesh }, line, pieces) {
   }
 }
 
-/** What of a piece is from 0 to 1; null for none, and for what lies on the other side of the globe. */
+/** Clips a piece to 0 to 1; null if nothing remains, or on the other side of the globe. */
 function within(a, b) {
   if (b[0] <= 0 || a[0] >= 1 || a[0] === b[0] || b[0] - a[0] > 1) return null;
   const cut = (share) => [share, straight(a[1], b[1], (share - a[0]) / (b[0] - a[0]))];
   return [a[0] < 0 ? cut(0) : a, b[0] > 1 ? cut(1) : b];
 }
 
-/** The place at a share of the way straight from one place to another. */
+/** Position at a share of a straight line between two positions. */
 const straight = (from, to, share) => geodetic(mix(earthCentred(...from), earthCentred(...to), share));

@@ -1,9 +1,9 @@
-// Which tiles are drawn, loaded and let go: the coarsest that look right from where the eye is.
+// Selection of tiles to draw, load and unload: the coarsest within the screen-space error.
 
-/** Which quarter of a tile a tile below it is: bit 0 for the east, bit 1 for the north. */
+/** Quarter of a child tile in its parent: bit 0 for east, bit 1 for north. */
 const QUARTERS = [0, 1, 2, 3];
 const ALL_QUARTERS = 15;
-/** Heights that no tile has told of yet. */
+/** Range of heights before a tile is loaded. */
 const ANY_HEIGHT = [-12000, 9500];
 
 class Tile {
@@ -22,7 +22,7 @@ class Tile {
   }
 }
 
-/** `set`: what there is; `upload(mesh)`, `release(mesh)`: to and from the graphics card; `changed()` when more is there. */
+/** `set`: available tiles; `upload(mesh)`, `release(mesh)`: to and from the graphics card; `changed()`: new tiles loaded. */
 class TileStream {
   constructor(set, { upload, release, changed }) {
     Object.assign(this, { set, upload, release, changed });
@@ -34,13 +34,13 @@ class TileStream {
     this.bytes = 0;
     this.failures = [];
     this.turn = 0;
-    this.strain = 1; // what the error allowed is multiplied with where tiles do not fit
+    this.strain = 1; // factor on the allowed error if tiles do not fit into memory
     this.waiting = 0;
     this.heights = null;
     this.draws = [];
   }
 
-  /** Takes what to draw from there into `draws`, as { tile, quarters, pixels, distance, gap, isBare }; asks for what is missing. */
+  /** Selects tiles for a view into `draws`, as { tile, quarters, pixels, distance, gap, isBare }; requests missing tiles. */
   update(view) {
     this.turn++;
     this.view = view;
@@ -57,7 +57,7 @@ class TileStream {
     this.letGo();
   }
 
-  /** `gap`: how far off the coarser tiles are that may lie beside it. */
+  /** `gap`: error of coarser tiles that may be adjacent. */
   visit(tile, gap) {
     tile.used = this.turn;
     if (this.isHidden(tile)) return;
@@ -68,8 +68,8 @@ class TileStream {
       this.draws.push({ tile, quarters: ALL_QUARTERS, pixels, distance, gap, isBare: !this.isOfData(tile) });
       return;
     }
-    // A quarter is drawn of the tile until the tile below is there, so that there is never a hole; and where there
-    // is none, as there are no data.
+    // A quarter is drawn from the parent until its child is loaded, so that there are no holes, and if the child does
+    // not exist.
     const parts = this.parts(tile);
     let [bare, late] = [0, 0];
     parts.forEach((part, quarter) => {
@@ -92,7 +92,7 @@ class TileStream {
     return west <= e && west + width >= w && south <= n && south + width >= s;
   }
 
-  /** The tiles of the quarters: false where there is none, null where that is not known yet. */
+  /** The children: false if one does not exist, null if that is unknown. */
   parts(tile) {
     tile.parts ??= QUARTERS.map(() => null);
     tile.parts.forEach((part, q) => {
@@ -105,7 +105,7 @@ class TileStream {
     return tile.parts;
   }
 
-  /** A ball around a tile as it is drawn. */
+  /** Bounding sphere of a tile, with exaggerated heights. */
   ball(tile) {
     const { exaggeration } = this.view;
     const [low, high] = tile.heights;
@@ -113,8 +113,8 @@ class TileStream {
     return { middle, radius: tile.reach * (1 + Math.abs(high * exaggeration) / EQUATOR) + ((high - low) / 2) * exaggeration };
   }
 
-  /** True for a tile beside or behind the view, or beyond the horizon; but never for those at the place looked at, so
-   * that it is known how high the ground is there, wherever the eye is. */
+  /** True for a tile outside the view or beyond the horizon; but never for tiles at the target, whose ground height is
+   * needed in any view. */
   isHidden(tile) {
     if (tile.looked === this.turn) return tile.hidden;
     const { eye, axes, sides, horizon, focus: [lon, lat] } = this.view;
@@ -131,7 +131,7 @@ class TileStream {
     return tile.hidden;
   }
 
-  /** Metres from the eye to about the nearest place of a tile. */
+  /** Approximate distance in metres from the eye to the nearest part of a tile. */
   distance(tile) {
     const { at: [lon, lat, height], eye, exaggeration } = this.view;
     const { west, south, width, heights } = tile;
@@ -150,7 +150,7 @@ class TileStream {
     this.list.push(tile);
   }
 
-  /** Ends requests for what is no longer wanted, and starts some for what is most wanted. */
+  /** Cancels outdated requests, and starts the most urgent ones. */
   ask() {
     for (const tile of this.loading) if (tile.wanted !== this.turn) tile.abort.abort();
     const list = this.list.filter((tile) => tile.state === 'none').sort((a, b) => b.urgency - a.urgency);
@@ -172,7 +172,7 @@ class TileStream {
     this.more();
   }
 
-  /** Asks for a tile again later, or never. */
+  /** Repeats a failed request later, or gives up. */
   failed(tile, error) {
     const again = () => { tile.state = 'none'; this.more(); };
     const told = this.asker.later(this.set.address(tile), error, again);
@@ -180,7 +180,7 @@ class TileStream {
     if (told) this.failures.push(tile.name + ': ' + told);
   }
 
-  /** Something came: what can be asked for now is, and not only when this has been drawn. */
+  /** Handles loaded data: requests further tiles at once, not only after drawing. */
   more() {
     this.update(this.view);
     this.changed();
@@ -209,7 +209,7 @@ class TileStream {
     });
   }
 
-  /** Keeps to the memory allowed: what was drawn longest ago goes; if all is needed, coarser tiles have to do. */
+  /** Keeps within the memory limit: drops tiles unused for longest; if all are needed, coarsens the selection. */
   letGo() {
     if (this.bytes > this.most) {
       const old = [...this.ready].filter((tile) => tile.used < this.turn && tile.level > 0).sort((a, b) => a.used - b.used);

@@ -1,16 +1,16 @@
-// 3D Tiles 1.1 as `terrane tiles` writes them: two implicit quadtrees, whose subtrees say what tiles there are and how
-// far off they are, and a mesh of binary glTF for each tile.
+// 3D Tiles 1.1 of `terrane tiles`: two implicit quadtrees, whose subtrees list available tiles and their errors, and a
+// binary glTF mesh for each tile.
 
 /** The two halves of the globe. */
 const HALVES = ['west', 'east'];
 const WIDTHS = { SCALAR: 1, VEC2: 2, VEC3: 3 };
 const COMPONENTS = { 5123: Uint16Array, 5125: Uint32Array, 5126: Float32Array };
 
-/** The text and the bytes of a file of two parts that begins with four letters. */
+/** JSON and binary part of a file with a four-letter signature. */
 function twoParts(buffer, letters) {
   const view = new DataView(buffer);
   const found = new TextDecoder().decode(new Uint8Array(buffer, 0, 4));
-  if (found !== letters) throw new Error('it is no file of 3D Tiles');
+  if (found !== letters) throw new Error('not a 3D Tiles file');
   const text = (at, length) => JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, at, length)));
   if (letters === 'subt') {
     const length = Number(view.getBigUint64(8, true));
@@ -20,7 +20,7 @@ function twoParts(buffer, letters) {
   return [text(20, length), buffer.slice(28 + length)];
 }
 
-/** Which tiles there are below one for so many levels, and the error of each. */
+/** Available tiles below a tile for a number of levels, with their errors. */
 class Subtree {
   constructor(buffer, { level, x, y }, levels) {
     const [json, bytes] = twoParts(buffer, 'subt');
@@ -38,7 +38,7 @@ class Subtree {
     for (let at = 0, row = 0; at < (4 ** levels - 1) / 3; at++) if (this.isHere(at)) this.errors.set(at, errors[row++]);
   }
 
-  /** The number of a tile of its level along the curve through all of them. */
+  /** Morton index of a tile in its level. */
   along({ level, x, y }) {
     let at = 0;
     for (let bit = level - this.level - 1; bit >= 0; bit--) at = 4 * at + ((x >> bit) & 1) + 2 * ((y >> bit) & 1);
@@ -50,7 +50,7 @@ class Subtree {
   }
 }
 
-/** What a `tileset.json` says, as `TileSet` does of a `layer.json`. */
+/** Contents of a `tileset.json`; see `TileSet` for `layer.json`. */
 class ThreeTiles {
   constructor(tileset) {
     const { extras: { terrane }, root } = tileset;
@@ -67,7 +67,7 @@ class ThreeTiles {
     return `${HALVES[x >> level]}/${level}/${x & (2 ** level - 1)}/${y}.${ending}`;
   }
 
-  /** The subtree that a tile is in; null until it is loaded, after which `stream` is told. */
+  /** The subtree of a tile; null until it is loaded, which `stream` is notified of. */
   subtree({ level, x, y }, stream) {
     const by = level % this.depth;
     const top = { level: level - by, x: x >> by, y: y >> by };
@@ -86,7 +86,7 @@ class ThreeTiles {
     }
   }
 
-  /** Whether there is a tile; null while that is not known. */
+  /** True if a tile exists; null while that is unknown. */
   has(level, x, y, stream) {
     if (level > this.last) return false;
     const id = { level, x, y };
@@ -108,7 +108,7 @@ class ThreeTiles {
     return [...this.subtrees.values()].flatMap((subtree) => subtree?.failed ?? []);
   }
 
-  /** A tile in space: its middle, and places from there. */
+  /** A tile in space: its centre, and positions relative to it. */
   decode(buffer) {
     const [json, bytes] = twoParts(buffer, 'glTF');
     const list = (number) => {
@@ -116,7 +116,7 @@ class ThreeTiles {
       return new COMPONENTS[componentType](bytes, json.bufferViews[bufferView].byteOffset, count * WIDTHS[type]);
     };
     const { attributes, indices } = json.meshes[0].primitives[0];
-    // Its node has y up, as glTF does, and the set z: both turns together are none.
+    // The node has y up, as in glTF, and the tileset z up: the two rotations cancel.
     const { matrix } = json.nodes[0];
     const middle = [matrix[12], 0 - matrix[14], matrix[13]];
     const places = list(attributes.POSITION).slice();
@@ -125,7 +125,7 @@ class ThreeTiles {
     const heights = Float64Array.from({ length: vertices }, (_, i) => geodetic(plus(middle, places.subarray(3 * i, 3 * i + 3)))[2]);
     const steps = (k) => Uint16Array.from({ length: vertices }, (_, i) => Math.round((k ? 1 - within[2 * i + 1] : within[2 * i]) * STEPS));
     const corners = Uint32Array.from(list(indices));
-    if (corners.some((corner) => corner >= vertices)) throw new Error('it names a vertex that it does not have');
+    if (corners.some((corner) => corner >= vertices)) throw new Error('vertex index out of range');
     const normals = attributes.NORMAL === undefined ? null : list(attributes.NORMAL).slice();
     return measured({ u: steps(0), v: steps(1), heights, corners, normals, middle, places });
   }

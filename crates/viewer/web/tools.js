@@ -1,14 +1,14 @@
-// Measuring and sections, which pages of surfaces, of tiles and of clouds (measuring alone) have in common. A place is three numbers: the two that
-// tell where it is, and its height. What a page knows better is asked of its `terrain`:
-//   columns, level    names of the three numbers; what lengths without heights are called
-//   unit, step        of heights, and how finely they are told
-//   placeOf(found)    the place of what `under` found
-//   apart(a, b)       { level, space, up, rise }: metres between two places without heights and in space, the height from
-//                     one to the other in its unit, and in metres
-//   between(a, b, s)  the place at a share of the way on a straight line
-//   trace(a, b)       places along what is measured, to draw it
-//   section(a, b)     { pieces, note }: pieces of the surface along a line as [[share, place], [share, place]], by share
-//   areaOf(places)    the area within a closed line as text, if it can be told
+// Measuring and sections, for pages of surfaces and tiles; clouds have measuring only. A position is three numbers: two
+// horizontal coordinates and a height. Each page defines its own `terrain`:
+//   columns, level    names of the three numbers; label of horizontal lengths
+//   unit, step        unit and rounding step of heights
+//   placeOf(found)    position of a result of `under`
+//   apart(a, b)       { level, space, up, rise }: horizontal and 3D distance of two positions in metres, the height
+//                     difference in its unit, and in metres
+//   between(a, b, s)  position at a share of a straight line
+//   trace(a, b)       positions along a measured line, to draw it
+//   section(a, b)     { pieces, note }: pieces of the surface along a line as [[share, position], [share, position]], by share
+//   areaOf(places)    area of a polygon as text, if supported
 
 const TOOLS = ['measure', 'section'].filter($);
 let tool = null;
@@ -38,7 +38,7 @@ function choose(next) {
   for (const name of TOOLS) press($(name), tool === name);
   $('view').classList.toggle('pick', tool !== null);
   if (tool === 'measure') tellMeasure();
-  else if (tool === 'section') tell([['Section', 'click its first end']]);
+  else if (tool === 'section') tell([['Section', 'click the first end']]);
   else tellPlace(null);
   dirty = true;
 }
@@ -51,7 +51,7 @@ function clicked(px, py) {
   places.push(terrain.placeOf(found));
   if (tool === 'measure') tellMeasure();
   else if (places.length === 2) makeProfile();
-  else { profile = null; tell([['Section', 'click its other end']]); }
+  else { profile = null; tell([['Section', 'click the other end']]); }
   dirty = true;
 }
 
@@ -59,7 +59,7 @@ const tellHeight = (height) => num(height, terrain.step) + ' ' + terrain.unit;
 
 function tellMeasure() {
   const pairs = places.slice(1).map((place, i) => terrain.apart(places[i], place));
-  if (pairs.length === 0) return tell([['Measure', places.length ? 'click the next place' : 'click places on the terrain']]);
+  if (pairs.length === 0) return tell([['Measure', places.length ? 'click the next point' : 'click points on the terrain']]);
   const sum = (key) => pairs.reduce((all, pair) => all + pair[key], 0);
   const list = [['Length ' + terrain.level, metres(sum('level'))], ['in space', metres(sum('space'))],
     ['Height', (sum('up') >= 0 ? '+' : '') + tellHeight(sum('up'))]];
@@ -69,7 +69,7 @@ function tellMeasure() {
   tell(list);
 }
 
-// ---- over the view
+// ---- overlay
 
 function drawOver() {
   const [context] = plane($('over'));
@@ -112,12 +112,12 @@ function profileOf(from, to) {
 function makeProfile() {
   profile = profileOf(...places);
   $('sheet').hidden = false;
-  tell([['Section', 'point at it to read it, click for another']]);
+  tell([['Section', 'point at the profile to read it; click for another section']]);
   drawProfile();
   dirty = true;
 }
 
-/** Of a surface that changed, but not for one that tells less of the line. */
+/** Updates the section of a changed surface, unless it covers less of the line. */
 function renewProfile() {
   const now = profileOf(profile.from, profile.to);
   if (now.covered < profile.covered - 1e-6) return;
@@ -128,7 +128,7 @@ function renewProfile() {
 function drawProfile(mark) {
   const [context, width, height] = plane($('profile'));
   const { pieces, line, length, note } = profile;
-  if (line.length === 0) { $('profile-told').textContent = 'There is no surface on this line'; return; }
+  if (line.length === 0) { $('profile-told').textContent = 'No surface along this line'; return; }
   const [low, high] = line.reduce(([least, most], [, [, , z]]) => [Math.min(least, z), Math.max(most, z)], [Infinity, -Infinity]);
   const room = { left: 50, right: width - 8, top: 8, bottom: height - 20 };
   const px = (share) => room.left + share * (room.right - room.left);

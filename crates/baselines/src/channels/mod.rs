@@ -1,15 +1,14 @@
-//! Several channels at once: a photograph becomes coloured triangles, a textured terrain one mesh for its
-//! heights and its colours.
+//! Meshes of several channels, such as the colours of a photograph, or heights and colours of a textured terrain.
 //!
-//! Greedy insertion as [`greedy4`](crate::greedy) does it, where the error of a sample is the largest over the
+//! Greedy insertion as in [`greedy4`](crate::greedy), where the error of a sample is the largest over the
 //! channels of weight x |value - interpolated value|. Source: Garland & Heckbert, "Fast Polygonal Approximation
-//! of Terrains and Height Fields", CMU-CS-95-181 (1995), which approximates colour images as well; the paper adds
-//! the errors of the channels up, and a largest one is a promise for each channel by itself. For channel c of
-//! weight w the promise of a tolerance E is |difference| <= E / w, the quotient rounded to a double: that number is
-//! what is decided exactly, here and by the proof.
+//! of Terrains and Height Fields", CMU-CS-95-181 (1995), which also approximates colour images; the paper sums
+//! the errors of the channels, while the maximum bounds each channel by itself. For a channel of weight w a
+//! tolerance E guarantees |difference| <= E / w, with the quotient rounded to a double: that number is compared
+//! exactly, here and by the verification.
 //!
-//! With one channel of weight 1 this is `greedy4`, vertex by vertex. Channels are doubles, as heights are for all
-//! methods here, so that no band has to be refused; at some 200 bytes a sample for the mesh it does not matter.
+//! With one channel of weight 1 the result is that of `greedy4`. Channels are doubles, like the heights of all methods
+//! here, so all types of bands are supported; the mesh takes some 200 bytes per sample anyway.
 
 mod prefilter;
 #[cfg(test)]
@@ -26,7 +25,7 @@ use crate::surface::SampleStatistics;
 use prefilter::ChannelSlopeFilter;
 use terrane_base::error::{Error, Result};
 
-/// Planes of values over the same samples, each with the weight of its errors.
+/// Channels over the same samples, each with a weight of its errors.
 ///
 /// ```
 /// use terrane_baselines::{WeightedChannels, BaselineGoal};
@@ -52,7 +51,7 @@ struct WeightedChannel<'a> {
 /// The errors of one channel, without its weight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChannelErrors {
-    /// The smallest number that no sample is further off than: exact.
+    /// The smallest double that is not below the error of any sample.
     pub max_error: f64,
     /// Sum of the squared errors of the samples of the surface.
     pub square_sum: f64,
@@ -63,9 +62,9 @@ pub struct ChannelErrors {
 pub struct MultichannelTin {
     /// Samples that are vertices, in (row, column) order.
     pub vertices: Vec<PackedSample>,
-    /// Triangles, counter-clockwise in (column, row) axes, as places in `vertices`.
+    /// Triangles, counter-clockwise in (column, row) axes, as indices into `vertices`.
     pub triangles: Vec<[u32; 3]>,
-    /// A tolerance that the mesh keeps, about the smallest there is.
+    /// A tolerance that the mesh meets, nearly the smallest.
     pub max_error: f64,
     /// The errors of each channel, in their order.
     pub channels: Vec<ChannelErrors>,
@@ -73,7 +72,7 @@ pub struct MultichannelTin {
     pub census: SampleStatistics,
 }
 
-/// Makes samples that are void in one plane void in all. The planes are of one length.
+/// Makes samples that are void in one plane void in all. All planes have the same length.
 pub fn join_voids(planes: &mut [Vec<f64>]) {
     let samples = planes.first().map_or(0, Vec::len);
     for at in 0..samples {
@@ -100,26 +99,27 @@ impl<'a> WeightedChannels<'a> {
             return Err(Error::usage(format!("{weights} weights for {planes} channels"))
                 .remedy("give each channel a weight"));
         }
-        let channel = |(plane, &weight): (&'a Vec<f64>, &f64)| {
+        let mut channels = Vec::with_capacity(planes.len());
+        for (plane, &weight) in planes.iter().zip(weights) {
             check_weight(weight)?;
-            Ok(WeightedChannel { grid: HeightGrid::new(width, height, plane, None)?, weight })
-        };
-        let channels: Vec<_> = planes.iter().zip(weights).map(channel).collect::<Result<_>>()?;
-        let is_void = |plane: &Vec<f64>, at: usize| plane[at].is_nan();
-        let differs = |at: usize| planes.iter().any(|p| is_void(p, at) != is_void(&planes[0], at));
-        match (0..planes[0].len()).find(|&at| differs(at)) {
+            let grid = HeightGrid::new(width, height, plane, None)?;
+            channels.push(WeightedChannel { grid, weight });
+        }
+        let differing = (0..planes[0].len())
+            .find(|&at| planes.iter().any(|plane| plane[at].is_nan() != planes[0][at].is_nan()));
+        match differing {
             None => Ok(Self { channels }),
             Some(at) => Err(Error::usage(format!("sample {at} is void in some channels only"))
-                .remedy("make it void in all")),
+                .remedy("make it void in all channels")),
         }
     }
 
-    /// A Delaunay mesh of samples that keeps to `goal`. Time O((m + n) log m) expected for m vertices of n
+    /// A Delaunay mesh of samples that meets `goal`. Time O((m + n) log m) expected for m vertices of n
     /// samples, times the channels.
     ///
     /// # Errors
-    /// `BadInput`: no cell has four valid samples. Usage: the coarsest mesh is larger than the goal allows. And
-    /// those of `pulse`, which is called now and then.
+    /// `BadInput`: no cell has four valid samples. Usage: the coarsest mesh is larger than the target. Errors of
+    /// `pulse`, which is called at intervals.
     pub fn triangulate(
         &self,
         goal: BaselineGoal,
@@ -139,7 +139,7 @@ impl<'a> WeightedChannels<'a> {
         Ok(MultichannelTin { vertices, triangles, max_error, channels, census })
     }
 
-    /// Inserts until nothing is left to do; `note` hears of every vertex in its turn.
+    /// Inserts vertices until the goal is reached; calls `note` for each in order.
     fn insert(
         &self,
         task: &BaselineTask<'_>,
@@ -150,10 +150,10 @@ impl<'a> WeightedChannels<'a> {
         let worst = |corners| self.worst(task.tolerance(), corners);
         let mut heap = CandidateHeap::default();
         heap.scan(mesh, &mesh.surface().collect::<Vec<_>>(), worst);
-        while let Some((found, t)) = heap.take() {
+        while let Some((candidate, t)) = heap.take() {
             (task.pulse)()?;
-            let Some(fresh) = size.insert(task, mesh, t, found.at) else { break };
-            note(found.at);
+            let Some(fresh) = size.insert(task, mesh, t, candidate.at) else { break };
+            note(candidate.at);
             heap.scan(mesh, &fresh, worst);
         }
         Ok(())
@@ -161,52 +161,46 @@ impl<'a> WeightedChannels<'a> {
 
     /// The greatest candidate of a triangle.
     fn worst(&self, tolerance: f64, corners: [PackedSample; 3]) -> Option<RefinementCandidate> {
-        let judges: Vec<ChannelTriangle<'_>> =
-            self.channels.iter().map(|channel| channel.judge(tolerance, corners)).collect();
+        let channels: Vec<ChannelTriangle<'_>> =
+            self.channels.iter().map(|channel| channel.over(tolerance, corners)).collect();
         let mut worst: Option<RefinementCandidate> = None;
         for (row, columns) in rows_of(corners) {
             let (low, high) = (*columns.start(), *columns.end());
-            let may_be_worse = |judge: &ChannelTriangle<'_>, low, high| {
-                judge.sieve.may_reach(judge.limit(worst), row, low, high)
-            };
-            if !judges.iter().any(|judge| may_be_worse(judge, low, high)) {
+            if !channels.iter().any(|channel| channel.may_exceed(worst, row, low, high)) {
                 continue;
             }
             for col in columns {
-                let may_be_worse = |judge: &ChannelTriangle<'_>| {
-                    judge.sieve.may_reach(judge.limit(worst), row, col, col)
-                };
-                if judges.iter().any(may_be_worse) {
-                    worst =
-                        worst.max(candidate(&judges, PackedSample::new(col as u32, row as u32)));
+                if channels.iter().any(|channel| channel.may_exceed(worst, row, col, col)) {
+                    let at = PackedSample::new(col as u32, row as u32);
+                    worst = worst.max(candidate(&channels, at));
                 }
             }
         }
         worst
     }
 
-    /// A tolerance that these errors keep.
+    /// A tolerance that these errors meet.
     fn min_tolerance(&self, errors: &[ChannelErrors]) -> f64 {
-        let pairs = || self.channels.iter().zip(errors);
-        let keep = |e: f64| pairs().all(|(channel, found)| found.max_error <= channel.tolerance(e));
-        let mut least = pairs().map(|(c, found)| c.weight * found.max_error).fold(0.0, f64::max);
-        while !keep(least) {
-            // The product is rounded: divided by the weight again it may allow less than the error.
-            least = least.next_up();
+        let pairs: Vec<_> = self.channels.iter().zip(errors).collect();
+        let products = pairs.iter().map(|(channel, errors)| channel.weight * errors.max_error);
+        let mut tolerance = products.fold(0.0, f64::max);
+        // The product is rounded: divided by the weight again it may be less than the error.
+        while !pairs.iter().all(|(c, errors)| errors.max_error <= c.tolerance(tolerance)) {
+            tolerance = tolerance.next_up();
         }
-        least
+        tolerance
     }
 }
 
-/// `greedy4` without a height.
+/// Bytes per sample of `greedy4` without the height.
 const GREEDY_BYTES: u64 = 212;
 
 fn check_weight(weight: f64) -> Result<()> {
     if weight.is_normal() && weight > 0.0 {
         return Ok(());
     }
-    Err(Error::usage(format!("{weight} is no weight of a channel"))
-        .remedy("give finite numbers above 0"))
+    Err(Error::usage(format!("invalid channel weight {weight}"))
+        .remedy("give finite weights above 0"))
 }
 
 impl<'a> WeightedChannel<'a> {
@@ -215,10 +209,12 @@ impl<'a> WeightedChannel<'a> {
         (tolerance / self.weight).min(f64::MAX)
     }
 
-    fn judge(&'a self, tolerance: f64, corners: [PackedSample; 3]) -> ChannelTriangle<'a> {
+    /// The channel over one triangle.
+    fn over(&'a self, tolerance: f64, corners: [PackedSample; 3]) -> ChannelTriangle<'a> {
         let plane = TrianglePlane::new(&self.grid, corners);
-        let sieve = ChannelSlopeFilter::new(&self.grid, plane.corners());
-        ChannelTriangle { plane, sieve, weight: self.weight, most: self.tolerance(tolerance) }
+        let prefilter = ChannelSlopeFilter::new(&self.grid, plane.corners());
+        let tolerance = self.tolerance(tolerance);
+        ChannelTriangle { plane, prefilter, weight: self.weight, tolerance }
     }
 
     fn measured(&self, corners: &[[PackedSample; 3]]) -> ChannelErrors {
@@ -230,30 +226,38 @@ impl<'a> WeightedChannel<'a> {
 /// A channel over one triangle.
 struct ChannelTriangle<'a> {
     plane: TrianglePlane<'a>,
-    sieve: ChannelSlopeFilter<'a>,
+    prefilter: ChannelSlopeFilter<'a>,
     weight: f64,
-    most: f64,
+    /// Of this channel, without its weight.
+    tolerance: f64,
 }
 
 impl ChannelTriangle<'_> {
-    /// A sample that is less far off than this in every channel is not beyond the tolerance, or not as far off as
-    /// `worst`.
-    fn limit(&self, worst: Option<RefinementCandidate>) -> f64 {
-        worst.map_or(self.most, |worst| worst.error / self.weight * (1.0 - 1e-14))
+    /// True if a sample in these columns of a row may be beyond the tolerance, and worse than `worst`.
+    #[inline]
+    fn may_exceed(
+        &self,
+        worst: Option<RefinementCandidate>,
+        row: i32,
+        low: i64,
+        high: i64,
+    ) -> bool {
+        let limit = worst.map_or(self.tolerance, |worst| worst.error / self.weight * (1.0 - 1e-14));
+        self.prefilter.may_reach(limit, row, low, high)
     }
 }
 
-/// The candidate that a sample of the triangle is, if a channel of it is beyond its tolerance.
-fn candidate(judges: &[ChannelTriangle<'_>], at: PackedSample) -> Option<RefinementCandidate> {
-    let weights = weights_in(judges.first()?.plane.corners(), at);
+/// A sample of the triangle as a candidate, if one of its channels is beyond the tolerance.
+fn candidate(channels: &[ChannelTriangle<'_>], at: PackedSample) -> Option<RefinementCandidate> {
+    let weights = weights_in(channels.first()?.plane.corners(), at);
     let (mut exceeds, mut error) = (false, f64::MIN_POSITIVE);
-    for judge in judges {
-        let offset = judge.plane.offset_by(weights, at);
+    for channel in channels {
+        let offset = channel.plane.offset_by(weights, at);
         if offset.is_corner() {
             return None;
         }
-        exceeds = exceeds || !offset.is_within(judge.most);
-        error = error.max(judge.weight * offset.error());
+        exceeds = exceeds || !offset.is_within(channel.tolerance);
+        error = error.max(channel.weight * offset.error());
     }
     exceeds.then_some(RefinementCandidate { error, at })
 }

@@ -180,9 +180,9 @@ proptest! {
         prop_assume!(orient(a, b, c) != 0);
         let channels = WeightedChannels::new([90, 60], &planes, &weights).unwrap();
         for tolerance in [0.0, 1e-13, share] {
-            let judges: Vec<_> =
-                channels.channels.iter().map(|channel| channel.judge(tolerance, corners)).collect();
-            let naive = samples_of(corners).filter_map(|at| candidate(&judges, at)).max();
+            let over: Vec<_> =
+                channels.channels.iter().map(|channel| channel.over(tolerance, corners)).collect();
+            let naive = samples_of(corners).filter_map(|at| candidate(&over, at)).max();
             prop_assert_eq!(channels.worst(tolerance, corners), naive);
         }
     }

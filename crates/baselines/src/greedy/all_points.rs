@@ -1,4 +1,4 @@
-//! Version 1: every sample is located and measured again for every vertex. Source: algorithm I of Garland &
+//! Version 1: all samples are located and measured again for each vertex. Source: algorithm I of Garland &
 //! Heckbert 1995. Time O(m n) and more for m vertices of n samples (the paper has O(m^2 n) where a walk takes
 //! O(m) steps; from its neighbour, a sample is a few steps away). Memory: the mesh.
 
@@ -18,7 +18,7 @@ pub(crate) const GREEDY_1: BaselineMethod = BaselineMethod {
     ..method::<AllPoints>()
 };
 
-/// Nothing is remembered.
+/// Search without a cache.
 pub(super) struct AllPoints;
 
 impl CandidateSearch for AllPoints {

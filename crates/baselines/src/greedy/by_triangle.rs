@@ -1,6 +1,6 @@
-//! Version 2: every triangle has a list of its samples, and only those of new triangles are measured; all
-//! errors are looked through for the largest. Source: algorithm II of Garland & Heckbert 1995. Time O(m n)
-//! for m vertices of n samples: what remains of it is the search. Memory: a number and an error a sample.
+//! Version 2: each triangle has a list of its samples, and only those of new triangles are measured; the largest
+//! error is found by a scan of all. Source: algorithm II of Garland & Heckbert 1995. Time O(m n)
+//! for m vertices of n samples, for the scans. Memory: an index and an error per sample.
 
 use super::{CandidateSearch, method};
 use crate::candidate::RefinementCandidate;
@@ -20,12 +20,12 @@ pub(crate) const GREEDY_2: BaselineMethod = BaselineMethod {
     ..method::<ByTriangle>()
 };
 
-/// Samples by triangle; one on an edge is listed once, on either side.
+/// Samples by triangle; a sample on an edge is listed once, on either side.
 pub(super) struct ByTriangle {
     lists: Vec<Vec<Listed>>,
 }
 
-/// A sample, and whether it is a candidate.
+/// A sample, and its candidate if it is beyond the tolerance.
 type Listed = (PackedSample, Option<RefinementCandidate>);
 
 impl CandidateSearch for ByTriangle {
@@ -57,9 +57,11 @@ impl CandidateSearch for ByTriangle {
         _: &BaselineTask<'_>,
         _: &BaselineMesh,
     ) -> Option<(RefinementCandidate, u32)> {
-        let lists = self.lists.iter().enumerate();
-        let worst = |list: &[Listed]| list.iter().filter_map(|(_, candidate)| *candidate).max();
-        lists.filter_map(|(t, list)| Some((worst(list)?, t as u32))).max()
+        let worst = self.lists.iter().zip(0..).filter_map(|(list, t)| {
+            let candidates = list.iter().filter_map(|(_, candidate)| *candidate);
+            Some((candidates.max()?, t))
+        });
+        worst.max()
     }
 }
 

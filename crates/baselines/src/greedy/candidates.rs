@@ -1,6 +1,6 @@
-//! Version 4: a heap with one candidate by triangle, its worst sample. Source: algorithm III of Garland &
+//! Version 4: a heap with one candidate per triangle, its worst sample. Source: algorithm III of Garland &
 //! Heckbert 1995; with the data-dependent triangulation their algorithm IV. Time O((m + n) log m) expected
-//! for m vertices of n samples. Memory: a few words a triangle.
+//! for m vertices of n samples. Memory: a few words per triangle.
 
 use std::collections::BinaryHeap;
 
@@ -24,12 +24,20 @@ pub(crate) const GREEDY_4: BaselineMethod = BaselineMethod {
 /// come up.
 #[derive(Default)]
 pub(crate) struct CandidateHeap {
-    heap: BinaryHeap<(RefinementCandidate, u32, u32)>,
+    heap: BinaryHeap<QueuedTriangle>,
     stamps: Vec<u32>,
 }
 
+/// A triangle in the heap, ordered by its worst sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct QueuedTriangle {
+    worst: RefinementCandidate,
+    triangle: u32,
+    stamp: u32,
+}
+
 impl CandidateHeap {
-    /// Looks at triangles that are new, of which `worst` finds the worst samples.
+    /// Adds new triangles; `worst` finds the worst sample of each.
     pub(crate) fn scan(
         &mut self,
         mesh: &BaselineMesh,
@@ -40,16 +48,17 @@ impl CandidateHeap {
         for &t in fresh {
             self.stamps[t as usize] += 1;
             let worst = worst(mesh.tris[t as usize].corners);
-            self.heap.extend(worst.map(|worst| (worst, t, self.stamps[t as usize])));
+            let stamp = self.stamps[t as usize];
+            self.heap.extend(worst.map(|worst| QueuedTriangle { worst, triangle: t, stamp }));
         }
     }
 
-    /// Takes the greatest candidate of all, and the triangle that holds it.
+    /// Removes and returns the greatest candidate, and the triangle that contains it.
     pub(crate) fn take(&mut self) -> Option<(RefinementCandidate, u32)> {
         loop {
-            let (worst, t, stamp) = self.heap.pop()?;
-            if self.stamps[t as usize] == stamp {
-                return Some((worst, t));
+            let QueuedTriangle { worst, triangle, stamp } = self.heap.pop()?;
+            if self.stamps[triangle as usize] == stamp {
+                return Some((worst, triangle));
             }
         }
     }

@@ -1,12 +1,11 @@
-//! Greedy insertion: the sample that is furthest from the surface becomes a vertex, until none is further
-//! than the tolerance. Four ways to find it, each faster than the one before, and all with one result.
+//! Greedy insertion: the sample farthest from the surface becomes a vertex, until all samples are within the
+//! tolerance. Four versions of the search, each faster than the one before, with the same result.
 //!
 //! Source: Garland & Heckbert, "Fast Polygonal Approximation of Terrains and Height Fields",
 //! CMU-CS-95-181 (1995). Their algorithms I, II and III are the versions 1, 2 and 4 here, and IV is version 4
 //! with the data-dependent triangulation. Before them: Fowler & Little 1979, De Floriani et al. 1985.
 //!
-//! Ties: of the samples beyond the tolerance the one with the largest error goes first, and among equals the
-//! lowest (row, column). Errors are those of [`crate::plane`], which depend on the triangle alone.
+//! Ties: the sample with the largest error goes first, and for equal errors the lowest (row, column). Errors are those of [`crate::plane`], which depend on the triangle alone.
 
 mod all_points;
 mod by_triangle;
@@ -28,13 +27,13 @@ use terrane_base::error::Result;
 
 /// A way to find the worst candidate.
 trait CandidateSearch {
-    /// Begins with a mesh.
+    /// Starts with a mesh.
     fn new(task: &BaselineTask<'_>, mesh: &BaselineMesh) -> Self;
 
-    /// Looks at triangles that are new; whatever else had their numbers is gone.
+    /// Adds new triangles, whose numbers may be reused from removed ones.
     fn update(&mut self, task: &BaselineTask<'_>, mesh: &BaselineMesh, fresh: &[u32]);
 
-    /// The greatest candidate of all, and a triangle that holds it.
+    /// The greatest candidate, and a triangle that contains it.
     fn worst(
         &mut self,
         task: &BaselineTask<'_>,
@@ -42,14 +41,14 @@ trait CandidateSearch {
     ) -> Option<(RefinementCandidate, u32)>;
 }
 
-/// Inserts until nothing is left to do.
+/// Inserts vertices until the goal is reached.
 fn run<S: CandidateSearch>(task: &BaselineTask<'_>) -> Result<BaselineTin> {
     let mut mesh = BaselineMesh::of_outline(&task.grid)?;
     insert::<S>(task, &mut mesh, |_| ())?;
     Ok(BaselineTin::of_mesh(&task.grid, &mesh))
 }
 
-/// The same into a mesh that is there; `note` hears of every vertex in its turn.
+/// The same with a given mesh; calls `note` for each vertex in order.
 fn insert<S: CandidateSearch>(
     task: &BaselineTask<'_>,
     mesh: &mut BaselineMesh,

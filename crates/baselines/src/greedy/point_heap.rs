@@ -1,7 +1,7 @@
-//! Version 3: a heap over all samples; those of new triangles change their places in it. Source: the heap of
-//! points that Garland & Heckbert 1995 weigh against candidates by triangle (section 4.3); as in Franklin
-//! 1973 and Heller 1990. Time O((m + n) log m log n) expected for m vertices of n samples. Memory: twenty
-//! bytes a sample.
+//! Version 3: a heap of all samples; those of new triangles are moved in it. Source: the heap of points that
+//! Garland & Heckbert 1995 compare with candidates by triangle (section 4.3); as in Franklin 1973 and Heller
+//! 1990. Time O((m + n) log m log n) expected for m vertices of n samples. Memory: twenty
+//! bytes per sample.
 
 use super::{CandidateSearch, method};
 use crate::candidate::RefinementCandidate;
@@ -20,10 +20,10 @@ pub(crate) const GREEDY_3: BaselineMethod = BaselineMethod {
     ..method::<PointHeap>()
 };
 
-/// A binary heap of all samples, the greatest on top, that knows where each of them is.
+/// A binary heap of all samples, the greatest on top, with the place of each sample.
 pub(super) struct PointHeap {
     heap: Vec<PackedSample>,
-    /// By sample: its place in the heap, its error or 0 where it is no candidate, and its triangle.
+    /// By sample: its place in the heap, its error (0 within the tolerance), and its triangle.
     places: Vec<u32>,
     errors: Vec<f64>,
     triangles: Vec<u32>,
@@ -50,7 +50,8 @@ impl CandidateSearch for PointHeap {
             for (at, offset) in plane.offsets() {
                 let index = self.index(at);
                 self.triangles[index] = t;
-                let error = RefinementCandidate::of(task, at, &offset).map_or(0.0, |one| one.error);
+                let error = RefinementCandidate::of(task, at, &offset)
+                    .map_or(0.0, |candidate| candidate.error);
                 self.change(index, error);
             }
         }

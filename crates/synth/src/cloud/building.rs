@@ -3,11 +3,11 @@
 use super::random::PulseRandom;
 use super::spline::Spline;
 
-/// Metres of the side of a lot.
+/// Side of a lot in metres.
 const LOT: f64 = 48.0;
-/// Directions a building may have: rational, so that they are unit vectors without rounding much.
+/// Directions of buildings: rational, so that rounding leaves them unit vectors.
 const DIRECTIONS: [[f64; 2]; 4] = [[1.0, 0.0], [0.8, 0.6], [0.6, 0.8], [12.0 / 13.0, 5.0 / 13.0]];
-/// Most metres that the ground may differ under a building: no one builds on a cliff.
+/// Maximum height difference of the ground under a building in metres.
 const STEEPEST: f64 = 4.0;
 
 /// A building.
@@ -18,12 +18,12 @@ pub(super) struct Building {
     half: [f64; 2],
     /// Height of the eaves.
     eaves: f64,
-    /// How far the ridge rises above the eaves; 0 for a flat roof.
+    /// Height of the ridge above the eaves; 0 for a flat roof.
     ridge: f64,
 }
 
 impl Building {
-    /// Height of the roof over a place, if it is there.
+    /// Height of the roof at a position, if the building covers it.
     #[inline(always)]
     fn roof(&self, x: f64, y: f64) -> Option<f64> {
         let (dx, dy) = (x - self.centre[0], y - self.centre[1]);
@@ -33,7 +33,7 @@ impl Building {
         inside.then(|| self.eaves + self.ridge * (1.0 - v / self.half[1]))
     }
 
-    /// Height of the roof over a place of the building.
+    /// Height of the roof at a position of the building.
     pub(super) fn height(&self, x: f64, y: f64) -> f64 {
         self.roof(x, y).unwrap_or(self.eaves)
     }
@@ -44,14 +44,13 @@ impl Building {
             .map(|(lot, share)| (lot as f64 + 0.5) * LOT + 8.0 * (share - 0.5));
         let along = DIRECTIONS[(turn * 4.0) as usize];
         let half = [5.0 + 10.0 * long, 4.0 + 7.0 * wide];
-        let corner = |s: f64, t: f64| {
+        let corners = [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]].map(|[s, t]| {
             let (u, v) = (s * half[0], t * half[1]);
             ground.at(
                 centre[0] + u * along[0] - v * along[1],
                 centre[1] + u * along[1] + v * along[0],
             )
-        };
-        let corners = [corner(1.0, 1.0), corner(1.0, -1.0), corner(-1.0, 1.0), corner(-1.0, -1.0)];
+        });
         let high = corners.iter().fold(f64::MIN, |a, b| a.max(*b));
         let low = corners.iter().fold(f64::MAX, |a, b| a.min(*b));
         let ridge = if gable < 0.6 { half[1] * (0.4 + 0.5 * steep) } else { 0.0 };
@@ -68,27 +67,25 @@ pub(super) struct Town {
 }
 
 impl Town {
-    /// The buildings of `area`, which is made of whole lots, where `is_town`.
+    /// The buildings of `area`, which consists of whole lots, where `is_town` holds.
     pub(super) fn new(
         key: u64,
         [x0, y0, x1, y1]: [f64; 4],
         is_town: impl Fn(f64, f64) -> bool,
         ground: &Spline,
     ) -> Self {
-        let lot = |place: f64| (place * (1.0 / LOT)).round() as u64;
-        let (cols, rows) = (lot(x0)..lot(x1), lot(y0)..lot(y1));
-        let build = |col: u64, row: u64| {
+        let [west, south, east, north] =
+            [x0, y0, x1, y1].map(|place| (place * (1.0 / LOT)).round() as u64);
+        let lots = (south..north).flat_map(|row| (west..east).map(move |col| (col, row)));
+        let lots = lots.map(|(col, row)| {
             let (x, y) = ((col as f64 + 0.5) * LOT, (row as f64 + 0.5) * LOT);
             let dice = PulseRandom(key ^ (col << 32 | row));
-            is_town(x, y).then(|| Building::new(col, row, dice, ground)).flatten()
-        };
-        let (first, width) = ([cols.start, rows.start], (cols.end - cols.start) as usize);
-        let lots = rows.flat_map(|row| cols.clone().map(move |col| (col, row)));
-        let lots = lots.map(|(col, row)| build(col, row)).collect();
-        Self { first, width, lots }
+            if is_town(x, y) { Building::new(col, row, dice, ground) } else { None }
+        });
+        Self { first: [west, south], width: (east - west) as usize, lots: lots.collect() }
     }
 
-    /// The building at a place.
+    /// The building at a position.
     #[inline(always)]
     pub(super) fn at(&self, x: f64, y: f64) -> Option<&Building> {
         let col = ((x * (1.0 / LOT)) as u64).checked_sub(self.first[0])? as usize;
@@ -100,7 +97,7 @@ impl Town {
 
 /// The whole lots that a rectangle touches, as [x min, y min, x max, y max].
 pub(super) fn whole_lots([x0, y0, x1, y1]: [f64; 4]) -> [f64; 4] {
-    let down = |place: f64| (place * (1.0 / LOT)).floor() * LOT;
-    let up = |place: f64| ((place * (1.0 / LOT)).floor() + 1.0) * LOT;
-    [down(x0), down(y0), up(x1), up(y1)]
+    let [west, south] = [x0, y0].map(|place| (place * (1.0 / LOT)).floor() * LOT);
+    let [east, north] = [x1, y1].map(|place| ((place * (1.0 / LOT)).floor() + 1.0) * LOT);
+    [west, south, east, north]
 }

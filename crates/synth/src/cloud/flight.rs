@@ -6,20 +6,22 @@ use crate::hash::mix64;
 
 /// Metres between flight lines.
 const SPACING: f64 = 160.0;
-/// Width of what the scanner sees.
+/// Width of the swath of a line in metres.
 const SWATH: f64 = 200.0;
+/// Metres of a swath beyond the strip of its line, on either side.
+const MARGIN: f64 = 0.5 * (SWATH - SPACING);
 /// Flying height.
 const ALTITUDE: f64 = 500.0;
-/// Returns of a pulse, on the mean.
+/// Mean number of returns of a pulse.
 const RETURNS: f64 = 1.13;
-/// Pulses of a part, about.
+/// Approximate number of pulses of a part.
 const PART: u64 = 1 << 16;
-/// Most metres of a part along its line: its window of the ground stays small at any density.
+/// Maximum length of a part along its line in metres: its window of the ground stays small at any density.
 const LONGEST: f64 = 1024.0;
-/// Scan lines by second, and seconds from one line's start to that of the next beyond its length.
+/// Scan lines per second, and seconds for the turn between lines.
 const SCANS_BY_SECOND: f64 = 100.0;
 const TURN: f64 = 240.0;
-/// First second, in GPS time less a billion.
+/// GPS time of the start, less a billion seconds.
 const START: f64 = 3.0e8;
 
 /// The whole flight.
@@ -61,18 +63,21 @@ impl<'a> Flight<'a> {
     /// The part of this index.
     pub(super) fn leg(&self, part: usize) -> FlightLeg<'_> {
         let line = part as u64 / self.parts_of_line();
-        assert!(line < self.lines, "there is no part {part}");
+        assert!(line < self.lines, "part {part} does not exist");
         let from = part as u64 % self.parts_of_line() * self.each;
         FlightLeg { flight: self, line, from, to: (from + self.each).min(self.scans) }
     }
 }
 
-/// Metres across that all lines see within a survey, overlaps counted twice.
+/// Width of all swaths within a survey in metres, overlaps counted twice.
 fn seen(width: f64, lines: f64) -> f64 {
-    let overlap = 0.5 * (SWATH - SPACING);
-    let beyond = |line: f64| ((line + 1.0) * SPACING + overlap - width).max(0.0);
-    let last_two = beyond(lines - 1.0) + if lines > 1.0 { beyond(lines - 2.0) } else { 0.0 };
-    lines * SWATH - overlap - last_two
+    let before_last = if lines > 1.0 { beyond(lines - 2.0, width) } else { 0.0 };
+    lines * SWATH - MARGIN - (beyond(lines - 1.0, width) + before_last)
+}
+
+/// Metres of a line's swath to the east of a survey.
+fn beyond(line: f64, width: f64) -> f64 {
+    ((line + 1.0) * SPACING + MARGIN - width).max(0.0)
 }
 
 fn mean_returns(survey: &LidarSurvey) -> f64 {
@@ -87,7 +92,7 @@ pub(super) struct FlightLeg<'a> {
     to: u64,
 }
 
-/// A pulse: where it meets the ground, and how it was sent.
+/// A pulse: its position on the ground, and attributes of its emission.
 pub(super) struct LaserPulse {
     pub(super) x: f64,
     pub(super) y: f64,
@@ -106,15 +111,16 @@ pub(super) struct LaserPulse {
 impl FlightLeg<'_> {
     /// West end of the swath, which may lie beyond the survey.
     fn west(&self) -> f64 {
-        self.line as f64 * SPACING - 0.5 * (SWATH - SPACING)
+        self.line as f64 * SPACING - MARGIN
     }
 
-    /// Pulses of a scan line that may meet the survey, by their number from the west.
+    /// Numbers, from the west, of the pulses of a scan line that may hit the survey.
     fn within(&self) -> std::ops::Range<u64> {
         let flight = self.flight;
-        let number = |x: f64| (x - self.west()) / flight.across;
-        let first = (number(0.0).floor() - 1.0).max(0.0) as u64;
-        let last = (number(flight.survey.width).ceil() + 1.0) as u64;
+        let [first, last] = [0.0, flight.survey.width].map(|x| (x - self.west()) / flight.across);
+        // One more on either side: pulses stray from their places.
+        let first = (first.floor() - 1.0).max(0.0) as u64;
+        let last = (last.ceil() + 1.0) as u64;
         first..last.min(flight.pulses)
     }
 
@@ -132,7 +138,7 @@ impl FlightLeg<'_> {
         [x[0], y[0].min(y[1]), x[1], y[0].max(y[1])]
     }
 
-    /// Ways along the line as y: odd lines are flown to the south.
+    /// Distances along the line as y: odd lines are flown to the south.
     fn heading(&self, ways: [f64; 2]) -> [f64; 2] {
         ways.map(|way| self.northing(way))
     }
@@ -141,7 +147,7 @@ impl FlightLeg<'_> {
         if self.line.is_multiple_of(2) { way } else { self.flight.survey.height - way }
     }
 
-    /// Calls `each` for every pulse that meets the survey.
+    /// Calls `each` for every pulse that hits the survey.
     pub(super) fn each_pulse(&self, mut each: impl FnMut(LaserPulse)) {
         for scan in self.from..self.to {
             self.each_of_scan(scan, &mut each);
@@ -161,7 +167,7 @@ impl FlightLeg<'_> {
         }
     }
 
-    /// The pulse of a number from the west. It strays from its place by up to 0.4 of a step.
+    /// A pulse by its number from the west. Its position is jittered by up to 0.4 of a step.
     #[inline(always)]
     fn shot(&self, scan: u64, pulse: u64, eastward: bool, mut dice: PulseRandom) -> LaserPulse {
         let flight = self.flight;
@@ -187,7 +193,7 @@ impl FlightLeg<'_> {
         }
     }
 
-    /// Ways beyond the ends of the line come back into the survey.
+    /// Reflects distances beyond the ends of the line into the survey.
     fn reflect(&self, way: f64) -> f64 {
         let length = self.flight.survey.height;
         if way < 0.0 {

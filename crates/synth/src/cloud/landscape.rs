@@ -1,14 +1,14 @@
-//! The landscape under a part of a flight: ground, zones, buildings, trees and voids.
+//! The landscape under a part of a flight: ground, land cover, buildings, trees and voids.
 
 use super::building::{self, Building};
 use super::random::PulseRandom;
-use super::spline::{GROUND, Spline, ZONES};
+use super::spline::{COVER, GROUND, Spline};
 use super::survey::LidarSurvey;
 use crate::hash::{RowHash, mix64};
 use terrane_base::geom::Rect;
 
-/// Values of the map above which there is forest, below which there is water, and between which there
-/// are buildings; its values have a deviation of 0.28.
+/// Values of the map of land cover above which there is forest, below which there is water, and between which
+/// there are buildings; its values have a standard deviation of 0.28.
 const FOREST: f64 = 0.17;
 const WATER: f64 = -0.6;
 const TOWN: std::ops::Range<f64> = -0.32..-0.04;
@@ -18,11 +18,11 @@ const TREE: f64 = 6.0;
 
 /// The landscape within a rectangle.
 pub(super) struct LandscapeWindow {
-    /// Steps of coordinates by metre.
+    /// Coordinate steps per metre.
     pub(super) by_metre: f64,
     /// Steps from west to east.
     pub(super) columns: i32,
-    /// Deviation of the ranging in metres.
+    /// Standard deviation of the range noise in metres.
     pub(super) noise: f64,
     ground: Spline,
     cover: Option<LandCover>,
@@ -30,7 +30,7 @@ pub(super) struct LandscapeWindow {
 }
 
 struct LandCover {
-    zones: Spline,
+    map: Spline,
     town: building::Town,
     trees: u64,
 }
@@ -51,10 +51,10 @@ impl LandscapeWindow {
         let wide = building::whole_lots(area);
         let ground = ground(survey, wide);
         let cover = survey.cover.then(|| LandCover::new(survey, wide, &ground));
-        let touches = |[x, y, r]: &[f64; 3]| {
+        let voids = survey.void_places().filter(|[x, y, r]| {
             x + r >= area[0] && x - r <= area[2] && y + r >= area[1] && y - r <= area[3]
-        };
-        let voids = survey.void_places().filter(touches).collect();
+        });
+        let voids = voids.collect();
         let by_metre = 1.0 / survey.scale;
         Self { by_metre, columns: survey.steps()[0], noise: survey.noise, ground, cover, voids }
     }
@@ -68,11 +68,11 @@ impl LandscapeWindow {
     /// The object at a position; `None` if there is no return.
     #[inline(always)]
     pub(super) fn at(&self, x: f64, y: f64) -> Option<PulseTarget<'_>> {
-        let inside = |[cx, cy, r]: &[f64; 3]| {
+        let is_void = self.voids.iter().any(|[cx, cy, r]| {
             let (dx, dy) = (x - cx, y - cy);
             dx * dx + dy * dy < r * r
-        };
-        if self.voids.iter().any(inside) {
+        });
+        if is_void {
             return None;
         }
         self.cover.as_ref().map_or(Some(PulseTarget::Bare), |cover| cover.at(x, y))
@@ -81,22 +81,22 @@ impl LandscapeWindow {
 
 impl LandCover {
     fn new(survey: &LidarSurvey, wide: [f64; 4], ground: &Spline) -> Self {
-        let zones = zones(survey, wide);
-        let is_town = |x: f64, y: f64| TOWN.contains(&zones.at(x, y));
-        let town = building::Town::new(survey.key(4), wide, is_town, ground);
-        Self { town, zones, trees: survey.key(5) }
+        let map = cover_map(survey, wide);
+        let key = survey.key(4);
+        let town = building::Town::new(key, wide, |x, y| TOWN.contains(&map.at(x, y)), ground);
+        Self { town, map, trees: survey.key(5) }
     }
 
     #[inline(always)]
     fn at(&self, x: f64, y: f64) -> Option<PulseTarget<'_>> {
-        let zone = self.zones.at(x, y);
-        if zone < WATER {
+        let cover = self.map.at(x, y);
+        if cover < WATER {
             return None;
         }
         if let Some(building) = self.town.at(x, y) {
             return Some(PulseTarget::Roof(building));
         }
-        if zone <= FOREST {
+        if cover <= FOREST {
             return Some(PulseTarget::Bare);
         }
         Some(self.crown(x, y).map_or(PulseTarget::Undergrowth, PulseTarget::Crown))
@@ -132,10 +132,10 @@ pub(super) fn ground(survey: &LidarSurvey, area: [f64; 4]) -> Spline {
     })
 }
 
-/// The map of land cover.
-fn zones(survey: &LidarSurvey, area: [f64; 4]) -> Spline {
+/// The map of land cover: smooth random values, which thresholds divide.
+fn cover_map(survey: &LidarSurvey, area: [f64; 4]) -> Spline {
     let key = survey.key(2);
-    Spline::new(ZONES, area, |[col, row, width, _], nodes| {
+    Spline::new(COVER, area, |[col, row, width, _], nodes| {
         for (line, row) in nodes.chunks_exact_mut(width as usize).zip(row..) {
             let hash = RowHash::new(key, row);
             for (node, col) in line.iter_mut().zip(col..) {
@@ -145,15 +145,12 @@ fn zones(survey: &LidarSurvey, area: [f64; 4]) -> Spline {
     })
 }
 
-/// Centre and radius of the void of this number: on a corner of tiles, on a line between columns of
-/// tiles, on a line between rows, in turn, as far as there are such.
+/// Centre and radius of a void by its number: in turn on a corner of tiles, on a line between columns of
+/// tiles, and on a line between rows, if there are such.
 fn void(survey: &LidarSurvey, number: u32) -> [f64; 3] {
     let [across, along, size, _] = PulseRandom(mix64(survey.key(3) ^ u64::from(number))).four();
-    let line = |share: f64, length: f64| {
-        let lines = (length / survey.tile).ceil() - 1.0;
-        (lines >= 1.0).then(|| survey.tile * (1.0 + (share * lines).floor()))
-    };
-    let (mut x, mut y) = (line(across, survey.width), line(along, survey.height));
+    let mut x = tile_line(across, survey.width, survey.tile);
+    let mut y = tile_line(along, survey.height, survey.tile);
     match number % 3 {
         1 if x.is_some() => y = None,
         2 if y.is_some() => x = None,
@@ -161,4 +158,10 @@ fn void(survey: &LidarSurvey, number: u32) -> [f64; 3] {
     }
     let x = x.unwrap_or(across * survey.width);
     [x, y.unwrap_or(along * survey.height), 7.5 + 22.5 * size]
+}
+
+/// A multiple of `tile` within a length, chosen by a share from 0 to 1, if there is one.
+fn tile_line(share: f64, length: f64, tile: f64) -> Option<f64> {
+    let lines = (length / tile).ceil() - 1.0;
+    (lines >= 1.0).then(|| tile * (1.0 + (share * lines).floor()))
 }

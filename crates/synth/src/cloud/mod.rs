@@ -6,9 +6,9 @@
 //! Only additions, multiplications, divisions and square roots are used, which IEEE 754 defines to the
 //! last bit, so the points are the same on every machine.
 //!
-//! The truth: [`LidarSurvey::ground`] is the ground at any place. A return of class [`GROUND`] that is not
-//! withheld lies on it at its own recorded x and y, but for the noise of ranging (a bell curve that
-//! ends at 3.5 times its deviation) and half a step of z.
+//! Ground truth: [`LidarSurvey::ground`] is the height of the ground at any position. A return of class
+//! [`GROUND`] that is not withheld lies on it at its own recorded x and y, except for range noise (a bell curve that
+//! ends at 3.5 standard deviations) and half a step of z.
 
 mod building;
 mod flight;
@@ -27,12 +27,12 @@ use flight::Flight;
 use landscape::LandscapeWindow;
 
 impl LidarSurvey {
-    /// How many parts there are.
+    /// Number of parts.
     pub fn parts(&self) -> usize {
         Flight::new(self).parts()
     }
 
-    /// Points of a part, at most.
+    /// Maximum number of points of a part.
     pub fn most(&self, part: usize) -> u64 {
         Flight::new(self).leg(part).pulses() * u64::from(pulse::MAX_RETURNS)
     }
@@ -40,16 +40,16 @@ impl LidarSurvey {
     /// Extent of a part: x min, y min, x max, y max.
     ///
     /// # Panics
-    /// When there is no such part.
+    /// If the part does not exist.
     pub fn area(&self, part: usize) -> [f64; 4] {
         let [west, south, east, north] = Flight::new(self).leg(part).area();
         [west - pulse::LEAN, south, east + pulse::LEAN, north]
     }
 
-    /// Makes the points of a part, in the order of flight, in place of what `echoes` holds.
+    /// Replaces `echoes` with the points of a part, in the order of flight.
     ///
     /// # Panics
-    /// When there is no such part.
+    /// If the part does not exist.
     pub fn fill(&self, part: usize, echoes: &mut Vec<SimulatedReturn>) {
         echoes.clear();
         let flight = Flight::new(self);
@@ -58,9 +58,9 @@ impl LidarSurvey {
         leg.each_pulse(|shot| pulse::echoes(self, &land, &shot, echoes));
     }
 
-    /// Height of the ground in metres at a place of the survey: a uniform bicubic B-spline over the
+    /// Height of the ground in metres at a position of the survey: a uniform bicubic B-spline over the
     /// samples of a rough terrain a fixed number of metres apart, twice continuously differentiable.
-    /// For many places use [`ground_rows`](Self::ground_rows): this costs some microseconds.
+    /// For many positions use [`ground_rows`](Self::ground_rows): this costs some microseconds.
     pub fn ground(&self, x: f64, y: f64) -> f64 {
         landscape::ground(self, [x, y, x, y]).at(x, y)
     }
@@ -68,9 +68,6 @@ impl LidarSurvey {
     /// Heights of the ground at the crossings of `xs` and `ys`, row by row: the same numbers as from
     /// [`ground`](Self::ground). Memory is that of the samples under the rectangle they span.
     pub fn ground_rows(&self, xs: &[f64], ys: &[f64]) -> Vec<f64> {
-        let span = |all: &[f64]| {
-            all.iter().fold([f64::MAX, 0.0], |[low, high]: [f64; 2], v| [low.min(*v), high.max(*v)])
-        };
         if xs.is_empty() || ys.is_empty() {
             return Vec::new();
         }
@@ -78,4 +75,9 @@ impl LidarSurvey {
         let ground = landscape::ground(self, [x0, y0, x1, y1]);
         ys.iter().flat_map(|y| xs.iter().map(|x| ground.at(*x, *y))).collect()
     }
+}
+
+/// The smallest and the largest of non-negative values.
+fn span(values: &[f64]) -> [f64; 2] {
+    values.iter().fold([f64::MAX, 0.0], |[low, high], v| [low.min(*v), high.max(*v)])
 }

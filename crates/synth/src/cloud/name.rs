@@ -82,13 +82,13 @@ impl LidarSurvey {
     }
 
     /// The survey with this name: `cloud`, then any of [`PARAMETERS`] as `key=value`, separated by
-    /// commas, in any order, each at most once; width and height go before size. Fails with
-    /// [`ErrorKind::Usage`](terrane_base::ErrorKind::Usage) and the words known.
+    /// commas, in any order, each at most once; width and height override size. Fails with
+    /// [`ErrorKind::Usage`](terrane_base::ErrorKind::Usage), which lists the parameters.
     pub fn parse(name: &str) -> Result<Self> {
         let mut words = name.split(',').map(str::trim);
         if words.next() != Some(KIND) {
-            return Err(Error::usage(format!("there is no cloud named {name:?}"))
-                .remedy(format!("its first word is {KIND:?}")));
+            return Err(Error::usage(format!("not a point cloud name: {name:?}"))
+                .remedy(format!("begin the name with {KIND:?}")));
         }
         let known = NameGrammar { what: "cloud", kind: KIND, known: PARAMETERS.iter().collect() };
         let mut survey = Self::default();
@@ -123,22 +123,23 @@ impl LidarSurvey {
     fn check(&self) -> Result<()> {
         let longest = self.width.max(self.height);
         if longest / self.scale > f64::from(REACH) {
-            let most = f64::from(REACH) * self.scale;
+            let limit = f64::from(REACH) * self.scale;
             return Err(Error::usage(format!(
-                "{longest} m are too many steps of {} m",
+                "a side of {longest} m exceeds the coordinate range at a scale of {} m",
                 self.scale
             ))
-            .remedy(format!("give at most {most:.0} m, or a larger scale")));
+            .remedy(format!("choose at most {limit:.0} m, or a larger scale")));
         }
         if self.voids > 0 && longest <= self.tile {
-            return Err(Error::usage(format!("no multiple of {} m lies within", self.tile))
-                .remedy("give a tile smaller than the cloud, for the voids to lie on"));
+            let message =
+                format!("voids lie on multiples of {} m, none within the cloud", self.tile);
+            return Err(Error::usage(message).remedy("choose a tile smaller than the cloud"));
         }
         Ok(())
     }
 }
 
-/// The name that [`LidarSurvey::parse`] turns back into the same survey.
+/// The name, which [`LidarSurvey::parse`] parses into the same survey.
 impl fmt::Display for LidarSurvey {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { width, height, density, seed, noise, scale, .. } = self;

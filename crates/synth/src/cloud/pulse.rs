@@ -22,17 +22,17 @@ pub struct SimulatedReturn {
     pub point: Point,
     /// Seconds, growing along a line and from line to line.
     pub time: f64,
-    /// Strength, by what was hit.
+    /// Intensity, by the class of the target.
     pub intensity: u16,
     /// Number of the flight line, from 1.
     pub source: u16,
     /// Angle of the beam in steps of 0.006 degrees, positive to the east.
     pub angle: i16,
-    /// Which return of the pulse, from 1, the highest first.
+    /// Return number, from 1, the highest first.
     pub number: u8,
-    /// How many returns the pulse has.
+    /// Number of returns of the pulse.
     pub of: u8,
-    /// Class, with the numbers of the ASPRS.
+    /// ASPRS class.
     pub class: u8,
     /// True for a point that is known to be wrong.
     pub withheld: bool,
@@ -44,14 +44,14 @@ pub struct SimulatedReturn {
     pub edge: bool,
 }
 
-/// Most returns of a pulse.
+/// Maximum number of returns of a pulse.
 pub(super) const MAX_RETURNS: u32 = 4;
 
-/// Metres by which a return may lie beside the place where its pulse meets the ground: trees are at
+/// Maximum horizontal distance in metres of a return from its pulse's position on the ground: trees are at
 /// most 23 m high, and the tangent of the beam's angle is at most 0.2.
 pub(super) const LEAN: f64 = 5.0;
 
-/// A return above the ground, and what it is of.
+/// A return above the ground, and its class.
 #[derive(Clone, Copy)]
 struct PulseReturn {
     /// Metres above the ground.
@@ -68,7 +68,7 @@ struct PulseReturns {
 }
 
 impl PulseReturns {
-    fn one(hit: PulseReturn) -> Self {
+    fn single(hit: PulseReturn) -> Self {
         Self { hits: [hit; MAX_RETURNS as usize], count: 1 }
     }
 
@@ -97,8 +97,8 @@ pub(super) fn echoes(
         return;
     }
     let hits = match place {
-        PulseTarget::Bare => PulseReturns::one(ON_GROUND),
-        PulseTarget::Roof(building) => PulseReturns::one(PulseReturn {
+        PulseTarget::Bare => PulseReturns::single(ON_GROUND),
+        PulseTarget::Roof(building) => PulseReturns::single(PulseReturn {
             above: building.height(x, y) - ground,
             class: BUILDING,
         }),
@@ -131,7 +131,7 @@ fn angle(tangent: f64) -> f64 {
     tangent * (1.0 - tangent * tangent * (1.0 / 3.0)) * 57.295_779_513_082_32
 }
 
-/// A point with the ranging noise, as the beam met it: higher hits lie nearer to the aircraft.
+/// A point with range noise along the beam: higher hits lie nearer to the aircraft.
 fn place_of(
     land: &LandscapeWindow,
     [x, y]: [i32; 2],
@@ -142,11 +142,11 @@ fn place_of(
     let shift = (hit.above * tangent * land.by_metre) as i32;
     let nearer = if hit.class == GROUND || hit.class == BUILDING { x } else { x - shift };
     let x = if (0..land.columns).contains(&nearer) { nearer } else { x };
-    Point::new(x, y, whole(land, ground + hit.above + land.noise * dice.bell()))
+    Point::new(x, y, steps_of(land, ground + hit.above + land.noise * dice.bell()))
 }
 
-/// Height in steps, the nearest. A number that is not negative is rounded down by a plain conversion.
-fn whole(land: &LandscapeWindow, z: f64) -> i32 {
+/// Height in whole steps, rounded to the nearest. Lifted above zero, a plain conversion rounds down.
+fn steps_of(land: &LandscapeWindow, z: f64) -> i32 {
     const LIFT: i64 = 1 << 31;
     ((z * land.by_metre + (LIFT as f64 + 0.5)) as i64 - LIFT) as i32
 }
@@ -160,7 +160,7 @@ fn intensity(class: u8, dice: &mut PulseRandom) -> u16 {
     base + u16::from(dice.byte())
 }
 
-/// A return that is wrong: from below the ground, from the air, or one that is marked as withheld.
+/// An outlier: from below the ground, from the air, or flagged as withheld.
 fn stray(
     land: &LandscapeWindow,
     at: [i32; 2],
@@ -174,7 +174,7 @@ fn stray(
         k if k < 0.7 => (HIGH_NOISE, 40.0 + 260.0 * size, false),
         _ => (GROUND, 10.0 * (size - 0.5), true),
     };
-    let point = Point::new(at[0], at[1], whole(land, ground + above));
+    let point = Point::new(at[0], at[1], steps_of(land, ground + above));
     let intensity = (100.0 * strength) as u16;
     SimulatedReturn { point, intensity, number: 1, of: 1, class, withheld, ..template }
 }
@@ -189,7 +189,7 @@ fn vegetation(above: f64) -> PulseReturn {
     PulseReturn { above, class }
 }
 
-/// A crown gives one to four returns; the last one is mostly of the ground.
+/// A crown gives one to four returns; the last one is mostly from the ground.
 fn through_crown(height: f64, dice: &mut PulseRandom) -> PulseReturns {
     let [count, through, top, depth] = dice.four();
     let first = vegetation(height * (1.0 - 0.1 * top));
@@ -200,9 +200,9 @@ fn through_crown(height: f64, dice: &mut PulseRandom) -> PulseReturns {
         _ => 3,
     };
     if more == 0 {
-        return PulseReturns::one(if through < 0.3 { ON_GROUND } else { first });
+        return PulseReturns::single(if through < 0.3 { ON_GROUND } else { first });
     }
-    let mut hits = PulseReturns::one(first);
+    let mut hits = PulseReturns::single(first);
     for k in 1..more {
         let share = (f64::from(more - k) + 0.6 * (depth - 0.5)) / f64::from(more + 1);
         hits.push(vegetation(first.above * share));
@@ -211,14 +211,14 @@ fn through_crown(height: f64, dice: &mut PulseRandom) -> PulseReturns {
     hits
 }
 
-/// Between crowns there are shrubs here and there.
+/// Scattered shrubs between crowns.
 fn through_undergrowth(dice: &mut PulseRandom) -> PulseReturns {
     let [is_there, height, through, _] = dice.four();
     if is_there >= 0.25 {
-        return PulseReturns::one(ON_GROUND);
+        return PulseReturns::single(ON_GROUND);
     }
     let shrub = vegetation(0.15 + 1.6 * height);
-    let mut hits = PulseReturns::one(shrub);
+    let mut hits = PulseReturns::single(shrub);
     if shrub.above > 0.8 && through < 0.5 {
         hits.push(ON_GROUND);
     }

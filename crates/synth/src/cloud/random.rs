@@ -2,7 +2,7 @@
 
 use crate::hash::mix64;
 
-/// A source of chance that is a pure function of its start.
+/// Random numbers that are a pure function of the start value.
 #[derive(Clone, Copy)]
 pub(super) struct PulseRandom(pub(super) u64);
 
@@ -20,13 +20,13 @@ impl PulseRandom {
         [0, 16, 32, 48].map(|at| f64::from((bits >> at) as u16) * (1.0 / 65_536.0))
     }
 
-    /// A byte out of the bits drawn last, which need not be drawn for it.
+    /// A byte from the bits drawn last, without drawing new ones.
     #[inline(always)]
     pub(super) fn byte(self) -> u8 {
         (self.0.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 56) as u8
     }
 
-    /// A number of mean 0 and deviation 1: four even numbers added, so it ends at 3.5.
+    /// A number of mean 0 and standard deviation 1: the sum of four uniform numbers, at most 3.5.
     #[inline(always)]
     pub(super) fn bell(&mut self) -> f64 {
         let [a, b, c, d] = self.four();

@@ -1,12 +1,12 @@
-//! Uniform bicubic B-splines over lattices of nodes: smooth surfaces at any place.
+//! Uniform bicubic B-splines over lattices of nodes: smooth surfaces.
 
 /// Metres between nodes of the ground.
 pub(super) const GROUND: f64 = 2.0;
 /// Metres between nodes of the map of forest, fields, towns and water.
-pub(super) const ZONES: f64 = 64.0;
+pub(super) const COVER: f64 = 64.0;
 
-/// A window of a surface over a lattice. Place p lies in cell floor(p / side), on which the nodes of
-/// this and the next three numbers act.
+/// A window of a surface over a lattice. Coordinate p lies in cell floor(p / side), which the nodes of
+/// this and the next three numbers determine.
 pub(super) struct Spline {
     inverse: f64,
     first: [i64; 2],
@@ -14,7 +14,7 @@ pub(super) struct Spline {
     nodes: Vec<f32>,
 }
 
-/// Nodes on each axis that reach into a cell.
+/// Nodes along each axis that determine a cell.
 const REACH: u32 = 4;
 
 impl Spline {
@@ -26,31 +26,30 @@ impl Spline {
         fill: impl FnOnce([u32; 4], &mut [f32]),
     ) -> Self {
         let inverse = 1.0 / side;
-        let cell = |place: f64| (place * inverse) as u32;
-        let (col, row) = (cell(x0), cell(y0));
-        let (width, height) = (cell(x1) - col + REACH, cell(y1) - row + REACH);
+        let [col, row, last_col, last_row] = [x0, y0, x1, y1].map(|place| (place * inverse) as u32);
+        let (width, height) = (last_col - col + REACH, last_row - row + REACH);
         let mut nodes = vec![0.0; width as usize * height as usize];
         fill([col, row, width, height], &mut nodes);
         Self { inverse, first: [i64::from(col), i64::from(row)], width: width as usize, nodes }
     }
 
-    /// The surface at a place of the window.
+    /// The surface at a position in the window.
     #[inline(always)]
     pub(super) fn at(&self, x: f64, y: f64) -> f64 {
         let (u, v) = (x * self.inverse, y * self.inverse);
         let (col, row) = (u as i64, v as i64);
         let (across, up) = (weights(u - col as f64), weights(v - row as f64));
         let from = (row - self.first[1]) as usize * self.width + (col - self.first[0]) as usize;
-        let line = |k: usize| {
+        let lines: [f64; REACH as usize] = std::array::from_fn(|k| {
             let q = &self.nodes[from + k * self.width..][..REACH as usize];
             let [q0, q1, q2, q3] = [q[0], q[1], q[2], q[3]].map(f64::from);
             (across[0] * q0 + across[1] * q1) + (across[2] * q2 + across[3] * q3)
-        };
-        (up[0] * line(0) + up[1] * line(1)) + (up[2] * line(2) + up[3] * line(3))
+        });
+        (up[0] * lines[0] + up[1] * lines[1]) + (up[2] * lines[2] + up[3] * lines[3])
     }
 }
 
-/// Weights of the four nodes around place `t` of a cell.
+/// Weights of the four nodes around position `t` (0 to 1) of a cell.
 #[inline(always)]
 fn weights(t: f64) -> [f64; 4] {
     const SIXTH: f64 = 1.0 / 6.0;

@@ -1,9 +1,9 @@
-//! A survey by its parameters, and the numbers that follow from them alone.
+//! Parameters of a survey, and numbers derived from them.
 
 use crate::hash::mix64;
 use crate::{CHARACTERS, Terrain};
 
-/// A survey: what [`fill`](LidarSurvey::fill) makes parts of. Lengths are metres; x and y count from the
+/// Parameters of a survey; [`fill`](LidarSurvey::fill) makes its points. Lengths are in metres, from the
 /// south-west corner.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LidarSurvey {
@@ -13,23 +13,23 @@ pub struct LidarSurvey {
     pub height: f64,
     /// Approximate points per square metre, including all returns and overlaps.
     pub density: f64,
-    /// Chooses one survey among all of its kind.
+    /// Random seed.
     pub seed: u64,
-    /// Standard deviation of the ranging noise.
+    /// Standard deviation of the range noise.
     pub noise: f64,
     /// A step of the coordinates, on each axis.
     pub scale: f64,
-    /// From low plains to high peaks, about.
+    /// Approximate height range.
     pub relief: f64,
-    /// Round places of 15 to 60 m across without any point, their centres on multiples of `tile`.
+    /// Number of round gaps of 15 to 60 m across, with centres on multiples of `tile`.
     pub voids: u32,
     /// Distance of the lines on which voids lie.
     pub tile: f64,
-    /// Share of pulses that come back as noise or withheld points.
+    /// Share of pulses that return noise or withheld points.
     pub outliers: f64,
     /// True for forest, buildings and water; false for bare ground.
     pub cover: bool,
-    /// True for scan lines to and fro, false for parallel ones.
+    /// True for zigzag scan lines, false for parallel ones.
     pub zigzag: bool,
 }
 
@@ -46,8 +46,7 @@ impl LidarSurvey {
         [low, high].map(|z| (z / self.scale) as i32)
     }
 
-    /// Points of the whole survey, about: voids and water are not taken off, and returns are counted
-    /// by their mean.
+    /// Approximate number of points, including voids and water, with the mean number of returns.
     pub fn expected(&self) -> u64 {
         (self.width * self.height * self.density).ceil() as u64
     }
@@ -58,7 +57,7 @@ impl LidarSurvey {
         Terrain { seed: self.seed, relief: self.relief, ..terrain }
     }
 
-    /// A seed for one use of chance.
+    /// The seed of one use of random numbers.
     pub(super) fn key(&self, name: u64) -> u64 {
         mix64(self.seed ^ mix64(name))
     }

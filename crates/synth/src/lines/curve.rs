@@ -1,4 +1,4 @@
-//! The curves, each in a cell of side 1 whose lower left corner is its place.
+//! The curves, each in a cell of side 1 with its lower left corner at the given place.
 
 use super::{LineFamily, Place, SyntheticLines, Xy};
 
@@ -60,16 +60,15 @@ const SIXTHS: [Xy; 6] = [
     [0.5, -HALF_ROOT],
 ];
 
-/// From west to east, H. von Koch, "Sur une courbe continue sans tangente" (1904), with as many levels
-/// as the vertices need.
+/// From west to east, with the fewest levels for the vertices. Source: H. von Koch, "Sur une courbe continue
+/// sans tangente" (1904).
 fn koch(lines: &SyntheticLines, place: Place, out: &mut Vec<Xy>) {
     let segments = u64::from(lines.vertices) - 1;
     let levels = (0..).find(|level| 4_u64.pow(*level) >= segments).unwrap_or(0);
     out.extend((0..u64::from(lines.vertices)).map(|vertex| within(place, koch_at(vertex, levels))));
 }
 
-/// A vertex by the digits, to the base of 4, of its number: each says which quarter of the curve it is
-/// in, and that quarter is a third as long.
+/// A vertex by the base-4 digits of its number: each selects a quarter of the curve, which is a third as long.
 fn koch_at(vertex: u64, levels: u32) -> Xy {
     if vertex == 4_u64.pow(levels) {
         return [1.0, 0.0];
@@ -78,7 +77,7 @@ fn koch_at(vertex: u64, levels: u32) -> Xy {
     for level in (0..levels).rev() {
         length /= 3.0;
         let quarter = (vertex >> (2 * level) & 3) as usize;
-        // The headings of the quarters, against that of the whole.
+        // Headings of the quarters, in sixths of a turn from that of the curve.
         let turns = [0, 1, 5, 0].map(|turn| (heading + turn) % 6);
         for turn in &turns[..quarter] {
             at = [0, 1].map(|k| at[k] + length * SIXTHS[*turn][k]);
@@ -88,8 +87,7 @@ fn koch_at(vertex: u64, levels: u32) -> Xy {
     at
 }
 
-/// From the middle. A walk gets about as far as the root of its steps, times one, so few leave the
-/// square.
+/// From the middle. A walk of n steps gets about sqrt(n) step lengths far, so few leave the square.
 fn walk(lines: &SyntheticLines, place: Place, out: &mut Vec<Xy>) {
     let step = 0.25 / f64::from(lines.vertices).sqrt();
     let of = key(place);
@@ -106,12 +104,11 @@ fn key([col, row]: Place) -> u64 {
 
 fn zigzag(lines: &SyntheticLines, place: Place, out: &mut Vec<Xy>) {
     let last = f64::from(lines.vertices - 1);
-    let at = |vertex: u32| {
+    out.extend((0..lines.vertices).map(|vertex| {
         let x = f64::from(vertex) / last;
         let sign = if vertex.is_multiple_of(2) { 0.5 } else { -0.5 };
         within(place, [x, 0.5 + sign * x])
-    };
-    out.extend((0..lines.vertices).map(at));
+    }));
 }
 
 fn spiral(lines: &SyntheticLines, place: Place, out: &mut Vec<Xy>) {
@@ -128,45 +125,50 @@ fn spiral(lines: &SyntheticLines, place: Place, out: &mut Vec<Xy>) {
 
 fn arc(lines: &SyntheticLines, place: Place, out: &mut Vec<Xy>) {
     let last = f64::from(lines.vertices - 1);
-    let at = |vertex| within(place, on_circle(f64::from(vertex) / last));
-    out.extend((0..lines.vertices).map(at));
+    let shares = (0..lines.vertices).map(|vertex| f64::from(vertex) / last);
+    out.extend(shares.map(|share| within(place, on_circle(share))));
 }
 
-/// The place on the unit circle at an angle whose half has this tangent.
+/// The point of the unit circle at an angle, from the tangent of half of it.
 fn on_circle(half_tangent: f64) -> Xy {
     let square = half_tangent * half_tangent;
     [(1.0 - square) / (1.0 + square), 2.0 * half_tangent / (1.0 + square)]
 }
 
-/// The ring of a cell, against the clock from its lower left corner. A border strays sideways by less
-/// than its nearer end is away, so it meets no other.
+/// The ring of a cell, counter-clockwise from its lower left corner. The offset of a border is less than the
+/// distance to its nearer end, so borders do not cross.
 fn cell(lines: &SyntheticLines, [col, row]: Place, out: &mut Vec<Xy>) {
     let steps = (lines.vertices / 4).max(1);
-    // Both cells along a border compute it by the same operations.
-    let share = |i: u32| f64::from(i) / f64::from(steps);
-    let level = |row: u32, i: u32| {
-        let off = stray(lines, key([col, row]) * 2, share(i), steps);
-        [f64::from(col) + share(i), f64::from(row) + off]
-    };
-    let upright = |col: u32, i: u32| {
-        let off = stray(lines, key([col, row]) * 2 + 1, share(i), steps);
-        [f64::from(col) + off, f64::from(row) + share(i)]
-    };
-    out.extend((0..steps).map(|i| level(row, i)));
-    out.extend((0..steps).map(|i| upright(col + 1, i)));
-    out.extend((1..=steps).rev().map(|i| level(row + 1, i)));
-    out.extend((0..=steps).rev().map(|i| upright(col, i)));
+    out.extend((0..steps).map(|i| on_lower_border(lines, [col, row], i, steps)));
+    out.extend((0..steps).map(|i| on_left_border(lines, [col + 1, row], i, steps)));
+    out.extend((1..=steps).rev().map(|i| on_lower_border(lines, [col, row + 1], i, steps)));
+    out.extend((0..=steps).rev().map(|i| on_left_border(lines, [col, row], i, steps)));
 }
 
-/// How far a border is off the line between its corners, at a share of its way: noise with octaves down
-/// to its steps.
+/// Vertex `i` of the lower border of a cell. The cells on both sides compute it by the same operations.
+fn on_lower_border(lines: &SyntheticLines, [col, row]: Place, i: u32, steps: u32) -> Xy {
+    let share = f64::from(i) / f64::from(steps);
+    let off = stray(lines, key([col, row]) * 2, share, steps);
+    [f64::from(col) + share, f64::from(row) + off]
+}
+
+/// The same of the left border.
+fn on_left_border(lines: &SyntheticLines, [col, row]: Place, i: u32, steps: u32) -> Xy {
+    let share = f64::from(i) / f64::from(steps);
+    let off = stray(lines, key([col, row]) * 2 + 1, share, steps);
+    [f64::from(col) + off, f64::from(row) + share]
+}
+
+/// Offset of a border from the line between its corners, at a share of its length: noise with octaves down to its
+/// steps.
 fn stray(lines: &SyntheticLines, border: u64, share: f64, steps: u32) -> f64 {
     let (mut height, mut weight, mut waves) = (0.0, 0.5, 4_u32);
     while waves / 4 < steps {
         let place = share * f64::from(waves);
         let (from, part) = (place.floor(), place - place.floor());
-        let at = |wave: f64| lines.chance(border, u64::from(waves) << 32 | wave as u64);
-        height += weight * (at(from) * (1.0 - part) + at(from + 1.0) * part);
+        let [start, end] = [from, from + 1.0]
+            .map(|wave| lines.chance(border, u64::from(waves) << 32 | wave as u64));
+        height += weight * (start * (1.0 - part) + end * part);
         weight *= 0.5;
         waves *= 2;
     }

@@ -1,5 +1,5 @@
-//! Synthetic lines: curves that are hard on methods of simplification, walks, and coverages whose
-//! polygons share their borders. Any feature on its own.
+//! Synthetic lines: worst cases of simplification methods, random walks, and coverages of polygons with
+//! shared borders. Each feature is made independently.
 //!
 //! Only additions, multiplications, divisions and square roots are used: the same bits on any machine.
 
@@ -23,30 +23,29 @@ pub struct LineFamily {
     pub name: &'static str,
     /// Description for lists.
     pub about: &'static str,
-    /// Its features are polygons of one ring, closed.
+    /// True if features are closed rings.
     pub is_rings: bool,
     /// Appends the vertices of a feature in the cell at its place.
     draw: fn(&SyntheticLines, Place, &mut Vec<Xy>),
 }
 
-/// Lines or rings: what [`feature`](SyntheticLines::feature) draws.
+/// Parameters of lines or rings; [`feature`](SyntheticLines::feature) makes them.
 #[derive(Clone, Copy, Debug)]
 pub struct SyntheticLines {
     /// Kind of the features.
     pub shape: &'static LineFamily,
-    /// Vertices of each feature, at least 2; of a ring about as many.
+    /// Vertices of each feature, at least 2; approximate for rings.
     pub vertices: u32,
-    /// How many there are, side by side in rows.
+    /// Number of features, side by side in rows.
     pub features: u32,
     /// Side of a feature's cell.
     pub size: f64,
-    /// Chooses one among all of its kind.
+    /// Random seed.
     pub seed: u64,
 }
 
 impl SyntheticLines {
-    /// Replaces `out` with the vertices of feature `number`. Linear in these, but for "koch" and
-    /// "coverage", which take a logarithm more.
+    /// Replaces `out` with the vertices of feature `number`, in O(n), or O(n log n) for "koch" and "coverage".
     pub fn feature(&self, number: u32, out: &mut Vec<Xy>) {
         let across = self.across();
         out.clear();
@@ -59,7 +58,7 @@ impl SyntheticLines {
         f64::from(self.features).sqrt().ceil().max(1.0) as u32
     }
 
-    /// -1 to 1, by chance.
+    /// A random number from -1 to 1.
     fn chance(&self, of: u64, at: u64) -> f64 {
         let bits = mix64(self.seed ^ mix64(of ^ mix64(at)));
         (bits >> 11) as f64 * (2.0 / (1u64 << 53) as f64) - 1.0

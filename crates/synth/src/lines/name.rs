@@ -52,7 +52,7 @@ impl SyntheticLines {
 
     /// The lines with this name: a shape, then any of [`PARAMETERS`] as `key=value`, separated by
     /// commas, in any order, each at most once. Fails with
-    /// [`ErrorKind::Usage`](terrane_base::ErrorKind::Usage) and the words known.
+    /// [`ErrorKind::Usage`](terrane_base::ErrorKind::Usage), which lists the parameters.
     pub fn parse(name: &str) -> Result<Self> {
         let shape = named(SHAPES, first_word(name))?;
         let known = PARAMETERS.iter().collect();
@@ -93,7 +93,7 @@ impl RegistryEntry for LineFamily {
     }
 }
 
-/// The name that [`SyntheticLines::parse`] turns back into the same lines.
+/// The name, which [`SyntheticLines::parse`] parses into the same lines.
 impl fmt::Display for SyntheticLines {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { shape, vertices, features, size, seed } = self;

@@ -14,7 +14,7 @@ use terrane_cloud::{
 use terrane_engine::{Cancel, FileAt, Progress};
 use terrane_gridding::{CellEdgeRule, CellLattice};
 
-/// Most cells along a side, by default.
+/// Default maximum number of cells along a side.
 const USUAL_SIDE: f64 = 1000.0;
 
 /// Cells of the plane, from the north-west on.
@@ -36,11 +36,11 @@ impl PictureCells {
         let lattice = CellLattice::new(&info.frame, [0.0; 2], [side; 2], CellEdgeRule::default());
         let span = lattice.span(bounds);
         let size = span.map(|[low, high]| high.abs_diff(low).saturating_add(1));
-        let most = u64::from(MAX_PICTURE_SIDE);
-        if let Some(cells) = size.into_iter().find(|cells| *cells > most) {
+        let limit = u64::from(MAX_PICTURE_SIDE);
+        if let Some(cells) = size.into_iter().find(|cells| *cells > limit) {
             let message = format!(
                 "cell size {side} gives {cells} cells along a side, more than the limit of \
-                     {most}"
+                     {limit}"
             );
             return Err(Error::usage(message).remedy("choose a larger ‹cell›"));
         }
@@ -65,19 +65,28 @@ impl PictureCells {
 
     /// West, south, east, north of cells from one (column, row) to another.
     pub(super) fn bounds(&self, [left, top]: [usize; 2], [right, bottom]: [usize; 2]) -> [f64; 4] {
-        let rows = self.size[1];
-        let x = |col: usize| (self.first[0] + col as i64) as f64 * self.side;
-        let y = |row: usize| (self.first[1] + rows as i64 - row as i64) as f64 * self.side;
-        [x(left), y(bottom + 1), x(right + 1), y(top)]
+        [self.west(left), self.north(bottom + 1), self.west(right + 1), self.north(top)]
+    }
+
+    fn west(&self, column: usize) -> f64 {
+        (self.first[0] + column as i64) as f64 * self.side
+    }
+
+    fn north(&self, row: usize) -> f64 {
+        (self.first[1] + self.size[1] as i64 - row as i64) as f64 * self.side
     }
 }
 
-/// A round size of cells with some points on the average, that are not too many.
+/// Round cell size that gives a few points per cell and at most [`USUAL_SIDE`] cells along a side.
 fn usual_side(info: &CloudInfo, [low, high]: [Point; 2]) -> f64 {
     let [west, south, _] = info.frame.world(low);
     let [east, north, _] = info.frame.world(high);
     let longest = (east - west).max(north - south);
     round_up(round_side(info, [low, high]).max(longest / USUAL_SIDE))
+}
+
+fn zeros(count: u64) -> Vec<AtomicU64> {
+    (0..count).map(|_| AtomicU64::new(0)).collect()
 }
 
 /// Counts per cell.
@@ -93,21 +102,23 @@ impl PointDensityMap {
     pub(super) fn read(
         cloud: &PointCloud,
         cells: PictureCells,
-        (progress, cancel): (&dyn Progress, &Cancel),
+        progress: &dyn Progress,
+        cancel: &Cancel,
     ) -> Result<Self> {
-        let zeros = || (0..cells.count()).map(|_| AtomicU64::new(0)).collect::<Vec<_>>();
-        let (counts, tops, sight) = (zeros(), zeros(), AppearanceReader::new(cloud)?);
-        let add = |PointAppearance { point, class, .. }: &PointAppearance| {
-            let Some(cell) = cells.of(*point) else { return };
-            counts[cell].fetch_add(1, Ordering::Relaxed);
-            tops[cell].fetch_max(ordered(point.z) << 8 | u64::from(*class), Ordering::Relaxed);
-        };
+        let (counts, tops) = (zeros(cells.count()), zeros(cells.count()));
+        let reader = AppearanceReader::new(cloud)?;
         progress.begin("points", cloud.info().count);
         let read = (0..cloud.parts()).into_par_iter().try_for_each(|part| {
             FileAt::report_part(progress, cloud, part);
-            sight.read(part, &mut |points| {
+            reader.read(part, &mut |points| {
                 cancel.check()?;
-                points.iter().for_each(add);
+                for PointAppearance { point, class, .. } in points {
+                    let Some(cell) = cells.of(*point) else { continue };
+                    // Sums and maxima do not depend on the order of threads.
+                    counts[cell].fetch_add(1, Ordering::Relaxed);
+                    let top = ordered(point.z) << 8 | u64::from(*class);
+                    tops[cell].fetch_max(top, Ordering::Relaxed);
+                }
                 Ok(())
             })?;
             progress.advance(cloud.points_of(part));

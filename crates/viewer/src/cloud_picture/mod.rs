@@ -1,7 +1,7 @@
-//! A cloud from above: how dense it is, where it has voids, how high its highest points are and of which class.
+//! Top views of a point cloud: density, voids, height and class of the highest points.
 //!
 //! The plane is divided into cells whose corners are at multiples of their size. Each point adds to the count of its
-//! cell, and may become its highest one: sums and largest values, which no order of points or threads changes.
+//! cell, and may become its highest one: sums and maxima, which do not depend on the order of points or threads.
 
 mod map;
 mod paint;
@@ -70,12 +70,13 @@ const PAINTING: u64 = 8 << 20;
 ///
 /// # Errors
 /// An output that exists; cells that are too small for the points, the picture or the memory; a cloud without points;
-/// what its files have wrong with them.
+/// damaged files.
 pub fn draw(
     cloud: &PointCloud,
     job: &PictureJob,
     resources: &Resources,
-    (progress, cancel): (&dyn Progress, &Cancel),
+    progress: &dyn Progress,
+    cancel: &Cancel,
 ) -> Result<PictureReport> {
     refuse_existing(&job.output, job.overwrite)?;
     let info = cloud.info();
@@ -84,15 +85,15 @@ pub fn draw(
     let threads = threads(&cells, resources)?;
     let resources = Resources { threads, ..resources.clone() };
     let map =
-        workers(&resources)?.install(|| PointDensityMap::read(cloud, cells, (progress, cancel)))?;
+        workers(&resources)?.install(|| PointDensityMap::read(cloud, cells, progress, cancel))?;
     if map.points == 0 {
         return Err(no_points());
     }
-    let found = voids::find(&map);
-    let sheet = CloudPicture::new(&map, &found, job.shows, info);
+    let void_cells = voids::find(&map);
+    let sheet = CloudPicture::new(&map, &void_cells, job.shows, info);
     let mut file = AtomicFile::create(&job.output, job.overwrite)?;
-    let fill = |row, line: &mut [u8]| sheet.row(row, line);
-    write_png(&mut file, sheet.size(), fill, &resources, progress, cancel)?;
+    let size = sheet.size();
+    write_png(&mut file, size, |row, line| sheet.row(row, line), &resources, progress, cancel)?;
     let [columns, rows] = map.cells.size.map(|n| n as u64);
     Ok(PictureReport {
         output: job.output.display().to_string(),
@@ -103,7 +104,7 @@ pub fn draw(
         rows,
         bounds: map.cells.bounds([0, 0], [columns as usize - 1, rows as usize - 1]),
         filled: map.filled(),
-        voids: found.voids,
+        voids: void_cells.shares,
         densest: map.counts.iter().copied().max().unwrap_or(0) as f64 / map.cells.area(),
         output_bytes: file.commit()?,
     })
@@ -114,16 +115,16 @@ fn no_points() -> Error {
         .remedy("name a point cloud with points, or relax the filters")
 }
 
-/// Threads that fit beside the cells.
+/// Number of threads that fit into memory with the cells.
 fn threads(cells: &PictureCells, resources: &Resources) -> Result<usize> {
     let count = cells.count();
     let need = count * CELL_BYTES + PAINTING;
     let free = beside_program(resources.memory);
     let Some(rest) = free.checked_sub(need + WORKER) else {
-        let enough = need + WORKER + PROGRAM;
-        let mib = enough.div_ceil(1 << 20);
+        let required = need + WORKER + PROGRAM;
+        let mib = required.div_ceil(1 << 20);
         let message = format!("a picture of {count} cells needs {mib} MiB of memory");
-        return Err(short(message, enough).or("choose a larger ‹cell›"));
+        return Err(short(message, required).or("choose a larger ‹cell›"));
     };
     Ok(resources.threads.clamp(1, 1 + (rest / WORKER) as usize))
 }

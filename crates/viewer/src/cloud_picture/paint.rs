@@ -26,8 +26,8 @@ pub enum PictureContent {
 
 /// Sides of a picture that is not enlarged are longer than half of this.
 const SMALL: usize = 800;
-/// Least columns, so that the legend fits.
-const LEAST: usize = 480;
+/// Minimum columns, so that the legend fits.
+const MIN_COLUMNS: usize = 480;
 /// Pixels of a dot of a letter, between lines of the legend, of its bar and swatches.
 const DOT: usize = 2;
 const LEADING: usize = 7;
@@ -47,7 +47,7 @@ const BEYOND: usize = 2;
 /// A picture and its legend.
 pub(super) struct CloudPicture<'a> {
     map: &'a PointDensityMap,
-    found: &'a VoidCells,
+    voids: &'a VoidCells,
     colours: CellColoring,
     /// Pixels along the side of a cell.
     zoom: usize,
@@ -74,20 +74,37 @@ enum LegendLine {
     Swatch([u8; 3], String),
 }
 
+impl LegendLine {
+    /// The colours of heights from `low` to `high`.
+    fn height_bar(tint: &HeightColors, low: f64, high: f64) -> Self {
+        let heights = (0..256).map(|i| low + (high - low) * f64::from(i) / 255.0);
+        Self::Bar(heights.map(|z| rounded(tint.colour(z as f32))).collect())
+    }
+
+    fn class_swatch(class: u8) -> Self {
+        Self::Swatch(class_colour(class), format!("{class} {}", class_name(class)))
+    }
+
+    /// Rows of pixels, with the space below.
+    fn height(&self) -> usize {
+        LEADING + if matches!(self, Self::Text(..)) { text_size("", DOT)[1] } else { BAR + 2 }
+    }
+}
+
 impl<'a> CloudPicture<'a> {
     pub(super) fn new(
         map: &'a PointDensityMap,
-        found: &'a VoidCells,
+        voids: &'a VoidCells,
         shows: PictureContent,
         info: &CloudInfo,
     ) -> Self {
         let [columns, rows] = map.cells.size;
         let zoom = (SMALL / columns.max(rows)).max(1);
-        let width = (columns * zoom).max(LEAST);
+        let width = (columns * zoom).max(MIN_COLUMNS);
         let colours = CellColoring::new(map, shows, &info.frame);
-        let lines = colours.lines(map, found, info);
+        let lines = colours.lines(map, voids, info);
         let legend = legend(&lines, width);
-        Self { map, found, colours, zoom, width, legend }
+        Self { map, voids, colours, zoom, width, legend }
     }
 
     /// Columns and rows.
@@ -114,7 +131,7 @@ impl<'a> CloudPicture<'a> {
         let cell = row * self.map.cells.size[0] + col;
         match (self.map.is_filled(cell), &self.colours) {
             (true, colours) => opaque(colours.of(self.map, cell)),
-            (false, CellColoring::Voids) if self.found.is_inside([col, row]) => opaque(VOID),
+            (false, CellColoring::Voids) if self.voids.is_inside([col, row]) => opaque(VOID),
             (false, _) => CLEAR,
         }
     }
@@ -127,11 +144,11 @@ impl CellColoring {
             PictureContent::Voids => Self::Voids,
             PictureContent::Class => Self::Class,
             PictureContent::Height => {
-                let height = |cell| match map.is_filled(cell) {
+                let heights = (0..map.counts.len()).map(|cell| match map.is_filled(cell) {
                     true => height(frame, map.top(cell).0),
                     false => f32::NAN,
-                };
-                let z = (0..map.counts.len()).map(height).collect();
+                });
+                let z = heights.collect();
                 let [width, height] = map.cells.size;
                 Self::Height(HeightColors::of(&PictureHeights { width, height, z }), *frame)
             }
@@ -141,29 +158,29 @@ impl CellColoring {
     /// The colour of a cell with points.
     fn of(&self, map: &PointDensityMap, cell: usize) -> [u8; 3] {
         match self {
-            Self::Density(most) => between(map.counts[cell] as f64 / most),
+            Self::Density(max) => between(map.counts[cell] as f64 / max),
             Self::Voids => FILLED,
             Self::Height(tint, frame) => rounded(tint.colour(height(frame, map.top(cell).0))),
             Self::Class => class_colour(map.top(cell).1),
         }
     }
 
-    fn lines(&self, map: &PointDensityMap, found: &VoidCells, info: &CloudInfo) -> Vec<LegendLine> {
+    fn lines(&self, map: &PointDensityMap, voids: &VoidCells, info: &CloudInfo) -> Vec<LegendLine> {
         let unit = info.crs.horizontal_unit();
         let cells = LegendLine::Text(format!("cells of {} {unit}", map.cells.side), String::new());
         match self {
-            Self::Density(most) => vec![
+            Self::Density(max) => vec![
                 LegendLine::Bar((0..256).map(|i| between(f64::from(i) / 255.0)).collect()),
                 LegendLine::Text(
                     "0".to_owned(),
-                    format!("{} and more", short(most / map.cells.area())),
+                    format!("{} and more", short(max / map.cells.area())),
                 ),
                 LegendLine::Text(format!("points per square {unit}"), String::new()),
                 cells,
             ],
             Self::Voids => {
-                let percent = short(100.0 * found.voids.share);
-                let (filled, voids) = (map.filled(), found.voids.cells);
+                let percent = short(100.0 * voids.shares.share);
+                let (filled, voids) = (map.filled(), voids.shares.cells);
                 vec![
                     LegendLine::Swatch(FILLED, format!("{filled} cells with points")),
                     LegendLine::Swatch(VOID, format!("{voids} cells without, {percent} percent")),
@@ -172,9 +189,8 @@ impl CellColoring {
             }
             Self::Height(tint, _) => {
                 let (low, high) = ends(map, &info.frame);
-                let at = |i: u16| low + (high - low) * f64::from(i) / 255.0;
                 vec![
-                    LegendLine::Bar((0..256).map(|i| rounded(tint.colour(at(i) as f32))).collect()),
+                    LegendLine::height_bar(tint, low, high),
                     LegendLine::Text(short(low), short(high)),
                     LegendLine::Text("highest points".to_owned(), String::new()),
                     cells,
@@ -184,15 +200,9 @@ impl CellColoring {
                 let mut counts = [0u64; 256];
                 let filled = (0..map.counts.len()).filter(|cell| map.is_filled(*cell));
                 filled.for_each(|cell| counts[usize::from(map.top(cell).1)] += 1);
-                let there = (0..=255u8).filter(|class| counts[usize::from(*class)] > 0);
-                let swatch = |class: u8| {
-                    LegendLine::Swatch(
-                        class_colour(class),
-                        format!("{class} {}", class_name(class)),
-                    )
-                };
+                let present = (0..=255u8).filter(|class| counts[usize::from(*class)] > 0);
                 let highest = LegendLine::Text("class of highest points".to_owned(), String::new());
-                there.map(swatch).chain([highest, cells]).collect()
+                present.map(LegendLine::class_swatch).chain([highest, cells]).collect()
             }
         }
     }
@@ -209,7 +219,7 @@ fn ends(map: &PointDensityMap, frame: &PointFrame) -> (f64, f64) {
     heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), z| (low.min(z), high.max(z)))
 }
 
-/// Points of a cell that but a few cells have more of.
+/// Points of a cell that only [`BEYOND`] percent of the cells exceed.
 fn dense(map: &PointDensityMap) -> f64 {
     let mut counts: Vec<u64> = map.counts.iter().copied().filter(|count| *count > 0).collect();
     let at = (counts.len() - counts.len() * BEYOND / 100).saturating_sub(1);
@@ -248,15 +258,12 @@ fn short(value: f64) -> String {
 
 /// Lines on paper, as wide as the picture.
 fn legend(lines: &[LegendLine], width: usize) -> Vec<[u8; 4]> {
-    let step = |line: &LegendLine| {
-        LEADING + if matches!(line, LegendLine::Text(..)) { text_size("", DOT)[1] } else { BAR + 2 }
-    };
-    let rows = lines.iter().map(step).sum::<usize>() + MARGIN + LEADING;
+    let rows = lines.iter().map(LegendLine::height).sum::<usize>() + MARGIN + LEADING;
     let mut paper = vec![PAPER; width * rows];
     let mut top = MARGIN;
     for line in lines {
         draw(line, &mut paper, width, top);
-        top += step(line);
+        top += line.height();
     }
     paper
 }
@@ -349,8 +356,8 @@ mod tests {
             LegendLine::Text("x".repeat(400), "y".repeat(400)),
             LegendLine::Swatch(VOID, "z".repeat(400)),
         ];
-        let paper = legend(&lines, LEAST);
-        assert_eq!(paper.len() % LEAST, 0);
+        let paper = legend(&lines, MIN_COLUMNS);
+        assert_eq!(paper.len() % MIN_COLUMNS, 0);
         assert!(paper.contains(&INK) && paper.contains(&opaque(VOID)));
     }
 }

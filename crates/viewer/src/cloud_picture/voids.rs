@@ -4,12 +4,12 @@ use serde::Serialize;
 
 use super::map::PointDensityMap;
 
-/// How much is void.
+/// Statistics of the void cells.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct VoidShares {
     /// Cells without points.
     pub cells: u64,
-    /// How much of the hull they are, from 0 to 1.
+    /// Their share of the hull, from 0 to 1.
     pub share: f64,
     /// Area in square units of x and y.
     pub area: f64,
@@ -19,9 +19,9 @@ pub struct VoidShares {
     pub largest_bounds: Option<[f64; 4]>,
 }
 
-/// The voids, and which cells they are.
+/// Statistics of the voids, and the hull that contains them.
 pub(super) struct VoidCells {
-    pub(super) voids: VoidShares,
+    pub(super) shares: VoidShares,
     /// Per row, the first and the last column of the hull; rows without it have none.
     hull: Vec<Option<[usize; 2]>>,
 }
@@ -37,52 +37,58 @@ pub(super) fn find(map: &PointDensityMap) -> VoidCells {
     let hull = hull(map);
     let [columns, _] = map.cells.size;
     let mut open = vec![false; map.counts.len()];
-    let (mut cells, mut all) = (0, 0);
+    let (mut cells, mut hull_cells) = (0, 0);
     for (row, ends) in hull.iter().enumerate() {
         let Some([first, last]) = *ends else { continue };
-        all += (last - first + 1) as u64;
+        hull_cells += (last - first + 1) as u64;
         let within = row * columns + first..=row * columns + last;
         for (open, count) in open[within.clone()].iter_mut().zip(&map.counts[within]) {
             *open = *count == 0;
             cells += u64::from(*open);
         }
     }
-    let (largest, ends) = largest(open, map.cells.size);
+    let largest = largest(open, map.cells.size);
     let area = map.cells.area();
-    let voids = VoidShares {
+    let shares = VoidShares {
         cells,
-        share: cells as f64 / all.max(1) as f64,
+        share: cells as f64 / hull_cells.max(1) as f64,
         area: cells as f64 * area,
-        largest_area: largest as f64 * area,
-        largest_bounds: (largest > 0).then(|| map.cells.bounds(ends[0], ends[1])),
+        largest_area: largest.cells as f64 * area,
+        largest_bounds: (largest.cells > 0)
+            .then(|| map.cells.bounds(largest.north_west, largest.south_east)),
     };
-    VoidCells { voids, hull }
+    VoidCells { shares, hull }
 }
 
-/// The convex hull of the middles of all cells that have points, row by row.
+/// The convex hull of the centres of occupied cells, as the first and last column of each row.
 fn hull(map: &PointDensityMap) -> Vec<Option<[usize; 2]>> {
     let [columns, _] = map.cells.size;
-    let ends = |row: &[u64]| {
-        let first = row.iter().position(|n| *n > 0)?;
-        Some([first, row.iter().rposition(|n| *n > 0)?].map(|col| col as i64))
-    };
-    let ends: Vec<Option<[i64; 2]>> = map.counts.chunks(columns).map(ends).collect();
-    let side = |of: fn([i64; 2]) -> i64| below(&ends.iter().map(|e| e.map(of)).collect::<Vec<_>>());
-    let (west, east) = (side(|[first, _]| first), side(|[_, last]| -last));
-    let both = |(first, last): (&Option<i64>, &Option<i64>)| {
-        let [first, last] = [(*first)?, -(*last)?];
-        (first <= last).then_some([first as usize, last as usize])
-    };
-    west.iter().zip(&east).map(both).collect()
+    let spans: Vec<Option<[i64; 2]>> = map.counts.chunks(columns).map(occupied_span).collect();
+    let west: Vec<_> = spans.iter().map(|span| span.map(|[first, _]| first)).collect();
+    // Negated, the eastern side is a lower hull too.
+    let east: Vec<_> = spans.iter().map(|span| span.map(|[_, last]| -last)).collect();
+    let sides = below(&west).into_iter().zip(below(&east));
+    sides
+        .map(|(first, last)| {
+            let [first, last] = [first?, -last?];
+            (first <= last).then_some([first as usize, last as usize])
+        })
+        .collect()
 }
 
-/// The least whole numbers that are not below the largest convex function that is nowhere above the values: of each
-/// place from the first value to the last.
+/// The first and the last column of a row that have points.
+fn occupied_span(row: &[u64]) -> Option<[i64; 2]> {
+    let first = row.iter().position(|n| *n > 0)?;
+    let last = row.iter().rposition(|n| *n > 0)?;
+    Some([first as i64, last as i64])
+}
+
+/// The lower convex hull of the values, rounded up to whole numbers, from the first value to the last.
 fn below(values: &[Option<i64>]) -> Vec<Option<i64>> {
     let mut chain: Vec<[i64; 2]> = Vec::new();
     for (at, value) in (0..).zip(values) {
         let Some(value) = *value else { continue };
-        // Those before it that lie on or above the line past them go.
+        // Drops vertices on or above the line from their predecessor to the new one.
         while let [.., a, b] = chain[..]
             && (b[1] - a[1]) * (at - a[0]) >= (value - a[1]) * (b[0] - a[0])
         {
@@ -98,46 +104,60 @@ fn below(values: &[Option<i64>]) -> Vec<Option<i64>> {
         let [[from, low], [to, high]] = [pair[0], pair[1]];
         for at in from..=to {
             let rise = (high - low) * (at - from);
-            // Rounded up.
+            // Rounds up: a cell belongs to the hull only if its centre does.
             out[at as usize] = Some(low - (-rise).div_euclid(to - from));
         }
     }
     out
 }
 
-/// Cells of the largest group that touch with their sides, and the places around it: north-west, south-east.
-fn largest(mut open: Vec<bool>, [columns, rows]: [usize; 2]) -> (u64, [[usize; 2]; 2]) {
-    let mut best = (0, [[0; 2]; 2]);
-    let mut waiting: Vec<u32> = Vec::new();
+/// Void cells connected by their sides, and the corners (column, row) of the box around them.
+#[derive(Default)]
+struct VoidGroup {
+    cells: u64,
+    north_west: [usize; 2],
+    south_east: [usize; 2],
+}
+
+impl VoidGroup {
+    fn add(&mut self, [col, row]: [usize; 2]) {
+        self.cells += 1;
+        self.north_west = [self.north_west[0].min(col), self.north_west[1].min(row)];
+        self.south_east = [self.south_east[0].max(col), self.south_east[1].max(row)];
+    }
+}
+
+/// The largest group of `open` cells, by flood fill.
+fn largest(mut open: Vec<bool>, [columns, rows]: [usize; 2]) -> VoidGroup {
+    let mut largest = VoidGroup::default();
+    let mut stack: Vec<u32> = Vec::new();
     for start in 0..open.len() {
         if !std::mem::take(&mut open[start]) {
             continue;
         }
-        waiting.push(start as u32);
-        let mut group = (0, [[columns, rows], [0, 0]]);
-        while let Some(cell) = waiting.pop() {
+        stack.push(start as u32);
+        let mut group = VoidGroup { north_west: [columns, rows], ..VoidGroup::default() };
+        while let Some(cell) = stack.pop() {
             let cell = cell as usize;
             let (col, row) = (cell % columns, cell / columns);
-            let [low, high] = group.1;
-            let around = [[low[0].min(col), low[1].min(row)], [high[0].max(col), high[1].max(row)]];
-            group = (group.0 + 1, around);
-            let beside = [
+            group.add([col, row]);
+            let neighbours = [
                 (col > 0).then(|| cell - 1),
                 (col + 1 < columns).then(|| cell + 1),
                 (row > 0).then(|| cell - columns),
                 (row + 1 < rows).then(|| cell + columns),
             ];
-            for next in beside.into_iter().flatten() {
+            for next in neighbours.into_iter().flatten() {
                 if std::mem::take(&mut open[next]) {
-                    waiting.push(next as u32);
+                    stack.push(next as u32);
                 }
             }
         }
-        if group.0 > best.0 {
-            best = group;
+        if group.cells > largest.cells {
+            largest = group;
         }
     }
-    best
+    largest
 }
 
 #[cfg(test)]
@@ -163,11 +183,11 @@ mod tests {
         assert_eq!(inside(2), [1, 1, 1, 1, 1, 0]);
         assert_eq!(inside(4), [0, 0, 1, 1, 0, 0]);
         // Two of the second row, three of the third and one of the fourth, all in one group.
-        let voids = found.voids;
+        let voids = found.shares;
         assert_eq!((voids.cells, voids.area, voids.largest_area), (6, 6.0, 6.0));
         assert_eq!(voids.largest_bounds, Some([1.0, 1.0, 4.0, 4.0]));
         assert!((voids.share - 6.0 / 16.0).abs() < 1e-12);
-        assert_eq!(find(&PointDensityMap::of_rows(&[&[1]])).voids.largest_bounds, None);
+        assert_eq!(find(&PointDensityMap::of_rows(&[&[1]])).shares.largest_bounds, None);
     }
 
     /// Whether a place is in the hull of others: some two of them lie on either side of every line through it. By all

@@ -1,4 +1,4 @@
-//! Pages to look at data in: one HTML file each, that holds all it shows and loads nothing.
+//! Interactive pages: one self-contained HTML file each.
 //!
 //! A page is a [`Template`] (markup, style and scripts of `web/`, all our own), facts as JSON, and arrays of
 //! whole numbers, packed ([`pack`]). Its Content-Security-Policy lets only its own script run and nothing be

@@ -1,6 +1,6 @@
 //! Numbers as short texts, and back.
 //!
-//! An array of `u32` becomes: differences to the value before (if that is asked for) modulo 2^32, zigzag, four
+//! An array of `u32` becomes: differences to the value before (if requested) modulo 2^32, zigzag, four
 //! planes of bytes from the lowest to the highest, zlib, base64. A page undoes it with what browsers have.
 //!
 //! Codes stay below 2^24, which 32-bit floats hold: the graphics card gets what was written, and a lattice is exact.
@@ -26,9 +26,9 @@ impl PackedArray {
     /// Values that are near to those before them.
     pub fn steps(values: &[u32]) -> Self {
         let mut before = 0;
-        let differ =
-            |value: &u32| zigzag(value.wrapping_sub(std::mem::replace(&mut before, *value)));
-        Self::of(values.iter().map(differ).collect(), true)
+        let differences =
+            values.iter().map(|value| value.wrapping_sub(std::mem::replace(&mut before, *value)));
+        Self::of(differences.map(zigzag).collect(), true)
     }
 
     /// Signed values that are small, or repeat: as they are.
@@ -50,7 +50,7 @@ impl PackedArray {
         let count = words.len();
         drop(words);
         let mut deflate = flate2::Compress::new(flate2::Compression::default(), true);
-        // What cannot be made smaller takes five bytes more for each 16 KiB, and a few around all.
+        // Incompressible data grows by five bytes for each 16 KiB, and a few around all.
         let mut bytes = Vec::with_capacity(planes.len() + planes.len() / 1024 + 1024);
         let done = deflate.compress_vec(&planes, &mut bytes, flate2::FlushCompress::Finish);
         debug_assert!(matches!(done, Ok(flate2::Status::StreamEnd)));
@@ -60,25 +60,26 @@ impl PackedArray {
     /// The values as a page finds them; `None` for a text that was not made here.
     pub fn unpack(&self) -> Option<Vec<u32>> {
         let bytes = STANDARD.decode(&self.text).ok()?;
-        // A byte more than wanted: the buffer does not grow, and a text that holds too much would seem whole.
+        // The buffer does not grow: one byte more than expected shows that a text holds too much.
         let mut planes = Vec::with_capacity(self.count * 4 + 1);
         let mut inflate = flate2::Decompress::new(true);
         inflate.decompress_vec(&bytes, &mut planes, flate2::FlushDecompress::Finish).ok()?;
         if planes.len() != self.count * 4 {
             return None;
         }
-        let word =
-            |i: usize| (0..4).map(|p| u32::from(planes[p * self.count + i]) << (8 * p)).sum();
-        let words = (0..self.count).map(|i| unzigzag(word(i)));
+        let words = (0..self.count).map(|i| {
+            let bytes =
+                (0..4).map(|plane| u32::from(planes[plane * self.count + i]) << (8 * plane));
+            unzigzag(bytes.sum())
+        });
         if !self.differences {
             return Some(words.collect());
         }
-        let mut before = 0u32;
-        let add = |word: u32| {
-            before = before.wrapping_add(word);
-            before
-        };
-        Some(words.map(add).collect())
+        let values = words.scan(0u32, |value, difference| {
+            *value = value.wrapping_add(difference);
+            Some(*value)
+        });
+        Some(values.collect())
     }
 }
 
@@ -98,9 +99,9 @@ pub struct QuantizedAxis {
     pub low: f64,
     /// One step of the codes.
     pub step: f64,
-    /// One a coordinate, at most [`MAX_CODE`].
+    /// One code per coordinate, at most [`MAX_CODE`].
     pub codes: Vec<u32>,
-    /// The largest distance of a coordinate from what its code stands for; 0 where all are exact.
+    /// The largest distance of a coordinate from the one its code stands for; 0 where all are exact.
     pub rounding: f64,
 }
 
@@ -116,31 +117,35 @@ impl QuantizedAxis {
             return Self { low, step: 1.0, codes: vec![0; values.len()], rounding: 0.0 };
         }
         let fine = power_above(range / f64::from(MAX_CODE));
-        let code = |value: &f64| ((value - low) / fine).round().min(f64::from(MAX_CODE)) as u32;
-        let mut axis = Self::shortened(low, fine, values.iter().map(code).collect());
-        let off = |(value, code): (&f64, &u32)| (value - axis.at(*code)).abs();
-        axis.rounding = values.iter().zip(&axis.codes).map(off).fold(0.0, f64::max);
-        axis
+        let steps = values.iter().map(|value| ((value - low) / fine).round());
+        let codes = steps.map(|step| step.min(f64::from(MAX_CODE)) as u32).collect();
+        let axis = Self::shortened(low, fine, codes);
+        Self { rounding: axis.max_distance(values), ..axis }
+    }
+
+    /// The largest distance of a coordinate from the one its code stands for.
+    pub(crate) fn max_distance(&self, values: &[f64]) -> f64 {
+        let pairs = values.iter().zip(&self.codes);
+        pairs.map(|(value, code)| (value - self.at(*code)).abs()).fold(0.0, f64::max)
     }
 
     /// Codes of whole steps that are `scale` long and counted from `offset`: exact where they span no more than
     /// [`MAX_CODE`], else within half of the fewest steps together that do.
     pub fn of_steps(steps: &[i32], scale: f64, offset: f64) -> Self {
         let ends = steps.iter().fold(None, |ends: Option<[i32; 2]>, step| match ends {
-            Some([least, most]) => Some([least.min(*step), most.max(*step)]),
+            Some([low, high]) => Some([low.min(*step), high.max(*step)]),
             None => Some([*step; 2]),
         });
-        let [least, most] = ends.unwrap_or_default();
-        let together = most.abs_diff(least).div_ceil(MAX_CODE).max(1);
-        let code = |step: &i32| {
-            (u64::from(step.abs_diff(least)) + u64::from(together / 2)) / u64::from(together)
-        };
-        let off =
-            |step: &i32| (code(step) * u64::from(together)).abs_diff(step.abs_diff(least).into());
-        let rounding = steps.iter().map(off).max().unwrap_or(0) as f64 * scale;
-        let (low, fine) = (f64::from(least) * scale + offset, scale * f64::from(together));
-        let axis = Self::shortened(low, fine, steps.iter().map(|step| code(step) as u32).collect());
-        Self { rounding, ..axis }
+        let [lowest, highest] = ends.unwrap_or_default();
+        let together = u64::from(highest.abs_diff(lowest).div_ceil(MAX_CODE).max(1));
+        let distances = steps.iter().map(|step| u64::from(step.abs_diff(lowest)));
+        let codes: Vec<u32> =
+            distances.clone().map(|d| ((d + together / 2) / together) as u32).collect();
+        let errors =
+            distances.zip(&codes).map(|(d, code)| (u64::from(*code) * together).abs_diff(d));
+        let rounding = errors.max().unwrap_or(0) as f64 * scale;
+        let low = f64::from(lowest) * scale + offset;
+        Self { rounding, ..Self::shortened(low, scale * together as f64, codes) }
     }
 
     /// Codes of `fine` steps by their greatest common divisor.
@@ -156,10 +161,11 @@ impl QuantizedAxis {
     }
 }
 
-/// The smallest power of two that is not below `least`.
-fn power_above(least: f64) -> f64 {
-    let mut power = least.log2().ceil().exp2();
-    while power < least {
+/// The smallest power of two that is not below `minimum`.
+fn power_above(minimum: f64) -> f64 {
+    // The logarithm rounds, so that the power may come out too low.
+    let mut power = minimum.log2().ceil().exp2();
+    while power < minimum {
         power *= 2.0;
     }
     power

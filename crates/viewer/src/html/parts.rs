@@ -18,8 +18,8 @@ pub struct Template {
     body: &'static str,
     /// Its scripts in their order: one scope for all.
     scripts: &'static [&'static str],
-    /// It asks where it came from for more.
-    asks: bool,
+    /// True if it requests further data from its server.
+    requests: bool,
 }
 
 /// Every kind of page. A new one is its files in `web/` and an entry here.
@@ -36,7 +36,7 @@ pub const TEMPLATES: &[Template] = &[
             include_str!("../../web/surface_draw.js"),
             include_str!("../../web/surface.js"),
         ],
-        asks: false,
+        requests: false,
     },
     Template {
         name: "cloud",
@@ -49,7 +49,7 @@ pub const TEMPLATES: &[Template] = &[
             include_str!("../../web/cloud_draw.js"),
             include_str!("../../web/cloud.js"),
         ],
-        asks: false,
+        requests: false,
     },
     Template {
         name: "lines",
@@ -61,7 +61,7 @@ pub const TEMPLATES: &[Template] = &[
             include_str!("../../web/lines_draw.js"),
             include_str!("../../web/lines.js"),
         ],
-        asks: false,
+        requests: false,
     },
     Template {
         name: "insertion",
@@ -71,7 +71,7 @@ pub const TEMPLATES: &[Template] = &[
             include_str!("../../web/insertion_mesh.js"),
             include_str!("../../web/insertion.js"),
         ],
-        asks: false,
+        requests: false,
     },
     Template {
         name: "tiles",
@@ -89,7 +89,7 @@ pub const TEMPLATES: &[Template] = &[
             include_str!("../../web/tiles_section.js"),
             include_str!("../../web/tiles.js"),
         ],
-        asks: true,
+        requests: true,
     },
 ];
 
@@ -144,7 +144,7 @@ impl HtmlPage {
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
              <title>{title}</title>\n<style>{STYLE}</style>\n</head>\n\
              <body class=\"{}\">\n{}\n",
-            policy(&script, self.template.asks),
+            policy(&script, self.template.requests),
             self.template.name,
             self.template.body.replace("{{title}}", &title),
         );
@@ -171,15 +171,18 @@ fn data(out: &mut String, id: &str, kind: &str, text: &str) {
 }
 
 /// Content security policy of a page: run this one script, and fetch nothing, or nothing from elsewhere.
-fn policy(script: &str, asks: bool) -> String {
-    let hash = |text: &str| STANDARD.encode(Sha256::digest(text));
-    let asks = if asks { "connect-src 'self'; " } else { "" };
+fn policy(script: &str, requests: bool) -> String {
+    let connect = if requests { "connect-src 'self'; " } else { "" };
     format!(
-        "default-src 'none'; {asks}script-src 'sha256-{}'; style-src 'sha256-{}'; img-src data: blob:; \
+        "default-src 'none'; {connect}script-src 'sha256-{}'; style-src 'sha256-{}'; img-src data: blob:; \
          base-uri 'none'; form-action 'none'",
-        hash(script),
-        hash(STYLE)
+        sha256_base64(script),
+        sha256_base64(STYLE)
     )
+}
+
+fn sha256_base64(text: &str) -> String {
+    STANDARD.encode(Sha256::digest(text))
 }
 
 /// JSON that no tag can end.
@@ -255,12 +258,17 @@ mod tests {
                 "innerHTML",
                 "document.write",
             ] {
-                let is_asking = template.asks && word == "fetch(";
-                assert!(is_asking || !html.contains(word), "{}: {word}", template.name);
+                let may_fetch = template.requests && word == "fetch(";
+                assert!(may_fetch || !html.contains(word), "{}: {word}", template.name);
             }
             assert!(html.contains("default-src 'none'"));
-            assert_eq!(html.contains("connect-src 'self';"), template.asks, "{}", template.name);
-            assert_eq!(html.contains("connect-src"), template.asks, "{}", template.name);
+            assert_eq!(
+                html.contains("connect-src 'self';"),
+                template.requests,
+                "{}",
+                template.name
+            );
+            assert_eq!(html.contains("connect-src"), template.requests, "{}", template.name);
             assert!(!html.contains("{{"), "{}: all is filled in", template.name);
         }
     }

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::bound_slack;
 use crate::cloud_picture::PictureReport;
 use crate::cloud_stats::CloudStats;
 use terrane_base::geom::Point3;
@@ -15,14 +16,14 @@ pub struct CloudInfoReport {
     pub file: String,
     pub format: &'static str,
     pub files: usize,
-    /// Points that the headers claim, of the parts that may be wanted.
+    /// Points declared by the headers, in the parts that the filters do not exclude.
     pub points: u64,
     pub parts: usize,
     pub scale: [f64; 3],
     pub offset: [f64; 3],
-    /// Lowest and highest coordinates that the headers claim; absent without points.
+    /// Lowest and highest coordinates declared by the headers; absent without points.
     pub bounds: Option<[Point3; 2]>,
-    /// Points to a unit of area, by what the headers claim.
+    /// Points per unit area, from the headers.
     pub density: Option<f64>,
     pub crs: String,
     pub epsg: Option<u32>,
@@ -42,7 +43,7 @@ impl CloudInfoReport {
         let info = cloud.info();
         let bounds = info.bounds.map(|ends| ends.map(|point| info.frame.world(point)));
         let area = bounds.map(|[low, high]| (high[0] - low[0]) * (high[1] - low[1]));
-        // Of points that were chosen only these count.
+        // With filters the header's count does not describe the points read.
         let count = stats.as_ref().map_or(info.count, |stats| stats.census.kept);
         let mut notes = cloud.notes().to_vec();
         notes.extend(outside(bounds, stats.as_ref()));
@@ -72,9 +73,8 @@ impl CloudInfoReport {
 /// A note on points outside the bounds in the header.
 fn outside(claimed: Option<[Point3; 2]>, stats: Option<&CloudStats>) -> Option<String> {
     let ([low, high], [lowest, highest]) = (claimed?, stats?.bounds?);
-    // Coordinates have errors; a step is far more.
-    let slack = |v: f64| 1e-9 * v.abs().max(1.0);
-    let is_out =
-        (0..3).any(|i| lowest[i] < low[i] - slack(low[i]) || highest[i] > high[i] + slack(high[i]));
-    is_out.then(|| "points lie outside the bounds in the header".to_owned())
+    let is_outside = (0..3).any(|i| {
+        lowest[i] < low[i] - bound_slack(low[i]) || highest[i] > high[i] + bound_slack(high[i])
+    });
+    is_outside.then(|| "points lie outside the bounds in the header".to_owned())
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use serde::{Serialize, Serializer};
 
+use super::bound_slack;
 use terrane_base::error::Result;
 use terrane_base::limits;
 use terrane_engine::{Cancel, Progress};
@@ -14,7 +15,7 @@ use terrane_vector::{
     LayerHeader, PartRole, PropertyValue, VectorOpenOptions,
 };
 
-/// Features between two looks at whether to stop.
+/// Features between two checks for cancellation.
 const STEP: u64 = 1024;
 
 /// Report on a file of features.
@@ -76,6 +77,19 @@ pub struct FieldStats {
     pub values: u64,
 }
 
+impl FieldStats {
+    /// A field of the file's schema, without values.
+    fn declared(field: &FieldDefinition) -> Self {
+        Self {
+            name: field.name.clone(),
+            kind: named(Some(field.kind)),
+            width: field.width,
+            decimals: field.decimals,
+            values: 0,
+        }
+    }
+}
+
 /// Reads all features of a file. Memory for one feature and the names of fields.
 ///
 /// # Errors
@@ -115,7 +129,7 @@ fn place(kind: GeometryType) -> usize {
 }
 
 impl FeaturesInfoReport {
-    /// True where there is more than positions.
+    /// True if the features have ids or fields.
     pub fn is_more_than_positions(&self) -> bool {
         self.ids > 0 || !self.fields.is_empty()
     }
@@ -142,7 +156,7 @@ impl FeaturesInfoReport {
         }
     }
 
-    /// Metadata of the file, which may be known at its end only.
+    /// Metadata of the file, which some formats know only at the end.
     fn close(&mut self, source: &dyn FeatureSource, fields: FieldCollector) {
         let layer = source.layer();
         self.layer = layer.name.clone();
@@ -164,12 +178,11 @@ impl FeaturesInfoReport {
 
     /// True where positions lie outside of these bounds by more than a rounding.
     fn is_beyond(&self, [west, south, east, north]: &[f64; 4]) -> bool {
-        let slack = |bound: f64| 1e-9 * bound.abs().max(1.0);
         self.bounds.is_some_and(|[w, s, e, n]| {
-            w < west - slack(*west)
-                || s < south - slack(*south)
-                || e > east + slack(*east)
-                || n > north + slack(*north)
+            w < west - bound_slack(*west)
+                || s < south - bound_slack(*south)
+                || e > east + bound_slack(*east)
+                || n > north + bound_slack(*north)
         })
     }
 }
@@ -182,7 +195,7 @@ fn widen(range: &mut Option<[f64; 2]>, values: &[f64]) {
     }
 }
 
-/// Fields as they are met.
+/// Fields in the order of their first feature.
 struct FieldCollector {
     all: Vec<FieldStats>,
     places: HashMap<Arc<str>, usize>,
@@ -190,23 +203,16 @@ struct FieldCollector {
     found: Vec<Option<FieldKind>>,
     /// Fields that the file declares.
     declared: usize,
-    /// True when there were more than are listed.
+    /// True if there are more than the limit.
     is_more: bool,
 }
 
 impl FieldCollector {
     fn of(layer: &LayerHeader) -> Self {
         let declared = layer.schema.as_deref().unwrap_or_default();
-        let stats = |field: &FieldDefinition| FieldStats {
-            name: field.name.clone(),
-            kind: named(Some(field.kind)),
-            width: field.width,
-            decimals: field.decimals,
-            values: 0,
-        };
         let places = declared.iter().enumerate().map(|(at, field)| (field.name.clone(), at));
         Self {
-            all: declared.iter().map(stats).collect(),
+            all: declared.iter().map(FieldStats::declared).collect(),
             places: places.collect(),
             found: vec![None; declared.len()],
             declared: declared.len(),

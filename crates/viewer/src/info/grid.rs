@@ -30,7 +30,7 @@ pub struct GridInfoReport {
     pub vertical_unit: Option<String>,
     pub georeferenced: bool,
     pub pixel_is_point: bool,
-    /// As GDAL has it: of the outer corner of cell (0, 0).
+    /// GDAL's geotransform, from the outer corner of cell (0, 0).
     pub geotransform: [f64; 6],
     pub cell_size: [f64; 2],
     /// West, south, east, north of the samples.
@@ -79,7 +79,7 @@ impl GridInfoReport {
             sample_bounds: grid_bounds(info, 0.0),
             bounds: grid_bounds(info, 0.5),
             block: [info.block.0, info.block.1],
-            // Of facts with one name the last stays.
+            // The last of several facts with one name remains.
             details: info.details.iter().cloned().map(|(k, v)| (k, v.into())).collect(),
             notes: all_notes(info, stats.as_ref()),
             stats,
@@ -88,7 +88,7 @@ impl GridInfoReport {
     }
 }
 
-/// Notes on what the file says, and on its heights where they were read.
+/// Notes on the metadata, and on the heights if they were read.
 fn all_notes(info: &GridInfo, stats: Option<&GridStats>) -> Vec<GridNote> {
     let samples = u64::from(info.width) * u64::from(info.height);
     let on_heights = stats.map(|stats| {

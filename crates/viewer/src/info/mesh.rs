@@ -28,11 +28,13 @@ pub struct MeshInfoReport {
     pub quality: Option<QualityReport>,
 }
 
-/// A mesh by its name, and its smallest and largest coordinates.
-pub(super) type Opened<'a> = (&'a str, &'a dyn MeshSource, Option<[Point3; 2]>);
-
 impl MeshInfoReport {
-    pub(super) fn new((file, mesh, bounds): Opened<'_>, quality: Option<QualityReport>) -> Self {
+    pub(super) fn new(
+        file: &str,
+        mesh: &dyn MeshSource,
+        bounds: Option<[Point3; 2]>,
+        quality: Option<QualityReport>,
+    ) -> Self {
         let info = mesh.info();
         Self {
             file: file.to_owned(),
@@ -45,7 +47,7 @@ impl MeshInfoReport {
             origin: info.origin,
             scale: info.scale,
             bounds,
-            // Of facts with one name the last stays.
+            // The last of several facts with one name remains.
             details: info.details.iter().cloned().map(|(k, v)| (k, v.into())).collect(),
             quality,
         }

@@ -5,7 +5,7 @@ mod features;
 mod grid;
 mod mesh;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use terrane_options::{OptionRange, OptionRule, Options};
 
@@ -14,10 +14,10 @@ pub use features::{FeaturesInfoReport, FieldStats};
 pub use grid::GridInfoReport;
 pub use mesh::MeshInfoReport;
 
-use crate::cloud_picture::{PictureContent, PictureJob, draw};
+use crate::cloud_picture::{PictureContent, PictureJob, PictureReport, draw};
 use crate::cloud_stats::cloud_stats;
 use terrane_base::error::{Error, Result};
-use terrane_cloud::{self as clouds, CloudFilter};
+use terrane_cloud::{self as clouds, CloudFilter, CloudOpenOptions};
 use terrane_engine::input::{grid_stats, is_mesh, mesh_bounds};
 use terrane_engine::memory::cache_beside;
 use terrane_engine::options::{CloudInput, FeatureInput, FileName, GridInput, Replacing};
@@ -141,8 +141,10 @@ impl Inspection for GridInfoOptions {
         cancel: &Cancel,
     ) -> Result<GridInfoReport> {
         let grid = open(inputs, &self.grid, &self.resources)?;
-        let measure = || grid_stats(grid.as_ref(), &self.resources, progress, cancel);
-        let stats = self.stats.then(measure).transpose()?;
+        let stats = match self.stats {
+            true => Some(grid_stats(grid.as_ref(), &self.resources, progress, cancel)?),
+            false => None,
+        };
         let cost = cost(grid.as_ref(), &self.resources);
         Ok(GridInfoReport::new(&inputs.to_string(), grid.info(), stats, cost))
     }
@@ -167,23 +169,22 @@ impl Inspection for MeshInfoOptions {
         let mesh = meshes::open(file)?;
         let bounds = mesh_bounds(mesh.as_ref(), progress, cancel)?;
         let measured = MeasuredMesh { file, mesh: mesh.as_ref(), bounds };
-        let measure =
-            |against| quality(measured, against, &self.resources, progress, cancel).map(Some);
-        let found = match (self.quality, &self.against) {
-            (false, _) => None,
-            (true, None) => measure(None)?,
-            (true, Some(name)) => {
-                let (grid, name) = (self.against(name)?, path_of(name));
-                measure(Some(SlopeReference { name: &name, grid: &*grid }))?
-            }
+        let against = self.against.as_ref().filter(|_| self.quality);
+        let grid = against.map(|name| self.open_reference(name)).transpose()?;
+        let path = against.map(|name| path_of(name));
+        let reference = path.as_deref().zip(grid.as_deref());
+        let reference = reference.map(|(name, grid)| SlopeReference { name, grid });
+        let quality = match self.quality {
+            true => Some(quality(measured, reference, &self.resources, progress, cancel)?),
+            false => None,
         };
-        Ok(MeshInfoReport::new((&inputs.to_string(), mesh.as_ref(), bounds), found))
+        Ok(MeshInfoReport::new(&inputs.to_string(), mesh.as_ref(), bounds, quality))
     }
 }
 
 impl MeshInfoOptions {
-    /// The grid that slopes are held against.
-    fn against(&self, name: &str) -> Result<Box<dyn GridSource>> {
+    /// The grid that slopes are compared with.
+    fn open_reference(&self, name: &str) -> Result<Box<dyn GridSource>> {
         if is_mesh(name)? {
             return Err(Error::bad_input("is a mesh, not a grid")
                 .in_file(&path_of(name))
@@ -191,6 +192,11 @@ impl MeshInfoOptions {
         }
         open(&Inputs::from(name), &self.grid, &self.resources)
     }
+}
+
+/// Rounding error allowed at a declared bound; positions that exceed it lie outside.
+fn bound_slack(bound: f64) -> f64 {
+    1e-9 * bound.abs().max(1.0)
 }
 
 fn open(inputs: &Inputs, grid: &GridInput, resources: &Resources) -> Result<Box<dyn GridSource>> {
@@ -201,38 +207,53 @@ impl Inspection for CloudInfoOptions {
     const OF: &'static str = "point clouds";
     type Report = CloudInfoReport;
 
-    /// Withheld points count, and are not drawn unless they are asked for.
+    /// Counts include withheld points; the picture leaves them out unless requested.
     fn inspect(
         &self,
         inputs: &Inputs,
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<CloudInfoReport> {
-        let (resources, at) = (&self.resources, (progress, cancel));
-        let mut options = self.cloud.options(resources)?;
-        let draw = |output: &PathBuf| {
-            check_ending(output, &["png"], "a picture")?;
-            not_among(&clouds::files(inputs.names())?, &[output])?;
-            let job = PictureJob {
-                output: output.clone(),
-                overwrite: self.replacing.overwrite,
-                shows: self.picture_of,
-                cell: self.cell,
-            };
-            draw(&clouds::open(inputs.names(), &options)?, &job, resources, at)
+        let mut options = self.cloud.options(&self.resources)?;
+        let picture = match &self.picture {
+            Some(output) => Some(self.draw(inputs, &options, output, progress, cancel)?),
+            None => None,
         };
-        let picture = self.picture.as_ref().map(draw).transpose()?;
-        // What is said of the points that were chosen only their counts tell.
-        let are_chosen = options.filter != CloudFilter::default();
+        // With filters the headers do not describe the points.
+        let is_filtered = options.filter != CloudFilter::default();
         options.filter.keep_withheld = true;
         options.any_extent = true;
         let cloud = clouds::open(inputs.names(), &options)?;
-        let measure = || cloud_stats(&cloud, resources, progress, cancel);
-        let stats = (self.stats || are_chosen).then(measure).transpose()?;
+        let stats = match self.stats || is_filtered {
+            true => Some(cloud_stats(&cloud, &self.resources, progress, cancel)?),
+            false => None,
+        };
         let mut report =
             CloudInfoReport { picture, ..CloudInfoReport::new(&inputs.to_string(), &cloud, stats) };
         report.notes.extend(LostPoints::of(&cloud).notes());
         Ok(report)
+    }
+}
+
+impl CloudInfoOptions {
+    fn draw(
+        &self,
+        inputs: &Inputs,
+        options: &CloudOpenOptions,
+        output: &Path,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<PictureReport> {
+        check_ending(output, &["png"], "a picture")?;
+        not_among(&clouds::files(inputs.names())?, &[output])?;
+        let job = PictureJob {
+            output: output.to_path_buf(),
+            overwrite: self.replacing.overwrite,
+            shows: self.picture_of,
+            cell: self.cell,
+        };
+        let cloud = clouds::open(inputs.names(), options)?;
+        draw(&cloud, &job, &self.resources, progress, cancel)
     }
 }
 

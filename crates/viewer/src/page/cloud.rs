@@ -15,7 +15,7 @@ use terrane_engine::input::workers;
 use terrane_engine::memory::{PROGRAM, beside_program, short, with_polygons};
 use terrane_engine::{Cancel, Progress, Resources};
 
-/// Most points of a page.
+/// Maximum number of points on a page.
 pub const MAX_POINTS: u64 = 1 << 24;
 
 /// Bytes that a page takes for a point once it is chosen: itself, codes, planes of bytes and texts.
@@ -26,17 +26,19 @@ const WORKER: u64 = 12 << 20;
 const ONE_BYTE: u16 = 255;
 
 pub(super) fn page(
-    (open, most): (&CloudOpenOptions, u64),
+    open: &CloudOpenOptions,
+    max_points: u64,
     job: &PageJob<'_>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<(HtmlPage, PageReport)> {
     let cloud = terrane_cloud::open(job.input.names(), open)?;
-    let most = most.min(cloud.info().count);
-    let threads = with_polygons(open, job.resources, |resources| threads(most, &resources))?;
+    let max_points = max_points.min(cloud.info().count);
+    let threads = with_polygons(open, job.resources, |resources| threads(max_points, &resources))?;
     let resources = Resources { threads, ..job.resources.clone() };
     let (points, tally) = workers(&resources)?.install(|| {
-        let (mut points, tally) = point_sample::select(&cloud, most as usize, (progress, cancel))?;
+        let (mut points, tally) =
+            point_sample::select(&cloud, max_points as usize, progress, cancel)?;
         point_sample::arrange(&mut points);
         Ok::<_, Error>((points, tally))
     })?;
@@ -48,15 +50,15 @@ pub(super) fn page(
     put(job, &cloud, points, &tally)
 }
 
-/// Threads that fit beside the points.
+/// Number of threads that fit into memory with the points.
 fn threads(points: u64, resources: &Resources) -> Result<usize> {
     let need = point_sample::needed(points).max(points * POINT_BYTES);
     let free = beside_program(resources.memory);
     let Some(rest) = free.checked_sub(need + WORKER) else {
-        let enough = need + WORKER + PROGRAM;
-        let mib = enough.div_ceil(1 << 20);
+        let required = need + WORKER + PROGRAM;
+        let mib = required.div_ceil(1 << 20);
         let message = format!("a page of {points} points needs {mib} MiB of memory");
-        return Err(short(message, enough).or("show fewer with ‹points›"));
+        return Err(short(message, required).or("show fewer with ‹points›"));
     };
     Ok(resources.threads.clamp(1, 1 + (rest / WORKER) as usize))
 }
@@ -68,8 +70,8 @@ fn put(
     points: Vec<Ranked>,
     tally: &PagePointTally,
 ) -> Result<(HtmlPage, PageReport)> {
-    let none = || Error::new(ErrorKind::Internal, "the point cloud page is missing");
-    let mut page = HtmlPage::new("cloud", &facts::title(job.input)).ok_or_else(none)?;
+    let mut page = HtmlPage::new("cloud", &facts::title(job.input))
+        .ok_or_else(|| Error::new(ErrorKind::Internal, "the point cloud page is missing"))?;
     let mut report = PageReport {
         page: "cloud",
         points: Some(points.len() as u64),
@@ -101,15 +103,15 @@ fn place(
     frame: &PointFrame,
     report: &mut PageReport,
 ) -> [f64; 2] {
-    let of = |axis: usize| {
-        let step = |(_, PointAppearance { point, .. }): &Ranked| [point.x, point.y, point.z][axis];
-        points.iter().map(step).collect::<Vec<i32>>()
-    };
     let (mut ends, mut steps) = ([[0.0; 2]; 3], [0.0; 3]);
     for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
-        let coded = QuantizedAxis::of_steps(&of(axis), frame.scale[axis], frame.offset[axis]);
-        let most = coded.codes.iter().max().copied().unwrap_or(0);
-        ends[axis] = [coded.low, coded.at(most)];
+        let coordinates: Vec<i32> = points
+            .iter()
+            .map(|(_, seen)| [seen.point.x, seen.point.y, seen.point.z][axis])
+            .collect();
+        let coded = QuantizedAxis::of_steps(&coordinates, frame.scale[axis], frame.offset[axis]);
+        let last = coded.codes.iter().max().copied().unwrap_or(0);
+        ends[axis] = [coded.low, coded.at(last)];
         steps[axis] = frame.scale[axis].max(coded.rounding);
         report.rounding = report.rounding.max(coded.rounding);
         page.axis(name, &coded);
@@ -120,7 +122,7 @@ fn place(
     [steps[0].max(steps[1]), steps[2]]
 }
 
-/// Class, return, returns and marks in one number: 8, 4, 4 and 4 bits.
+/// Class, return number, number of returns and flags in one number: 8, 4, 4 and 4 bits.
 fn packed_flags(seen: &PointAppearance) -> i32 {
     let [number, returns] = seen.returns.map(|n| i32::from(n & 15));
     i32::from(seen.class) | number << 8 | returns << 12 | i32::from(seen.flags.0) << 16
@@ -128,28 +130,28 @@ fn packed_flags(seen: &PointAppearance) -> i32 {
 
 /// Red, green and blue of 8 bits each in one number.
 fn colour(stored: [u16; 3], is_short: bool) -> i32 {
-    let byte = |value: u16| match is_short {
-        true => i32::from(value),
-        false => (i32::from(value) * 255 + 32_767) / 65_535,
-    };
-    let [red, green, blue] = stored.map(byte);
+    let [red, green, blue] = stored.map(i32::from).map(|value| match is_short {
+        true => value,
+        false => (value * 255 + 32_767) / 65_535,
+    });
     red | green << 8 | blue << 16
 }
 
+/// Numbers of classes or returns that have points, with their counts.
+fn nonzero(counts: &[u64]) -> impl Iterator<Item = (u8, u64)> {
+    (0u8..=u8::MAX).zip(counts.iter().copied()).filter(|(_, count)| *count > 0)
+}
+
 fn add_facts(page: &mut HtmlPage, cloud: &PointCloud, tally: &PagePointTally, report: &PageReport) {
-    let all = |counts: &[u64]| {
-        counts.iter().enumerate().filter(|(_, n)| **n > 0).map(|(i, n)| (i as u8, *n)).collect()
-    };
-    let classes: Vec<(u8, u64)> = all(&tally.classes);
-    let class = |(class, points): &(u8, u64)| {
+    let classes = nonzero(&tally.classes).map(|(class, points)| {
         json!({
-            "class": class, "name": class_name(*class), "colour": class_colour(*class), "points": points,
+            "class": class, "name": class_name(class), "colour": class_colour(class), "points": points,
         })
-    };
-    page.fact("classes", Value::from(classes.iter().map(class).collect::<Vec<_>>()));
-    let returns: Vec<(u8, u64)> = all(&tally.returns);
-    let number = |(number, points): &(u8, u64)| json!({ "number": number, "points": points });
-    page.fact("returns", Value::from(returns.iter().map(number).collect::<Vec<_>>()));
+    });
+    page.fact("classes", Value::from_iter(classes));
+    let returns = nonzero(&tally.returns)
+        .map(|(number, points)| json!({ "number": number, "points": points }));
+    page.fact("returns", Value::from_iter(returns));
     let (shown, kept) = (report.points.unwrap_or(0), tally.census.kept);
     page.fact("points", json!({ "shown": shown, "of": kept }));
     page.fact("files", cloud.files().len());
@@ -182,7 +184,7 @@ fn notes(cloud: &PointCloud, tally: &PagePointTally, report: &PageReport) -> Vec
     if tally.brightest > ONE_BYTE {
         notes.push("Colours are reduced from 16 to 8 bits.".to_owned());
     }
-    // Who reads a page has no options.
+    // Readers of a page have no command line: notes name options as in Python.
     notes.extend(cloud.notes().iter().map(|note| format!("{}.", Frontend::Python.spell(note))));
     notes
 }

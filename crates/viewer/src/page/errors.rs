@@ -4,6 +4,8 @@
 //! triangles, a sample at a vertex for all of its triangles; in the root mean square each counts once. Distances are
 //! rounded to doubles; `terrane verify` checks bounds exactly.
 
+use std::ops::Range;
+
 use super::solid::PageMesh;
 use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, Result};
@@ -16,7 +18,7 @@ use terrane_raster::GridSource;
 pub(super) struct TriangleErrors {
     /// The largest error of each triangle; NaN where no valid sample lies in it.
     pub(super) of_triangles: Vec<f32>,
-    /// The largest of all.
+    /// The largest error of all triangles.
     pub(super) largest: f64,
     /// RMS error of all samples in a triangle, each by the first triangle that contains it.
     pub(super) root_mean_square: f64,
@@ -24,18 +26,18 @@ pub(super) struct TriangleErrors {
     pub(super) samples: u64,
 }
 
-/// Most samples read at once.
+/// Maximum number of samples read at once.
 const BAND_SAMPLES: u64 = 1 << 21;
-/// Most rows of a band.
+/// Maximum rows of a band.
 const BAND_ROWS: u64 = 512;
-/// How far outside of a triangle a sample may seem to lie, in cells, and count as on its edge: rounding of the
-/// map and of coordinates in files.
+/// Distance in cells from a triangle within which a sample counts as on its edge: rounding of the transform and of
+/// coordinates in files.
 const EDGE: f64 = 1e-6;
 
 /// Measures all triangles against a grid.
 ///
 /// # Errors
-/// A grid that shares no place with the mesh, and whatever its reader finds.
+/// A grid that does not overlap the mesh; errors of its reader.
 pub(super) fn measure(
     shape: &PageMesh,
     grid: &dyn GridSource,
@@ -82,7 +84,7 @@ impl TriangleErrorTally {
         Self { largest: vec![f64::NAN; triangles], squares: 0.0, samples: 0 }
     }
 
-    /// Adds the error of a sample in a triangle, `is_first` where it was in none before.
+    /// Adds the error of a sample in a triangle; `is_first` if no triangle before contained it.
     fn add(&mut self, triangle: u32, error: f64, is_first: bool) {
         if error.is_nan() {
             return;
@@ -109,6 +111,7 @@ impl TriangleErrorTally {
 
 /// Triangles by the bands of rows that they reach into.
 struct TriangleBands {
+    /// Where the list of each band starts, and the end of the last.
     starts: Vec<usize>,
     list: Vec<u32>,
 }
@@ -116,27 +119,18 @@ struct TriangleBands {
 impl TriangleBands {
     fn of(shape: &PageMesh, map: &Affine, rows: u32, height: u32) -> Self {
         let count = height.div_ceil(rows) as usize;
-        let reach = |triangle: &[u32; 3]| {
-            let along = triangle.map(|vertex| {
-                let [x, y, _] = shape.at(vertex);
-                map.invert(x, y)[1]
-            });
-            let low = along.into_iter().fold(f64::INFINITY, f64::min) - EDGE;
-            let high = along.into_iter().fold(f64::NEG_INFINITY, f64::max) + EDGE;
-            let end = f64::from(height) - 1.0;
-            let outside = !(high >= 0.0 && low <= end);
-            let band = |row: f64| row.clamp(0.0, end) as usize / rows as usize;
-            if outside { 0..0 } else { band(low.ceil())..band(high.floor()) + 1 }
-        };
+        // Two passes: counts give the starts of all lists in one array.
         let mut starts = vec![0; count + 1];
         for triangle in &shape.triangles {
-            reach(triangle).for_each(|band| starts[band + 1] += 1);
+            for band in bands_of(shape, triangle, map, rows, height) {
+                starts[band + 1] += 1;
+            }
         }
         (0..count).for_each(|band| starts[band + 1] += starts[band]);
         let mut list = vec![0; starts[count]];
         let mut next = starts.clone();
         for (id, triangle) in (0..).zip(&shape.triangles) {
-            for band in reach(triangle) {
+            for band in bands_of(shape, triangle, map, rows, height) {
                 list[next[band]] = id;
                 next[band] += 1;
             }
@@ -147,6 +141,29 @@ impl TriangleBands {
     fn triangles(&self, band: usize) -> &[u32] {
         &self.list[self.starts[band]..self.starts[band + 1]]
     }
+}
+
+/// The bands of `rows` rows, in a grid of `height` rows, that a triangle reaches into.
+fn bands_of(
+    shape: &PageMesh,
+    triangle: &[u32; 3],
+    map: &Affine,
+    rows: u32,
+    height: u32,
+) -> Range<usize> {
+    let corners = triangle.map(|vertex| {
+        let [x, y, _] = shape.at(vertex);
+        map.invert(x, y)[1]
+    });
+    let (low, high) = (fold(corners, f64::min) - EDGE, fold(corners, f64::max) + EDGE);
+    let end = f64::from(height) - 1.0;
+    // Negated, so that NaN is outside.
+    if !(high >= 0.0 && low <= end) {
+        return 0..0;
+    }
+    let [first, last] =
+        [low.ceil(), high.floor()].map(|row| row.clamp(0.0, end) as usize / rows as usize);
+    first..last + 1
 }
 
 /// A triangle on the lattice of the grid.
@@ -177,12 +194,10 @@ impl SampledTriangle {
         }
         let rows = self.corners.map(|corner| corner[1]);
         let [low, high] = [fold(rows, f64::min), fold(rows, f64::max)];
-        let Some((first, last)) = whole(low, high, rect.row, rect.height) else { return };
-        for row in first..=last {
+        for row in lattice_range(low, high, rect.row, rect.height) {
             let [west, east] = self.span(f64::from(row));
-            let Some((start, end)) = whole(west, east, rect.col, rect.width) else { continue };
             let line = (row - rect.row) as usize * rect.width as usize;
-            for col in start..=end {
+            for col in lattice_range(west, east, rect.col, rect.width) {
                 let [c, r] =
                     [f64::from(col) - self.corners[0][0], f64::from(row) - self.corners[0][1]];
                 visit(line + (col - rect.col) as usize, self.z[0] + c * self.z[1] + r * self.z[2]);
@@ -190,7 +205,7 @@ impl SampledTriangle {
         }
     }
 
-    /// From which column to which the triangle reaches along a row.
+    /// The first and the last column of the triangle along a row.
     fn span(&self, row: f64) -> [f64; 2] {
         let mut span = [f64::INFINITY, f64::NEG_INFINITY];
         for k in 0..3 {
@@ -211,11 +226,11 @@ fn fold(values: [f64; 3], of: impl Fn(f64, f64) -> f64) -> f64 {
     of(of(values[0], values[1]), values[2])
 }
 
-/// The whole numbers from `low` to `high`, a hair beyond them included, among `count` from `first` on.
-fn whole(low: f64, high: f64, first: u32, count: u32) -> Option<(u32, u32)> {
+/// The rows or columns from `low` to `high`, within [`EDGE`], among `count` from `first` on.
+fn lattice_range(low: f64, high: f64, first: u32, count: u32) -> Range<u32> {
     let start = (low - EDGE).ceil().max(f64::from(first));
     let end = (high + EDGE).floor().min(f64::from(first) + f64::from(count) - 1.0);
-    (start <= end).then_some((start as u32, end as u32))
+    if start <= end { start as u32..end as u32 + 1 } else { 0..0 }
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use terrane_base::geom::{Crs, is_geographic, metres_in};
 use terrane_mesh::MeshInfo;
 use terrane_raster::{GridInfo, Inputs};
 
-/// The system that x, y and z of a surface are in, as far as it is known.
+/// CRS and units of a surface, as far as they are known.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct SurfaceSystem {
     label: String,
@@ -24,7 +24,7 @@ impl SurfaceSystem {
         Self::of_crs(&info.crs, info.crs.label())
     }
 
-    /// A mesh states the label of its system, and its tolerance with the unit of heights.
+    /// From the CRS label of a mesh and the unit of its declared tolerance.
     pub(super) fn of_mesh(info: &MeshInfo) -> Self {
         let label = info.crs.clone().unwrap_or_else(|| "unknown".to_owned());
         let digits = label.split("EPSG:").nth(1).unwrap_or_default();
@@ -43,29 +43,33 @@ impl SurfaceSystem {
 
     fn of_crs(crs: &Crs, label: String) -> Self {
         let geographic = crs.geographic == Some(true);
-        let across = crs.horizontal_unit();
-        let level = if across == "unit" { String::new() } else { short(across) };
-        let upright = crs.vertical_unit.as_deref().map(short);
-        // Heights without a unit are taken for that of x and y, or for metres over degrees.
-        let upright =
-            upright.unwrap_or_else(|| if geographic { "m".to_owned() } else { level.clone() });
+        let horizontal = match crs.horizontal_unit() {
+            "unit" => String::new(),
+            unit => short(unit),
+        };
+        // Heights without a unit are taken to be in that of x and y, or in metres over degrees.
+        let vertical = match &crs.vertical_unit {
+            Some(unit) => short(unit),
+            None if geographic => "m".to_owned(),
+            None => horizontal.clone(),
+        };
         let metres = [crs.horizontal_metres(), crs.vertical_metres()];
-        Self { label, geographic, units: [level, upright], metres }
+        Self { label, geographic, units: [horizontal, vertical], metres }
     }
 
     /// Metres of a unit along x, y and z, in the middle of `bounds`: west, south, east, north.
     pub(super) fn ground(&self, [_, south, _, north]: [f64; 4]) -> [f64; 3] {
-        let [level, upright] = self.metres;
+        let [horizontal, vertical] = self.metres;
         if self.geographic {
             let latitude = ((south + north) / 2.0).clamp(-89.0, 89.0);
             return [
                 DEGREE_METRES * latitude.to_radians().cos(),
                 DEGREE_METRES,
-                upright.unwrap_or(1.0),
+                vertical.unwrap_or(1.0),
             ];
         }
-        let level = level.unwrap_or(1.0);
-        [level, level, upright.unwrap_or(level)]
+        let horizontal = horizontal.unwrap_or(1.0);
+        [horizontal, horizontal, vertical.unwrap_or(horizontal)]
     }
 }
 
@@ -83,7 +87,7 @@ fn short(unit: &str) -> String {
     }
 }
 
-/// Puts into a page what all surfaces have.
+/// Adds the facts common to all surfaces.
 pub(super) fn put(
     page: &mut HtmlPage,
     job: &PageJob<'_>,
@@ -101,18 +105,18 @@ pub(super) fn put(
     page.fact("palette", json!({ "land": land, "water": water }));
 }
 
-/// What a page calls its input: names of files without their folders, which are nobody's business where the
-/// page is read.
+/// Title of a page: names of input files without their folders, which may be private.
 pub(super) fn title(inputs: &Inputs) -> String {
-    let name = |input: &String| {
-        let path = input.strip_prefix("cloud:").unwrap_or(input);
-        path.rsplit(['/', '\\']).next().unwrap_or(path).to_owned()
-    };
     match inputs.names() {
-        [one] => name(one),
-        [first, rest @ ..] => format!("{} and {} more", name(first), rest.len()),
+        [only] => file_name(only).to_owned(),
+        [first, rest @ ..] => format!("{} and {} more", file_name(first), rest.len()),
         [] => String::new(),
     }
+}
+
+fn file_name(input: &str) -> &str {
+    let path = input.strip_prefix("cloud:").unwrap_or(input);
+    path.rsplit(['/', '\\']).next().unwrap_or(path)
 }
 
 /// Short name of a page's CRS.

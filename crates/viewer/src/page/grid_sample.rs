@@ -7,6 +7,7 @@ use super::solid::{PageMesh, TRIANGLE_BYTES, VERTEX_BYTES};
 use super::surface::{new_page, reported_steps};
 use super::{MAX_SAMPLES, PageJob, PageReport, within_memory};
 use crate::html::HtmlPage;
+use crate::view::corner_bounds;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_engine::memory::cache_beside;
@@ -61,26 +62,28 @@ pub(super) fn part(info: &GridInfo, bbox: Option<[f64; 4]>) -> Result<Rect> {
     let Some([west, south, east, north]) = bbox else { return Ok(info.bounds()) };
     let corners = [(west, south), (west, north), (east, south), (east, north)];
     let places = corners.map(|(x, y)| info.transform.invert(x, y));
-    let along = |axis: usize, count: u32| {
-        let all = places.map(|place| place[axis]);
-        let low = all.into_iter().fold(f64::INFINITY, f64::min).floor().max(0.0);
-        let high =
-            all.into_iter().fold(f64::NEG_INFINITY, f64::max).ceil().min(f64::from(count - 1));
-        (low <= high).then(|| (low as u32, (high - low) as u32 + 1))
-    };
-    match (along(0, info.width), along(1, info.height)) {
+    let [left, top, right, bottom] = corner_bounds(places);
+    match (samples_between(left, right, info.width), samples_between(top, bottom, info.height)) {
         (Some((col, width)), Some((row, height))) => Ok(Rect::new(col, row, width, height)),
         _ => Err(Error::usage("‹bounds› lies outside the data").remedy("see `terrane info`")),
     }
 }
 
-/// The smallest stride that leaves at most `most` samples, about.
-fn stride(part: Rect, most: u64) -> u32 {
-    let of = |stride: u32| {
-        u64::from(part.width.div_ceil(stride)) * u64::from(part.height.div_ceil(stride))
-    };
-    let rough = ((part.len() as f64 / most as f64).sqrt() as u32).max(1);
-    (rough..).find(|stride| of(*stride) <= most).unwrap_or(u32::MAX)
+/// First and number of the samples from `low` to `high` and next to them, among `count`.
+fn samples_between(low: f64, high: f64, count: u32) -> Option<(u32, u32)> {
+    let (low, high) = (low.floor().max(0.0), high.ceil().min(f64::from(count - 1)));
+    (low <= high).then(|| (low as u32, (high - low) as u32 + 1))
+}
+
+/// The smallest stride that leaves about `max_samples` samples or fewer.
+fn stride(part: Rect, max_samples: u64) -> u32 {
+    let estimate = ((part.len() as f64 / max_samples as f64).sqrt() as u32).max(1);
+    (estimate..)
+        .find(|stride| {
+            let [cols, rows] = [part.width, part.height].map(|side| side.div_ceil(*stride));
+            u64::from(cols) * u64::from(rows) <= max_samples
+        })
+        .unwrap_or(u32::MAX)
 }
 
 /// Every `stride`-th of `count` places from `first` on, and the last.
@@ -103,13 +106,13 @@ fn shape(
     let map = grid.info().transform;
     let mut shape = PageMesh::default();
     let mut line = vec![0.0; part.width as usize];
-    let [mut above, mut own] = [vec![None; cols.len()], vec![None; cols.len()]];
+    let [mut above, mut below] = [vec![None; cols.len()], vec![None; cols.len()]];
     progress.begin("read", rows.len() as u64);
     for row in rows {
         cancel.check()?;
         let rect = Rect::new(part.col, row, part.width, 1);
         grid.read_f64(rect, &mut line)?;
-        for (place, col) in own.iter_mut().zip(&cols) {
+        for (place, col) in below.iter_mut().zip(&cols) {
             let z = line[(col - part.col) as usize];
             *place = z.is_finite().then_some(shape.vertices() as u32);
             if z.is_finite() {
@@ -118,13 +121,13 @@ fn shape(
             }
         }
         let is_mirrored = map.determinant() > 0.0;
-        for (north, south) in above.windows(2).zip(own.windows(2)) {
+        for (north, south) in above.windows(2).zip(below.windows(2)) {
             let &[Some(a), Some(b)] = north else { continue };
             let &[Some(c), Some(d)] = south else { continue };
-            let two = if is_mirrored { [[a, d, c], [a, b, d]] } else { [[a, c, d], [a, d, b]] };
-            shape.triangles.extend(two);
+            let pair = if is_mirrored { [[a, d, c], [a, b, d]] } else { [[a, c, d], [a, d, b]] };
+            shape.triangles.extend(pair);
         }
-        std::mem::swap(&mut above, &mut own);
+        std::mem::swap(&mut above, &mut below);
         grid.release(rect);
         progress.advance(1);
     }

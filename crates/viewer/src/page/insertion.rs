@@ -8,16 +8,17 @@ use super::surface::reported_steps;
 use super::{PageJob, PageReport, within_memory};
 use crate::html::HtmlPage;
 use crate::html::pack::QuantizedAxis;
+use crate::view::corner_bounds;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Affine, Rect};
 use terrane_engine::Cancel;
 use terrane_engine::memory::cache_beside;
 use terrane_raster::GridSource;
 
-/// Most samples along a side.
+/// Maximum number of samples along a side.
 pub const MOST_SIDE: u32 = 129;
-/// Most steps from the lowest height to the highest: errors of whole steps are exact in the page's doubles, and
-/// no two of different size become one.
+/// Maximum number of steps from the lowest height to the highest: errors of whole steps are exact in the page's
+/// doubles, and different ones stay different.
 const MAX_STEPS: f64 = 65_535.0;
 
 pub(super) fn page(
@@ -35,13 +36,12 @@ pub(super) fn page(
     let need = cache_beside(job.resources.memory) as u64 + 8 * u64::from(part.width) + (4 << 20);
     within_memory(need, "a small grid", job.resources)?;
     let stride = (part.width.max(part.height) - 1).div_ceil(MOST_SIDE - 1);
-    // Not the last ones, unless a stride ends there: all cells have one size.
-    let along = |first: u32, count: u32| places(first, count - (count - 1) % stride, stride);
-    let (cols, rows) = (along(part.col, part.width), along(part.row, part.height));
+    let cols = even_places(part.col, part.width, stride);
+    let rows = even_places(part.row, part.height, stride);
     let heights = read(grid, &cols, &rows, cancel)?;
     let axis = coarse(&heights);
-    let none = || Error::new(ErrorKind::Internal, "the insertion page is missing");
-    let mut page = HtmlPage::new("insertion", &facts::title(job.input)).ok_or_else(none)?;
+    let mut page = HtmlPage::new("insertion", &facts::title(job.input))
+        .ok_or_else(|| Error::new(ErrorKind::Internal, "the insertion page is missing"))?;
     page.fact("width", cols.len());
     page.fact("height", rows.len());
     page.axis("z", &axis);
@@ -60,6 +60,11 @@ pub(super) fn page(
     Ok((page, report))
 }
 
+/// Every `stride`-th place; the last one only if a stride ends there, so that all cells have one size.
+fn even_places(first: u32, count: u32, stride: u32) -> Vec<u32> {
+    places(first, count - (count - 1) % stride, stride)
+}
+
 fn notes(report: &PageReport, stride: u32) -> Vec<String> {
     let mut notes = vec![];
     if stride > 1 {
@@ -74,7 +79,7 @@ fn notes(report: &PageReport, stride: u32) -> Vec<String> {
 /// The heights at some columns and rows.
 ///
 /// # Errors
-/// A void among them.
+/// A void.
 fn read(grid: &dyn GridSource, cols: &[u32], rows: &[u32], cancel: &Cancel) -> Result<Vec<f64>> {
     let (first, last) = (cols[0], cols[cols.len() - 1]);
     let mut line = vec![0.0; (last - first + 1) as usize];
@@ -97,7 +102,7 @@ fn read(grid: &dyn GridSource, cols: &[u32], rows: &[u32], cancel: &Cancel) -> R
     Ok(heights)
 }
 
-/// Heights in at most [`MAX_STEPS`] steps: exact where that is enough.
+/// Heights in at most [`MAX_STEPS`] steps; exact if these suffice.
 fn coarse(heights: &[f64]) -> QuantizedAxis {
     let axis = QuantizedAxis::of(heights);
     let top = axis.codes.iter().copied().max().unwrap_or(0);
@@ -105,11 +110,9 @@ fn coarse(heights: &[f64]) -> QuantizedAxis {
         return axis;
     }
     let step = axis.step * f64::from(top) / MAX_STEPS;
-    let code = |z: &f64| ((z - axis.low) / step).round() as u32;
-    let mut coarse = QuantizedAxis { step, codes: heights.iter().map(code).collect(), ..axis };
-    let off = |(z, code): (&f64, &u32)| (z - coarse.at(*code)).abs();
-    coarse.rounding = heights.iter().zip(&coarse.codes).map(off).fold(0.0, f64::max);
-    coarse
+    let codes = heights.iter().map(|z| ((z - axis.low) / step).round() as u32).collect();
+    let coarse = QuantizedAxis { step, codes, ..axis };
+    QuantizedAxis { rounding: coarse.max_distance(heights), ..coarse }
 }
 
 fn report(
@@ -119,17 +122,14 @@ fn report(
     [cols, rows]: [&[u32]; 2],
     stride: u32,
 ) -> PageReport {
-    let ends = |all: &[u32]| [f64::from(all[0]), f64::from(all[all.len() - 1])];
-    let ([west, east], [north, south]) = (ends(cols), ends(rows));
+    let [[west, east], [north, south]] =
+        [cols, rows].map(|all| [all[0], all[all.len() - 1]].map(f64::from));
     let corners = [(west, north), (east, north), (west, south), (east, south)];
-    let corners = corners.map(|(col, row)| map.apply(col, row));
-    let low = |axis: usize| corners.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
-    let high = |axis: usize| corners.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
     PageReport {
         page: "insertion",
         vertices: Some(heights.len() as u64),
         stride: Some(stride),
-        bounds: [low(0), low(1), high(0), high(1)],
+        bounds: corner_bounds(corners.map(|(col, row)| map.apply(col, row))),
         lowest: heights.iter().copied().reduce(f64::min),
         highest: heights.iter().copied().reduce(f64::max),
         rounding,

@@ -1,5 +1,5 @@
-//! The page of lines: all lines and rings of a file, and of each vertex the thresholds at which it goes by
-//! Ramer-Douglas-Peucker and by Visvalingam-Whyatt, so that a threshold is a filter.
+//! The page of lines: all lines and rings of a file. Each vertex has the thresholds at which Ramer-Douglas-Peucker and
+//! Visvalingam-Whyatt drop it, so that the page simplifies by a comparison.
 
 use std::path::Path;
 
@@ -56,7 +56,7 @@ pub(super) fn page(
         false => DistanceKind::Plane,
     };
     if measure == DistanceKind::Plane && crs.geographic == Some(true) {
-        // GeoJSON that names no system is of degrees by its standard, and often is not.
+        // GeoJSON without a CRS is in degrees by its standard, but often is not in practice.
         crs = Crs::default();
     }
     let mut lines = PageLines::default();
@@ -80,12 +80,15 @@ fn are_degrees(path: &Path, options: &VectorOpenOptions, cancel: &Cancel) -> Res
     let mut source = vector::open(path, options)?;
     while let Some(feature) = source.next()? {
         cancel.check()?;
-        let is_degree = |[x, y]: &[f64; 2]| x.abs() <= 360.0 && y.abs() <= 90.0;
         if !feature.geometry.parts().all(|part| part.xy.iter().all(is_degree)) {
             return Ok(false);
         }
     }
     Ok(true)
+}
+
+fn is_degree([x, y]: &[f64; 2]) -> bool {
+    x.abs() <= 360.0 && y.abs() <= 90.0
 }
 
 impl PageLines {
@@ -102,15 +105,15 @@ impl PageLines {
                 .remedy("simplify the lines first with ‹terrane simplify›"));
         }
         within_memory(self.vertices * VERTEX_BYTES, "these vertices", job.resources)?;
-        let of = thresholds(part, measure)?;
-        let count = of[0].len();
-        for (all, own) in self.thresholds.iter_mut().zip(&of) {
-            all.extend(own.iter().map(|threshold| *threshold as f32));
+        let thresholds = thresholds(part, measure)?;
+        let count = thresholds[0].len();
+        for (all, added) in self.thresholds.iter_mut().zip(&thresholds) {
+            all.extend(added.iter().map(|threshold| *threshold as f32));
         }
         for (axis, all) in self.axes.iter_mut().enumerate() {
             all.extend(part.xy[..count].iter().map(|xy| xy[axis]));
         }
-        // At most 2^22 vertices.
+        // Fits: a page has at most 2^22 vertices.
         self.parts.push(2 * count as i32 + i32::from(part.is_ring()));
         Ok(())
     }
@@ -126,8 +129,8 @@ impl PageLines {
                 .in_file(&path_of(&job.input.to_string()))
                 .remedy("name a file with lines or polygons"));
         }
-        let none = || Error::new(ErrorKind::Internal, "the line page is missing");
-        let mut page = HtmlPage::new("lines", &facts::title(job.input)).ok_or_else(none)?;
+        let mut page = HtmlPage::new("lines", &facts::title(job.input))
+            .ok_or_else(|| Error::new(ErrorKind::Internal, "the line page is missing"))?;
         let mut report = PageReport {
             page: "lines",
             vertices: Some(self.vertices),

@@ -1,9 +1,9 @@
-//! A page of a mesh, a grid, lines or a cloud, to be looked at in a browser: one HTML file that holds what it shows; or of
-//! tiles, which it asks a server of their folder for.
+//! Interactive pages of a mesh, a grid, lines or a point cloud: one self-contained HTML file. A page of tiles requests them
+//! from a server of their folder.
 //!
-//! What a page shows is held in memory, here and in the browser, so its size has limits: [`MAX_TRIANGLES`],
+//! The data of a page is held in memory, here and in the browser, so its size has limits: [`MAX_TRIANGLES`],
 //! [`MAX_VERTICES`] of lines. A grid is shown by every n-th of its samples ([`MAX_SAMPLES`]), a cloud by some of its
-//! points ([`MAX_POINTS`]), which the page says.
+//! points ([`MAX_POINTS`]), as the page notes.
 
 mod cloud;
 mod errors;
@@ -40,11 +40,11 @@ use terrane_files::atomic::{AtomicFile, refuse_existing};
 use terrane_raster::Inputs;
 pub use tiles::is_tiles;
 
-/// Most triangles of a page.
+/// Maximum number of triangles on a page.
 pub const MAX_TRIANGLES: u64 = 10 << 20;
-/// Most vertices of lines on a page.
+/// Maximum number of line vertices on a page.
 pub const MAX_VERTICES: u64 = 4 << 20;
-/// Most samples that a page shows of a grid.
+/// Maximum number of grid samples on a page.
 pub const MAX_SAMPLES: u64 = 3 << 19;
 
 /// Data common to all pages.
@@ -77,17 +77,17 @@ pub struct PageReport {
     pub vertices: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub triangles: Option<u64>,
-    /// Lines and rings, and the features they are of.
+    /// Lines and rings, and their features.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub parts: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub features: Option<u64>,
-    /// Points of a cloud that are shown, and what became of all of them.
+    /// Shown points of a cloud, and counts of all points.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub points: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub census: Option<ReturnCounts>,
-    /// Levels of tiles, and how many tiles there are.
+    /// Levels of tiles, and number of tiles.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub levels: Option<u32>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -112,7 +112,7 @@ pub struct PageReport {
 }
 
 impl PageJob<'_> {
-    /// Puts into a page how it looks at the start.
+    /// Adds the initial view.
     fn add_settings(&self, page: &mut HtmlPage) {
         page.fact("azimuth", self.lighting.azimuth);
         page.fact("altitude", self.lighting.altitude);
@@ -123,8 +123,8 @@ impl PageJob<'_> {
     /// Writes a page once it is made.
     ///
     /// # Errors
-    /// Usage for an option that does not go with the input; what is beyond limits of pages; too little memory; and what the
-    /// readers find.
+    /// Usage for an option that the input does not support; an input beyond the limits of pages; too little memory; errors
+    /// of the readers.
     fn write(
         &self,
         make: impl FnOnce() -> Result<(HtmlPage, PageReport)>,
@@ -151,14 +151,14 @@ impl PageJob<'_> {
     }
 }
 
-/// Fails when a page of what takes `need` bytes does not fit.
+/// Fails if a page that takes `need` bytes does not fit into memory.
 fn within_memory(need: u64, what: &str, resources: &Resources) -> Result<()> {
     if need <= beside_program(resources.memory) {
         return Ok(());
     }
-    let enough = need + (resources.memory - beside_program(resources.memory));
-    let mib = enough.div_ceil(1 << 20);
-    Err(short(format!("a page of {what} needs {mib} MiB of memory"), enough))
+    let required = need + (resources.memory - beside_program(resources.memory));
+    let mib = required.div_ceil(1 << 20);
+    Err(short(format!("a page of {what} needs {mib} MiB of memory"), required))
 }
 
 #[cfg(test)]

@@ -131,9 +131,9 @@ impl PageOptions {
         cancel: &Cancel,
     ) -> Result<(HtmlPage, PageReport)> {
         let part = self.grid.bounds;
-        // A part is that of the page.
-        let whole = self.grid.unbounded();
-        let opening = whole.options(job.resources, cache_beside(job.resources.memory))?;
+        // The page crops: a mesh has bounds too.
+        let unbounded = self.grid.unbounded();
+        let opening = unbounded.options(job.resources, cache_beside(job.resources.memory))?;
         match (input::open(job.input.names(), &opening)?, &self.against) {
             (SurfaceInput::Grid(_), Some(_)) => {
                 Err(Error::usage("‹against› requires a mesh, not a grid")
@@ -151,11 +151,11 @@ impl PageOptions {
             }
             (SurfaceInput::Mesh(mesh), Some(grid)) => {
                 let against = surface::ReferenceGrid { name: Inputs::from(grid.as_str()), opening };
-                surface::page(mesh.as_ref(), Some(&against), part, job, (progress, cancel))
+                surface::page(mesh.as_ref(), Some(&against), part, job, progress, cancel)
             }
             (SurfaceInput::Mesh(mesh), None) => {
                 self.grid.refuse_for_meshes()?;
-                surface::page(mesh.as_ref(), None, part, job, (progress, cancel))
+                surface::page(mesh.as_ref(), None, part, job, progress, cancel)
             }
         }
     }
@@ -178,8 +178,10 @@ impl Operation for CloudPageOptions {
             ..PageJob::of(&request, &self.replacing, &self.resources)
         };
         let opening = self.cloud.options(&self.resources)?;
-        let make = || cloud::page((&opening, self.points), &job, request.progress, request.cancel);
-        job.write(make, request.cancel)
+        job.write(
+            || cloud::page(&opening, self.points, &job, request.progress, request.cancel),
+            request.cancel,
+        )
     }
 }
 

@@ -1,5 +1,5 @@
-//! Which points of a cloud a page shows: those whose places have the least hashes, so that each is as likely as any
-//! other, parts keep their densities, and neither the order of points nor of threads leaves a trace.
+//! The points of a cloud that a page shows: those with the lowest hashes of their positions. Each point is equally likely,
+//! regions keep their densities, and the order of points and threads does not matter.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -15,7 +15,7 @@ use terrane_cloud::{
 use terrane_engine::{Cancel, FileAt, Progress};
 use terrane_files::lock;
 
-/// A point, and the number that decides about it.
+/// A rank and its point: hash of the position, later the place along a curve.
 pub(super) type Ranked = (u64, PointAppearance);
 
 /// Statistics of all points, shown or not.
@@ -48,8 +48,8 @@ impl PagePointTally {
     fn and(mut self, other: Self) -> Self {
         self.census.add(&other.census);
         let sums = [(&mut self.classes, other.classes), (&mut self.returns, other.returns)];
-        for (own, more) in sums {
-            own.iter_mut().zip(more).for_each(|(own, more)| *own += more);
+        for (counts, added) in sums {
+            counts.iter_mut().zip(added).for_each(|(count, added)| *count += added);
         }
         self.strongest = self.strongest.max(other.strongest);
         self.brightest = self.brightest.max(other.brightest);
@@ -57,54 +57,54 @@ impl PagePointTally {
     }
 }
 
-/// The least of all that are offered.
-struct FewestPoints {
-    most: usize,
-    /// No rank above it is wanted.
+/// The `max` points of lowest rank.
+struct PagePointSample {
+    max: usize,
+    /// Points of higher rank are not in the sample.
     limit: AtomicU64,
-    kept: Mutex<Vec<Ranked>>,
+    points: Mutex<Vec<Ranked>>,
 }
 
-impl FewestPoints {
-    fn new(most: usize) -> Self {
-        Self { most, limit: AtomicU64::new(u64::MAX), kept: Mutex::default() }
+impl PagePointSample {
+    fn new(max: usize) -> Self {
+        Self { max, limit: AtomicU64::new(u64::MAX), points: Mutex::default() }
     }
 
     fn offer(&self, points: &[PointAppearance]) {
-        // A limit that is out of date is too high: points are offered in vain, none is lost.
+        // An outdated limit is too high: it lets superfluous points in, and loses none.
         let limit = self.limit.load(Ordering::Relaxed);
         let ranked = points.iter().map(|seen| (rank(seen.point), *seen));
-        let wanted: Vec<Ranked> = ranked.filter(|(rank, _)| *rank <= limit).collect();
-        let mut kept = lock(&self.kept);
-        kept.extend(wanted);
-        if kept.len() > capacity(self.most) {
-            self.shorten(&mut kept);
+        let candidates: Vec<Ranked> = ranked.filter(|(rank, _)| *rank <= limit).collect();
+        let mut sample = lock(&self.points);
+        sample.extend(candidates);
+        if sample.len() > capacity(self.max) {
+            self.shorten(&mut sample);
         }
     }
 
-    fn shorten(&self, kept: &mut Vec<Ranked>) {
-        if let Some(last) = self.most.checked_sub(1).filter(|last| *last < kept.len()) {
-            let limit = kept.select_nth_unstable(last).1.0;
+    fn shorten(&self, sample: &mut Vec<Ranked>) {
+        if let Some(last) = self.max.checked_sub(1).filter(|last| *last < sample.len()) {
+            let limit = sample.select_nth_unstable(last).1.0;
             self.limit.store(limit, Ordering::Relaxed);
         }
-        kept.truncate(self.most);
+        sample.truncate(self.max);
     }
 
     fn finish(self) -> Vec<Ranked> {
-        let mut kept = std::mem::take(&mut *lock(&self.kept));
-        self.shorten(&mut kept);
-        kept
+        let mut sample = std::mem::take(&mut *lock(&self.points));
+        self.shorten(&mut sample);
+        sample
     }
 }
 
-/// Number of points held before those beyond `most` are discarded.
-fn capacity(most: usize) -> usize {
-    most + most / 4 + BATCH
+/// Number of points held before those beyond `max` are discarded.
+fn capacity(max: usize) -> usize {
+    max + max / 4 + BATCH
 }
 
 /// Bytes for selecting a number of points, with the slack of a growing list.
-pub(super) fn needed(most: u64) -> u64 {
-    2 * (most + most / 4 + 2 * BATCH as u64) * size_of::<Ranked>() as u64
+pub(super) fn needed(max: u64) -> u64 {
+    2 * (max + max / 4 + 2 * BATCH as u64) * size_of::<Ranked>() as u64
 }
 
 fn rank(Point { x, y, z }: Point) -> u64 {
@@ -114,30 +114,31 @@ fn rank(Point { x, y, z }: Point) -> u64 {
 /// Reads all matching points and keeps a sample of them. Uses the current thread pool.
 pub(super) fn select(
     cloud: &PointCloud,
-    most: usize,
-    (progress, cancel): (&dyn Progress, &Cancel),
+    max: usize,
+    progress: &dyn Progress,
+    cancel: &Cancel,
 ) -> Result<(Vec<Ranked>, PagePointTally)> {
-    let (sight, fewest) = (AppearanceReader::new(cloud)?, FewestPoints::new(most));
+    let (reader, sample) = (AppearanceReader::new(cloud)?, PagePointSample::new(max));
     progress.begin("points", cloud.info().count);
     let read = (0..cloud.parts()).into_par_iter().map(|part| {
         FileAt::report_part(progress, cloud, part);
         let mut tally = PagePointTally::default();
-        tally.census = sight.read(part, &mut |points| {
+        tally.census = reader.read(part, &mut |points| {
             cancel.check()?;
             points.iter().for_each(|seen| tally.add(seen));
-            points.chunks(BATCH).for_each(|some| fewest.offer(some));
+            points.chunks(BATCH).for_each(|batch| sample.offer(batch));
             Ok(())
         })?;
         progress.advance(cloud.points_of(part));
         Ok(tally)
     });
-    let tally = read.try_reduce(PagePointTally::default, |one, other| Ok(one.and(other)));
+    let tally = read.try_reduce(PagePointTally::default, |tally, other| Ok(tally.and(other)));
     progress.end();
-    Ok((fewest.finish(), tally?))
+    Ok((sample.finish(), tally?))
 }
 
-/// Brings points that are near each other together: along a curve of the shape of Z (Morton 1966), and where places
-/// are the same by what else is known of them.
+/// Sorts points along a Z-order curve (Morton 1966), so that neighbours are near each other; points at one position by
+/// their attributes.
 pub(super) fn arrange(points: &mut [Ranked]) {
     let west = points.iter().map(|(_, seen)| seen.point.x).min().unwrap_or(0);
     let south = points.iter().map(|(_, seen)| seen.point.y).min().unwrap_or(0);
@@ -186,10 +187,10 @@ mod tests {
             let mut points: Vec<PointAppearance> = points.iter().map(|(x, y, z, c)| seen(*x, *y, *z, *c)).collect();
             let expected = chosen(&points, most);
             points.reverse();
-            let fewest = FewestPoints::new(most);
+            let fewest = PagePointSample::new(most);
             for some in points.chunks(batch) {
                 fewest.offer(some);
-                fewest.shorten(&mut lock(&fewest.kept));
+                fewest.shorten(&mut lock(&fewest.points));
             }
             let mut kept = fewest.finish();
             kept.sort_unstable();

@@ -1,4 +1,4 @@
-//! A surface as a page holds it: positions and triangles in memory.
+//! The mesh of a page: positions and triangles in memory.
 
 use crate::html::HtmlPage;
 use crate::html::pack::{PackedArray, QuantizedAxis};
@@ -6,8 +6,8 @@ use terrane_base::error::{Error, Result};
 
 use super::PageReport;
 
-/// Bytes that a page takes for a vertex and for a triangle at the most: positions, codes, planes of bytes, and
-/// texts that hardly get shorter.
+/// Maximum bytes that a page takes for a vertex and for a triangle: positions, codes, planes of bytes, and
+/// incompressible texts.
 pub(super) const VERTEX_BYTES: u64 = 24 + 12 + 36;
 pub(super) const TRIANGLE_BYTES: u64 = 12 + 12 + 36;
 
@@ -45,21 +45,23 @@ impl PageMesh {
 
     /// Keeps the triangles whose boxes touch `bbox` (west, south, east, north), and their vertices.
     pub(super) fn crop(&mut self, bbox: [f64; 4]) {
-        let touches = |triangle: &[u32; 3]| {
-            let corners = triangle.map(|vertex| self.at(vertex));
-            [0, 1].into_iter().all(|axis| {
-                let along = corners.map(|corner| corner[axis]);
-                let low = along.into_iter().fold(f64::INFINITY, f64::min);
-                let high = along.into_iter().fold(f64::NEG_INFINITY, f64::max);
-                low <= bbox[axis + 2] && high >= bbox[axis]
-            })
-        };
-        let kept: Vec<_> = self.triangles.iter().copied().filter(touches).collect();
-        self.triangles = kept;
+        let triangles = self.triangles.iter().copied();
+        self.triangles = triangles.filter(|triangle| self.touches(triangle, bbox)).collect();
         self.drop_unused();
     }
 
-    /// Drops vertices of no triangle.
+    /// True if the box around a triangle touches `bbox`.
+    fn touches(&self, triangle: &[u32; 3], bbox: [f64; 4]) -> bool {
+        let corners = triangle.map(|vertex| self.at(vertex));
+        [0, 1].into_iter().all(|axis| {
+            let values = corners.map(|corner| corner[axis]);
+            let low = values.into_iter().fold(f64::INFINITY, f64::min);
+            let high = values.into_iter().fold(f64::NEG_INFINITY, f64::max);
+            low <= bbox[axis + 2] && high >= bbox[axis]
+        })
+    }
+
+    /// Drops vertices that no triangle uses.
     pub(super) fn drop_unused(&mut self) {
         let mut place = vec![u32::MAX; self.vertices()];
         self.triangles.iter().flatten().for_each(|vertex| place[*vertex as usize] = 0);
@@ -101,8 +103,9 @@ impl PageMesh {
         page.array("first", PackedArray::steps(&first));
         drop(first);
         for (name, corner) in [("second", 1), ("third", 2)] {
-            let beyond = |t: &[u32; 3]| t[corner].wrapping_sub(t[0]) as i32;
-            page.array(name, PackedArray::signed(self.triangles.iter().map(beyond)));
+            // Differences to the first corner are small, and deflate well.
+            let differences = self.triangles.iter().map(|t| t[corner].wrapping_sub(t[0]) as i32);
+            page.array(name, PackedArray::signed(differences));
         }
         Ok(report)
     }

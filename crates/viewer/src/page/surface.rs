@@ -1,4 +1,4 @@
-//! The page of a mesh: all of it, as it is in the file, with the error of each triangle if a grid is given.
+//! The page of a mesh, complete, with the error of each triangle if a grid is given.
 
 use std::collections::HashMap;
 
@@ -19,7 +19,7 @@ use terrane_raster::{self as raster, GridOpenOptions, Inputs};
 /// Vertices or triangles read at once.
 const BATCH: u64 = 1 << 16;
 
-/// A grid that errors are measured against, and how it is opened.
+/// A grid that errors are measured against, and its options.
 pub(super) struct ReferenceGrid {
     pub(super) name: Inputs,
     pub(super) opening: GridOpenOptions,
@@ -30,7 +30,8 @@ pub(super) fn page(
     against: Option<&ReferenceGrid>,
     bounds: Option<[f64; 4]>,
     job: &PageJob<'_>,
-    (progress, cancel): (&dyn Progress, &Cancel),
+    progress: &dyn Progress,
+    cancel: &Cancel,
 ) -> Result<(HtmlPage, PageReport)> {
     check_size(mesh.info(), job)?;
     let mut shape = read(mesh, progress, cancel)?;
@@ -40,20 +41,20 @@ pub(super) fn page(
     let mut page = new_page(&facts::title(job.input))?;
     let system = SurfaceSystem::of_mesh(mesh.info());
     let mut figures = vec![];
-    let mut measured = None;
+    let mut max_error = None;
     if let Some(against) = against {
         let grid = raster::open_all(against.name.names(), &against.opening)?;
-        let found = errors::measure(&shape, grid.as_ref(), progress, cancel)?;
+        let measured = errors::measure(&shape, grid.as_ref(), progress, cancel)?;
         figures.push(("Errors against", json!(facts::title(&against.name))));
-        figures.push(("Largest error", json!(describe(found.largest, &system))));
-        figures.push(("Error RMS", json!(describe(found.root_mean_square, &system))));
-        figures.push(("Samples compared", json!(found.samples)));
-        page.fact("error_scale", found.largest);
-        page.array("errors", PackedArray::floats(&found.of_triangles));
-        measured = Some(found.largest);
+        figures.push(("Largest error", json!(describe(measured.largest, &system))));
+        figures.push(("Error RMS", json!(describe(measured.root_mean_square, &system))));
+        figures.push(("Samples compared", json!(measured.samples)));
+        page.fact("error_scale", measured.largest);
+        page.array("errors", PackedArray::floats(&measured.of_triangles));
+        max_error = Some(measured.largest);
     }
     let mut report = shape.put(&mut page)?;
-    report.max_error = measured;
+    report.max_error = max_error;
     let steps = reported_steps(&report, system.geographic);
     facts::put(&mut page, job, &system, report.bounds, steps);
     page.fact("about", facts::about(&system));
@@ -65,8 +66,8 @@ pub(super) fn page(
 
 /// An empty page of a surface.
 pub(super) fn new_page(title: &str) -> Result<HtmlPage> {
-    let none = || Error::new(ErrorKind::Internal, "the surface page is missing");
-    HtmlPage::new("surface", title).ok_or_else(none)
+    HtmlPage::new("surface", title)
+        .ok_or_else(|| Error::new(ErrorKind::Internal, "the surface page is missing"))
 }
 
 fn check_size(info: &MeshInfo, job: &PageJob<'_>) -> Result<()> {
@@ -79,7 +80,7 @@ fn check_size(info: &MeshInfo, job: &PageJob<'_>) -> Result<()> {
         return Err(Error::new(ErrorKind::Limit, message)
             .remedy("use a larger ‹max_error›, or draw a picture with -o"));
     }
-    // Vertices without an identity are found again by their positions.
+    // Meshes without indices are welded through a map of positions.
     let vertex = VERTEX_BYTES + if info.indexed { 0 } else { 64 };
     let need = info.triangles * TRIANGLE_BYTES
         + vertices * vertex
@@ -133,13 +134,13 @@ fn batches(all: u64, mut each: impl FnMut(u64, usize) -> Result<()>) -> Result<(
     starts.try_for_each(|first| each(first, (all - first).min(BATCH) as usize))
 }
 
-/// Makes vertices at one position one.
+/// Merges vertices at the same position.
 fn weld(shape: &mut PageMesh) {
     let mut known = HashMap::new();
-    let found: Vec<u32> = (0..shape.vertices() as u32)
+    let firsts: Vec<u32> = (0..shape.vertices() as u32)
         .map(|id| *known.entry(shape.at(id).map(f64::to_bits)).or_insert(id))
         .collect();
-    shape.triangles.iter_mut().flatten().for_each(|vertex| *vertex = found[*vertex as usize]);
+    shape.triangles.iter_mut().flatten().for_each(|vertex| *vertex = firsts[*vertex as usize]);
     shape.drop_unused();
 }
 
@@ -155,8 +156,8 @@ fn describe(error: f64, system: &SurfaceSystem) -> String {
 /// Metadata of a mesh.
 fn stated(info: &MeshInfo) -> Vec<(&'static str, Value)> {
     let promises = info.promises().unwrap_or_default();
-    let told = promises.statements().filter(|(key, _)| *key == "max error");
-    told.map(|(_, text)| ("Declared max error", json!(text))).collect()
+    let statements = promises.statements().filter(|(key, _)| *key == "max error");
+    statements.map(|(_, text)| ("Declared max error", json!(text))).collect()
 }
 
 /// Rounding steps of positions and heights.

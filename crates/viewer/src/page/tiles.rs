@@ -14,13 +14,13 @@ use crate::html::HtmlPage;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::{RawFile, path_of};
 
-/// The name of what says what there is.
+/// Index of quantized-mesh tiles.
 const LAYER: &str = "layer.json";
-/// The same of 3D Tiles.
+/// Index of 3D Tiles.
 const TILESET: &str = "tileset.json";
-/// The names of folders beside each other, where there are tiles of several formats.
+/// Folders of the formats, in a folder of tiles in several formats.
 const SETS: [&str; 2] = ["quantized-mesh", "3dtiles"];
-/// Most bytes of what says what there is: rectangles of a million tiles that touch no other.
+/// Maximum bytes of an index: rectangles of a million tiles that touch no other.
 const MAX_LISTED: u64 = 64 << 20;
 
 /// Fields read from a `layer.json`; the page reads it again, with more fields.
@@ -65,7 +65,8 @@ struct PageTilesetLevel {
 /// Contents of a folder.
 struct ViewedTileset {
     format: &'static str,
-    told: &'static str,
+    /// Name of the file that lists the tiles.
+    index: &'static str,
     levels: usize,
     tiles: u64,
     bounds: [f64; 4],
@@ -95,19 +96,22 @@ fn world() -> [f64; 4] {
 
 /// True for a folder of terrain tiles, or of folders of them.
 pub fn is_tiles(path: &Path) -> bool {
-    let has = |folder: &Path| [LAYER, TILESET].iter().any(|name| folder.join(name).is_file());
-    has(path) || SETS.iter().any(|set| has(&path.join(set)))
+    has_index(path) || SETS.iter().any(|set| has_index(&path.join(set)))
+}
+
+fn has_index(folder: &Path) -> bool {
+    [LAYER, TILESET].iter().any(|name| folder.join(name).is_file())
 }
 
 pub(super) fn page(job: &PageJob<'_>) -> Result<(HtmlPage, PageReport)> {
     let input = job.input.to_string();
     let folder = path_of(&input);
     let set = ViewedTileset::read(&folder)?;
-    let none = || Error::new(ErrorKind::Internal, "the tile page is missing");
-    let mut page = HtmlPage::new("tiles", &name(&folder)).ok_or_else(none)?;
+    let mut page = HtmlPage::new("tiles", &name(&folder))
+        .ok_or_else(|| Error::new(ErrorKind::Internal, "the tile page is missing"))?;
     let [land, water] = crate::render::palette();
     page.fact("format", set.format);
-    page.fact("told", set.told);
+    page.fact("told", set.index);
     page.fact("palette", json!({ "land": land, "water": water }));
     job.add_settings(&mut page);
     let (levels, tiles) = (Some(set.levels as u32), Some(set.tiles));
@@ -119,20 +123,20 @@ pub(super) fn page(job: &PageJob<'_>) -> Result<(HtmlPage, PageReport)> {
 
 impl ViewedTileset {
     fn read(folder: &Path) -> Result<Self> {
-        let [told, tileset] = [LAYER, TILESET].map(|name| folder.join(name));
-        match (told.is_file(), tileset.is_file()) {
+        let [layer, tileset] = [LAYER, TILESET].map(|name| folder.join(name));
+        match (layer.is_file(), tileset.is_file()) {
             (true, _) => {
-                let layer: PageLayerJson = parsed(&told)?;
+                let layer: PageLayerJson = parsed(&layer)?;
                 layer.check()?;
                 let tiles = layer.available.iter().flatten().map(PageTileRange::count).sum();
                 let (levels, bounds) = (layer.available.len(), layer.bounds);
-                Ok(Self { format: SETS[0], told: LAYER, levels, tiles, bounds })
+                Ok(Self { format: SETS[0], index: LAYER, levels, tiles, bounds })
             }
             (false, true) => {
                 let Tileset { extras: PageTilesetExtras { terrane } } = parsed(&tileset)?;
                 let tiles = terrane.levels.iter().map(|level| level.tiles).sum();
                 let (levels, bounds) = (terrane.levels.len(), terrane.bounds);
-                Ok(Self { format: SETS[1], told: TILESET, levels, tiles, bounds })
+                Ok(Self { format: SETS[1], index: TILESET, levels, tiles, bounds })
             }
             (false, false) => Err(Error::usage("holds tiles of several formats")
                 .in_file(folder)
@@ -158,50 +162,55 @@ fn parsed<T: DeserializeOwned>(path: &Path) -> Result<T> {
 impl PageLayerJson {
     fn check(&self) -> Result<()> {
         let Self { format, scheme, projection, .. } = self;
-        let refused = |what: String| {
-            Err(Error::unsupported(what).remedy("name a folder made by ‹terrane tiles›"))
-        };
         if !format.starts_with("quantized-mesh-1.") {
-            return refused(format!(
+            return Err(unsupported_tiles(&format!(
                 "unsupported tile format {format}; expected quantized-mesh-1.x"
-            ));
+            )));
         }
         if scheme != "tms" || projection != "EPSG:4326" {
-            return refused(format!(
+            return Err(unsupported_tiles(&format!(
                 "unsupported tiling {projection} {scheme}; expected EPSG:4326 tms"
-            ));
+            )));
         }
         if self.parent.is_some() {
-            return refused("tiles in another folder (parentUrl) are not supported".to_owned());
+            return Err(unsupported_tiles("tiles in another folder (parentUrl) are not supported"));
         }
         if self.available.is_empty() {
-            return refused("the list of available tiles (available) is missing".to_owned());
+            return Err(unsupported_tiles("the list of available tiles (available) is missing"));
         }
         match self.tiles.first() {
-            Some(name) if is_beside(name) => Ok(()),
-            _ => refused("the tile address is outside this folder".to_owned()),
+            Some(name) if is_in_folder(name) => Ok(()),
+            _ => Err(unsupported_tiles("the tile address is outside this folder")),
         }
     }
 }
 
-/// True for a name in the folder itself, ending as the server knows it.
-fn is_beside(name: &str) -> bool {
+fn unsupported_tiles(message: &str) -> Error {
+    Error::unsupported(message).remedy("name a folder made by ‹terrane tiles›")
+}
+
+/// True for a tile address below the folder, with the extension that the server serves.
+fn is_in_folder(name: &str) -> bool {
     let path = name.split('?').next().unwrap_or_default();
-    let is_plain = |part: &str| !part.is_empty() && !part.starts_with('.') && !part.contains(':');
     path.split('/').all(is_plain) && path.ends_with(".terrain")
+}
+
+/// True for a part of a path that cannot lead elsewhere.
+fn is_plain(part: &str) -> bool {
+    !part.is_empty() && !part.starts_with('.') && !part.contains(':')
 }
 
 impl PageTileRange {
     fn count(&self) -> u64 {
-        let along = |from: u64, to: u64| (to + 1).saturating_sub(from);
-        along(self.start_x, self.end_x).saturating_mul(along(self.start_y, self.end_y))
+        let columns = (self.end_x + 1).saturating_sub(self.start_x);
+        columns.saturating_mul((self.end_y + 1).saturating_sub(self.start_y))
     }
 }
 
 /// The name of a folder without its parents.
 fn name(folder: &Path) -> String {
-    let whole = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
-    whole.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+    let path = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
+    path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
 }
 
 #[cfg(test)]

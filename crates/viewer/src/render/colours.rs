@@ -1,4 +1,4 @@
-//! Colours that a surface brings along, beside its heights.
+//! Colours of a surface, beside its heights.
 
 /// A colour for each pixel of a field: red, green, blue and opacity, in sRGB.
 #[derive(Clone, Debug, PartialEq)]

@@ -66,8 +66,13 @@ fn clip_segment(a: [f64; 2], b: [f64; 2], size: [f64; 2]) -> Option<([f64; 2], [
             t1 = t1.min((low / d).max(high / d));
         }
     }
-    let point = |t: f64| [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])];
-    (finite && t0 <= t1 && size[0] > 0.0 && size[1] > 0.0).then(|| (point(t0), point(t1)))
+    let is_visible = finite && t0 <= t1 && size[0] > 0.0 && size[1] > 0.0;
+    is_visible.then(|| (between(a, b, t0), between(a, b, t1)))
+}
+
+/// The position at `t` (0 to 1) from `a` to `b`.
+fn between(a: [f64; 2], b: [f64; 2], t: f64) -> [f64; 2] {
+    [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])]
 }
 
 #[cfg(test)]

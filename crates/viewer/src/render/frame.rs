@@ -1,6 +1,6 @@
-//! Which part of the world a picture shows, and at what scale.
+//! Extent and scale of a picture.
 
-/// Most pixels along a side of a picture.
+/// Maximum number of pixels along a side of a picture.
 pub const MAX_PICTURE_SIDE: u32 = 16_384;
 
 /// A north-up map of a world rectangle onto pixels. Pixel (0, 0) is the upper left; positions are
@@ -13,13 +13,13 @@ pub struct PictureFrame {
     pub width: u32,
     /// Picture rows.
     pub height: u32,
-    /// Metres (or whatever unit heights have) per world unit along x and y.
+    /// Units of height per world unit along x and y.
     pub scale: [f64; 2],
 }
 
 impl PictureFrame {
     /// A frame around `bounds`, `width` pixels wide, with the aspect kept on the ground: `scale`
-    /// tells how long a world unit is along x and along y. A picture taller than
+    /// is the length of a world unit along x and along y. A picture taller than
     /// [`MAX_PICTURE_SIDE`] is narrowed until it fits. Bounds without extent are given some.
     pub fn fit(bounds: [f64; 4], width: u32, scale: [f64; 2]) -> Self {
         let bounds = with_extent(bounds);
@@ -27,9 +27,9 @@ impl PictureFrame {
         let ground_y = (bounds[3] - bounds[1]) * scale[1];
         let aspect = ground_y / ground_x;
         let aspect = if aspect.is_finite() && aspect > 0.0 { aspect } else { 1.0 };
-        let most = f64::from(MAX_PICTURE_SIDE);
-        let wide = f64::from(width).min(most).min(most / aspect).round().max(1.0);
-        let tall = (wide * aspect).round().clamp(1.0, most);
+        let limit = f64::from(MAX_PICTURE_SIDE);
+        let wide = f64::from(width).min(limit).min(limit / aspect).round().max(1.0);
+        let tall = (wide * aspect).round().clamp(1.0, limit);
         Self { bounds, width: wide as u32, height: tall as u32, scale }
     }
 
@@ -64,10 +64,10 @@ impl PictureFrame {
     }
 }
 
-/// A single row, column or point still has to be seen: the missing extent is taken from the other.
+/// Bounds without extent along an axis get some, so that a single row, column or point is visible.
 fn with_extent([west, south, east, north]: [f64; 4]) -> [f64; 4] {
-    let most = (east - west).max(north - south);
-    let pad = if most > 0.0 { most / 64.0 } else { 0.5 };
+    let longest = (east - west).max(north - south);
+    let pad = if longest > 0.0 { longest / 64.0 } else { 0.5 };
     let (dx, dy) = (pad_of(east - west, pad), pad_of(north - south, pad));
     [west - dx, south - dy, east + dx, north + dy]
 }

@@ -2,7 +2,7 @@
 
 use crate::render::PictureHeights;
 
-/// A main light with two weaker ones beside it, so that no slope is lost in the dark.
+/// A main light with two weaker ones on either side, so that no slope is black.
 #[derive(Clone, Copy, Debug)]
 pub struct ReliefLight {
     /// Unit vectors towards the lights (east, north, up) with their weights.
@@ -15,8 +15,8 @@ impl ReliefLight {
     /// Light from `azimuth` (degrees clockwise from north) and `altitude` (degrees above the
     /// horizon).
     pub fn new(azimuth: f64, altitude: f64) -> Self {
-        let beside = |turn: f64| towards(azimuth + turn, altitude);
-        let sources = [(beside(0.0), 0.64), (beside(-60.0), 0.18), (beside(60.0), 0.18)];
+        let sources = [(0.0, 0.64), (-60.0, 0.18), (60.0, 0.18)]
+            .map(|(turn, weight)| (towards(azimuth + turn, altitude), weight));
         Self { sources, level: altitude.to_radians().sin() as f32 }
     }
 
@@ -67,7 +67,7 @@ fn difference(before: f32, here: f32, after: f32) -> f32 {
 
 /// Steepness (rise over run) that the steeper slopes of a picture should have to read well.
 const PLEASING_STEEPNESS: f32 = 0.65;
-/// Which slope counts as one of the steeper ones.
+/// Quantile of the steeper slopes.
 const STEEP_QUANTILE: f64 = 0.9;
 /// Maximum number of sampled slopes.
 const MAX_SLOPES: usize = 1 << 18;

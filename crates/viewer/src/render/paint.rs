@@ -3,7 +3,7 @@
 use crate::render::light::slope;
 use crate::render::{HeightColors, PictureHeights, PixelColors, ReliefLight, StrokeCoverage};
 
-/// How a picture is to look.
+/// Lighting and scale of a picture.
 #[derive(Clone, Copy, Debug)]
 pub struct PictureStyle {
     /// The light.
@@ -16,8 +16,7 @@ pub struct PictureStyle {
     pub fineness: usize,
 }
 
-/// What full shadow and full light make of a colour: cool below, warm above, as painters of relief
-/// have it.
+/// Factors on colours in full shadow, on level ground and in full light: cool to warm, as relief painters do.
 const SHADOW: [f32; 3] = [0.36, 0.39, 0.52];
 const LEVEL: [f32; 3] = [0.96, 0.96, 0.95];
 const BRIGHT: [f32; 3] = [1.17, 1.13, 1.04];
@@ -69,8 +68,7 @@ impl<'a> FieldPainter<'a> {
         painter
     }
 
-    /// Paints the surface's own colours, those of the field's pixels, in place of a tint by height: as they are
-    /// where it is level, and lit where it is not.
+    /// Paints these colours of the field's pixels in place of a tint by height: unchanged on level ground, shaded on slopes.
     #[must_use]
     pub fn coloured(self, colours: Option<&'a PixelColors>) -> Self {
         Self { colours, ..self }
@@ -111,8 +109,10 @@ impl<'a> FieldPainter<'a> {
         let opacity = valid / (n * n) as f32;
         let ink = self.edges.map_or(0.0, |edges| edges.at(col, row));
         let alpha = ink + opacity * (1.0 - ink);
-        let over = |i: usize| (INK[i] * ink + paint[i] * opacity * (1.0 - ink)) / alpha.max(1e-6);
-        ([over(0), over(1), over(2)], alpha)
+        let colour = std::array::from_fn(|i| {
+            (INK[i] * ink + paint[i] * opacity * (1.0 - ink)) / alpha.max(1e-6)
+        });
+        (colour, alpha)
     }
 
     /// Tint and light of one field pixel, and its opacity; `None` where void.
@@ -121,31 +121,35 @@ impl<'a> FieldPainter<'a> {
         if z.is_nan() {
             return None;
         }
-        let [right, up] = slope(self.field, col, row);
-        let steep =
-            |rise: f32, ground: f64| (f64::from(rise) * self.style.exaggeration / ground) as f32;
-        let [gx, gy] = self.style.ground;
-        let lit = self.style.light.on(steep(right, gx), steep(up, gy));
+        let rise = slope(self.field, col, row);
+        let [east, north] = [0, 1].map(|axis| {
+            (f64::from(rise[axis]) * self.style.exaggeration / self.style.ground[axis]) as f32
+        });
+        let lit = self.style.light.on(east, north);
         if let Some(colours) = self.colours {
-            let (own, level) = (colours.at(col, row), self.style.light.on(0.0, 0.0));
-            let shade = |i: usize| f32::from(own[i]) / 255.0 * lighten(i, lit) / lighten(i, level);
-            return Some(([shade(0), shade(1), shade(2)], f32::from(own[3]) / 255.0));
+            let (rgba, level) = (colours.at(col, row), self.style.light.on(0.0, 0.0));
+            let rgba = rgba.map(|channel| f32::from(channel) / 255.0);
+            let shaded = std::array::from_fn(|i| rgba[i] * lighten(i, lit) / lighten(i, level));
+            return Some((shaded, rgba[3]));
         }
         let ridge = RIDGE * (self.above_ground(z, col, row) / self.prominence).clamp(-1.0, 1.0);
         let tint = self.tint.colour(z);
-        let shade = |i: usize| tint[i] * (1.0 + ridge) * lighten(i, lit);
-        Some(([shade(0), shade(1), shade(2)], 1.0))
+        Some((std::array::from_fn(|i| tint[i] * (1.0 + ridge) * lighten(i, lit)), 1.0))
     }
 
-    /// Height above the smoothed ground, fading out towards the border, where the ground is that
-    /// of one side only.
+    /// Height above the smoothed ground, fading out towards the border, where the smoothing is one-sided.
     fn above_ground(&self, z: f32, col: usize, row: usize) -> f32 {
-        let at = |i: usize| (i as f64 + 0.5) / self.stride as f64;
-        let ground = self.ground.bilinear(at(col) - 0.5, at(row) - 0.5);
-        let inside = |i: usize, end: usize| at(i).min(at(end - 1 - i));
-        let border = inside(col, self.field.width).min(inside(row, self.field.height));
+        let ground = self.ground.bilinear(self.blocks(col) - 0.5, self.blocks(row) - 0.5);
+        let across = self.blocks(col).min(self.blocks(self.field.width - 1 - col));
+        let down = self.blocks(row).min(self.blocks(self.field.height - 1 - row));
+        let border = across.min(down);
         let weight = (border / BORDER).min(1.0) as f32;
         if ground.is_nan() { 0.0 } else { (z - ground) * weight }
+    }
+
+    /// The centre of a pixel from the border of the field, in blocks of the smoothed ground.
+    fn blocks(&self, pixel: usize) -> f64 {
+        (pixel as f64 + 0.5) / self.stride as f64
     }
 
     /// Twice the mean height above or below the smoothed ground; infinite when all is level.

@@ -1,4 +1,4 @@
-//! A few words under a picture: small letters, digits and what numbers need, drawn as one sees them below.
+//! A bitmap font for the text under pictures: lowercase letters, digits, comma, point and hyphen.
 
 /// Rows of a letter, tails included, and columns with the gap behind it.
 const ROWS: usize = 9;

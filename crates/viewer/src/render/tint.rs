@@ -20,7 +20,7 @@ pub fn palette() -> [&'static [[u8; 3]]; 2] {
     [&LAND, &WATER]
 }
 
-/// Steps of height whose areas are counted.
+/// Number of height steps in the histogram of areas.
 const BINS: usize = 2048;
 
 /// Maps heights to colours.
@@ -74,11 +74,11 @@ impl HeightColors {
 }
 
 fn range(field: &PictureHeights, keep: impl Fn(f32) -> bool) -> (f32, f32) {
-    let kept = field.z.iter().filter(|&&z| !z.is_nan() && keep(z));
-    kept.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &z| (low.min(z), high.max(z)))
+    let heights = field.z.iter().filter(|&&z| !z.is_nan() && keep(z));
+    heights.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &z| (low.min(z), high.max(z)))
 }
 
-/// Position of a height on the scale of bins, 0 to `BINS`; the middle when all heights are one.
+/// Position of a height on the scale of bins, 0 to `BINS`; the middle when all heights are equal.
 fn bin_position(z: f32, low: f32, high: f32) -> f32 {
     let share = (z - low) / (high - low);
     if share.is_finite() { share.clamp(0.0, 1.0) * BINS as f32 } else { 0.5 * BINS as f32 }
@@ -91,11 +91,12 @@ fn positions(field: &PictureHeights, low: f32, high: f32, keep: impl Fn(f32) -> 
     }
     let all = counts.iter().sum::<u64>().max(1) as f32;
     let mut below = 0;
-    let mut position = |(bin, count): (usize, &u64)| {
+    let bins = counts.iter().zip(1..=BINS);
+    bins.map(|(count, bin)| {
         below += count;
-        0.5 * (below as f32 / all) + 0.5 * (bin + 1) as f32 / BINS as f32
-    };
-    counts.iter().enumerate().map(&mut position).collect()
+        0.5 * (below as f32 / all) + 0.5 * bin as f32 / BINS as f32
+    })
+    .collect()
 }
 
 /// The colour at `position` (0 to 1) between evenly spaced stops.
@@ -103,11 +104,10 @@ fn pick(stops: &[[u8; 3]], position: f32) -> [f32; 3] {
     let at = position.clamp(0.0, 1.0) * (stops.len() - 1) as f32;
     let stop = (at as usize).min(stops.len() - 2);
     let mix = at - stop as f32;
-    let channel = |i: usize| {
+    std::array::from_fn(|i| {
         let (a, b) = (f32::from(stops[stop][i]), f32::from(stops[stop + 1][i]));
         (a + (b - a) * mix) / 255.0
-    };
-    [channel(0), channel(1), channel(2)]
+    })
 }
 
 #[cfg(test)]

@@ -21,20 +21,17 @@ pub fn fill_coloured(
     corners: [[f64; 3]; 3],
     rgba: [[f64; 4]; 3],
 ) {
-    let channel = |i: usize| {
-        let [a, b, c] = [0, 1, 2].map(|k| [corners[k][0], corners[k][1], rgba[k][i]]);
-        PixelPlane::through([a, b, c])
-    };
-    let [Some(red), Some(green), Some(blue), Some(opacity)] = [0, 1, 2, 3].map(channel) else {
-        return;
-    };
+    let planes = [0, 1, 2, 3].map(|channel| {
+        PixelPlane::through([0, 1, 2].map(|k| [corners[k][0], corners[k][1], rgba[k][channel]]))
+    });
+    let [Some(red), Some(green), Some(blue), Some(opacity)] = planes else { return };
     fill(field, corners, |col, row| {
         let (x, y) = (col as f64 + 0.5, row as f64 + 0.5);
         colours.put(col, row, [&red, &green, &blue, &opacity].map(|plane| plane.height(x, y)));
     });
 }
 
-/// Fills the heights of a triangle; `top` hears of each pixel where it is on top of all before.
+/// Fills the heights of a triangle; calls `top` for each pixel where it is the highest surface so far.
 fn fill(field: &mut PictureHeights, corners: [[f64; 3]; 3], mut top: impl FnMut(usize, usize)) {
     let Some(plane) = PixelPlane::through(corners) else { return };
     let rows = clip(corners.map(|c| c[1]), field.height);

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use terrane_files::lock;
 
-/// Most clients at once. A browser takes six connections for a page.
+/// Maximum number of clients. A browser opens six connections for a page.
 pub(crate) const MAX_CLIENTS: usize = 64;
 
 /// All clients.
@@ -21,14 +21,14 @@ struct ClientList {
     is_over: bool,
 }
 
-/// A client, and since when it is waited for.
+/// A client, and the start of its idle time.
 #[derive(Debug)]
 struct WaitingClient {
     stream: TcpStream,
     since: Instant,
 }
 
-/// One of them; it is forgotten with the value.
+/// An admitted client; removed from the list when dropped.
 #[derive(Debug)]
 pub(crate) struct Client<'a> {
     clients: &'a Clients,
@@ -36,40 +36,40 @@ pub(crate) struct Client<'a> {
 }
 
 impl Clients {
-    /// Takes another one in. Where there are as many as there may be, the one waited for longest is cut off.
-    /// `None` after [`dismiss`](Self::dismiss), and where the system has no room for it.
+    /// Admits a client. Beyond [`MAX_CLIENTS`] the one idle for longest is disconnected.
+    /// `None` after [`dismiss`](Self::dismiss), and if the system is out of handles.
     pub(crate) fn admit(&self, stream: &TcpStream) -> Option<Client<'_>> {
         let stream = stream.try_clone().ok()?;
-        let mut held = lock(&self.0);
-        if held.is_over {
+        let mut list = lock(&self.0);
+        if list.is_over {
             return None;
         }
-        while held.by_number.len() >= MAX_CLIENTS {
-            let slowest = held.by_number.iter().min_by_key(|(_, waiting)| waiting.since);
+        while list.by_number.len() >= MAX_CLIENTS {
+            let slowest = list.by_number.iter().min_by_key(|(_, waiting)| waiting.since);
             let slowest = slowest.map(|(number, _)| *number)?;
-            held.by_number.remove(&slowest).iter().for_each(cut_off);
+            list.by_number.remove(&slowest).iter().for_each(cut_off);
         }
-        let number = held.next;
-        held.next += 1;
-        held.by_number.insert(number, WaitingClient { stream, since: Instant::now() });
+        let number = list.next;
+        list.next += 1;
+        list.by_number.insert(number, WaitingClient { stream, since: Instant::now() });
         Some(Client { clients: self, number })
     }
 
-    /// Cuts all of them off, and lets nobody in.
+    /// Disconnects all clients and admits no others.
     pub(crate) fn dismiss(&self) {
-        let mut held = lock(&self.0);
-        held.is_over = true;
-        held.by_number.values().for_each(cut_off);
+        let mut list = lock(&self.0);
+        list.is_over = true;
+        list.by_number.values().for_each(cut_off);
     }
 }
 
-/// Whoever reads or writes at the stream gets an end or an error.
+/// Ends the client's stream: its thread reads an end or gets an error.
 fn cut_off(waiting: &WaitingClient) {
     let _ = waiting.stream.shutdown(Shutdown::Both);
 }
 
 impl Client<'_> {
-    /// Tells that it went on.
+    /// Resets the idle time.
     pub(crate) fn is_alive(&self) {
         if let Some(waiting) = lock(&self.clients.0).by_number.get_mut(&self.number) {
             waiting.since = Instant::now();

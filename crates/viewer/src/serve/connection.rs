@@ -1,4 +1,4 @@
-//! One client: requests one after the other, each within a time, and what they are answered with.
+//! One client: its requests in order, each within a time limit, and their answers.
 
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, TcpStream};
@@ -10,13 +10,13 @@ use crate::serve::request::{
     self, BAD, HttpRequest, MAX_HEAD, NOT_ALLOWED, NOT_FOUND, RequestRefusal,
 };
 
-/// How long the whole head of a request may take, and each block that a client is sent.
+/// Time limit for the head of a request, and for each block sent.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// How long a client may go on after its last answer.
+/// Time limit for reading on after the last answer.
 const FAREWELL: Duration = Duration::from_secs(1);
-/// Bytes of a file that are sent at once.
+/// Bytes of a file sent at once.
 const BLOCK: usize = 64 << 10;
-/// Between the head of a request and what follows.
+/// End of the head of a request.
 const END: &[u8] = b"\r\n\r\n";
 /// Headers of every response: access by this origin only, no type sniffing.
 const GUARDS: &str = "X-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n\
@@ -28,7 +28,7 @@ const NO_FRAMES: &str = "frame-ancestors 'none'";
 /// Paths that browsers request by themselves.
 const ICON: &str = "favicon.ico";
 
-/// A client that is listened to.
+/// The connection of a client.
 pub(crate) struct ServerConnection<'a> {
     stream: &'a TcpStream,
     client: &'a Client<'a>,
@@ -48,15 +48,15 @@ impl<'a> ServerConnection<'a> {
         loop {
             match self.answer(folder) {
                 Ok(true) => self.client.is_alive(),
-                Ok(false) => return self.part().unwrap_or_default(),
+                Ok(false) => return self.close().unwrap_or_default(),
                 Err(_) => return,
             }
         }
     }
 
-    /// Says that nothing more will come, and lets go by what the client still sends: while some of it is unread, the
-    /// system may drop the answer.
-    fn part(&self) -> io::Result<()> {
+    /// Closes the sending side and discards what the client still sends: with unread bytes, the system may drop the
+    /// answer.
+    fn close(&self) -> io::Result<()> {
         self.stream.shutdown(Shutdown::Write)?;
         let (mut stream, mut block) = (self.stream, [0; 2048]);
         let end = Instant::now() + FAREWELL;
@@ -78,7 +78,7 @@ impl<'a> ServerConnection<'a> {
         self.client.is_alive();
         let request = match HttpRequest::read(&head, self.port) {
             Ok(request) => request,
-            // What stands behind it is known where it is only the name or the method that is not.
+            // HEAD has no body in its answer, even if the request is refused.
             Err(refusal) => return self.refuse(refusal, head.starts_with(b"HEAD "), false),
         };
         let HttpRequest { is_head, stays, .. } = request;
@@ -86,7 +86,7 @@ impl<'a> ServerConnection<'a> {
             return self.send("HTTP/1.1 204 No Content\r\n", "", stays).map(|()| stays);
         }
         match folder.find(&request.name) {
-            Some(found) => self.found(found, &request).map(|()| stays),
+            Some(file) => self.send_file(file, &request).map(|()| stays),
             None => self.refuse(NOT_FOUND, is_head, stays),
         }
     }
@@ -115,23 +115,24 @@ impl<'a> ServerConnection<'a> {
         }
     }
 
-    fn found(&self, found: ServedFile, request: &HttpRequest) -> io::Result<()> {
-        let ServedFile { mut file, size, kind, is_gzip, is_page, tag } = found;
+    fn send_file(&self, served: ServedFile, request: &HttpRequest) -> io::Result<()> {
+        let ServedFile { mut file, size, kind, is_gzip, is_page, tag } = served;
         let policy = if is_page { NO_FRAMES } else { NOTHING };
-        let of = format!("ETag: {tag}\r\nContent-Security-Policy: {policy}\r\n");
+        let headers = format!("ETag: {tag}\r\nContent-Security-Policy: {policy}\r\n");
         if request.has.as_ref().is_some_and(|has| *has == tag) {
-            return self.send("HTTP/1.1 304 Not Modified\r\n", &of, request.stays);
+            return self.send("HTTP/1.1 304 Not Modified\r\n", &headers, request.stays);
         }
         let encoding = if is_gzip { "Content-Encoding: gzip\r\n" } else { "" };
-        let of = format!("{of}Content-Type: {kind}\r\nContent-Length: {size}\r\n{encoding}");
-        self.send("HTTP/1.1 200 OK\r\n", &of, request.stays)?;
+        let headers =
+            format!("{headers}Content-Type: {kind}\r\nContent-Length: {size}\r\n{encoding}");
+        self.send("HTTP/1.1 200 OK\r\n", &headers, request.stays)?;
         if request.is_head {
             return Ok(());
         }
         let (mut block, mut rest) = (vec![0; BLOCK.min(size as usize)], size);
         while rest > 0 {
             let count = block.len().min(rest as usize);
-            // A file that became shorter: there is no way to say so but to end.
+            // The length is announced: the only way to report a file that became shorter is to close.
             file.read_exact(&mut block[..count])?;
             self.write(&block[..count])?;
             rest -= count as u64;
@@ -139,26 +140,26 @@ impl<'a> ServerConnection<'a> {
         Ok(())
     }
 
-    /// Says why not; whether there may be another request.
+    /// Answers with a refusal; whether there may be another request.
     fn refuse(&self, refusal: RequestRefusal, is_head: bool, stays: bool) -> io::Result<bool> {
-        let RequestRefusal { status, told } = refusal;
+        let RequestRefusal { status, reason } = refusal;
         let allow = if refusal == NOT_ALLOWED { "Allow: GET, HEAD\r\n" } else { "" };
-        let of = format!(
+        let headers = format!(
             "{allow}Content-Security-Policy: {NOTHING}\r\nContent-Type: text/plain; charset=utf-8\r\n\
              Content-Length: {}\r\n",
-            told.len() + 1
+            reason.len() + 1
         );
-        self.send(&format!("HTTP/1.1 {status}\r\n"), &of, stays)?;
+        self.send(&format!("HTTP/1.1 {status}\r\n"), &headers, stays)?;
         if !is_head {
-            self.write(format!("{told}\n").as_bytes())?;
+            self.write(format!("{reason}\n").as_bytes())?;
         }
         Ok(stays)
     }
 
     /// Sends the head of an answer.
-    fn send(&self, status: &str, of: &str, stays: bool) -> io::Result<()> {
+    fn send(&self, status: &str, headers: &str, stays: bool) -> io::Result<()> {
         let stays = if stays { "keep-alive" } else { "close" };
-        self.write(format!("{status}{of}{GUARDS}Connection: {stays}\r\n\r\n").as_bytes())
+        self.write(format!("{status}{headers}{GUARDS}Connection: {stays}\r\n\r\n").as_bytes())
     }
 
     fn write(&self, bytes: &[u8]) -> io::Result<()> {

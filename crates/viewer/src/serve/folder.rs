@@ -10,9 +10,9 @@ use terrane_base::error::{Error, Result};
 /// The served page or folder.
 #[derive(Clone, Debug)]
 pub struct ServedSite {
-    /// The HTML file that `/` is.
+    /// The HTML file at `/`.
     pub page: PathBuf,
-    /// The folder whose files the page asks for.
+    /// The folder whose files the page requests.
     pub folder: Option<PathBuf>,
 }
 
@@ -27,7 +27,7 @@ const PAGE: &str = "text/html; charset=utf-8";
 /// First bytes of a gzip file.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 
-/// The page and the folder, as the file system names them.
+/// The page and the folder, as canonical paths.
 #[derive(Debug)]
 pub(crate) struct ServedFolder {
     page: PathBuf,
@@ -42,15 +42,14 @@ pub(crate) struct ServedFile {
     pub(crate) kind: &'static str,
     pub(crate) is_gzip: bool,
     pub(crate) is_page: bool,
-    /// Another one when the file is.
+    /// Entity tag from size and time of change.
     pub(crate) tag: String,
 }
 
 impl ServedFolder {
     pub(crate) fn open(site: &ServedSite) -> Result<Self> {
-        let whole = |path: &PathBuf| path.canonicalize().map_err(|e| Error::read(path, e));
-        let root = site.folder.as_ref().map(whole).transpose()?;
-        Ok(Self { page: whole(&site.page)?, root })
+        let root = site.folder.as_deref().map(canonical).transpose()?;
+        Ok(Self { page: canonical(&site.page)?, root })
     }
 
     /// The file of a name; `None` when there is none, or it lies elsewhere.
@@ -61,18 +60,21 @@ impl ServedFolder {
         let ending = name.last()?.rsplit_once('.')?.1;
         let (_, kind) = KINDS.iter().find(|(known, _)| *known == ending)?;
         let root = self.root.as_ref()?;
-        // Links are followed here, so that nothing on the way is elsewhere, and what is opened is where it says.
-        let inside = |path: PathBuf, part: &String| {
+        // Resolves links part by part, so that no step leaves the folder.
+        let path = name.iter().try_fold(root.clone(), |path, part| {
             path.join(part).canonicalize().ok().filter(|path| path.starts_with(root))
-        };
-        let path = name.iter().try_fold(root.clone(), inside)?;
+        })?;
         ServedFile::open(&path, kind, false).ok()
     }
 }
 
+fn canonical(path: &Path) -> Result<PathBuf> {
+    path.canonicalize().map_err(|e| Error::read(path, e))
+}
+
 impl ServedFile {
     fn open(path: &Path, kind: &'static str, is_page: bool) -> io::Result<Self> {
-        // A pipe would be waited for.
+        // Opening a pipe would block.
         if !std::fs::metadata(path)?.is_file() {
             return Err(io::ErrorKind::InvalidInput.into());
         }

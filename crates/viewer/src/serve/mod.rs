@@ -1,11 +1,11 @@
 //! A page, and the files of one folder beside it, for a browser on the same machine: HTTP/1.1 on 127.0.0.1.
 //!
-//! Nobody beyond this machine can connect. A page of somebody else in the same browser can, so that what is sent
-//! names no other origin as a reader, and a request has to name this server (`request`). Files are found by names
-//! that cannot lead out of the folder (`folder`), and no client can keep others out (`clients`).
+//! Only this machine can connect. Pages of other sites in the same browser can, too: so answers allow no other origin, and
+//! a request has to name this server (`request`). Files are found by names
+//! that cannot lead out of the folder (`folder`), and no client can block others (`clients`).
 //!
-//! On `std::net`, a thread for each client, and not by a library for HTTP: the server has little to do, and a library
-//! would have to be kept from doing more.
+//! Built on `std::net` with a thread for each client, without an HTTP library: the server needs little of HTTP, and a
+//! library would have to be restricted to it.
 
 mod clients;
 mod connection;
@@ -25,7 +25,7 @@ pub use folder::ServedSite;
 use terrane_base::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
 
-/// How often it is asked whether to stop.
+/// Interval of checks for cancellation.
 const GLANCE: Duration = Duration::from_millis(50);
 /// A client's thread holds a block of a file and little more.
 const STACK: usize = 256 << 10;
@@ -45,16 +45,9 @@ impl Server {
     /// A port that is taken or not allowed; a folder that is not there.
     pub fn open(site: &ServedSite, port: Option<u16>) -> Result<Self> {
         let folder = ServedFolder::open(site)?;
-        let listen = |e: io::Error| {
-            let what = match port {
-                Some(port) => format!("listen on 127.0.0.1:{port}"),
-                None => "listen on 127.0.0.1".to_owned(),
-            };
-            Error::io(ErrorKind::Io, &what, e).remedy("leave ‹port› out to use a free port")
-        };
-        let listener =
-            TcpListener::bind((Ipv4Addr::LOCALHOST, port.unwrap_or(0))).map_err(listen)?;
-        let port = listener.local_addr().map_err(listen)?.port();
+        let address = (Ipv4Addr::LOCALHOST, port.unwrap_or(0));
+        let listener = TcpListener::bind(address).map_err(|e| listen_error(port, e))?;
+        let port = listener.local_addr().map_err(|e| listen_error(port, e))?.port();
         Ok(Self { listener, port, folder })
     }
 
@@ -77,7 +70,7 @@ impl Server {
                 thread::sleep(GLANCE);
             }
             is_over.store(true, Ordering::Relaxed);
-            // What waits for a connection gets one.
+            // `accept` blocks: a connection wakes it up.
             let _ = TcpStream::connect((Ipv4Addr::LOCALHOST, self.port));
             clients.dismiss();
         });
@@ -92,7 +85,7 @@ impl Server {
     ) {
         while !is_over.load(Ordering::Relaxed) {
             let Ok((stream, _)) = self.listener.accept() else {
-                // Out of files, as a rule: some will be closed.
+                // Usually out of file handles: others will be closed.
                 thread::sleep(GLANCE);
                 continue;
             };
@@ -100,10 +93,18 @@ impl Server {
             if is_over.load(Ordering::Relaxed) {
                 return;
             }
-            let attend =
-                move || ServerConnection::new(&stream, &client, self.port).attend(&self.folder);
-            // Without a thread for it, a client is turned away: its stream goes with the closure.
-            let _ = thread::Builder::new().stack_size(STACK).spawn_scoped(scope, attend);
+            // Without a thread for it, a client is refused: its stream is dropped with the closure.
+            let _ = thread::Builder::new().stack_size(STACK).spawn_scoped(scope, move || {
+                ServerConnection::new(&stream, &client, self.port).attend(&self.folder);
+            });
         }
     }
+}
+
+fn listen_error(port: Option<u16>, e: io::Error) -> Error {
+    let action = match port {
+        Some(port) => format!("listen on 127.0.0.1:{port}"),
+        None => "listen on 127.0.0.1".to_owned(),
+    };
+    Error::io(ErrorKind::Io, &action, e).remedy("leave ‹port› out to use a free port")
 }

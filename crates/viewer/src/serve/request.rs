@@ -1,32 +1,32 @@
 //! A client's request: its head is parsed strictly, and irregular requests are refused.
 
-/// Most bytes of a request up to the empty line. Browsers send less than one thousand.
+/// Maximum bytes of a request up to the empty line. Browsers send less than one thousand.
 pub(crate) const MAX_HEAD: usize = 8 << 10;
 /// Maximum bytes of a request target.
 const MAX_TARGET: usize = 1 << 10;
 
-/// A request that is understood.
+/// A valid request.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct HttpRequest {
-    /// The body is not wanted.
+    /// Method HEAD: the answer has no body.
     pub(crate) is_head: bool,
     /// The parts of the name, none for the page.
     pub(crate) name: Vec<String>,
-    /// The client goes on with the same connection.
+    /// The client keeps the connection.
     pub(crate) stays: bool,
     /// Entity tag that the client has cached.
     pub(crate) has: Option<String>,
 }
 
-/// Why there is none: the status, and a word on it.
+/// Why a request is refused: the status and a reason.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RequestRefusal {
     pub(crate) status: &'static str,
-    pub(crate) told: &'static str,
+    pub(crate) reason: &'static str,
 }
 
-const fn refusal(status: &'static str, told: &'static str) -> RequestRefusal {
-    RequestRefusal { status, told }
+const fn refusal(status: &'static str, reason: &'static str) -> RequestRefusal {
+    RequestRefusal { status, reason }
 }
 
 pub(crate) const BAD: RequestRefusal = refusal("400 Bad Request", "not an HTTP/1.1 request");
@@ -48,8 +48,8 @@ const VERSION: RequestRefusal =
 impl HttpRequest {
     /// Parses a head, without the empty line at its end; `port` is the server's.
     ///
-    /// A page of somebody else can make its own name stand for 127.0.0.1, and would then read what is served as if
-    /// it were its own: so the host that is asked for has to be this one.
+    /// Another site can resolve its own name to 127.0.0.1 and then read served files as its own: so the requested host has
+    /// to be this one.
     pub(crate) fn read(head: &[u8], port: u16) -> Result<Self, RequestRefusal> {
         let text = std::str::from_utf8(head).map_err(|_| BAD)?;
         let mut lines = text.split("\r\n");
@@ -61,8 +61,7 @@ impl HttpRequest {
             _ => return Err(BAD),
         };
         let fields = lines.map(field).collect::<Option<Vec<_>>>().ok_or(BAD)?;
-        let all = |name| fields.iter().filter(move |(key, _)| key == name).map(|(_, value)| *value);
-        let host: Vec<&str> = all("host").collect();
+        let host: Vec<&str> = values(&fields, "host").collect();
         match host[..] {
             // A name of another site may be resolved to this machine (DNS rebinding), and its pages would then
             // read what is served here.
@@ -70,8 +69,10 @@ impl HttpRequest {
             [_] => return Err(NOT_HERE),
             _ => return Err(BAD),
         }
-        // A body that is not read would be taken for the next request.
-        if all("transfer-encoding").next().is_some() || all("content-length").any(|n| n != "0") {
+        // An unread body would be parsed as the next request.
+        let has_body = values(&fields, "transfer-encoding").next().is_some()
+            || values(&fields, "content-length").any(|length| length != "0");
+        if has_body {
             return Err(BODY);
         }
         let is_head = match method {
@@ -79,17 +80,21 @@ impl HttpRequest {
             "HEAD" => true,
             _ => return Err(NOT_ALLOWED),
         };
-        let says = |word: &str| {
-            let mut tokens = all("connection").flat_map(|value| value.split(','));
-            tokens.any(|token| token.trim().eq_ignore_ascii_case(word))
-        };
+        let closes = values(&fields, "connection")
+            .flat_map(|value| value.split(','))
+            .any(|token| token.trim().eq_ignore_ascii_case("close"));
         Ok(Self {
             is_head,
             name: name(target)?,
-            stays: is_latest && !says("close"),
-            has: all("if-none-match").next().map(str::to_owned),
+            stays: is_latest && !closes,
+            has: values(&fields, "if-none-match").next().map(str::to_owned),
         })
     }
+}
+
+/// Values of the header fields called `name`.
+fn values<'a>(fields: &'a [(String, &str)], name: &str) -> impl Iterator<Item = &'a str> {
+    fields.iter().filter(move |(key, _)| key == name).map(|(_, value)| *value)
 }
 
 /// Three words with one space between them.
@@ -101,20 +106,24 @@ fn words(line: &str) -> Option<[&str; 3]> {
 /// A field's name in small letters, and its value.
 fn field(line: &str) -> Option<(String, &str)> {
     let (name, value) = line.split_once(':')?;
-    let is_token = |c: char| c.is_ascii_alphanumeric() || "!#$%&'*+-.^_`|~".contains(c);
     let is_sound = !name.is_empty() && name.chars().all(is_token);
     let has_control = value.chars().any(|c| c.is_control() && c != '\t');
     (is_sound && !has_control).then(|| (name.to_ascii_lowercase(), value.trim()))
 }
 
+/// True for a character that names of fields may have.
+fn is_token(c: char) -> bool {
+    c.is_ascii_alphanumeric() || "!#$%&'*+-.^_`|~".contains(c)
+}
+
 fn is_here(host: &str, port: u16) -> bool {
-    // The port of the scheme is left out.
+    // Browsers leave the default port of HTTP out.
     let (name, of) = host.rsplit_once(':').unwrap_or((host, "80"));
     (name == "127.0.0.1" || name.eq_ignore_ascii_case("localhost")) && of == port.to_string()
 }
 
-/// The parts of a name: letters, digits, `_`, `-`, and points that none begins with, so that no name leads up,
-/// elsewhere, or to what is hidden. What stands behind `?` is for nobody here.
+/// The parts of a name: letters, digits, `_`, `-`, and points except at the beginning, so that no name leads up,
+/// elsewhere, or to hidden files. The query after `?` is ignored.
 fn name(target: &str) -> Result<Vec<String>, RequestRefusal> {
     if target.len() > MAX_TARGET {
         return Err(TOO_LONG);
@@ -126,14 +135,16 @@ fn name(target: &str) -> Result<Vec<String>, RequestRefusal> {
     }
     let parts = path.split('/').map(|part| decoded(part).ok_or(BAD));
     let parts = parts.collect::<Result<Vec<_>, _>>()?;
-    let is_plain = |part: &Vec<u8>| {
-        let plain = |c: &u8| c.is_ascii_alphanumeric() || b"._-".contains(c);
-        part.first().is_some_and(|first| *first != b'.') && part.iter().all(plain)
-    };
-    match parts.iter().all(is_plain) {
+    match parts.iter().all(|part| is_plain(part)) {
         true => Ok(parts.iter().map(|part| String::from_utf8_lossy(part).into_owned()).collect()),
         false => Err(NOT_FOUND),
     }
+}
+
+/// True for a part of allowed characters that cannot lead up or to hidden files.
+fn is_plain(part: &[u8]) -> bool {
+    part.first().is_some_and(|first| *first != b'.')
+        && part.iter().all(|c| c.is_ascii_alphanumeric() || b"._-".contains(c))
 }
 
 /// A part with `%41` as `A`, once.

@@ -24,10 +24,10 @@ pub struct PicturePanel {
 pub struct ContactSheetJob {
     /// The meshes, row by row.
     pub panels: Vec<PicturePanel>,
-    /// How many stand beside each other; at least 1.
+    /// Number of panels in a row; at least 1.
     pub columns: usize,
-    /// How each is drawn, but for its input, and where all are written; `width` is that of one. Without an
-    /// exaggeration all get that of the first.
+    /// Options of each panel, without its input, and the output; `width` is that of a panel. The default
+    /// exaggeration is that of the first.
     pub each: ViewJob,
 }
 
@@ -39,8 +39,8 @@ const LEADING: usize = 6;
 const PAPER: [u8; 4] = [255; 4];
 const INK: [u8; 4] = [26, 33, 51, 255];
 
-/// Draws all panels into one PNG; returns its columns and rows. Memory: all its pixels, and those of one panel
-/// as [`run`](super::run) takes them.
+/// Draws all panels into one PNG; returns its columns and rows. Memory: all its pixels, and [`run`](super::run) for a
+/// panel.
 ///
 /// # Errors
 /// The errors of [`run`](super::run); usage for an input that is not a mesh.
@@ -65,8 +65,14 @@ pub fn run_contact_sheet(
     }
     let sheet = sheet.ok_or_else(|| Error::usage("no mesh to draw").remedy("name one"))?;
     let mut file = AtomicFile::create(&each.output, each.options.replacing.overwrite)?;
-    let fill = |row, line: &mut [u8]| line.copy_from_slice(sheet.row(row));
-    write_png(&mut file, sheet.size, fill, &each.options.resources, progress, cancel)?;
+    write_png(
+        &mut file,
+        sheet.size,
+        |row, line| line.copy_from_slice(sheet.row(row)),
+        &each.options.resources,
+        progress,
+        cancel,
+    )?;
     file.commit()?;
     Ok(sheet.size)
 }
@@ -112,7 +118,7 @@ impl ContactSheet {
         &self.pixels[row * self.size[0] * 4..(row + 1) * self.size[0] * 4]
     }
 
-    /// Paints a panel, what of it lies within its cell, and its text.
+    /// Paints a panel, cropped to its cell, and its text.
     fn put(&mut self, place: usize, painter: &FieldPainter<'_>, lines: &[String]) {
         let left = GAP + place % self.columns * self.cell[0];
         let top = GAP + place / self.columns * self.cell[1];
@@ -134,7 +140,7 @@ impl ContactSheet {
         }
     }
 
-    /// Lays a colour, as transparent as it is, over a pixel.
+    /// Composites a colour over a pixel.
     fn over(&mut self, [col, row]: [usize; 2], colour: &[u8]) {
         let at = (row * self.size[0] + col) * 4;
         let alpha = u32::from(colour[3]);

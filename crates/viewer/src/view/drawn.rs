@@ -15,7 +15,7 @@ pub(super) struct DrawnSurface {
     pub(super) frame: PictureFrame,
     pub(super) field: PictureHeights,
     pub(super) edges: Option<StrokeCoverage>,
-    /// The surface's own, if it has any.
+    /// Colours of the surface, if it has any.
     pub(super) colours: Option<PixelColors>,
 }
 
@@ -34,12 +34,12 @@ pub(super) const PIXEL_BYTES: u64 = 4 * (4 + 16) + 1 + 4;
 /// Additional memory if the surface has its own colours.
 pub(super) const COLOUR_BYTES: u64 = 4 * 4;
 
-/// The frame of a picture of `data` (west, south, east, north), or of the part asked for.
+/// The frame of a picture of `data` (west, south, east, north), or of the requested bounds.
 pub(super) fn frame(job: &ViewJob, data: [f64; 4], geographic: bool) -> Result<PictureFrame> {
     let bounds = job.options.grid.bounds.unwrap_or(data);
-    let apart =
+    let is_disjoint =
         bounds[0] > data[2] || bounds[2] < data[0] || bounds[1] > data[3] || bounds[3] < data[1];
-    if apart {
+    if is_disjoint {
         let [west, south, east, north] = data;
         return Err(Error::usage("‹bounds› lies outside the data")
             .in_file(Path::new(&job.input.to_string()))

@@ -35,23 +35,29 @@ pub(crate) fn grid_bounds(info: &GridInfo, margin: f64) -> [f64; 4] {
         (f64::from(info.width) - 1.0 + margin, f64::from(info.height) - 1.0 + margin);
     let corners = [(-margin, -margin), (right, -margin), (-margin, bottom), (right, bottom)];
     let world = corners.map(|(col, row)| info.transform.apply(col, row));
-    let low = |axis: usize| world.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
-    let high = |axis: usize| world.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
-    [low(0), low(1), high(0), high(1)]
+    corner_bounds(world)
 }
 
-/// Most samples under a picture that are all read.
+/// The box around four corners: lowest x and y, highest x and y.
+pub(crate) fn corner_bounds(corners: [[f64; 2]; 4]) -> [f64; 4] {
+    let [xs, ys] = [0, 1].map(|axis| corners.map(|corner| corner[axis]));
+    let [west, south] = [xs, ys].map(|all| all.into_iter().fold(f64::INFINITY, f64::min));
+    let [east, north] = [xs, ys].map(|all| all.into_iter().fold(f64::NEG_INFINITY, f64::max));
+    [west, south, east, north]
+}
+
+/// Maximum number of samples under a picture that are all read.
 const EXACT_SAMPLES: u64 = 1 << 26;
-/// Most samples that are read of more, unless the picture has more pixels.
+/// Maximum number of samples read of larger grids, unless the picture has more pixels.
 const SPARSE_SAMPLES: u64 = 1 << 22;
 
-/// Which samples are read, and how much coarser they are kept.
+/// The samples to read, and the stride of the coarser field made from them.
 struct GridReadPlan {
     /// Samples under the picture, with a margin.
     crop: Rect,
-    /// Samples per height kept, along each side.
+    /// Samples per height of the coarse field, along each side.
     stride: u32,
-    /// Samples read for a height kept, along each side: all of them, or a few in their middle.
+    /// Samples read for a height, along each side: all of them, or a few in their middle.
     patch: u32,
     /// Natural block of the source.
     block: (u32, u32),
@@ -75,8 +81,8 @@ impl GridReadPlan {
     fn averaging(info: &GridInfo, lattice: &PictureFrame) -> Self {
         let [px, py] = lattice.pixel();
         let samples_per_pixel = (px * py / info.transform.determinant().abs()).sqrt();
-        let most = info.width.max(info.height);
-        let stride = (samples_per_pixel as u32).clamp(1, most);
+        let longest = info.width.max(info.height);
+        let stride = (samples_per_pixel as u32).clamp(1, longest);
         Self { crop: crop(info, lattice, stride), stride, patch: stride, block: info.block }
     }
 
@@ -113,20 +119,20 @@ impl GridReadPlan {
     }
 
     /// Rectangles of the coarse field, each about a row of source blocks high, and wide enough to
-    /// hold about `most` samples.
-    fn chunks(&self, most: u64) -> Vec<Rect> {
+    /// hold about `max_samples` samples.
+    fn chunks(&self, max_samples: u64) -> Vec<Rect> {
         let (width, height) = self.coarse_size();
         let (stride, patch) = (u64::from(self.stride), u64::from(self.patch));
-        let block_rows = u64::from(self.block.1).min(most / patch / patch).max(1);
+        let block_rows = u64::from(self.block.1).min(max_samples / patch / patch).max(1);
         let rows = block_rows.div_ceil(stride).min(u64::from(height)) as u32;
-        let cols = most / (u64::from(rows) * patch * patch);
+        let cols = max_samples / (u64::from(rows) * patch * patch);
         let cols = cols.clamp(1, u64::from(width)) as u32;
-        let starts = |end: u32, step: u32| (0..end).step_by(step as usize);
-        starts(height, rows)
-            .flat_map(|row| starts(width, cols).map(move |col| (col, row)))
-            .map(|(col, row)| {
-                Rect::new(col, row, cols, rows).intersect(&Rect::new(0, 0, width, height))
-            })
+        let field = Rect::new(0, 0, width, height);
+        let columns = (0..width).step_by(cols as usize);
+        (0..height)
+            .step_by(rows as usize)
+            .flat_map(|row| columns.clone().map(move |col| Rect::new(col, row, cols, rows)))
+            .map(|chunk| chunk.intersect(&field))
             .collect()
     }
 
@@ -137,15 +143,15 @@ impl GridReadPlan {
         Rect::new(col, row, chunk.width * n, chunk.height * n).intersect(&self.crop)
     }
 
-    /// Heights of a rectangle of the coarse field. Where a row of them stands for more than `most`
-    /// samples, the rows of samples in its middle have to do.
-    fn average(&self, grid: &dyn GridSource, chunk: Rect, most: u64) -> Result<Vec<f32>> {
+    /// Heights of a rectangle of the coarse field. Where a row of them covers more than `max_samples`
+    /// samples, only its middle rows of samples are averaged.
+    fn average(&self, grid: &dyn GridSource, chunk: Rect, max_samples: u64) -> Result<Vec<f32>> {
         let mut means = vec![0.0; chunk.len()];
-        let rows_at_once = (most / u64::from(self.samples_of(chunk).width)).max(1);
+        let rows_at_once = (max_samples / u64::from(self.samples_of(chunk).width)).max(1);
         let mut samples = Vec::new();
         for (row, line) in means.chunks_exact_mut(chunk.width as usize).enumerate() {
-            let one = Rect::new(chunk.col, chunk.row + row as u32, chunk.width, 1);
-            let mut rect = self.samples_of(one);
+            let line_of_chunk = Rect::new(chunk.col, chunk.row + row as u32, chunk.width, 1);
+            let mut rect = self.samples_of(line_of_chunk);
             let rows = rect.height.min(u32::try_from(rows_at_once).unwrap_or(u32::MAX));
             (rect.row, rect.height) = (rect.row + (rect.height - rows) / 2, rows);
             samples.resize(rect.len(), 0.0);
@@ -199,16 +205,18 @@ fn crop(info: &GridInfo, fine: &PictureFrame, stride: u32) -> Rect {
     let [west, south, east, north] = fine.bounds;
     let corners = [(west, north), (east, north), (west, south), (east, south)];
     let lattice = corners.map(|(x, y)| info.transform.invert(x, y));
-    let range = |axis: usize, end: u32| {
-        let low = lattice.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
-        let high = lattice.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
-        let margin = 2.0 * f64::from(stride);
-        let first = (low - margin).clamp(0.0, f64::from(end - 1)) as u32 / stride * stride;
-        let last = (high + margin).clamp(f64::from(first), f64::from(end - 1)) as u32;
-        (first, last - first + 1)
-    };
-    let ((col, width), (row, height)) = (range(0, info.width), range(1, info.height));
+    let [left, top, right, bottom] = corner_bounds(lattice);
+    let (col, width) = crop_along(left, right, stride, info.width);
+    let (row, height) = crop_along(top, bottom, stride, info.height);
     Rect::new(col, row, width, height)
+}
+
+/// First and number of samples along an axis of `count`, from `low` to `high` with two strides of margin.
+fn crop_along(low: f64, high: f64, stride: u32, count: u32) -> (u32, u32) {
+    let margin = 2.0 * f64::from(stride);
+    let first = (low - margin).clamp(0.0, f64::from(count - 1)) as u32 / stride * stride;
+    let last = (high + margin).clamp(f64::from(first), f64::from(count - 1)) as u32;
+    (first, last - first + 1)
 }
 
 /// The middle of a rectangle, at most `side` samples along each side.

@@ -76,8 +76,9 @@ impl MeshCanvas {
         let [width, height] = [fine.width, fine.height].map(|side| side as usize);
         let field = PictureHeights::void(width, height);
         let colours = colours.then(|| PixelColors::none(width, height));
-        let coverage = || StrokeCoverage::empty(frame.width as usize, frame.height as usize);
-        Self { frame, fine, field, edges: edges.then(coverage), colours }
+        let edges =
+            edges.then(|| StrokeCoverage::empty(frame.width as usize, frame.height as usize));
+        Self { frame, fine, field, edges, colours }
     }
 
     fn draw(&mut self, corners: [Corner; 3]) {
@@ -105,15 +106,15 @@ fn edge_strength(a: [f64; 2], b: [f64; 2]) -> f64 {
     EDGE_STRENGTH * (length / LONG_EDGE).clamp(FAINTEST_EDGE, 1.0)
 }
 
-/// Vertices read at once, and the largest run of unwanted ones that is read rather than skipped.
+/// Vertices read at once, and the largest gap of unused ones that is read rather than skipped.
 const RUN: u64 = 1 << 13;
 const GAP: u64 = 1 << 8;
 
 /// A position and its colour: red, green, blue and opacity, 0 to 255.
 type Corner = (Point3, [f64; 4]);
 
-/// Fetches the positions of a batch's vertices with few reads, in bounded memory however the ids
-/// are spread; and their colours, if they have as many channels.
+/// Fetches the positions of a batch's vertices with few reads, in bounded memory for any
+/// distribution of ids; and their colours, if `channels` is not 0.
 struct PositionGatherer {
     vertices: u64,
     channels: usize,
@@ -153,17 +154,21 @@ impl PositionGatherer {
         }
         let mut rest = self.ids.as_slice();
         while let Some(&first) = rest.first() {
-            let near = |pair: &[u64]| pair[1] - pair[0] <= GAP && pair[1] - first < RUN;
-            let count = 1 + rest.windows(2).take_while(|pair| near(pair)).count();
-            let (wanted, others) = rest.split_at(count);
-            self.run.resize((wanted[count - 1] - first + 1) as usize, [0.0; 3]);
+            let gaps = rest.windows(2);
+            let count = 1 + gaps
+                .take_while(|pair| pair[1] - pair[0] <= GAP && pair[1] - first < RUN)
+                .count();
+            let (ids, others) = rest.split_at(count);
+            self.run.resize((ids[count - 1] - first + 1) as usize, [0.0; 3]);
             mesh.read_vertices(first, &mut self.run)?;
-            self.positions.extend(wanted.iter().map(|id| self.run[(id - first) as usize]));
+            self.positions.extend(ids.iter().map(|id| self.run[(id - first) as usize]));
             if self.channels > 0 {
                 self.run_values.resize(self.run.len() * self.channels, 0.0);
                 mesh.read_channels(first, &mut self.run_values)?;
-                let values = |id: &u64| &self.run_values[(id - first) as usize * self.channels..];
-                self.values.extend(wanted.iter().flat_map(|id| &values(id)[..self.channels]));
+                for id in ids {
+                    let from = (id - first) as usize * self.channels;
+                    self.values.extend(&self.run_values[from..from + self.channels]);
+                }
             }
             rest = others;
         }
@@ -175,7 +180,7 @@ impl PositionGatherer {
         let Ok(at) = self.ids.binary_search(&id) else { return ([f64::NAN; 3], [0.0; 4]) };
         let mut colour = [0.0, 0.0, 0.0, 255.0];
         let values = self.values.iter().skip(at * self.channels).take(self.channels);
-        colour.iter_mut().zip(values).for_each(|(own, value)| *own = *value);
+        colour.iter_mut().zip(values).for_each(|(channel, value)| *channel = *value);
         (self.positions[at], colour)
     }
 }
