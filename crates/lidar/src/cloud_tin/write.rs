@@ -47,13 +47,12 @@ pub(super) fn write(
         let count = work.threads.min(all - from);
         let parts: Vec<Mutex<Option<RegionMeshPart>>> =
             (0..count).map(|_| Mutex::new(None)).collect();
-        let make = |_: &mut (), i: u64| {
+        work.on_all(count as u64, |_, i| {
             let mut part = part(work, vertices, hull, &firsts, from + i as usize)?;
             sort(&mut part, with_corners);
             *lock(&parts[i as usize]) = Some(part);
             Ok(())
-        };
-        work.on_all(count as u64, make)?;
+        })?;
         for part in parts.iter().filter_map(|part| lock(part).take()) {
             push(&part, frame, &mut *sink)?;
             written.vertices += part.vertices.len() as u64;
@@ -69,8 +68,7 @@ pub(super) fn write(
 /// Number of the first vertex of each tile.
 fn firsts(work: &CloudTinContext<'_>, vertices: &PointStore) -> Result<Vec<u64>> {
     let tiling = vertices.tiling();
-    let squares: Vec<usize> =
-        work.regions.all.iter().flat_map(|region| region.squares(tiling)).collect();
+    let squares = work.regions.all.iter().flat_map(|region| region.squares(tiling));
     let mut firsts = vec![0; tiling.count()];
     let (mut next, mut points) = (0, Vec::new());
     for square in squares {
@@ -142,15 +140,14 @@ fn sort(part: &mut RegionMeshPart, with_corners: bool) {
 }
 
 fn push(part: &RegionMeshPart, frame: &PointFrame, sink: &mut dyn MeshSink) -> Result<()> {
-    let world = |p: &Point| frame.world(*p);
     for vertices in part.vertices.chunks(BATCH) {
-        let vertices: Vec<Point3> = vertices.iter().map(world).collect();
+        let vertices: Vec<Point3> = vertices.iter().map(|p| frame.world(*p)).collect();
         sink.push(MeshBatch { vertices: &vertices, values: &[], triangles: &[], corners: &[] })?;
     }
     let mut corners = part.corners.chunks(BATCH);
     for triangles in part.triangles.chunks(BATCH) {
         let corners = corners.next().unwrap_or_default().iter();
-        let corners: Vec<[Point3; 3]> = corners.map(|c| [0, 1, 2].map(|i| world(&c[i]))).collect();
+        let corners: Vec<[Point3; 3]> = corners.map(|c| c.map(|p| frame.world(p))).collect();
         sink.push(MeshBatch { vertices: &[], values: &[], triangles, corners: &corners })?;
     }
     Ok(())

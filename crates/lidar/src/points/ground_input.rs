@@ -45,10 +45,10 @@ impl TranslateContext<'_> {
         records: &'r dyn PointRecords,
         wide: Option<&GroundInput>,
     ) -> Result<AnnotatedRecords<'r>> {
-        let looking = self.looking();
+        let search = self.ground_search();
         let at = self.carrier.heights_at();
         let Some(GroundInput { cloud, target, is_same }) = wide else {
-            return looking.annotate(records, None, at);
+            return search.annotate(records, None, at);
         };
         let carrier = PointFormatConverter::new(cloud, *target, at.is_some())?;
         let noise = self.portion.and_then(TileSubset::noise).map(Noise::of_ground);
@@ -56,11 +56,11 @@ impl TranslateContext<'_> {
         let single = if *is_same { self.single(&wide)? } else { None };
         let wide = over(&single, &wide);
         let marked = self.mark(wide)?;
-        looking.annotate(records, Some(over(&marked, wide)), at)
+        search.annotate(records, Some(over(&marked, wide)), at)
     }
 
     /// Statistics of the ground of all points, with recorded noise.
-    pub(super) fn look_at_wide(
+    pub(super) fn scan_wide(
         &self,
         wide: &GroundInput,
         noise: Option<&mut Noise>,
@@ -75,7 +75,7 @@ impl TranslateContext<'_> {
         if let Some((noise, marked)) = noise.zip(marked.as_ref()) {
             noise.wide = Some(marked.noted(None)?);
         }
-        self.looking().scan(over(&marked, &wide))
+        self.ground_search().scan(over(&marked, &wide))
     }
 
     /// The window of the points of the ground of the tiles, if not everywhere.

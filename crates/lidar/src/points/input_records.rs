@@ -32,8 +32,10 @@ impl<'a> InputRecords<'a> {
         carrier: &'a PointFormatConverter<'a>,
         within: Option<SiteWindow>,
     ) -> Self {
-        let all = || (0..cloud.parts()).collect();
-        let parts: Vec<_> = within.map_or_else(all, |window| parts_in(cloud, &window));
+        let parts = match within {
+            Some(window) => parts_in(cloud, &window),
+            None => (0..cloud.parts()).collect(),
+        };
         let census = Mutex::new(vec![ReturnCounts::default(); parts.len()]);
         Self { cloud, carrier, parts, within, noise: None, census }
     }

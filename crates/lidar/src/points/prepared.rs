@@ -9,11 +9,10 @@ use super::height_above_ground::queries::HeightsAs;
 use super::input_records::InputRecords;
 use super::job::TranslateJob;
 use super::memory_shares::TranslateMemory;
-use super::noise::MarkedRecords;
 use super::noise::noise_index::Noise;
 use super::report::TranslateReport;
 use super::reprojection::MovedRecords;
-use super::split::{AttributeSplit, SplitColumn};
+use super::split::SplitColumn;
 use super::tile_subset::{CloudKnowledge, TileSubset};
 use super::tiled_output::{SplitFiles, refuse_within};
 use crate::records::{PointRecords, over};
@@ -46,11 +45,10 @@ pub fn run(
     if job.squares.is_some() || job.split.is_some() {
         refuse_within(cloud.files(), &job.output)?;
     }
-    let make = |resources| {
+    let mut report = with_polygons(&job.cloud, &job.resources, |resources| {
         let job = TranslateJob { resources, ..job.clone() };
         prepared(&job, &cloud, None, at, |prepared| prepared.report(start))
-    };
-    let mut report = with_polygons(&job.cloud, &job.resources, make)?;
+    })?;
     report.run.memory_budget = job.resources.memory;
     Ok(report)
 }
@@ -65,19 +63,19 @@ pub(super) fn prepared<T: Send>(
 ) -> Result<T> {
     let packing = job.packing()?;
     let carrier = converter(job, cloud)?;
-    let told = job.above.info(carrier.info());
-    let columns = carrier.columns();
-    let assigning = AttributeAssigner::new(&job.assign, (carrier.format(), &columns), &told.frame)?;
-    let values = |split: &AttributeSplit| SplitColumn::new(split, (carrier.format(), &columns));
-    let values = job.split.as_ref().map(values).transpose()?;
+    let input_info = job.above.info(carrier.info());
+    let (format, columns) = (carrier.format(), carrier.columns());
+    let assigning = AttributeAssigner::new(&job.assign, format, &columns, &input_info.frame)?;
+    let values = job.split.as_ref().map(|split| SplitColumn::new(split, format, &columns));
+    let values = values.transpose()?;
     let source = InputRecords::within(cloud, &carrier, portion.map(TileSubset::window))
         .with(portion.and_then(TileSubset::noise).map(|noise| &noise.own));
-    let needed = job.needed(packing, carrier.info(), (source.count(), portion.is_some()));
+    let needed = job.needed(packing, carrier.info(), source.count(), portion.is_some());
     let shares =
-        TranslateMemory::new(&job.resources, (carrier.size(), carrier.extra_bytes()), needed)?;
+        TranslateMemory::new(&job.resources, carrier.size(), carrier.extra_bytes(), needed)?;
     let threads = shares.threads;
-    let moved = job.moved(&told)?;
-    let info = moved.as_ref().map_or(&told, |moved| &moved.info);
+    let moved = job.moved(&input_info)?;
+    let info = moved.as_ref().map_or(&input_info, |moved| &moved.info);
     let file = carrier.file(info.frame, info.crs.clone());
     let options = CloudWriteOptions { packing, overwrite: job.overwrite, ..file };
     let work = TranslateContext {
@@ -86,7 +84,7 @@ pub(super) fn prepared<T: Send>(
         cloud: cloud.info(),
         assigning: &assigning,
         values: values.as_ref(),
-        told: &told,
+        input_info: &input_info,
         info,
         moved: moved.as_ref(),
         carrier: &carrier,
@@ -151,14 +149,18 @@ impl Prepared<'_> {
         let single = if is_own { work.single(self.source)? } else { None };
         let records = over(&single, self.source);
         let marked = work.mark(records)?;
-        let noted = |marked: &MarkedRecords<'_>| {
-            let (own, notes) = (marked.noted(single.as_ref())?, marked.notes.clone());
-            Ok(Noise { own, wide: None, notes })
+        let mut noise = match &marked {
+            Some(marked) => {
+                let (own, notes) = (marked.noted(single.as_ref())?, marked.notes.clone());
+                Some(Noise { own, wide: None, notes })
+            }
+            None => None,
         };
-        let mut noise = marked.as_ref().map(noted).transpose()?;
         let seen = match wide {
-            Some(wide) => Some(work.look_at_wide(&wide, noise.as_mut())?),
-            None if above.is_requested() => Some(work.looking().scan(over(&marked, records))?),
+            Some(wide) => Some(work.scan_wide(&wide, noise.as_mut())?),
+            None if above.is_requested() => {
+                Some(work.ground_search().scan(over(&marked, records))?)
+            }
             None => None,
         };
         Ok(CloudKnowledge { noise, seen })
@@ -177,8 +179,9 @@ impl TranslateContext<'_> {
         let records = over(&single, source);
         let marked = self.mark(records)?;
         let records = over(&marked, records);
-        let told = job.above.is_requested().then(|| self.annotate(records, wide)).transpose()?;
-        let records = over(&told, records);
+        let annotated = job.above.is_requested().then(|| self.annotate(records, wide));
+        let annotated = annotated.transpose()?;
+        let records = over(&annotated, records);
         let (assigning, cloud) = (self.assigning, self.input);
         let assigned = (!job.assign.is_empty()).then_some(AssignedRecords {
             records,
@@ -198,11 +201,11 @@ impl TranslateContext<'_> {
         let sorted = job.sort.map(|by| self.sort(records, by)).transpose()?;
         let made = self.write(over(&sorted, records))?;
         let note = lines.iter().zip(job.overlap).map(|(lines, overlap)| {
-            let (side, left_out) = (overlap.side(self.told), lines.left_out());
+            let (side, left_out) = (overlap.side(self.input_info), lines.left_out());
             format!("overlap: {left_out} points of other flight lines dropped, in cells of {side}")
         });
         let noise = marked.iter().flat_map(|marked| &marked.notes);
-        let ground = told.iter().flat_map(|told| &told.notes);
+        let ground = annotated.iter().flat_map(|annotated| &annotated.notes);
         let mut notes: Vec<_> = noise.chain(ground).cloned().chain(note).collect();
         // Both may say that the unit is a guess.
         notes.dedup();
@@ -217,13 +220,13 @@ pub(super) fn converter<'a>(
 ) -> Result<PointFormatConverter<'a>> {
     let has_dimension = job.above.heights == Some(HeightsAs::Dimension);
     let carrier = PointFormatConverter::new(cloud, job.target()?, has_dimension)?;
-    job.check((carrier.format(), job.packing()?), carrier.info())?;
+    job.check(carrier.format(), job.packing()?, carrier.info())?;
     Ok(carrier)
 }
 
 /// Least memory for a part of a job with `points` points, and its part for a thread.
 pub(super) fn least(job: &TranslateJob, cloud: &PointCloud, points: u64) -> Result<[u64; 2]> {
     let carrier = converter(job, cloud)?;
-    let needed = job.needed(job.packing()?, carrier.info(), (points, true));
-    Ok(TranslateMemory::least((carrier.size(), carrier.extra_bytes()), needed))
+    let needed = job.needed(job.packing()?, carrier.info(), points, true);
+    Ok(TranslateMemory::least(carrier.size(), carrier.extra_bytes(), needed))
 }

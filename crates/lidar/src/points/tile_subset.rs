@@ -52,7 +52,8 @@ pub(super) struct TileSubset<'a> {
 
 impl<'a> TileSubset<'a> {
     pub(super) fn new(
-        (spans, near): (Spans, CellSurroundings),
+        spans: Spans,
+        near: CellSurroundings,
         looked: &'a CloudKnowledge,
         points: &'a dyn PointSource,
         folder: &'a Path,
