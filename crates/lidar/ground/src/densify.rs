@@ -272,7 +272,7 @@ mod tests {
         (points, -600..600, -600..600, any::<bool>()).prop_map(|(points, by_x, by_y, lattice)| {
             let points = points.into_iter().enumerate().map(|(at, point)| {
                 let [col, row] = [(at % 26) as i32, (at / 26) as i32];
-                point.map(|(is_plant, x, y, z): (bool, i32, i32, i32)| {
+                point.map(|(is_plant, x, y, z)| {
                     let [x, y] = if lattice { [500, 500] } else { [x, y] };
                     let plant = if is_plant { z * 3 } else { z / 5 };
                     Point::new(col * 1000 + x, row * 1000 + y, col * by_x + row * by_y + plant)

@@ -56,7 +56,7 @@ pub(crate) fn widened(heights: &[f64], width: usize) -> Vec<f64> {
     let cells = (0..rows + 2).flat_map(|row| (0..width + 2).map(move |col| (col, row)));
     let heights = cells.map(|(col, row)| {
         let [col, row] = [(col, width), (row, rows)]
-            .map(|(at, count): (usize, usize)| at.saturating_sub(1).min(count.saturating_sub(1)));
+            .map(|(at, count)| at.saturating_sub(1).min(count.saturating_sub(1)));
         heights.get(row * width + col).copied().unwrap_or(f64::NAN)
     });
     heights.collect()

@@ -39,7 +39,7 @@ pub(crate) fn grown(lows: &LowestPoints<'_>, seeds: &[usize]) -> Vec<usize> {
         waiting.fill(false);
         for at in reached {
             growing.is_ground[at] = true;
-            growing.beside(at).for_each(|other| waiting[other] = true);
+            growing.around(at).for_each(|other| waiting[other] = true);
         }
     }
     (0..waiting.len()).filter(|&at| growing.is_ground[at]).collect()
@@ -72,7 +72,7 @@ impl RegionGrowing {
     }
 
     /// The cells around one.
-    fn beside(&self, at: usize) -> impl Iterator<Item = usize> + use<> {
+    fn around(&self, at: usize) -> impl Iterator<Item = usize> + use<> {
         let (width, rows) = (self.width, self.points.len() / self.width);
         let cols = within(at % width, BESIDE, width);
         within(at / width, BESIDE, rows)
@@ -83,7 +83,7 @@ impl RegionGrowing {
     fn plane(&self, at: usize) -> Option<FittedPlane> {
         let [x, y, z] = self.points[at]?;
         let mut sums = PlaneSums::default();
-        for other in self.beside(at).filter(|other| self.is_ground[*other]) {
+        for other in self.around(at).filter(|other| self.is_ground[*other]) {
             if let Some([east, north, up]) = self.points[other] {
                 sums.add([east - x, north - y, up - z]);
             }

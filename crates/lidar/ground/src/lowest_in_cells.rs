@@ -34,10 +34,10 @@ impl LowestCells {
         let count = self.points.len();
         for at in 0..count {
             let east = at % self.width + 1 < self.width;
-            let beside = [(east, 1), (true, self.width), (east, self.width + 1)];
-            let beside = beside.into_iter().filter(|(there, _)| *there).map(|(_, on)| at + on);
+            let after = [(east, 1), (true, self.width), (east, self.width + 1)];
+            let after = after.into_iter().filter(|(exists, _)| *exists).map(|(_, on)| at + on);
             let west = (at % self.width > 0).then_some(at + self.width - 1);
-            for other in beside.chain(west).filter(|other| *other < count) {
+            for other in after.chain(west).filter(|other| *other < count) {
                 if let (Some(a), Some(b)) = (self.points[at], self.points[other])
                     && [a.x, a.y] == [b.x, b.y]
                 {

@@ -90,14 +90,15 @@ fn part(
 ) -> Result<RegionMeshPart> {
     let region = work.regions.all[number];
     let mut local = RegionMesh::new(vertices, region, hull)?;
-    let (tiling, mut own) = (vertices.tiling(), Vec::new());
+    let (tiling, mut region_vertices) = (vertices.tiling(), Vec::new());
     for square in region.squares(tiling) {
-        own.extend_from_slice(local.vertices_of(square)?);
+        region_vertices.extend_from_slice(local.vertices_of(square)?);
     }
     let squares: Vec<usize> = local.mesh.points().iter().map(|&p| tiling.square_of(p)).collect();
     let regions: Vec<usize> = squares.iter().map(|&square| work.regions.of(square)).collect();
     let mut ids: Vec<Option<u64>> = vec![None; squares.len()];
-    let mut part = RegionMeshPart { vertices: own, triangles: Vec::new(), corners: Vec::new() };
+    let mut part =
+        RegionMeshPart { vertices: region_vertices, triangles: Vec::new(), corners: Vec::new() };
     for triangle in 0..local.mesh.triangles().len() as u32 {
         let Some(corners) = local.mesh.corners(triangle) else { continue };
         let at = local.mesh.triangles()[triangle as usize].corners.map(|v| v as usize);

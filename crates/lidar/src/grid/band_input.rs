@@ -47,7 +47,7 @@ pub(super) struct BandInput<'a> {
     batch: PointBatch,
     spare: PointBatch,
     /// The part of a run that lies in the block itself.
-    own: PointBatch,
+    inside: PointBatch,
 }
 
 /// Points for blocks.
@@ -87,7 +87,7 @@ impl<'a> BandInput<'a> {
             rows: Vec::new(),
             batch: PointBatch::default(),
             spare: PointBatch::default(),
-            own: PointBatch::default(),
+            inside: PointBatch::default(),
         }
     }
 
@@ -199,14 +199,14 @@ impl<'a> BandInput<'a> {
         let Self { blocks, extent, .. } = *self;
         let window = blocks.window(run.block);
         let stride = 1 << blocks.shift();
-        let (regions, own) = (&mut self.regions, &mut self.own);
+        let (regions, inside) = (&mut self.regions, &mut self.inside);
         blocks.change(run.block, |block| {
             regions.iter_mut().try_for_each(|(region, scatter)| match scatter {
                 Some(scatter) => {
                     let to = BlockTarget { block: &mut *block, region: *region, reals };
                     scatter.add(&extent.lattice, window, stride, run.points, run.places, to)
                 }
-                None => block.add(*region, CellHits { reals, ..run.inside(window, own) }),
+                None => block.add(*region, CellHits { reals, ..run.inside(window, inside) }),
             })
         })
     }
@@ -237,7 +237,7 @@ struct BlockRun<'a> {
 
 impl BlockRun<'_> {
     /// The points in the cells of the block itself.
-    fn inside<'a>(&'a self, window: Rect, own: &'a mut PointBatch) -> CellHits<'a> {
+    fn inside<'a>(&'a self, window: Rect, inside: &'a mut PointBatch) -> CellHits<'a> {
         if self.places.iter().all(|(col, row)| is_in(window, *col, *row)) {
             return CellHits {
                 cells: self.cells,
@@ -247,15 +247,21 @@ impl BlockRun<'_> {
                 reals: &[],
             };
         }
-        own.clear();
+        inside.clear();
         let points = self.places.iter().zip(self.points.iter().zip(self.cells));
         for ((col, row), (point, cell)) in points {
             if is_in(window, *col, *row) {
-                own.points.push(*point);
-                own.cells.push(*cell);
+                inside.points.push(*point);
+                inside.cells.push(*cell);
             }
         }
-        CellHits { cells: &own.cells, points: &own.points, squares: &[], unit: 0.0, reals: &[] }
+        CellHits {
+            cells: &inside.cells,
+            points: &inside.points,
+            squares: &[],
+            unit: 0.0,
+            reals: &[],
+        }
     }
 }
 

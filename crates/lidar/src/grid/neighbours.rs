@@ -51,8 +51,8 @@ impl CloudSurfaces {
         out: &mut [f64],
     ) -> Result<()> {
         let shape = match statistic.shape() {
-            Some(SurfaceInterpolation::Linear { max_edge: own }) => {
-                SurfaceInterpolation::Linear { max_edge: own.or(piece.max_edge) }
+            Some(SurfaceInterpolation::Linear { max_edge }) => {
+                SurfaceInterpolation::Linear { max_edge: max_edge.or(piece.max_edge) }
             }
             Some(SurfaceInterpolation::Natural) => SurfaceInterpolation::Natural,
             None => return Ok(()),

@@ -120,13 +120,13 @@ impl FinishedGrid<'_> {
         let around = Rect::new(rect.col - reach, rect.row - reach, width, height);
         let mut values = vec![0.0; around.len()];
         self.unfilled(band, around, &mut values)?;
-        let mut own = vec![0.0; rect.len()];
-        self.unfilled(band, rect, &mut own)?;
+        let mut unfilled = vec![0.0; rect.len()];
+        self.unfilled(band, rect, &mut unfilled)?;
         void_beyond(&mut values, around, self.extent.known);
         // A cell outside the cloud's bounds is no source, but keeps its own value.
         fill(&values, around, rect, reach, out);
-        let known = out.iter_mut().zip(own).filter(|(_, own)| !own.is_nan());
-        known.for_each(|(out, own)| *out = own);
+        let known = out.iter_mut().zip(unfilled).filter(|(_, value)| !value.is_nan());
+        known.for_each(|(out, value)| *out = value);
         Ok(())
     }
 }

@@ -33,15 +33,15 @@ pub(super) struct TranslateContext<'a> {
     pub(super) input_info: &'a CloudInfo,
     pub(super) assigning: &'a AttributeAssigner,
     /// The split column, if any.
-    pub(super) values: Option<&'a SplitColumn>,
+    pub(super) split: Option<&'a SplitColumn>,
     /// Properties of the output.
     pub(super) info: &'a CloudInfo,
-    pub(super) moved: Option<&'a CloudReprojection>,
-    pub(super) carrier: &'a PointFormatConverter<'a>,
+    pub(super) reprojection: Option<&'a CloudReprojection>,
+    pub(super) converter: &'a PointFormatConverter<'a>,
     pub(super) options: CloudWriteOptions,
     pub(super) shares: TranslateMemory,
     /// The tiles to make, if not all.
-    pub(super) portion: Option<&'a TileSubset<'a>>,
+    pub(super) subset: Option<&'a TileSubset<'a>>,
     pub(super) at: RunControl<'a>,
 }
 
@@ -62,8 +62,8 @@ impl TranslateContext<'_> {
     ) -> Result<Option<MarkedRecords<'r>>> {
         let search = self.job.above.noise().map(|request| noise::NoiseSearch {
             request,
-            info: self.carrier.info(),
-            format: self.carrier.format(),
+            info: self.converter.info(),
+            format: self.converter.format(),
             flow: self.shares.flow,
             threads: self.shares.threads,
             memory: self.shares.marks,
@@ -115,15 +115,15 @@ impl TranslateContext<'_> {
         GroundHeightSearch {
             above: &self.job.above,
             info: self.cloud,
-            shift: self.carrier.shift(),
-            format: self.carrier.format(),
+            shift: self.converter.shift(),
+            format: self.converter.format(),
             flow: self.shares.flow,
             threads: self.shares.threads,
             memory: self.shares.marks.saturating_sub(square),
             square,
             folder: self.folder(),
             keeps_withheld: self.job.cloud.filter.keep_withheld,
-            portion: self.portion,
+            subset: self.subset,
             at: self.at,
         }
     }
@@ -143,8 +143,8 @@ impl TranslateContext<'_> {
 
     /// Folder for spilled data: that of the output.
     pub(super) fn folder(&self) -> &Path {
-        match (&self.job.resources.temp_dir, self.portion) {
-            (None, Some(portion)) => portion.folder,
+        match (&self.job.resources.temp_dir, self.subset) {
+            (None, Some(subset)) => subset.folder,
             (temp_dir, _) => folder_for(&self.job.output, temp_dir.as_deref()),
         }
     }

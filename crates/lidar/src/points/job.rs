@@ -169,7 +169,7 @@ impl TranslateJob {
     }
 
     /// The reprojection to the target CRS, if there is one.
-    pub(super) fn moved(&self, info: &CloudInfo) -> Result<Option<CloudReprojection>> {
+    pub(super) fn reprojection(&self, info: &CloudInfo) -> Result<Option<CloudReprojection>> {
         let Some(transform) = &self.transform else { return Ok(None) };
         let corners = info.bounds.map(|ends| ends.map(|point| info.frame.world(point)));
         let extent = corners.map(|[low, high]| [low[0], low[1], high[0], high[1]]);

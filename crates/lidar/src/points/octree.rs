@@ -302,19 +302,19 @@ impl Octree<'_> {
             .collect();
         let is_whole = occupied.is_whole();
         let best = if is_whole { HashMap::new() } else { self.best(level, &all) };
-        let mut own = Vec::new();
+        let mut sample = Vec::new();
         let mut rest: Vec<Vec<u8>> = vec![Vec::new(); below.len()];
         for (number, (i, record)) in all.into_iter().enumerate() {
             let cell = self.cell(level, record);
-            let is_own = is_whole || best.get(&cell).is_some_and(|best| best.1 == number);
-            if is_own { &mut own } else { &mut rest[i] }.extend_from_slice(record);
+            let is_sampled = is_whole || best.get(&cell).is_some_and(|best| best.1 == number);
+            if is_sampled { &mut sample } else { &mut rest[i] }.extend_from_slice(record);
         }
         let level = level as i32 + 1;
         for ((at, _), records) in below.iter().zip(rest).filter(|(_, rest)| !rest.is_empty()) {
             let [x, y, z] = at.map(|number| number as i32);
             done.push(([level, x, y, z], records));
         }
-        PendingOctreeNode { records: own, occupied }
+        PendingOctreeNode { records: sample, occupied }
     }
 
     /// The point nearest to the centre of each cell; of ties the first by its bytes.

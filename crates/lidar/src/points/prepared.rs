@@ -57,40 +57,40 @@ pub fn run(
 pub(super) fn prepared<T: Send>(
     job: &TranslateJob,
     cloud: &PointCloud,
-    portion: Option<&TileSubset<'_>>,
+    subset: Option<&TileSubset<'_>>,
     at: RunControl<'_>,
     act: impl FnOnce(&Prepared<'_>) -> Result<T> + Send,
 ) -> Result<T> {
     let packing = job.packing()?;
-    let carrier = converter(job, cloud)?;
-    let input_info = job.above.info(carrier.info());
-    let (format, columns) = (carrier.format(), carrier.columns());
+    let converter = converter(job, cloud)?;
+    let input_info = job.above.info(converter.info());
+    let (format, columns) = (converter.format(), converter.columns());
     let assigning = AttributeAssigner::new(&job.assign, format, &columns, &input_info.frame)?;
-    let values = job.split.as_ref().map(|split| SplitColumn::new(split, format, &columns));
-    let values = values.transpose()?;
-    let source = InputRecords::within(cloud, &carrier, portion.map(TileSubset::window))
-        .with(portion.and_then(TileSubset::noise).map(|noise| &noise.own));
-    let needed = job.needed(packing, carrier.info(), source.count(), portion.is_some());
+    let split = job.split.as_ref().map(|split| SplitColumn::new(split, format, &columns));
+    let split = split.transpose()?;
+    let source = InputRecords::within(cloud, &converter, subset.map(TileSubset::window))
+        .with(subset.and_then(TileSubset::noise).map(|noise| &noise.own));
+    let needed = job.needed(packing, converter.info(), source.count(), subset.is_some());
     let shares =
-        TranslateMemory::new(&job.resources, carrier.size(), carrier.extra_bytes(), needed)?;
+        TranslateMemory::new(&job.resources, converter.size(), converter.extra_bytes(), needed)?;
     let threads = shares.threads;
-    let moved = job.moved(&input_info)?;
-    let info = moved.as_ref().map_or(&input_info, |moved| &moved.info);
-    let file = carrier.file(info.frame, info.crs.clone());
+    let reprojection = job.reprojection(&input_info)?;
+    let info = reprojection.as_ref().map_or(&input_info, |reprojection| &reprojection.info);
+    let file = converter.file(info.frame, info.crs.clone());
     let options = CloudWriteOptions { packing, overwrite: job.overwrite, ..file };
     let work = TranslateContext {
         job,
         input: cloud,
         cloud: cloud.info(),
         assigning: &assigning,
-        values: values.as_ref(),
+        split: split.as_ref(),
         input_info: &input_info,
         info,
-        moved: moved.as_ref(),
-        carrier: &carrier,
+        reprojection: reprojection.as_ref(),
+        converter: &converter,
         options,
         shares,
-        portion,
+        subset,
         at,
     };
     let resources = Resources { threads, ..job.resources.clone() };
@@ -107,20 +107,20 @@ pub(super) struct Prepared<'a> {
 impl Prepared<'_> {
     /// Writes the output; returns its files, and notes on points, one line each.
     pub(super) fn make(&self) -> Result<(SplitFiles, Vec<String>)> {
-        let wide = self.work.job.wide(self.work.portion.is_some())?;
+        let wide = self.work.job.wide(self.work.subset.is_some())?;
         self.work.run(self.source, wide.as_ref())
     }
 
     /// Writes the output and reports on it; the work began at `start`.
     pub(super) fn report(&self, start: Instant) -> Result<TranslateReport> {
         let (made, found) = self.make()?;
-        let TranslateContext { job, info, moved, carrier, shares, .. } = &self.work;
+        let TranslateContext { job, info, reprojection, converter, shares, .. } = &self.work;
         let run = RunStatistics::since(start, &job.resources).with_threads(shares.threads);
         let census = self.source.census();
         Ok(TranslateReport {
             input: job.input.join(", "),
             output: job.output.display().to_string(),
-            point_format: carrier.format().number(),
+            point_format: converter.format().number(),
             census: Some(census),
             files: made.files,
             points: made.points,
@@ -128,7 +128,7 @@ impl Prepared<'_> {
             output_bytes: made.bytes,
             points_per_second: Some(run.rate(census.read)),
             run,
-            transformed: moved.map(|moved| Transformed::of(&moved.operation)),
+            transformed: reprojection.map(|reprojection| Transformed::of(&reprojection.operation)),
             notes: [self.notes(), LostPoints::of(self.source.cloud()).notes().collect(), found]
                 .concat(),
         })
@@ -136,9 +136,9 @@ impl Prepared<'_> {
 
     /// Notes on the point cloud and on its attributes, one line each.
     pub(super) fn notes(&self) -> Vec<String> {
-        let TranslateContext { carrier, moved, .. } = &self.work;
-        let moved = moved.iter().flat_map(|moved| &moved.notes);
-        self.source.cloud().notes().iter().chain(carrier.notes()).chain(moved).cloned().collect()
+        let TranslateContext { converter, reprojection, .. } = &self.work;
+        let notes = self.source.cloud().notes().iter().chain(converter.notes());
+        notes.chain(reprojection.iter().flat_map(|of| &of.notes)).cloned().collect()
     }
 
     /// Statistics of the whole point cloud for a plan: the noise and the ground.
@@ -196,8 +196,8 @@ impl TranslateContext<'_> {
         let records = over(&thinned, records);
         let apart = job.distance.map(|least| self.discs(least).select(records)).transpose()?;
         let records = over(&apart, records);
-        let moved = self.moved.map(|to| MovedRecords { records, to, record });
-        let records = over(&moved, records);
+        let reprojected = self.reprojection.map(|to| MovedRecords { records, to, record });
+        let records = over(&reprojected, records);
         let sorted = job.sort.map(|by| self.sort(records, by)).transpose()?;
         let made = self.write(over(&sorted, records))?;
         let note = lines.iter().zip(job.overlap).map(|(lines, overlap)| {
@@ -219,14 +219,14 @@ pub(super) fn converter<'a>(
     cloud: &'a PointCloud,
 ) -> Result<PointFormatConverter<'a>> {
     let has_dimension = job.above.heights == Some(HeightsAs::Dimension);
-    let carrier = PointFormatConverter::new(cloud, job.target()?, has_dimension)?;
-    job.check(carrier.format(), job.packing()?, carrier.info())?;
-    Ok(carrier)
+    let converter = PointFormatConverter::new(cloud, job.target()?, has_dimension)?;
+    job.check(converter.format(), job.packing()?, converter.info())?;
+    Ok(converter)
 }
 
 /// Least memory for a part of a job with `points` points, and its part for a thread.
 pub(super) fn least(job: &TranslateJob, cloud: &PointCloud, points: u64) -> Result<[u64; 2]> {
-    let carrier = converter(job, cloud)?;
-    let needed = job.needed(job.packing()?, carrier.info(), points, true);
-    Ok(TranslateMemory::least(carrier.size(), carrier.extra_bytes(), needed))
+    let converter = converter(job, cloud)?;
+    let needed = job.needed(job.packing()?, converter.info(), points, true);
+    Ok(TranslateMemory::least(converter.size(), converter.extra_bytes(), needed))
 }

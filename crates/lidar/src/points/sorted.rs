@@ -174,16 +174,17 @@ impl SortedRecords {
         Ok(())
     }
 
-    /// Merges adjacent runs, `most` at a time.
-    fn merge_some(&mut self, most: usize) -> Result<()> {
+    /// Merges adjacent runs, `max_runs` at a time.
+    fn merge_some(&mut self, max_runs: usize) -> Result<()> {
         let mut merged = Vec::new();
-        for some in std::mem::take(&mut self.runs).chunks_mut(most) {
+        for group in std::mem::take(&mut self.runs).chunks_mut(max_runs) {
             let mut run = Run::new();
-            self.merge(some, &mut |bytes| {
+            self.merge(group, &mut |bytes| {
                 let mut piece = bytes.to_vec();
                 self.put(&mut piece, 1, &mut run)
             })?;
-            some.iter_mut()
+            group
+                .iter_mut()
                 .flat_map(std::mem::take)
                 .for_each(|piece| self.spool.free(piece.extent));
             merged.push(run);

@@ -76,7 +76,7 @@ struct TilingAxis {
     first: i64,
     reaches: Vec<[i64; 2]>,
     /// Tiles on either side that a buffer may reach into.
-    beside: usize,
+    buffer_tiles: usize,
 }
 
 impl TilingAxis {
@@ -92,8 +92,8 @@ impl TilingAxis {
             let high = (square + 1) as f64 * squares.side + squares.buffer;
             [ruler.first(low), ruler.last(high)]
         });
-        let beside = (squares.buffer / squares.side).ceil() as usize;
-        Self { first, reaches: reaches.collect(), beside }
+        let buffer_tiles = (squares.buffer / squares.side).ceil() as usize;
+        Self { first, reaches: reaches.collect(), buffer_tiles }
     }
 
     /// The tile of a point, counted from the first, if it is one of these.
@@ -103,9 +103,10 @@ impl TilingAxis {
 
     /// The tiles whose files have a point of this tile.
     fn around(&self, square: i64, steps: i32) -> impl Iterator<Item = usize> + '_ {
-        let (own, beside, count) = (square - self.first, self.beside as i64, self.reaches.len());
+        let (own, reach) = (square - self.first, self.buffer_tiles as i64);
+        let count = self.reaches.len() as i64;
         let [first, end] =
-            [own - beside, own + beside + 1].map(|square| square.clamp(0, count as i64) as usize);
+            [own - reach, own + reach + 1].map(|square| square.clamp(0, count) as usize);
         (first..end).filter(move |square| {
             let [low, high] = self.reaches[*square];
             *square as i64 == own || (low..=high).contains(&i64::from(steps))
@@ -175,10 +176,10 @@ impl<'a> PointTileSplitter<'a> {
         copy.clear();
         copy.extend_from_slice(record);
         self.options.format.set_flags(copy, self.squares.mark.flag());
-        for beside in y.around(row, point.y) {
-            for other in x.around(column, point.x) {
-                if own != Some((other, beside)) {
-                    self.buckets.push(beside * width + other, copy)?;
+        for other_row in y.around(row, point.y) {
+            for other_column in x.around(column, point.x) {
+                if own != Some((other_column, other_row)) {
+                    self.buckets.push(other_row * width + other_column, copy)?;
                 }
             }
         }

@@ -23,8 +23,8 @@ const LINES: usize = 4096;
 
 impl TranslateContext<'_> {
     pub(super) fn write(&self, records: &dyn PointRecords) -> Result<SplitFiles> {
-        if let Some(values) = self.values {
-            return self.split(values, records);
+        if let Some(split) = self.split {
+            return self.write_split(split, records);
         }
         match (&self.job.squares, self.options.packing) {
             (Some((squares, _)), _) => self.divide(*squares, records),
@@ -46,15 +46,15 @@ impl TranslateContext<'_> {
 
     fn text(&self, records: &dyn PointRecords) -> Result<SplitFiles> {
         let path = &self.job.output;
-        let beside = path.with_extension("prj");
-        let beside = Sidecar::new(
-            beside,
+        let sidecar = path.with_extension("prj");
+        let sidecar = Sidecar::new(
+            sidecar,
             self.info.crs.to_wkt().map(|text| text + "\n"),
             |existing: &str| self.info.crs.is_said_by(existing),
             self.job.overwrite,
         )?;
         let mut file = AtomicFile::create(path, self.job.overwrite)?;
-        let lines = self.carrier.lines(&self.info.frame);
+        let lines = self.converter.lines(&self.info.frame);
         file.write_all(lines.heading().as_bytes()).map_err(|e| Error::write(path, e))?;
         self.at.progress.begin("points", total(records));
         let (size, mut points) = (self.shares.flow.record, 0);
@@ -69,7 +69,7 @@ impl TranslateContext<'_> {
         })?;
         self.at.progress.end();
         let bytes = file.commit()?;
-        beside.commit()?;
+        sidecar.commit()?;
         Ok(SplitFiles { files: 1, points, bytes })
     }
 
@@ -84,7 +84,7 @@ impl TranslateContext<'_> {
     }
 
     fn divide(&self, squares: PointTiling, records: &dyn PointRecords) -> Result<SplitFiles> {
-        if let Some(TileSubset { spans, folder, .. }) = self.portion {
+        if let Some(TileSubset { spans, folder, .. }) = self.subset {
             return self.files(squares, *spans, records, folder);
         }
         let folder =
@@ -95,13 +95,13 @@ impl TranslateContext<'_> {
         Ok(made)
     }
 
-    fn split(&self, values: &SplitColumn, records: &dyn PointRecords) -> Result<SplitFiles> {
+    fn write_split(&self, split: &SplitColumn, records: &dyn PointRecords) -> Result<SplitFiles> {
         let folder = AtomicFolder::create(&self.job.output, self.job.overwrite, |folder| {
-            values.is_ours(folder)
+            split.is_ours(folder)
         })?;
         let (flow, threads) = (self.shares.flow, self.shares.threads);
         let buckets = Buckets::new(self.folder(), MAX_FILES, self.shares.marks / 2);
-        let names = values.distribute(records, flow, &buckets, self.at)?;
+        let names = split.distribute(records, flow, &buckets, self.at)?;
         let ending = ending(self.options.packing);
         let all = FilledBuckets { buckets: &buckets, count: names.len(), options: &self.options };
         let path = |number: usize| folder.inside().join(format!("{}.{ending}", names[number]));

@@ -85,15 +85,15 @@ impl VoxelCounts {
         Self(all.chunk_by(|a, b| a == b).map(|same| (same[0], same.len() as u64)).collect())
     }
 
-    /// Number of points in a voxel and the 26 around it; counting stops above `most`.
-    fn around(&self, [x, y, z]: Voxel, most: u64) -> u64 {
+    /// Number of points in a voxel and the 26 around it; counting stops above `max_points`.
+    fn around(&self, [x, y, z]: Voxel, max_points: u64) -> u64 {
         let mut sum = 0;
         for column in (-1..=1).flat_map(|i| (-1..=1).map(move |j| [x + i, y + j])) {
             let [i, j] = column;
             let first = self.0.partition_point(|(voxel, _)| *voxel < [i, j, z - 1]);
             let near = self.0[first..].iter().take_while(|(voxel, _)| *voxel <= [i, j, z + 1]);
             sum += near.map(|(_, count)| count).sum::<u64>();
-            if sum > most {
+            if sum > max_points {
                 break;
             }
         }

@@ -18,7 +18,7 @@ use crate::point_index::Tiling;
 use crate::records::numbered::{self, RecordNumbers};
 use crate::records::selection::{ChosenRecords, place, time};
 use crate::records::{PointRecords, RecordFlow, total};
-use decisions::{HELD, PoissonVerdict, PoissonVerdicts, Span, contains};
+use decisions::{BLOCKING_BYTES, PoissonVerdict, PoissonVerdicts, Span, contains};
 use terrane_base::bits::BitSet;
 use terrane_base::bits::{mixed, ordered};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -72,7 +72,7 @@ impl RankedCandidate {
         Point { x, y, z }
     }
 
-    /// Whether its verdict is known: dropped if it lies in the span, else at least not decisive for others.
+    /// Whether it need not be processed: it is dropped or, beyond the span, unknown like others of its cell.
     fn is_decided(&self, span: &Span, verdicts: &PoissonVerdicts<'_>) -> bool {
         match contains(span, [self.entry.place[0], self.entry.place[1]]) {
             true => verdicts.is_left_out(self.point()),
@@ -191,8 +191,8 @@ impl PoissonDiscs<'_> {
         (self.share() / 4 / size_of::<RankedCandidate>() as u64).min(MAX_WAITING) as usize
     }
 
-    fn max_held(&self) -> usize {
-        (self.share() / 2 / HELD) as usize
+    fn max_blocking(&self) -> usize {
+        (self.share() / 2 / BLOCKING_BYTES) as usize
     }
 
     /// Larger of the numbers of steps along x and y that exceed the distance.
@@ -279,11 +279,11 @@ impl PoissonSampler<'_> {
         halo: i64,
         waiting: &mut Vec<RankedCandidate>,
     ) -> Result<TileState> {
-        let (whole, sure) = self.around(span, halo);
+        let (extended, sure) = self.around(span, halo);
         let mut verdicts = PoissonVerdicts::new(&self.discs.apart, sure);
         let (mut unknown, mut after): (Option<Span>, _) = (None, None);
         loop {
-            let is_last = self.next([&span, &whole], after, &verdicts, waiting)?;
+            let is_last = self.next([&span, &extended], after, &verdicts, waiting)?;
             let mut kept = Vec::new();
             for turn in waiting.iter() {
                 let (verdict, [x, y, _]) = (verdicts.judge(turn.point()), turn.entry.place);
@@ -299,7 +299,7 @@ impl PoissonSampler<'_> {
                 all.insert(*number as usize);
             });
             drop(all);
-            if verdicts.len() > self.discs.max_held() {
+            if verdicts.len() > self.discs.max_blocking() {
                 return Ok(TileState::TooMany);
             }
             if is_last {
@@ -313,27 +313,27 @@ impl PoissonSampler<'_> {
     /// known.
     fn around(&self, [low, high]: Span, halo: i64) -> (Span, Span) {
         let (reach, ends) = (self.discs.apart.steps(), self.bounds);
-        let mut whole = [low, high];
+        let mut extended = [low, high];
         let mut sure = [[i64::MIN; 2], [i64::MAX; 2]];
         for axis in 0..2 {
             let wide = reach[axis].saturating_mul(halo);
-            whole[0][axis] = low[axis].saturating_sub(wide).max(ends[0][axis]);
-            whole[1][axis] = high[axis].saturating_add(wide).min(ends[1][axis]);
-            if whole[0][axis] > ends[0][axis] {
-                sure[0][axis] = whole[0][axis] + reach[axis];
+            extended[0][axis] = low[axis].saturating_sub(wide).max(ends[0][axis]);
+            extended[1][axis] = high[axis].saturating_add(wide).min(ends[1][axis]);
+            if extended[0][axis] > ends[0][axis] {
+                sure[0][axis] = extended[0][axis] + reach[axis];
             }
-            if whole[1][axis] < ends[1][axis] {
-                sure[1][axis] = whole[1][axis] - reach[axis];
+            if extended[1][axis] < ends[1][axis] {
+                sure[1][axis] = extended[1][axis] - reach[axis];
             }
         }
-        (whole, sure)
+        (extended, sure)
     }
 
     /// The next points in and around a span, in order, with verdicts that are not settled yet. True if there
     /// are no more.
     fn next(
         &self,
-        [span, whole]: [&Span; 2],
+        [span, extended]: [&Span; 2],
         after: Option<RankedCandidate>,
         verdicts: &PoissonVerdicts<'_>,
         waiting: &mut Vec<RankedCandidate>,
@@ -341,7 +341,7 @@ impl PoissonSampler<'_> {
         let max_waiting = self.discs.max_waiting();
         let mut until: Option<RankedCandidate> = None;
         waiting.clear();
-        self.each(whole, &mut |entry| {
+        self.each(extended, &mut |entry| {
             let turn = RankedCandidate::of(entry);
             let is_next =
                 after.is_none_or(|after| after < turn) && until.is_none_or(|until| turn < until);
@@ -360,9 +360,9 @@ impl PoissonSampler<'_> {
     }
 
     /// Reads the points of a span.
-    fn each(&self, whole: &Span, take: &mut dyn FnMut(PoissonCandidate)) -> Result<()> {
+    fn each(&self, extended: &Span, take: &mut dyn FnMut(PoissonCandidate)) -> Result<()> {
         // Within the bounds, whose ends are i32.
-        let [low, high] = whole.map(|end| end.map(|at| at as i32));
+        let [low, high] = extended.map(|end| end.map(|at| at as i32));
         let mut some = vec![PoissonCandidate::zeroed(); TOGETHER];
         for square in self.tiling.touching(SiteWindow { low, high }) {
             let mut first = 0;
@@ -370,7 +370,7 @@ impl PoissonSampler<'_> {
                 let read = self.entries.read_from(square, first, &mut some)?;
                 first += read as u64;
                 for entry in &some[..read] {
-                    if contains(whole, [entry.place[0], entry.place[1]]) {
+                    if contains(extended, [entry.place[0], entry.place[1]]) {
                         take(*entry);
                     }
                 }

@@ -55,7 +55,7 @@ pub(in crate::points) struct GroundHeightSearch<'a> {
     /// Whether points marked as withheld may be ground.
     pub(in crate::points) keeps_withheld: bool,
     /// The tiles to make, if not all.
-    pub(in crate::points) portion: Option<&'a TileSubset<'a>>,
+    pub(in crate::points) subset: Option<&'a TileSubset<'a>>,
     pub(in crate::points) at: RunControl<'a>,
 }
 
@@ -207,7 +207,7 @@ impl GroundHeightSearch<'_> {
             Some(surface) => {
                 let counts = self.annotate_tiles(&surface, &entries, &values);
                 if surface.store().is_exceeded() {
-                    self.portion.into_iter().for_each(TileSubset::exceed);
+                    self.subset.into_iter().for_each(TileSubset::exceed);
                     return Err(more_is_needed());
                 }
                 counts?
@@ -250,7 +250,7 @@ impl GroundHeightSearch<'_> {
 
     /// Statistics of the ground of the whole point cloud, for work in portions.
     fn seen(&self) -> Option<&CloudOverview> {
-        self.portion.and_then(|portion| portion.looked.seen.as_ref())
+        self.subset.and_then(|subset| subset.looked.seen.as_ref())
     }
 
     fn find(
@@ -274,7 +274,7 @@ impl GroundHeightSearch<'_> {
             }
         };
         let mut notes = Vec::new();
-        let store = if by_class && (class.count() > 0 || self.portion.is_some()) {
+        let store = if by_class && (class.count() > 0 || self.subset.is_some()) {
             notes.push(format!("ground: {} points of class {GROUND}", class.count()));
             class
         } else {
@@ -285,23 +285,23 @@ impl GroundHeightSearch<'_> {
                 let gathering = GroundGathering::of_candidates(&candidates);
                 self.pass(wide.unwrap_or(records), None, gathering)?;
             }
-            if candidates.count() == 0 && self.portion.is_none() {
+            if candidates.count() == 0 && self.subset.is_none() {
                 return Err(self.no_candidates());
             }
             self.filtered(&candidates, &mut notes)?
         };
         let store = self.limited(store)?;
-        let is_there = store.count() > 0 || self.portion.is_some();
+        let is_there = store.count() > 0 || self.subset.is_some();
         let surface = is_there.then(|| CloudSurfaces::new(store, self.info.frame));
         Ok(GroundSearchResult { surface: surface.transpose()?, entries, numbers, notes })
     }
 
-    /// The ground of a portion, with the hull of the whole ground, if known.
+    /// The ground of a subset of tiles, with the hull of the whole ground, if known.
     fn limited(&self, store: PointStore) -> Result<PointStore> {
-        let Some((portion, seen)) = self.portion.zip(self.seen()) else { return Ok(store) };
+        let Some((subset, seen)) = self.subset.zip(self.seen()) else { return Ok(store) };
         let around = seen.around_ground();
         store.add(&around)?;
-        Ok(store.limited(Some(portion.limits(!around.is_empty()))))
+        Ok(store.limited(Some(subset.limits(!around.is_empty()))))
     }
 
     fn store(&self) -> PointStore {
@@ -343,10 +343,10 @@ impl GroundHeightSearch<'_> {
             .seen()
             .map_or(!candidates.is_numbered.load(Ordering::Relaxed), |seen| seen.all_returns);
         let stores = candidates.stores(all_returns);
-        let filter = match self.portion.zip(self.seen()) {
+        let filter = match self.subset.zip(self.seen()) {
             None => GroundFilter::new(stores, &metres, method, tile),
-            Some((portion, seen)) => {
-                GroundFilter::within(portion.ground(), seen.last, stores, &metres, method, tile)
+            Some((subset, seen)) => {
+                GroundFilter::within(subset.ground(), seen.last, stores, &metres, method, tile)
             }
         };
         let filter = filter.and(&candidates.others);

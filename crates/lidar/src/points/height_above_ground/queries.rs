@@ -206,8 +206,8 @@ impl HeightQuery {
         let frame = PointFrame { offset: [x, y, 0.0], ..info.frame };
         let bounds = info.bounds.map(|[low, high]| {
             // The ground is between the lowest and the highest point; heights are rounded to a step.
-            let most = high.z.saturating_sub(low.z).saturating_add(1);
-            [Point { z: -most, ..low }, Point { z: most, ..high }]
+            let range = high.z.saturating_sub(low.z).saturating_add(1);
+            [Point { z: -range, ..low }, Point { z: range, ..high }]
         });
         CloudInfo { frame, bounds, crs: info.crs.without_heights(), ..info.clone() }
     }

@@ -29,7 +29,7 @@ use terrane_ground::noise::{NoiseSpace, Request, ScoreLimit, ScoreSums};
 /// Points divided together.
 const TOGETHER: usize = 1 << 14;
 /// Least bytes for points being divided.
-const HELD: u64 = 4 << 20;
+const DIVIDING: u64 = 4 << 20;
 /// Bytes of a thread beside its scores.
 const THREAD: u64 = 2 << 20;
 /// Largest distance from coordinate zero, in steps.
@@ -47,7 +47,7 @@ struct NoiseScore {
 
 /// Bytes of memory for `points`, and for each thread.
 pub(super) fn needed(request: &Request, points: u64) -> [u64; 2] {
-    [points / 8 + partition::tables(points) + HELD, THREAD + request.bytes(partition::MOST)]
+    [points / 8 + partition::tables(points) + DIVIDING, THREAD + request.bytes(partition::MOST)]
 }
 
 /// Distance in world units along x or y beyond which points do not matter.
@@ -207,8 +207,8 @@ impl NoiseSearch<'_> {
         let count: u64 = noise.words().iter().map(|word| u64::from(word.count_ones())).sum();
         let far = match limit {
             ScoreLimit::Few(_) => String::new(),
-            ScoreLimit::Far(most) => {
-                format!(", more than {:.3} m from others", most * space.unit())
+            ScoreLimit::Far(distance) => {
+                format!(", more than {:.3} m from others", distance * space.unit())
             }
         };
         let (class, request) = (self.request.class(), self.request);

@@ -111,9 +111,9 @@ impl OpenedTranslate {
         let wide = (0..2).map(|i| cells.high[i].abs_diff(cells.low[i]) / 8).min().unwrap_or(0);
         let mut near = CellSurroundings { cells, margin: side.saturating_add(4).max(wide as i32) };
         loop {
-            let portion = TileSubset::new(spans, near, &work.looked, &self.cloud, folder);
-            let made = prepared(job, &self.cloud, Some(&portion), at, |of| of.make());
-            if !portion.is_exceeded() {
+            let subset = TileSubset::new(spans, near, &work.looked, &self.cloud, folder);
+            let made = prepared(job, &self.cloud, Some(&subset), at, |of| of.make());
+            if !subset.is_exceeded() {
                 return made.map(|(made, _)| made);
             }
             near = near.wider();
@@ -217,7 +217,7 @@ impl PlannedWork for PointTilesPlan {
             Ok(PointsWritten {
                 input: label.clone(),
                 output: job.output.display().to_string(),
-                point_format: of.work.carrier.format().number(),
+                point_format: of.work.converter.format().number(),
                 crs: of.work.info.crs.label(),
                 notes: of.notes(),
                 ..PointsWritten::default()
