@@ -1,7 +1,7 @@
 //! The cells of a part of a grid, with the accumulators of their points.
 
 use super::cell::{CellUnits, StatisticCell};
-use super::plane::{AccumulatorKind, AccumulatorPlane, CellHits};
+use super::plane::{AccumulatorPlane, CellHits};
 use super::recipe::{StatisticBand, StatisticRecipe};
 use terrane_base::error::Result;
 
@@ -16,8 +16,7 @@ pub struct CellBlock {
 impl CellBlock {
     /// `cells` cells without points.
     pub fn new(recipe: &StatisticRecipe, cells: usize) -> Self {
-        let make = |primitive: &AccumulatorKind| (primitive.make)(cells, primitive.parameters);
-        let planes = recipe.planes.iter().map(|(_, primitive)| make(primitive));
+        let planes = recipe.planes.iter().map(|(_, kind)| (kind.make)(cells, kind.parameters));
         let regions = recipe.planes.iter().map(|(region, _)| *region).collect();
         Self { planes: planes.collect(), regions }
     }

@@ -89,14 +89,17 @@ impl Canopy {
         self.method.name
     }
 
+    fn value(&self, key: &str) -> f64 {
+        self.values.get(self.method.parameters, key)
+    }
+
     /// The algorithm and its parameters.
     pub fn way(&self) -> CanopyAlgorithm {
-        let value = |key| self.values.get(self.method.parameters, key);
         match self.method.kind {
             CanopyMethodKind::PitFree => CanopyAlgorithm::PitFree,
             CanopyMethodKind::SpikeFree => CanopyAlgorithm::SpikeFree {
-                freeze: Some(value("freeze")).filter(|freeze| !freeze.is_nan()),
-                buffer: value("buffer"),
+                freeze: Some(self.value("freeze")).filter(|freeze| !freeze.is_nan()),
+                buffer: self.value("buffer"),
             },
         }
     }

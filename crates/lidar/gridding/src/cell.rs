@@ -41,7 +41,7 @@ impl<'a> StatisticCell<'a> {
     }
 
     /// The accumulator of the cell in that plane.
-    pub(super) fn kept<K: CellAccumulator>(&self, of: usize) -> K {
+    pub(super) fn accumulator<K: CellAccumulator>(&self, of: usize) -> K {
         self.plane::<DensePlane<K>>(of).map_or(K::NONE, |DensePlane(cells)| cells[self.at])
     }
 }

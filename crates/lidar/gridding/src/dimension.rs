@@ -68,7 +68,6 @@ const HEIGHTS: [&str; 2] = ["z", "height"];
 impl Subject {
     /// Sets a condition or the attribute; false if unknown or already given.
     pub(super) fn take(&mut self, key: &str, value: &str) -> bool {
-        let number = || value.parse::<f64>().ok().filter(|number| number.is_finite());
         match key {
             "attribute" => {
                 let name = Some(value.trim()).filter(|name| !name.is_empty());
@@ -77,18 +76,19 @@ impl Subject {
             }
             "class" => put(&mut self.classes, classes(value)),
             "return" => put(&mut self.returns, value.parse().ok()),
-            "min" => put(&mut self.min, number()),
-            "max" => put(&mut self.max, number()),
-            "above" => put(&mut self.above, number()),
+            "min" => put(&mut self.min, number(value)),
+            "max" => put(&mut self.max, number(value)),
+            "above" => put(&mut self.above, number(value)),
             _ => false,
         }
     }
 
     /// The subject with the `usual` attribute, if there is one and no other was given.
     pub(super) fn or_of(self, usual: Option<&str>) -> Self {
-        let asked = self.attribute.or(usual.map(str::to_owned));
-        let is_height = |name: &str| HEIGHTS.iter().any(|own| own.eq_ignore_ascii_case(name));
-        Self { attribute: asked.filter(|name| !is_height(name)), ..self }
+        let attribute = self.attribute.or(usual.map(str::to_owned));
+        let attribute = attribute
+            .filter(|name| !HEIGHTS.iter().any(|height| height.eq_ignore_ascii_case(name)));
+        Self { attribute, ..self }
     }
 
     /// True for the heights of all points.
@@ -108,14 +108,12 @@ impl Subject {
 
     /// Scale of its integer values; `None` for heights.
     pub(super) fn step(&self) -> Option<f64> {
-        let name = self.attribute.as_deref()?;
-        Some(known(name).and_then(|attribute| attribute.step).unwrap_or(1.0))
+        Some(step_of(self.attribute.as_deref()?).unwrap_or(1.0))
     }
 
     /// Whether its values are real numbers, not steps.
     pub(super) fn is_real(&self) -> bool {
-        let step = |name: &str| known(name).and_then(|attribute| attribute.step);
-        self.attribute.as_deref().is_some_and(|name| step(name).is_none())
+        self.attribute.as_deref().is_some_and(|name| step_of(name).is_none())
     }
 
     /// The attributes it needs.
@@ -124,6 +122,15 @@ impl Subject {
         let returns = self.returns.map(|_| [RETURN, RETURNS]).into_iter().flatten();
         self.attribute.as_deref().into_iter().chain(class).chain(returns).collect()
     }
+}
+
+/// Scale of the integer values of a known attribute.
+fn step_of(name: &str) -> Option<f64> {
+    known(name).and_then(|attribute| attribute.step)
+}
+
+fn number(text: &str) -> Option<f64> {
+    text.parse().ok().filter(|number: &f64| number.is_finite())
 }
 
 /// Sets a value; false if it is invalid or already set.
@@ -149,9 +156,18 @@ pub struct SubjectSelector {
     heights: [i64; 2],
     /// The column of classes, and the selected classes.
     classes: Option<(usize, [bool; 256])>,
-    /// The columns of return numbers and number of returns, and the selected returns.
-    returns: Option<(usize, usize, Return)>,
+    returns: Option<SelectedReturns>,
     values: SubjectValues,
+}
+
+/// Selected returns.
+#[derive(Clone, Copy, Debug)]
+struct SelectedReturns {
+    /// Column of return numbers.
+    number: usize,
+    /// Column of the number of returns of a pulse.
+    count: usize,
+    selected: Return,
 }
 
 /// Values used instead of heights.
@@ -175,45 +191,39 @@ pub struct SelectedPoints {
 impl SubjectSelector {
     /// For points of `frame` with columns of these attributes, which include those that the subject needs.
     pub fn new(subject: &Subject, columns: &[String], frame: &PointFrame) -> Self {
-        let place =
-            |name: &str| columns.iter().position(|own| own == name).unwrap_or(columns.len());
-        let wanted = |classes: &Vec<u8>| {
-            let mut wanted = [false; 256];
-            classes.iter().for_each(|class| wanted[usize::from(*class)] = true);
-            (place(CLASS), wanted)
-        };
+        let classes = subject.classes.as_ref().map(|classes| {
+            let mut selected = [false; 256];
+            classes.iter().for_each(|class| selected[usize::from(*class)] = true);
+            (column_of(CLASS, columns), selected)
+        });
+        let returns = subject.returns.map(|selected| {
+            let [number, count] = [RETURN, RETURNS].map(|name| column_of(name, columns));
+            SelectedReturns { number, count, selected }
+        });
         let values = match (subject.attribute.as_deref(), subject.step()) {
-            (Some(name), _) if subject.is_real() => SubjectValues::Real(place(name)),
-            (Some(name), Some(step)) => SubjectValues::Whole(place(name), step),
+            (Some(name), _) if subject.is_real() => SubjectValues::Real(column_of(name, columns)),
+            (Some(name), Some(step)) => SubjectValues::Whole(column_of(name, columns), step),
             _ => SubjectValues::Heights,
         };
-        Self {
-            heights: heights(subject, frame),
-            classes: subject.classes.as_ref().map(wanted),
-            returns: subject.returns.map(|wanted| (place(RETURN), place(RETURNS), wanted)),
-            values,
-        }
+        Self { heights: heights(subject, frame), classes, returns, values }
     }
 
     /// Replaces the content of `out` by its points. Points without a finite value are skipped.
     pub fn select(&self, points: &[Point], columns: &[Vec<f64>], out: &mut SelectedPoints) {
         out.points.clear();
         out.reals.clear();
-        let number = |column: usize, at: usize| {
-            columns.get(column).and_then(|column| column.get(at)).copied().unwrap_or(f64::NAN)
-        };
         for (at, point) in points.iter().enumerate() {
-            if !self.wants(point, |column| number(column, at)) {
+            if !self.accepts(point, columns, at) {
                 continue;
             }
             match self.values {
                 SubjectValues::Heights => out.points.push(*point),
                 SubjectValues::Whole(column, step) => {
-                    let z = (number(column, at) / step).round() as i32;
+                    let z = (number_at(columns, column, at) / step).round() as i32;
                     out.points.push(Point { z, ..*point });
                 }
                 SubjectValues::Real(column) => {
-                    let value = number(column, at);
+                    let value = number_at(columns, column, at);
                     if value.is_finite() {
                         out.points.push(Point { z: out.reals.len() as i32, ..*point });
                         out.reals.push(value);
@@ -223,13 +233,30 @@ impl SubjectSelector {
         }
     }
 
-    fn wants(&self, point: &Point, number: impl Fn(usize) -> f64) -> bool {
+    /// Whether a point is one of the subject; its attributes are at `at` in the columns.
+    #[inline]
+    fn accepts(&self, point: &Point, columns: &[Vec<f64>], at: usize) -> bool {
         let [low, high] = self.heights;
-        let byte = |column: usize| number(column) as u8;
         (low..=high).contains(&i64::from(point.z))
-            && self.classes.as_ref().is_none_or(|(at, wanted)| wanted[usize::from(byte(*at))])
-            && self.returns.is_none_or(|(at, of, wanted)| wanted.is(byte(at), byte(of)))
+            && self.classes.as_ref().is_none_or(|(column, selected)| {
+                selected[usize::from(number_at(columns, *column, at) as u8)]
+            })
+            && self.returns.is_none_or(|SelectedReturns { number, count, selected }| {
+                let [number, count] =
+                    [number, count].map(|column| number_at(columns, column, at) as u8);
+                selected.is(number, count)
+            })
     }
+}
+
+/// The column of an attribute; beyond all if it is missing.
+fn column_of(name: &str, columns: &[String]) -> usize {
+    columns.iter().position(|column| column == name).unwrap_or(columns.len())
+}
+
+#[inline]
+fn number_at(columns: &[Vec<f64>], column: usize, at: usize) -> f64 {
+    columns.get(column).and_then(|column| column.get(at)).copied().unwrap_or(f64::NAN)
 }
 
 /// Lowest and highest height in steps.

@@ -39,21 +39,22 @@ pub struct BlockTarget<'a> {
 }
 
 /// Hits added at once.
-const ROOM: usize = 4096;
+const MAX_HITS: usize = 4096;
 
 impl DiscScatter {
     /// For cells of `lattice`.
     pub fn new(lattice: &CellLattice, radius: f64) -> Self {
-        let reach = |cell: f64| (radius / cell + 0.5).min(f64::from(i32::MAX)) as i64;
+        let [across, down] = [lattice.x.world_cell(), lattice.y.world_cell()]
+            .map(|cell| (radius / cell + 0.5).min(f64::from(i32::MAX)) as i64);
         let unit = lattice.unit(radius);
         Self {
             unit,
             limit: unit.square(radius),
-            across: reach(lattice.x.world_cell()),
-            down: reach(lattice.y.world_cell()),
-            cells: vec![0; ROOM],
-            points: vec![Point::default(); ROOM],
-            squares: vec![0; ROOM],
+            across,
+            down,
+            cells: vec![0; MAX_HITS],
+            points: vec![Point::default(); MAX_HITS],
+            squares: vec![0; MAX_HITS],
             filled: 0,
             columns: Vec::new(),
             rows: Vec::new(),
@@ -72,7 +73,9 @@ impl DiscScatter {
     /// As for [`CellBlock::add`].
     pub fn add(
         &mut self,
-        (lattice, window, stride): (&CellLattice, Rect, u32),
+        lattice: &CellLattice,
+        window: Rect,
+        stride: u32,
         points: &[Point],
         places: &[(i32, i32)],
         mut to: BlockTarget<'_>,
@@ -100,8 +103,8 @@ impl DiscScatter {
         down: u128,
         to: &mut BlockTarget<'_>,
     ) -> Result<()> {
-        // Blocks are narrower than the room.
-        if self.filled + self.columns.len() > ROOM {
+        // Blocks are narrower: a row always fits into an empty buffer.
+        if self.filled + self.columns.len() > MAX_HITS {
             self.flush(to)?;
         }
         let mut at = self.filled;

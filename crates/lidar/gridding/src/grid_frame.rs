@@ -43,8 +43,9 @@ impl CellLattice {
     /// The unit of distances up to `reach`.
     pub fn unit(&self, reach: f64) -> DistanceUnit {
         let exact = self.x.units.zip(self.y.units).map(|(x, _)| DistanceUnit::exact(x.digits));
-        let fits = |unit: &DistanceUnit| reach / unit.size < MAX_UNITS;
-        exact.filter(fits).unwrap_or(DistanceUnit { size: reach / COARSE_UNITS, digits: None })
+        exact
+            .filter(|unit| reach / unit.size < MAX_UNITS)
+            .unwrap_or(DistanceUnit { size: reach / COARSE_UNITS, digits: None })
     }
 
     /// The lattice indices of the cells (x, y) that hold the lowest and highest of two points.
@@ -153,9 +154,9 @@ impl DecimalLattice {
     }
 
     fn units(&self, digits: u32) -> Option<DecimalAxis> {
-        let twice = |number: Decimal| number.units(digits)?.checked_mul(2);
-        let shift = twice(self.offset)?.checked_sub(twice(self.anchor)?)?;
-        let (scale, cell) = (twice(self.scale)?, twice(self.cell)?);
+        let [offset, anchor, scale, cell] = [self.offset, self.anchor, self.scale, self.cell]
+            .map(|number| number.units(digits)?.checked_mul(2));
+        let (shift, scale, cell) = (offset?.checked_sub(anchor?)?, scale?, cell?);
         let fits = scale < MAX_SCALE && cell < MAX_SCALE && shift.abs() < MAX_SHIFT;
         fits.then_some(DecimalAxis { digits, scale, shift, cell })
     }
@@ -235,17 +236,13 @@ impl LatticeAxis {
     /// The axis in decimals, if all its numbers are whole steps.
     fn decimals(&self, scale: f64, offset: f64) -> Option<DecimalLattice> {
         let (scale, offset) = (Decimal::of(scale)?, Decimal::of(offset)?);
-        let world = |steps: i64, from: Decimal| {
-            let digits = scale.digits().max(from.digits());
-            let steps = scale.units(digits)?.checked_mul(steps.into())?;
-            Some(Decimal::new(steps.checked_add(from.units(digits)?)?, digits))
-        };
+        let zero = Decimal::new(0, 0);
         let (anchor, cell) = match self.rule {
             BorderComparison::Steps { anchor, cell, .. } if anchor.fract() == 0.0 => {
-                (world(anchor as i64, offset)?, world(cell, Decimal::new(0, 0))?)
+                (steps_from(offset, anchor as i64, scale)?, steps_from(zero, cell, scale)?)
             }
             BorderComparison::Steps { cell, .. } => {
-                (Decimal::of(self.world_anchor)?, world(cell, Decimal::new(0, 0))?)
+                (Decimal::of(self.world_anchor)?, steps_from(zero, cell, scale)?)
             }
             BorderComparison::World { .. } => {
                 (Decimal::of(self.world_anchor)?, Decimal::of(self.world_cell)?)
@@ -357,15 +354,12 @@ impl LatticeAxis {
         out: &mut Vec<u128>,
     ) {
         out.clear();
-        let index = |number: i64| self.turned(number) + self.first;
-        let square = |apart: i64| u128::from(apart.unsigned_abs()).pow(2);
+        let indices = numbers.map(|number| self.turned(number) + self.first);
         match self.units.filter(|_| unit.digits.is_some()) {
-            Some(units) => {
-                out.extend(numbers.map(|number| square(units.apart(steps, index(number)))))
-            }
-            None => out.extend(numbers.map(|number| {
-                square((self.apart(steps, index(number)) / unit.size).round() as i64)
-            })),
+            Some(units) => out.extend(indices.map(|index| squared(units.apart(steps, index)))),
+            None => out.extend(
+                indices.map(|index| squared((self.apart(steps, index) / unit.size).round() as i64)),
+            ),
         }
     }
 
@@ -376,7 +370,7 @@ impl LatticeAxis {
             Some(units) => units.apart(steps, index),
             None => (self.apart(steps, index) / unit.size).round() as i64,
         };
-        u128::from(apart.unsigned_abs()).pow(2)
+        squared(apart)
     }
 
     /// From the centre of a cell to a coordinate in steps, in world units, rounded.
@@ -397,6 +391,18 @@ impl LatticeAxis {
         let index = (self.turned(number) + self.first) as f64 + 0.5;
         self.world_anchor + index * self.world_cell
     }
+}
+
+/// The decimal `steps` times `scale` away from another; `None` if it does not fit.
+fn steps_from(from: Decimal, steps: i64, scale: Decimal) -> Option<Decimal> {
+    let digits = scale.digits().max(from.digits());
+    let steps = scale.units(digits)?.checked_mul(steps.into())?;
+    Some(Decimal::new(steps.checked_add(from.units(digits)?)?, digits))
+}
+
+#[inline]
+fn squared(apart: i64) -> u128 {
+    u128::from(apart.unsigned_abs()).pow(2)
 }
 
 /// Division of numbers below 2^32 by a constant, by multiplication.

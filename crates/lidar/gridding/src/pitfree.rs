@@ -83,11 +83,11 @@ impl PitFree {
     }
 }
 
-/// Whether no edge of a triangle, on the ground, is longer than `most`; `scale` is the size of steps in
+/// Whether no edge of a triangle, on the ground, is longer than `max_edge`; `scale` is the size of steps in
 /// x and y.
-pub fn is_short(corners: &[Point; 3], scale: [f64; 2], most: f64) -> bool {
+pub fn is_short(corners: &[Point; 3], scale: [f64; 2], max_edge: f64) -> bool {
     let [a, b, c] = *corners;
-    [(a, b), (b, c), (c, a)].into_iter().all(|(from, to)| is_within(from, to, scale, most))
+    [(a, b), (b, c), (c, a)].into_iter().all(|(from, to)| is_within(from, to, scale, max_edge))
 }
 
 #[cfg(test)]

@@ -153,7 +153,7 @@ impl AccumulatorKind {
 pub(super) struct PointCount(pub(super) u32);
 
 impl PointCount {
-    pub(super) const KEPT: AccumulatorKind = AccumulatorKind::cells::<Self>("count");
+    pub(super) const KIND: AccumulatorKind = AccumulatorKind::cells::<Self>("count");
 }
 
 impl CellAccumulator for PointCount {

@@ -56,14 +56,14 @@ impl StatisticBand {
 
 impl StatisticRecipe {
     /// The recipe of these statistics with these defaults.
-    pub fn new(asked: &[StatisticRequest], rules: &StatisticDefaults) -> Self {
+    pub fn new(requests: &[StatisticRequest], rules: &StatisticDefaults) -> Self {
         let mut recipe = Self {
             subjects: Vec::new(),
             regions: Vec::new(),
             planes: Vec::new(),
             bands: Vec::new(),
         };
-        for StatisticRequest { statistic, label, subject } in asked {
+        for StatisticRequest { statistic, label, subject } in requests {
             let is_real = subject.is_real();
             let needs = statistic.needs(rules, is_real);
             let mut planes = recipe.keep(subject, &needs);
@@ -88,7 +88,7 @@ impl StatisticRecipe {
         }
         let subject = position(&mut self.subjects, subject.clone());
         let region = position(&mut self.regions, (subject, *region));
-        primitives.iter().map(|kept| position(&mut self.planes, (region, *kept))).collect()
+        primitives.iter().map(|kind| position(&mut self.planes, (region, *kind))).collect()
     }
 
     /// Subjects of its statistics.
@@ -128,9 +128,9 @@ impl StatisticRecipe {
 
     /// The largest radius of a statistic; 0 if cells use their own points only.
     pub fn reach(&self) -> f64 {
-        self.regions.iter().fold(0.0, |most, (_, region)| match *region {
-            CellNeighborhood::Cell => most,
-            CellNeighborhood::Disc(radius) => radius.max(most),
+        self.regions.iter().fold(0.0, |reach, (_, region)| match *region {
+            CellNeighborhood::Cell => reach,
+            CellNeighborhood::Disc(radius) => radius.max(reach),
         })
     }
 

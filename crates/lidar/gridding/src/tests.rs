@@ -249,7 +249,7 @@ fn points_are_scattered_to_the_cells_around_them() {
                 .map(|p| (lattice.x.index(p.x) - west, 39 + south - lattice.y.index(p.y)))
                 .map(|(col, row)| (col as i32, row as i32))
                 .collect();
-            scatter.add((&lattice, window, stride), &points, &places, to(&mut block)).unwrap();
+            scatter.add(&lattice, window, stride, &points, &places, to(&mut block)).unwrap();
             for at in 0..stride * window.height {
                 let (col, row) = (at % stride, at / stride);
                 let [east, north] =
@@ -408,7 +408,7 @@ fn no_hit_is_lost_however_many_there_are() {
         let mut block = CellBlock::new(&recipe, (width * height) as usize);
         let mut scatter = DiscScatter::new(&lattice, 2.0);
         let places = vec![(2, 5); points.len()];
-        scatter.add((&lattice, window, width), &points, &places, to(&mut block)).unwrap();
+        scatter.add(&lattice, window, width, &points, &places, to(&mut block)).unwrap();
         for at in 0..width * height {
             let (east, south) = (f64::from(at % width), f64::from(at / width));
             let expected = if east.hypot(south) < 2.0 { 5_000.0 } else { 0.0 };

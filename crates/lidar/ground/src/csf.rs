@@ -35,20 +35,23 @@ pub(crate) const METHOD: Method = Method {
         Parameter::new("smooth", 1.0, [0.0, 1.0], "post-processing of steep slopes, 0 or 1")
             .whole(),
     ],
-    finder: GroundFinder { lattice: |asked, _| GroundTiling::fixed(asked.value("cloth")), find },
+    finder: GroundFinder {
+        lattice: |request, _| GroundTiling::fixed(request.value("cloth")),
+        find,
+    },
 };
 
-fn find(asked: &Request, lows: &LowestPoints<'_>) -> GroundSurface {
+fn find(request: &Request, lows: &LowestPoints<'_>) -> GroundSurface {
     let step = lows.step[2];
     let cloth = ClothParameters {
-        rigidness: asked.value("rigidness") as u32,
-        time_step: asked.value("step"),
-        iterations: asked.value("iterations") as u32,
-        mend: asked.value("smooth") > 0.0,
+        rigidness: request.value("rigidness") as u32,
+        time_step: request.value("step"),
+        iterations: request.value("iterations") as u32,
+        mend: request.value("smooth") > 0.0,
     };
     let heights = widened(&settled(&lows.heights(), lows.width, &cloth), lows.width);
     let heights = heights.into_iter().map(|z| z / step).collect();
-    GroundSurface::new(lows.width, heights, |_| asked.value("threshold") / step)
+    GroundSurface::new(lows.width, heights, |_| request.value("threshold") / step)
 }
 
 /// Parameters of the cloth.
@@ -89,7 +92,7 @@ pub(crate) fn settled(heights: &[f64], width: usize, cloth: &ClothParameters) ->
         ceiling,
         before: start.clone(),
         now: start,
-        held: vec![false; heights.len()],
+        fixed: vec![false; heights.len()],
     };
     let [pair, single] = stiffness(cloth.rigidness);
     for _ in 0..cloth.iterations {
@@ -108,8 +111,9 @@ pub(crate) fn settled(heights: &[f64], width: usize, cloth: &ClothParameters) ->
 /// Fractions of their distance by which two free nodes move towards each other, and a free node towards a fixed
 /// one: `rigidness` times 0.3 of the remainder.
 fn stiffness(rigidness: u32) -> [f64; 2] {
-    let left = |part: f64| (0..rigidness).fold(1.0, |left, _| left * (1.0 - part));
-    [0.5 * (1.0 - left(0.6)), 1.0 - left(0.3)]
+    let [pair, single] =
+        [0.6, 0.3].map(|part| (0..rigidness).fold(1.0, |left, _| left * (1.0 - part)));
+    [0.5 * (1.0 - pair), 1.0 - single]
 }
 
 /// The nodes, one for each cell.
@@ -119,14 +123,14 @@ struct ClothNodes {
     ceiling: Vec<f64>,
     before: Vec<f64>,
     now: Vec<f64>,
-    held: Vec<bool>,
+    fixed: Vec<bool>,
 }
 
 impl ClothNodes {
     /// A step of the integration.
     fn rise(&mut self, push: f64) {
-        let nodes = self.now.iter_mut().zip(&mut self.before).zip(&self.held);
-        for ((now, before), _) in nodes.filter(|(_, held)| !**held) {
+        let nodes = self.now.iter_mut().zip(&mut self.before).zip(&self.fixed);
+        for ((now, before), _) in nodes.filter(|(_, fixed)| !**fixed) {
             let next = *now + (*now - *before) * (1.0 - DAMPING) + push;
             *before = *now;
             *now = next;
@@ -160,7 +164,7 @@ impl ClothNodes {
             };
             let apart = self.now[b] - self.now[a];
             let [pair, single] = parts;
-            match [self.held[a], self.held[b]] {
+            match [self.fixed[a], self.fixed[b]] {
                 [false, false] => {
                     self.now[a] += apart * pair;
                     self.now[b] -= apart * pair;
@@ -174,23 +178,23 @@ impl ClothNodes {
 
     /// Fixes nodes that have reached their height; returns the largest movement of the others.
     fn meet(&mut self) -> f64 {
-        let mut most = 0.0_f64;
+        let mut max_movement = 0.0_f64;
         for at in 0..self.now.len() {
-            if !self.held[at] {
-                // Counted before the node is held: a cloth that has just met the ground is not still yet.
-                most = most.max((self.now[at] - self.before[at]).abs());
+            if !self.fixed[at] {
+                // Counted before the node is fixed: a cloth that has just met the ground is not still yet.
+                max_movement = max_movement.max((self.now[at] - self.before[at]).abs());
                 if self.now[at] >= self.ceiling[at] {
-                    (self.now[at], self.held[at]) = (self.ceiling[at], true);
+                    (self.now[at], self.fixed[at]) = (self.ceiling[at], true);
                 }
             }
         }
-        most
+        max_movement
     }
 
     /// Raises large groups of free nodes to their heights, as far as these continue from a fixed node without a
     /// jump.
     fn mend(&mut self) {
-        let mut seen = self.held.clone();
+        let mut seen = self.fixed.clone();
         for at in 0..seen.len() {
             if !seen[at] {
                 let region = self.region(at, &mut seen);
@@ -218,28 +222,30 @@ impl ClothNodes {
         region
     }
 
+    /// Whether the height of a node continues from a fixed neighbour without a jump.
+    fn continues(&self, node: usize) -> bool {
+        neighbours(node, self.width, self.now.len()).any(|other| {
+            self.fixed[other] && (self.ceiling[other] - self.ceiling[node]).abs() < SMOOTH
+        })
+    }
+
     fn climb(&mut self, region: Vec<usize>) {
-        let near = |sheet: &Self, node: usize| {
-            let goes_on = |other: &usize| {
-                sheet.held[*other] && (sheet.ceiling[*other] - sheet.ceiling[node]).abs() < SMOOTH
-            };
-            neighbours(node, sheet.width, sheet.now.len()).any(|other| goes_on(&other))
-        };
-        let mut queue: Vec<usize> = region.into_iter().filter(|&node| near(self, node)).collect();
-        queue.iter().for_each(|&node| self.hold(node));
+        let mut queue: Vec<usize> =
+            region.into_iter().filter(|&node| self.continues(node)).collect();
+        queue.iter().for_each(|&node| self.fix(node));
         while let Some(node) = queue.pop() {
             for other in neighbours(node, self.width, self.now.len()) {
                 let apart = (self.ceiling[other] - self.ceiling[node]).abs();
-                if !self.held[other] && apart < SMOOTH {
-                    self.hold(other);
+                if !self.fixed[other] && apart < SMOOTH {
+                    self.fix(other);
                     queue.push(other);
                 }
             }
         }
     }
 
-    fn hold(&mut self, node: usize) {
-        (self.now[node], self.held[node]) = (self.ceiling[node], true);
+    fn fix(&mut self, node: usize) {
+        (self.now[node], self.fixed[node]) = (self.ceiling[node], true);
     }
 }
 

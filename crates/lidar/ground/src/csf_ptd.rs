@@ -49,7 +49,7 @@ const TOLERANCE: [f64; 2] = [0.12, 0.2];
 /// deviations; the lower quartile of the lowest points deviates from planes by slightly more than half of one.
 const OF_SCATTER: f64 = 5.5;
 /// Largest tolerance, in metres.
-const MOST: f64 = 10.0;
+const MAX_TOLERANCE: f64 = 10.0;
 const CLOTH: ClothParameters =
     ClothParameters { rigidness: 1, time_step: 0.65, iterations: 500, mend: true };
 
@@ -60,11 +60,10 @@ fn find(_: &Request, lows: &LowestPoints<'_>) -> GroundSurface {
     let level = level.clamp(TOLERANCE[0], TOLERANCE[1]);
     let seeds = grown(lows, &checked);
     let heights = densified(&cells, &seeds, &NARROW).into_iter().map(|z| z / step).collect();
-    let tolerance = |rise: f64| {
+    GroundSurface::new(lows.width, heights, |rise| {
         let slope = rise * step / lows.cell;
-        (level + lows.cell * slope.powi(3)).min(MOST)
-    };
-    GroundSurface::new(lows.width, heights, |rise| tolerance(rise) / step)
+        (level + lows.cell * slope.powi(3)).min(MAX_TOLERANCE) / step
+    })
 }
 
 /// The cells whose lowest points touch the cloth and lie not far above the first triangulation.
@@ -74,10 +73,11 @@ fn checked(lows: &LowestPoints<'_>, cells: &LowestCells) -> Vec<usize> {
     let few = cells.thinned(((BLOCK / cell) as usize).max(1));
     let first = few.lowest((SQUARE / cell).ceil() as usize);
     let below = densified(&few, &first, &WIDE);
-    let below = |at: usize| below[(at / width + 1) * (width + 2) + at % width + 1];
     let heights = lows.heights();
     let cloth = settled(&heights, width, &CLOTH);
-    let is_seed =
-        |at: &usize| (heights[*at] - cloth[*at]).abs() <= NEAR && heights[*at] - below(*at) < ABOVE;
-    (0..heights.len()).filter(is_seed).collect()
+    let seeds = (0..heights.len()).filter(|&at| {
+        let below = below[(at / width + 1) * (width + 2) + at % width + 1];
+        (heights[at] - cloth[at]).abs() <= NEAR && heights[at] - below < ABOVE
+    });
+    seeds.collect()
 }

@@ -1,5 +1,7 @@
 //! Progressive densification of a triangulation of ground points, in rounds.
 
+use std::cmp::Ordering;
+
 use crate::ghost_vertices::GroundExtrapolation;
 use crate::lowest_in_cells::{LowestCells, MILLI};
 use crate::tin::{GroundTin, gradient, height_of};
@@ -25,14 +27,21 @@ struct PendingPoint {
     triangle: u32,
 }
 
+/// A point that is near enough to its triangle.
+struct AcceptedPoint {
+    triangle: u32,
+    distance: f64,
+    at: u32,
+}
+
 /// Heights in metres of the densified triangulation at the centres of cells and of those beside the window; NaN
 /// if there are no seeds.
 pub(crate) fn densified(cells: &LowestCells, seeds: &[usize], limits: &DensifyLimits) -> Vec<f64> {
-    let Some(mut densifying) = GroundDensifier::new(cells, seeds, limits) else {
+    let Some(mut densifier) = GroundDensifier::new(cells, seeds, limits) else {
         return vec![f64::NAN; (cells.width + 2) * (cells.rows() + 2)];
     };
-    densifying.run();
-    densifying.surface()
+    densifier.run();
+    densifier.surface()
 }
 
 struct GroundDensifier<'a> {
@@ -52,7 +61,7 @@ impl<'a> GroundDensifier<'a> {
     fn new(cells: &'a LowestCells, seeds: &[usize], limits: &'a DensifyLimits) -> Option<Self> {
         let mut frame = GroundExtrapolation::new(cells);
         let known: Vec<Point> = seeds.iter().filter_map(|&at| cells.points[at]).collect();
-        known.iter().for_each(|point| frame.see(point));
+        known.iter().for_each(|point| frame.add(point));
         let ground = known.len();
         let vertices = frame.vertices().into_iter().chain(known).collect();
         let all = cells.points.iter().flatten().count();
@@ -67,10 +76,10 @@ impl<'a> GroundDensifier<'a> {
 
     fn run(&mut self) {
         for _ in 0..ROUNDS {
-            let found = self.found();
-            let few = found.len() * 500 < self.ground;
-            self.take(&found);
-            if few {
+            let accepted = self.accepted();
+            let is_last = accepted.len() * 500 < self.ground;
+            self.insert(&accepted);
+            if is_last {
                 break;
             }
         }
@@ -87,9 +96,9 @@ impl<'a> GroundDensifier<'a> {
     }
 
     /// The nearest acceptable point of each triangle.
-    fn found(&mut self) -> Vec<(u32, f64, u32)> {
+    fn accepted(&mut self) -> Vec<AcceptedPoint> {
         let moved = self.settle();
-        let mut found = Vec::new();
+        let mut accepted = Vec::new();
         for PendingPoint { at, triangle } in &mut self.waiting {
             let number = *triangle as usize;
             if !(self.stale[number] || moved && self.outer[number]) {
@@ -100,33 +109,35 @@ impl<'a> GroundDensifier<'a> {
             *triangle = now;
             let Some(corners) = self.tin.corners(now) else { continue };
             if let Some(distance) = near(&point, &corners, self.limits) {
-                found.push((now, distance, *at));
+                accepted.push(AcceptedPoint { triangle: now, distance, at: *at });
             }
         }
-        found.sort_unstable_by(|a, b| {
-            (a.0, a.1, a.2).partial_cmp(&(b.0, b.1, b.2)).unwrap_or(std::cmp::Ordering::Equal)
-        });
         // The cell breaks ties of distance, so the point taken in does not depend on the order of waiting.
-        found.dedup_by_key(|(triangle, ..)| *triangle);
-        found
+        accepted.sort_unstable_by(|a, b| {
+            let by_distance = a.distance.partial_cmp(&b.distance).unwrap_or(Ordering::Equal);
+            a.triangle.cmp(&b.triangle).then(by_distance).then(a.at.cmp(&b.at))
+        });
+        accepted.dedup_by_key(|point| point.triangle);
+        accepted
     }
 
-    fn take(&mut self, found: &[(u32, f64, u32)]) {
+    /// Inserts points into the triangulation.
+    fn insert(&mut self, accepted: &[AcceptedPoint]) {
         self.stale.fill(false);
         let mut changed = Vec::new();
-        for (triangle, _, at) in found {
+        for AcceptedPoint { triangle, at, .. } in accepted {
             let Some(point) = self.cells.points[*at as usize] else { continue };
-            self.frame.see(&point);
+            self.frame.add(&point);
             self.tin.add(point, *triangle, &mut |t| changed.push(t));
         }
-        self.ground += found.len();
+        self.ground += accepted.len();
         self.stale.resize(self.tin.numbers(), false);
         self.outer.resize(self.tin.numbers(), false);
         for triangle in changed {
             self.stale[triangle as usize] = true;
             self.outer[triangle as usize] = self.is_outer(triangle);
         }
-        let mut taken: Vec<u32> = found.iter().map(|(.., at)| *at).collect();
+        let mut taken: Vec<u32> = accepted.iter().map(|point| point.at).collect();
         taken.sort_unstable();
         // Points wait in the order of their cells, so one pass beside the sorted list removes those taken.
         let mut taken = taken.into_iter().peekable();
@@ -135,22 +146,23 @@ impl<'a> GroundDensifier<'a> {
 
     /// Whether a triangle reaches the frame.
     fn is_outer(&self, triangle: u32) -> bool {
-        let of_frame = |id: &u32| (*id as usize) < self.frame.len();
-        self.tin.ids(triangle).is_some_and(|ids| ids.iter().any(of_frame))
+        let ids = self.tin.ids(triangle);
+        ids.is_some_and(|ids| ids.iter().any(|id| (*id as usize) < self.frame.len()))
     }
 
     fn surface(&self) -> Vec<f64> {
-        let wide = self.cells.width + 2;
-        let centre = |k: usize| ((k as f64 - 0.5) * self.cells.cell * MILLI).round() as i32;
-        let mut last = 0;
-        let mut height = |at: usize| {
-            let [x, y] = [centre(at % wide), centre(at / wide)];
-            let Some(triangle) = self.tin.find([x, y], last) else { return f64::NAN };
-            last = triangle;
-            let corners = self.tin.corners(triangle);
-            corners.map_or(f64::NAN, |corners| height_of(&corners, [x, y].map(f64::from)) / MILLI)
-        };
-        (0..wide * (self.cells.rows() + 2)).map(&mut height).collect()
+        let (wide, rows) = (self.cells.width + 2, self.cells.rows() + 2);
+        let (mut heights, mut last) = (Vec::with_capacity(wide * rows), 0);
+        for at in 0..wide * rows {
+            let centre = [at % wide, at / wide]
+                .map(|k| ((k as f64 - 0.5) * self.cells.cell * MILLI).round() as i32);
+            let triangle = self.tin.find(centre, last);
+            last = triangle.unwrap_or(last);
+            let corners = triangle.and_then(|triangle| self.tin.corners(triangle));
+            let height = corners.map(|corners| height_of(&corners, centre.map(f64::from)) / MILLI);
+            heights.push(height.unwrap_or(f64::NAN));
+        }
+        heights
     }
 }
 
@@ -158,32 +170,38 @@ impl<'a> GroundDensifier<'a> {
 fn waiting(cells: &LowestCells, seeds: &[usize], tin: &GroundTin) -> Vec<PendingPoint> {
     let mut is_seed = vec![false; cells.points.len()];
     seeds.iter().for_each(|&at| is_seed[at] = true);
-    let mut last = 0;
-    let mut wait = |at: usize| {
-        let point = cells.points[at].filter(|_| !is_seed[at])?;
-        last = tin.find([point.x, point.y], last)?;
-        Some(PendingPoint { at: at as u32, triangle: last })
-    };
-    (0..cells.points.len()).filter_map(&mut wait).collect()
+    let (mut waiting, mut last) = (Vec::new(), 0);
+    for (at, point) in cells.points.iter().enumerate() {
+        let Some(point) = point.filter(|_| !is_seed[at]) else { continue };
+        if let Some(triangle) = tin.find([point.x, point.y], last) {
+            waiting.push(PendingPoint { at: at as u32, triangle });
+            last = triangle;
+        }
+    }
+    waiting
 }
 
 /// Distance of a point from its triangle, if it is accepted.
 fn near(point: &Point, corners: &[Point; 3], limits: &DensifyLimits) -> Option<f64> {
     let [p, a, b, c] =
         [point, &corners[0], &corners[1], &corners[2]].map(|p| [p.x, p.y, p.z].map(f64::from));
-    let minus = |p: [f64; 3], q: [f64; 3]| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
     let arms = [a, b, c].map(|corner| minus(p, corner));
-    let plan = |u: [f64; 3]| u[0] * u[0] + u[1] * u[1];
-    let longest = [minus(b, a), minus(c, b), minus(a, c)].map(plan).into_iter().fold(0.0, f64::max);
+    let sides = [minus(b, a), minus(c, b), minus(a, c)].map(|u| u[0] * u[0] + u[1] * u[1]);
+    let longest = sides.into_iter().fold(0.0, f64::max);
     if longest < (limits.spacing * MILLI) * (limits.spacing * MILLI) {
         return None;
     }
     let [gx, gy] = gradient(minus(b, a), minus(c, a));
     let above = height_of(corners, [p[0], p[1]]);
     let distance = (p[2] - above).abs() / (1.0 + gx * gx + gy * gy).sqrt();
-    let length = |u: [f64; 3]| (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt();
-    let nearest = arms.map(length).into_iter().fold(f64::INFINITY, f64::min);
+    let lengths = arms.map(|u| (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt());
+    let nearest = lengths.into_iter().fold(f64::INFINITY, f64::min);
     (distance <= limits.distance * MILLI && distance <= limits.sine * nearest).then_some(distance)
+}
+
+#[inline]
+fn minus(p: [f64; 3], q: [f64; 3]) -> [f64; 3] {
+    [p[0] - q[0], p[1] - q[1], p[2] - q[2]]
 }
 
 #[cfg(test)]
@@ -205,7 +223,7 @@ mod tests {
     fn triangles(cells: &LowestCells, ground: &[usize]) -> Vec<[Point; 3]> {
         let known: Vec<Point> = ground.iter().filter_map(|&at| cells.points[at]).collect();
         let mut frame = GroundExtrapolation::new(cells);
-        known.iter().for_each(|point| frame.see(point));
+        known.iter().for_each(|point| frame.add(point));
         let vertices = [frame.vertices(), known].concat();
         let triangulation = Triangulation::new(&vertices).unwrap();
         let corners = |t: [u32; 3]| t.map(|id| vertices[id as usize]);
@@ -252,16 +270,15 @@ mod tests {
         let point = (any::<bool>(), 0..1000, 0..1000, 0..600);
         let points = prop::collection::vec(prop::option::weighted(0.8, point), 26 * 19);
         (points, -600..600, -600..600, any::<bool>()).prop_map(|(points, by_x, by_y, lattice)| {
-            let cell = |(at, point): (usize, Option<(bool, i32, i32, i32)>)| {
+            let points = points.into_iter().enumerate().map(|(at, point)| {
                 let [col, row] = [(at % 26) as i32, (at / 26) as i32];
                 point.map(|(is_plant, x, y, z)| {
                     let [x, y] = if lattice { [500, 500] } else { [x, y] };
                     let plant = if is_plant { z * 3 } else { z / 5 };
                     Point::new(col * 1000 + x, row * 1000 + y, col * by_x + row * by_y + plant)
                 })
-            };
-            let points = points.into_iter().enumerate().map(cell).collect();
-            LowestCells { points, width: 26, cell: 1.0 }
+            });
+            LowestCells { points: points.collect(), width: 26, cell: 1.0 }
         })
     }
 

@@ -28,18 +28,24 @@ pub struct GroundTiling {
     pub core: Option<usize>,
 }
 
-/// Metres along a tile of a fixed tiling and its halo, and most cells of both.
-const CORE: (f64, usize) = (512.0, 768);
-const HALO: (f64, usize) = (128.0, 192);
-/// Fewest cells of a tile and its halo.
-const FEWEST: usize = 16;
+/// Metres along a tile of a fixed tiling, and along its halo.
+const CORE: f64 = 512.0;
+const HALO: f64 = 128.0;
+/// Most cells along both.
+const MAX_CORE: usize = 768;
+const MAX_HALO: usize = 192;
+/// Fewest cells along either.
+const MIN_CELLS: usize = 16;
 
 impl GroundTiling {
     /// Tiles of a fixed size, which depends on the cell size only: for methods without a bounded reach, which
     /// are defined on these tiles.
     pub(crate) fn fixed(cell: f64) -> Self {
-        let cells =
-            |(metres, most): (f64, usize)| ((metres / cell).ceil() as usize).clamp(FEWEST, most);
-        Self { cell, halo: cells(HALO), core: Some(cells(CORE)) }
+        let core = cells_along(CORE, cell, MAX_CORE);
+        Self { cell, halo: cells_along(HALO, cell, MAX_HALO), core: Some(core) }
     }
+}
+
+fn cells_along(metres: f64, cell: f64, max: usize) -> usize {
+    ((metres / cell).ceil() as usize).clamp(MIN_CELLS, max)
 }

@@ -1,5 +1,6 @@
 //! A frame of vertices around a window, so that triangles cover everything beyond the known ground.
 
+use crate::grid::within;
 use crate::lowest_in_cells::{LowestCells, MILLI};
 use terrane_base::geom::Point;
 
@@ -23,25 +24,20 @@ pub(crate) struct GroundExtrapolation {
 
 impl GroundExtrapolation {
     pub(crate) fn new(cells: &LowestCells) -> Self {
-        let span = |count: usize| (count as f64 * cells.cell * MILLI).ceil() as i32;
-        let (side, out) = (span(BLOCK), span(OUT));
-        let [east, north] = [cells.width, cells.rows()].map(|count| span(count) + out);
-        let steps = |end: i32| {
-            let count = (end + out).div_euclid(side) + 1;
-            (0..count)
-                .map(move |k| (i64::from(end + out) * i64::from(k) / i64::from(count)) as i32 - out)
-        };
-        let (south, west) = (steps(east).map(|x| [x, -out]), steps(north).map(|y| [-out, y]));
-        let opposite = |[x, y]: [i32; 2]| [east - out - x, north - out - y];
+        let [side, out, width, height] = [BLOCK, OUT, cells.width, cells.rows()]
+            .map(|count| (count as f64 * cells.cell * MILLI).ceil() as i32);
+        let (east, north) = (width + out, height + out);
+        let south = frame_steps(east, out, side).map(|x| [x, -out]);
+        let west = frame_steps(north, out, side).map(|y| [-out, y]);
         let half: Vec<_> = south.chain(west.skip(1)).collect();
         let mut places = half.clone();
-        places.extend(half.into_iter().map(opposite));
+        places.extend(half.into_iter().map(|[x, y]| [east - out - x, north - out - y]));
         places.extend([[east, -out], [-out, north]]);
         places.sort_unstable();
         places.dedup();
-        let count = |end: i32| (end + out).div_euclid(side) as usize + 1;
-        let blocks = vec![PointMoments::default(); count(east) * count(north)];
-        Self { places, side, low: -out, across: count(east), blocks }
+        let [across, up] = [east, north].map(|end| (end + out).div_euclid(side) as usize + 1);
+        let blocks = vec![PointMoments::default(); across * up];
+        Self { places, side, low: -out, across, blocks }
     }
 
     /// Number of vertices.
@@ -55,15 +51,14 @@ impl GroundExtrapolation {
     }
 
     /// Adds a ground point.
-    pub(crate) fn see(&mut self, p: &Point) {
+    pub(crate) fn add(&mut self, p: &Point) {
         let [col, row] = self.block([p.x, p.y]);
         self.blocks[row * self.across + col].add(p);
     }
 
     /// The vertices, extrapolated from the ground points so far.
     pub(crate) fn vertices(&self) -> Vec<Point> {
-        let vertex = |place: &[i32; 2]| Point::new(place[0], place[1], self.height(*place));
-        self.places.iter().map(vertex).collect()
+        self.places.iter().map(|&[x, y]| Point::new(x, y, self.height([x, y]))).collect()
     }
 
     fn height(&self, place: [i32; 2]) -> i32 {
@@ -77,15 +72,19 @@ impl GroundExtrapolation {
     fn around(&self, place: [i32; 2], away: usize) -> PointMoments {
         let rows = self.blocks.len() / self.across;
         let [col, row] = self.block(place);
-        let end = |at: usize, count: usize| (at + away + 1).min(count);
-        let cols = col.saturating_sub(away)..end(col, self.across);
-        let rows = row.saturating_sub(away)..end(row, rows);
+        let (cols, rows) = (within(col, away, self.across), within(row, away, rows));
         let mut sum = PointMoments::default();
         for block in rows.flat_map(|row| &self.blocks[row * self.across..][cols.clone()]) {
             sum.merge(block);
         }
         sum
     }
+}
+
+/// Steps of the vertices along a side of the frame, from `-out` to before `end`, at most `side` apart.
+fn frame_steps(end: i32, out: i32, side: i32) -> impl Iterator<Item = i32> {
+    let count = (end + out).div_euclid(side) + 1;
+    (0..count).map(move |k| (i64::from(end + out) * i64::from(k) / i64::from(count)) as i32 - out)
 }
 
 /// Exact sums over points, independent of their order.
@@ -110,6 +109,16 @@ impl PointMoments {
         self.second.iter_mut().zip(other.second).for_each(|(sum, v)| *sum += v);
     }
 
+    /// The second moments about the mean, in the order of `second`.
+    fn central(&self) -> [f64; 5] {
+        let [x, y, z] = self.first.map(i128::from);
+        let products = [x * x, x * y, y * y, x * z, y * z];
+        [0, 1, 2, 3, 4].map(|k| {
+            // Exact up to the division: the difference is small against both terms.
+            (i128::from(self.count) * self.second[k] - products[k]) as f64 / self.count as f64
+        })
+    }
+
     /// Height at a position of the least-squares plane; 0 for no points. Virtual points on each side at the
     /// mean height keep the plane level across a line, and for a single point.
     fn plane_at(&self, place: [i32; 2], aside: f64) -> f64 {
@@ -118,13 +127,8 @@ impl PointMoments {
         }
         let (count, level) = (self.count as f64, aside * aside);
         let [x, y, z] = self.first.map(|sum| sum as f64 / count);
-        let centred = |k: usize, [i, j]: [usize; 2]| {
-            let product = i128::from(self.first[i]) * i128::from(self.first[j]);
-            (i128::from(self.count) * self.second[k] - product) as f64 / count
-        };
-        let [xx, xy, yy] =
-            [centred(0, [0, 0]) + level, centred(1, [0, 1]), centred(2, [1, 1]) + level];
-        let [xz, yz] = [centred(3, [0, 2]), centred(4, [1, 2])];
+        let [xx, xy, yy, xz, yz] = self.central();
+        let (xx, yy) = (xx + level, yy + level);
         let determinant = xx * yy - xy * xy;
         let [gx, gy] = [(xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant];
         z + gx * (f64::from(place[0]) - x) + gy * (f64::from(place[1]) - y)
@@ -171,7 +175,7 @@ mod tests {
         let plane = |x: i32, y: i32| Point::new(x, y, 700 + x / 2 - y / 4);
         let mut slope = frame(100, 60);
         for k in 0..300 {
-            slope.see(&plane(k * 7919 % 50_000 / 4 * 4, k * 104_729 % 30_000 / 4 * 4));
+            slope.add(&plane(k * 7919 % 50_000 / 4 * 4, k * 104_729 % 30_000 / 4 * 4));
         }
         for p in slope.vertices() {
             // What keeps a line level weighs little against points all around.
@@ -180,10 +184,10 @@ mod tests {
         }
         let mut one = frame(100, 60);
         assert!(one.vertices().iter().all(|p| p.z == 0), "nothing is known");
-        one.see(&Point::new(8000, 9000, -321));
+        one.add(&Point::new(8000, 9000, -321));
         assert!(one.vertices().iter().all(|p| p.z == -321));
         let mut line = frame(100, 60);
-        (0..50).for_each(|k| line.see(&Point::new(k * 1000, 15_000, k * 100)));
+        (0..50).for_each(|k| line.add(&Point::new(k * 1000, 15_000, k * 100)));
         let across = |p: &&Point| p.y == -5000 && (0..50_000).contains(&p.x);
         for p in line.vertices().iter().filter(across) {
             assert!((p.z - p.x / 10).abs() < 500, "{p:?}");

@@ -1,5 +1,13 @@
 //! Operations on the cells of a window.
 
+use std::ops::Range;
+
+/// The cells within `reach` of one along a row or a column of `count` cells.
+#[inline]
+pub(crate) fn within(at: usize, reach: usize, count: usize) -> Range<usize> {
+    at.saturating_sub(reach)..(at + reach + 1).min(count)
+}
+
 /// The existing cells north, south, west and east of one.
 pub(crate) fn neighbours(at: usize, width: usize, cells: usize) -> impl Iterator<Item = usize> {
     let col = at % width;
@@ -15,22 +23,19 @@ pub(crate) fn neighbours(at: usize, width: usize, cells: usize) -> impl Iterator
 /// Fills unknown heights from the nearest known cells, by steps along rows and columns; of several neighbours
 /// with their mean. All stay unknown if none is known.
 pub(crate) fn nearest_filled(heights: &[f64], width: usize) -> Vec<f64> {
-    let mut filled = heights.to_vec();
-    let beside = |at: usize| neighbours(at, width, heights.len());
-    let mut rim: Vec<usize> = (0..heights.len())
-        .filter(|&at| heights[at].is_nan() && beside(at).any(|k| !heights[k].is_nan()))
-        .collect();
+    let (mut filled, cells) = (heights.to_vec(), heights.len());
+    let rim = (0..cells).filter(|&at| {
+        heights[at].is_nan() && neighbours(at, width, cells).any(|k| !heights[k].is_nan())
+    });
+    let mut rim: Vec<usize> = rim.collect();
     while !rim.is_empty() {
-        let mean = |at: usize| {
-            let known: Vec<f64> = beside(at).map(|k| filled[k]).filter(|z| !z.is_nan()).collect();
-            known.iter().sum::<f64>() / known.len() as f64
-        };
-        let values: Vec<f64> = rim.iter().map(|&at| mean(at)).collect();
+        // All of a rim before any is set: a cell depends on those known before it.
+        let values: Vec<f64> = rim.iter().map(|&at| mean_beside(&filled, width, at)).collect();
         for (at, value) in rim.iter().zip(values) {
             filled[*at] = value;
         }
-        let mut next: Vec<usize> =
-            rim.iter().flat_map(|&at| beside(at)).filter(|&k| filled[k].is_nan()).collect();
+        let next = rim.iter().flat_map(|&at| neighbours(at, width, cells));
+        let mut next: Vec<usize> = next.filter(|&k| filled[k].is_nan()).collect();
         next.sort_unstable();
         next.dedup();
         rim = next;
@@ -38,13 +43,23 @@ pub(crate) fn nearest_filled(heights: &[f64], width: usize) -> Vec<f64> {
     filled
 }
 
+/// The mean of the known heights of neighbours.
+fn mean_beside(heights: &[f64], width: usize, at: usize) -> f64 {
+    let known = neighbours(at, width, heights.len()).map(|k| heights[k]);
+    let known: Vec<f64> = known.filter(|z| !z.is_nan()).collect();
+    known.iter().sum::<f64>() / known.len() as f64
+}
+
 /// Heights with a margin of one cell, copied from the border.
 pub(crate) fn widened(heights: &[f64], width: usize) -> Vec<f64> {
     let rows = heights.len() / width;
-    let clamp = |at: usize, count: usize| at.saturating_sub(1).min(count.saturating_sub(1));
     let cells = (0..rows + 2).flat_map(|row| (0..width + 2).map(move |col| (col, row)));
-    let value = |(col, row)| heights.get(clamp(row, rows) * width + clamp(col, width));
-    cells.map(|cell| value(cell).copied().unwrap_or(f64::NAN)).collect()
+    let heights = cells.map(|(col, row)| {
+        let [col, row] = [(col, width), (row, rows)]
+            .map(|(at, count)| at.saturating_sub(1).min(count.saturating_sub(1)));
+        heights.get(row * width + col).copied().unwrap_or(f64::NAN)
+    });
+    heights.collect()
 }
 
 /// At each cell, the best of the square of `side` cells that starts there, towards higher columns and rows;

@@ -4,6 +4,7 @@
 //! lowest point of a cell is ground if it lies on the plane through the neighbouring ground, at any slope.
 //! Roofs and plants are steps above that plane.
 
+use crate::grid::within;
 use crate::lowest_points::LowestPoints;
 
 /// Cells on each side that a plane is fitted to, and fewest of them with ground.
@@ -25,22 +26,20 @@ const SPREAD: f64 = 0.05;
 
 /// The seeds with all cells grown from them, sorted.
 pub(crate) fn grown(lows: &LowestPoints<'_>, seeds: &[usize]) -> Vec<usize> {
-    let points: Vec<Option<[f64; 3]>> = (0..lows.points.len()).map(|at| lows.metres(at)).collect();
-    let mut growing =
-        RegionGrowing { points, width: lows.width, is_ground: vec![false; lows.points.len()] };
-    seeds.iter().for_each(|&at| growing.is_ground[at] = true);
+    let mut growing = RegionGrowing::new(lows, seeds);
     let mut waiting = vec![true; lows.points.len()];
     for _ in 0..ROUNDS {
-        let goes_on = |at: &usize| waiting[*at] && !growing.is_ground[*at] && growing.goes_on(*at);
         // All cells of a round are judged by the ground before it, so the order of cells leaves no trace.
-        let found: Vec<usize> = (0..waiting.len()).filter(goes_on).collect();
-        if found.is_empty() {
+        let reached = (0..waiting.len())
+            .filter(|&at| waiting[at] && !growing.is_ground[at] && growing.continues(at));
+        let reached: Vec<usize> = reached.collect();
+        if reached.is_empty() {
             break;
         }
         waiting.fill(false);
-        for at in found {
+        for at in reached {
             growing.is_ground[at] = true;
-            growing.beside(at).for_each(|other| waiting[other] = true);
+            growing.around(at).for_each(|other| waiting[other] = true);
         }
     }
     (0..waiting.len()).filter(|&at| growing.is_ground[at]).collect()
@@ -49,10 +48,7 @@ pub(crate) fn grown(lows: &LowestPoints<'_>, seeds: &[usize]) -> Vec<usize> {
 /// Scatter of ground around planes, in metres: the lower quartile over the seeds, as rough ground and plants
 /// increase it. `None` if hardly any seed has neighbours.
 pub(crate) fn scatter(lows: &LowestPoints<'_>, seeds: &[usize]) -> Option<f64> {
-    let points = (0..lows.points.len()).map(|at| lows.metres(at)).collect();
-    let mut growing =
-        RegionGrowing { points, width: lows.width, is_ground: vec![false; lows.points.len()] };
-    seeds.iter().for_each(|&at| growing.is_ground[at] = true);
+    let growing = RegionGrowing::new(lows, seeds);
     let mut strays: Vec<f64> =
         seeds.iter().filter_map(|&at| Some(growing.plane(at)?.stray)).collect();
     let quarter = strays.len() / 4;
@@ -67,19 +63,27 @@ struct RegionGrowing {
 }
 
 impl RegionGrowing {
+    /// Ground at the seeds only.
+    fn new(lows: &LowestPoints<'_>, seeds: &[usize]) -> Self {
+        let points = (0..lows.points.len()).map(|at| lows.metres(at)).collect();
+        let mut is_ground = vec![false; lows.points.len()];
+        seeds.iter().for_each(|&at| is_ground[at] = true);
+        Self { points, width: lows.width, is_ground }
+    }
+
     /// The cells around one.
-    fn beside(&self, at: usize) -> impl Iterator<Item = usize> + use<> {
+    fn around(&self, at: usize) -> impl Iterator<Item = usize> + use<> {
         let (width, rows) = (self.width, self.points.len() / self.width);
-        let around = |at: usize, end: usize| at.saturating_sub(BESIDE)..(at + BESIDE + 1).min(end);
-        let cols = around(at % width, width);
-        around(at / width, rows).flat_map(move |row| cols.clone().map(move |col| row * width + col))
+        let cols = within(at % width, BESIDE, width);
+        within(at / width, BESIDE, rows)
+            .flat_map(move |row| cols.clone().map(move |col| row * width + col))
     }
 
     /// The plane through the neighbouring ground, relative to the point of a cell.
     fn plane(&self, at: usize) -> Option<FittedPlane> {
         let [x, y, z] = self.points[at]?;
         let mut sums = PlaneSums::default();
-        for other in self.beside(at).filter(|other| self.is_ground[*other]) {
+        for other in self.around(at).filter(|other| self.is_ground[*other]) {
             if let Some([east, north, up]) = self.points[other] {
                 sums.add([east - x, north - y, up - z]);
             }
@@ -88,7 +92,7 @@ impl RegionGrowing {
     }
 
     /// Whether the point of a cell lies on the plane through the neighbouring ground.
-    fn goes_on(&self, at: usize) -> bool {
+    fn continues(&self, at: usize) -> bool {
         let Some(FittedPlane { height, slope, stray }) = self.plane(at) else { return false };
         let slope = slope[0].hypot(slope[1]);
         let near = NEAR + BY_SLOPE * slope + stray.min(MAX_STRAY);
@@ -133,9 +137,11 @@ impl PlaneSums {
     pub(crate) fn plane(&self) -> Option<FittedPlane> {
         let count = (self.count >= FEWEST).then_some(self.count as f64)?;
         let [x, y, z] = self.first.map(|sum| sum / count);
-        let centred = |k: usize, a: f64, b: f64| self.second[k] - count * a * b;
-        let [xx, xy, yy] = [centred(0, x, x), centred(1, x, y), centred(2, y, y)];
-        let [xz, yz, zz] = [centred(3, x, z), centred(4, y, z), centred(5, z, z)];
+        let means = [(x, x), (x, y), (y, y), (x, z), (y, z), (z, z)];
+        let [xx, xy, yy, xz, yz, zz] = [0, 1, 2, 3, 4, 5].map(|k| {
+            let (a, b) = means[k];
+            self.second[k] - count * a * b
+        });
         let determinant = xx * yy - xy * xy;
         if determinant <= SPREAD * xx * yy {
             return None;

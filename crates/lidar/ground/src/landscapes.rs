@@ -39,27 +39,30 @@ impl LandscapeDice {
 
 /// Smooth hills from -1 to 1, about one in a square of side 1.
 fn hills(x: f64, y: f64, seed: u64) -> f64 {
-    let corner = |i: f64, j: f64| {
-        let at = (i as i64 as u64)
-            .wrapping_mul(0x8DA6_B343)
-            .wrapping_add((j as i64 as u64).wrapping_mul(0xD816_3841));
-        2.0 * share(mixed(at ^ mixed(seed))) - 1.0
-    };
     let (i, j) = (x.floor(), y.floor());
-    let smooth = |t: f64| t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
-    let (u, v) = (smooth(x - i), smooth(y - j));
-    let low = corner(i, j) + (corner(i + 1.0, j) - corner(i, j)) * u;
-    let high = corner(i, j + 1.0) + (corner(i + 1.0, j + 1.0) - corner(i, j + 1.0)) * u;
+    let [u, v] = [x - i, y - j].map(|t| t * t * t * (t * (t * 6.0 - 15.0) + 10.0));
+    let [low, high] = [j, j + 1.0].map(|j| {
+        let [west, east] = [i, i + 1.0].map(|i| lattice_height(i, j, seed));
+        west + (east - west) * u
+    });
     low + (high - low) * v
+}
+
+/// Height from -1 to 1 at a corner of the lattice of hills.
+fn lattice_height(i: f64, j: f64, seed: u64) -> f64 {
+    let at = (i as i64 as u64)
+        .wrapping_mul(0x8DA6_B343)
+        .wrapping_add((j as i64 as u64).wrapping_mul(0xD816_3841));
+    2.0 * share(mixed(at ^ mixed(seed))) - 1.0
 }
 
 /// Hills on hills, the largest `wave` metres wide.
 fn rough(x: f64, y: f64, wave: f64, seed: u64) -> f64 {
-    let one = |k: i32| {
+    let octaves = (0..5).map(|k| {
         0.45_f64.powi(k)
             * hills(x / wave * 2.0_f64.powi(k), y / wave * 2.0_f64.powi(k), seed + k as u64)
-    };
-    (0..5).map(one).sum()
+    });
+    octaves.sum()
 }
 
 /// Height of the ground at a place.
@@ -332,13 +335,13 @@ fn model(ground: &[Point]) -> Vec<Option<f64>> {
     points.dedup_by_key(|p| [p.x, p.y]);
     let all = Triangulation::new(&points).unwrap();
     let mut last = 0;
-    let height = |at: usize| {
+    let heights = (0..SIDE * SIDE).map(|at| {
         let site = [at % SIDE, at / SIDE].map(|k| k as i32 * 1000 + 500);
         last = all.find(site, last)?;
         let corners = all.corners(last)?.map(|id| points[id as usize]);
         Some(interpolate(&corners, FixedPosition::of(site)) / 1000.0)
-    };
-    (0..SIDE * SIDE).map(height).collect()
+    });
+    heights.collect()
 }
 
 fn methods() -> impl Iterator<Item = Request> {

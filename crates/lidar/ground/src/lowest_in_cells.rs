@@ -20,24 +20,24 @@ pub(crate) struct LowestCells {
 
 impl LowestCells {
     pub(crate) fn of(lows: &LowestPoints<'_>) -> Self {
-        let whole = |metres: f64| (metres * MILLI).round() as i32;
-        let point =
-            |at: usize| lows.metres(at).map(|[x, y, z]| Point::new(whole(x), whole(y), whole(z)));
-        let points = (0..lows.points.len()).map(point).collect();
-        let mut cells = Self { points, width: lows.width, cell: lows.cell };
-        cells.part();
+        let points = (0..lows.points.len()).map(|at| {
+            let [x, y, z] = lows.metres(at)?.map(|metres| (metres * MILLI).round() as i32);
+            Some(Point::new(x, y, z))
+        });
+        let mut cells = Self { points: points.collect(), width: lows.width, cell: lows.cell };
+        cells.separate();
         cells
     }
 
     /// Keeps only the lowest of points that rounding has moved to the same position on the line between cells.
-    fn part(&mut self) {
+    fn separate(&mut self) {
         let count = self.points.len();
         for at in 0..count {
             let east = at % self.width + 1 < self.width;
-            let beside = [(east, 1), (true, self.width), (east, self.width + 1)];
-            let beside = beside.into_iter().filter(|(there, _)| *there).map(|(_, on)| at + on);
+            let after = [(east, 1), (true, self.width), (east, self.width + 1)];
+            let after = after.into_iter().filter(|(exists, _)| *exists).map(|(_, on)| at + on);
             let west = (at % self.width > 0).then_some(at + self.width - 1);
-            for other in beside.chain(west).filter(|other| *other < count) {
+            for other in after.chain(west).filter(|other| *other < count) {
                 if let (Some(a), Some(b)) = (self.points[at], self.points[other])
                     && [a.x, a.y] == [b.x, b.y]
                 {
@@ -60,8 +60,8 @@ impl LowestCells {
             let Some(point) = point else { continue };
             let (col, row) = (at % self.width / side, at / self.width / side);
             let square = row.min(up - 1) * across + col.min(across - 1);
-            let key = |p: &Point| (p.z, p.x, p.y);
-            if lowest[square].is_none_or(|(low, _)| key(point) < key(&low)) {
+            let known = lowest[square].map(|(low, _)| [low.z, low.x, low.y]);
+            if known.is_none_or(|known| [point.z, point.x, point.y] < known) {
                 lowest[square] = Some((*point, at));
             }
         }
@@ -87,7 +87,7 @@ mod tests {
         let at = |x, y, z| Some(Point::new(x, y, z));
         let cells = |points: Vec<Option<Point>>| {
             let mut cells = LowestCells { points, width: 2, cell: 1.0 };
-            cells.part();
+            cells.separate();
             cells.points.iter().map(|p| p.map(|p| p.z)).collect::<Vec<_>>()
         };
         assert_eq!(
@@ -99,6 +99,6 @@ mod tests {
         assert_eq!(corner([4, 3, 1, 2]), [None, None, Some(1), None]);
         assert_eq!(corner([1, 1, 1, 1]), [Some(1), None, None, None]);
         let mut none = LowestCells { points: vec![], width: 3, cell: 1.0 };
-        none.part();
+        none.separate();
     }
 }

@@ -26,17 +26,17 @@ pub struct LowestPoints<'a> {
 impl LowestPoints<'_> {
     /// Heights in metres, NaN for no point.
     pub(crate) fn heights(&self) -> Vec<f64> {
-        let height = |p: &Point| match p.z {
+        let heights = self.points.iter().map(|p| match p.z {
             EMPTY => f64::NAN,
             z => f64::from(z) * self.step[2],
-        };
-        self.points.iter().map(height).collect()
+        });
+        heights.collect()
     }
 
     /// The point of a cell in metres from the corner; `None` where there is none.
     pub(crate) fn metres(&self, at: usize) -> Option<[f64; 3]> {
-        let p = self.points[at];
-        let along = |v: i32, i: usize| (f64::from(v) - self.corner[i]) * self.step[i];
-        (p.z != EMPTY).then(|| [along(p.x, 0), along(p.y, 1), f64::from(p.z) * self.step[2]])
+        let ([x, y, z], [west, south]) = (self.step, self.corner);
+        let p = Some(self.points[at]).filter(|p| p.z != EMPTY)?;
+        Some([(f64::from(p.x) - west) * x, (f64::from(p.y) - south) * y, f64::from(p.z) * z])
     }
 }

@@ -9,7 +9,7 @@
 //! looks like outliers. But outliers have any depth, below a smooth surface, and ground is continuous, below a
 //! rough one: a point on a plane with many others is kept if hardly any cell around it is smooth.
 
-use crate::grid::slid;
+use crate::grid::{slid, within};
 use crate::grow::{FittedPlane, PlaneSums};
 use crate::lowest_points::{EMPTY, LowestPoints, NO_POINT};
 use terrane_base::geom::Point;
@@ -56,17 +56,7 @@ pub(crate) fn without_outliers(lows: &LowestPoints<'_>, passes: usize) -> Vec<Po
     let mut points = lows.points.to_vec();
     let mut left_out = Vec::new();
     for _ in 0..passes {
-        let heights: Vec<i32> = points.iter().map(|p| p.z).collect();
-        let blocks = LowestBlocks::new(&heights, lows.width);
-        let depth = DEPTH.max(DEPTH_OF_CELL * lows.cell) / lows.step[2];
-        let most = ((CLUMP as f64 / lows.cell.powi(2)).ceil() as usize).clamp(1, CLUMP);
-        let is_outlier = |at: &usize| {
-            let z = heights[*at];
-            z != EMPTY
-                && blocks.contradict(*at, z, depth)
-                && company(&heights, lows.width, *at, f64::from(z) + depth) <= most
-        };
-        let outliers: Vec<usize> = (0..heights.len()).filter(is_outlier).collect();
+        let outliers = outliers(&LowestPoints { points: &points, ..*lows });
         outliers.iter().for_each(|at| points[*at] = NO_POINT);
         if outliers.is_empty() {
             break;
@@ -76,65 +66,84 @@ pub(crate) fn without_outliers(lows: &LowestPoints<'_>, passes: usize) -> Vec<Po
     if left_out.len() <= FEWEST {
         return points;
     }
-    // `goes_on` searches the list by rows.
+    // `is_on_plane` searches the list by rows.
     left_out.sort_unstable();
     let left = LowestPoints { points: &points, ..*lows };
     let smooth: Vec<_> = (0..points.len()).map(|at| is_smooth(&left, at)).collect();
-    let is_ground =
-        |at: &usize| is_under_crowns(&smooth, lows.width, *at) && goes_on(lows, &left_out, *at);
-    let back: Vec<usize> = left_out.iter().copied().filter(is_ground).collect();
-    back.into_iter().for_each(|at| points[at] = lows.points[at]);
+    for &at in &left_out {
+        if is_under_crowns(&smooth, lows.width, at) && is_on_plane(lows, &left_out, at) {
+            points[at] = lows.points[at];
+        }
+    }
     points
+}
+
+/// The cells whose points lie below all chords around them, in clumps of a few.
+fn outliers(lows: &LowestPoints<'_>) -> Vec<usize> {
+    let heights: Vec<i32> = lows.points.iter().map(|p| p.z).collect();
+    let blocks = LowestBlocks::new(&heights, lows.width);
+    let depth = DEPTH.max(DEPTH_OF_CELL * lows.cell) / lows.step[2];
+    let max_clump = ((CLUMP as f64 / lows.cell.powi(2)).ceil() as usize).clamp(1, CLUMP);
+    let outliers = (0..heights.len()).filter(|&at| {
+        let z = heights[at];
+        z != EMPTY
+            && blocks.contradict(at, z, depth)
+            && company(&heights, lows.width, at, f64::from(z) + depth) <= max_clump
+    });
+    outliers.collect()
 }
 
 /// Whether hardly any of the cells around one is smooth: ground is smooth, crowns are not. All points below a
 /// smooth surface are noise.
 fn is_under_crowns(is_smooth: &[Option<bool>], width: usize, at: usize) -> bool {
-    let around = |at: usize, end: usize| at.saturating_sub(VIEWS[2])..(at + VIEWS[2] + 1).min(end);
-    let cols = around(at % width, width);
-    let rows = around(at / width, is_smooth.len() / width);
-    let told = rows.flat_map(|row| &is_smooth[row * width..][cols.clone()]).flatten();
-    let (count, smooth) =
-        told.fold((0, 0), |(count, smooth), is| (count + 1, smooth + usize::from(*is)));
+    let cols = within(at % width, VIEWS[2], width);
+    let rows = within(at / width, VIEWS[2], is_smooth.len() / width);
+    let (mut count, mut smooth) = (0, 0);
+    for is_smooth in rows.flat_map(|row| &is_smooth[row * width..][cols.clone()]).flatten() {
+        count += 1;
+        smooth += usize::from(*is_smooth);
+    }
     smooth * ROUGH <= count
 }
 
 /// Whether half of the points around a cell lie near one plane; `None` if they define none.
 fn is_smooth(lows: &LowestPoints<'_>, at: usize) -> Option<bool> {
-    let around = |at: usize, end: usize| at.saturating_sub(BESIDE)..(at + BESIDE + 1).min(end);
-    let cols = around(at % lows.width, lows.width);
-    let rows = around(at / lows.width, lows.points.len() / lows.width);
+    let cols = within(at % lows.width, BESIDE, lows.width);
+    let rows = within(at / lows.width, BESIDE, lows.points.len() / lows.width);
     let cells = rows.flat_map(|row| cols.clone().map(move |col| row * lows.width + col));
-    let all: Vec<[f64; 3]> = cells.filter_map(|cell| lows.metres(cell)).collect();
-    let first = *all.first()?;
-    let from = |p: &[f64; 3]| [0, 1, 2].map(|i| p[i] - first[i]);
+    let mut points: Vec<[f64; 3]> = cells.filter_map(|cell| lows.metres(cell)).collect();
+    let first = *points.first()?;
     let mut sums = PlaneSums::default();
-    all.iter().for_each(|p| sums.add(from(p)));
+    for point in &mut points {
+        // From the first: sums of squares of large coordinates would lose the digits of the plane.
+        *point = [0, 1, 2].map(|i| point[i] - first[i]);
+        sums.add(*point);
+    }
     let plane = sums.plane()?;
-    let mut away: Vec<f64> = all.iter().map(|p| plane.above(from(p)).abs()).collect();
+    let mut away: Vec<f64> = points.iter().map(|point| plane.above(*point).abs()).collect();
     let half = away.len() / 2;
     Some(*away.select_nth_unstable_by(half, f64::total_cmp).1 <= SMOOTH)
 }
 
 /// Whether a rejected point lies on a plane with many other rejected points.
-fn goes_on(lows: &LowestPoints<'_>, left_out: &[usize], at: usize) -> bool {
-    let away = |other: usize, from: usize| {
-        let apart = |a: usize, b: usize| a.abs_diff(b);
-        apart(other % lows.width, from % lows.width)
-            .max(apart(other / lows.width, from / lows.width))
-    };
+fn is_on_plane(lows: &LowestPoints<'_>, left_out: &[usize], at: usize) -> bool {
+    let width = lows.width;
     VIEWS.iter().any(|&view| {
-        let first = left_out.partition_point(|other| other / lows.width + view < at / lows.width);
-        let rows =
-            left_out[first..].iter().take_while(|k| **k / lows.width <= at / lows.width + view);
+        let first = left_out.partition_point(|other| other / width + view < at / width);
+        let rows = left_out[first..].iter().take_while(|k| **k / width <= at / width + view);
         let mut clumps = vec![at];
-        for &other in rows.filter(|other| away(**other, at) <= view) {
-            if clumps.iter().all(|&clump| away(other, clump) > BESIDE) {
+        for &other in rows.filter(|other| cells_apart(**other, at, width) <= view) {
+            if clumps.iter().all(|&clump| cells_apart(other, clump, width) > BESIDE) {
                 clumps.push(other);
             }
         }
         lie_on_one_plane(lows, at, &clumps[1..])
     })
+}
+
+/// Distance of two cells in columns or rows, whichever is larger.
+fn cells_apart(a: usize, b: usize, width: usize) -> usize {
+    (a % width).abs_diff(b % width).max((a / width).abs_diff(b / width))
 }
 
 /// Whether most of the others lie on one plane, and this point as well.
@@ -162,12 +171,11 @@ fn lie_on_one_plane(lows: &LowestPoints<'_>, at: usize, others: &[usize]) -> boo
 
 /// Number of cells around one, itself included, that are not higher: at the corner of a pit they are more than
 /// a clump.
-fn company(heights: &[i32], width: usize, at: usize, most: f64) -> usize {
-    let around = |at: usize, end: usize| at.saturating_sub(BESIDE)..(at + BESIDE + 1).min(end);
-    let cols = around(at % width, width);
-    let rows = around(at / width, heights.len() / width);
+fn company(heights: &[i32], width: usize, at: usize, max_height: f64) -> usize {
+    let cols = within(at % width, BESIDE, width);
+    let rows = within(at / width, BESIDE, heights.len() / width);
     let lines = rows.map(|row| &heights[row * width..][cols.clone()]);
-    lines.flatten().filter(|z| **z != EMPTY && f64::from(**z) <= most).count()
+    lines.flatten().filter(|z| **z != EMPTY && f64::from(**z) <= max_height).count()
 }
 
 /// The lowest height of each block that touches the window, by its first column and row, from `BLOCK - 1` before the
@@ -195,8 +203,9 @@ impl LowestBlocks {
     /// Whether a height of a cell lies too far below the chords around it, at each scale that has any.
     fn contradict(&self, at: usize, height: i32, depth: f64) -> bool {
         let at = [(at % self.width) as isize, (at / self.width) as isize];
-        let most = f64::from(height) + depth;
-        let mut verdicts = (0..SCALES.len()).filter_map(|scale| self.verdict(at, scale, most));
+        let max_height = f64::from(height) + depth;
+        let mut verdicts =
+            (0..SCALES.len()).filter_map(|scale| self.verdict(at, scale, max_height));
         // `all` is true of no verdicts, and a point without chords at any scale is not contradicted.
         let mut is_contradicted = false;
         verdicts.all(|verdict| {
@@ -208,11 +217,11 @@ impl LowestBlocks {
     /// Whether all chords of a scale are above a height; `None` where there is none.
     fn verdict(&self, at: [isize; 2], scale: usize, height: f64) -> Option<bool> {
         let (side, away) = SCALES[scale];
-        let along = |k: isize| (k - side / 2) * BLOCK as isize;
         let mut is_above = None;
         for [east, north] in DIRECTIONS {
             for k in 0..side * side {
-                let by = [east * away + along(k % side), north * away + along(k / side)];
+                let by = [(east, k % side), (north, k / side)]
+                    .map(|(direction, k)| direction * away + (k - side / 2) * BLOCK as isize);
                 match self.chord(at, by, scale < ONE_SIDED) {
                     Some(chord) if chord <= height => return Some(false),
                     Some(_) => is_above = Some(true),
@@ -225,13 +234,18 @@ impl LowestBlocks {
 
     /// Height at a cell of the chord between the blocks so far from it, or of the line through two on one side.
     fn chord(&self, at: [isize; 2], by: [isize; 2], one_sided: bool) -> Option<f64> {
-        let block = |times: isize| self.block([0, 1].map(|i| at[i] + times * by[i]));
-        match [block(1), block(-1)] {
+        match [self.block_along(at, by, 1), self.block_along(at, by, -1)] {
             [Some(a), Some(b)] => Some(0.5 * (a + b)),
-            [Some(a), None] if one_sided => block(2).map(|far| 2.0 * a - far),
-            [None, Some(a)] if one_sided => block(-2).map(|far| 2.0 * a - far),
+            [Some(a), None] if one_sided => Some(2.0 * a - self.block_along(at, by, 2)?),
+            [None, Some(a)] if one_sided => Some(2.0 * a - self.block_along(at, by, -2)?),
             _ => None,
         }
+    }
+
+    /// The lowest height of the block so many times an offset from a cell.
+    #[inline]
+    fn block_along(&self, at: [isize; 2], by: [isize; 2], times: isize) -> Option<f64> {
+        self.block([at[0] + times * by[0], at[1] + times * by[1]])
     }
 
     /// The lowest height of the block around a cell.

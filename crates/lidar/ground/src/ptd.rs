@@ -52,11 +52,12 @@ pub(crate) const METHOD: Method = Method {
     },
 };
 
-fn find(asked: &Request, lows: &LowestPoints<'_>) -> GroundSurface {
+fn find(request: &Request, lows: &LowestPoints<'_>) -> GroundSurface {
     let (cells, step) = (LowestCells::of(lows), lows.step[2]);
-    let [distance, spacing] = ["distance", "spacing"].map(|key| asked.value(key));
-    let limits = DensifyLimits { sine: asked.value("angle").to_radians().sin(), distance, spacing };
-    let seeds = cells.lowest((asked.value("seed") / cells.cell).ceil() as usize);
+    let [distance, spacing] = ["distance", "spacing"].map(|key| request.value(key));
+    let limits =
+        DensifyLimits { sine: request.value("angle").to_radians().sin(), distance, spacing };
+    let seeds = cells.lowest((request.value("seed") / cells.cell).ceil() as usize);
     let heights = densified(&cells, &seeds, &limits).into_iter().map(|z| z / step).collect();
-    GroundSurface::new(lows.width, heights, |_| asked.value("tolerance") / step)
+    GroundSurface::new(lows.width, heights, |_| request.value("tolerance") / step)
 }

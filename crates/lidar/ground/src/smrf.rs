@@ -32,7 +32,7 @@ pub(crate) const METHOD: Method = Method {
             "increase of the threshold per unit of slope, metres",
         ),
     ],
-    finder: GroundFinder { lattice: |asked, _| GroundTiling::fixed(asked.value("cell")), find },
+    finder: GroundFinder { lattice: |request, _| GroundTiling::fixed(request.value("cell")), find },
 };
 
 /// Slope by which a low point stands out, rise over run to the next cell.
@@ -42,13 +42,13 @@ const RELAXED: usize = 200;
 /// Over-relaxation factor.
 const BEYOND: f64 = 1.85;
 
-fn find(asked: &Request, lows: &LowestPoints<'_>) -> GroundSurface {
+fn find(request: &Request, lows: &LowestPoints<'_>) -> GroundSurface {
     let (cell, step) = (lows.cell, lows.step[2]);
     let heights = lows.heights();
-    let radius = (asked.value("window") / cell).ceil() as usize;
-    let bare = without_objects(&heights, lows.width, radius, asked.value("slope") * cell);
+    let radius = (request.value("window") / cell).ceil() as usize;
+    let bare = without_objects(&heights, lows.width, radius, request.value("slope") * cell);
     let surface = widened(&sprung(&bare, lows.width), lows.width);
-    let [near, scalar] = ["threshold", "scalar"].map(|key| asked.value(key));
+    let [near, scalar] = ["threshold", "scalar"].map(|key| request.value(key));
     let surface = surface.into_iter().map(|z| z / step).collect();
     GroundSurface::new(lows.width, surface, |rise| (near + scalar * rise * step / cell) / step)
 }
@@ -58,7 +58,6 @@ fn without_objects(heights: &[f64], width: usize, radius: usize, rise: f64) -> V
     let filled = nearest_filled(heights, width);
     let upside_down: Vec<f64> = filled.iter().map(|z| -z).collect();
     let closed: Vec<f64> = opened(&upside_down, width, 1).iter().map(|z| -z).collect();
-    let is_low = |at: usize| closed[at] - filled[at] > LOW * rise.clamp(f64::MIN_POSITIVE, 1.0);
     let mut bare = heights.to_vec();
     let mut last = filled.clone();
     for r in 1..=radius {
@@ -70,7 +69,12 @@ fn without_objects(heights: &[f64], width: usize, radius: usize, rise: f64) -> V
         }
         last = opening;
     }
-    (0..bare.len()).filter(|&at| is_low(at)).for_each(|at| bare[at] = f64::NAN);
+    let depth = LOW * rise.clamp(f64::MIN_POSITIVE, 1.0);
+    for (height, (closed, filled)) in bare.iter_mut().zip(closed.iter().zip(&filled)) {
+        if closed - filled > depth {
+            *height = f64::NAN;
+        }
+    }
     bare
 }
 

@@ -21,8 +21,8 @@ impl GroundSurface {
     pub(crate) fn new(width: usize, heights: Vec<f64>, tolerance: impl Fn(f64) -> f64) -> Self {
         let mut ground = Self { width, wide: width + 2 * BESIDE, heights, tolerances: Vec::new() };
         let cells = width * (ground.heights.len() / ground.wide - 2 * BESIDE);
-        let steepness = |k: usize| ground.slope(ground.at(k % width, k / width));
-        ground.tolerances = (0..cells).map(|k| tolerance(steepness(k)) as f32).collect();
+        let slopes = (0..cells).map(|k| ground.slope(ground.at(k % width, k / width)));
+        ground.tolerances = slopes.map(|slope| tolerance(slope) as f32).collect();
         ground
     }
 
@@ -37,12 +37,12 @@ impl GroundSurface {
 
     /// Steepness at a cell in steps by cell: from the neighbours on both sides where there are.
     fn slope(&self, at: usize) -> f64 {
-        let rise = |away: usize| match [at - away, at, at + away].map(|at| self.known(at)) {
-            [Some(a), _, Some(b)] => 0.5 * (b - a),
-            [Some(a), Some(b), None] | [None, Some(a), Some(b)] => b - a,
-            _ => 0.0,
-        };
-        let (x, y) = (rise(1), rise(self.wide));
+        let [x, y] =
+            [1, self.wide].map(|away| match [at - away, at, at + away].map(|at| self.known(at)) {
+                [Some(a), _, Some(b)] => 0.5 * (b - a),
+                [Some(a), Some(b), None] | [None, Some(a), Some(b)] => b - a,
+                _ => 0.0,
+            });
         (x * x + y * y).sqrt()
     }
 
@@ -55,12 +55,12 @@ impl GroundSurface {
         let at = self.at(col, row);
         let own = self.known(at)?;
         let [(after, x), (above, y)] = place.map(|place| (place >= 0.5, (place - 0.5).abs()));
-        let beside = |at: usize| if after { at + 1 } else { at - 1 };
         let over = if above { at + self.wide } else { at - self.wide };
+        let [beside, beside_over] = [at, over].map(|at| if after { at + 1 } else { at - 1 });
         // A neighbour that is far from all points is as high as the cell on this side of it.
-        let next = self.known(beside(at)).unwrap_or(own);
+        let next = self.known(beside).unwrap_or(own);
         let up = self.known(over).unwrap_or(own);
-        let corner = self.known(beside(over)).unwrap_or(next + up - own);
+        let corner = self.known(beside_over).unwrap_or(next + up - own);
         let near = own + (next - own) * x;
         let far = up + (corner - up) * x;
         Some(near + (far - near) * y)
@@ -72,8 +72,8 @@ impl GroundSurface {
     /// If there is no such cell.
     pub fn is_ground(&self, col: usize, row: usize, place: [f64; 2], z: i32) -> bool {
         let tolerance = f64::from(self.tolerances[row * self.width + col]);
-        let near = |height: f64| (f64::from(z) - height).abs() <= tolerance;
-        self.height(col, row, place).is_some_and(near)
+        let height = self.height(col, row, place);
+        height.is_some_and(|height| (f64::from(z) - height).abs() <= tolerance)
     }
 }
 

@@ -16,7 +16,9 @@ use super::regions::{CloudTinRegion, CloudTinRegions};
 use crate::point_index::{PointStore, SurroundingPoints, Tiling};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Point, SampleSegment};
-use terrane_delaunay::{ConvexHull, FixedPosition, HullLocation, Location, interpolate};
+use terrane_delaunay::{
+    ConvexHull, FixedPosition, HullLocation, Location, SiteWindow, interpolate,
+};
 use terrane_engine::cloud_constraints::{LatticeLine, OnCloud};
 use terrane_tin::scatter::{ClippedSegment, ClippedSegments, ScatterMesh};
 
@@ -58,12 +60,12 @@ pub(super) struct CloudLines<'a> {
 }
 
 impl<'a> CloudLines<'a> {
-    /// The lines of `kept` over the points of a store.
-    pub(super) fn new(kept: &'a OnCloud, hull: ConvexHull, tiling: &Tiling) -> Self {
+    /// The lines of `constraints` over the points of a store.
+    pub(super) fn new(constraints: &'a OnCloud, hull: ConvexHull, tiling: &Tiling) -> Self {
         let low = tiling.window().low.map(i64::from);
         let outline = HullOutline::of(&hull);
         let mut lines =
-            Self { lines: &kept.lines, low, hull, spans: Vec::new(), pieces: Vec::new() };
+            Self { lines: &constraints.lines, low, hull, spans: Vec::new(), pieces: Vec::new() };
         lines.spans =
             (0..lines.lines.len()).map(|line| lines.span(&lines.segment(line), &outline)).collect();
         lines
@@ -115,14 +117,11 @@ impl<'a> CloudLines<'a> {
     pub(super) fn by_square(&self, tiling: &Tiling) -> Vec<u32> {
         let mut counts = vec![0_u32; tiling.count()];
         for line in 0..self.lines.len() {
-            let segment = self.segment(line);
             self.each_window(
                 line,
                 tiling,
-                |square, _| square_window(tiling, square, &segment),
-                |square, _| {
-                    counts[square] = counts[square].saturating_add(1);
-                },
+                |square| tiling.window_of(square),
+                |square, _| counts[square] = counts[square].saturating_add(1),
             );
         }
         counts
@@ -133,14 +132,9 @@ impl<'a> CloudLines<'a> {
         let mut pieces = Vec::new();
         for line in 0..self.lines.len() {
             let (segment, first) = (self.segment(line), pieces.len());
-            let window = |square: usize, _| {
-                let window = regions.all[regions.of(square)].window(tiling);
-                segment.within(window.low.map(i64::from), window.high.map(i64::from))
-            };
-            self.each_window(line, tiling, window, |square, [from, to]| {
-                let inside = |step: &u32| self.is_inside(site(&segment, u64::from(*step)));
-                let ends = (from..=to).find(inside).zip((from..=to).rev().find(inside));
-                pieces.extend(ends.map(|(from, to)| CloudLinePiece {
+            let window = |square: usize| regions.all[regions.of(square)].window(tiling);
+            self.each_window(line, tiling, window, |square, steps| {
+                pieces.extend(self.ends_inside(&segment, steps).map(|[from, to]| CloudLinePiece {
                     region: regions.of(square) as u32,
                     line: line as u32,
                     from,
@@ -160,12 +154,18 @@ impl<'a> CloudLines<'a> {
         self.pieces = pieces;
     }
 
+    /// The first and the last step in the hull, of those from one step to another.
+    fn ends_inside(&self, segment: &SampleSegment, [from, to]: [u32; 2]) -> Option<[u32; 2]> {
+        let is_inside = |step: &u32| self.is_inside(site(segment, u64::from(*step)));
+        Some([(from..=to).find(is_inside)?, (from..=to).rev().find(is_inside)?])
+    }
+
     /// Calls `each` with the steps of a line in each window it enters; the window of a tile is part of one.
     fn each_window(
         &self,
         line: usize,
         tiling: &Tiling,
-        window: impl Fn(usize, u64) -> Option<std::ops::RangeInclusive<u64>>,
+        window: impl Fn(usize) -> SiteWindow,
         mut each: impl FnMut(usize, [u32; 2]),
     ) {
         let Some([first, last]) = self.spans[line] else { return };
@@ -173,7 +173,9 @@ impl<'a> CloudLines<'a> {
         while step <= u64::from(last) {
             let at = site(&segment, step);
             let square = tiling.square_of(Point::new(at[0], at[1], 0));
-            let end = window(square, step).map_or(step, |steps| *steps.end()).min(u64::from(last));
+            let SiteWindow { low, high } = window(square);
+            let steps = segment.within(low.map(i64::from), high.map(i64::from));
+            let end = steps.map_or(step, |steps| *steps.end()).min(u64::from(last));
             each(square, [step as u32, end as u32]);
             step = end + 1;
         }
@@ -217,43 +219,45 @@ impl<'a> CloudLines<'a> {
     }
 }
 
-/// The steps of a path in a tile.
-fn square_window(
-    tiling: &Tiling,
-    square: usize,
-    segment: &SampleSegment,
-) -> Option<std::ops::RangeInclusive<u64>> {
-    let window = tiling.window_of(square);
-    segment.within(window.low.map(i64::from), window.high.map(i64::from))
-}
-
 fn site(segment: &SampleSegment, step: u64) -> Site {
     segment.at(step).map(|steps| steps as i32)
 }
 
-/// The sides of a hull: a corner of each, and the direction outward, of length 1.
-struct HullOutline(Vec<(Site, [f64; 2])>);
+/// The sides of a hull.
+struct HullOutline(Vec<HullSide>);
+
+/// A side of a hull: a corner, and the direction outward, of length 1.
+struct HullSide {
+    corner: Site,
+    outward: [f64; 2],
+}
+
+impl HullSide {
+    fn between(a: &Point, b: &Point) -> Self {
+        let [dx, dy] = [f64::from(b.x) - f64::from(a.x), f64::from(b.y) - f64::from(a.y)];
+        let length = (dx * dx + dy * dy).sqrt();
+        Self { corner: [a.x, a.y], outward: [dy / length, -dx / length] }
+    }
+
+    /// Distance of a position beyond the side; negative inside of it.
+    fn distance(&self, at: Site) -> f64 {
+        let [dx, dy] = [0, 1].map(|i| f64::from(at[i]) - f64::from(self.corner[i]));
+        dx * self.outward[0] + dy * self.outward[1]
+    }
+}
 
 impl HullOutline {
     fn of(hull: &ConvexHull) -> Self {
         let corners = hull.corners();
         let next = corners.iter().cycle().skip(1);
-        let side = |(a, b): (&Point, &Point)| {
-            let [dx, dy] = [f64::from(b.x) - f64::from(a.x), f64::from(b.y) - f64::from(a.y)];
-            let length = (dx * dx + dy * dy).sqrt();
-            ([a.x, a.y], [dy / length, -dx / length])
-        };
-        Self(corners.iter().zip(next).map(side).collect())
+        Self(corners.iter().zip(next).map(|(a, b)| HullSide::between(a, b)).collect())
     }
 
     /// Lower bound of the number of steps from outside to the hull, at least 1.
     fn steps_to(&self, at: Site) -> u64 {
-        let far = |(from, out): &(Site, [f64; 2])| {
-            let off = [0, 1].map(|i| f64::from(at[i]) - f64::from(from[i]));
-            off[0] * out[0] + off[1] * out[1]
-        };
-        let most = self.0.iter().map(far).fold(0.0, f64::max);
-        ((most * (1.0 - 1e-9) - 1e-6) as u64).max(1)
+        let distance = self.0.iter().map(|side| side.distance(at)).fold(0.0, f64::max);
+        // Reduced by more than the rounding errors: a step too many would skip the hull.
+        ((distance * (1.0 - 1e-9) - 1e-6) as u64).max(1)
     }
 }
 
@@ -267,7 +271,7 @@ pub(super) struct RegionLines<'a> {
     around: Option<SurroundingPoints<'a>>,
     /// Points by tile.
     loaded: HashMap<usize, Vec<Point>>,
-    window: terrane_delaunay::SiteWindow,
+    window: SiteWindow,
 }
 
 impl RegionLines<'_> {

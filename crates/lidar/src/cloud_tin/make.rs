@@ -47,42 +47,44 @@ pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Resul
     let at = RunControl { progress, cancel };
     let mut report = with_polygons(&job.options, &job.resources, |resources| {
         let job = CloudTinJob { resources, ..job.clone() };
-        make(&job, &*source, (features, format), REGION_POINTS, at)
+        make(&job, &*source, features, format, REGION_POINTS, at)
     })?;
     report.run.memory_budget = job.resources.memory;
     report.of_source(&*source, &LostPoints::of(&*source), started);
     Ok(report)
 }
 
-/// Triangulates any source of points into the output of the job, in regions of at most `most` points.
+/// Triangulates any source of points into the output of the job, in regions of at most `max_points` points.
 pub fn make(
     job: &CloudTinJob,
     source: &dyn PointSource,
-    (features, format): (ConstraintFeatures, &'static MeshFormat),
-    most: u64,
+    features: ConstraintFeatures,
+    format: &'static MeshFormat,
+    max_points: u64,
     at: RunControl<'_>,
 ) -> Result<CloudTinReport> {
-    let ready = PreparedCloudTin::new((job, &job.label()), source, features, format)?;
-    let (kept, mut clock) = (&ready.kept, CloudTinClock::default());
+    let ready = PreparedCloudTin::new(job, &job.label(), source, features, format)?;
+    let (constraints, mut clock) = (&ready.constraints, CloudTinClock::default());
     let points = PointStore::fill(source, ready.tiling(), &ready.filling(at))?;
     clock.lap("read", points.census().read);
     let hull = points.hull()?;
     if hull.is_flat() {
         return Err(no_surface());
     }
-    let mut lines = CloudLines::new(kept, hull.clone(), points.tiling());
-    let followed = kept.followed(|line| lines.is_outside(line), 0)?;
-    let regions = CloudTinRegions::new(&points, &lines.by_square(points.tiling()), most);
+    let mut lines = CloudLines::new(constraints, hull.clone(), points.tiling());
+    let followed = constraints.followed(|line| lines.is_outside(line), 0)?;
+    let regions = CloudTinRegions::new(&points, &lines.by_square(points.tiling()), max_points);
     lines.divide(&regions, points.tiling());
-    let nearest = nearest_points(kept, &points, &hull, ready.bounds)?;
+    let nearest = nearest_points(constraints, &points, &hull, ready.bounds)?;
     let count = nearest.points.len() as u64;
-    let kept_points = kept.constraints(nearest.beyond, count, count)?;
-    let held = kept.bytes() + lines.bytes();
-    let work = ready.work((&points, &regions, &lines), held, at)?;
+    let keep_points = constraints.constraints(nearest.beyond, count, count)?;
+    let resident_bytes = constraints.bytes() + lines.bytes();
+    let work = ready.work(&points, &regions, &lines, resident_bytes, at)?;
     let made = triangulate(
         &work,
         ready.tolerance(),
-        (&hull.corners(), &nearest.points),
+        &hull.corners(),
+        &nearest.points,
         &ready.info.frame,
         || ready.sink(),
         &mut clock,
@@ -90,21 +92,20 @@ pub fn make(
     let apart = made.apart.len() as u64;
     let breaklines = followed.map(|followed| BreaklinesReport { apart, ..followed });
     let report = report(&ready, &work, *points.census(), &made, clock)?;
-    Ok(CloudTinReport { keep_points: kept_points, breaklines, ..report })
+    Ok(CloudTinReport { keep_points, breaklines, ..report })
 }
 
 /// The points nearest to the positions to keep.
 fn nearest_points(
-    kept: &OnCloud,
+    constraints: &OnCloud,
     points: &PointStore,
     hull: &ConvexHull,
     [low, _]: [Point; 2],
 ) -> Result<ConstraintPoints> {
-    let place = |at: &[u32; 2]| {
-        [(at[0], low.x), (at[1], low.y)].map(|(at, low)| low.saturating_add_unsigned(at))
-    };
-    let positions: Vec<[i32; 2]> = kept.points.iter().map(place).collect();
-    nearest(points, hull, &positions)
+    let positions = constraints.points.iter();
+    let positions = positions
+        .map(|[x, y]| [low.x.saturating_add_unsigned(*x), low.y.saturating_add_unsigned(*y)]);
+    nearest(points, hull, &positions.collect::<Vec<_>>())
 }
 
 /// Result of the work.
@@ -120,7 +121,8 @@ pub(super) struct CloudTinOutcome {
 fn triangulate(
     work: &CloudTinContext<'_>,
     tolerance: f64,
-    (hull, nearest): (&[Point], &[Point]),
+    hull: &[Point],
+    nearest: &[Point],
     frame: &PointFrame,
     sink: impl FnOnce() -> Result<Box<dyn MeshSink>>,
     clock: &mut CloudTinClock,
@@ -179,8 +181,9 @@ pub(super) fn report(
     let PreparedCloudTin { job, info, format, .. } = ready;
     let CloudTinOutcome { written, errors, .. } = made;
     let prj = write_prj(&job.output, &info.crs, job.overwrite)?;
-    let step = info.frame.scale[2];
-    let measured = |steps: f64| work.measure.then_some(steps * step);
+    let rmse = (errors.squares / errors.points.max(1) as f64).sqrt();
+    let [max_error, rmse] =
+        [errors.max, rmse].map(|steps| work.measure.then_some(steps * info.frame.scale[2]));
     Ok(CloudTinReport {
         input: ready.label.clone(),
         output: job.output.display().to_string(),
@@ -189,8 +192,8 @@ pub(super) fn report(
         horizontal_unit: info.crs.horizontal_units().to_owned(),
         vertical_unit: info.crs.heights_unit().unwrap_or("units").to_owned(),
         tolerance: job.tolerance,
-        max_error: measured(errors.most),
-        rmse: measured((errors.squares / errors.points.max(1) as f64).sqrt()),
+        max_error,
+        rmse,
         points,
         stacked_points: made.stacked,
         vertices: written.vertices,

@@ -7,8 +7,8 @@ use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_delaunay::{ConvexHull, FixedPosition, HullLocation, SiteWindow};
 
-/// Tiles whose points are held at a time.
-const HELD: usize = 256;
+/// Tiles whose points are in memory at a time.
+const MAX_LOADED: usize = 256;
 
 /// Points to keep.
 #[derive(Debug, Default)]
@@ -78,7 +78,7 @@ impl NearestPointSearch<'_> {
     }
 
     fn points_of(&mut self, square: usize) -> Result<&[Point]> {
-        if self.loaded.len() >= HELD && !self.loaded.contains_key(&square) {
+        if self.loaded.len() >= MAX_LOADED && !self.loaded.contains_key(&square) {
             self.loaded.clear();
         }
         if !self.loaded.contains_key(&square) {
@@ -92,9 +92,8 @@ impl NearestPointSearch<'_> {
 
 /// Tiles on a ring at this distance in columns or rows.
 fn around(ring: i64) -> impl Iterator<Item = (i64, i64)> {
-    let is_rim = move |dy: i64| dy.abs() == ring;
     (-ring..=ring).flat_map(move |dy| {
-        let step = if is_rim(dy) { 1 } else { (2 * ring).max(1) };
+        let step = if dy.abs() == ring { 1 } else { (2 * ring).max(1) };
         (-ring..=ring).step_by(step as usize).map(move |dx| (dx, dy))
     })
 }

@@ -60,7 +60,9 @@ impl CloudTinOptions {
 
     /// The job without its clip polygons.
     pub(super) fn unread(&self, inputs: &Inputs, output: &Path) -> Result<CloudTinJob> {
-        let none = || Error::usage("no target given").remedy("pass ‹max_error›");
+        let Some(max_error) = self.max_error else {
+            return Err(Error::usage("no target given").remedy("pass ‹max_error›"));
+        };
         Ok(CloudTinJob {
             inputs: inputs.clone(),
             options: CloudOpenOptions::default(),
@@ -69,7 +71,7 @@ impl CloudTinOptions {
             overwrite: self.file.replacing.overwrite,
             placing: self.placing,
             // Without the sign that a zero may have.
-            tolerance: self.max_error.ok_or_else(none)?.abs(),
+            tolerance: max_error.abs(),
             keep_points: self.constraints.keep_points.clone(),
             breaklines: self.constraints.breaklines.clone(),
             measure: true,

@@ -41,8 +41,8 @@ const ALL_AND_POSTS: CloudTinMemory =
     CloudTinMemory { points: 2, vertices: 2, workers: 4, point_bytes: 600 };
 
 impl CloudTinMemory {
-    fn of(tolerance: f64, kept: &OnCloud) -> &'static Self {
-        match (tolerance == 0.0, kept.has_lines()) {
+    fn of(tolerance: f64, constraints: &OnCloud) -> &'static Self {
+        match (tolerance == 0.0, constraints.has_lines()) {
             (false, _) => &CHOSEN,
             (true, false) => &ALL,
             (true, true) => &ALL_AND_POSTS,
@@ -54,18 +54,18 @@ impl CloudTinMemory {
         (max_points * self.point_bytes + max_lines).max(1)
     }
 
-    /// Least memory for one worker, with `held` bytes throughout.
-    pub(super) fn least(&self, worker: u64, held: u64) -> u64 {
+    /// Least memory for one worker, with `resident_bytes` throughout.
+    pub(super) fn least(&self, worker: u64, resident_bytes: u64) -> u64 {
         let eighth = (worker + PROGRAM).div_ceil(self.workers);
-        8 * eighth.max(MIN_SHARED.div_ceil(self.points)) + held
+        8 * eighth.max(MIN_SHARED.div_ceil(self.points)) + resident_bytes
     }
 
     /// Number of workers that fit beside the points.
-    fn workers(&self, worker: u64, held: u64, memory: u64) -> Result<usize> {
-        let eighth = memory.saturating_sub(held) / 8;
+    fn workers(&self, worker: u64, resident_bytes: u64, memory: u64) -> Result<usize> {
+        let eighth = memory.saturating_sub(resident_bytes) / 8;
         let fitting = (eighth * self.workers).saturating_sub(PROGRAM) / worker;
         if fitting == 0 || eighth * self.points < MIN_SHARED {
-            return Err(too_little(memory, self.least(worker, held)));
+            return Err(too_little(memory, self.least(worker, resident_bytes)));
         }
         Ok(usize::try_from(fitting).unwrap_or(usize::MAX))
     }
@@ -81,7 +81,7 @@ pub(super) struct PreparedCloudTin<'a> {
     pub(super) job: &'a CloudTinJob,
     pub(super) info: &'a CloudInfo,
     pub(super) bounds: [Point; 2],
-    pub(super) kept: OnCloud,
+    pub(super) constraints: OnCloud,
     pub(super) format: &'static MeshFormat,
     header: MeshHeader,
     pub(super) placed: StorageScale,
@@ -92,27 +92,28 @@ pub(super) struct PreparedCloudTin<'a> {
 impl<'a> PreparedCloudTin<'a> {
     /// Prepares a job on points; `label` names the input for the user.
     pub(super) fn new(
-        (job, label): (&'a CloudTinJob, &str),
+        job: &'a CloudTinJob,
+        label: &str,
         points: &'a dyn PointSource,
         features: ConstraintFeatures,
         format: &'static MeshFormat,
     ) -> Result<Self> {
         let info = points.info();
         let bounds = info.bounds.ok_or_else(no_surface)?;
-        let kept = features.on_cloud(info, bounds)?;
+        let constraints = features.on_cloud(info, bounds)?;
         let files = if points.files().is_empty() { job.inputs.names() } else { points.files() };
         let source = job.inputs.label().map(str::to_owned);
         let source =
             source.unwrap_or_else(|| feature_files::source(&feature_files::in_order(files)));
-        let mut header = header((job, &source), info, kept.and_heights(bounds), format)?;
+        let mut header = header(job, &source, info, constraints.and_heights(bounds), format)?;
         let (placed, notes) =
             job.placing.place(&info.crs, (header.bounds, info.frame.scale), format)?;
         header.scale = placed.scale;
         header.unit.clone_from(&placed.unit);
         header.origin = placed.origin(header.origin, header.bounds);
-        let division = CloudTinMemory::of(job.tolerance, &kept);
+        let division = CloudTinMemory::of(job.tolerance, &constraints);
         let label = label.to_owned();
-        Ok(Self { label, job, info, bounds, kept, format, header, placed, notes, division })
+        Ok(Self { label, job, info, bounds, constraints, format, header, placed, notes, division })
     }
 
     /// The sink of the mesh.
@@ -130,7 +131,7 @@ impl<'a> PreparedCloudTin<'a> {
 
     /// How points are read.
     pub(super) fn filling<'f>(&'f self, at: RunControl<'f>) -> PointStoreSetup<'f> {
-        let memory = self.job.resources.memory.saturating_sub(self.kept.bytes());
+        let memory = self.job.resources.memory.saturating_sub(self.constraints.bytes());
         PointStoreSetup {
             threads: self.job.resources.threads.max(1),
             memory: memory / 8 * self.division.points,
@@ -145,14 +146,16 @@ impl<'a> PreparedCloudTin<'a> {
         folder_for(&self.job.output, self.job.resources.temp_dir.as_deref())
     }
 
-    /// The work on points, with `held` bytes throughout.
+    /// The work on points, with `resident_bytes` throughout.
     ///
     /// # Errors
     /// Too little memory.
     pub(super) fn work<'w>(
         &'w self,
-        (points, regions, lines): (&'w PointStore, &'w CloudTinRegions, &'w CloudLines<'w>),
-        held: u64,
+        points: &'w PointStore,
+        regions: &'w CloudTinRegions,
+        lines: &'w CloudLines<'w>,
+        resident_bytes: u64,
         at: RunControl<'w>,
     ) -> Result<CloudTinContext<'w>> {
         let Resources { threads, memory, .. } = self.job.resources;
@@ -161,8 +164,8 @@ impl<'a> PreparedCloudTin<'a> {
             points,
             regions,
             lines,
-            threads: threads.clamp(1, self.division.workers(worker, held, memory)?),
-            vertex_bytes: memory.saturating_sub(held) / 8 * self.division.vertices,
+            threads: threads.clamp(1, self.division.workers(worker, resident_bytes, memory)?),
+            vertex_bytes: memory.saturating_sub(resident_bytes) / 8 * self.division.vertices,
             measure: self.job.measure,
             folder: self.folder(),
             progress: at.progress,
@@ -184,14 +187,14 @@ pub(super) fn in_steps(tolerance: f64, step: f64) -> f64 {
 }
 
 fn header(
-    (job, source): (&CloudTinJob, &str),
+    job: &CloudTinJob,
+    source: &str,
     info: &CloudInfo,
     bounds: [Point; 2],
     format: &MeshFormat,
 ) -> Result<MeshHeader> {
     let [low, high] = bounds;
-    let middle = |a: i32, b: i32| i32::midpoint(a, b);
-    let centre = Point::new(middle(low.x, high.x), middle(low.y, high.y), middle(low.z, high.z));
+    let centre = Point::new(low.x.midpoint(high.x), low.y.midpoint(high.y), low.z.midpoint(high.z));
     if format.single_precision {
         check_single(bounds, centre, format)?;
     }
@@ -218,9 +221,8 @@ fn header(
 
 /// Fails if f32 cannot distinguish adjacent steps.
 fn check_single(bounds: [Point; 2], centre: Point, format: &MeshFormat) -> Result<()> {
-    let far = |a: i32, b: i32| a.abs_diff(b) >= 1 << 23;
-    let is_far = |p: Point| far(p.x, centre.x) || far(p.y, centre.y) || far(p.z, centre.z);
-    if !bounds.into_iter().any(is_far) {
+    let offsets = bounds.map(|p| [(p.x, centre.x), (p.y, centre.y), (p.z, centre.z)]);
+    if offsets.as_flattened().iter().all(|(at, centre)| at.abs_diff(*centre) < 1 << 23) {
         return Ok(());
     }
     let message = format!(

@@ -27,7 +27,7 @@ pub(super) struct RegionMesh<'a> {
     /// Loaded tiles with their vertices.
     loaded: HashMap<usize, Vec<Point>>,
     /// All tiles in this window are loaded.
-    whole: SiteWindow,
+    loaded_window: SiteWindow,
 }
 
 impl<'a> RegionMesh<'a> {
@@ -40,11 +40,11 @@ impl<'a> RegionMesh<'a> {
     ) -> Result<Self> {
         let mesh = ScatterMesh::of_first(hull).ok_or_else(no_surface)?;
         let tiling = vertices.tiling();
-        let whole = region.window(tiling).grown(tiling.side());
-        let mut local = Self { vertices, region, mesh, loaded: HashMap::new(), whole };
+        let loaded_window = region.window(tiling).grown(tiling.side());
+        let mut local = Self { vertices, region, mesh, loaded: HashMap::new(), loaded_window };
         local.insert(hull);
         local.insert(&skeleton(vertices, &region));
-        tiling.touching(whole).try_for_each(|square| local.load(square))?;
+        tiling.touching(loaded_window).try_for_each(|square| local.load(square))?;
         while local.complete()? {}
         Ok(local)
     }
@@ -66,33 +66,36 @@ impl<'a> RegionMesh<'a> {
 
     /// Loads tiles that may have vertices in the circles; false if there are none.
     fn complete(&mut self) -> Result<bool> {
-        let mut wanted = self.missing_points();
-        wanted.truncate(AT_ONCE);
-        wanted.iter().try_for_each(|&square| self.load(square))?;
-        Ok(!wanted.is_empty())
+        let mut missing = self.missing_tiles();
+        missing.truncate(AT_ONCE);
+        missing.iter().try_for_each(|&square| self.load(square))?;
+        Ok(!missing.is_empty())
     }
 
     /// Tiles not loaded that may have vertices in the circle of a triangle of the region, the nearest first.
-    fn missing_points(&self) -> Vec<usize> {
-        let mut wanted = Vec::new();
-        for disc in self.discs().filter(|disc| !self.vertices.is_within(disc, &self.whole)) {
-            let met = self.vertices.squares_in(disc);
-            wanted.extend(met.filter(|square| !self.loaded.contains_key(square)));
+    fn missing_tiles(&self) -> Vec<usize> {
+        let mut missing = Vec::new();
+        for disc in self.discs().filter(|disc| !self.vertices.is_within(disc, &self.loaded_window))
+        {
+            let touched = self.vertices.squares_in(disc);
+            missing.extend(touched.filter(|square| !self.loaded.contains_key(square)));
         }
-        wanted.sort_unstable();
-        wanted.dedup();
-        wanted.sort_by_key(|&square| (self.steps_to(square), square));
-        wanted
+        missing.sort_unstable();
+        missing.dedup();
+        missing.sort_by_key(|&square| (self.steps_to(square), square));
+        missing
     }
 
     /// Distance of a tile from the region, along the axis where it is larger.
     fn steps_to(&self, square: usize) -> i64 {
         let tiling = self.vertices.tiling();
         let (here, there) = (self.region.window(tiling), tiling.window_of(square));
-        let gap = |a: i32, b: i32| i64::from(a) - i64::from(b);
-        let apart =
-            |i: usize| gap(there.low[i], here.high[i]).max(gap(here.low[i], there.high[i])).max(0);
-        apart(0).max(apart(1))
+        let gaps = [0, 1].map(|axis| {
+            let before = i64::from(here.low[axis]) - i64::from(there.high[axis]);
+            let after = i64::from(there.low[axis]) - i64::from(here.high[axis]);
+            before.max(after).max(0)
+        });
+        gaps[0].max(gaps[1])
     }
 
     /// The circles of the triangles whose box touches the region's.
@@ -100,17 +103,17 @@ impl<'a> RegionMesh<'a> {
         let window = self.region.window(self.vertices.tiling());
         let all = (0..self.mesh.triangles().len() as u32).filter_map(|t| self.mesh.corners(t));
         let all = all.map(|corners| corners.map(|p| [p.x, p.y]));
-        let touches = move |corners: &[[i32; 2]; 3]| {
-            SiteWindow::of(*corners).is_some_and(|own| own.intersection(&window).is_some())
-        };
-        all.filter(touches).map(CircumscribedDisc::around)
+        all.filter(move |corners| {
+            SiteWindow::of(*corners).is_some_and(|bounds| bounds.intersection(&window).is_some())
+        })
+        .map(CircumscribedDisc::around)
     }
 
     /// A window that holds every vertex that may change the mesh here.
     pub(super) fn influence(&self) -> SiteWindow {
         let all = self.vertices.tiling().window();
         let parts = self.discs().filter_map(|disc| disc.clip(&all));
-        parts.fold(self.whole, |sum, part| sum.union(&part))
+        parts.fold(self.loaded_window, |sum, part| sum.union(&part))
     }
 
     /// The vertices of a tile, from those loaded or from the store.
@@ -127,21 +130,22 @@ impl<'a> RegionMesh<'a> {
 /// Sparse vertices far from the region, fewer with the distance.
 fn skeleton(vertices: &PointStore, region: &CloudTinRegion) -> Vec<Point> {
     let tiling = vertices.tiling();
-    let (counts, mut found) = (tiling.counts().map(i64::from), Vec::new());
+    let (counts, mut skeleton) = (tiling.counts().map(i64::from), Vec::new());
     let mut stride = 1;
     while stride < counts[0].max(counts[1]) {
-        let first = |axis: usize| {
+        let [cols, rows] = [0, 1].map(|axis| {
             let low = i64::from(region.low[axis]) - STRIDES * stride;
-            (low.max(0) + stride - 1) / stride * stride
-        };
-        let end = |axis: usize| (i64::from(region.end[axis]) + STRIDES * stride).min(counts[axis]);
-        for row in (first(1)..end(1)).step_by(stride as usize) {
-            for col in (first(0)..end(0)).step_by(stride as usize) {
+            let first = (low.max(0) + stride - 1) / stride * stride;
+            let end = (i64::from(region.end[axis]) + STRIDES * stride).min(counts[axis]);
+            (first..end).step_by(stride as usize)
+        });
+        for row in rows {
+            for col in cols.clone() {
                 let square = tiling.square([col as u32, row as u32]);
-                found.extend(vertices.summary(square).map(|summary| summary.lowest));
+                skeleton.extend(vertices.summary(square).map(|summary| summary.lowest));
             }
         }
         stride *= 2;
     }
-    found
+    skeleton
 }

@@ -32,8 +32,14 @@ impl CloudTinRegion {
     /// Its tiles, row by row.
     pub(super) fn squares<'a>(&self, tiling: &'a Tiling) -> impl Iterator<Item = usize> + use<'a> {
         let Self { low, end, .. } = *self;
-        let row = move |row: u32| (low[0]..end[0]).map(move |col| [col, row]);
-        (low[1]..end[1]).flat_map(row).map(|place| tiling.square(place))
+        (low[1]..end[1])
+            .flat_map(move |row| (low[0]..end[0]).map(move |col| [col, row]))
+            .map(|tile| tiling.square(tile))
+    }
+
+    /// True if a tile is in it.
+    pub(super) fn contains(&self, tile: [u32; 2]) -> bool {
+        (0..2).all(|axis| self.low[axis] <= tile[axis] && tile[axis] < self.end[axis])
     }
 
     /// Its window.
@@ -45,8 +51,8 @@ impl CloudTinRegion {
 
 impl CloudTinRegions {
     /// Divides the tiles of a store, with the number of line pieces in each (none if empty): halves both sides
-    /// while there are more than `most` points and pieces, and more than one tile.
-    pub(super) fn new(store: &PointStore, lines: &[u32], most: u64) -> Self {
+    /// while there are more than `max_count` points and pieces, and more than one tile.
+    pub(super) fn new(store: &PointStore, lines: &[u32], max_count: u64) -> Self {
         let counts = store.tiling().counts();
         let side = counts[0].max(counts[1]).next_power_of_two();
         let mut regions = Self::known(&[], store.tiling());
@@ -54,13 +60,11 @@ impl CloudTinRegions {
         while let Some((low, side)) = blocks.pop() {
             let end = [0, 1].map(|axis| (low[axis] + side).min(counts[axis]));
             let mut region = CloudTinRegion { low, end, points: 0 };
-            let squares = region.squares(store.tiling());
-            let held = |s: usize| {
-                let points = store.summary(s).map_or(0, |summary| summary.count);
-                points + lines.get(s).copied().map_or(0, u64::from)
-            };
-            region.points = squares.map(held).sum();
-            if region.points > most && side > 1 {
+            for square in region.squares(store.tiling()) {
+                region.points += store.summary(square).map_or(0, |summary| summary.count);
+                region.points += lines.get(square).copied().map_or(0, u64::from);
+            }
+            if region.points > max_count && side > 1 {
                 blocks.extend(quarters(low, side / 2));
             } else if region.points > 0 {
                 regions.push(region, store.tiling());

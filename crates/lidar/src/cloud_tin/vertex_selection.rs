@@ -28,7 +28,7 @@ pub(super) const BAND: i32 = 4;
 #[derive(Clone, Debug)]
 pub(super) struct RegionInspection {
     /// New vertices: points and posts.
-    pub(super) open: Vec<Point>,
+    pub(super) additions: Vec<Point>,
     /// Vertices on lines for which no edge can follow the line.
     apart: Vec<[i32; 2]>,
     /// The window in which a new vertex may change the result.
@@ -40,14 +40,14 @@ impl RegionInspection {
     /// The result of a region without new vertices and without lines.
     pub(super) fn settled(influence: SiteWindow, points: u64) -> Self {
         let errors = CloudTinErrors { points, ..CloudTinErrors::default() };
-        Self { open: Vec::new(), apart: Vec::new(), influence, errors }
+        Self { additions: Vec::new(), apart: Vec::new(), influence, errors }
     }
 }
 
 /// Distances of points from the surface, in steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct CloudTinErrors {
-    pub(super) most: f64,
+    pub(super) max: f64,
     pub(super) squares: f64,
     pub(super) points: u64,
 }
@@ -61,34 +61,34 @@ pub(super) struct ChosenVertices {
 }
 
 /// Selects the vertices for the tolerance (in steps of z); all points if it is 0. They include the corners of
-/// the hull and the points of `kept`.
+/// the hull and the points of `required`.
 pub(super) fn select(
     work: &CloudTinContext<'_>,
     tolerance: f64,
     hull: &[Point],
-    kept: &[Point],
+    required: &[Point],
 ) -> Result<ChosenVertices> {
-    let empty = |bytes| PointStore::empty(*work.points.tiling(), work.folder, bytes);
-    let of_posts = match work.lines.is_empty() && kept.is_empty() {
+    let post_bytes = match work.lines.is_empty() && required.is_empty() {
         true => 0,
         false => work.vertex_bytes / 4,
     };
-    let (vertices, posts) = (empty(work.vertex_bytes - of_posts), empty(of_posts));
-    posts.add(kept)?;
+    let [vertices, posts] = [work.vertex_bytes - post_bytes, post_bytes]
+        .map(|bytes| PointStore::empty(*work.points.tiling(), work.folder, bytes));
+    posts.add(required)?;
     insert_line_vertices(work, &posts)?;
     match tolerance == 0.0 {
         true => add_all(work.points, &vertices)?,
         false => {
             let all = 0..work.regions.all.len();
-            first_choice(work, all, (tolerance, hull), &posts, &vertices)?;
+            select_first(work, all, tolerance, hull, &posts, &vertices)?;
         }
     }
     add_all(&posts, &vertices)?;
     drop(posts);
-    let settling = RegionWorklist::new(work.regions.all.len());
-    let settled =
-        settling.run(&vertices, |due| look_at_all(work, &vertices, (tolerance, hull), due))?;
-    let (errors, apart) = settled.end(tolerance);
+    let worklist = RegionWorklist::new(work.regions.all.len());
+    let finished =
+        worklist.run(&vertices, |due| inspect_all(work, &vertices, tolerance, hull, due))?;
+    let (errors, apart) = finished.end(tolerance);
     Ok(ChosenVertices { vertices, errors, apart })
 }
 
@@ -113,22 +113,22 @@ fn add_all(from: &PointStore, to: &PointStore) -> Result<()> {
 }
 
 /// Adds the first vertices of some regions.
-pub(super) fn first_choice(
+pub(super) fn select_first(
     work: &CloudTinContext<'_>,
     regions: Range<usize>,
-    (tolerance, hull): (f64, &[Point]),
+    tolerance: f64,
+    hull: &[Point],
     posts: &PointStore,
     vertices: &PointStore,
 ) -> Result<()> {
     let count = regions.len() as u64;
     work.progress.begin("choose", count);
-    let choose = |_: &mut (), number: u64| {
+    work.on_all(count, |_, number| {
         let region = regions.start + number as usize;
         let chosen = select_in_region(work, region, tolerance, hull, posts)?;
         work.progress.advance(1);
         vertices.add(&chosen)
-    };
-    work.on_all(count, choose)?;
+    })?;
     work.progress.end();
     Ok(())
 }
@@ -144,7 +144,7 @@ fn select_in_region(
     let (store, region) = (work.points, &work.regions.all[number]);
     let tiling = store.tiling();
     let points = points_around(store, region)?;
-    let is_own = |p: &Point| contains(region, tiling, *p);
+    let is_own = |p: &Point| region.contains(tiling.tile_of([p.x, p.y]));
     let rim = ConvexHull::of(points.clone()).corners();
     let Some(mut mesh) = ScatterMesh::of_first(&rim) else {
         return Ok(points.into_iter().filter(is_own).collect());
@@ -171,15 +171,10 @@ fn points_around(store: &PointStore, region: &CloudTinRegion) -> Result<Vec<Poin
     Ok(all)
 }
 
-fn contains(region: &CloudTinRegion, tiling: &Tiling, point: Point) -> bool {
-    let place = tiling.tile_of([point.x, point.y]);
-    (0..2).all(|axis| region.low[axis] <= place[axis] && place[axis] < region.end[axis])
-}
-
 /// Regions to check until no vertex is added.
 pub(super) struct RegionWorklist {
     /// The last result of each region.
-    looks: Vec<RegionInspection>,
+    inspections: Vec<RegionInspection>,
     /// Regions to check.
     due: Vec<usize>,
 }
@@ -188,47 +183,47 @@ impl RegionWorklist {
     /// No region is checked yet.
     fn new(regions: usize) -> Self {
         Self {
-            looks: vec![RegionInspection::settled(SiteWindow::ALL, 0); regions],
+            inspections: vec![RegionInspection::settled(SiteWindow::ALL, 0); regions],
             due: (0..regions).collect(),
         }
     }
 
     /// After a round that added vertices in some tiles.
     pub(super) fn after(
-        looks: Vec<RegionInspection>,
+        inspections: Vec<RegionInspection>,
         changed: impl Iterator<Item = usize>,
         tiling: &Tiling,
     ) -> Self {
-        let due = due(&looks, changed, tiling);
-        Self { looks, due }
+        let due = due(&inspections, changed, tiling);
+        Self { inspections, due }
     }
 
-    /// Adds vertices until every point is within the tolerance; `look` checks regions.
+    /// Adds vertices until every point is within the tolerance; `inspect` checks regions.
     pub(super) fn run(
         mut self,
         vertices: &PointStore,
-        look: impl Fn(&[usize]) -> Result<Vec<(usize, RegionInspection)>>,
+        inspect: impl Fn(&[usize]) -> Result<Vec<(usize, RegionInspection)>>,
     ) -> Result<Self> {
         let tiling = vertices.tiling();
         while !self.due.is_empty() {
             let mut changed = Vec::new();
-            for (region, mut look) in look(&self.due)? {
-                let open = std::mem::take(&mut look.open);
-                changed.extend(open.iter().map(|point| tiling.square_of(*point)));
-                vertices.add(&open)?;
-                self.looks[region] = look;
+            for (region, mut inspection) in inspect(&self.due)? {
+                let additions = std::mem::take(&mut inspection.additions);
+                changed.extend(additions.iter().map(|point| tiling.square_of(*point)));
+                vertices.add(&additions)?;
+                self.inspections[region] = inspection;
             }
-            self.due = due(&self.looks, changed.into_iter(), tiling);
+            self.due = due(&self.inspections, changed.into_iter(), tiling);
         }
         Ok(self)
     }
 
     /// The errors of all points, and the vertices on lines without an edge along them, sorted.
     pub(super) fn end(self, tolerance: f64) -> (CloudTinErrors, Vec<[i32; 2]>) {
-        let mut errors = sum(&self.looks);
+        let mut errors = sum(&self.inspections);
         // It was rounded up, and all points are known to be within.
-        errors.most = errors.most.min(tolerance);
-        let mut apart: Vec<_> = self.looks.into_iter().flat_map(|look| look.apart).collect();
+        errors.max = errors.max.min(tolerance);
+        let mut apart: Vec<_> = self.inspections.into_iter().flat_map(|i| i.apart).collect();
         apart.sort_unstable();
         (errors, apart)
     }
@@ -236,37 +231,38 @@ impl RegionWorklist {
 
 /// The regions that see a changed tile.
 pub(super) fn due(
-    looks: &[RegionInspection],
+    inspections: &[RegionInspection],
     changed: impl Iterator<Item = usize>,
     tiling: &Tiling,
 ) -> Vec<usize> {
     let changes = VertexChanges::of(changed, tiling);
-    (0..looks.len()).filter(|&i| changes.touch(looks[i].influence, tiling)).collect()
+    (0..inspections.len()).filter(|&i| changes.touch(inspections[i].influence, tiling)).collect()
 }
 
 /// Checks regions against the mesh of all vertices.
-pub(super) fn look_at_all(
+pub(super) fn inspect_all(
     work: &CloudTinContext<'_>,
     vertices: &PointStore,
-    (tolerance, hull): (f64, &[Point]),
+    tolerance: f64,
+    hull: &[Point],
     regions: &[usize],
 ) -> Result<Vec<(usize, RegionInspection)>> {
     work.progress.begin("prove", regions.len() as u64);
-    let found = Mutex::new(Vec::with_capacity(regions.len()));
-    let look = |_: &mut (), number: u64| {
+    let inspections = Mutex::new(Vec::with_capacity(regions.len()));
+    work.on_all(regions.len() as u64, |_, number| {
         let region = regions[number as usize];
-        let look = examine(work, vertices, tolerance, hull, region)?;
+        let inspection = inspect(work, vertices, tolerance, hull, region)?;
         // In any order: vertices are sorted when they are loaded, and errors are summed by region.
-        lock(&found).push((region, look));
+        lock(&inspections).push((region, inspection));
         work.progress.advance(1);
         Ok(())
-    };
-    work.on_all(regions.len() as u64, look)?;
+    })?;
     work.progress.end();
-    Ok(std::mem::take(&mut *lock(&found)))
+    Ok(std::mem::take(&mut *lock(&inspections)))
 }
 
-fn examine(
+/// Checks a region, and finds the vertices that it lacks.
+fn inspect(
     work: &CloudTinContext<'_>,
     vertices: &PointStore,
     tolerance: f64,
@@ -282,19 +278,19 @@ fn examine(
         points.extend_from_slice(&square_points);
     }
     let mut fit = InsertUntilWithin::new(&mut local.mesh, &points, tolerance);
-    let (most, squares) = if work.measure { fit.measure() } else { (0.0, 0.0) };
-    let mut open = fit.run();
+    let (max, squares) = if work.measure { fit.measure() } else { (0.0, 0.0) };
+    let mut additions = fit.run();
     let (posts, apart) =
         work.lines.of_region(number, work.points, region).follow(&mut local.mesh)?;
-    open.extend(posts);
-    let errors = CloudTinErrors { most, squares, points: points.len() as u64 };
-    Ok(RegionInspection { open, apart, influence, errors })
+    additions.extend(posts);
+    let errors = CloudTinErrors { max, squares, points: points.len() as u64 };
+    Ok(RegionInspection { additions, apart, influence, errors })
 }
 
-fn sum(looks: &[RegionInspection]) -> CloudTinErrors {
-    looks.iter().fold(CloudTinErrors::default(), |sum, RegionInspection { errors, .. }| {
+fn sum(inspections: &[RegionInspection]) -> CloudTinErrors {
+    inspections.iter().fold(CloudTinErrors::default(), |sum, RegionInspection { errors, .. }| {
         CloudTinErrors {
-            most: sum.most.max(errors.most),
+            max: sum.max.max(errors.max),
             squares: sum.squares + errors.squares,
             points: sum.points + errors.points,
         }
@@ -328,9 +324,14 @@ impl VertexChanges {
     fn touch(&self, window: SiteWindow, tiling: &Tiling) -> bool {
         let [low, high] =
             [window.low, window.high].map(|at| tiling.tile_of(at).map(|n| n as usize));
-        let sum = |col: usize, row: usize| self.sums[row * self.across + col];
         let (west, south, east, north) = (low[0], low[1], high[0] + 1, high[1] + 1);
         // Sums on both sides: the difference of unsigned numbers could go below 0 on the way.
-        sum(east, north) + sum(west, south) > sum(west, north) + sum(east, south)
+        self.sum(east, north) + self.sum(west, south)
+            > self.sum(west, north) + self.sum(east, south)
+    }
+
+    /// Number of changed tiles in the columns and rows before these.
+    fn sum(&self, col: usize, row: usize) -> u32 {
+        self.sums[row * self.across + col]
     }
 }

@@ -47,13 +47,12 @@ pub(super) fn write(
         let count = work.threads.min(all - from);
         let parts: Vec<Mutex<Option<RegionMeshPart>>> =
             (0..count).map(|_| Mutex::new(None)).collect();
-        let make = |_: &mut (), i: u64| {
+        work.on_all(count as u64, |_, i| {
             let mut part = part(work, vertices, hull, &firsts, from + i as usize)?;
             sort(&mut part, with_corners);
             *lock(&parts[i as usize]) = Some(part);
             Ok(())
-        };
-        work.on_all(count as u64, make)?;
+        })?;
         for part in parts.iter().filter_map(|part| lock(part).take()) {
             push(&part, frame, &mut *sink)?;
             written.vertices += part.vertices.len() as u64;
@@ -69,8 +68,7 @@ pub(super) fn write(
 /// Number of the first vertex of each tile.
 fn firsts(work: &CloudTinContext<'_>, vertices: &PointStore) -> Result<Vec<u64>> {
     let tiling = vertices.tiling();
-    let squares: Vec<usize> =
-        work.regions.all.iter().flat_map(|region| region.squares(tiling)).collect();
+    let squares = work.regions.all.iter().flat_map(|region| region.squares(tiling));
     let mut firsts = vec![0; tiling.count()];
     let (mut next, mut points) = (0, Vec::new());
     for square in squares {
@@ -92,14 +90,15 @@ fn part(
 ) -> Result<RegionMeshPart> {
     let region = work.regions.all[number];
     let mut local = RegionMesh::new(vertices, region, hull)?;
-    let (tiling, mut own) = (vertices.tiling(), Vec::new());
+    let (tiling, mut region_vertices) = (vertices.tiling(), Vec::new());
     for square in region.squares(tiling) {
-        own.extend_from_slice(local.vertices_of(square)?);
+        region_vertices.extend_from_slice(local.vertices_of(square)?);
     }
     let squares: Vec<usize> = local.mesh.points().iter().map(|&p| tiling.square_of(p)).collect();
     let regions: Vec<usize> = squares.iter().map(|&square| work.regions.of(square)).collect();
     let mut ids: Vec<Option<u64>> = vec![None; squares.len()];
-    let mut part = RegionMeshPart { vertices: own, triangles: Vec::new(), corners: Vec::new() };
+    let mut part =
+        RegionMeshPart { vertices: region_vertices, triangles: Vec::new(), corners: Vec::new() };
     for triangle in 0..local.mesh.triangles().len() as u32 {
         let Some(corners) = local.mesh.corners(triangle) else { continue };
         let at = local.mesh.triangles()[triangle as usize].corners.map(|v| v as usize);
@@ -142,15 +141,14 @@ fn sort(part: &mut RegionMeshPart, with_corners: bool) {
 }
 
 fn push(part: &RegionMeshPart, frame: &PointFrame, sink: &mut dyn MeshSink) -> Result<()> {
-    let world = |p: &Point| frame.world(*p);
     for vertices in part.vertices.chunks(BATCH) {
-        let vertices: Vec<Point3> = vertices.iter().map(world).collect();
+        let vertices: Vec<Point3> = vertices.iter().map(|p| frame.world(*p)).collect();
         sink.push(MeshBatch { vertices: &vertices, values: &[], triangles: &[], corners: &[] })?;
     }
     let mut corners = part.corners.chunks(BATCH);
     for triangles in part.triangles.chunks(BATCH) {
         let corners = corners.next().unwrap_or_default().iter();
-        let corners: Vec<[Point3; 3]> = corners.map(|c| [0, 1, 2].map(|i| world(&c[i]))).collect();
+        let corners: Vec<[Point3; 3]> = corners.map(|c| c.map(|p| frame.world(p))).collect();
         sink.push(MeshBatch { vertices: &[], values: &[], triangles, corners: &corners })?;
     }
     Ok(())

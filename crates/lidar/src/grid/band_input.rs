@@ -3,6 +3,8 @@
 //! Points of a subject carry its value instead of the height, so statistics do not depend on subjects. Real
 //! values are kept one by one, in order.
 
+use std::ops::Range;
+
 use super::blocks::CellBlocks;
 use super::extent::GridExtent;
 use terrane_base::error::Result;
@@ -45,7 +47,7 @@ pub(super) struct BandInput<'a> {
     batch: PointBatch,
     spare: PointBatch,
     /// The part of a run that lies in the block itself.
-    own: PointBatch,
+    inside: PointBatch,
 }
 
 /// Points for blocks.
@@ -65,7 +67,8 @@ const SHORT_RUN: usize = 16;
 impl<'a> BandInput<'a> {
     /// For a subject of the recipe.
     pub(super) fn new(
-        (recipe, subject): (&StatisticRecipe, usize),
+        recipe: &StatisticRecipe,
+        subject: usize,
         extent: &'a GridExtent,
         blocks: &'a CellBlocks<'a>,
     ) -> Self {
@@ -84,7 +87,7 @@ impl<'a> BandInput<'a> {
             rows: Vec::new(),
             batch: PointBatch::default(),
             spare: PointBatch::default(),
-            own: PointBatch::default(),
+            inside: PointBatch::default(),
         }
     }
 
@@ -99,11 +102,10 @@ impl<'a> BandInput<'a> {
         {
             return self.hand_over_own(region, points, reals);
         }
-        let reach = self.reach();
         self.batch.clear();
-        match reach {
+        match self.reach() {
             (0, 0) => self.place_own(points),
-            _ => self.place_around(points, reach),
+            (reach_x, reach_y) => self.place_around(points, reach_x, reach_y),
         }
         if self.batch.is_scattered() {
             self.batch.sort(&mut self.spare);
@@ -136,12 +138,11 @@ impl<'a> BandInput<'a> {
     fn index_own(&mut self) -> bool {
         let (shift, across) = (self.blocks.shift(), self.blocks.across());
         let mask = (1 << shift) - 1;
-        let (cols, rows) = (&self.cols, &self.rows);
-        let places = || cols.iter().zip(rows).map(|(col, row)| (*col as u32, *row as u32));
+        let places = self.cols.iter().zip(&self.rows).map(|(col, row)| (*col as u32, *row as u32));
         self.batch.clear();
-        let blocks = places().map(|(col, row)| (row >> shift) * across + (col >> shift));
+        let blocks = places.clone().map(|(col, row)| (row >> shift) * across + (col >> shift));
         self.batch.blocks.extend(blocks);
-        self.batch.cells.extend(places().map(|(col, row)| ((row & mask) << shift) | (col & mask)));
+        self.batch.cells.extend(places.map(|(col, row)| ((row & mask) << shift) | (col & mask)));
         !self.batch.is_scattered()
     }
 
@@ -171,28 +172,23 @@ impl<'a> BandInput<'a> {
             // Numbers below zero are large ones here.
             if (col as u32) < width && (row as u32) < height {
                 let block = (row as u32 >> shift) * across + (col as u32 >> shift);
-                self.batch.push(block, (col, row), *point, shift);
+                self.batch.push(block, col, row, *point, shift);
             }
         }
     }
 
     /// Each point goes to all blocks with cells that it may reach.
-    fn place_around(&mut self, points: &[Point], (reach_x, reach_y): (i64, i64)) {
+    fn place_around(&mut self, points: &[Point], reach_x: i64, reach_y: i64) {
         let (width, height) = self.extent.lattice.size();
         let output = self.extent.output;
         let (shift, across) = (self.blocks.shift(), self.blocks.across());
-        let blocks = |at: i32, reach: i64, side: u32| {
-            let least = (i64::from(at) - reach).max(0);
-            let end = (i64::from(at) + reach + 1).min(i64::from(side));
-            (least < end).then(|| (least >> shift) as u32..((end - 1) >> shift) as u32 + 1)
-        };
         for (point, (&col, &row)) in points.iter().zip(self.cols.iter().zip(&self.rows)) {
             self.outside += u64::from(!is_in(output, col, row));
-            let (cols, rows) = (blocks(col, reach_x, width), blocks(row, reach_y, height));
-            let (Some(cols), Some(rows)) = (cols, rows) else { continue };
+            let Some(cols) = blocks_around(col, reach_x, width, shift) else { continue };
+            let Some(rows) = blocks_around(row, reach_y, height, shift) else { continue };
             for down in rows {
                 for block in cols.clone() {
-                    self.batch.push(down * across + block, (col, row), *point, shift);
+                    self.batch.push(down * across + block, col, row, *point, shift);
                 }
             }
         }
@@ -203,20 +199,28 @@ impl<'a> BandInput<'a> {
         let Self { blocks, extent, .. } = *self;
         let window = blocks.window(run.block);
         let stride = 1 << blocks.shift();
-        let (regions, own) = (&mut self.regions, &mut self.own);
+        let (regions, inside) = (&mut self.regions, &mut self.inside);
         blocks.change(run.block, |block| {
             regions.iter_mut().try_for_each(|(region, scatter)| match scatter {
                 Some(scatter) => {
-                    let cells = (&extent.lattice, window, stride);
                     let to = BlockTarget { block: &mut *block, region: *region, reals };
-                    scatter.add(cells, run.points, run.places, to)
+                    scatter.add(&extent.lattice, window, stride, run.points, run.places, to)
                 }
-                None => block.add(*region, CellHits { reals, ..run.inside(window, own) }),
+                None => block.add(*region, CellHits { reals, ..run.inside(window, inside) }),
             })
         })
     }
 }
 
+/// The columns, or rows, of blocks with cells within `reach` of a cell, among `side` cells.
+#[inline]
+fn blocks_around(at: i32, reach: i64, side: u32, shift: u32) -> Option<Range<u32>> {
+    let first = (i64::from(at) - reach).max(0);
+    let end = (i64::from(at) + reach + 1).min(i64::from(side));
+    (first < end).then(|| (first >> shift) as u32..((end - 1) >> shift) as u32 + 1)
+}
+
+#[inline]
 fn is_in(rect: Rect, col: i32, row: i32) -> bool {
     // Columns before the window, negative ones too, wrap beyond its width.
     (col as u32).wrapping_sub(rect.col) < rect.width
@@ -233,9 +237,8 @@ struct BlockRun<'a> {
 
 impl BlockRun<'_> {
     /// The points in the cells of the block itself.
-    fn inside<'a>(&'a self, window: Rect, own: &'a mut PointBatch) -> CellHits<'a> {
-        let outside = |(col, row): &(i32, i32)| !is_in(window, *col, *row);
-        if !self.places.iter().any(outside) {
+    fn inside<'a>(&'a self, window: Rect, inside: &'a mut PointBatch) -> CellHits<'a> {
+        if self.places.iter().all(|(col, row)| is_in(window, *col, *row)) {
             return CellHits {
                 cells: self.cells,
                 points: self.points,
@@ -244,13 +247,21 @@ impl BlockRun<'_> {
                 reals: &[],
             };
         }
-        own.clear();
+        inside.clear();
         let points = self.places.iter().zip(self.points.iter().zip(self.cells));
-        for (_, (point, cell)) in points.filter(|(place, _)| !outside(place)) {
-            own.points.push(*point);
-            own.cells.push(*cell);
+        for ((col, row), (point, cell)) in points {
+            if is_in(window, *col, *row) {
+                inside.points.push(*point);
+                inside.cells.push(*cell);
+            }
         }
-        CellHits { cells: &own.cells, points: &own.points, squares: &[], unit: 0.0, reals: &[] }
+        CellHits {
+            cells: &inside.cells,
+            points: &inside.points,
+            squares: &[],
+            unit: 0.0,
+            reals: &[],
+        }
     }
 }
 
@@ -263,7 +274,7 @@ impl PointBatch {
     }
 
     #[inline(always)]
-    fn push(&mut self, block: u32, (col, row): (i32, i32), point: Point, shift: u32) {
+    fn push(&mut self, block: u32, col: i32, row: i32, point: Point, shift: u32) {
         let mask = (1 << shift) - 1;
         self.blocks.push(block);
         self.places.push((col, row));
@@ -272,7 +283,7 @@ impl PointBatch {
     }
 
     /// Stretches of points for one and the same block.
-    fn runs(&self) -> impl Iterator<Item = std::ops::Range<usize>> + '_ {
+    fn runs(&self) -> impl Iterator<Item = Range<usize>> + '_ {
         let mut start = 0;
         self.blocks.chunk_by(|a, b| a == b).map(move |run| {
             let range = start..start + run.len();
@@ -286,7 +297,7 @@ impl PointBatch {
         self.runs().count() * SHORT_RUN > self.blocks.len()
     }
 
-    fn run(&self, run: std::ops::Range<usize>) -> BlockRun<'_> {
+    fn run(&self, run: Range<usize>) -> BlockRun<'_> {
         BlockRun {
             block: self.blocks[run.start],
             places: &self.places[run.clone()],

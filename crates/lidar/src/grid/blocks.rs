@@ -28,7 +28,7 @@ pub(super) struct CellBlocks<'a> {
     slots: Vec<CellBlockSlot>,
     /// Budget for blocks in memory, and bytes in use.
     budget: u64,
-    held: AtomicU64,
+    used: AtomicU64,
     /// Counts touches.
     clock: AtomicU64,
     spool: SpoolFile,
@@ -78,18 +78,18 @@ impl<'a> CellBlocks<'a> {
             height,
             slots: (0..blocks).map(|_| CellBlockSlot::default()).collect(),
             budget: budget.blocks,
-            held: AtomicU64::new(0),
+            used: AtomicU64::new(0),
             clock: AtomicU64::new(1),
             spool: SpoolFile::new(folder),
             spilling: Mutex::new(()),
             written: Vec::new(),
         };
         // Voids are filled from cells that are written already: then no block is thrown away.
-        let cells = |index| match extent.fill {
+        let unwritten = (0..blocks as u32).map(|index| match extent.fill {
             0 => all.window(index).intersect(&extent.output).len() as u32,
             _ => 0,
-        };
-        all.written = (0..blocks as u32).map(|index| AtomicU32::new(cells(index))).collect();
+        });
+        all.written = unwritten.map(AtomicU32::new).collect();
         all
     }
 
@@ -129,9 +129,9 @@ impl<'a> CellBlocks<'a> {
         let done = work(block);
         let grown = (block.memory_use() - before) as u64;
         // Counted before another thread can spill the block and count it out.
-        let held = self.held.fetch_add(grown, Ordering::Relaxed) + grown;
+        let used = self.used.fetch_add(grown, Ordering::Relaxed) + grown;
         drop(state);
-        if grown > 0 && held > self.budget {
+        if grown > 0 && used > self.budget {
             self.evict()?;
         }
         done
@@ -145,14 +145,14 @@ impl<'a> CellBlocks<'a> {
             slot.touched.store(now, Ordering::Relaxed);
             return Ok(state);
         }
-        // Room is made without holding a block, for making room locks others.
+        // Memory is freed without holding a block, as that locks others.
         drop(state);
         let bytes = (self.recipe.bytes_per_cell() as u64) << (2 * self.shift);
         self.reserve(bytes)?;
         let mut state = lock(&slot.state);
         slot.touched.store(now, Ordering::Relaxed);
         match state.block {
-            Some(_) => drop(self.held.fetch_sub(bytes, Ordering::Relaxed)),
+            Some(_) => drop(self.used.fetch_sub(bytes, Ordering::Relaxed)),
             None => state.block = Some(Box::new(self.empty())),
         }
         state.settled = false;
@@ -165,21 +165,21 @@ impl<'a> CellBlocks<'a> {
 
     /// Reserves bytes.
     fn reserve(&self, bytes: u64) -> Result<()> {
-        let held = self.held.fetch_add(bytes, Ordering::Relaxed) + bytes;
-        if held > self.budget { self.evict() } else { Ok(()) }
+        let used = self.used.fetch_add(bytes, Ordering::Relaxed) + bytes;
+        if used > self.budget { self.evict() } else { Ok(()) }
     }
 
     /// Spills blocks, the least recently touched first, until a quarter of the budget is free.
     fn evict(&self) -> Result<()> {
         let _one_at_a_time = lock(&self.spilling);
-        if self.held.load(Ordering::Relaxed) <= self.budget {
+        if self.used.load(Ordering::Relaxed) <= self.budget {
             return Ok(());
         }
         let touched = self.slots.iter().map(|slot| slot.touched.load(Ordering::Relaxed));
         let mut order: Vec<(u64, usize)> = touched.zip(0..).filter(|(at, _)| *at > 0).collect();
         order.sort_unstable();
         for (_, index) in order {
-            if self.held.load(Ordering::Relaxed) <= self.budget / 4 * 3 {
+            if self.used.load(Ordering::Relaxed) <= self.budget / 4 * 3 {
                 break;
             }
             self.spill(&self.slots[index])?;
@@ -200,7 +200,7 @@ impl<'a> CellBlocks<'a> {
         let place = self.spool.put(&parts)?;
         state.spilled.push(SpilledBlock { place, lengths });
         state.settled = false;
-        self.held.fetch_sub(before, Ordering::Relaxed);
+        self.used.fetch_sub(before, Ordering::Relaxed);
         Ok(())
     }
 
@@ -214,8 +214,8 @@ impl<'a> CellBlocks<'a> {
         Ok(())
     }
 
-    /// Calls `look` with a complete block; skips one that was never touched.
-    pub(super) fn read(&self, index: u32, look: impl FnOnce(&CellBlock)) -> Result<()> {
+    /// Calls `visit` with a complete block; skips one that was never touched.
+    pub(super) fn read(&self, index: u32, visit: impl FnOnce(&CellBlock)) -> Result<()> {
         let slot = &self.slots[index as usize];
         let state = lock(&slot.state);
         if state.block.is_none() && state.spilled.is_empty() {
@@ -234,7 +234,7 @@ impl<'a> CellBlocks<'a> {
             block.settle();
             *settled = true;
         }
-        look(block);
+        visit(block);
         let grown = (block.memory_use() - before) as u64;
         drop(state);
         if grown > 0 { self.reserve(grown) } else { Ok(()) }
@@ -259,7 +259,7 @@ impl<'a> CellBlocks<'a> {
         slot.touched.store(0, Ordering::Relaxed);
         let CellBlockState { block, spilled, .. } = std::mem::take(&mut *state);
         let bytes = block.map_or(0, |block| block.memory_use() as u64);
-        self.held.fetch_sub(bytes, Ordering::Relaxed);
+        self.used.fetch_sub(bytes, Ordering::Relaxed);
         spilled.into_iter().for_each(|part| self.spool.free(part.place));
     }
 

@@ -42,124 +42,105 @@ pub(super) struct GridBudget {
     pub(super) shift: u32,
 }
 
+/// A grid in the making: all that its memory depends on besides the points.
+#[derive(Clone, Copy)]
+pub(super) struct GridWorkload<'a> {
+    pub(super) format: &'a GridFormat,
+    pub(super) sink: &'a dyn GridSink,
+    pub(super) extent: &'a GridExtent,
+    pub(super) recipe: &'a StatisticRecipe,
+}
+
+impl GridWorkload<'_> {
+    /// Bytes a thread needs.
+    fn worker(self) -> u64 {
+        let around = if self.recipe.triangulates() { neighbours::WORKER } else { 0 };
+        let columns = if self.recipe.attributes().is_empty() { 0 } else { COLUMNS };
+        columns + WORKER.max(around + self.writing())
+    }
+
+    /// Bytes a thread needs to write a block of the output, with the margin for filling voids.
+    fn writing(self) -> u64 {
+        let ((width, height), output) = (self.sink.block(), self.extent.output);
+        let (width, height) = (width.min(output.width), height.min(output.height));
+        let (width, height) = (u64::from(width), u64::from(height));
+        let around = 2 * u64::from(self.extent.fill);
+        let sample = self.format.bytes_per_sample + 8 * self.recipe.bands().len() as u64;
+        let samples = width.saturating_mul(height).saturating_mul(sample);
+        samples.saturating_add((width + around).saturating_mul(height + around).saturating_mul(8))
+    }
+
+    fn cells(self) -> u64 {
+        let (width, height) = self.extent.lattice.size();
+        u64::from(width).saturating_mul(u64::from(height)).max(1)
+    }
+
+    /// Bytes of the table of blocks.
+    fn table(self, shift: u32) -> u64 {
+        self.cells().div_ceil(1 << (2 * shift)).saturating_mul(SLOT)
+    }
+
+    /// Bytes of `memory` that are left for blocks; `None` if that is less than the least.
+    fn left(self, memory: u64, threads: u64, shift: u32) -> Option<u64> {
+        let rest = memory.checked_sub(PROGRAM + self.table(shift))?;
+        rest.checked_sub(threads * self.worker()).filter(|left| *left >= LEAST)
+    }
+}
+
 impl GridBudget {
+    /// The budget for `points` points.
     pub(super) fn divide(
         resources: &Resources,
-        format: &GridFormat,
-        sink: &dyn GridSink,
-        extent: &GridExtent,
-        recipe: &StatisticRecipe,
+        work: GridWorkload<'_>,
         points: u64,
     ) -> Result<Self> {
         let Resources { threads, memory: all, .. } = *resources;
-        let surface_share = if recipe.triangulates() { all / 2 } else { 0 };
+        let surface_share = if work.recipe.triangulates() { all / 2 } else { 0 };
         let memory = all - surface_share;
-        let worker = worker(format, sink, extent, recipe);
-        let cells = cells(extent);
-        let cell = recipe.bytes_per_cell() as u64
-            + recipe.bytes_per_point() as u64 * points.div_ceil(cells);
-        let slots = |shift: u32| cells.div_ceil(1 << (2 * shift)).saturating_mul(SLOT);
-        let left = |threads: u64, shift: u32| {
-            memory.checked_sub(PROGRAM + slots(shift))?.checked_sub(threads * worker)
-        };
-        let fits = |threads: &u64| left(*threads, MAX_SHIFT).is_some_and(|left| left >= LEAST);
-        let threads = (1..=threads.max(1) as u64).rev().find(fits).ok_or_else(|| {
-            let least = PROGRAM + slots(MAX_SHIFT) + worker + LEAST;
-            too_small(all, if surface_share > 0 { 2 * least } else { least })
-        })?;
-        let good = |shift: &u32| {
-            let room = left(threads, *shift).unwrap_or(0);
-            (cell << (2 * shift)).saturating_mul(AT_HAND * threads) <= room && room >= LEAST
-        };
-        let shift = (MIN_SHIFT..=MAX_SHIFT).rev().find(good).unwrap_or_else(|| {
-            let held = |shift: &u32| left(threads, *shift).is_some_and(|left| left >= LEAST);
-            (MIN_SHIFT..=MAX_SHIFT).find(held).unwrap_or(MAX_SHIFT)
+        let mut threads = (1..=threads.max(1) as u64).rev();
+        let threads = threads.find(|threads| work.left(memory, *threads, MAX_SHIFT).is_some());
+        let threads = threads.ok_or_else(|| too_small(all, Self::least(work)))?;
+        let cell = work.recipe.bytes_per_cell() as u64
+            + work.recipe.bytes_per_point() as u64 * points.div_ceil(work.cells());
+        let mut shifts = (MIN_SHIFT..=MAX_SHIFT).rev();
+        let fitting = shifts.find_map(|shift| {
+            let blocks = work.left(memory, threads, shift)?;
+            let at_hand = (cell << (2 * shift)).saturating_mul(AT_HAND * threads);
+            (at_hand <= blocks).then_some((shift, blocks))
         });
-        let blocks = left(threads, shift).unwrap_or(LEAST);
+        // Else the smallest blocks whose table fits: that of the largest ones does.
+        let smallest = (MIN_SHIFT..=MAX_SHIFT)
+            .find_map(|shift| Some((shift, work.left(memory, threads, shift)?)));
+        let (shift, blocks) = fitting.or(smallest).unwrap_or((MAX_SHIFT, LEAST));
         Ok(Self { threads: threads as usize, blocks, points: surface_share, shift })
     }
 
     /// Least memory for one thread in both [`divide`](Self::divide), if half of it goes to triangulated points,
     /// and [`writing`](Self::writing).
-    pub(super) fn least(
-        format: &GridFormat,
-        sink: &dyn GridSink,
-        extent: &GridExtent,
-        recipe: &StatisticRecipe,
-    ) -> u64 {
-        let slots = cells(extent).div_ceil(1 << (2 * MAX_SHIFT)).saturating_mul(SLOT);
-        let one = PROGRAM + slots + LEAST + worker(format, sink, extent, recipe);
-        if recipe.triangulates() { 2 * one } else { one }
+    pub(super) fn least(work: GridWorkload<'_>) -> u64 {
+        let least = PROGRAM + work.table(MAX_SHIFT) + LEAST + work.worker();
+        if work.recipe.triangulates() { 2 * least } else { least }
     }
 
     /// Fails if an earlier step exceeds the memory; the advised budget suffices for all steps.
-    pub(super) fn check(
-        resources: &Resources,
-        format: &GridFormat,
-        (sink, extent, recipe): (&dyn GridSink, &GridExtent, &StatisticRecipe),
-        before: u64,
-    ) -> Result<()> {
+    pub(super) fn check(resources: &Resources, work: GridWorkload<'_>, before: u64) -> Result<()> {
         match before > resources.memory {
-            true => {
-                let least = before.max(Self::least(format, sink, extent, recipe));
-                Err(too_small(resources.memory, least))
-            }
+            true => Err(too_small(resources.memory, before.max(Self::least(work)))),
             false => Ok(()),
         }
     }
 
     /// The budget for writing a grid whose values are read from files: the rest is for their blocks.
-    pub(super) fn writing(
-        resources: &Resources,
-        format: &GridFormat,
-        sink: &dyn GridSink,
-        extent: &GridExtent,
-        recipe: &StatisticRecipe,
-    ) -> Result<Self> {
-        let worker = WORKER.max(writing(format, sink, extent, recipe));
-        let left = |threads: usize| {
-            resources.memory.checked_sub(PROGRAM + LEAST + threads as u64 * worker)
+    pub(super) fn writing(resources: &Resources, work: GridWorkload<'_>) -> Result<Self> {
+        let worker = WORKER.max(work.writing());
+        let rest = resources.memory.checked_sub(PROGRAM + LEAST).filter(|rest| *rest >= worker);
+        let Some(rest) = rest else {
+            return Err(too_small(resources.memory, PROGRAM + LEAST + worker));
         };
-        let fits = |threads: &usize| left(*threads).is_some();
-        let threads = (1..=resources.threads.max(1)).rev().find(fits);
-        let least = PROGRAM + LEAST + worker;
-        let threads = threads.ok_or_else(|| too_small(resources.memory, least))?;
-        let blocks = LEAST + left(threads).unwrap_or(0) / 2;
+        let threads = resources.threads.clamp(1, (rest / worker) as usize);
+        let blocks = LEAST + (rest - threads as u64 * worker) / 2;
         Ok(Self { threads, blocks, points: 0, shift: MAX_SHIFT })
     }
-}
-
-/// Bytes a thread needs.
-fn worker(
-    format: &GridFormat,
-    sink: &dyn GridSink,
-    extent: &GridExtent,
-    recipe: &StatisticRecipe,
-) -> u64 {
-    let around = if recipe.triangulates() { neighbours::WORKER } else { 0 };
-    let columns = if recipe.attributes().is_empty() { 0 } else { COLUMNS };
-    columns + WORKER.max(around + writing(format, sink, extent, recipe))
-}
-
-fn cells(extent: &GridExtent) -> u64 {
-    let (width, height) = extent.lattice.size();
-    u64::from(width).saturating_mul(u64::from(height)).max(1)
-}
-
-/// Bytes a thread needs to write a block of the output, with the margin for filling voids.
-fn writing(
-    format: &GridFormat,
-    sink: &dyn GridSink,
-    extent: &GridExtent,
-    recipe: &StatisticRecipe,
-) -> u64 {
-    let (width, height) = sink.block();
-    let (width, height) = (width.min(extent.output.width), height.min(extent.output.height));
-    let (width, height) = (u64::from(width), u64::from(height));
-    let around = 2 * u64::from(extent.fill);
-    let coded = 8 * recipe.bands().len() as u64;
-    let samples = width.saturating_mul(height).saturating_mul(format.bytes_per_sample + coded);
-    samples.saturating_add((width + around).saturating_mul(height + around).saturating_mul(8))
 }
 
 fn too_small(memory: u64, least: u64) -> Error {

@@ -50,14 +50,11 @@ impl GridExtent {
             Some(like) => like_grid(like, cloud, job)?,
             None => {
                 let (base, spans) = by_cell(cloud, job)?;
-                let note = || {
-                    format!(
-                        "cell size {}: about the point spacing; ‹cell› overrides it",
-                        base.x.world_cell()
-                    )
-                };
-                let notes = job.placement.is_chosen.then(note).into_iter().collect();
-                (base, spans, cloud.crs.clone(), notes)
+                let note = job.placement.is_chosen.then(|| {
+                    let cell = base.x.world_cell();
+                    format!("cell size {cell}: about the point spacing; ‹cell› overrides it")
+                });
+                (base, spans, cloud.crs.clone(), note.into_iter().collect())
             }
         };
         let margin = i64::from(job.fill);
@@ -107,12 +104,14 @@ impl GridExtent {
 
     /// The radius to report: that of the job, if a statistic uses it.
     pub(super) fn radius(&self, rules: &StatisticDefaults, job: &GridJob) -> Option<f64> {
-        let goes_by_it = |statistic: Statistic| match statistic.parameter("radius") {
-            Some(_) => false,
-            None => rules.around || statistic.lacks("radius"),
-        };
-        job.stats.iter().any(|asked| goes_by_it(asked.statistic)).then_some(rules.radius)
+        let mut stats = job.stats.iter();
+        stats.any(|request| uses_radius(request.statistic, rules)).then_some(rules.radius)
     }
+}
+
+/// Whether a statistic uses the radius of the job.
+fn uses_radius(statistic: Statistic, rules: &StatisticDefaults) -> bool {
+    statistic.parameter("radius").is_none() && (rules.around || statistic.lacks("radius"))
 }
 
 /// The cells that the bounds of the point cloud overlap.
@@ -120,11 +119,10 @@ fn known(lattice: &CellLattice, cloud: &CloudInfo) -> Rect {
     let Some(bounds) = cloud.bounds else { return Rect::new(0, 0, 0, 0) };
     let (width, height) = lattice.size();
     let [[west, east], [south, north]] = lattice.span(bounds);
-    let clip = |index: i64, side: u32| index.clamp(0, i64::from(side)) as u32;
-    let left = clip(west - lattice.x.first(), width);
-    let right = clip(east + 1 - lattice.x.first(), width);
-    let top = clip(i64::from(height) - (north + 1 - lattice.y.first()), height);
-    let bottom = clip(i64::from(height) - (south - lattice.y.first()), height);
+    let (width, height) = (i64::from(width), i64::from(height));
+    let [left, right] = [west, east + 1].map(|x| (x - lattice.x.first()).clamp(0, width) as u32);
+    let [top, bottom] =
+        [north + 1, south].map(|y| (height - (y - lattice.y.first())).clamp(0, height) as u32);
     Rect::new(left, top, right - left, bottom - top)
 }
 
@@ -161,29 +159,21 @@ fn by_cell(cloud: &CloudInfo, job: &GridJob) -> Result<(CellLattice, Spans)> {
     let Placement { cell, align, extent, .. } = &job.placement;
     let cell = cell.unwrap_or([1.0; 2]);
     refuse_degrees(cell, extent.or_else(|| world(cloud)), &cloud.crs)?;
-    let lowest = || cloud.bounds.map(|[low, _]| cloud.frame.world(low)).map(|[x, y, _]| [x, y]);
     let anchor = match job.compat {
-        Compat::Pdal => extent.map(|b| [b[0], b[1]]).or_else(lowest),
+        Compat::Pdal => extent.or_else(|| world(cloud)).map(|[x, y, ..]| [x, y]),
         Compat::None | Compat::Lasr => *align,
     };
-    let edges = if job.compat == Compat::Lasr {
-        CellEdgeRule::NorthClosed
-    } else {
-        CellEdgeRule::LowerClosed
-    };
     let anchor = anchor.unwrap_or([0.0; 2]);
-    let lattice = CellLattice::new(&cloud.frame, anchor, cell, edges);
+    let lattice = CellLattice::new(&cloud.frame, anchor, cell, edge_rule(job.compat));
     let spans = match (extent, cloud.bounds) {
+        (Some([x0, y0, x1, y1]), _) if job.compat == Compat::Pdal => {
+            let [width, height] = [(x1 - x0) / cell[0], (y1 - y0) / cell[1]];
+            [[0, width.floor() as i64 + 1], [0, height.floor() as i64 + 1]]
+        }
         (Some([x0, y0, x1, y1]), _) => {
-            let pdal = job.compat == Compat::Pdal;
-            let span = |axis: usize, low: f64, high: f64| match pdal {
-                true => Ok([0, ((high - low) / cell[axis]).floor() as i64 + 1]),
-                false => overlapped(
-                    (low - anchor[axis]) / cell[axis],
-                    (high - anchor[axis]) / cell[axis],
-                ),
-            };
-            [span(0, *x0, *x1)?, span(1, *y0, *y1)?]
+            let [west, east] = [x0, x1].map(|x| (x - anchor[0]) / cell[0]);
+            let [south, north] = [y0, y1].map(|y| (y - anchor[1]) / cell[1]);
+            [overlapped(west, east)?, overlapped(south, north)?]
         }
         (None, Some(bounds)) => {
             let [x, y] = lattice.span(bounds).map(|[low, high]| [low, high - low + 1]);
@@ -199,13 +189,21 @@ fn by_cell(cloud: &CloudInfo, job: &GridJob) -> Result<(CellLattice, Spans)> {
     Ok((lattice, spans))
 }
 
+/// The edges that belong to a cell.
+fn edge_rule(compat: Compat) -> CellEdgeRule {
+    match compat {
+        Compat::Lasr => CellEdgeRule::NorthClosed,
+        Compat::None | Compat::Pdal => CellEdgeRule::LowerClosed,
+    }
+}
+
 /// First and number of the cells between two lattice positions.
 fn overlapped(low: f64, high: f64) -> Result<[i64; 2]> {
-    let most = limits::MAX_SIDE as f64;
+    let max_count = limits::MAX_SIDE as f64;
     let first = (low + HAIR).floor();
     let count = ((high - HAIR).ceil() - first).max(1.0);
-    if count > most {
-        return Err(Error::limit("number of columns or rows", count, most)
+    if count > max_count {
+        return Err(Error::limit("number of columns or rows", count, max_count)
             .remedy("use larger cells, or reduce ‹extent›"));
     }
     within_reach([first as i64, count as i64])
@@ -237,12 +235,8 @@ fn like_grid(
             Error::unsupported("‹like› requires a georeferenced, north-up grid").in_file(path)
         );
     }
-    let edges = if job.compat == Compat::Lasr {
-        CellEdgeRule::NorthClosed
-    } else {
-        CellEdgeRule::LowerClosed
-    };
     let corner = [t.x0 - 0.5 * t.a, t.y0 - 0.5 * t.e];
+    let edges = edge_rule(job.compat);
     let lattice = CellLattice::new(&cloud.frame, corner, [t.a, -t.e], edges);
     let (width, height) = (i64::from(width), i64::from(height));
     let (crs, notes) = agreed(&source.info().crs, &cloud.crs).map_err(|e| e.in_file(path))?;

@@ -45,15 +45,12 @@ impl Placement {
 
     /// Fails for conflicting options.
     pub(super) fn check(&self, compat: Compat, is_model: bool) -> Result<()> {
-        let refuse =
-            |what: &str| Err(Error::usage(what.to_owned()).remedy("leave out one of them"));
-        let is_size = |cell: &[f64; 2]| cell.iter().all(|side| *side > 0.0 && side.is_finite());
         match (&self.like, &self.cell) {
             (Some(_), Some(_)) => return refuse("‹like› and ‹cell› both set the cell size"),
             (None, None) if !is_model => {
                 return Err(Error::usage("no cell size given").remedy("pass ‹cell› or ‹like›"));
             }
-            (None, Some(cell)) if !is_size(cell) => {
+            (None, Some(cell)) if !cell.iter().all(|side| *side > 0.0 && side.is_finite()) => {
                 return Err(Error::usage("the cell size is not above 0"));
             }
             _ => {}
@@ -72,22 +69,28 @@ impl Placement {
     }
 }
 
+fn refuse(conflict: &str) -> Result<()> {
+    Err(Error::usage(conflict).remedy("leave out one of them"))
+}
+
 /// Mantissas of derived cell sizes, times a power of ten.
 const ROUND: [f64; 4] = [1.0, 2.0, 5.0, 10.0];
 
 /// The default cell size: the root of the area per point, from the headers, rounded up.
 pub(super) fn usual_cell(info: &CloudInfo) -> Result<f64> {
-    let unknown =
-        || Error::usage("the point spacing is unknown").remedy("pass the cell size with ‹cell›");
-    let [low, high] = info.bounds.ok_or_else(unknown)?.map(|end| info.frame.world(end));
+    let [low, high] = info.bounds.ok_or_else(unknown_spacing)?.map(|end| info.frame.world(end));
     let area = (high[0] - low[0]) * (high[1] - low[1]);
-    let apart = (area / info.count as f64).sqrt();
-    if !apart.is_normal() {
-        return Err(unknown());
+    let spacing = (area / info.count as f64).sqrt();
+    if !spacing.is_normal() {
+        return Err(unknown_spacing());
     }
-    let power = 10_f64.powf(apart.log10().floor());
-    let side = ROUND.into_iter().map(|step| step * power).find(|side| *side >= apart);
-    side.ok_or_else(unknown)
+    let power = 10_f64.powf(spacing.log10().floor());
+    let side = ROUND.into_iter().map(|step| step * power).find(|side| *side >= spacing);
+    side.ok_or_else(unknown_spacing)
+}
+
+fn unknown_spacing() -> Error {
+    Error::usage("the point spacing is unknown").remedy("pass the cell size with ‹cell›")
 }
 
 #[cfg(test)]

@@ -134,10 +134,10 @@ impl GridJob {
     }
 
     pub(super) fn write_options(&self) -> GridWriteOptions {
-        let bands = self.stats.iter().map(|asked| BandName {
-            name: asked.label.clone(),
-            in_vertical_unit: asked.is_height(),
-            counts: asked.statistic.counts(),
+        let bands = self.stats.iter().map(|request| BandName {
+            name: request.label.clone(),
+            in_vertical_unit: request.is_height(),
+            counts: request.statistic.counts(),
         });
         let single = !self.format().is_ok_and(|format| format.several_bands);
         GridWriteOptions {
@@ -206,19 +206,20 @@ impl GridJob {
 
     /// Fails if an option has no effect on any band.
     fn check_idle(&self) -> Result<()> {
-        let lack = |key| self.stats.iter().any(|asked| asked.statistic.lacks(key));
-        let around = self.compat == Compat::Pdal || lack("radius");
-        let fills = self.stats.iter().any(|asked| asked.statistic.fills());
+        let [lack_radius, lack_power, lack_edge] = ["radius", "power", "max_edge"]
+            .map(|key| self.stats.iter().any(|request| request.statistic.lacks(key)));
+        let around = self.compat == Compat::Pdal || lack_radius;
+        let fills = self.stats.iter().any(|request| request.statistic.fills());
         let options = [
             (
                 "‹radius›",
                 self.radius.is_some() && !around,
                 "idw and nearest without a radius of their own",
             ),
-            ("‹power›", self.power.is_some() && !lack("power"), "idw without a power of its own"),
+            ("‹power›", self.power.is_some() && !lack_power, "idw without a power of its own"),
             (
                 "‹max_edge›",
-                self.max_edge.is_some() && !lack("max_edge"),
+                self.max_edge.is_some() && !lack_edge,
                 "‹dtm›, ‹dsm›, ‹chm›, and tin without a max_edge of its own",
             ),
             ("‹fill›", self.fill > 0 && !fills, "statistics of heights, not to counts and classes"),
@@ -256,17 +257,17 @@ impl GridJob {
 
 /// Fails if the options are invalid for a terrain model.
 fn check_preset(preset: SurfaceModel, job: &GridJob) -> Result<()> {
-    let wanted = &job.cloud.filter;
+    let filter = &job.cloud.filter;
     if job.stats != [preset.band()] {
         let message = "‹dtm›, ‹dsm› and ‹chm› do not support ‹stat›";
         return Err(Error::usage(message).remedy("leave out ‹stat›"));
     }
-    if wanted.returns.is_some() {
+    if filter.returns.is_some() {
         let message =
             "‹return› has no effect with ‹dtm›, ‹dsm› or ‹chm›, which select returns themselves";
         return Err(Error::usage(message).remedy("leave out ‹return›"));
     }
-    if wanted.classes.is_some() && job.ground.is_method() {
+    if filter.classes.is_some() && job.ground.is_method() {
         let message = "‹class› has no effect: the method of ‹ground› does not use ground classes";
         return Err(Error::usage(message).remedy("leave out ‹class›, or pass ‹ground› class"));
     }

@@ -41,7 +41,7 @@ pub(super) fn run(
         ..job.clone()
     };
     let made = make(&ground)?;
-    let begun = Instant::now();
+    let copy_start = Instant::now();
     let source = raster::open_all(&[name_of(bare)?], &options)?;
     let (output_bytes, notes) = copy(&*source, job, &options, progress, cancel)?;
     let water = options.water.and_then(|water| water.report());
@@ -52,7 +52,7 @@ pub(super) fn run(
         output_bytes,
         water,
         notes: [made.notes, notes, rising].concat(),
-        stages: [made.stages, vec![GridStage::since("water", begun)]].concat(),
+        stages: [made.stages, vec![GridStage::since("water", copy_start)]].concat(),
         ..made
     };
     report.run.wall_seconds = start.elapsed().as_secs_f64();

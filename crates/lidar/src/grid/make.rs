@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::blocks::CellBlocks;
-use super::budget::GridBudget;
+use super::budget::{GridBudget, GridWorkload};
 use super::extent::GridExtent;
 use super::heights::HeightSource;
 use super::job::GridJob;
@@ -38,11 +38,10 @@ pub fn run(job: &GridJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Gr
     let start = Instant::now();
     let cloud = cloud::source(&job.input, &job.reading())?;
     let opened = GridStage::since("open", start);
-    let make = |resources| {
+    let mut report = with_polygons(&job.cloud, &job.resources, |resources| {
         let job = GridJob { resources, ..job.clone() };
         GridMaker::of_whole(&*cloud, &job, progress, cancel)?.make()
-    };
-    let mut report = with_polygons(&job.cloud, &job.resources, make)?;
+    })?;
     report.run.memory_budget = job.resources.memory;
     let stages = [vec![opened], report.stages].concat();
     report.run.wall_seconds = start.elapsed().as_secs_f64();
@@ -93,8 +92,8 @@ impl<'a> GridMaker<'a> {
 
     /// Makes and writes it from the whole point cloud.
     pub(super) fn make(&self) -> Result<GridReport> {
-        let more = || Error::new(ErrorKind::Internal, "the whole point cloud did not suffice");
-        self.try_make()?.ok_or_else(more)
+        self.try_make()?
+            .ok_or_else(|| Error::new(ErrorKind::Internal, "the whole point cloud did not suffice"))
     }
 
     /// Makes and writes it; `None` if the points `within` do not suffice for some cell.
@@ -108,15 +107,15 @@ impl<'a> GridMaker<'a> {
         let mut sink = format.create(&job.output, &info, &job.write_options())?;
         let parts = self.parts();
         let count = parts.iter().map(|part| self.points.points_of(*part)).sum();
+        let work = GridWorkload { format, sink: sink.as_ref(), extent, recipe: &recipe };
         if job.preset.is_some() {
             let least = surface_model::least(job, self.points.info(), self.seen);
-            GridBudget::check(&job.resources, format, (sink.as_ref(), extent, &recipe), least)?;
+            GridBudget::check(&job.resources, work, least)?;
         }
-        let budget =
-            GridBudget::divide(&job.resources, format, sink.as_ref(), extent, &recipe, count)?;
+        let budget = GridBudget::divide(&job.resources, work, count)?;
         let blocks = CellBlocks::new(&recipe, extent, &budget, job.spill_folder());
         let columns = columns.as_deref();
-        let feed = CloudReader {
+        let reader = CloudReader {
             source: self.points,
             columns,
             parts,
@@ -124,9 +123,9 @@ impl<'a> GridMaker<'a> {
             recipe: &recipe,
             blocks: &blocks,
         };
-        let (fed, heights) = self.gather(&feed, budget.threads, budget.points)?;
+        let (outcome, heights) = self.gather(&reader, budget.threads, budget.points)?;
         let accumulated = GridStage::since("points", start);
-        let begun = Instant::now();
+        let write_start = Instant::now();
         let (units, max_edge) = (self.units(), job.max_edge);
         let finished = FinishedGrid { blocks: &blocks, extent, units, heights, max_edge };
         let bands = CellBands { cells: &finished, bands: recipe.bands(), info: &info };
@@ -136,24 +135,24 @@ impl<'a> GridMaker<'a> {
         }
         let valid = valid?;
         cancel.check()?;
-        let through = finished.heights.as_ref().map_or(0, HeightSource::spilled_bytes);
-        let made_of = finished.heights.as_ref().map_or(&[][..], HeightSource::notes).to_vec();
-        let notes = [extent.notes.clone(), made_of, sink.notes()].concat();
+        let spilled = finished.heights.as_ref().map_or(0, HeightSource::spilled_bytes);
+        let of_points = finished.heights.as_ref().map_or(&[][..], HeightSource::notes).to_vec();
+        let notes = [extent.notes.clone(), of_points, sink.notes()].concat();
         let output_bytes = sink.finish()?;
         let mut losses = LostPoints::of(self.points);
         finished.heights.iter().filter_map(HeightSource::losses).for_each(|more| losses.add(more));
         Ok(Some(GridReport {
-            points: fed.census,
+            points: outcome.census,
             losses,
-            outside_grid: fed.outside,
+            outside_grid: outcome.outside,
             bands: bands.reports(&valid),
             notes,
             output_bytes,
-            points_per_second: fed.census.read as f64 / accumulated.seconds,
-            stages: vec![accumulated, GridStage::since("write", begun)],
+            points_per_second: outcome.census.read as f64 / accumulated.seconds,
+            stages: vec![accumulated, GridStage::since("write", write_start)],
             run: RunStatistics::since(start, &job.resources)
                 .with_threads(budget.threads)
-                .with_spilled(blocks.spilled_bytes() + through),
+                .with_spilled(blocks.spilled_bytes() + spilled),
             ..report(job, &info, extent)
         }))
     }
@@ -175,7 +174,7 @@ impl<'a> GridMaker<'a> {
     /// Reads the points; surfaces may store `memory` bytes of them.
     fn gather(
         &self,
-        feed: &CloudReader<'_>,
+        reader: &CloudReader<'_>,
         threads: usize,
         memory: u64,
     ) -> Result<(ReadOutcome, Option<HeightSource>)> {
@@ -187,16 +186,16 @@ impl<'a> GridMaker<'a> {
             let making =
                 Making { job, extent, reading, threads, memory, points, part, progress, cancel };
             let model = PreparedSurfaceModel::new(preset, points.info(), &making)?;
-            let fed = ReadOutcome { census: model.census, outside: 0 };
-            return Ok((fed, Some(HeightSource::Model(Box::new(model)))));
+            let outcome = ReadOutcome { census: model.census, outside: 0 };
+            return Ok((outcome, Some(HeightSource::Model(Box::new(model)))));
         }
-        let limits = || self.within.map(|near| PointStoreCoverage::new(points, near.window()));
         let store = (memory > 0).then(|| {
-            PointStore::empty(tiling(points.info()), job.spill_folder(), memory).limited(limits())
+            let limits = self.within.map(|near| PointStoreCoverage::new(points, near.window()));
+            PointStore::empty(tiling(points.info()), job.spill_folder(), memory).limited(limits)
         });
-        let fed = feed.run(store.as_ref(), threads, progress, cancel)?;
+        let outcome = reader.run(store.as_ref(), threads, progress, cancel)?;
         let surfaces = store.map(|store| CloudSurfaces::new(store, points.info().frame));
-        Ok((fed, surfaces.transpose()?.map(Box::new).map(HeightSource::Surfaces)))
+        Ok((outcome, surfaces.transpose()?.map(Box::new).map(HeightSource::Surfaces)))
     }
 
     fn units(&self) -> CellUnits {
@@ -207,10 +206,7 @@ impl<'a> GridMaker<'a> {
 
 /// The report before the grid is made.
 pub(super) fn report(job: &GridJob, info: &GridInfo, extent: &GridExtent) -> GridReport {
-    let [west, y, cell_x, cell_y] = {
-        let t = info.transform;
-        [t.x0 - 0.5 * t.a, t.y0 - 0.5 * t.e, t.a, -t.e]
-    };
+    let t = info.transform;
     GridReport {
         input: job.input.join(", "),
         output: job.output.display().to_string(),
@@ -218,8 +214,8 @@ pub(super) fn report(job: &GridJob, info: &GridInfo, extent: &GridExtent) -> Gri
         width: info.width,
         height: info.height,
         cells: u64::from(info.width) * u64::from(info.height),
-        cell: [cell_x, cell_y],
-        corner: [west, y],
+        cell: [t.a, -t.e],
+        corner: [t.x0 - 0.5 * t.a, t.y0 - 0.5 * t.e],
         crs: info.crs.label(),
         vertical_unit: info.crs.vertical_unit.clone(),
         sample_type: info.sample_type.name().to_owned(),

@@ -51,8 +51,8 @@ impl CloudSurfaces {
         out: &mut [f64],
     ) -> Result<()> {
         let shape = match statistic.shape() {
-            Some(SurfaceInterpolation::Linear { max_edge: own }) => {
-                SurfaceInterpolation::Linear { max_edge: own.or(piece.max_edge) }
+            Some(SurfaceInterpolation::Linear { max_edge }) => {
+                SurfaceInterpolation::Linear { max_edge: max_edge.or(piece.max_edge) }
             }
             Some(SurfaceInterpolation::Natural) => SurfaceInterpolation::Natural,
             None => return Ok(()),
@@ -72,11 +72,10 @@ impl CloudSurfaces {
         points: &[Point],
         mut each: impl FnMut(&Point, Option<f64>),
     ) -> Result<()> {
-        let site = |p: &Point| [p.x, p.y];
-        let Some(window) = SiteWindow::of(points.iter().map(site)) else { return Ok(()) };
+        let (sites, mut left) = (points.iter().map(|p| [p.x, p.y]), points.iter());
+        let Some(window) = SiteWindow::of(sites.clone()) else { return Ok(()) };
         let mut around = SurroundingPoints::new(&self.store, window)?;
-        let (positions, mut left) =
-            (points.iter().map(|p| FixedPosition::of(site(p))), points.iter());
+        let positions = sites.map(FixedPosition::of);
         around.find_all(&self.hull, positions, |position, found| {
             let height = match found {
                 Location::At(point) => Some(f64::from(point.z)),

@@ -124,7 +124,7 @@ impl GridOptions {
             (self.dsm, SurfaceModel::Dsm),
             (self.chm, SurfaceModel::Chm),
         ];
-        presets.into_iter().find(|(wanted, _)| *wanted).map(|(_, preset)| preset)
+        presets.into_iter().find(|(is_given, _)| *is_given).map(|(_, preset)| preset)
     }
 
     /// The job on some files.

@@ -11,8 +11,12 @@ pub(super) struct ReadQueue(Vec<Mutex<Range<usize>>>);
 impl ReadQueue {
     /// `parts` parts for at least one thread.
     pub(super) fn new(parts: usize, threads: usize) -> Self {
-        let start = |thread: usize| (parts as u128 * thread as u128 / threads as u128) as usize;
-        Self((0..threads).map(|thread| Mutex::new(start(thread)..start(thread + 1))).collect())
+        let ranges = (0..threads).map(|thread| {
+            let [start, end] = [thread, thread + 1]
+                .map(|thread| (parts as u128 * thread as u128 / threads as u128) as usize);
+            Mutex::new(start..end)
+        });
+        Self(ranges.collect())
     }
 
     /// The next part for `thread`.

@@ -45,23 +45,26 @@ impl CloudReader<'_> {
         progress.begin("points", self.parts.iter().map(|part| self.source.points_of(*part)).sum());
         let queue = ReadQueue::new(self.parts.len(), threads);
         let failed = AtomicBool::new(false);
-        let work = |thread| {
-            let worker = GridReadWorker::new(self, store);
-            let fed = self.work(worker, &queue, thread, &failed, (progress, cancel));
-            failed.fetch_or(fed.is_err(), Ordering::Relaxed);
-            fed
-        };
         let all: Result<Vec<ReadOutcome>> = std::thread::scope(|scope| {
-            let work = &work;
-            let workers: Vec<_> = (0..threads).map(|t| scope.spawn(move || work(t))).collect();
+            let (queue, failed) = (&queue, &failed);
+            let workers = (0..threads).map(|thread| {
+                scope.spawn(move || {
+                    let worker = GridReadWorker::new(self, store);
+                    let outcome = self.work(worker, queue, thread, failed, progress, cancel);
+                    failed.fetch_or(outcome.is_err(), Ordering::Relaxed);
+                    outcome
+                })
+            });
+            // All are started before the first is waited for.
+            let workers: Vec<_> = workers.collect();
             let joined = workers.into_iter().map(|worker| worker.join());
             joined.map(|end| end.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
         });
         progress.end();
         let mut sum = ReadOutcome::default();
-        for fed in all? {
-            sum.census.add(&fed.census);
-            sum.outside += fed.outside;
+        for outcome in all? {
+            sum.census.add(&outcome.census);
+            sum.outside += outcome.outside;
         }
         Ok(sum)
     }
@@ -72,7 +75,8 @@ impl CloudReader<'_> {
         queue: &ReadQueue,
         thread: usize,
         failed: &AtomicBool,
-        (progress, cancel): (&dyn Progress, &Cancel),
+        progress: &dyn Progress,
+        cancel: &Cancel,
     ) -> Result<ReadOutcome> {
         let mut census = ReturnCounts::default();
         while let Some(part) = queue.take(thread).filter(|_| !failed.load(Ordering::Relaxed)) {
@@ -106,16 +110,17 @@ struct GridReadWorker<'a> {
 }
 
 impl<'a> GridReadWorker<'a> {
-    fn new(feed: &'a CloudReader<'a>, store: Option<&'a PointStore>) -> Self {
-        let (names, frame) = (feed.recipe.attributes(), feed.source.info().frame);
-        let lane = |(number, subject): (usize, &terrane_gridding::Subject)| {
+    fn new(reader: &'a CloudReader<'a>, store: Option<&'a PointStore>) -> Self {
+        let CloudReader { source, recipe, extent, blocks, .. } = *reader;
+        let (names, frame) = (recipe.attributes(), source.info().frame);
+        let lanes = recipe.subjects().iter().enumerate().map(|(number, subject)| {
             let selector =
                 (!subject.is_plain()).then(|| SubjectSelector::new(subject, &names, &frame));
-            (selector, BandInput::new((feed.recipe, number), feed.extent, feed.blocks))
-        };
-        let lanes: Vec<_> = feed.recipe.subjects().iter().enumerate().map(lane).collect();
+            (selector, BandInput::new(recipe, number, extent, blocks))
+        });
+        let lanes: Vec<_> = lanes.collect();
         let is_apart = !lanes.is_empty() && lanes.iter().all(|(selector, _)| selector.is_some());
-        let apart = is_apart.then(|| OutsideCounter::new(feed.extent));
+        let apart = is_apart.then(|| OutsideCounter::new(extent));
         Self { store, lanes, selected: SelectedPoints::default(), apart }
     }
 
@@ -135,8 +140,8 @@ impl<'a> GridReadWorker<'a> {
 
     /// Points in no cell that is written.
     fn outside(&self) -> u64 {
-        let whole = self.lanes.iter().find(|(selector, _)| selector.is_none());
+        let unselective = self.lanes.iter().find(|(selector, _)| selector.is_none());
         let apart = self.apart.as_ref().map_or(0, |outside| outside.count);
-        whole.map_or(apart, |(_, lane)| lane.outside)
+        unselective.map_or(apart, |(_, lane)| lane.outside)
     }
 }

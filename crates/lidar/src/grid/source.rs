@@ -61,11 +61,8 @@ impl CellBands<'_> {
     }
 
     pub(super) fn reports(&self, valid: &[u64]) -> Vec<GridBandReport> {
-        let report = |(band, &valid): (&StatisticBand, &u64)| GridBandReport {
-            name: band.label.clone(),
-            valid,
-        };
-        self.bands.iter().zip(valid).map(report).collect()
+        let bands = self.bands.iter().zip(valid);
+        bands.map(|(band, &valid)| GridBandReport { name: band.label.clone(), valid }).collect()
     }
 }
 
@@ -123,13 +120,13 @@ impl FinishedGrid<'_> {
         let around = Rect::new(rect.col - reach, rect.row - reach, width, height);
         let mut values = vec![0.0; around.len()];
         self.unfilled(band, around, &mut values)?;
-        let mut own = vec![0.0; rect.len()];
-        self.unfilled(band, rect, &mut own)?;
+        let mut unfilled = vec![0.0; rect.len()];
+        self.unfilled(band, rect, &mut unfilled)?;
         void_beyond(&mut values, around, self.extent.known);
         // A cell outside the cloud's bounds is no source, but keeps its own value.
         fill(&values, around, rect, reach, out);
-        let known = out.iter_mut().zip(own).filter(|(_, own)| !own.is_nan());
-        known.for_each(|(out, own)| *out = own);
+        let known = out.iter_mut().zip(unfilled).filter(|(_, value)| !value.is_nan());
+        known.for_each(|(out, value)| *out = value);
         Ok(())
     }
 }
@@ -187,8 +184,8 @@ impl<'a> BandSource<'a> {
 
     fn narrow(&self, values: &[f64], out: &mut [f32]) -> Result<()> {
         let is_count = self.band().statistic.is_whole();
-        if is_count && let Some(most) = values.iter().find(|count| **count > EXACT) {
-            return Err(Error::usage(format!("a count of {most} is not exact in float32"))
+        if is_count && let Some(inexact) = values.iter().find(|count| **count > EXACT) {
+            return Err(Error::usage(format!("a count of {inexact} is not exact in float32"))
                 .remedy("pass ‹type› float64"));
         }
         out.iter_mut().zip(values).for_each(|(out, value)| *out = *value as f32);
@@ -197,8 +194,8 @@ impl<'a> BandSource<'a> {
 
     fn tally(&self, values: &[f64]) {
         let counts = self.band().counts();
-        let void = |value: &f64| value.is_nan() || (counts && *value == 0.0);
-        let valid = values.iter().filter(|value| !void(value)).count();
+        let valid = values.iter().filter(|value| !value.is_nan() && (!counts || **value != 0.0));
+        let valid = valid.count();
         self.valid.fetch_add(valid as u64, Ordering::Relaxed);
     }
 }

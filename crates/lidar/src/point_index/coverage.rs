@@ -88,11 +88,11 @@ impl PointStoreCoverage {
 
 /// The parts that may have points in a window.
 pub(crate) fn parts_in(source: &dyn PointSource, window: &SiteWindow) -> Vec<usize> {
-    let touches = |part: &usize| {
+    let parts = (0..source.parts()).filter(|part| {
         let bounds = source.bounds_of(*part);
         bounds.is_some_and(|bounds| across(bounds).intersection(window).is_some())
-    };
-    (0..source.parts()).filter(touches).collect()
+    });
+    parts.collect()
 }
 
 /// The window between two points.

@@ -46,11 +46,11 @@ pub(crate) struct ColumnRowRange {
 }
 
 impl ColumnRowPositions<'_> {
-    /// Divides the positions into parts with at most `most` points near each; calls back with each part and its
-    /// window.
+    /// Divides the positions into parts with at most `max_points` points near each; calls back with each part and
+    /// its window.
     pub(crate) fn in_parts(
         self,
-        most: u64,
+        max_points: u64,
         points_near: impl Fn(SiteWindow) -> u64,
         mut each: impl FnMut(&ColumnRowRange, SiteWindow) -> Result<()>,
     ) -> Result<()> {
@@ -58,7 +58,7 @@ impl ColumnRowPositions<'_> {
         while let Some(part) = parts.pop() {
             let Some(window) = window(self, &part) else { continue };
             match part.halves() {
-                Some(halves) if points_near(window) > most => parts.extend(halves),
+                Some(halves) if points_near(window) > max_points => parts.extend(halves),
                 _ => each(&part, window)?,
             }
         }
@@ -69,16 +69,14 @@ impl ColumnRowPositions<'_> {
 impl ColumnRowRange {
     /// Two halves along the longer side, `None` for a single position.
     fn halves(&self) -> Option<[Self; 2]> {
-        let half = |range: &Range<usize>| range.start + range.len().div_ceil(2);
         let Self { cols, rows } = self.clone();
+        let [col, row] = [&cols, &rows].map(|range| range.start + range.len().div_ceil(2));
         if cols.len() >= rows.len() && cols.len() > 1 {
-            let half = half(&cols);
-            let right = Self { cols: half..cols.end, rows: rows.clone() };
-            return Some([Self { cols: cols.start..half, rows }, right]);
+            let right = Self { cols: col..cols.end, rows: rows.clone() };
+            return Some([Self { cols: cols.start..col, rows }, right]);
         }
-        let half = half(&rows);
-        let below = Self { cols: cols.clone(), rows: half..rows.end };
-        (rows.len() > 1).then_some([Self { cols, rows: rows.start..half }, below])
+        let below = Self { cols: cols.clone(), rows: row..rows.end };
+        (rows.len() > 1).then_some([Self { cols, rows: rows.start..row }, below])
     }
 }
 
@@ -86,12 +84,15 @@ impl InterpolatedSurface<'_> {
     /// World heights at the positions, row by row; NaN outside the surface. A value depends on the points and
     /// its position only.
     pub(crate) fn fill(&self, at: ColumnRowPositions<'_>, out: &mut [f64]) -> Result<()> {
-        let near = |window| self.store.points_near(window);
-        let most = match self.shape {
+        let max_points = match self.shape {
             SurfaceInterpolation::Linear { .. } => MAX_POINTS,
             SurfaceInterpolation::Natural => MAX_TRIANGULATED,
         };
-        at.in_parts(most, near, |part, window| self.fill_part(at, part, window, out))
+        at.in_parts(
+            max_points,
+            |window| self.store.points_near(window),
+            |part, window| self.fill_part(at, part, window, out),
+        )
     }
 
     fn fill_part(
@@ -102,49 +103,46 @@ impl InterpolatedSurface<'_> {
         out: &mut [f64],
     ) -> Result<()> {
         let mut around = SurroundingPoints::new(self.store, window.grown(self.margin()))?;
-        let cells =
-            || part.rows.clone().flat_map(|row| part.cols.clone().map(move |col| (col, row)));
-        let positions = cells().map(|(col, row)| FixedPosition::from_steps(at.xs[col], at.ys[row]));
-        let mut places = cells().map(|(col, row)| row * at.xs.len() + col);
-        let mut place = || places.next().unwrap_or_default();
+        let rows = part.rows.clone();
+        let cells = rows.flat_map(|row| part.cols.clone().map(move |col| (col, row)));
+        let positions =
+            cells.clone().map(|(col, row)| FixedPosition::from_steps(at.xs[col], at.ys[row]));
+        let mut places = cells.map(|(col, row)| row * at.xs.len() + col);
         match self.shape {
             SurfaceInterpolation::Linear { max_edge } => {
-                let each = |position: FixedPosition, found: Location| {
-                    out[place()] = self.height(position, found, max_edge);
+                let is_surface = |corners: &[Point; 3]| self.is_surface(corners, max_edge);
+                let take = |position: FixedPosition, found: Location| {
+                    out[places.next().unwrap_or_default()] = self.height(position, found, max_edge);
                 };
-                let is_short =
-                    |corners: &[Point; 3]| max_edge.is_none_or(|most| self.is_short(corners, most));
-                match max_edge.filter(|_| self.store.limits.is_some()) {
-                    None => around.find_all_small(self.hull, positions, is_short, each),
-                    Some(most) => {
-                        around.find_small(self.hull, positions, self.reach(most), is_short, each)
+                match self.longest() {
+                    None => around.find_all_small(self.hull, positions, is_surface, take),
+                    Some(longest) => {
+                        let reach = reach(&self.frame, longest);
+                        around.find_small(self.hull, positions, reach, is_surface, take)
                     }
                 }
             }
             SurfaceInterpolation::Natural => {
                 around.natural(self.hull, window, positions, |steps| {
-                    out[place()] = steps.map_or(f64::NAN, |steps| self.world(steps));
+                    out[places.next().unwrap_or_default()] =
+                        steps.map_or(f64::NAN, |steps| self.world(steps));
                 })
             }
+        }
+    }
+
+    /// The longest valid edge, if longer ones can be rejected locally: with a part of the point cloud.
+    fn longest(&self) -> Option<f64> {
+        match self.shape {
+            SurfaceInterpolation::Linear { max_edge } if self.store.limits.is_some() => max_edge,
+            _ => None,
         }
     }
 
     /// Margin of the first window around the positions, in steps. With a part of the point cloud, it covers the
     /// longest valid edge, so that longer ones are rejected locally.
     fn margin(&self) -> i32 {
-        match self.shape {
-            SurfaceInterpolation::Linear { max_edge: Some(most) }
-                if self.store.limits.is_some() =>
-            {
-                self.reach(most)
-            }
-            _ => 0,
-        }
-    }
-
-    /// Steps along an edge of `most` world units, at most.
-    fn reach(&self, most: f64) -> i32 {
-        reach(&self.frame, most)
+        self.longest().map_or(0, |longest| reach(&self.frame, longest))
     }
 
     fn world(&self, steps: f64) -> f64 {
@@ -154,19 +152,17 @@ impl InterpolatedSurface<'_> {
     fn height(&self, position: FixedPosition, found: Location, max_edge: Option<f64>) -> f64 {
         match found {
             Location::At(point) => self.world(f64::from(point.z)),
-            Location::Triangle(corners)
-                if max_edge.is_none_or(|most| self.is_short(&corners, most)) =>
-            {
+            Location::Triangle(corners) if self.is_surface(&corners, max_edge) => {
                 self.world(interpolate(&corners, position))
             }
             Location::Triangle(_) | Location::Outside => f64::NAN,
         }
     }
 
-    /// True when no edge of a triangle is longer than `most` world units.
-    fn is_short(&self, corners: &[Point; 3], most: f64) -> bool {
+    /// True when no edge of a triangle is longer than `max_edge` world units.
+    fn is_surface(&self, corners: &[Point; 3], max_edge: Option<f64>) -> bool {
         let [x, y, _] = self.frame.scale;
-        is_short(corners, [x, y], most)
+        max_edge.is_none_or(|longest| is_short(corners, [x, y], longest))
     }
 }
 
@@ -179,9 +175,8 @@ pub(crate) fn reach(frame: &PointFrame, length: f64) -> i32 {
 /// The window of the positions of a part.
 fn window(at: ColumnRowPositions<'_>, part: &ColumnRowRange) -> Option<SiteWindow> {
     let (xs, ys) = (at.xs.get(part.cols.clone())?, at.ys.get(part.rows.clone())?);
-    let site = |x: f64, y: f64| FixedPosition::from_steps(x, y).floor();
-    let low = site(*xs.first()?, *ys.last()?);
-    let high = site(*xs.last()?, *ys.first()?);
+    let low = FixedPosition::from_steps(*xs.first()?, *ys.last()?).floor();
+    let high = FixedPosition::from_steps(*xs.last()?, *ys.first()?).floor();
     Some(SiteWindow { low, high }.grown(1))
 }
 

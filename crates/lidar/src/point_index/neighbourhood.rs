@@ -22,17 +22,17 @@ pub(crate) struct SurroundingPoints<'a> {
     /// Points beyond it, by tile.
     beyond: Vec<(usize, PointBins)>,
     /// Tiles that the last query lacked.
-    wanted: RefCell<Vec<usize>>,
+    missing: RefCell<Vec<usize>>,
 }
 
 impl<'a> SurroundingPoints<'a> {
     /// The points of the tiles that `window` touches.
     pub(crate) fn new(store: &'a PointStore, window: SiteWindow) -> Result<Self> {
-        let squares = || store.tiling().touching(window);
-        let windows = squares().map(|square| store.tiling().window_of(square));
-        let known = windows.reduce(|all, one| all.union(&one)).unwrap_or(window);
-        let bins = binned(store, squares())?;
-        Ok(Self { store, bins, known, beyond: Vec::new(), wanted: RefCell::default() })
+        let tiling = store.tiling();
+        let windows = tiling.touching(window).map(|square| tiling.window_of(square));
+        let known = windows.reduce(|all, window| all.union(&window)).unwrap_or(window);
+        let bins = binned(store, tiling.touching(window))?;
+        Ok(Self { store, bins, known, beyond: Vec::new(), missing: RefCell::default() })
     }
 
     /// The location of each position in the triangulation, in order.
@@ -65,7 +65,7 @@ impl<'a> SurroundingPoints<'a> {
                 left.next();
             }
             // At least one square is new in each round, so this ends.
-            self.take_in()?;
+            self.load_missing()?;
         }
         Ok(())
     }
@@ -105,7 +105,7 @@ impl<'a> SurroundingPoints<'a> {
                 each(position, found);
                 left.next();
             }
-            self.take_in()?;
+            self.load_missing()?;
         }
         Ok(())
     }
@@ -134,17 +134,17 @@ impl<'a> SurroundingPoints<'a> {
                 each(height);
                 left.next();
             }
-            self.take_in()?;
+            self.load_missing()?;
         }
         Ok(())
     }
 
     /// Loads the tiles that the last query lacked, or the nearest of them.
-    fn take_in(&mut self) -> Result<()> {
-        let mut wanted = self.wanted.take();
+    fn load_missing(&mut self) -> Result<()> {
+        let mut missing = self.missing.take();
         // The nearest first, in an order that nothing but the squares decides; they may settle what the others were for.
-        wanted.sort_by_key(|&square| (self.steps_to(square), square));
-        for &square in wanted.iter().take(AT_ONCE) {
+        missing.sort_by_key(|&square| (self.steps_to(square), square));
+        for &square in missing.iter().take(AT_ONCE) {
             self.beyond.push((square, binned(self.store, [square].into_iter())?));
         }
         Ok(())
@@ -153,11 +153,12 @@ impl<'a> SurroundingPoints<'a> {
     /// Distance of a tile from the window, along the axis where it is larger.
     fn steps_to(&self, square: usize) -> i64 {
         let there = self.store.tiling().window_of(square);
-        let gap = |a: i32, b: i32| i64::from(a) - i64::from(b);
-        let apart = |i: usize| {
-            gap(there.low[i], self.known.high[i]).max(gap(self.known.low[i], there.high[i])).max(0)
-        };
-        apart(0).max(apart(1))
+        let gaps = [0, 1].map(|axis| {
+            let before = i64::from(self.known.low[axis]) - i64::from(there.high[axis]);
+            let after = i64::from(there.low[axis]) - i64::from(self.known.high[axis]);
+            before.max(after).max(0)
+        });
+        gaps[0].max(gaps[1])
     }
 
     /// Records that a query depends on an empty circle.
@@ -210,7 +211,7 @@ impl PointIndex for SurroundingPoints<'_> {
 
     fn extent(&self) -> SiteWindow {
         let windows = self.beyond.iter().map(|(_, bins)| bins.window());
-        windows.fold(self.bins.window(), |all, one| all.union(&one))
+        windows.fold(self.bins.window(), |all, window| all.union(&window))
     }
 
     fn certify(&self, disc: &CircumscribedDisc) -> std::result::Result<(), NeededWindow> {
@@ -218,11 +219,11 @@ impl PointIndex for SurroundingPoints<'_> {
             self.note(disc);
             return Ok(());
         }
-        let mut wanted = self.wanted.borrow_mut();
-        wanted.clear();
-        wanted.extend(self.store.squares_in(*disc).filter(|&square| !self.is_loaded(square)));
-        let windows = wanted.iter().map(|&square| self.store.tiling().window_of(square));
-        match windows.reduce(|all, one| all.union(&one)) {
+        let mut missing = self.missing.borrow_mut();
+        missing.clear();
+        missing.extend(self.store.squares_in(*disc).filter(|&square| !self.is_loaded(square)));
+        let windows = missing.iter().map(|&square| self.store.tiling().window_of(square));
+        match windows.reduce(|all, window| all.union(&window)) {
             Some(window) => Err(NeededWindow(window)),
             None => {
                 self.note(disc);

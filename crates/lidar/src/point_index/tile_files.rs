@@ -97,14 +97,14 @@ impl PointTileIndexes {
     /// # Errors
     /// Damaged files.
     pub(crate) fn open(files: impl IntoIterator<Item = (PathBuf, Digest)>) -> Result<Self> {
-        let mut shelves = Self::default();
+        let mut indexes = Self::default();
         for (path, digest) in files {
-            let number = shelves.files.len() as u32;
-            shelves.entries.extend(index(&path, digest, number)?);
-            shelves.files.push(path);
+            let number = indexes.files.len() as u32;
+            indexes.entries.extend(index(&path, digest, number)?);
+            indexes.files.push(path);
         }
-        shelves.entries.sort_by_key(|entry| (entry.square, entry.file));
-        Ok(shelves)
+        indexes.entries.sort_by_key(|entry| (entry.square, entry.file));
+        Ok(indexes)
     }
 
     /// Tiles with points and their summaries; a tile is listed once for each file that has points of it.
@@ -129,11 +129,9 @@ impl PointTileIndexes {
 
     fn points_of(&self, entry: &PointTileIndexEntry) -> Result<Vec<Point>> {
         let path = &self.files[entry.file as usize];
-        let fail = |e: io::Error| Error::read(path, e);
         let mut bytes = vec![0; (entry.summary.count * POINT) as usize];
-        let mut file = File::open(path).map_err(fail)?;
-        file.seek(SeekFrom::Start(entry.start)).map_err(fail)?;
-        file.read_exact(&mut bytes).map_err(fail)?;
+        let read = File::open(path).and_then(|file| read_at(file, entry.start, &mut bytes));
+        read.map_err(|e| Error::read(path, e))?;
         if Digest::of(&bytes) != entry.digest {
             return Err(damaged_object(path));
         }
@@ -144,41 +142,49 @@ impl PointTileIndexes {
 
 /// Reads the index of a file.
 fn index(path: &Path, digest: Digest, number: u32) -> Result<Vec<PointTileIndexEntry>> {
-    let (fail, damaged) = (|e: io::Error| Error::read(path, e), || damaged_object(path));
-    let mut file = File::open(path).map_err(fail)?;
-    let length = file.metadata().map_err(fail)?.len();
-    let end = length.checked_sub(8).ok_or_else(damaged)?;
-    let mut count = [0; 8];
-    file.seek(SeekFrom::Start(end)).map_err(fail)?;
-    file.read_exact(&mut count).map_err(fail)?;
-    let size = u64::from_le_bytes(count).checked_mul(ENTRY).filter(|size| *size <= end);
-    let size = size.ok_or_else(damaged)?;
-    let mut bytes = vec![0; size as usize];
-    file.seek(SeekFrom::Start(end - size)).map_err(fail)?;
-    file.read_exact(&mut bytes).map_err(fail)?;
+    let bytes = index_bytes(path).map_err(|e| Error::read(path, e))?;
+    let (bytes, end) = bytes.ok_or_else(|| damaged_object(path))?;
     if Digest::of(&bytes) != digest {
-        return Err(damaged());
+        return Err(damaged_object(path));
     }
-    let mut start = 0;
-    let entries = bytes.chunks_exact(ENTRY as usize).map(|bytes| {
-        let entry = entry(bytes, (number, start));
+    let (mut entries, mut start) = (Vec::new(), 0);
+    for bytes in bytes.chunks_exact(ENTRY as usize) {
+        let entry = entry(bytes, number, start);
         start += entry.summary.count * POINT;
-        entry
-    });
-    let entries: Vec<PointTileIndexEntry> = entries.collect();
-    if start == end - size { Ok(entries) } else { Err(damaged()) }
+        entries.push(entry);
+    }
+    if start == end { Ok(entries) } else { Err(damaged_object(path)) }
 }
 
-fn entry(bytes: &[u8], (file, start): (u32, u64)) -> PointTileIndexEntry {
-    let (numbers, digest) = bytes.split_at(ENTRY as usize - Digest::BYTES);
-    let mut numbers = words(numbers);
-    let mut next = || numbers.next().unwrap_or_default();
-    let [square, count] = [next(), next()].map(i32::cast_unsigned);
-    let window = SiteWindow { low: [next(), next()], high: [next(), next()] };
-    let summary =
-        TileSummary { count: u64::from(count), window, lowest: Point::new(next(), next(), next()) };
+/// The bytes of the index of a file, and where it begins; `None` if it does not fit into the file.
+fn index_bytes(path: &Path) -> io::Result<Option<(Vec<u8>, u64)>> {
+    let file = File::open(path)?;
+    let Some(end) = file.metadata()?.len().checked_sub(8) else { return Ok(None) };
+    let mut count = [0; 8];
+    read_at(&file, end, &mut count)?;
+    let size = u64::from_le_bytes(count).checked_mul(ENTRY);
+    let Some(start) = size.and_then(|size| end.checked_sub(size)) else { return Ok(None) };
+    let mut bytes = vec![0; (end - start) as usize];
+    read_at(&file, start, &mut bytes)?;
+    Ok(Some((bytes, start)))
+}
+
+fn read_at(mut file: impl Read + Seek, start: u64, bytes: &mut [u8]) -> io::Result<()> {
+    file.seek(SeekFrom::Start(start))?;
+    file.read_exact(bytes)
+}
+
+fn entry(bytes: &[u8], file: u32, start: u64) -> PointTileIndexEntry {
+    let (bytes, digest) = bytes.split_at(ENTRY as usize - Digest::BYTES);
+    let mut numbers = [0; 9];
+    numbers.iter_mut().zip(words(bytes)).for_each(|(number, word)| *number = word);
+    let [square, count, west, south, east, north, x, y, z] = numbers;
+    let window = SiteWindow { low: [west, south], high: [east, north] };
+    let count = u64::from(count.cast_unsigned());
+    let summary = TileSummary { count, window, lowest: Point::new(x, y, z) };
     let mut of = [0; Digest::BYTES];
     of.copy_from_slice(digest);
+    let square = square.cast_unsigned();
     PointTileIndexEntry { square, file, start, digest: Digest(of), summary }
 }
 
@@ -209,13 +215,13 @@ mod tests {
             written(&at("b"), (0..40).step_by(3)),
             written(&at("c"), 0..0),
         ];
-        let shelves = PointTileIndexes::open(all).unwrap();
+        let indexes = PointTileIndexes::open(all).unwrap();
         for number in 0..45 {
             let times = [2, 3].iter().filter(|step| number < 40 && number % **step == 0).count();
             let mut found = Vec::new();
-            shelves.read(number as usize, |run| found.extend_from_slice(run)).unwrap();
+            indexes.read(number as usize, |run| found.extend_from_slice(run)).unwrap();
             assert_eq!(found, square(number).repeat(times), "{number}");
-            let known = shelves.squares().filter(|(square, _)| *square == number as usize);
+            let known = indexes.squares().filter(|(square, _)| *square == number as usize);
             let known: u64 = known.map(|(_, summary)| summary.count).sum();
             assert_eq!(known, found.len() as u64);
         }
@@ -228,8 +234,8 @@ mod tests {
         let (_, digest) = written(&path, 1..9);
         let sound = std::fs::read(&path).unwrap();
         let read = || -> Result<()> {
-            let shelves = PointTileIndexes::open([(path.clone(), digest)])?;
-            (0..9).try_for_each(|square| shelves.read(square, |_| ()))
+            let indexes = PointTileIndexes::open([(path.clone(), digest)])?;
+            (0..9).try_for_each(|square| indexes.read(square, |_| ()))
         };
         read().unwrap();
         for at in 0..sound.len() {

@@ -22,9 +22,9 @@ pub(crate) struct PointStore {
     tiling: Tiling,
     pub(super) points: Buckets<Point>,
     /// Further points in files.
-    shelves: PointTileIndexes,
+    stored: PointTileIndexes,
     /// Tiles to keep, if not all.
-    wanted: Option<Vec<bool>>,
+    selected: Option<Vec<bool>>,
     summaries: Vec<Mutex<TileSummary>>,
     census: ReturnCounts,
     losses: LostPoints,
@@ -74,17 +74,17 @@ impl PointStore {
         filling: &PointStoreSetup<'_>,
         also: &(dyn Fn(&[Point]) -> Result<()> + Sync),
     ) -> Result<Self> {
-        let add = |points: &[Point]| {
-            also(points)?;
-            self.add(points)
-        };
-        let census = self.read_all(source, filling, &|batch| match filling.within {
-            None => add(batch),
-            Some(window) => {
-                let near: Vec<_> =
-                    batch.iter().filter(|p| window.contains([p.x, p.y])).copied().collect();
-                add(&near)
-            }
+        let census = self.read_all(source, filling, &|batch| {
+            let near: Vec<Point>;
+            let batch = match filling.within {
+                None => batch,
+                Some(window) => {
+                    near = batch.iter().filter(|p| window.contains([p.x, p.y])).copied().collect();
+                    &near
+                }
+            };
+            also(batch)?;
+            self.add(batch)
         })?;
         Ok(Self { census, losses: LostPoints::of(source), ..self })
     }
@@ -101,8 +101,8 @@ impl PointStore {
         Self {
             tiling,
             points,
-            shelves: PointTileIndexes::default(),
-            wanted: None,
+            stored: PointTileIndexes::default(),
+            selected: None,
             summaries,
             census: ReturnCounts::default(),
             losses: LostPoints::default(),
@@ -117,18 +117,18 @@ impl PointStore {
     }
 
     /// The store with further points in files.
-    pub(crate) fn over(self, shelves: PointTileIndexes) -> Self {
-        for (square, summary) in shelves.squares() {
+    pub(crate) fn over(self, stored: PointTileIndexes) -> Self {
+        for (square, summary) in stored.squares() {
             lock(&self.summaries[square]).merge(&summary);
         }
-        Self { shelves, ..self }
+        Self { stored, ..self }
     }
 
     /// The store, keeping only points of these tiles.
     pub(crate) fn only(self, squares: impl Iterator<Item = usize>) -> Self {
-        let mut wanted = vec![false; self.tiling.count()];
-        squares.for_each(|square| wanted[square] = true);
-        Self { wanted: Some(wanted), ..self }
+        let mut selected = vec![false; self.tiling.count()];
+        squares.for_each(|square| selected[square] = true);
+        Self { selected: Some(selected), ..self }
     }
 
     /// True once a query needed points that it does not hold.
@@ -148,20 +148,24 @@ impl PointStore {
             None => (0..source.parts()).collect(),
         };
         filling.progress.begin("read", parts.iter().map(|part| source.points_of(*part)).sum());
-        let part = |found: &mut ReturnCounts, part: u64| {
-            let part = parts[part as usize];
-            FileAt::report_part(filling.progress, source, part);
-            let read = source.read(part, &mut |batch| take(batch))?;
-            found.add(&read);
-            filling.progress.advance(read.read);
-            Ok(())
-        };
-        let finish = |found: ReturnCounts| {
-            lock(&census).add(&found);
-            Ok(())
-        };
-        let count = parts.len() as u64;
-        workers::run(filling.threads, count, filling.cancel, ReturnCounts::default, part, finish)?;
+        workers::run(
+            filling.threads,
+            parts.len() as u64,
+            filling.cancel,
+            ReturnCounts::default,
+            |counts, part| {
+                let part = parts[part as usize];
+                FileAt::report_part(filling.progress, source, part);
+                let read = source.read(part, &mut |batch| take(batch))?;
+                counts.add(&read);
+                filling.progress.advance(read.read);
+                Ok(())
+            },
+            |counts| {
+                lock(&census).add(&counts);
+                Ok(())
+            },
+        )?;
         filling.progress.end();
         Ok(*lock(&census))
     }
@@ -173,7 +177,7 @@ impl PointStore {
         }
         for run in points.chunk_by(|a, b| self.tiling.square_of(*a) == self.tiling.square_of(*b)) {
             let square = self.tiling.square_of(run[0]);
-            if self.wanted.as_ref().is_some_and(|wanted| !wanted[square]) {
+            if self.selected.as_ref().is_some_and(|selected| !selected[square]) {
                 continue;
             }
             lock(&self.summaries[square]).add(run);
@@ -216,7 +220,7 @@ impl PointStore {
 
     /// Reads the points of a tile, a run at a time, in arbitrary order.
     pub(crate) fn visit(&self, square: usize, mut each: impl FnMut(&[Point])) -> Result<()> {
-        self.shelves.read(square, &mut each)?;
+        self.stored.read(square, &mut each)?;
         self.points.read(square, each)
     }
 
@@ -244,15 +248,14 @@ impl PointStore {
         if let Some(outline) = &self.outline {
             return Ok(lock(outline).clone());
         }
-        let summaries = || (0..self.tiling.count()).filter_map(|i| Some((i, self.summary(i)?)));
-        let inner = ConvexHull::of(summaries().map(|(_, summary)| summary.lowest).collect());
+        let summaries = (0..self.tiling.count()).filter_map(|i| Some((i, self.summary(i)?)));
+        let inner = ConvexHull::of(summaries.clone().map(|(_, summary)| summary.lowest).collect());
         let (mut hull, mut points) = (inner.clone(), Vec::new());
-        for (square, TileSummary { window: SiteWindow { low, high }, .. }) in summaries() {
+        for (square, TileSummary { window: SiteWindow { low, high }, .. }) in summaries {
             let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
-            let is_outside =
-                |corner| inner.locate(FixedPosition::of(corner)) == HullLocation::Outside;
+            let locations = corners.map(|corner| inner.locate(FixedPosition::of(corner)));
             // A square with all corners inside the hull of the lowest points has no point of the whole hull.
-            if corners.into_iter().any(is_outside) {
+            if locations.contains(&HullLocation::Outside) {
                 self.load_distinct(square, &mut points)?;
                 hull = hull.merge(&ConvexHull::of(points.clone()));
             }
@@ -308,9 +311,10 @@ fn surround(hull: &Mutex<ConvexHull>, points: &[Point]) {
     // Points are tested against a copy, so threads do not wait for each other. Hulls only grow: an older
     // one lets more points through, never fewer.
     let known = lock(hull).clone();
-    let is_beyond =
-        |p: &&Point| known.locate(FixedPosition::of([p.x, p.y])) != HullLocation::Inside;
-    let beyond = ConvexHull::of(points.iter().filter(is_beyond).copied().collect());
+    let beyond = points
+        .iter()
+        .filter(|p| known.locate(FixedPosition::of([p.x, p.y])) != HullLocation::Inside);
+    let beyond = ConvexHull::of(beyond.copied().collect());
     let mut hull = lock(hull);
     *hull = hull.merge(&beyond);
 }

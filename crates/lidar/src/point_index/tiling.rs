@@ -25,13 +25,14 @@ impl Tiling {
     pub(crate) fn new([low, high]: [Point; 2], points: u64) -> Self {
         let window = SiteWindow { low: [low.x, low.y], high: [high.x, high.y] };
         let extent = [0, 1].map(|i| u64::from(window.high[i].abs_diff(window.low[i])) + 1);
-        let wanted = (points / AVERAGE).clamp(1, MOST);
-        let counts = |side: u64| extent.map(|e| e.div_ceil(side));
-        let mut side = (extent[0] * extent[1] / wanted).isqrt().max(1);
-        while counts(side).iter().product::<u64>() > MOST {
+        let count = (points / AVERAGE).clamp(1, MOST);
+        let mut side = (extent[0] * extent[1] / count).isqrt().max(1);
+        let mut counts = extent.map(|e| e.div_ceil(side));
+        while counts.iter().product::<u64>() > MOST {
             side += side.div_ceil(8);
+            counts = extent.map(|e| e.div_ceil(side));
         }
-        Self { window, side: side as u32, counts: counts(side).map(|n| n as u32) }
+        Self { window, side: side as u32, counts: counts.map(|n| n as u32) }
     }
 
     /// Number of tiles.
@@ -79,8 +80,9 @@ impl Tiling {
         SiteWindow { low, high }: SiteWindow,
     ) -> impl Iterator<Item = usize> + use<> {
         let (tiling, low, high) = (*self, self.tile_of(low), self.tile_of(high));
-        let row = move |row: u32| (low[0]..=high[0]).map(move |col| [col, row]);
-        (low[1]..=high[1]).flat_map(row).map(move |place| tiling.square(place))
+        (low[1]..=high[1])
+            .flat_map(move |row| (low[0]..=high[0]).map(move |col| [col, row]))
+            .map(move |tile| tiling.square(tile))
     }
 
     /// The window of a tile.

@@ -68,6 +68,16 @@ enum AssignOperand {
     Field(PointColumn),
 }
 
+impl AssignOperand {
+    /// The coordinate or the column of a name.
+    fn of(name: &str, format: PointFormat, columns: &[PointColumn]) -> Result<Self> {
+        match AXES.iter().position(|axis| name.eq_ignore_ascii_case(axis)) {
+            Some(axis) => Ok(Self::Axis(axis)),
+            None => column(name, format, columns).map(Self::Field),
+        }
+    }
+}
+
 /// Assignments, in order.
 pub(super) struct AttributeAssigner {
     rulers: [Ruler; 3],
@@ -80,19 +90,17 @@ impl AttributeAssigner {
     /// # Errors
     /// Unknown names.
     pub(super) fn new(
-        asked: &[Assign],
-        (format, columns): (PointFormat, &[PointColumn]),
+        assignments: &[Assign],
+        format: PointFormat,
+        columns: &[PointColumn],
         frame: &PointFrame,
     ) -> Result<Self> {
-        let find = |name: &str| column(name, format, columns);
-        let source = |name: &str| match AXES.iter().position(|axis| name.eq_ignore_ascii_case(axis))
-        {
-            Some(axis) => Ok(AssignOperand::Axis(axis)),
-            None => find(name).map(AssignOperand::Field),
-        };
-        let step =
-            |one: &Assign| -> Result<_> { Ok((find(&one.name)?, one.formula.resolve(source)?)) };
-        let steps = asked.iter().map(step).collect::<Result<_>>()?;
+        let mut steps = Vec::with_capacity(assignments.len());
+        for Assign { name, formula, .. } in assignments {
+            let column = column(name, format, columns)?;
+            let formula = formula.resolve(|name| AssignOperand::of(name, format, columns))?;
+            steps.push((column, formula));
+        }
         Ok(Self { rulers: [0, 1, 2].map(|axis| frame.ruler(axis)), steps })
     }
 

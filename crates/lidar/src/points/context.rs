@@ -30,18 +30,18 @@ pub(super) struct TranslateContext<'a> {
     /// The input, in the frame of the methods.
     pub(super) cloud: &'a CloudInfo,
     /// Properties before reprojection.
-    pub(super) told: &'a CloudInfo,
+    pub(super) input_info: &'a CloudInfo,
     pub(super) assigning: &'a AttributeAssigner,
     /// The split column, if any.
-    pub(super) values: Option<&'a SplitColumn>,
+    pub(super) split: Option<&'a SplitColumn>,
     /// Properties of the output.
     pub(super) info: &'a CloudInfo,
-    pub(super) moved: Option<&'a CloudReprojection>,
-    pub(super) carrier: &'a PointFormatConverter<'a>,
+    pub(super) reprojection: Option<&'a CloudReprojection>,
+    pub(super) converter: &'a PointFormatConverter<'a>,
     pub(super) options: CloudWriteOptions,
     pub(super) shares: TranslateMemory,
     /// The tiles to make, if not all.
-    pub(super) portion: Option<&'a TileSubset<'a>>,
+    pub(super) subset: Option<&'a TileSubset<'a>>,
     pub(super) at: RunControl<'a>,
 }
 
@@ -51,9 +51,8 @@ impl TranslateContext<'_> {
         &self,
         records: &'r dyn PointRecords,
     ) -> Result<Option<ChosenRecords<'r>>> {
-        let twice = thinning::DuplicateKey::new(self.options.format);
-        let choose = || self.select(records, &twice, "duplicate points");
-        self.job.dedupe.then(choose).transpose()
+        let key = thinning::DuplicateKey::new(self.options.format);
+        self.job.dedupe.then(|| self.select(records, &key, "duplicate points")).transpose()
     }
 
     /// The records with classified noise, if requested.
@@ -61,18 +60,18 @@ impl TranslateContext<'_> {
         &self,
         records: &'r dyn PointRecords,
     ) -> Result<Option<MarkedRecords<'r>>> {
-        let look = |asked| noise::NoiseSearch {
-            asked,
-            info: self.carrier.info(),
-            format: self.carrier.format(),
+        let search = self.job.above.noise().map(|request| noise::NoiseSearch {
+            request,
+            info: self.converter.info(),
+            format: self.converter.format(),
             flow: self.shares.flow,
             threads: self.shares.threads,
             memory: self.shares.marks,
             folder: self.folder(),
             keeps_withheld: self.job.cloud.filter.keep_withheld,
             at: self.at,
-        };
-        self.job.above.noise().map(|asked| look(asked).mark_records(records)).transpose()
+        });
+        search.map(|search| search.mark_records(records)).transpose()
     }
 
     pub(super) fn lines<'r>(
@@ -80,8 +79,8 @@ impl TranslateContext<'_> {
         records: &'r dyn PointRecords,
         overlap: Overlap,
     ) -> Result<ChosenRecords<'r>> {
-        let (side, format) = (overlap.side(self.told), self.options.format);
-        let lines = FlightLines::new(side, &self.told.frame, format)?;
+        let (side, format) = (overlap.side(self.input_info), self.options.format);
+        let lines = FlightLines::new(side, &self.input_info.frame, format)?;
         self.select(records, &lines, "flight lines")
     }
 
@@ -90,13 +89,13 @@ impl TranslateContext<'_> {
         records: &'r dyn PointRecords,
         thin: CellThinning,
     ) -> Result<ChosenRecords<'r>> {
-        self.select(records, &thinning::ThinningCells::new(thin, &self.told.frame)?, "cells")
+        self.select(records, &thinning::ThinningCells::new(thin, &self.input_info.frame)?, "cells")
     }
 
     pub(super) fn discs(&self, least: f64) -> PoissonDiscs<'_> {
         PoissonDiscs {
-            apart: DistancePredicate::new(self.told.frame.scale, least),
-            info: self.told,
+            apart: DistancePredicate::new(self.input_info.frame.scale, least),
+            info: self.input_info,
             format: self.options.format,
             flow: self.shares.flow,
             threads: self.shares.threads,
@@ -107,24 +106,24 @@ impl TranslateContext<'_> {
     }
 
     pub(super) fn sort(&self, records: &dyn PointRecords, by: Sort) -> Result<SortedRecords> {
-        let held = (self.shares.flow, self.shares.marks / 4, self.folder());
-        SortedRecords::new(records, (by, self.options.format), held, self.at)
+        let (format, memory) = (self.options.format, self.shares.marks / 4);
+        SortedRecords::new(records, by, format, self.shares.flow, memory, self.folder(), self.at)
     }
 
-    pub(super) fn looking(&self) -> GroundHeightSearch<'_> {
+    pub(super) fn ground_search(&self) -> GroundHeightSearch<'_> {
         let square = self.job.above.square(self.cloud);
         GroundHeightSearch {
             above: &self.job.above,
             info: self.cloud,
-            shift: self.carrier.shift(),
-            format: self.carrier.format(),
+            shift: self.converter.shift(),
+            format: self.converter.format(),
             flow: self.shares.flow,
             threads: self.shares.threads,
             memory: self.shares.marks.saturating_sub(square),
             square,
             folder: self.folder(),
             keeps_withheld: self.job.cloud.filter.keep_withheld,
-            portion: self.portion,
+            subset: self.subset,
             at: self.at,
         }
     }
@@ -136,17 +135,17 @@ impl TranslateContext<'_> {
         stage: &str,
     ) -> Result<ChosenRecords<'r>> {
         self.at.progress.begin(stage, total(records));
-        let held = (self.shares.flow, self.shares.marks, self.folder());
-        let chosen = ChosenRecords::new(records, choice, held, self.at)?;
+        let (flow, memory) = (self.shares.flow, self.shares.marks);
+        let chosen = ChosenRecords::new(records, choice, flow, memory, self.folder(), self.at)?;
         self.at.progress.end();
         Ok(chosen)
     }
 
     /// Folder for spilled data: that of the output.
     pub(super) fn folder(&self) -> &Path {
-        match (&self.job.resources.temp_dir, self.portion) {
-            (None, Some(portion)) => portion.folder,
-            (asked, _) => folder_for(&self.job.output, asked.as_deref()),
+        match (&self.job.resources.temp_dir, self.subset) {
+            (None, Some(subset)) => subset.folder,
+            (temp_dir, _) => folder_for(&self.job.output, temp_dir.as_deref()),
         }
     }
 }

@@ -25,15 +25,16 @@ pub(super) struct GroundInput {
 impl TranslateJob {
     /// All candidate points of the ground, if these are not the requested ones, or a part of them.
     pub(super) fn wide(&self, is_part: bool) -> Result<Option<GroundInput>> {
-        let own = self.reading();
-        let chosen = &own.filter;
+        let options = self.reading();
+        let chosen = &options.filter;
         let is_same =
             chosen.classes.is_none() && chosen.returns.is_none() && chosen.condition.is_none();
         if (is_same && !is_part) || !self.above.is_requested() {
             return Ok(None);
         }
-        let filter = CloudFilter { classes: None, returns: None, condition: None, ..own.filter };
-        let cloud = terrane_cloud::open(&self.input, &CloudOpenOptions { filter, ..own })?;
+        let filter =
+            CloudFilter { classes: None, returns: None, condition: None, ..options.filter };
+        let cloud = terrane_cloud::open(&self.input, &CloudOpenOptions { filter, ..options })?;
         Ok(Some(GroundInput { cloud, target: self.target()?, is_same }))
     }
 }
@@ -45,47 +46,47 @@ impl TranslateContext<'_> {
         records: &'r dyn PointRecords,
         wide: Option<&GroundInput>,
     ) -> Result<AnnotatedRecords<'r>> {
-        let looking = self.looking();
-        let at = self.carrier.heights_at();
+        let search = self.ground_search();
+        let at = self.converter.heights_at();
         let Some(GroundInput { cloud, target, is_same }) = wide else {
-            return looking.annotate(records, None, at);
+            return search.annotate(records, None, at);
         };
-        let carrier = PointFormatConverter::new(cloud, *target, at.is_some())?;
-        let noise = self.portion.and_then(TileSubset::noise).map(Noise::of_ground);
-        let wide = InputRecords::within(cloud, &carrier, self.around_ground()?).with(noise);
+        let converter = PointFormatConverter::new(cloud, *target, at.is_some())?;
+        let noise = self.subset.and_then(TileSubset::noise).map(Noise::of_ground);
+        let wide = InputRecords::within(cloud, &converter, self.around_ground()?).with(noise);
         let single = if *is_same { self.single(&wide)? } else { None };
         let wide = over(&single, &wide);
         let marked = self.mark(wide)?;
-        looking.annotate(records, Some(over(&marked, wide)), at)
+        search.annotate(records, Some(over(&marked, wide)), at)
     }
 
     /// Statistics of the ground of all points, with recorded noise.
-    pub(super) fn look_at_wide(
+    pub(super) fn scan_wide(
         &self,
         wide: &GroundInput,
         noise: Option<&mut Noise>,
     ) -> Result<CloudOverview> {
-        let carrier = PointFormatConverter::new(
+        let converter = PointFormatConverter::new(
             &wide.cloud,
             wide.target,
-            self.carrier.heights_at().is_some(),
+            self.converter.heights_at().is_some(),
         )?;
-        let wide = InputRecords::within(&wide.cloud, &carrier, None);
+        let wide = InputRecords::within(&wide.cloud, &converter, None);
         let marked = self.mark(&wide)?;
         if let Some((noise, marked)) = noise.zip(marked.as_ref()) {
             noise.wide = Some(marked.noted(None)?);
         }
-        self.looking().scan(over(&marked, &wide))
+        self.ground_search().scan(over(&marked, &wide))
     }
 
     /// The window of the points of the ground of the tiles, if not everywhere.
     fn around_ground(&self) -> Result<Option<SiteWindow>> {
-        let Some(portion) = self.portion else { return Ok(None) };
-        let Some(seen) = portion.looked.seen.as_ref().filter(|seen| !seen.by_class) else {
-            return Ok(Some(portion.ground()));
+        let Some(subset) = self.subset else { return Ok(None) };
+        let Some(seen) = subset.looked.seen.as_ref().filter(|seen| !seen.by_class) else {
+            return Ok(Some(subset.ground()));
         };
         let metres = MetricFrame::of(&self.cloud.crs, &self.cloud.frame)?;
         let method = self.job.above.from.method();
-        Ok(Some(around(&method, &metres, seen.last, portion.ground())))
+        Ok(Some(around(&method, &metres, seen.last, subset.ground())))
     }
 }

@@ -15,7 +15,7 @@ use terrane_files::lock;
 /// The records of a point cloud.
 pub(super) struct InputRecords<'a> {
     cloud: &'a PointCloud,
-    carrier: &'a PointFormatConverter<'a>,
+    converter: &'a PointFormatConverter<'a>,
     /// The parts to read, and the window of points, if not all.
     parts: Vec<usize>,
     within: Option<SiteWindow>,
@@ -29,13 +29,15 @@ impl<'a> InputRecords<'a> {
     /// The records in a window of the point cloud's frame, or all.
     pub(super) fn within(
         cloud: &'a PointCloud,
-        carrier: &'a PointFormatConverter<'a>,
+        converter: &'a PointFormatConverter<'a>,
         within: Option<SiteWindow>,
     ) -> Self {
-        let all = || (0..cloud.parts()).collect();
-        let parts: Vec<_> = within.map_or_else(all, |window| parts_in(cloud, &window));
+        let parts = match within {
+            Some(window) => parts_in(cloud, &window),
+            None => (0..cloud.parts()).collect(),
+        };
         let census = Mutex::new(vec![ReturnCounts::default(); parts.len()]);
-        Self { cloud, carrier, parts, within, noise: None, census }
+        Self { cloud, converter, parts, within, noise: None, census }
     }
 
     /// The records with the class of noise for recorded noise.
@@ -50,17 +52,17 @@ impl<'a> InputRecords<'a> {
 
     /// Whether a record lies in the window.
     fn is_in(&self, record: &[u8]) -> bool {
-        let (at, by) = (place(record), self.carrier.shift());
+        let (at, by) = (place(record), self.converter.shift());
         let steps = [at.x.wrapping_sub(by[0]), at.y.wrapping_sub(by[1])];
         self.within.is_none_or(|window| window.contains(steps))
     }
 
     /// Reads the records of a part in the window, with their classes.
     fn read_some(&self, part: usize, take: &mut Take<'_>) -> Result<ReturnCounts> {
-        let (format, size) = (self.carrier.format(), self.carrier.size());
+        let (format, size) = (self.converter.format(), self.converter.size());
         let mut marks = self.noise.map(|noise| noise.marks(part));
         let mut some = Vec::new();
-        self.carrier.read(part, &mut |bytes| {
+        self.converter.read(part, &mut |bytes| {
             some.clear();
             for record in bytes.chunks_exact(size) {
                 let class = marks.as_mut().and_then(Marks::take);
@@ -100,7 +102,7 @@ impl PointRecords for InputRecords<'_> {
     fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
         let part = self.parts[unit];
         let census = match self.within.is_none() && self.noise.is_none() {
-            true => self.carrier.read(part, take)?,
+            true => self.converter.read(part, take)?,
             false => self.read_some(part, take)?,
         };
         lock(&self.census)[unit] = census;

@@ -103,7 +103,7 @@ impl TranslateJob {
     /// Largest distance of points that decide whether a point is kept or noise.
     pub(super) fn reach(&self, info: &CloudInfo) -> Result<f64> {
         let overlap = self.overlap.and_then(|overlap| overlap.cell).unwrap_or_default();
-        let noise = self.above.noise().map_or(Ok(0.0), |asked| noise::reach(asked, info))?;
+        let noise = self.above.noise().map_or(Ok(0.0), |request| noise::reach(request, info))?;
         Ok(self.thin.map_or(0.0, |thin| thin.cell) + overlap + noise)
     }
 
@@ -113,7 +113,8 @@ impl TranslateJob {
         &self,
         packing: PointPacking,
         info: &CloudInfo,
-        (points, is_part): (u64, bool),
+        points: u64,
+        is_part: bool,
     ) -> [u64; 2] {
         // However far around a part the ground is read.
         let is_wide = is_part && self.dedupe && self.above.is_requested();
@@ -125,7 +126,7 @@ impl TranslateJob {
         let sort = self.sort.map_or(0, |_| sorted::LEAST);
         let [discs, each_disc] = self.distance.map_or([0; 2], |_| discs::needed(info.count));
         let [above, each] = self.above.needed(info);
-        let noise = self.above.noise().map(|asked| noise::needed(asked, points));
+        let noise = self.above.noise().map(|request| noise::needed(request, points));
         let [noise, each_part] = noise.unwrap_or_default();
         let each = each.max(each_disc).max(each_part);
         [choices + above + noise + discs + spread + sort, each]
@@ -134,11 +135,12 @@ impl TranslateJob {
     /// Fails for options that the point format, the packing or the coordinates do not support.
     pub(super) fn check(
         &self,
-        (format, packing): (PointFormat, PointPacking),
+        format: PointFormat,
+        packing: PointPacking,
         info: &CloudInfo,
     ) -> Result<()> {
         self.above.check(format)?;
-        self.above.noise().map_or(Ok(0.0), |asked| noise::reach(asked, info))?;
+        self.above.noise().map_or(Ok(0.0), |request| noise::reach(request, info))?;
         if let Some(least) = self.distance {
             discs::check(least, info)?;
         }
@@ -167,7 +169,7 @@ impl TranslateJob {
     }
 
     /// The reprojection to the target CRS, if there is one.
-    pub(super) fn moved(&self, info: &CloudInfo) -> Result<Option<CloudReprojection>> {
+    pub(super) fn reprojection(&self, info: &CloudInfo) -> Result<Option<CloudReprojection>> {
         let Some(transform) = &self.transform else { return Ok(None) };
         let corners = info.bounds.map(|ends| ends.map(|point| info.frame.world(point)));
         let extent = corners.map(|[low, high]| [low[0], low[1], high[0], high[1]]);

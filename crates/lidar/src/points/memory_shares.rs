@@ -28,11 +28,12 @@ impl TranslateMemory {
     /// their threads.
     pub(super) fn new(
         resources: &Resources,
-        (record, extra): (usize, usize),
-        [needed, looking]: [u64; 2],
+        record: usize,
+        extra: usize,
+        [needed, thread_needed]: [u64; 2],
     ) -> Result<Self> {
         let chunk = (CHUNK * record) as u64;
-        let [least, worker] = Self::least((record, extra), [needed, looking]);
+        let [least, worker] = Self::least(record, extra, [needed, thread_needed]);
         let Some(rest) = resources.memory.checked_sub(least) else {
             return Err(too_little(resources.memory, least));
         };
@@ -43,9 +44,13 @@ impl TranslateMemory {
     }
 
     /// Least memory, and its part for a thread.
-    pub(super) fn least((record, extra): (usize, usize), [needed, looking]: [u64; 2]) -> [u64; 2] {
+    pub(super) fn least(
+        record: usize,
+        extra: usize,
+        [needed, thread_needed]: [u64; 2],
+    ) -> [u64; 2] {
         let chunk = (CHUNK * record) as u64;
-        let worker = (READING + READING_EXTRA * extra as u64 + PACKING * chunk).max(looking);
+        let worker = (READING + READING_EXTRA * extra as u64 + PACKING * chunk).max(thread_needed);
         [PROGRAM + worker + 4 * chunk + needed, worker]
     }
 

@@ -97,8 +97,8 @@ impl OctreePlacement {
         let origin = Point { x: 0, y: 0, z: 0 };
         let [low, high] = info.bounds.unwrap_or([origin; 2]).map(|point| info.frame.world(point));
         // A step at least: the cube around a single point is divided by its side too.
-        let reach = |axis: usize| (high[axis] - low[axis]).max(info.frame.scale[axis]);
-        let side = (0..3).map(reach).fold(0.0, f64::max);
+        let sides = (0..3).map(|axis| (high[axis] - low[axis]).max(info.frame.scale[axis]));
+        let side = sides.fold(0.0, f64::max);
         Self { frame: info.frame, cube: OctreeCube { low, side, cells: 1 << CELLS } }
     }
 
@@ -114,11 +114,11 @@ impl OctreePlacement {
     /// The division of the cube that a record is in.
     fn fine(&self, record: &[u8]) -> [u32; 3] {
         let world = self.frame.world(place(record));
-        let most = f64::from(1_u32 << FINE);
+        let divisions = f64::from(1_u32 << FINE);
         std::array::from_fn(|axis| {
             let share = (world[axis] - self.cube.low[axis]) / self.cube.side;
             // The highest point is at 1, or by rounding a hair beyond.
-            (share * most).clamp(0.0, most - 1.0) as u32
+            (share * divisions).clamp(0.0, divisions - 1.0) as u32
         })
     }
 }
@@ -150,7 +150,7 @@ impl Octree<'_> {
         self.at.progress.begin("columns", all);
         let level = (0..MAX_LEVELS).find(|level| all >> (2 * level) <= COLUMN_POINTS);
         let level = level.unwrap_or(MAX_LEVELS);
-        let columns = OctreeColumns::new(level, 0, [0; 2], (self.folder, self.memory[1]));
+        let columns = OctreeColumns::new(level, 0, [0; 2], self.folder, self.memory[1]);
         flow.run(records, self.at, &mut |bytes| columns.take(bytes, self))?;
         self.at.progress.end();
         self.at.progress.begin("nodes", all);
@@ -180,9 +180,9 @@ impl Octree<'_> {
                 return self.leaf(level, at, columns, writer);
             }
             true => {
-                let finer =
-                    // A quarter, as columns within columns wait at one time: all of them hold a third more than the first.
-                    OctreeColumns::new(level + 1, level, at, (self.folder, self.memory[1] / 4));
+                // A quarter, as columns within columns wait at one time: all of them hold a third more than the first.
+                let memory = self.memory[1] / 4;
+                let finer = OctreeColumns::new(level + 1, level, at, self.folder, memory);
                 columns.each(at, self.size(), &mut |bytes| finer.take(bytes, self))?;
                 columns.forget(at);
                 self.all(level + 1, four, &finer, writer)?
@@ -203,10 +203,9 @@ impl Octree<'_> {
         columns: &OctreeColumns,
         writer: &mut CloudWriter,
     ) -> Result<Vec<([u32; 2], Column)>> {
-        let is_small = |at: &[u32; 2]| columns.bytes(*at) <= self.memory[0];
-        if level < columns.level || !four.iter().all(is_small) {
-            let one = |at: [u32; 2]| Ok((at, self.column(level, at, columns, writer)?));
-            return four.into_iter().map(one).collect();
+        if level < columns.level || four.iter().any(|at| columns.bytes(*at) > self.memory[0]) {
+            let four = four.into_iter();
+            return four.map(|at| Ok((at, self.column(level, at, columns, writer)?))).collect();
         }
         let built = four.into_par_iter().map(|at| Ok((at, self.build(level, at, columns)?)));
         let built: Vec<_> = built.collect::<Result<_>>()?;
@@ -271,8 +270,9 @@ impl Octree<'_> {
             four[(x & 1 | (y & 1) << 1) as usize].extend_from_slice(record);
         }
         drop(records);
-        let one = |(at, records)| (at, self.split(level + 1, at, records, done));
-        let below = below(at).into_iter().zip(four).map(one).collect();
+        let four = below(at).into_iter().zip(four);
+        let below = four.map(|(at, records)| (at, self.split(level + 1, at, records, done)));
+        let below = below.collect();
         self.above(level, below, done)
     }
 
@@ -302,30 +302,30 @@ impl Octree<'_> {
             .collect();
         let is_whole = occupied.is_whole();
         let best = if is_whole { HashMap::new() } else { self.best(level, &all) };
-        let mut own = Vec::new();
+        let mut sample = Vec::new();
         let mut rest: Vec<Vec<u8>> = vec![Vec::new(); below.len()];
         for (number, (i, record)) in all.into_iter().enumerate() {
             let cell = self.cell(level, record);
-            let is_own = is_whole || best.get(&cell).is_some_and(|best| best.1 == number);
-            if is_own { &mut own } else { &mut rest[i] }.extend_from_slice(record);
+            let is_sampled = is_whole || best.get(&cell).is_some_and(|best| best.1 == number);
+            if is_sampled { &mut sample } else { &mut rest[i] }.extend_from_slice(record);
         }
         let level = level as i32 + 1;
         for ((at, _), records) in below.iter().zip(rest).filter(|(_, rest)| !rest.is_empty()) {
             let [x, y, z] = at.map(|number| number as i32);
             done.push(([level, x, y, z], records));
         }
-        PendingOctreeNode { records: own, occupied }
+        PendingOctreeNode { records: sample, occupied }
     }
 
     /// The point nearest to the centre of each cell; of ties the first by its bytes.
     fn best(&self, level: u32, all: &[(usize, &[u8])]) -> HashMap<u32, (u64, usize)> {
         let mut best: HashMap<u32, (u64, usize)> = HashMap::new();
         for (number, (_, record)) in all.iter().enumerate() {
-            let one = (self.apart(level, record), number);
-            let known = best.entry(self.cell(level, record)).or_insert(one);
-            let is_nearer = (one.0, record).lt(&(known.0, &all[known.1].1));
+            let candidate = (self.apart(level, record), number);
+            let known = best.entry(self.cell(level, record)).or_insert(candidate);
+            let is_nearer = (candidate.0, record).lt(&(known.0, &all[known.1].1));
             if is_nearer {
-                *known = one;
+                *known = candidate;
             }
         }
         best
@@ -342,8 +342,9 @@ impl Octree<'_> {
     fn apart(&self, level: u32, record: &[u8]) -> u64 {
         let side = 1_i64 << (FINE - level - CELLS);
         // Doubled: the middles of a cell and of a division of the cube are both at halves.
-        let along = |fine: u32| 2 * (i64::from(fine) & (side - 1)) + 1 - side;
-        self.place.fine(record).map(|fine| along(fine).pow(2) as u64).iter().sum()
+        let offsets =
+            self.place.fine(record).map(|fine| 2 * (i64::from(fine) & (side - 1)) + 1 - side);
+        offsets.iter().map(|offset| offset.pow(2) as u64).sum()
     }
 
     fn put(&self, done: Vec<Done>, writer: &mut CloudWriter) -> Result<()> {
@@ -351,8 +352,8 @@ impl Octree<'_> {
     }
 
     fn packed(&self, done: Vec<Done>) -> Result<Vec<(Key, PointChunk)>> {
-        let pack = |(key, records): Done| Ok((key, self.layout.pack(self.sorted(&records))?));
-        done.into_par_iter().map(pack).collect()
+        let done = done.into_par_iter();
+        done.map(|(key, records)| Ok((key, self.layout.pack(self.sorted(&records))?))).collect()
     }
 
     fn append(&self, chunks: Vec<(Key, PointChunk)>, writer: &mut CloudWriter) -> Result<()> {
@@ -366,10 +367,11 @@ impl Octree<'_> {
     /// Records by time, then by their bytes.
     fn sorted(&self, records: &[u8]) -> Vec<u8> {
         let at = PointFormat::default().time_at().unwrap_or(0);
-        let time =
-            |record: &[u8]| record[at..].first_chunk().map_or(0.0, |t| f64::from_le_bytes(*t));
-        let mut all: Vec<(f64, &[u8])> =
-            records.chunks_exact(self.size()).map(|record| (time(record), record)).collect();
+        let all = records.chunks_exact(self.size()).map(|record| {
+            let time = record[at..].first_chunk().map_or(0.0, |t| f64::from_le_bytes(*t));
+            (time, record)
+        });
+        let mut all: Vec<(f64, &[u8])> = all.collect();
         // Records that are equal in both are the same bytes: the order of the input does not show.
         all.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(b.1)));
         all.iter().flat_map(|(_, record)| record.iter().copied()).collect()
@@ -385,7 +387,7 @@ struct OctreeColumns {
 }
 
 impl OctreeColumns {
-    fn new(level: u32, above: u32, at: [u32; 2], (folder, memory): (&Path, u64)) -> Self {
+    fn new(level: u32, above: u32, at: [u32; 2], folder: &Path, memory: u64) -> Self {
         let count = 1 << (2 * (level - above));
         Self { level, within: (above, at), buckets: Buckets::new(folder, count, memory) }
     }
@@ -416,14 +418,14 @@ impl OctreeColumns {
         size: usize,
         each: &mut dyn FnMut(&[u8]) -> Result<()>,
     ) -> Result<()> {
-        let (number, most) = (self.number(at), (1 << 20) / size * size);
+        let (number, max_bytes) = (self.number(at), (1 << 20) / size * size);
         let (mut first, mut piece) = (0, Vec::new());
         while first < self.buckets.len(number) {
             let left = self.buckets.len(number) - first;
-            piece.resize(left.min(most as u64) as usize, 0);
-            let found = self.buckets.read_from(number, first, &mut piece)?;
-            each(&piece[..found])?;
-            first += found as u64;
+            piece.resize(left.min(max_bytes as u64) as usize, 0);
+            let read = self.buckets.read_from(number, first, &mut piece)?;
+            each(&piece[..read])?;
+            first += read as u64;
         }
         Ok(())
     }

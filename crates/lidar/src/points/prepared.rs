@@ -9,11 +9,10 @@ use super::height_above_ground::queries::HeightsAs;
 use super::input_records::InputRecords;
 use super::job::TranslateJob;
 use super::memory_shares::TranslateMemory;
-use super::noise::MarkedRecords;
 use super::noise::noise_index::Noise;
 use super::report::TranslateReport;
 use super::reprojection::MovedRecords;
-use super::split::{AttributeSplit, SplitColumn};
+use super::split::SplitColumn;
 use super::tile_subset::{CloudKnowledge, TileSubset};
 use super::tiled_output::{SplitFiles, refuse_within};
 use crate::records::{PointRecords, over};
@@ -46,11 +45,10 @@ pub fn run(
     if job.squares.is_some() || job.split.is_some() {
         refuse_within(cloud.files(), &job.output)?;
     }
-    let make = |resources| {
+    let mut report = with_polygons(&job.cloud, &job.resources, |resources| {
         let job = TranslateJob { resources, ..job.clone() };
         prepared(&job, &cloud, None, at, |prepared| prepared.report(start))
-    };
-    let mut report = with_polygons(&job.cloud, &job.resources, make)?;
+    })?;
     report.run.memory_budget = job.resources.memory;
     Ok(report)
 }
@@ -59,40 +57,40 @@ pub fn run(
 pub(super) fn prepared<T: Send>(
     job: &TranslateJob,
     cloud: &PointCloud,
-    portion: Option<&TileSubset<'_>>,
+    subset: Option<&TileSubset<'_>>,
     at: RunControl<'_>,
     act: impl FnOnce(&Prepared<'_>) -> Result<T> + Send,
 ) -> Result<T> {
     let packing = job.packing()?;
-    let carrier = converter(job, cloud)?;
-    let told = job.above.info(carrier.info());
-    let columns = carrier.columns();
-    let assigning = AttributeAssigner::new(&job.assign, (carrier.format(), &columns), &told.frame)?;
-    let values = |split: &AttributeSplit| SplitColumn::new(split, (carrier.format(), &columns));
-    let values = job.split.as_ref().map(values).transpose()?;
-    let source = InputRecords::within(cloud, &carrier, portion.map(TileSubset::window))
-        .with(portion.and_then(TileSubset::noise).map(|noise| &noise.own));
-    let needed = job.needed(packing, carrier.info(), (source.count(), portion.is_some()));
+    let converter = converter(job, cloud)?;
+    let input_info = job.above.info(converter.info());
+    let (format, columns) = (converter.format(), converter.columns());
+    let assigning = AttributeAssigner::new(&job.assign, format, &columns, &input_info.frame)?;
+    let split = job.split.as_ref().map(|split| SplitColumn::new(split, format, &columns));
+    let split = split.transpose()?;
+    let source = InputRecords::within(cloud, &converter, subset.map(TileSubset::window))
+        .with(subset.and_then(TileSubset::noise).map(|noise| &noise.own));
+    let needed = job.needed(packing, converter.info(), source.count(), subset.is_some());
     let shares =
-        TranslateMemory::new(&job.resources, (carrier.size(), carrier.extra_bytes()), needed)?;
+        TranslateMemory::new(&job.resources, converter.size(), converter.extra_bytes(), needed)?;
     let threads = shares.threads;
-    let moved = job.moved(&told)?;
-    let info = moved.as_ref().map_or(&told, |moved| &moved.info);
-    let file = carrier.file(info.frame, info.crs.clone());
+    let reprojection = job.reprojection(&input_info)?;
+    let info = reprojection.as_ref().map_or(&input_info, |reprojection| &reprojection.info);
+    let file = converter.file(info.frame, info.crs.clone());
     let options = CloudWriteOptions { packing, overwrite: job.overwrite, ..file };
     let work = TranslateContext {
         job,
         input: cloud,
         cloud: cloud.info(),
         assigning: &assigning,
-        values: values.as_ref(),
-        told: &told,
+        split: split.as_ref(),
+        input_info: &input_info,
         info,
-        moved: moved.as_ref(),
-        carrier: &carrier,
+        reprojection: reprojection.as_ref(),
+        converter: &converter,
         options,
         shares,
-        portion,
+        subset,
         at,
     };
     let resources = Resources { threads, ..job.resources.clone() };
@@ -109,20 +107,20 @@ pub(super) struct Prepared<'a> {
 impl Prepared<'_> {
     /// Writes the output; returns its files, and notes on points, one line each.
     pub(super) fn make(&self) -> Result<(SplitFiles, Vec<String>)> {
-        let wide = self.work.job.wide(self.work.portion.is_some())?;
+        let wide = self.work.job.wide(self.work.subset.is_some())?;
         self.work.run(self.source, wide.as_ref())
     }
 
     /// Writes the output and reports on it; the work began at `start`.
     pub(super) fn report(&self, start: Instant) -> Result<TranslateReport> {
         let (made, found) = self.make()?;
-        let TranslateContext { job, info, moved, carrier, shares, .. } = &self.work;
+        let TranslateContext { job, info, reprojection, converter, shares, .. } = &self.work;
         let run = RunStatistics::since(start, &job.resources).with_threads(shares.threads);
         let census = self.source.census();
         Ok(TranslateReport {
             input: job.input.join(", "),
             output: job.output.display().to_string(),
-            point_format: carrier.format().number(),
+            point_format: converter.format().number(),
             census: Some(census),
             files: made.files,
             points: made.points,
@@ -130,7 +128,7 @@ impl Prepared<'_> {
             output_bytes: made.bytes,
             points_per_second: Some(run.rate(census.read)),
             run,
-            transformed: moved.map(|moved| Transformed::of(&moved.operation)),
+            transformed: reprojection.map(|reprojection| Transformed::of(&reprojection.operation)),
             notes: [self.notes(), LostPoints::of(self.source.cloud()).notes().collect(), found]
                 .concat(),
         })
@@ -138,9 +136,9 @@ impl Prepared<'_> {
 
     /// Notes on the point cloud and on its attributes, one line each.
     pub(super) fn notes(&self) -> Vec<String> {
-        let TranslateContext { carrier, moved, .. } = &self.work;
-        let moved = moved.iter().flat_map(|moved| &moved.notes);
-        self.source.cloud().notes().iter().chain(carrier.notes()).chain(moved).cloned().collect()
+        let TranslateContext { converter, reprojection, .. } = &self.work;
+        let notes = self.source.cloud().notes().iter().chain(converter.notes());
+        notes.chain(reprojection.iter().flat_map(|of| &of.notes)).cloned().collect()
     }
 
     /// Statistics of the whole point cloud for a plan: the noise and the ground.
@@ -151,14 +149,18 @@ impl Prepared<'_> {
         let single = if is_own { work.single(self.source)? } else { None };
         let records = over(&single, self.source);
         let marked = work.mark(records)?;
-        let noted = |marked: &MarkedRecords<'_>| {
-            let (own, notes) = (marked.noted(single.as_ref())?, marked.notes.clone());
-            Ok(Noise { own, wide: None, notes })
+        let mut noise = match &marked {
+            Some(marked) => {
+                let (own, notes) = (marked.noted(single.as_ref())?, marked.notes.clone());
+                Some(Noise { own, wide: None, notes })
+            }
+            None => None,
         };
-        let mut noise = marked.as_ref().map(noted).transpose()?;
         let seen = match wide {
-            Some(wide) => Some(work.look_at_wide(&wide, noise.as_mut())?),
-            None if above.is_requested() => Some(work.looking().scan(over(&marked, records))?),
+            Some(wide) => Some(work.scan_wide(&wide, noise.as_mut())?),
+            None if above.is_requested() => {
+                Some(work.ground_search().scan(over(&marked, records))?)
+            }
             None => None,
         };
         Ok(CloudKnowledge { noise, seen })
@@ -177,8 +179,9 @@ impl TranslateContext<'_> {
         let records = over(&single, source);
         let marked = self.mark(records)?;
         let records = over(&marked, records);
-        let told = job.above.is_requested().then(|| self.annotate(records, wide)).transpose()?;
-        let records = over(&told, records);
+        let annotated = job.above.is_requested().then(|| self.annotate(records, wide));
+        let annotated = annotated.transpose()?;
+        let records = over(&annotated, records);
         let (assigning, cloud) = (self.assigning, self.input);
         let assigned = (!job.assign.is_empty()).then_some(AssignedRecords {
             records,
@@ -193,16 +196,16 @@ impl TranslateContext<'_> {
         let records = over(&thinned, records);
         let apart = job.distance.map(|least| self.discs(least).select(records)).transpose()?;
         let records = over(&apart, records);
-        let moved = self.moved.map(|to| MovedRecords { records, to, record });
-        let records = over(&moved, records);
+        let reprojected = self.reprojection.map(|to| MovedRecords { records, to, record });
+        let records = over(&reprojected, records);
         let sorted = job.sort.map(|by| self.sort(records, by)).transpose()?;
         let made = self.write(over(&sorted, records))?;
         let note = lines.iter().zip(job.overlap).map(|(lines, overlap)| {
-            let (side, left_out) = (overlap.side(self.told), lines.left_out());
+            let (side, left_out) = (overlap.side(self.input_info), lines.left_out());
             format!("overlap: {left_out} points of other flight lines dropped, in cells of {side}")
         });
         let noise = marked.iter().flat_map(|marked| &marked.notes);
-        let ground = told.iter().flat_map(|told| &told.notes);
+        let ground = annotated.iter().flat_map(|annotated| &annotated.notes);
         let mut notes: Vec<_> = noise.chain(ground).cloned().chain(note).collect();
         // Both may say that the unit is a guess.
         notes.dedup();
@@ -216,14 +219,14 @@ pub(super) fn converter<'a>(
     cloud: &'a PointCloud,
 ) -> Result<PointFormatConverter<'a>> {
     let has_dimension = job.above.heights == Some(HeightsAs::Dimension);
-    let carrier = PointFormatConverter::new(cloud, job.target()?, has_dimension)?;
-    job.check((carrier.format(), job.packing()?), carrier.info())?;
-    Ok(carrier)
+    let converter = PointFormatConverter::new(cloud, job.target()?, has_dimension)?;
+    job.check(converter.format(), job.packing()?, converter.info())?;
+    Ok(converter)
 }
 
 /// Least memory for a part of a job with `points` points, and its part for a thread.
 pub(super) fn least(job: &TranslateJob, cloud: &PointCloud, points: u64) -> Result<[u64; 2]> {
-    let carrier = converter(job, cloud)?;
-    let needed = job.needed(job.packing()?, carrier.info(), (points, true));
-    Ok(TranslateMemory::least((carrier.size(), carrier.extra_bytes()), needed))
+    let converter = converter(job, cloud)?;
+    let needed = job.needed(job.packing()?, converter.info(), points, true);
+    Ok(TranslateMemory::least(converter.size(), converter.extra_bytes(), needed))
 }

@@ -31,27 +31,19 @@ impl CloudReprojection {
     /// Positions that cannot be transformed.
     pub(super) fn new(info: &CloudInfo, operation: CoordinateOperation) -> Result<Self> {
         let [low, high] = extent(info, &operation)?;
-        let asked = scale(&info.frame, (&info.crs, operation.target()), operation.keeps_heights());
-        let reach = |axis: usize| (high[axis] - low[axis]) / f64::from(REACH);
-        let coarser = |axis: usize| {
-            let finer = asked[axis] < reach(axis);
-            if finer { power_of_ten(reach(axis).log10().ceil() as i32) } else { asked[axis] }
-        };
-        let scale = [coarser(0), coarser(1), coarser(2)];
-        let note = (scale != asked).then(|| {
+        let keeps_heights = operation.keeps_heights();
+        let finest = scale(&info.frame, &info.crs, operation.target(), keeps_heights);
+        let scale = [0, 1, 2].map(|axis| covering(finest[axis], high[axis] - low[axis]));
+        let note = (scale != finest).then(|| {
             format!("coordinates have a scale of {scale:?}: finer scales do not cover the extent")
         });
-        let heights = operation.keeps_heights().then_some(info.frame.offset[2]);
+        let heights = keeps_heights.then_some(info.frame.offset[2]);
         let offset = [low[0].floor(), low[1].floor(), heights.unwrap_or_else(|| low[2].floor())];
         let frame = PointFrame { scale, offset };
-        let steps = |world: [f64; 3], up: i32| {
-            let [x, y, z] = [0, 1, 2].map(|axis| frame.steps(axis, world[axis]).round() as i32);
-            Point { x: x.saturating_add(up), y: y.saturating_add(up), z: z.saturating_add(up) }
-        };
-        let bounds = info.bounds.map(|_| [steps(low, -1), steps(high, 1)]);
+        let bounds = info.bounds.map(|_| [steps(&frame, low, -1), steps(&frame, high, 1)]);
         let crs = operation.target().clone();
-        let kept = operation.keeps_heights().then(|| note_on_heights(&info.crs, &crs)).flatten();
-        let notes = operation.notes().iter().cloned().chain(kept).chain(note).collect();
+        let of_heights = keeps_heights.then(|| note_on_heights(&info.crs, &crs)).flatten();
+        let notes = operation.notes().iter().cloned().chain(of_heights).chain(note).collect();
         let from = info.frame;
         Ok(Self {
             operation,
@@ -62,13 +54,27 @@ impl CloudReprojection {
     }
 }
 
+/// A scale with which `i32` covers the extent of an axis: the finest, or a power of ten.
+fn covering(finest: f64, extent: f64) -> f64 {
+    let least = extent / f64::from(REACH);
+    if finest < least { power_of_ten(least.log10().ceil() as i32) } else { finest }
+}
+
+/// A position in steps, with `margin` steps added along each axis.
+fn steps(frame: &PointFrame, world: [f64; 3], margin: i32) -> Point {
+    let steps = [0, 1, 2].map(|axis| frame.steps(axis, world[axis]).round() as i32);
+    let [x, y, z] = steps.map(|steps| steps.saturating_add(margin));
+    Point { x, y, z }
+}
+
 /// The note on unchanged heights, if the horizontal unit changes, or only one CRS defines heights.
 fn note_on_heights(from: &Crs, to: &Crs) -> Option<String> {
     let (across, other) = (from.horizontal_unit(), to.horizontal_unit());
-    let is_length = |unit: &str| !matches!(unit, "degree" | "unit");
     let unit = match (&from.vertical_unit, &to.vertical_unit) {
         (Some(unit), None) if unit != other => unit.as_str(),
-        (None, None) if is_length(across) && across != other => "an unknown unit",
+        (None, None) if !matches!(across, "degree" | "unit") && across != other => {
+            "an unknown unit"
+        }
         _ => return None,
     };
     Some(format!(
@@ -81,13 +87,13 @@ fn extent(info: &CloudInfo, operation: &CoordinateOperation) -> Result<[[f64; 3]
     let (mut lowest, mut highest) = ([f64::MAX; 3], [f64::MIN; 3]);
     let Some([low, high]) = info.bounds else { return Ok([[0.0; 3]; 2]) };
     let [low, high] = [low, high].map(|point| info.frame.world(point));
-    let along = |axis: usize, i: u32| {
-        low[axis] + (high[axis] - low[axis]) * f64::from(i) / f64::from(PLACES)
-    };
     for i in 0..=PLACES {
         for j in 0..=PLACES {
+            let [x, y] = [(0, i), (1, j)].map(|(axis, i)| {
+                low[axis] + (high[axis] - low[axis]) * f64::from(i) / f64::from(PLACES)
+            });
             for z in [low[2], high[2]] {
-                let at = operation.point([along(0, i), along(1, j), z])?;
+                let at = operation.point([x, y, z])?;
                 lowest = std::array::from_fn(|axis| lowest[axis].min(at[axis]));
                 highest = std::array::from_fn(|axis| highest[axis].max(at[axis]));
             }
@@ -101,12 +107,17 @@ fn extent(info: &CloudInfo, operation: &CoordinateOperation) -> Result<[[f64; 3]
 }
 
 /// Scales as powers of ten, not coarser than those of the point cloud.
-fn scale(frame: &PointFrame, (from, to): (&Crs, &Crs), keeps_heights: bool) -> [f64; 3] {
-    let metres = |crs: &Crs| crs.horizontal_metres().unwrap_or(DEGREE);
-    let below = |length: f64| power_of_ten((length.log10() + 1e-9).floor() as i32);
-    let across = |axis: usize| below(frame.scale[axis] * metres(from) / metres(to));
-    let height = if keeps_heights { frame.scale[2] } else { below(frame.scale[2]) };
-    [across(0), across(1), height]
+fn scale(frame: &PointFrame, from: &Crs, to: &Crs, keeps_heights: bool) -> [f64; 3] {
+    let [from, to] = [from, to].map(|crs| crs.horizontal_metres().unwrap_or(DEGREE));
+    let [x, y, z] = frame.scale;
+    let [x, y] = [x, y].map(|step| power_of_ten_below(step * from / to));
+    [x, y, if keeps_heights { z } else { power_of_ten_below(z) }]
+}
+
+/// The largest power of ten that is not above a length.
+fn power_of_ten_below(length: f64) -> f64 {
+    // The logarithm of a power of ten may be a hair below an integer.
+    power_of_ten((length.log10() + 1e-9).floor() as i32)
 }
 
 /// The nearest number to a power of ten.
@@ -128,12 +139,12 @@ impl MovedRecords<'_> {
         let world = operation.point(from.world(place(record)))?;
         let steps = [0, 1, 2].map(|axis| info.frame.steps(axis, world[axis]).round());
         let [x, y, z] = steps.map(|step| step as i32);
-        let within = |[low, high]: [Point; 2]| {
+        let is_inside = info.bounds.is_some_and(|[low, high]| {
             (low.x..=high.x).contains(&x)
                 && (low.y..=high.y).contains(&y)
                 && (low.z..=high.z).contains(&z)
-        };
-        match info.bounds.is_some_and(within) {
+        });
+        match is_inside {
             true => Ok(Point { x, y, z }),
             false => Err(Error::unsupported(format!(
                 "the position {world:?} of a point in {} is far from its neighbours",

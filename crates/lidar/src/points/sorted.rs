@@ -97,8 +97,11 @@ impl SortedRecords {
     /// An order by time for a format without times.
     pub(super) fn new(
         records: &dyn PointRecords,
-        (by, format): (Sort, PointFormat),
-        (flow, memory, folder): (RecordFlow, u64, &Path),
+        by: Sort,
+        format: PointFormat,
+        flow: RecordFlow,
+        memory: u64,
+        folder: &Path,
         at: RunControl<'_>,
     ) -> Result<Self> {
         check(by, format)?;
@@ -106,11 +109,11 @@ impl SortedRecords {
         let record = flow.record;
         let mut sorted = Self { order, record, spool, runs: Vec::new(), points: 0 };
         at.progress.begin("sorting", total(records));
-        sorted.fill(records, (flow, memory), at)?;
-        let most = (memory as usize / PIECE).max(3) - 1;
-        while sorted.runs.len() > most {
+        sorted.fill(records, flow, memory, at)?;
+        let max_runs = (memory as usize / PIECE).max(3) - 1;
+        while sorted.runs.len() > max_runs {
             at.cancel.check()?;
-            sorted.merge_some(most)?;
+            sorted.merge_some(max_runs)?;
         }
         at.progress.end();
         Ok(sorted)
@@ -119,26 +122,27 @@ impl SortedRecords {
     fn fill(
         &mut self,
         records: &dyn PointRecords,
-        (flow, memory): (RecordFlow, u64),
+        flow: RecordFlow,
+        memory: u64,
         at: RunControl<'_>,
     ) -> Result<()> {
         let each = (self.record + KEY) as u64;
-        let most = (memory / each).clamp(1, u32::MAX.into()) as usize * self.record;
+        let max_bytes = (memory / each).clamp(1, u32::MAX.into()) as usize * self.record;
         let all = total(records).saturating_mul(self.record as u64);
-        let mut held: Vec<u8> = Vec::with_capacity(all.min(most as u64) as usize);
+        let mut run: Vec<u8> = Vec::with_capacity(all.min(max_bytes as u64) as usize);
         flow.run(records, at, &mut |mut bytes| {
             while !bytes.is_empty() {
-                let (now, later) = bytes.split_at(bytes.len().min(most - held.len()));
-                held.extend_from_slice(now);
+                let (now, later) = bytes.split_at(bytes.len().min(max_bytes - run.len()));
+                run.extend_from_slice(now);
                 bytes = later;
-                if held.len() == most {
-                    self.sort(&held)?;
-                    held.clear();
+                if run.len() == max_bytes {
+                    self.sort(&run)?;
+                    run.clear();
                 }
             }
             Ok(())
         })?;
-        self.sort(&held)
+        self.sort(&run)
     }
 
     /// Adds a run.
@@ -170,16 +174,17 @@ impl SortedRecords {
         Ok(())
     }
 
-    /// Merges adjacent runs, `most` at a time.
-    fn merge_some(&mut self, most: usize) -> Result<()> {
+    /// Merges adjacent runs, `max_runs` at a time.
+    fn merge_some(&mut self, max_runs: usize) -> Result<()> {
         let mut merged = Vec::new();
-        for some in std::mem::take(&mut self.runs).chunks_mut(most) {
+        for group in std::mem::take(&mut self.runs).chunks_mut(max_runs) {
             let mut run = Run::new();
-            self.merge(some, &mut |bytes| {
+            self.merge(group, &mut |bytes| {
                 let mut piece = bytes.to_vec();
                 self.put(&mut piece, 1, &mut run)
             })?;
-            some.iter_mut()
+            group
+                .iter_mut()
                 .flat_map(std::mem::take)
                 .for_each(|piece| self.spool.free(piece.extent));
             merged.push(run);
@@ -278,8 +283,8 @@ mod tests {
         }
     }
 
-    fn record(number: usize, (x, y, z, time): (i32, i32, i32, f64)) -> Vec<u8> {
-        let mut record = [x, y, z].map(i32::to_le_bytes).concat();
+    fn record(number: usize, position: [i32; 3], time: f64) -> Vec<u8> {
+        let mut record = position.map(i32::to_le_bytes).concat();
         record.extend_from_slice(&(number as u64).to_le_bytes());
         record.extend_from_slice(&time.to_le_bytes());
         record
@@ -287,8 +292,8 @@ mod tests {
 
     /// The order of places bit by bit, from the highest on: y before x.
     fn interleaved(x: i32, y: i32) -> Vec<bool> {
-        let bit = |value: i32, bit: u32| (i64::from(value) + (1 << 31)) >> bit & 1 == 1;
-        (0..32).rev().flat_map(|at| [bit(y, at), bit(x, at)]).collect()
+        let [x, y] = [x, y].map(|value| i64::from(value) + (1 << 31));
+        (0..32).rev().flat_map(|bit| [y >> bit & 1 == 1, x >> bit & 1 == 1]).collect()
     }
 
     proptest! {
@@ -298,26 +303,27 @@ mod tests {
             memory in prop::sample::select(vec![0_u64, 300, 2000, 1 << 20]),
             by in prop::sample::select(vec![Sort::Morton, Sort::Time]),
         ) {
-            let value = |(x, y, z, time): (i32, i32, i32, i32)| (x, y / 7 * 7 % 50, z, f64::from(time) / 2.0);
-            let all: Vec<_> = points.into_iter().map(value).enumerate().collect();
-            let records = Listed(all.iter().map(|(number, value)| record(*number, *value)).collect());
+            let values = points.into_iter()
+                .map(|(x, y, z, time)| ([x, y / 7 * 7 % 50, z], f64::from(time) / 2.0));
+            let all: Vec<_> = values.enumerate().collect();
+            let records = Listed(all.iter().map(|(i, (at, time))| record(*i, *at, *time)).collect());
             let mut expected = all;
-            expected.sort_by(|(_, a), (_, b)| match by {
-                Sort::Morton => interleaved(a.0, a.1).cmp(&interleaved(b.0, b.1))
-                    .then(a.2.cmp(&b.2)).then(a.3.total_cmp(&b.3)),
-                Sort::Time => a.3.total_cmp(&b.3),
+            expected.sort_by(|(_, (a, time)), (_, (b, other))| match by {
+                Sort::Morton => interleaved(a[0], a[1]).cmp(&interleaved(b[0], b[1]))
+                    .then(a[2].cmp(&b[2])).then(time.total_cmp(other)),
+                Sort::Time => time.total_cmp(other),
             });
             let folder = tempfile::tempdir().unwrap();
             let (flow, at) = (RecordFlow { record: 28, round: 100 }, RunControl { progress: &Silent, cancel: &Cancel::default() });
             let format = PointFormat::new(1).unwrap();
-            let sorted = SortedRecords::new(&records, (by, format), (flow, memory, folder.path()), at).unwrap();
+            let sorted = SortedRecords::new(&records, by, format, flow, memory, folder.path(), at).unwrap();
             for _ in 0..2 {
                 let mut found = Vec::new();
                 sorted.read(0, &mut |bytes| {
                     found.extend_from_slice(bytes);
                     Ok(())
                 }).unwrap();
-                let expected: Vec<_> = expected.iter().map(|(number, value)| record(*number, *value)).collect();
+                let expected: Vec<_> = expected.iter().map(|(i, (at, time))| record(*i, *at, *time)).collect();
                 prop_assert_eq!(found, expected.concat());
             }
         }

@@ -4,17 +4,17 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use super::assign::column;
-use super::tiled_output::{FilledBuckets, SplitFiles, ending, holds_only};
+use super::tiled_output::holds_only;
 use crate::records::{PointRecords, RecordFlow, total};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Ruler;
-use terrane_cloud::write::{CloudWriteOptions, PointColumn, PointPacking};
+use terrane_cloud::write::{PointColumn, PointPacking};
 use terrane_cloud::{AXES, PointFormat};
 use terrane_engine::plan::RunControl;
 use terrane_files::Buckets;
 
 /// Most files: the number of 16-bit values, for point source ids.
-const MAX_FILES: usize = 1 << 16;
+pub(super) const MAX_FILES: usize = 1 << 16;
 /// Longest name of a value; longer ones are written with an exponent.
 const LONGEST: usize = 24;
 /// Part of the file name for points without a value.
@@ -49,7 +49,8 @@ impl SplitColumn {
     /// An unknown name, or a coordinate.
     pub(super) fn new(
         split: &AttributeSplit,
-        (format, columns): (PointFormat, &[PointColumn]),
+        format: PointFormat,
+        columns: &[PointColumn],
     ) -> Result<Self> {
         let name = split.attribute.trim().trim_matches('"');
         if AXES.iter().any(|axis| name.eq_ignore_ascii_case(axis)) {
@@ -83,27 +84,28 @@ impl SplitColumn {
 
     /// Prefix of file names: the attribute.
     fn prefix(&self) -> String {
-        let plain = |c: char| if c.is_alphanumeric() || "-.".contains(c) { c } else { '_' };
-        self.column.name().trim().chars().map(plain).chain(['_']).collect()
+        let name = self.column.name().trim();
+        name.replace(|c: char| !c.is_alphanumeric() && !"-.".contains(c), "_") + "_"
     }
 
     /// Whether a folder only has files of values of this attribute written by terrane.
     pub(super) fn is_ours(&self, folder: &Path) -> bool {
-        let (prefix, is_value) =
-            (self.prefix(), |value: &str| value == NONE || value.parse::<f64>().is_ok());
-        holds_only(folder, |stem| stem.strip_prefix(&prefix).is_some_and(is_value))
+        let prefix = self.prefix();
+        holds_only(folder, |stem| {
+            let value = stem.strip_prefix(&prefix);
+            value.is_some_and(|value| value == NONE || value.parse::<f64>().is_ok())
+        })
     }
 
-    /// Writes all records into a folder; spills to `waiting` beyond a number of bytes.
-    pub(super) fn write(
+    /// Distributes all records to buckets, one for each value; returns the values as file names without
+    /// extension, by bucket.
+    pub(super) fn distribute(
         &self,
         records: &dyn PointRecords,
-        (flow, threads): (RecordFlow, usize),
-        (folder, options): (&Path, &CloudWriteOptions),
-        (waiting, memory): (&Path, u64),
+        flow: RecordFlow,
+        buckets: &Buckets<u8>,
         at: RunControl<'_>,
-    ) -> Result<SplitFiles> {
-        let buckets = Buckets::new(waiting, MAX_FILES, memory);
+    ) -> Result<Vec<String>> {
         let (mut numbers, mut keys) = (HashMap::new(), Vec::new());
         at.progress.begin("values", total(records));
         flow.run(records, at, &mut |bytes| {
@@ -123,10 +125,7 @@ impl SplitColumn {
             })
         })?;
         at.progress.end();
-        let ending = ending(options.packing);
-        let name = |number: usize| folder.join(format!("{}.{ending}", self.name(keys[number])));
-        let all = FilledBuckets { buckets: &buckets, count: keys.len(), options };
-        all.write((flow.record, threads), name, at)
+        Ok(keys.into_iter().map(|key| self.name(key)).collect())
     }
 
     fn too_large(&self) -> Error {

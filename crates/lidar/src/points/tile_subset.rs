@@ -1,4 +1,4 @@
-//! A portion of the tiles of a point cloud, computed from the points near them.
+//! Some of the tiles of a point cloud, computed from the points near them.
 //!
 //! If the ground is needed, points are read as far around as the circles of the triangulation reach, and
 //! further if necessary.
@@ -17,7 +17,7 @@ use terrane_base::geom::PointFrame;
 use terrane_cloud::PointSource;
 use terrane_delaunay::SiteWindow;
 
-/// Statistics of the whole point cloud for a portion.
+/// Statistics of the whole point cloud for a subset of tiles.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct CloudKnowledge {
     /// The noise, if needed.
@@ -36,7 +36,7 @@ impl CloudKnowledge {
     }
 }
 
-/// A portion of tiles.
+/// A subset of the tiles.
 pub(super) struct TileSubset<'a> {
     pub(super) spans: Spans,
     /// The window of points, and the margin of the ground around it.
@@ -52,7 +52,8 @@ pub(super) struct TileSubset<'a> {
 
 impl<'a> TileSubset<'a> {
     pub(super) fn new(
-        (spans, near): (Spans, CellSurroundings),
+        spans: Spans,
+        near: CellSurroundings,
         looked: &'a CloudKnowledge,
         points: &'a dyn PointSource,
         folder: &'a Path,

@@ -63,12 +63,20 @@ pub(super) struct SplitFiles {
     pub(super) bytes: u64,
 }
 
+impl SplitFiles {
+    fn add(&mut self, other: &Self) {
+        self.files += other.files;
+        self.points += other.points;
+        self.bytes += other.bytes;
+    }
+}
+
 /// Tiles along an axis: the first and last step of the points of each file.
 struct TilingAxis {
     first: i64,
     reaches: Vec<[i64; 2]>,
     /// Tiles on either side that a buffer may reach into.
-    beside: usize,
+    buffer_tiles: usize,
 }
 
 impl TilingAxis {
@@ -79,25 +87,27 @@ impl TilingAxis {
         squares: &PointTiling,
     ) -> Self {
         let ruler = frame.ruler(axis);
-        let reach = |square: i64| {
+        let reaches = (first..=last).map(|square| {
             let low = square as f64 * squares.side - squares.buffer;
             let high = (square + 1) as f64 * squares.side + squares.buffer;
             [ruler.first(low), ruler.last(high)]
-        };
-        let beside = (squares.buffer / squares.side).ceil() as usize;
-        Self { first, reaches: (first..=last).map(reach).collect(), beside }
+        });
+        let buffer_tiles = (squares.buffer / squares.side).ceil() as usize;
+        Self { first, reaches: reaches.collect(), buffer_tiles }
     }
 
     /// The tile of a point, counted from the first, if it is one of these.
-    fn own(&self, square: i64) -> Option<usize> {
-        usize::try_from(square - self.first).ok().filter(|own| *own < self.reaches.len())
+    fn index(&self, square: i64) -> Option<usize> {
+        usize::try_from(square - self.first).ok().filter(|index| *index < self.reaches.len())
     }
 
     /// The tiles whose files have a point of this tile.
     fn around(&self, square: i64, steps: i32) -> impl Iterator<Item = usize> + '_ {
-        let (own, beside, all) = (square - self.first, self.beside as i64, self.reaches.len());
-        let clip = |square: i64| square.clamp(0, all as i64) as usize;
-        (clip(own - beside)..clip(own + beside + 1)).filter(move |square| {
+        let (own, reach) = (square - self.first, self.buffer_tiles as i64);
+        let count = self.reaches.len() as i64;
+        let [first, end] =
+            [own - reach, own + reach + 1].map(|square| square.clamp(0, count) as usize);
+        (first..end).filter(move |square| {
             let [low, high] = self.reaches[*square];
             *square as i64 == own || (low..=high).contains(&i64::from(steps))
         })
@@ -116,9 +126,11 @@ pub(super) struct PointTileSplitter<'a> {
 impl<'a> PointTileSplitter<'a> {
     /// A splitter for some tiles of a point cloud; spills to `folder` beyond a number of bytes.
     pub(super) fn new(
-        (squares, spans): (PointTiling, Spans),
+        squares: PointTiling,
+        spans: Spans,
         info: &CloudInfo,
-        (folder, memory): (&Path, u64),
+        folder: &Path,
+        memory: u64,
         options: &'a CloudWriteOptions,
     ) -> Self {
         let axes = [0, 1].map(|axis| TilingAxis::new(&info.frame, axis, spans[axis], &squares));
@@ -131,7 +143,8 @@ impl<'a> PointTileSplitter<'a> {
     pub(super) fn write(
         &self,
         records: &dyn PointRecords,
-        (flow, threads): (RecordFlow, usize),
+        flow: RecordFlow,
+        threads: usize,
         folder: &Path,
         at: RunControl<'_>,
     ) -> Result<SplitFiles> {
@@ -143,9 +156,9 @@ impl<'a> PointTileSplitter<'a> {
         at.progress.end();
         let count = self.axes[0].reaches.len() * self.axes[1].reaches.len();
         let ending = ending(self.options.packing);
-        let name = |square: usize| folder.join(format!("{}.{ending}", self.name(square)));
         let all = FilledBuckets { buckets: &self.buckets, count, options: self.options };
-        all.write((flow.record, threads), name, at)
+        let path = |square| folder.join(format!("{}.{ending}", self.name(square)));
+        all.write(flow.record, threads, path, at)
     }
 
     fn take(&self, record: &[u8], copy: &mut Vec<u8>) -> Result<()> {
@@ -153,7 +166,7 @@ impl<'a> PointTileSplitter<'a> {
         let [x, y] = &self.axes;
         let (column, row) = (self.lattice.x.index(point.x), self.lattice.y.index(point.y));
         let width = x.reaches.len();
-        let own = x.own(column).zip(y.own(row));
+        let own = x.index(column).zip(y.index(row));
         if let Some((column, row)) = own {
             self.buckets.push(row * width + column, record)?;
         }
@@ -163,10 +176,10 @@ impl<'a> PointTileSplitter<'a> {
         copy.clear();
         copy.extend_from_slice(record);
         self.options.format.set_flags(copy, self.squares.mark.flag());
-        for beside in y.around(row, point.y) {
-            for other in x.around(column, point.x) {
-                if own != Some((other, beside)) {
-                    self.buckets.push(beside * width + other, copy)?;
+        for other_row in y.around(row, point.y) {
+            for other_column in x.around(column, point.x) {
+                if own != Some((other_column, other_row)) {
+                    self.buckets.push(other_row * width + other_column, copy)?;
                 }
             }
         }
@@ -200,35 +213,37 @@ impl FilledBuckets<'_> {
     /// Writes a file for each bucket with records.
     pub(super) fn write(
         &self,
-        (record, threads): (usize, usize),
-        name: impl Fn(usize) -> PathBuf + Sync,
+        record: usize,
+        threads: usize,
+        path: impl Fn(usize) -> PathBuf + Sync,
         at: RunControl<'_>,
     ) -> Result<SplitFiles> {
         at.progress.begin("files", self.count as u64);
-        let mut made = SplitFiles::default();
-        let one = |(): &mut (), number: u64| {
-            let file = self.file(number as usize, record, &name(number as usize))?;
-            at.progress.advance(1);
-            Ok(file)
-        };
-        let add = |file: Option<[u64; 2]>| {
-            if let Some([points, bytes]) = file {
-                made.files += 1;
-                made.points += points;
-                made.bytes += bytes;
-            }
-            Ok(())
-        };
-        workers::in_order(threads, self.count as u64, at.cancel, || (), one, add)?;
+        let mut written = SplitFiles::default();
+        workers::in_order(
+            threads,
+            self.count as u64,
+            at.cancel,
+            || (),
+            |(), bucket| {
+                let file = self.file(bucket as usize, record, &path(bucket as usize))?;
+                at.progress.advance(1);
+                Ok(file)
+            },
+            |file| {
+                written.add(&file);
+                Ok(())
+            },
+        )?;
         at.progress.end();
-        Ok(made)
+        Ok(written)
     }
 
-    /// Writes the file of a bucket; returns its points and bytes, if there are any.
-    fn file(&self, bucket: usize, record: usize, path: &Path) -> Result<Option<[u64; 2]>> {
+    /// Writes the file of a bucket, if it has records.
+    fn file(&self, bucket: usize, record: usize, path: &Path) -> Result<SplitFiles> {
         let all = self.buckets.len(bucket);
         if all == 0 {
-            return Ok(None);
+            return Ok(SplitFiles::default());
         }
         let mut writer = CloudWriter::create(path, self.options)?;
         let (layout, mut first) = (writer.layout(), 0);
@@ -239,18 +254,20 @@ impl FilledBuckets<'_> {
         }
         self.buckets.forget(bucket);
         let points = writer.points();
-        Ok(Some([points, writer.finish()?]))
+        Ok(SplitFiles { files: 1, points, bytes: writer.finish()? })
     }
 }
 
 /// A multiple of a number, exact in decimals.
 fn times(count: i64, number: f64) -> f64 {
-    let exact = || {
-        let number = Decimal::of(number)?;
-        let units = number.units(number.digits())?.checked_mul(count.into())?;
-        Some(Decimal::new(units, number.digits()).value())
-    };
-    exact().unwrap_or(count as f64 * number)
+    exact_multiple(count, number).unwrap_or(count as f64 * number)
+}
+
+/// A multiple in decimals; `None` if it has too many digits.
+fn exact_multiple(count: i64, number: f64) -> Option<f64> {
+    let number = Decimal::of(number)?;
+    let units = number.units(number.digits())?.checked_mul(count.into())?;
+    Some(Decimal::new(units, number.digits()).value())
 }
 
 /// The first and the last tile of a point cloud along both axes.
@@ -286,27 +303,32 @@ impl PointTiling {
 
 /// Whether a folder only has files of tiles written by terrane.
 pub(super) fn is_ours(folder: &Path) -> bool {
-    let is_corner = |x: &str, y: &str| x.parse::<f64>().is_ok() && y.parse::<f64>().is_ok();
-    holds_only(folder, |stem| stem.split_once('_').is_some_and(|(x, y)| is_corner(x, y)))
+    holds_only(folder, |stem| {
+        let corner = stem.split_once('_');
+        corner.is_some_and(|(x, y)| x.parse::<f64>().is_ok() && y.parse::<f64>().is_ok())
+    })
 }
 
 /// Whether a folder only has files written by terrane with known names, compared without extension.
 pub(super) fn holds_only(folder: &Path, is_known: impl Fn(&str) -> bool) -> bool {
-    let is_ours = |path: &Path| {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let stem = name.strip_suffix(".laz").or(name.strip_suffix(".las"));
-        stem.is_some_and(&is_known) && is_written_here(path)
-    };
     let mut entries = std::fs::read_dir(folder).into_iter().flatten();
-    folder.is_dir() && entries.all(|entry| entry.is_ok_and(|entry| is_ours(&entry.path())))
+    folder.is_dir()
+        && entries.all(|entry| entry.is_ok_and(|entry| is_our_file(&entry.path(), &is_known)))
+}
+
+/// Whether a file was written by terrane under a known name.
+fn is_our_file(path: &Path, is_known: impl Fn(&str) -> bool) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let stem = name.strip_suffix(".laz").or(name.strip_suffix(".las"));
+    stem.is_some_and(is_known) && is_written_here(path)
 }
 
 /// Fails if one of the files lies in a folder to be replaced.
 pub(super) fn refuse_within(files: &[String], folder: &Path) -> Result<()> {
     let Ok(real) = folder.canonicalize() else { return Ok(()) };
-    let is_in =
-        |file: &&String| path_of(file).canonicalize().is_ok_and(|path| path.starts_with(&real));
-    match files.iter().find(is_in) {
+    let mut files = files.iter();
+    match files.find(|file| path_of(file).canonicalize().is_ok_and(|path| path.starts_with(&real)))
+    {
         None => Ok(()),
         Some(file) => {
             Err(Error::usage(format!("the output folder contains the input {}", shown(file)))

@@ -7,12 +7,15 @@ use rayon::prelude::*;
 
 use super::context::TranslateContext;
 use super::octree::{Octree, OctreePlacement};
-use super::split::SplitColumn;
+use super::split::{MAX_FILES, SplitColumn};
 use super::tile_subset::TileSubset;
-use super::tiled_output::{self, PointTileSplitter, PointTiling, Spans, SplitFiles};
+use super::tiled_output::{
+    self, FilledBuckets, PointTileSplitter, PointTiling, Spans, SplitFiles, ending,
+};
 use crate::records::{PointRecords, RecordPacker, total};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::write::{CloudWriteOptions, CloudWriter, PointPacking};
+use terrane_files::Buckets;
 use terrane_files::atomic::{AtomicFile, AtomicFolder, Sidecar};
 
 /// Lines formatted by a thread at a time.
@@ -20,8 +23,8 @@ const LINES: usize = 4096;
 
 impl TranslateContext<'_> {
     pub(super) fn write(&self, records: &dyn PointRecords) -> Result<SplitFiles> {
-        if let Some(values) = self.values {
-            return self.split(values, records);
+        if let Some(split) = self.split {
+            return self.write_split(split, records);
         }
         match (&self.job.squares, self.options.packing) {
             (Some((squares, _)), _) => self.divide(*squares, records),
@@ -43,30 +46,30 @@ impl TranslateContext<'_> {
 
     fn text(&self, records: &dyn PointRecords) -> Result<SplitFiles> {
         let path = &self.job.output;
-        let beside = path.with_extension("prj");
-        let says_so = |found: &str| self.info.crs.is_said_by(found);
-        let beside = Sidecar::new(
-            beside,
+        let sidecar = path.with_extension("prj");
+        let sidecar = Sidecar::new(
+            sidecar,
             self.info.crs.to_wkt().map(|text| text + "\n"),
-            says_so,
+            |existing: &str| self.info.crs.is_said_by(existing),
             self.job.overwrite,
         )?;
         let mut file = AtomicFile::create(path, self.job.overwrite)?;
-        let lines = self.carrier.lines(&self.info.frame);
-        let mut put =
-            |text: &str| file.write_all(text.as_bytes()).map_err(|e| Error::write(path, e));
-        put(&lines.heading())?;
+        let lines = self.converter.lines(&self.info.frame);
+        file.write_all(lines.heading().as_bytes()).map_err(|e| Error::write(path, e))?;
         self.at.progress.begin("points", total(records));
         let (size, mut points) = (self.shares.flow.record, 0);
         self.shares.flow.run(records, self.at, &mut |bytes| {
             points += (bytes.len() / size) as u64;
             let parts: Vec<_> =
                 bytes.par_chunks(LINES * size).map(|some| lines.lines(some)).collect();
-            parts.iter().try_for_each(|text| put(text))
+            let mut parts = parts.iter();
+            parts
+                .try_for_each(|text| file.write_all(text.as_bytes()))
+                .map_err(|e| Error::write(path, e))
         })?;
         self.at.progress.end();
         let bytes = file.commit()?;
-        beside.commit()?;
+        sidecar.commit()?;
         Ok(SplitFiles { files: 1, points, bytes })
     }
 
@@ -81,39 +84,44 @@ impl TranslateContext<'_> {
     }
 
     fn divide(&self, squares: PointTiling, records: &dyn PointRecords) -> Result<SplitFiles> {
-        if let Some(TileSubset { spans, folder, .. }) = self.portion {
-            return self.files((squares, *spans), records, folder);
+        if let Some(TileSubset { spans, folder, .. }) = self.subset {
+            return self.files(squares, *spans, records, folder);
         }
         let folder =
             AtomicFolder::create(&self.job.output, self.job.overwrite, tiled_output::is_ours)?;
         let spans = tiled_output::spans(&squares, self.info)?;
-        let made = self.files((squares, spans), records, folder.inside())?;
+        let made = self.files(squares, spans, records, folder.inside())?;
         folder.commit()?;
         Ok(made)
     }
 
-    fn split(&self, values: &SplitColumn, records: &dyn PointRecords) -> Result<SplitFiles> {
+    fn write_split(&self, split: &SplitColumn, records: &dyn PointRecords) -> Result<SplitFiles> {
         let folder = AtomicFolder::create(&self.job.output, self.job.overwrite, |folder| {
-            values.is_ours(folder)
+            split.is_ours(folder)
         })?;
         let (flow, threads) = (self.shares.flow, self.shares.threads);
-        let waiting = (self.folder(), self.shares.marks / 2);
-        let into = (folder.inside(), &self.options);
-        let made = values.write(records, (flow, threads), into, waiting, self.at)?;
+        let buckets = Buckets::new(self.folder(), MAX_FILES, self.shares.marks / 2);
+        let names = split.distribute(records, flow, &buckets, self.at)?;
+        let ending = ending(self.options.packing);
+        let all = FilledBuckets { buckets: &buckets, count: names.len(), options: &self.options };
+        let path = |number: usize| folder.inside().join(format!("{}.{ending}", names[number]));
+        let written = all.write(flow.record, threads, path, self.at)?;
         folder.commit()?;
-        Ok(made)
+        Ok(written)
     }
 
     /// Writes the files of some tiles into a folder.
     fn files(
         &self,
-        squares: (PointTiling, Spans),
+        squares: PointTiling,
+        spans: Spans,
         records: &dyn PointRecords,
         folder: &Path,
     ) -> Result<SplitFiles> {
-        let waiting = (self.folder(), self.shares.marks / 2);
-        let division = PointTileSplitter::new(squares, self.info, waiting, &self.options);
-        division.write(records, (self.shares.flow, self.shares.threads), folder, self.at)
+        let memory = self.shares.marks / 2;
+        let splitter =
+            PointTileSplitter::new(squares, spans, self.info, self.folder(), memory, &self.options);
+        splitter.write(records, self.shares.flow, self.shares.threads, folder, self.at)
     }
 }
 

@@ -76,22 +76,24 @@ impl RecordFlow {
             at.cancel.check()?;
             match round {
                 RecordRound::Many(units) => {
-                    let make =
-                        || units.clone().into_par_iter().map(|unit| whole(records, unit, at));
-                    let (taken, next) =
-                        rayon::join(|| pass(&made, take), || make().collect::<Result<Vec<_>>>());
+                    let (taken, next) = rayon::join(
+                        || pass(&made, take),
+                        || {
+                            let units = units.clone().into_par_iter();
+                            units.map(|unit| read_unit(records, unit, at)).collect::<Result<_>>()
+                        },
+                    );
                     taken?;
                     made = next?;
                     at.progress.advance(units.map(|unit| records.unit(unit).points).sum());
                 }
                 RecordRound::Large(unit) => {
                     pass(&std::mem::take(&mut made), take)?;
-                    let mut each = |bytes: &[u8]| {
+                    report_unit(records, unit, at);
+                    records.read(unit, &mut |bytes| {
                         at.cancel.check()?;
                         take(bytes)
-                    };
-                    report_unit(records, unit, at);
-                    records.read(unit, &mut each)?;
+                    })?;
                     at.progress.advance(records.unit(unit).points);
                 }
             }
@@ -100,18 +102,17 @@ impl RecordFlow {
     }
 
     fn rounds(self, records: &dyn PointRecords) -> Vec<RecordRound> {
-        let bytes = |unit: usize| records.unit(unit).points.saturating_mul(self.record as u64);
-        let (mut rounds, mut first, mut held) = (Vec::new(), 0, 0);
+        let (mut rounds, mut first, mut round_bytes) = (Vec::new(), 0, 0);
         for unit in 0..records.units() {
-            let more = bytes(unit);
-            if held + more > self.round && first < unit {
+            let bytes = records.unit(unit).points.saturating_mul(self.record as u64);
+            if round_bytes + bytes > self.round && first < unit {
                 rounds.push(RecordRound::Many(first..unit));
-                (first, held) = (unit, 0);
+                (first, round_bytes) = (unit, 0);
             }
-            held += more;
-            if more > self.round {
+            round_bytes += bytes;
+            if bytes > self.round {
                 rounds.push(RecordRound::Large(unit));
-                (first, held) = (unit + 1, 0);
+                (first, round_bytes) = (unit + 1, 0);
             }
         }
         if first < records.units() {
@@ -131,7 +132,8 @@ fn report_unit(records: &dyn PointRecords, unit: usize, at: RunControl<'_>) {
     }
 }
 
-fn whole(records: &dyn PointRecords, unit: usize, at: RunControl<'_>) -> Result<Vec<u8>> {
+/// All records of a unit.
+fn read_unit(records: &dyn PointRecords, unit: usize, at: RunControl<'_>) -> Result<Vec<u8>> {
     report_unit(records, unit, at);
     let mut all = Vec::new();
     records.read(unit, &mut |bytes| {

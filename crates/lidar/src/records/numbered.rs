@@ -1,5 +1,6 @@
 //! Numbering of records, from the first one on.
 
+use std::ops::Range;
 use std::sync::Mutex;
 
 use super::{PointRecords, RecordFlow, RecordUnit, Take};
@@ -7,14 +8,39 @@ use terrane_base::error::Result;
 use terrane_engine::plan::RunControl;
 use terrane_files::lock;
 
-/// Reads all records in order, each with its number; returns the number of the first of each unit, and the
-/// total.
+/// The numbers of records, by unit.
+pub(crate) struct RecordNumbers {
+    /// Number of the first record of each unit.
+    firsts: Vec<u64>,
+    /// Number of all records.
+    pub(crate) total: u64,
+}
+
+impl RecordNumbers {
+    /// Number of units.
+    pub(crate) fn units(&self) -> usize {
+        self.firsts.len()
+    }
+
+    /// The number of the first record of a unit.
+    pub(crate) fn first(&self, unit: usize) -> u64 {
+        self.firsts[unit]
+    }
+
+    /// The numbers of the records of a unit.
+    pub(crate) fn of_unit(&self, unit: usize) -> Range<usize> {
+        let end = self.firsts.get(unit + 1).copied().unwrap_or(self.total);
+        self.firsts[unit] as usize..end as usize
+    }
+}
+
+/// Reads all records in order, each with its number.
 pub(crate) fn pass(
     records: &dyn PointRecords,
     flow: RecordFlow,
     at: RunControl<'_>,
     take: &mut (dyn FnMut(u64, &[u8]) -> Result<()> + Send),
-) -> Result<(Vec<u64>, u64)> {
+) -> Result<RecordNumbers> {
     let counts = Mutex::new(vec![0; records.units()]);
     let counted = CountedRecords { records, record: flow.record, counts: &counts };
     let mut number = 0;
@@ -31,7 +57,7 @@ pub(crate) fn pass(
         *sum += count;
         Some(first)
     });
-    Ok((firsts.collect(), number))
+    Ok(RecordNumbers { firsts: firsts.collect(), total: number })
 }
 
 /// Counts the records of each unit as they pass.

@@ -4,10 +4,12 @@
 //! points keep their order, and the first of equally good ones is kept. Memory: one bit for each point.
 
 use std::collections::HashMap;
+use std::path::Path;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{PointRecords, RecordFlow, RecordUnit, Take, numbered};
+use super::numbered::{self, RecordNumbers};
+use super::{PointRecords, RecordFlow, RecordUnit, Take};
 use terrane_base::bits::{BitSet, mixed};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
@@ -61,9 +63,7 @@ pub(crate) struct ChosenRecords<'a> {
     records: &'a dyn PointRecords,
     record: usize,
     kept: BitSet,
-    /// Number of the first record of each unit, and the total.
-    firsts: Vec<u64>,
-    all: u64,
+    numbers: RecordNumbers,
 }
 
 impl<'a> ChosenRecords<'a> {
@@ -71,42 +71,43 @@ impl<'a> ChosenRecords<'a> {
     pub(crate) fn new(
         records: &'a dyn PointRecords,
         choice: &dyn RecordRanking,
-        (flow, memory, folder): (RecordFlow, u64, &std::path::Path),
+        flow: RecordFlow,
+        memory: u64,
+        folder: &Path,
         at: RunControl<'_>,
     ) -> Result<Self> {
         let points: u64 = (0..records.units()).map(|unit| records.unit(unit).points).sum();
         let (count, left) = (buckets(points), memory.saturating_sub(points / 8));
         let buckets = Buckets::new(folder, count as usize, left / 4);
-        let (firsts, number) = numbered::pass(records, flow, at, &mut |number, record| {
+        let numbers = numbered::pass(records, flow, at, &mut |number, record| {
             let (group, rank) = choice.group_and_rank(record);
             let bucket = (mixed(&group) % count) as usize;
             buckets.push(bucket, &[RecordMark { group, rank, number }])
         })?;
-        let kept = best(&buckets, count as usize, choice.keeps_alike(), (number, left), at)?;
-        Ok(Self { records, record: flow.record, kept, firsts, all: number })
+        let kept = best(&buckets, count as usize, choice.keeps_alike(), numbers.total, left, at)?;
+        Ok(Self { records, record: flow.record, kept, numbers })
     }
 
-    /// The records with these numbers, given the number of the first record of each unit.
+    /// The `kept` records, given the numbers of all.
     pub(crate) fn of(
         records: &'a dyn PointRecords,
         record: usize,
-        (firsts, all): (Vec<u64>, u64),
+        numbers: RecordNumbers,
         kept: BitSet,
     ) -> Self {
-        Self { records, record, kept, firsts, all }
+        Self { records, record, kept, numbers }
     }
 
     /// The indices in a unit of its kept records.
     pub(crate) fn kept_in(&self, unit: usize) -> impl Iterator<Item = u64> + '_ {
-        let first = self.firsts[unit];
-        let end = self.firsts.get(unit + 1).copied().unwrap_or(self.all);
-        self.kept.within(first as usize..end as usize).map(move |number| number as u64 - first)
+        let first = self.numbers.first(unit);
+        self.kept.within(self.numbers.of_unit(unit)).map(move |number| number as u64 - first)
     }
 
     /// Number of dropped records.
     pub(crate) fn left_out(&self) -> u64 {
         let kept: u64 = self.kept.words().iter().map(|word| u64::from(word.count_ones())).sum();
-        self.all - kept
+        self.numbers.total - kept
     }
 }
 
@@ -120,7 +121,7 @@ impl PointRecords for ChosenRecords<'_> {
     }
 
     fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
-        let (mut number, mut chosen) = (self.firsts[unit] as usize, Vec::new());
+        let (mut number, mut chosen) = (self.numbers.first(unit) as usize, Vec::new());
         self.records.read(unit, &mut |bytes| {
             chosen.clear();
             for record in bytes.chunks_exact(self.record) {
@@ -139,17 +140,18 @@ fn best(
     buckets: &Buckets<RecordMark>,
     count: usize,
     keeps_alike: bool,
-    (numbers, memory): (u64, u64),
+    records: u64,
+    memory: u64,
     at: RunControl<'_>,
 ) -> Result<BitSet> {
-    let mut kept = BitSet::new(numbers as usize);
+    let mut kept = BitSet::new(records as usize);
     for bucket in 0..count {
         at.cancel.check()?;
         let mut best: HashMap<Group, (Rank, u64)> = HashMap::new();
         buckets.try_read(bucket, |marks| {
             for RecordMark { group, rank, number } in marks {
-                let one = best.entry(*group).or_insert((*rank, *number));
-                *one = (*one).min((*rank, *number));
+                let known = best.entry(*group).or_insert((*rank, *number));
+                *known = (*known).min((*rank, *number));
             }
             match best.len() as u64 * GROUP_BYTES > memory {
                 true => Err(too_many(best.len(), memory)),
@@ -157,13 +159,12 @@ fn best(
             }
         })?;
         if keeps_alike {
-            let is_alike = |mark: &&RecordMark| {
-                best.get(&mark.group).is_some_and(|(rank, _)| rank[1] == mark.rank[1])
-            };
             buckets.read(bucket, |marks| {
-                marks.iter().filter(is_alike).for_each(|mark| {
-                    kept.insert(mark.number as usize);
-                });
+                for RecordMark { group, rank, number } in marks {
+                    if best.get(group).is_some_and(|(best, _)| best[1] == rank[1]) {
+                        kept.insert(*number as usize);
+                    }
+                }
             })?;
         }
         buckets.forget(bucket);

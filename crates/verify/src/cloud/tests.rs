@@ -78,7 +78,7 @@ fn made_with(
     };
     let format = mesh::by_path(&job.output, None).unwrap();
     let at = RunControl { progress: &Silent, cancel: &Cancel::default() };
-    cloud_tin::make(&job, cloud, (features, format), 1 << 17, at).unwrap();
+    cloud_tin::make(&job, cloud, features, format, 1 << 17, at).unwrap();
     mesh::open(&job.output).unwrap()
 }
 

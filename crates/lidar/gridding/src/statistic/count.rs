@@ -10,8 +10,8 @@ pub(super) const COUNT: StatisticMethod = StatisticMethod {
     nature: ValueNature::Count,
     takes: SubjectKinds::Conditions,
     of: StatisticSource::Points {
-        needs: |_, rules| (rules.own(), vec![PointCount::KEPT]),
-        value: |_, cell| f64::from(cell.kept::<PointCount>(0).0),
+        needs: |_, rules| (rules.own(), vec![PointCount::KIND]),
+        value: |_, cell| f64::from(cell.accumulator::<PointCount>(0).0),
     },
     ..StatisticMethod::HEIGHT
 };
@@ -22,8 +22,8 @@ pub(super) const DENSITY: StatisticMethod = StatisticMethod {
     nature: ValueNature::Density,
     takes: SubjectKinds::Conditions,
     of: StatisticSource::Points {
-        needs: |_, rules| (rules.own(), vec![PointCount::KEPT]),
-        value: |_, cell| f64::from(cell.kept::<PointCount>(0).0) / cell.units.area,
+        needs: |_, rules| (rules.own(), vec![PointCount::KIND]),
+        value: |_, cell| f64::from(cell.accumulator::<PointCount>(0).0) / cell.units.area,
     },
     ..StatisticMethod::HEIGHT
 };

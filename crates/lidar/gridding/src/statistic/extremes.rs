@@ -51,11 +51,15 @@ impl CellAccumulator for HighestHeight {
 }
 
 fn low(cell: &StatisticCell<'_>, of: usize) -> Option<f64> {
-    Some(cell.kept::<LowestHeight>(of).0).filter(|z| *z != LowestHeight::NONE.0).map(f64::from)
+    Some(cell.accumulator::<LowestHeight>(of).0)
+        .filter(|z| *z != LowestHeight::NONE.0)
+        .map(f64::from)
 }
 
 fn high(cell: &StatisticCell<'_>, of: usize) -> Option<f64> {
-    Some(cell.kept::<HighestHeight>(of).0).filter(|z| *z != HighestHeight::NONE.0).map(f64::from)
+    Some(cell.accumulator::<HighestHeight>(of).0)
+        .filter(|z| *z != HighestHeight::NONE.0)
+        .map(f64::from)
 }
 
 pub(super) const MIN: StatisticMethod = StatisticMethod {

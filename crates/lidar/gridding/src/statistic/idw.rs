@@ -44,11 +44,11 @@ pub(super) const IDW: StatisticMethod = StatisticMethod {
             (CellNeighborhood::Disc(radius), vec![weights(radius, power), HIT])
         },
         value: |_, cell| {
-            let hit = Some(cell.kept::<CenterHeight>(1).0)
+            let hit = Some(cell.accumulator::<CenterHeight>(1).0)
                 .filter(|z| *z != CenterHeight::NONE.0)
                 .map(f64::from);
-            let mean = || cell.plane::<CellWeights>(0)?.sums.0.get(cell.at)?.mean();
-            cell.units.height(hit.or_else(mean))
+            let steps = hit.or_else(|| cell.plane::<CellWeights>(0)?.sums.0.get(cell.at)?.mean());
+            cell.units.height(steps)
         },
     },
     ..StatisticMethod::HEIGHT
@@ -167,17 +167,21 @@ impl WeightFalloff {
         Self { unit: WEIGHT_AT_RADIUS * raised(radius * radius, power), power }
     }
 
+    #[inline]
+    fn weight(self, divisor: f64) -> i64 {
+        (self.unit / divisor + 0.5) as i64
+    }
+
     /// Calls `each` with the weights at the squared distances of `hits`.
     fn weigh(self, hits: CellHits<'_>, mut each: impl FnMut(usize, i64)) {
-        let weight = |divisor: f64| (self.unit / divisor + 0.5) as i64;
         let area = hits.unit * hits.unit;
         let squares = hits.squares.iter().map(|square| float(*square) * area).enumerate();
         if self.power == 1.0 {
-            squares.for_each(|(i, square)| each(i, weight(square.sqrt())));
+            squares.for_each(|(i, square)| each(i, self.weight(square.sqrt())));
         } else if self.power == 2.0 {
-            squares.for_each(|(i, square)| each(i, weight(square)));
+            squares.for_each(|(i, square)| each(i, self.weight(square)));
         } else {
-            squares.for_each(|(i, square)| each(i, weight(raised(square, self.power))));
+            squares.for_each(|(i, square)| each(i, self.weight(raised(square, self.power))));
         }
     }
 }

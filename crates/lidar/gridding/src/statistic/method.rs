@@ -226,7 +226,7 @@ impl Statistic {
             StatisticSource::Points { .. } | StatisticSource::Sorted(_) => {
                 (rules.own(), vec![if real { sorted::REAL } else { sorted::WHOLE }])
             }
-            StatisticSource::Share { .. } => (rules.own(), vec![PointCount::KEPT]),
+            StatisticSource::Share { .. } => (rules.own(), vec![PointCount::KIND]),
             StatisticSource::All(_) => (rules.own(), Vec::new()),
         }
     }

@@ -89,15 +89,18 @@ impl StatisticRequest {
 /// # Errors
 /// Usage: an unknown name or parameter (the error lists the known ones), or a duplicate statistic.
 pub fn parse_list(text: &str) -> Result<Vec<StatisticRequest>> {
-    let mut asked: Vec<StatisticRequest> = Vec::new();
+    let mut requests: Vec<StatisticRequest> = Vec::new();
     for item in items(text) {
-        let one = parse(&item)?;
-        if asked.iter().any(|other| other.label == one.label) {
-            return Err(Error::usage(format!("the statistic {} is requested twice", one.label)));
+        let request = parse(&item)?;
+        if requests.iter().any(|other| other.label == request.label) {
+            return Err(Error::usage(format!(
+                "the statistic {} is requested twice",
+                request.label
+            )));
         }
-        asked.push(one);
+        requests.push(request);
     }
-    Ok(asked)
+    Ok(requests)
 }
 
 /// Items between commas; "key=value" goes with the item before it.

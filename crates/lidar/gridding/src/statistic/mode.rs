@@ -24,6 +24,6 @@ pub(super) const VARIETY: StatisticMethod = StatisticMethod {
 };
 
 fn mode(values: SortedCellValues<'_>) -> Option<f64> {
-    let more = |best: (f64, usize), run: (f64, usize)| if run.1 > best.1 { run } else { best };
-    values.runs().reduce(more).map(|(value, _)| value)
+    let longest = values.runs().reduce(|best, run| if run.1 > best.1 { run } else { best });
+    longest.map(|(value, _)| value)
 }

@@ -59,11 +59,11 @@ pub(super) const MEAN: StatisticMethod = StatisticMethod {
     aliases: &["average", "avg"],
     about: "mean height",
     of: StatisticSource::Points {
-        needs: |_, rules| (rules.own(), vec![PointCount::KEPT, SUM]),
+        needs: |_, rules| (rules.own(), vec![PointCount::KIND, SUM]),
         value: |_, cell| {
-            let count = cell.kept::<PointCount>(0).0;
-            let mean = || cell.kept::<HeightSum>(1).0 as f64 / f64::from(count);
-            cell.units.height((count > 0).then(mean))
+            let count = cell.accumulator::<PointCount>(0).0;
+            let sum = cell.accumulator::<HeightSum>(1).0 as f64;
+            cell.units.height((count > 0).then(|| sum / f64::from(count)))
         },
     },
     reals: Some(|_, values, units| units.height(values.mean())),
@@ -83,7 +83,7 @@ pub(super) const STD: StatisticMethod = StatisticMethod {
     parameters: &[DDOF],
     check: ddof,
     of: StatisticSource::Points {
-        needs: |_, rules| (rules.own(), vec![PointCount::KEPT, SUM, SQUARES]),
+        needs: |_, rules| (rules.own(), vec![PointCount::KIND, SUM, SQUARES]),
         value: |statistic, cell| {
             let ddof = statistic.parameter(DDOF.key).unwrap_or(0.0);
             cell.units.difference(deviation(cell, ddof as u32))
@@ -107,9 +107,9 @@ fn ddof(given: &GivenParameters) -> Result<Values> {
 
 /// n sum(z^2) - sum(z)^2 is an exact integer; only the later steps are rounded.
 fn deviation(cell: &StatisticCell<'_>, ddof: u32) -> Option<f64> {
-    let count = cell.kept::<PointCount>(0).0;
+    let count = cell.accumulator::<PointCount>(0).0;
     let divisor = count.checked_sub(ddof).filter(|n| *n > 0)?;
-    let sum = u128::from(cell.kept::<HeightSum>(1).0.unsigned_abs());
-    let spread = u128::from(count) * cell.kept::<HeightSquareSum>(2).0 - sum * sum;
+    let sum = u128::from(cell.accumulator::<HeightSum>(1).0.unsigned_abs());
+    let spread = u128::from(count) * cell.accumulator::<HeightSquareSum>(2).0 - sum * sum;
     Some((spread as f64 / f64::from(count) / f64::from(divisor)).sqrt())
 }

@@ -50,7 +50,7 @@ pub(super) const NEAREST: StatisticMethod = StatisticMethod {
             (CellNeighborhood::Disc(radius), vec![NEAR])
         },
         value: |_, cell| {
-            let z = cell.kept::<NearestPoint>(0).point.z;
+            let z = cell.accumulator::<NearestPoint>(0).point.z;
             cell.units.height(Some(z).filter(|z| *z != i32::MAX).map(f64::from))
         },
     },

@@ -34,6 +34,6 @@ pub(super) const COVER: StatisticMethod = StatisticMethod {
 
 /// Ratio of the points of the first plane to those of the second; NaN if there are none of these.
 fn share(cell: &StatisticCell<'_>) -> f64 {
-    let [some, all] = [0, 1].map(|of| f64::from(cell.kept::<PointCount>(of).0));
+    let [some, all] = [0, 1].map(|of| f64::from(cell.accumulator::<PointCount>(of).0));
     some / all
 }

@@ -58,8 +58,8 @@ impl ScoreLimit {
     /// Whether a score is noise.
     pub fn is_noise(&self, score: u64) -> bool {
         match self {
-            Self::Few(most) => score <= *most,
-            Self::Far(most) => score as f64 > *most,
+            Self::Few(max_points) => score <= *max_points,
+            Self::Far(distance) => score as f64 > *distance,
         }
     }
 }

@@ -26,12 +26,12 @@ pub(super) const METHOD: Method = Method {
     finder: NoiseFinder {
         reach: None,
         scores,
-        limit: |asked, sums| {
+        limit: |request, sums| {
             let [mean, deviation] = sums.mean_and_deviation();
-            ScoreLimit::Far(mean + asked.value("m") * deviation)
+            ScoreLimit::Far(mean + request.value("m") * deviation)
         },
         // Points of a part and of another, as they are and in trees, and distances.
-        bytes: |asked| 4 * 14 + 8 + 8 * (2 + asked.value("k") as u64),
+        bytes: |request| 4 * 14 + 8 + 8 * (2 + request.value("k") as u64),
     },
 };
 
@@ -70,12 +70,12 @@ impl NearestDistances {
 }
 
 fn scores(
-    asked: &Request,
+    request: &Request,
     space: &NoiseSpace,
     own: &[Point],
     around: &mut dyn NeighborParts,
 ) -> Result<Vec<u64>> {
-    let each = asked.value("k") as usize + 1;
+    let each = request.value("k") as usize + 1;
     let mut nearest = NearestDistances { each, squares: vec![f64::INFINITY; each * own.len()] };
     let tree = NoiseKdTree::new(space, own.to_vec());
     let mut open: Vec<u32> = (0..own.len() as u32).collect();
@@ -87,15 +87,16 @@ fn scores(
         // All that follow are no nearer.
         let away = space.gap(all, next);
         open.retain(|i| nearest.furthest(*i) > away);
-        let is_near = |i: &u32| space.gap([own[*i as usize]; 2], next) < nearest.furthest(*i);
-        let asking: Vec<u32> = open.iter().copied().filter(is_near).collect();
-        let Some(around_them) = bounds(asking.iter().map(|i| own[*i as usize])) else { continue };
-        let within = nearest.furthest_of(&asking);
+        let near = open.iter().copied();
+        let near = near.filter(|i| space.gap([own[*i as usize]; 2], next) < nearest.furthest(*i));
+        let near: Vec<u32> = near.collect();
+        let Some(near_bounds) = bounds(near.iter().map(|i| own[*i as usize])) else { continue };
+        let within = nearest.furthest_of(&near);
         read.clear();
         around.load(&mut read)?;
-        read.retain(|point| space.gap([*point; 2], around_them) < within);
+        read.retain(|point| space.gap([*point; 2], near_bounds) < within);
         let tree = NoiseKdTree::new(space, std::mem::take(&mut read));
-        asking.iter().for_each(|i| tree.search(own[*i as usize], nearest.of(*i)));
+        near.iter().for_each(|i| tree.search(own[*i as usize], nearest.of(*i)));
     }
     Ok((0..own.len()).map(|i| nearest.score(i, space.unit())).collect())
 }

@@ -26,16 +26,17 @@ pub(super) const METHOD: Method = Method {
         CLASS,
     ],
     finder: NoiseFinder {
-        reach: Some(|asked, space| Ok(Voxels::new(asked, space)?.side.map(|side| 2 * side))),
+        reach: Some(|request, space| Ok(Voxels::new(request, space)?.side.map(|side| 2 * side))),
         scores,
-        limit: |asked, _| ScoreLimit::Few(most(asked)),
+        limit: |request, _| ScoreLimit::Few(max_points(request)),
         // Points, cubes and counts of a part, and of another.
         bytes: |_| 2 * (12 + 24 + 32) + 8,
     },
 };
 
-fn most(asked: &Request) -> u64 {
-    asked.value("isolated") as u64
+/// Most points in 27 voxels that are noise.
+fn max_points(request: &Request) -> u64 {
+    request.value("isolated") as u64
 }
 
 /// Most steps of a side.
@@ -51,8 +52,8 @@ struct Voxels {
 }
 
 impl Voxels {
-    fn new(asked: &Request, space: &NoiseSpace) -> Result<Self> {
-        let side = asked.value("step");
+    fn new(request: &Request, space: &NoiseSpace) -> Result<Self> {
+        let side = request.value("step");
         if let Some(step) = space.step.into_iter().find(|step| side < *step) {
             return Err(too_small(side, step));
         }
@@ -84,15 +85,15 @@ impl VoxelCounts {
         Self(all.chunk_by(|a, b| a == b).map(|same| (same[0], same.len() as u64)).collect())
     }
 
-    /// Number of points in a voxel and the 26 around it; counting stops above `most`.
-    fn around(&self, [x, y, z]: Voxel, most: u64) -> u64 {
+    /// Number of points in a voxel and the 26 around it; counting stops above `max_points`.
+    fn around(&self, [x, y, z]: Voxel, max_points: u64) -> u64 {
         let mut sum = 0;
         for column in (-1..=1).flat_map(|i| (-1..=1).map(move |j| [x + i, y + j])) {
             let [i, j] = column;
             let first = self.0.partition_point(|(voxel, _)| *voxel < [i, j, z - 1]);
             let near = self.0[first..].iter().take_while(|(voxel, _)| *voxel <= [i, j, z + 1]);
             sum += near.map(|(_, count)| count).sum::<u64>();
-            if sum > most {
+            if sum > max_points {
                 break;
             }
         }
@@ -101,17 +102,18 @@ impl VoxelCounts {
 }
 
 fn scores(
-    asked: &Request,
+    request: &Request,
     space: &NoiseSpace,
     own: &[Point],
     around: &mut dyn NeighborParts,
 ) -> Result<Vec<u64>> {
-    let (voxels, most) = (Voxels::new(asked, space)?, most(asked));
+    let (voxels, max_points) = (Voxels::new(request, space)?, max_points(request));
     let counts = VoxelCounts::of(own.iter().map(|point| voxels.of(*point)));
     // Cubes that may be noise, in order, with the points that are known around them.
-    let few = counts.0.iter().filter(|(_, count)| *count <= most);
-    let mut open: Vec<_> = few.map(|(voxel, _)| (*voxel, counts.around(*voxel, most))).collect();
-    open.retain(|(_, count)| *count <= most);
+    let few = counts.0.iter().filter(|(_, count)| *count <= max_points);
+    let mut open: Vec<_> =
+        few.map(|(voxel, _)| (*voxel, counts.around(*voxel, max_points))).collect();
+    open.retain(|(_, count)| *count <= max_points);
     let within = space.square(voxels.side.map(|side| 2.0 * side as f64));
     let mut read = Vec::new();
     while let Some(span) = span(&open)
@@ -125,23 +127,25 @@ fn scores(
         let near = read.iter().filter(|point| voxels.touches(span, [**point; 2]));
         let others = VoxelCounts::of(near.map(|point| voxels.of(*point)));
         for (voxel, count) in &mut open {
-            *count += others.around(*voxel, most);
+            *count += others.around(*voxel, max_points);
         }
-        open.retain(|(_, count)| *count <= most);
+        open.retain(|(_, count)| *count <= max_points);
     }
-    let score = |point: &Point| {
+    let scores = own.iter().map(|point| {
         let found = open.binary_search_by(|(voxel, _)| voxel.cmp(&voxels.of(*point)));
-        found.map_or(most + 1, |at| open[at].1)
-    };
-    Ok(own.iter().map(score).collect())
+        found.map_or(max_points + 1, |at| open[at].1)
+    });
+    Ok(scores.collect())
 }
 
 /// The bounds of voxels; `None` for none.
 fn span(open: &[(Voxel, u64)]) -> Option<[Voxel; 2]> {
     let ends = open.iter().map(|(voxel, _)| [*voxel; 2]);
     ends.reduce(|[low, high], [voxel, _]| {
-        let end = |of: fn(i64, i64) -> i64, end: Voxel| [0, 1, 2].map(|i| of(end[i], voxel[i]));
-        [end(i64::min, low), end(i64::max, high)]
+        [
+            [0, 1, 2].map(|axis| low[axis].min(voxel[axis])),
+            [0, 1, 2].map(|axis| high[axis].max(voxel[axis])),
+        ]
     })
 }
 

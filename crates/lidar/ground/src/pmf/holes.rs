@@ -23,17 +23,18 @@ pub(super) fn widened(inner: &[i32], width: usize, margin: usize) -> Vec<i32> {
 /// enough heights within `reach` stay empty.
 pub(super) fn filled(heights: &[i32], width: usize, reach: usize) -> Vec<i32> {
     let sums = SummedAreaTable::new(heights, width);
-    let fill = |(at, height): (usize, &i32)| match *height {
+    let filled = heights.iter().enumerate().map(|(at, height)| match *height {
         EMPTY => radii(reach).find_map(|r| sums.mean(at, r)).unwrap_or(EMPTY),
         known => known,
-    };
-    heights.iter().enumerate().map(fill).collect()
+    });
+    filled.collect()
 }
 
 /// Half widths of squares, each about a third larger than the one before, up to the limit.
 fn radii(reach: usize) -> impl Iterator<Item = usize> {
-    let next = move |r: &usize| (*r < reach).then(|| (r + 1 + r / 3).min(reach));
-    std::iter::successors((reach > 0).then_some(1), next)
+    std::iter::successors((reach > 0).then_some(1), move |r| {
+        (*r < reach).then(|| (r + 1 + r / 3).min(reach))
+    })
 }
 
 /// Sums over all cells west and south of a corner, for the sum of any square in constant time.
@@ -70,9 +71,8 @@ impl SummedAreaTable {
         let (col, row) = (at % self.width, at / self.width);
         let (west, east) = (col.saturating_sub(r), (col + r + 1).min(self.width));
         let (south, north) = (row.saturating_sub(r), (row + r + 1).min(self.rows));
-        let corner = |row: usize, col: usize| self.corners[row * (self.width + 1) + col];
-        let (ne, nw) = (corner(north, east), corner(north, west));
-        let (se, sw) = (corner(south, east), corner(south, west));
+        let [ne, nw, se, sw] = [(north, east), (north, west), (south, east), (south, west)]
+            .map(|(row, col)| self.corners[row * (self.width + 1) + col]);
         let count = ne.0 + sw.0 - nw.0 - se.0;
         let sum = ne.1 + sw.1 - nw.1 - se.1;
         // Rounded down below 0, too: heights shifted by whole steps have means shifted by as much.

@@ -1,5 +1,6 @@
 //! Removes points below the ground: multipath echoes among the lowest points of cells.
 
+use crate::grid::within;
 use crate::lowest_points::EMPTY;
 
 /// Cells on each side that a cell is compared with.
@@ -10,20 +11,20 @@ const COMPANY: usize = 3;
 /// Removes heights more than `depth` steps below the third lowest around them; the bottom of a ditch has lower
 /// neighbours. Cells with few neighbours are kept.
 pub(super) fn without_noise(minima: &[i32], width: usize, depth: f64) -> Vec<i32> {
-    let is_noise = |at: usize| {
-        let own = minima[at];
-        own != EMPTY
-            && company(minima, width, at).is_some_and(|low| f64::from(low) - f64::from(own) > depth)
-    };
-    let kept = |at: usize| if is_noise(at) { EMPTY } else { minima[at] };
-    (0..minima.len()).map(kept).collect()
+    let cleaned = minima.iter().enumerate().map(|(at, &own)| {
+        let is_noise = own != EMPTY
+            && company(minima, width, at)
+                .is_some_and(|low| f64::from(low) - f64::from(own) > depth);
+        if is_noise { EMPTY } else { own }
+    });
+    cleaned.collect()
 }
 
 /// The third lowest height around a cell, if there are three.
 fn company(minima: &[i32], width: usize, at: usize) -> Option<i32> {
     let (col, row) = (at % width, at / width);
-    let rows = row.saturating_sub(REACH)..(row + REACH + 1).min(minima.len() / width);
-    let cols = col.saturating_sub(REACH)..(col + REACH + 1).min(width);
+    let rows = within(row, REACH, minima.len() / width);
+    let cols = within(col, REACH, width);
     let mut lowest = [EMPTY; COMPANY];
     for line in rows {
         let from = line * width;

@@ -64,10 +64,9 @@ pub fn ground(minima: &[i32], width: usize, parameters: &Parameters) -> GroundSu
     opening::take_off_objects(&mut bare, width, parameters);
     let wide = width + 2 * BESIDE;
     let heights = filled(&widened(&bare, width, BESIDE), wide, holes::reach(parameters.radius()));
-    let height = |z: i32| if z == EMPTY { f64::NAN } else { f64::from(z) };
     let Parameters { step, height: near, scaling, .. } = *parameters;
-    let heights = heights.into_iter().map(height).collect();
-    GroundSurface::new(width, heights, |slope| near / step + scaling * slope)
+    let heights = heights.into_iter().map(|z| if z == EMPTY { f64::NAN } else { f64::from(z) });
+    GroundSurface::new(width, heights.collect(), |slope| near / step + scaling * slope)
 }
 
 #[cfg(test)]

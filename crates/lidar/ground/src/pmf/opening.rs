@@ -38,8 +38,8 @@ pub(super) fn take_off_objects(heights: &mut [i32], width: usize, parameters: &P
 }
 
 /// Half widths of the windows: each a quarter larger than the one before, by at least one cell.
-fn radii(most: usize) -> impl Iterator<Item = usize> {
-    std::iter::successors(Some(1), move |r| (*r < most).then(|| (r + 1 + r / 4).min(most)))
+fn radii(max: usize) -> impl Iterator<Item = usize> {
+    std::iter::successors(Some(1), move |r| (*r < max).then(|| (r + 1 + r / 4).min(max)))
 }
 
 /// Heights with a margin.

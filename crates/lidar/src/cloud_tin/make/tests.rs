@@ -89,7 +89,8 @@ fn mesh_with(
     let made = triangulate(
         &work,
         tolerance,
-        (&hull.corners(), &nearest.points),
+        &hull.corners(),
+        &nearest.points,
         &FRAME,
         || Ok(boxed),
         &mut CloudTinClock::default(),
@@ -175,7 +176,7 @@ fn regions_give_the_one_triangulation_of_all_vertices_and_keep_the_bound() {
         assert_eq!(made.stacked as usize, source.points.len() - points.len());
         let fit = InsertUntilWithin::new(&mut reference, &points, tolerance);
         assert!(!fit.is_open(), "a point is beyond {tolerance}");
-        assert!(tolerance == 0.0 || (fit.measure().0 - made.errors.most).abs() < 1e-6);
+        assert!(tolerance == 0.0 || (fit.measure().0 - made.errors.max).abs() < 1e-6);
     }
 }
 
@@ -235,7 +236,7 @@ fn few_points_and_lines_have_no_surface() {
         let job = CloudTinJob::new(vec![], output, 1.0, Resources::default());
         let format = terrane_mesh::by_path(&job.output, None).unwrap();
         let at = RunControl { progress: &Silent, cancel: &Cancel::default() };
-        let error = make(&job, &source, (ConstraintFeatures::default(), format), REGION_POINTS, at)
+        let error = make(&job, &source, ConstraintFeatures::default(), format, REGION_POINTS, at)
             .unwrap_err();
         assert_eq!(error.kind(), ErrorKind::BadInput);
         assert!(!job.output.exists());

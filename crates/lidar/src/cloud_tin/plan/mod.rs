@@ -74,10 +74,10 @@ pub fn plan_cloud_tin(
     plan_regions(job, REGION_POINTS, RunControl { progress, cancel })
 }
 
-/// As [`plan_cloud_tin`], with regions of at most `most` points.
+/// As [`plan_cloud_tin`], with regions of at max_points `max_points` points.
 pub(super) fn plan_regions(
     job: &PlanCloudTinJob,
-    most: u64,
+    max_points: u64,
     at: RunControl<'_>,
 ) -> Result<CloudTinStatus> {
     let plan::PlanJob { job, folder, cut, skipped } = job;
@@ -88,7 +88,8 @@ pub(super) fn plan_regions(
     let (mesh, needs) = match PlanManifest::<CloudMesh>::there(folder) {
         Some(plan) => (CloudMesh::of(&opened, *cut, plan.work.seen)?, plan.needs),
         None => {
-            let (seen, share) = CloudTinScan::scan(&opened, (*cut, most), &opened.ready()?, at)?;
+            let (seen, share) =
+                CloudTinScan::scan(&opened, *cut, max_points, &opened.ready()?, at)?;
             let mesh = CloudMesh::of(&opened, *cut, seen)?;
             let needs = needs::expect(&opened.ready()?, &mesh.seen.regions, share)?;
             (mesh, needs)
@@ -126,9 +127,12 @@ pub fn run_in(
 ) -> Result<CloudTinReport> {
     let (to, with) = ((folder, &*job.output), (disk, &job.resources));
     let all = RunJob::until(to, job.overwrite, OutputForm::default(), with);
-    let plan =
-        || plan_cloud_tin(&PlanCloudTinJob::all(job, folder, skipped), progress, cancel).map(drop);
-    let run = plan::run_in::<CloudMesh>(&all, plan, RunControl { progress, cancel })?;
+    let job = PlanCloudTinJob::all(job, folder, skipped);
+    let run = plan::run_in::<CloudMesh>(
+        &all,
+        || plan_cloud_tin(&job, progress, cancel).map(drop),
+        RunControl { progress, cancel },
+    )?;
     let mut mesh = PlanKind::Cloud.made(run.of.mesh)?;
     mesh.run.wall_seconds = run.wall_seconds;
     mesh.run.peak_memory = run.peak_memory;

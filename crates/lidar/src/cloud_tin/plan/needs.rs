@@ -3,7 +3,7 @@
 use crate::cloud_tin::lines::CloudLines;
 use crate::cloud_tin::prepared::PreparedCloudTin;
 use crate::cloud_tin::regions::{CloudTinRegion, CloudTinRegions, REGION_POINTS};
-use crate::cloud_tin::vertex_selection::{BAND, first_choice};
+use crate::cloud_tin::vertex_selection::{BAND, select_first};
 use crate::point_index::{ENTRY, POINT, PointStore, Tiling};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
@@ -12,7 +12,7 @@ use terrane_engine::memory::polygon_bytes;
 use terrane_engine::plan::{PlanNeeds, RunControl};
 
 /// Sampled tiles.
-const TRIED: u32 = 96;
+const MAX_SAMPLES: u32 = 96;
 /// Steps of an evenly spread sequence along x and y (Roberts 2018).
 const STEPS: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053_2];
 /// Nanoseconds of one thread for a point in all tasks, and for a vertex that is written, as measured on one machine;
@@ -33,12 +33,12 @@ impl TileSample {
     /// A sample without points yet.
     pub(super) fn new(ready: &PreparedCloudTin<'_>) -> Self {
         let tiling = ready.tiling();
-        let squares = places(&tiling);
-        let around =
-            |square: &usize| tiling.touching(tiling.window_of(*square).grown(tiling.side() / BAND));
+        let squares = sample_tiles(&tiling);
         let memory = ready.job.resources.memory / 8;
         let points = PointStore::empty(tiling, ready.folder(), memory);
-        let points = points.only(squares.iter().flat_map(around));
+        let windows =
+            squares.iter().map(|square| tiling.window_of(*square).grown(tiling.side() / BAND));
+        let points = points.only(windows.flat_map(|window| tiling.touching(window)));
         Self { squares, points }
     }
 
@@ -55,44 +55,49 @@ impl TileSample {
         at: RunControl<'_>,
     ) -> Result<f64> {
         let tiling = self.points.tiling();
-        let few = |square: usize| {
-            let count = self.points.summary(square).map_or(0, |summary| summary.count);
-            let low = [square % tiling.counts()[0] as usize, square / tiling.counts()[0] as usize];
-            let low = low.map(|at| at as u32);
-            let region = CloudTinRegion { low, end: low.map(|at| at + 1), points: count };
-            (1..=REGION_POINTS).contains(&count).then_some(region)
-        };
-        let regions: Vec<_> = self.squares.iter().filter_map(|&square| few(square)).collect();
-        let tried: u64 = regions.iter().map(|region| region.points).sum();
-        if ready.tolerance() == 0.0 || tried == 0 {
+        let regions: Vec<_> = self.squares.iter().filter_map(|&s| self.region(s)).collect();
+        let sampled: u64 = regions.iter().map(|region| region.points).sum();
+        if ready.tolerance() == 0.0 || sampled == 0 {
             return Ok(1.0);
         }
         let (count, regions) = (regions.len(), CloudTinRegions::known(&regions, tiling));
-        let mut lines = CloudLines::new(&ready.kept, hull.clone(), tiling);
+        let mut lines = CloudLines::new(&ready.constraints, hull.clone(), tiling);
         lines.divide(&regions, tiling);
-        let empty = || PointStore::empty(*tiling, ready.folder(), ready.job.resources.memory / 8);
-        let (vertices, none) = (empty(), empty());
-        let work = ready.work((&self.points, &regions, &lines), 0, at)?;
-        let about = (ready.tolerance(), &hull.corners()[..]);
-        first_choice(&work, 0..count, about, &none, &vertices)?;
-        Ok((MARGIN * vertices.count() as f64 / tried as f64).min(1.0))
+        let memory = ready.job.resources.memory / 8;
+        let [vertices, no_posts] =
+            [(); 2].map(|()| PointStore::empty(*tiling, ready.folder(), memory));
+        let work = ready.work(&self.points, &regions, &lines, 0, at)?;
+        let hull = hull.corners();
+        select_first(&work, 0..count, ready.tolerance(), &hull, &no_posts, &vertices)?;
+        Ok((MARGIN * vertices.count() as f64 / sampled as f64).min(1.0))
+    }
+
+    /// The region of a single tile; `None` without points, or with more than a region has.
+    fn region(&self, square: usize) -> Option<CloudTinRegion> {
+        let count = self.points.summary(square).map_or(0, |summary| summary.count);
+        let columns = self.points.tiling().counts()[0] as usize;
+        let low = [square % columns, square / columns].map(|at| at as u32);
+        let region = CloudTinRegion { low, end: low.map(|at| at + 1), points: count };
+        (1..=REGION_POINTS).contains(&count).then_some(region)
     }
 }
 
 /// Evenly spread tiles, at most half of all, each once.
-fn places(tiling: &Tiling) -> Vec<usize> {
-    let place = |i: u32| {
-        let along = |axis: usize| {
-            let at = (f64::from(i) * STEPS[axis]).fract() * f64::from(tiling.counts()[axis]);
-            (at as u32).min(tiling.counts()[axis] - 1)
-        };
-        tiling.square([along(0), along(1)])
-    };
-    let count = TRIED.min(tiling.count().div_ceil(2) as u32);
-    let mut places: Vec<_> = (0..count).map(place).collect();
-    places.sort_unstable();
-    places.dedup();
-    places
+fn sample_tiles(tiling: &Tiling) -> Vec<usize> {
+    let count = MAX_SAMPLES.min(tiling.count().div_ceil(2) as u32);
+    let mut tiles: Vec<_> = (0..count).map(|i| sample_tile(tiling, i)).collect();
+    tiles.sort_unstable();
+    tiles.dedup();
+    tiles
+}
+
+/// A tile of an evenly spread sequence.
+fn sample_tile(tiling: &Tiling, i: u32) -> usize {
+    let counts = tiling.counts();
+    tiling.square([0, 1].map(|axis| {
+        let at = (f64::from(i) * STEPS[axis]).fract() * f64::from(counts[axis]);
+        (at as u32).min(counts[axis] - 1)
+    }))
 }
 
 /// Resources of the plan, if this `share` of the points become vertices.
@@ -104,8 +109,8 @@ pub(super) fn expect(
     let points: u64 = regions.iter().map(|region| region.points).sum();
     let vertices = (points as f64 * share) as u64;
     let squares = ready.tiling().count() as u64;
-    let most = regions.iter().map(|region| region.points).max().unwrap_or(0);
-    let worker = ready.division.worker(most, 0);
+    let max_points = regions.iter().map(|region| region.points).max().unwrap_or(0);
+    let worker = ready.division.worker(max_points, 0);
     let [task, writing] = NANOSECONDS.map(|n| n * 1e-9);
     Ok(PlanNeeds {
         // Squares of all rounds are known by their indices, twice while these are put in order.
@@ -127,8 +132,8 @@ mod tests {
         for (wide, high) in [(1, 1), (7, 1), (9000, 200), (4000, 4000)] {
             let corners = [Point::new(0, 0, 0), Point::new(wide - 1, high - 1, 0)];
             let tiling = Tiling::new(corners, (wide * high) as u64 * 100);
-            let places = places(&tiling);
-            assert!(places.len() <= TRIED as usize && !places.is_empty());
+            let places = sample_tiles(&tiling);
+            assert!(places.len() <= MAX_SAMPLES as usize && !places.is_empty());
             assert!(places.len() * 2 <= tiling.count() + 1 && places.is_sorted());
             if tiling.count() > 1000 {
                 assert!(places.len() > 80);

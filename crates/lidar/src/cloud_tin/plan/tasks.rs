@@ -10,14 +10,14 @@ use serde::{Deserialize, Serialize};
 
 use super::needs::TileSample;
 use super::report::{CloudTinStatus, PointRun, PointStatus};
-use crate::cloud_tin::context;
+use crate::cloud_tin::context::CloudTinContext;
 use crate::cloud_tin::job::{CloudTinJob, CloudTinReport};
 use crate::cloud_tin::lines::CloudLines;
 use crate::cloud_tin::make::{self, CloudTinClock, report};
 use crate::cloud_tin::prepared::PreparedCloudTin;
 use crate::cloud_tin::regions::{CloudTinRegion, CloudTinRegions, no_surface};
 use crate::cloud_tin::vertex_selection::{
-    BAND, CloudTinErrors, RegionInspection, RegionWorklist, due, first_choice, look_at_all,
+    BAND, CloudTinErrors, RegionInspection, RegionWorklist, due, inspect_all, select_first,
 };
 use crate::cloud_tin::write::write;
 use crate::point_index::{PointStore, PointTileIndexes, TileFileWriter, Tiling};
@@ -142,12 +142,8 @@ impl OpenedCloudTin {
 
     pub(super) fn ready(&self) -> Result<PreparedCloudTin<'_>> {
         let format = self.job.format()?;
-        PreparedCloudTin::new(
-            (&self.job, &self.label),
-            &*self.source,
-            ConstraintFeatures::default(),
-            format,
-        )
+        let features = ConstraintFeatures::default();
+        PreparedCloudTin::new(&self.job, &self.label, &*self.source, features, format)
     }
 }
 
@@ -161,12 +157,13 @@ impl CloudHeaderSummary {
 }
 
 impl CloudTinScan {
-    /// Reads the points once: divides them into regions of at most `most` points, and tasks of at most `cut`
+    /// Reads the points once: divides them into regions of at most `max_points` points, and tasks of at most `cut`
     /// points (one region at least) or the default. Returns the statistics and the estimated share of points
     /// that become vertices.
     pub(super) fn scan(
         OpenedCloudTin { source, .. }: &OpenedCloudTin,
-        (cut, most): (Option<u32>, u64),
+        cut: Option<u32>,
+        max_points: u64,
         ready: &PreparedCloudTin<'_>,
         at: RunControl<'_>,
     ) -> Result<(Self, f64)> {
@@ -177,9 +174,10 @@ impl CloudTinScan {
         if hull.is_flat() {
             return Err(no_surface());
         }
-        let fair = TASK_POINTS.max(2 * source.info().count / MAX_PARTS);
-        let regions = CloudTinRegions::new(&points, &[], most).all;
-        let blocks = CloudTinRegions::new(&points, &[], cut.map_or(fair, u64::from).max(most)).all;
+        let default_cut = TASK_POINTS.max(2 * source.info().count / MAX_PARTS);
+        let regions = CloudTinRegions::new(&points, &[], max_points).all;
+        let cut = cut.map_or(default_cut, u64::from).max(max_points);
+        let blocks = CloudTinRegions::new(&points, &[], cut).all;
         let seen = Self {
             census: *points.census(),
             losses: points.losses().clone(),
@@ -242,16 +240,13 @@ fn absolute(name: &str) -> Result<String> {
 
 /// Blocks, and the regions of each.
 fn parts(regions: &[CloudTinRegion], blocks: Vec<CloudTinRegion>) -> Vec<CloudTinPart> {
-    let mut next = 0;
-    let part = |block: CloudTinRegion| {
-        let is_in = |region: &&CloudTinRegion| {
-            (0..2).all(|i| block.low[i] <= region.low[i] && region.low[i] < block.end[i])
-        };
+    let (mut parts, mut next) = (Vec::with_capacity(blocks.len()), 0);
+    for block in blocks {
         let first = next;
-        next += regions[first..].iter().take_while(is_in).count();
-        CloudTinPart { block, regions: first..next }
-    };
-    blocks.into_iter().map(part).collect()
+        next += regions[first..].iter().take_while(|region| block.contains(region.low)).count();
+        parts.push(CloudTinPart { block, regions: first..next });
+    }
+    parts
 }
 
 /// Context of a task, or of the last one.
@@ -269,24 +264,25 @@ struct CloudTinTaskContext<'a> {
 impl<'a> CloudTinTaskContext<'a> {
     fn new(
         mesh: &'a CloudMesh,
-        (opened, ready): (&'a OpenedCloudTin, &'a PreparedCloudTin<'a>),
+        opened: &'a OpenedCloudTin,
+        ready: &'a PreparedCloudTin<'a>,
         at: RunControl<'a>,
     ) -> Self {
         let tiling = ready.tiling();
         let hull: Vec<_> = mesh.seen.hull.iter().map(|&[x, y, z]| Point::new(x, y, z)).collect();
         let regions = CloudTinRegions::known(&mesh.seen.regions, &tiling);
-        let mut lines = CloudLines::new(&ready.kept, ConvexHull::of(hull.clone()), &tiling);
+        let mut lines = CloudLines::new(&ready.constraints, ConvexHull::of(hull.clone()), &tiling);
         lines.divide(&regions, &tiling);
         Self { mesh, opened, ready, tiling, hull, regions, lines, at }
     }
 
-    /// The work on some points, with `held` bytes beside them.
+    /// The work on some points, with `resident_bytes` beside them.
     fn work<'w>(
         &'w self,
         points: &'w PointStore,
-        held: u64,
-    ) -> Result<context::CloudTinContext<'w>> {
-        self.ready.work((points, &self.regions, &self.lines), held, self.at)
+        resident_bytes: u64,
+    ) -> Result<CloudTinContext<'w>> {
+        self.ready.work(points, &self.regions, &self.lines, resident_bytes, self.at)
     }
 
     fn empty(&self, bytes: u64) -> PointStore {
@@ -307,11 +303,11 @@ impl<'a> CloudTinTaskContext<'a> {
 
     /// The points of these regions.
     fn read_regions(&self, regions: &[usize]) -> Result<PointStore> {
-        let of = |number: &usize| &self.regions.all[*number];
+        let regions = regions.iter().map(|number| &self.regions.all[*number]);
         let squares: Vec<_> =
-            regions.iter().flat_map(|number| of(number).squares(&self.tiling)).collect();
-        let windows = regions.iter().map(|number| of(number).window(&self.tiling));
-        match windows.reduce(|all, one| all.union(&one)) {
+            regions.clone().flat_map(|region| region.squares(&self.tiling)).collect();
+        let windows = regions.map(|region| region.window(&self.tiling));
+        match windows.reduce(|all, window| all.union(&window)) {
             None => Ok(self.empty(0)),
             Some(within) => self.read(within, Some(&squares)),
         }
@@ -326,8 +322,7 @@ impl<'a> CloudTinTaskContext<'a> {
             return Ok(points);
         }
         let vertices = self.empty(work.vertex_bytes);
-        let about = (tolerance, &self.hull[..]);
-        first_choice(&work, regions, about, &self.empty(0), &vertices)?;
+        select_first(&work, regions, tolerance, &self.hull, &self.empty(0), &vertices)?;
         Ok(vertices)
     }
 
@@ -338,69 +333,75 @@ impl<'a> CloudTinTaskContext<'a> {
         survey: &TaskStates<'_, CloudMesh>,
     ) -> Result<Vec<(usize, RegionInspection)>> {
         let (mesh, regions) = (self.mesh, self.mesh.part(task).regions.clone());
-        let all = shelves(survey, mesh.tasks_of(0..task.round))?;
+        let all = vertices_of(survey, mesh.tasks_of(0..task.round))?;
         let due = match task.round {
             1 => regions.collect(),
             round => {
-                let changed = shelves(survey, mesh.tasks_of(round - 1..round))?;
-                let due =
-                    due(&looks(survey, task)?, changed.squares().map(|(s, _)| s), &self.tiling);
+                let changed = vertices_of(survey, mesh.tasks_of(round - 1..round))?;
+                let changed = changed.squares().map(|(square, _)| square);
+                let due = due(&last_inspections(survey, task)?, changed, &self.tiling);
                 due.into_iter().map(|number| regions.start + number).collect::<Vec<_>>()
             }
         };
-        let (points, held) = (self.read_regions(&due)?, all.bytes());
-        let work = self.work(&points, held)?;
+        let (points, resident_bytes) = (self.read_regions(&due)?, all.bytes());
+        let work = self.work(&points, resident_bytes)?;
         let vertices = self.empty(work.vertex_bytes).over(all);
-        look_at_all(&work, &vertices, (self.ready.tolerance(), &self.hull), &due)
+        inspect_all(&work, &vertices, self.ready.tolerance(), &self.hull, &due)
     }
 
     /// Adds the remaining vertices after all rounds.
     fn settle(
         &self,
         survey: &TaskStates<'_, CloudMesh>,
-        work: &context::CloudTinContext<'_>,
+        work: &CloudTinContext<'_>,
         vertices: &PointStore,
     ) -> Result<CloudTinErrors> {
         let (rounds, tolerance) = (self.mesh.rounds(), self.ready.tolerance());
         let last = self.mesh.tasks_of(rounds..rounds + 1);
-        let seen =
-            last.iter().map(|task| looks(survey, CloudTinTask { round: rounds + 1, ..*task }));
-        let seen = seen.collect::<Result<Vec<_>>>()?.concat();
-        let changed = shelves(survey, last)?;
-        let settling = RegionWorklist::after(seen, changed.squares().map(|(s, _)| s), &self.tiling);
-        let settled = settling.run(vertices, |due| {
+        let inspections = last
+            .iter()
+            .map(|task| last_inspections(survey, CloudTinTask { round: rounds + 1, ..*task }));
+        let inspections = inspections.collect::<Result<Vec<_>>>()?.concat();
+        let changed = vertices_of(survey, last)?;
+        let changed = changed.squares().map(|(square, _)| square);
+        let worklist = RegionWorklist::after(inspections, changed, &self.tiling);
+        let finished = worklist.run(vertices, |due| {
             let points = self.read_regions(due)?;
-            let work = context::CloudTinContext { points: &points, ..*work };
-            look_at_all(&work, vertices, (tolerance, &self.hull), due)
+            let work = CloudTinContext { points: &points, ..*work };
+            inspect_all(&work, vertices, tolerance, &self.hull, due)
         })?;
-        Ok(settled.end(tolerance).0)
+        Ok(finished.end(tolerance).0)
     }
 }
 
 /// The vertices in the objects of some tasks.
-fn shelves(
+fn vertices_of(
     survey: &TaskStates<'_, CloudMesh>,
     tasks: Vec<CloudTinTask>,
 ) -> Result<PointTileIndexes> {
-    let object = |task: CloudTinTask| {
+    let mut objects = Vec::with_capacity(tasks.len());
+    for task in tasks {
         let (path, done) = survey.object(task)?;
-        Ok((path, done.facts.index))
-    };
-    PointTileIndexes::open(tasks.into_iter().map(object).collect::<Result<Vec<_>>>()?)
+        objects.push((path, done.facts.index));
+    }
+    PointTileIndexes::open(objects)
 }
 
 /// The last results of the regions of a task before its round.
-fn looks(survey: &TaskStates<'_, CloudMesh>, task: CloudTinTask) -> Result<Vec<RegionInspection>> {
+fn last_inspections(
+    survey: &TaskStates<'_, CloudMesh>,
+    task: CloudTinTask,
+) -> Result<Vec<RegionInspection>> {
     let regions = survey.folder.plan.work.part(task).regions.clone();
-    let mut looks = vec![RegionInspection::settled(SiteWindow::ALL, 0); regions.len()];
+    let mut inspections = vec![RegionInspection::settled(SiteWindow::ALL, 0); regions.len()];
     for round in 1..task.round {
         let (_, done) = survey.object(CloudTinTask { round, ..task })?;
         for &(region, [low, high], points) in &done.facts.looks {
-            looks[region - regions.start] =
+            inspections[region - regions.start] =
                 RegionInspection::settled(SiteWindow { low, high }, points);
         }
     }
-    Ok(looks)
+    Ok(inspections)
 }
 
 /// Writes the points of a block of tiles into an object; returns their number.
@@ -498,24 +499,24 @@ impl PlannedWork for CloudMesh {
         at: RunControl<'_>,
     ) -> Result<MadeArtifact<VertexArtifactSummary>> {
         let (mesh, ready) = (&survey.folder.plan.work, opened.ready()?);
-        let (desk, part) = (CloudTinTaskContext::new(mesh, (opened, &ready), at), mesh.part(task));
-        let (vertices, mut found) = match task.round {
-            0 => (desk.select(&part.block, part.regions.clone())?, Vec::new()),
+        let (context, part) = (CloudTinTaskContext::new(mesh, opened, &ready, at), mesh.part(task));
+        let (vertices, mut inspections) = match task.round {
+            0 => (context.select(&part.block, part.regions.clone())?, Vec::new()),
             _ => {
-                let (found, open) = (desk.scan(task, survey)?, desk.empty(u64::MAX));
-                found.iter().try_for_each(|(_, look)| open.add(&look.open))?;
-                (open, found)
+                let inspections = context.scan(task, survey)?;
+                let additions = context.empty(u64::MAX);
+                inspections.iter().try_for_each(|(_, of)| additions.add(&of.additions))?;
+                (additions, inspections)
             }
         };
-        found.sort_unstable_by_key(|(region, _)| *region);
+        inspections.sort_unstable_by_key(|(region, _)| *region);
         let (points, index) = put(&vertices, &part.block, object)?;
         run.vertices += points;
-        let look = |(region, look): (usize, RegionInspection)| {
-            let SiteWindow { low, high } = look.influence;
-            (region, [low, high], look.errors.points)
-        };
-        let facts =
-            VertexArtifactSummary { points, index, looks: found.into_iter().map(look).collect() };
+        let looks =
+            inspections.into_iter().map(|(region, RegionInspection { influence, errors, .. })| {
+                (region, [influence.low, influence.high], errors.points)
+            });
+        let facts = VertexArtifactSummary { points, index, looks: looks.collect() };
         Ok(MadeArtifact { facts, digest: None, spilled: vertices.spilled() })
     }
 
@@ -526,17 +527,17 @@ impl PlannedWork for CloudMesh {
         at: RunControl<'_>,
     ) -> Result<CloudTinReport> {
         let (started, mesh, ready) = (Instant::now(), &survey.folder.plan.work, opened.ready()?);
-        let (desk, mut clock) =
-            (CloudTinTaskContext::new(mesh, (opened, &ready), at), CloudTinClock::default());
-        let (none, all) = (desk.empty(0), shelves(survey, mesh.tasks())?);
-        let work = desk.work(&none, all.bytes())?;
-        let vertices = desk.empty(work.vertex_bytes).over(all);
+        let (context, mut clock) =
+            (CloudTinTaskContext::new(mesh, opened, &ready, at), CloudTinClock::default());
+        let (none, all) = (context.empty(0), vertices_of(survey, mesh.tasks())?);
+        let work = context.work(&none, all.bytes())?;
+        let vertices = context.empty(work.vertex_bytes).over(all);
         let errors = match mesh.rounds() {
             0 => CloudTinErrors::default(),
-            _ => desk.settle(survey, &work, &vertices)?,
+            _ => context.settle(survey, &work, &vertices)?,
         };
         clock.lap("prove", vertices.count());
-        let written = write(&work, &vertices, &desk.hull, &ready.info.frame, ready.sink()?)?;
+        let written = write(&work, &vertices, &context.hull, &ready.info.frame, ready.sink()?)?;
         clock.lap("write", written.vertices);
         let ReturnCounts { kept, .. } = mesh.seen.census;
         let stacked = kept - if mesh.rounds() == 0 { written.vertices } else { errors.points };

@@ -118,9 +118,10 @@ impl PlannedCells {
         let Rect { col, row, width, height } = extent.output;
         let t = extent.lattice.transform().shifted(f64::from(col), f64::from(row));
         let info = points.info();
-        let fair = || fair_side(u64::from(width) * u64::from(height), info.count);
         let crs = extent.crs.wkt.clone().unwrap_or_else(|| extent.crs.label());
-        let (side, points) = (side.unwrap_or_else(fair), info.count);
+        let points = info.count;
+        let side =
+            side.unwrap_or_else(|| default_side(u64::from(width) * u64::from(height), points));
         Self { width, height, side, points, first: [t.x0, t.y0], crs }
     }
 
@@ -160,7 +161,7 @@ impl PlannedCells {
 }
 
 /// Cells along a tile with about [`TILE_POINTS`] points.
-fn fair_side(cells: u64, points: u64) -> u32 {
+fn default_side(cells: u64, points: u64) -> u32 {
     let a_point = cells as f64 / points.max(1) as f64;
     let blocks = ((TILE_POINTS * a_point).sqrt() / f64::from(BLOCK)).round();
     BLOCK * (blocks as u32).clamp(1, MOST_SIDE / BLOCK)
@@ -188,8 +189,8 @@ mod tests {
 
     #[test]
     fn tiles_have_more_cells_where_points_are_fewer() {
-        assert_eq!(fair_side(1, 1 << 60), BLOCK);
-        assert_eq!(fair_side(1 << 40, 1), MOST_SIDE);
-        assert_eq!(fair_side(1_000_000, 8_000_000), 2816);
+        assert_eq!(default_side(1, 1 << 60), BLOCK);
+        assert_eq!(default_side(1 << 40, 1), MOST_SIDE);
+        assert_eq!(default_side(1_000_000, 8_000_000), 2816);
     }
 }

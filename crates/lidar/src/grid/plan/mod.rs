@@ -123,16 +123,18 @@ pub fn plan_grid(
     let extent = GridExtent::new(points.info(), job)?;
     let (there, at) =
         (PlanManifest::<CloudGridPlan>::there(folder), RunControl { progress, cancel });
-    let look = |preset| scan(preset, job, (&*points, &extent), at);
-    let seen = match &there {
-        Some(plan) => plan.work.seen.clone(),
-        None => job.preset.map(look).transpose()?,
+    let seen = match (&there, job.preset) {
+        (Some(plan), _) => plan.work.seen.clone(),
+        (None, Some(preset)) => Some(scan(preset, job, &*points, &extent, at)?),
+        (None, None) => None,
     };
     let opened = OpenedCloudGrid { job: job.clone(), points, extent, seen };
     let grid = CloudGridPlan::new(&opened, *cut)?;
     let files = grid.files(&*opened.points);
-    let expect = || probe::expect(&opened, &grid.grid, at);
-    let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
+    let needs = match there {
+        Some(plan) => plan.needs,
+        None => probe::expect(&opened, &grid.grid, at)?,
+    };
     let label = shown_all(&job.input);
     PlanManifest::new(grid, (label, files), needs, skipped)?.put(folder)?;
     plan::status::<CloudGridPlan>(folder)
@@ -142,7 +144,8 @@ pub fn plan_grid(
 fn scan(
     preset: SurfaceModel,
     job: &GridJob,
-    (points, extent): (&dyn PointSource, &GridExtent),
+    points: &dyn PointSource,
+    extent: &GridExtent,
     RunControl { progress, cancel }: RunControl<'_>,
 ) -> Result<CloudOverview> {
     let reading = job.reading();
@@ -248,8 +251,8 @@ impl PlannedWork for CloudGridPlan {
             points.kept += done.facts.kept;
             losses.add(&done.facts.losses);
         }
-        let file = |tile: &GridTileTask| name_of(survey.object(*tile)?.0);
-        let files = survey.done.keys().map(file).collect::<Result<Vec<_>>>()?;
+        let files = survey.done.keys().map(|tile| name_of(survey.object(*tile)?.0));
+        let files = files.collect::<Result<Vec<_>>>()?;
         let made = opened.write(&files, &opened.job, &opened.extent, at)?;
         let PlanManifest { label, work: CloudGridPlan { grid: cells, .. }, .. } =
             &survey.folder.plan;

@@ -7,7 +7,7 @@ use tempfile::TempDir;
 
 use super::manifest::{BLOCK, GridTileTask, PlannedCells};
 use super::tile::OpenedCloudGrid;
-use crate::grid::budget::GridBudget;
+use crate::grid::budget::{GridBudget, GridWorkload};
 use crate::grid::extent::GridExtent;
 use crate::grid::job::GridJob;
 use crate::grid::region_points::CellSurroundings;
@@ -47,15 +47,15 @@ pub(super) fn expect(
 ) -> Result<PlanNeeds> {
     let folder = opened.job.resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
     let folder = TempDir::new_in(&folder).map_err(|e| Error::write(&folder, e))?;
-    let places = places(cells);
+    let samples = sample_tiles(cells);
     let least = LeastMemory::of(opened, cells, folder.path())?;
     let mut seen = GridProbe { block: least.block, ..GridProbe::default() };
-    at.progress.begin("sample", places.len() as u64);
-    for (number, rect) in places.iter().enumerate() {
+    at.progress.begin("sample", samples.len() as u64);
+    for (number, rect) in samples.iter().enumerate() {
         let folder = folder.path().join(number.to_string());
         std::fs::create_dir(&folder).map_err(|e| Error::write(&folder, e))?;
-        if let Some(tried) = probe(opened, *rect, &folder, at.silent())? {
-            seen.add(*rect, tried);
+        if let Some(sample) = probe(opened, *rect, &folder, at.silent())? {
+            seen.add(*rect, sample);
         }
         at.progress.advance(1);
     }
@@ -114,7 +114,7 @@ fn points_near(opened: &OpenedCloudGrid, near: Option<CellSurroundings>) -> u64 
 }
 
 /// A sampled tile.
-struct TriedTile {
+struct GridTileSample {
     /// Bytes of the tile, and of the grid written from it.
     bytes: [u64; 2],
     /// Points read.
@@ -138,10 +138,10 @@ struct GridProbe {
 }
 
 impl GridProbe {
-    fn add(&mut self, rect: Rect, tried: TriedTile) {
-        let [tile, written] = tried.bytes;
-        self.points += tried.points;
-        self.seconds += tried.seconds;
+    fn add(&mut self, rect: Rect, sample: GridTileSample) {
+        let [tile, written] = sample.bytes;
+        self.points += sample.points;
+        self.seconds += sample.seconds;
         self.cells += rect.len() as u64;
         self.padded += self.padded(rect);
         self.tiles += tile;
@@ -151,14 +151,14 @@ impl GridProbe {
     /// Seconds of one thread for the values of a cell, without reading points; `None` if nothing was sampled.
     fn making(&self) -> Option<f64> {
         let reading = self.points as f64 * POINT[0] * 1e-9;
-        let is_tried = self.cells > 0;
-        is_tried.then(|| (self.seconds - reading).max(0.0) / self.cells as f64)
+        (self.cells > 0).then(|| (self.seconds - reading).max(0.0) / self.cells as f64)
     }
 
     fn padded(&self, rect: Rect) -> u64 {
         let (width, height) = self.block;
-        let fill = |cells: u32, block: u32| u64::from(cells).next_multiple_of(block.max(1).into());
-        fill(rect.width, width) * fill(rect.height, height)
+        let [width, height] = [(rect.width, width), (rect.height, height)]
+            .map(|(cells, block)| u64::from(cells).next_multiple_of(block.max(1).into()));
+        width * height
     }
 
     /// Bytes of all tiles and of the written grid, as an upper estimate; uncompressed if nothing was sampled.
@@ -167,34 +167,38 @@ impl GridProbe {
         let plain = values * job.sample_type.bytes() as u64;
         let overviews = if job.format()?.has_overviews() { 4.0 / 3.0 } else { 1.0 };
         let cells = all.len() as u64;
-        let of = |bytes: u64, seen: u64, all: u64| MARGIN * bytes as f64 * all as f64 / seen as f64;
         let (tiles, written) = match self.cells {
             0 => ((cells * values * 8) as f64, (self.padded(all) * plain) as f64),
             // What is not compressed fills its blocks.
             _ if self.written >= self.padded * plain => {
-                let written = of(self.written, self.padded, self.padded(all));
-                (of(self.tiles, self.cells, cells), written)
+                let written = scaled(self.written, self.padded, self.padded(all));
+                (scaled(self.tiles, self.cells, cells), written)
             }
-            seen => (of(self.tiles, seen, cells), of(self.written, seen, cells)),
+            seen => (scaled(self.tiles, seen, cells), scaled(self.written, seen, cells)),
         };
         Ok([tiles as u64, (written * overviews) as u64])
     }
 }
 
+/// Estimated bytes of all cells from those of a sample.
+fn scaled(bytes: u64, sampled: u64, all: u64) -> f64 {
+    MARGIN * bytes as f64 * all as f64 / sampled as f64
+}
+
 /// Small tiles, evenly over the cells in both directions.
-fn places(cells: &PlannedCells) -> Vec<Rect> {
-    let spans = |all: u32| -> Vec<[u32; 2]> {
-        // Of a small grid no more than a quarter is made.
-        let count = (all.div_ceil(BLOCK) / 2).clamp(1, ALONG);
-        let side = BLOCK.min(all);
-        let first =
-            |i: u32| (u64::from(all - side) * u64::from(2 * i + 1) / u64::from(2 * count)) as u32;
-        (0..count).map(|i| [first(i), side]).collect()
-    };
-    let cols = spans(cells.width);
-    let rect = |[row, height]: [u32; 2], [col, width]: [u32; 2]| Rect::new(col, row, width, height);
-    let row = |row| cols.iter().map(move |col| rect(row, *col));
-    spans(cells.height).into_iter().flat_map(row).collect()
+fn sample_tiles(cells: &PlannedCells) -> Vec<Rect> {
+    let (width, height) = (BLOCK.min(cells.width), BLOCK.min(cells.height));
+    let cols = sample_starts(cells.width);
+    let rows = sample_starts(cells.height);
+    rows.flat_map(|row| cols.clone().map(move |col| Rect::new(col, row, width, height))).collect()
+}
+
+/// The first columns, or rows, of small tiles along an axis with this number of cells.
+fn sample_starts(cells: u32) -> impl Iterator<Item = u32> + Clone {
+    // Of a small grid no more than a quarter is made.
+    let count = (cells.div_ceil(BLOCK) / 2).clamp(1, ALONG);
+    let range = u64::from(cells - BLOCK.min(cells));
+    (0..count).map(move |i| (range * u64::from(2 * i + 1) / u64::from(2 * count)) as u32)
 }
 
 /// A small tile, and the grid written from it; `None` if it has to read too much.
@@ -203,7 +207,7 @@ fn probe(
     rect: Rect,
     folder: &Path,
     at: RunControl<'_>,
-) -> Result<Option<TriedTile>> {
+) -> Result<Option<GridTileSample>> {
     at.cancel.check()?;
     let near = opened.near(rect);
     if points_near(opened, near) > MAX_POINTS {
@@ -219,7 +223,7 @@ fn probe(
     let job = written_in(&opened.job, folder)?;
     let written = opened.write(&files, &job, &extent, at)?;
     let bytes = [made.output_bytes, written.output_bytes];
-    Ok(Some(TriedTile { bytes, points: made.points.read, seconds }))
+    Ok(Some(GridTileSample { bytes, points: made.points.read, seconds }))
 }
 
 /// The job whose output is in `folder`.
@@ -244,16 +248,17 @@ impl LeastMemory {
         // Formats without blocks have lines as long as the grid is wide.
         let rows = Rect::new(0, 0, cells.width, BLOCK.min(cells.height));
         let rows = opened.extent.part(rows, opened.points.info());
-        let whole = Self::to_write(&written_in(&opened.job, folder)?, &rows)?;
+        let rows = Self::to_write(&written_in(&opened.job, folder)?, &rows)?;
         let ground = surface_model::least(&opened.job, opened.points.info(), opened.seen.as_ref());
-        Ok(Self { memory: whole.memory.max(tile.memory).max(ground), ..whole })
+        Ok(Self { memory: rows.memory.max(tile.memory).max(ground), ..rows })
     }
 
     fn to_write(job: &GridJob, extent: &GridExtent) -> Result<Self> {
         let (format, info) = (job.format()?, extent.written(job));
         let recipe = StatisticRecipe::new(&job.stats, &job.rules(extent.cell()));
         let sink = format.create(&job.output, &info, &job.write_options())?;
-        let memory = GridBudget::least(format, sink.as_ref(), extent, &recipe);
+        let work = GridWorkload { format, sink: sink.as_ref(), extent, recipe: &recipe };
+        let memory = GridBudget::least(work);
         Ok(Self { memory, block: sink.block() })
     }
 }
@@ -268,7 +273,7 @@ mod tests {
             [(1, 1, 1), (256, 300, 1), (257, 5000, 4), (1100, 1100, 4), (80_000, 80_000, 16)]
         {
             let cells = PlannedCells::sized(width, height, BLOCK);
-            let places = places(&cells);
+            let places = sample_tiles(&cells);
             assert_eq!(places.len(), count, "{width} x {height}");
             assert!(places.iter().all(|p| p.col + p.width <= width && p.row + p.height <= height));
             let distinct = |i: usize| places[..i].iter().all(|other| *other != places[i]);

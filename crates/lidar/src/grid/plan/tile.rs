@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Instant;
 
-use crate::grid::budget::GridBudget;
+use crate::grid::budget::{GridBudget, GridWorkload};
 use crate::grid::extent::GridExtent;
 use crate::grid::job::GridJob;
 use crate::grid::make::{GridMaker, report};
@@ -102,17 +102,20 @@ impl OpenedCloudGrid {
         let (format, info) = (job.format()?, extent.written(job));
         let recipe = StatisticRecipe::new(&job.stats, &job.rules(extent.cell()));
         let mut sink = self.sink(job, extent)?;
-        let budget = GridBudget::writing(&job.resources, format, sink.as_ref(), extent, &recipe)?;
+        let work = GridWorkload { format, sink: sink.as_ref(), extent, recipe: &recipe };
+        let budget = GridBudget::writing(&job.resources, work)?;
         let bands = u32::try_from(job.stats.len()).unwrap_or(u32::MAX);
-        let options = |band: u32| raster::GridOpenOptions {
-            band,
+        let mut options = raster::GridOpenOptions {
             cache_bytes: (budget.blocks / u64::from(bands)) as usize,
             threads: budget.threads,
             temp_dir: job.resources.temp_dir.clone(),
             ..raster::GridOpenOptions::default()
         };
-        let open = |band: u32| raster::open_all(files, &options(band));
-        let tiles = GridTileValues { bands: (1..=bands).map(open).collect::<Result<_>>()? };
+        let mut tiles = GridTileValues { bands: Vec::new() };
+        for band in 1..=bands {
+            options.band = band;
+            tiles.bands.push(raster::open_all(files, &options)?);
+        }
         let bands = CellBands { cells: &tiles, bands: recipe.bands(), info: &info };
         let valid = bands.write(sink.as_mut(), budget.threads, progress, cancel)?;
         cancel.check()?;
@@ -134,36 +137,41 @@ impl OpenedCloudGrid {
 
     /// The window of all points in a cell or within `reach` world units of its centre.
     fn window(&self, extent: &GridExtent, reach: f64) -> SiteWindow {
-        let frame = &self.points.info().frame;
-        let ends = |axis: usize, cells: LatticeAxis, count: u32| {
-            let [a, b] = [0, count - 1].map(|cell| cells.world_centre(i64::from(cell)));
-            let margin = cells.world_cell().max(reach);
-            near_steps(frame, axis, [a.min(b) - margin, a.max(b) + margin])
-        };
         let (width, height) = extent.lattice.size();
-        let [west, east] = ends(0, extent.lattice.x, width);
-        let [south, north] = ends(1, extent.lattice.y, height);
+        let [west, east] = self.steps_near(0, extent.lattice.x, width, reach);
+        let [south, north] = self.steps_near(1, extent.lattice.y, height, reach);
         SiteWindow { low: [west, south], high: [east, north] }
+    }
+
+    /// The steps along an axis in its first `count` cells or within `reach` of their centres.
+    fn steps_near(&self, axis: usize, cells: LatticeAxis, count: u32, reach: f64) -> [i32; 2] {
+        let [a, b] = [0, count - 1].map(|cell| cells.world_centre(i64::from(cell)));
+        let margin = cells.world_cell().max(reach);
+        near_steps(&self.points.info().frame, axis, [a.min(b) - margin, a.max(b) + margin])
     }
 
     /// First margin around the cells, in steps; `None` for the whole point cloud.
     fn margin(&self, recipe: &StatisticRecipe, cells: &SiteWindow) -> Option<i32> {
+        let margins = recipe.bands().iter().map(|band| self.margin_of(&band.statistic));
+        let margin = margins.reduce(|a, b| Some(a?.max(b?))).flatten()?;
+        let margin = margin.max(self.seen.as_ref().map_or(0, |seen| seen.reach));
+        let [x, y] = [0, 1].map(|axis| cells.high[axis].abs_diff(cells.low[axis]) / 8);
+        // A narrow tile among far points: some of its own size at least.
+        Some(if margin == 0 { 0 } else { margin.max(x.min(y) as i32) })
+    }
+
+    /// First margin for a statistic, in steps; `None` for the whole point cloud.
+    fn margin_of(&self, statistic: &Statistic) -> Option<i32> {
         let info = self.points.info();
-        let own = |statistic: &Statistic| match statistic.shape() {
+        match statistic.shape() {
             Some(SurfaceInterpolation::Natural) => None,
             Some(SurfaceInterpolation::Linear { max_edge }) => {
                 // What has long edges is void, whatever lies further away.
-                let longest = max_edge.or(self.job.max_edge).map(|most| reach(&info.frame, most));
+                let longest = max_edge.or(self.job.max_edge).map(|edge| reach(&info.frame, edge));
                 Some(longest.unwrap_or(0).max(neighbours::tiling(info).side()).saturating_add(4))
             }
             None => Some(0),
-        };
-        let margins = recipe.bands().iter().map(|band| own(&band.statistic));
-        let most = margins.reduce(|a, b| Some(a?.max(b?))).flatten()?;
-        let most = most.max(self.seen.as_ref().map_or(0, |seen| seen.reach));
-        let side = |axis: usize| cells.high[axis].abs_diff(cells.low[axis]) / 8;
-        // A narrow tile among far points: some of its own size at least.
-        Some(if most == 0 { 0 } else { most.max(side(0).min(side(1)) as i32) })
+        }
     }
 }
 

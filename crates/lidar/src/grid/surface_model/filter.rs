@@ -71,9 +71,10 @@ impl GroundCellRange {
 
     /// Their window, for cells of this number of steps a side, with a step more.
     fn window(&self, cell: [f64; 2]) -> SiteWindow {
-        let within = |v: f64| v.clamp(f64::from(-REACH), f64::from(REACH)) as i32;
-        let low = [0, 1].map(|i| within((self.low[i] as f64 * cell[i]).floor() - 1.0));
-        let high = [0, 1].map(|i| within((self.end[i] as f64 * cell[i]).ceil() + 1.0));
+        let low = [0, 1].map(|i| (self.low[i] as f64 * cell[i]).floor() - 1.0);
+        let high = [0, 1].map(|i| (self.end[i] as f64 * cell[i]).ceil() + 1.0);
+        let [low, high] =
+            [low, high].map(|end| end.map(|v| v.clamp(f64::from(-REACH), f64::from(REACH)) as i32));
         SiteWindow { low, high }
     }
 
@@ -105,9 +106,9 @@ impl<'a> GroundFilter<'a> {
     ) -> Self {
         let step = metres.step;
         let cell = cell(&lattice, metres);
-        let whole = (memory / BYTES_PER_CELL).isqrt() as i64;
-        let any = (whole - 2 * lattice.halo as i64).clamp(SIDES[0], SIDES[1]);
-        let side = lattice.core.map_or(any, |core| core as i64);
+        let wide = (memory / BYTES_PER_CELL).isqrt() as i64;
+        let fitting = (wide - 2 * lattice.halo as i64).clamp(SIDES[0], SIDES[1]);
+        let side = lattice.core.map_or(fitting, |core| core as i64);
         let (others, within) = (None, None);
         Self { candidates, others, method, lattice, step, cell, side, memory, within }
     }
@@ -162,12 +163,18 @@ impl<'a> GroundFilter<'a> {
     ) -> Result<()> {
         let tiles = self.tiles()?;
         progress.begin("ground", tiles.len() as u64);
-        let tile = |_: &mut (), tile: u64| {
-            self.tile(self.core(tiles[tile as usize]), into)?;
-            progress.advance(1);
-            Ok(())
-        };
-        workers::run(self.threads(threads), tiles.len() as u64, cancel, || (), tile, Ok)?;
+        workers::run(
+            self.threads(threads),
+            tiles.len() as u64,
+            cancel,
+            || (),
+            |(), tile| {
+                self.filter_tile(self.core(tiles[tile as usize]), into)?;
+                progress.advance(1);
+                Ok(())
+            },
+            Ok,
+        )?;
         progress.end();
         Ok(())
     }
@@ -181,8 +188,8 @@ impl<'a> GroundFilter<'a> {
     /// The cells that the point cloud touches; all others are empty.
     fn all(&self) -> GroundCellRange {
         let SiteWindow { low, high } = self.tiling().window();
-        let cell = |[x, y]: [i32; 2]| self.locate(&Point::new(x, y, 0)).0;
-        GroundCellRange { low: cell(low), end: cell(high).map(|last| last + 1) }
+        let [low, last] = [low, high].map(|[x, y]| self.locate(&Point::new(x, y, 0)).0);
+        GroundCellRange { low, end: last.map(|last| last + 1) }
     }
 
     /// The tiles with points, which may be few in a sparse point cloud.
@@ -214,40 +221,40 @@ impl<'a> GroundFilter<'a> {
     }
 
     /// Adds the ground points of a tile.
-    fn tile(&self, core: GroundCellRange, into: &PointStore) -> Result<()> {
+    fn filter_tile(&self, core: GroundCellRange, into: &PointStore) -> Result<()> {
         let reach = self.lattice.halo as i64;
         let wide = self.all().within(&core.grown(reach));
-        let found = self.method.find(&LowestPoints {
+        let surface = self.method.find(&LowestPoints {
             points: &self.lows(&wide)?,
             width: wide.width(),
             cell: self.lattice.cell,
             corner: [0, 1].map(|i| wide.low[i] as f64 * self.cell[i]),
             step: self.step,
         });
-        let mut kept = Vec::new();
+        let mut ground = Vec::new();
         let all: Vec<_> = self.candidates.iter().copied().chain(self.others).collect();
         for square in self.squares(&core) {
-            kept.clear();
+            ground.clear();
             visit(&all, square, |run| {
-                let is_ground =
-                    |p: &&Point| self.accepts(p) && self.is_ground(p, &core, &wide, &found);
-                kept.extend(run.iter().filter(is_ground));
+                let accepted = run.iter().filter(|p| self.accepts(p));
+                ground.extend(accepted.filter(|p| self.is_ground(p, &core, &wide, &surface)));
             })?;
-            into.add(&kept)?;
+            into.add(&ground)?;
         }
         Ok(())
     }
 
     /// The lowest point in each of these cells; of several the first by x and y.
     fn lows(&self, cells: &GroundCellRange) -> Result<Vec<Point>> {
-        let key = |p: &Point| (p.z, p.x, p.y);
         let (mut lows, width) = (vec![NO_POINT; cells.count()], cells.width());
         for square in self.squares(cells) {
             visit(&self.candidates, square, |run| {
                 for point in run {
                     if let Some([col, row]) = cells.place(self.locate(point).0) {
                         let low = &mut lows[row * width + col];
-                        *low = if key(point) < key(low) { *point } else { *low };
+                        if (point.z, point.x, point.y) < (low.z, low.x, low.y) {
+                            *low = *point;
+                        }
                     }
                 }
             })?;
@@ -261,11 +268,13 @@ impl<'a> GroundFilter<'a> {
         point: &Point,
         core: &GroundCellRange,
         wide: &GroundCellRange,
-        found: &GroundSurface,
+        surface: &GroundSurface,
     ) -> bool {
         let (cell, place) = self.locate(point);
         core.place(cell).is_some()
-            && wide.place(cell).is_some_and(|[col, row]| found.is_ground(col, row, place, point.z))
+            && wide
+                .place(cell)
+                .is_some_and(|[col, row]| surface.is_ground(col, row, place, point.z))
     }
 }
 
@@ -288,12 +297,10 @@ pub(crate) fn around(
 ) -> SiteWindow {
     let lattice = method.lattice(spacing);
     let (cell, side) = (cell(&lattice, metres), lattice.core.unwrap_or(1) as i64);
-    let square = |at: i32, i: usize| ((f64::from(at) / cell[i]).floor() as i64).div_euclid(side);
-    let cells = GroundCellRange {
-        low: [0, 1].map(|i| square(window.low[i], i) * side),
-        end: [0, 1].map(|i| (square(window.high[i], i) + 1) * side),
-    };
-    cells.grown(lattice.halo as i64).window(cell)
+    let [first, last] = [window.low, window.high]
+        .map(|end| [0, 1].map(|i| ((f64::from(end[i]) / cell[i]).floor() as i64).div_euclid(side)));
+    let (low, end) = (first.map(|tile| tile * side), last.map(|tile| (tile + 1) * side));
+    GroundCellRange { low, end }.grown(lattice.halo as i64).window(cell)
 }
 
 /// Bytes of a tile of a method with fixed tiles, for a point cloud of this width and height in metres and any
@@ -303,9 +310,9 @@ pub(crate) fn square_bytes(method: &Request, extent: [f64; 2]) -> u64 {
 }
 
 fn bytes_of(lattice: GroundTiling, extent: [f64; 2]) -> u64 {
-    let most = lattice.core.map_or(0, |core| core + 2 * lattice.halo) as u64;
+    let max_side = lattice.core.map_or(0, |core| core + 2 * lattice.halo) as u64;
     let cells = extent.map(|metres| ((metres / lattice.cell).ceil() as u64).saturating_add(2));
-    cells.map(|cells| cells.min(most)).iter().product::<u64>() * BYTES_FIXED
+    cells.map(|cells| cells.min(max_side)).iter().product::<u64>() * BYTES_FIXED
 }
 
 /// Approximate point spacing of all stores in metres, from the tiles with points.
@@ -313,10 +320,13 @@ pub(super) fn spacing(stores: &[&PointStore], metres: &MetricFrame) -> f64 {
     let (mut count, mut steps) = (0, 0.0);
     for square in 0..stores[0].tiling().count() {
         let all = stores.iter().filter_map(|store| store.summary(square));
-        let Some(one) = all.reduce(TileSummary::merged) else { continue };
-        let side = |i: usize| f64::from(one.window.high[i].abs_diff(one.window.low[i]));
-        count += one.count;
-        steps += side(0) * side(1);
+        let Some(TileSummary { window, count: points, .. }) = all.reduce(TileSummary::merged)
+        else {
+            continue;
+        };
+        let [x, y] = [0, 1].map(|i| f64::from(window.high[i].abs_diff(window.low[i])));
+        count += points;
+        steps += x * y;
     }
     (steps * metres.step[0] * metres.step[1] / (count.max(1) as f64)).sqrt()
 }

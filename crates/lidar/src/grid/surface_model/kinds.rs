@@ -59,7 +59,7 @@ impl GroundFrom {
     /// The method to use without ground classes.
     pub(crate) fn method(self) -> ground::Request {
         match self {
-            Self::Method(asked) => asked,
+            Self::Method(request) => request,
             Self::Auto | Self::Class => ground::Request::BEST,
         }
     }
@@ -83,7 +83,7 @@ impl fmt::Display for GroundFrom {
         match self {
             Self::Auto => f.write_str("auto"),
             Self::Class => f.write_str("class"),
-            Self::Method(asked) => asked.fmt(f),
+            Self::Method(request) => request.fmt(f),
         }
     }
 }

@@ -21,7 +21,6 @@ mod tiles;
 use super::extent::CellRequest;
 use super::job::GridJob;
 use super::neighbours::{CloudSurfaces, more_is_needed, tiling};
-use super::region_points::CellSurroundings;
 use crate::point_index::{PointStore, PointStoreSetup};
 pub(super) use context::Making;
 use context::{STORES, no_noise, too_little};
@@ -36,7 +35,6 @@ use pit_free::PitFreeLayers;
 pub(crate) use scan_result::CloudOverview;
 use spike_free::BySquare;
 use terrane_base::error::Result;
-use terrane_base::geom::Point;
 use terrane_cloud::{CloudInfo, Return, ReturnCounts};
 use terrane_engine::skip_bad::LostPoints;
 use terrane_gridding::Statistic;
@@ -87,7 +85,7 @@ impl PreparedSurfaceModel {
             match making.job.canopy.way() {
                 CanopyAlgorithm::PitFree => model.add_layers(cloud, making)?,
                 CanopyAlgorithm::SpikeFree { freeze, buffer } => {
-                    model.add_squares(cloud, (freeze, buffer), making)?;
+                    model.add_squares(cloud, freeze, buffer, making)?;
                 }
             }
         }
@@ -96,8 +94,7 @@ impl PreparedSurfaceModel {
 
     /// Finds the ground, if there is any.
     fn with_ground(mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<Self> {
-        let is_seen = |(_, seen): &(CellSurroundings, &CloudOverview)| seen.by_class;
-        if making.job.ground.is_method() || !making.part.as_ref().is_none_or(is_seen) {
+        if making.job.ground.is_method() || making.part.is_some_and(|(_, seen)| !seen.by_class) {
             return self.filter_ground(cloud, making);
         }
         let (classes, window) = (making.classes(), making.ground_window());
@@ -130,13 +127,13 @@ impl PreparedSurfaceModel {
         self.take_note(&candidates);
         let square = square_bytes(&method, metres.extent(cloud.bounds));
         // The store of the surface is filled later.
-        let room = making.store_memory();
-        if square > room {
+        let spare = making.store_memory();
+        if square > spare {
             let what = format!("finding the ground by {}", method.name());
             let memory = making.job.resources.memory;
             return Err(too_little(&what, min_for(square), memory, "‹ground› filter"));
         }
-        let share = if square > 0 { room } else { making.memory / TILE_SHARE };
+        let share = if square > 0 { spare } else { making.memory / TILE_SHARE };
         let tile = share / making.threads as u64;
         let store = making.store(candidates.tiling());
         let filter = match part {
@@ -170,7 +167,7 @@ impl PreparedSurfaceModel {
             self.notes.push(note.to_owned());
         }
         let ground = self.ground.as_ref();
-        let layers = PitFreeLayers::new(first, ground, (&metres, cloud.frame), making)?;
+        let layers = PitFreeLayers::new(first, ground, &metres, cloud.frame, making)?;
         self.top = Some(Box::new(layers));
         Ok(())
     }
@@ -178,21 +175,21 @@ impl PreparedSurfaceModel {
     fn add_squares(
         &mut self,
         cloud: &CloudInfo,
-        freeze: (Option<f64>, f64),
+        freeze: Option<f64>,
+        buffer: f64,
         making: &Making<'_>,
     ) -> Result<()> {
         let metres = self.metres(cloud)?;
         let spacing = making.pulses(&metres)?;
-        let tally = SpikeFreeTally::new(SpikeFreeTiles::new(spacing, freeze, &metres));
+        let tally = SpikeFreeTally::new(SpikeFreeTiles::new(spacing, freeze, buffer, &metres));
         let source = making.source(no_noise(), None)?;
         let window = making.surface_window();
         let filling = PointStoreSetup { within: window, ..making.filling() };
         let store = making.store(&tiling(source.info()));
-        let take = |batch: &[Point]| {
+        let all = store.filled_and(&*source, &filling, &|batch| {
             tally.take(batch);
             Ok(())
-        };
-        let all = store.filled_and(&*source, &filling, &take)?;
+        })?;
         self.take_note(&all);
         self.notes.push(frozen(all.count(), &tally.squares));
         let around = making.part.map(|(_, seen)| seen.around_surface()).unwrap_or_default();

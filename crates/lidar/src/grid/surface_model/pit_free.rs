@@ -46,10 +46,11 @@ impl CanopySurface for PitFreeLayers {
     fn values(&self, piece: CellRequest<'_>, out: &mut [f64]) -> Result<()> {
         let centres = CellCenters::new(piece.extent, piece.rect, &self.frame);
         let at = centres.positions();
-        let near = |window| self.layers.iter().map(|layer| layer.store.points_near(window)).sum();
-        at.in_parts(MAX_POINTS, near, |part, window| {
-            self.fill(at, part, window, piece.max_edge, out)
-        })
+        at.in_parts(
+            MAX_POINTS,
+            |window| self.layers.iter().map(|layer| layer.store.points_near(window)).sum(),
+            |part, window| self.fill(at, part, window, piece.max_edge, out),
+        )
     }
 
     fn is_exceeded(&self) -> bool {
@@ -67,7 +68,8 @@ impl PitFreeLayers {
     pub(super) fn new(
         first: PointStore,
         ground: Option<&CloudSurfaces>,
-        (metres, frame): (&MetricFrame, PointFrame),
+        metres: &MetricFrame,
+        frame: PointFrame,
         making: &Making<'_>,
     ) -> Result<Self> {
         let known = making.part.map(|(_, seen)| seen.first);
@@ -76,9 +78,9 @@ impl PitFreeLayers {
         let memory = making.store_memory() / pits.layers() as u64;
         let tiling = *first.tiling();
         let window = making.surface_window();
-        let store =
-            |_| making.limited(PointStore::empty(tiling, making.folder(), memory), window, &[]);
-        let high: Vec<PointStore> = (0..count).map(store).collect::<Result<_>>()?;
+        let high = (0..count).map(|_| PointStore::empty(tiling, making.folder(), memory));
+        let high = high.map(|store| making.limited(store, window, &[]));
+        let high: Vec<PointStore> = high.collect::<Result<_>>()?;
         if let Some(ground) = ground {
             raise(&first, ground, metres.step[2], &pits, &high, making)?;
         }
@@ -96,7 +98,7 @@ impl PitFreeLayers {
         max_edge: Option<f64>,
         out: &mut [f64],
     ) -> Result<()> {
-        let margin = self.longest(max_edge).map_or(0, |most| reach(&self.frame, most));
+        let margin = self.longest(max_edge).map_or(0, |longest| reach(&self.frame, longest));
         let mut around = vec![SurroundingPoints::new(&self.layers[0].store, window.grown(margin))?];
         let wide = window.grown(self.reach());
         // A layer has no points where the one before it has none.
@@ -104,8 +106,8 @@ impl PitFreeLayers {
             around.push(SurroundingPoints::new(&layer.store, wide)?);
         }
         for row in part.rows.clone() {
-            let cells =
-                || part.cols.clone().map(|col| FixedPosition::from_steps(at.xs[col], at.ys[row]));
+            let cols = part.cols.clone();
+            let cells = cols.map(|col| FixedPosition::from_steps(at.xs[col], at.ys[row]));
             let facets = self.facets(&mut around, cells, max_edge)?;
             let line = &mut out[row * at.xs.len()..][part.cols.clone()];
             for (i, out) in line.iter_mut().enumerate() {
@@ -127,50 +129,71 @@ impl PitFreeLayers {
     }
 
     /// The facet of each layer at each position.
-    fn facets<I: Iterator<Item = FixedPosition>>(
+    fn facets(
         &self,
         around: &mut [SurroundingPoints<'_>],
-        positions: impl Fn() -> I,
+        positions: impl Iterator<Item = FixedPosition> + Clone,
         max_edge: Option<f64>,
     ) -> Result<Vec<Vec<Option<PitFreeFacet>>>> {
-        let mut all = Vec::new();
-        for (i, (layer, around)) in self.layers.iter().zip(around).enumerate() {
-            let mut line = Vec::new();
-            let most = self.pits.max_edge();
-            let is_small = |corners: &[Point; 3]| is_short(corners, self.scale, most);
-            let hull = &layer.hull;
-            let first = |position, found| {
-                let facet = facet(position, found);
-                line.push(facet.filter(|facet| self.is_surface(facet, max_edge)));
-            };
-            let [x, y, _] = self.frame.scale;
-            let is_base =
-                |corners: &[Point; 3]| max_edge.is_none_or(|most| is_short(corners, [x, y], most));
-            match (i, self.longest(max_edge)) {
-                (0, None) => around.find_all_small(hull, positions(), is_base, first)?,
-                (0, Some(most)) => {
-                    let reach = reach(&self.frame, most);
-                    around.find_small(hull, positions(), reach, is_base, first)?;
-                }
-                _ => around.find_small(hull, positions(), self.reach(), is_small, |p, found| {
-                    line.push(facet(p, found));
-                })?,
-            }
-            all.push(line);
-        }
-        Ok(all)
+        let layers = self.layers.iter().zip(around).enumerate();
+        layers
+            .map(|(i, (layer, around))| match i {
+                0 => self.base_facets(&layer.hull, around, positions.clone(), max_edge),
+                _ => self.high_facets(&layer.hull, around, positions.clone()),
+            })
+            .collect()
     }
 
-    /// Whether no edge is longer than `max_edge` world units.
-    fn is_surface(&self, facet: &PitFreeFacet, max_edge: Option<f64>) -> bool {
+    /// The facets of the first layer: none with an edge longer than `max_edge`.
+    fn base_facets(
+        &self,
+        hull: &ConvexHull,
+        around: &mut SurroundingPoints<'_>,
+        positions: impl Iterator<Item = FixedPosition>,
+        max_edge: Option<f64>,
+    ) -> Result<Vec<Option<PitFreeFacet>>> {
+        let mut facets = Vec::new();
+        let is_surface = |corners: &[Point; 3]| self.is_surface(corners, max_edge);
+        let take = |position, found| {
+            facets.push(facet(position, found).filter(|facet| is_surface(&facet.corners)));
+        };
+        match self.longest(max_edge) {
+            None => around.find_all_small(hull, positions, is_surface, take)?,
+            Some(longest) => {
+                let reach = reach(&self.frame, longest);
+                around.find_small(hull, positions, reach, is_surface, take)?;
+            }
+        }
+        Ok(facets)
+    }
+
+    /// The facets of another layer, whose long edges do not count.
+    fn high_facets(
+        &self,
+        hull: &ConvexHull,
+        around: &mut SurroundingPoints<'_>,
+        positions: impl Iterator<Item = FixedPosition>,
+    ) -> Result<Vec<Option<PitFreeFacet>>> {
+        let mut facets = Vec::new();
+        around.find_small(
+            hull,
+            positions,
+            self.reach(),
+            |corners| is_short(corners, self.scale, self.pits.max_edge()),
+            |position, found| facets.push(facet(position, found)),
+        )?;
+        Ok(facets)
+    }
+
+    /// Whether no edge of a triangle is longer than `max_edge` world units.
+    fn is_surface(&self, corners: &[Point; 3], max_edge: Option<f64>) -> bool {
         let [x, y, _] = self.frame.scale;
-        max_edge.is_none_or(|most| is_short(&facet.corners, [x, y], most))
+        max_edge.is_none_or(|longest| is_short(corners, [x, y], longest))
     }
 
     fn height(&self, mut facet: impl FnMut(usize) -> Option<PitFreeFacet>) -> f64 {
         let Ok(steps) = self.pits.height(self.scale, |layer| Ok::<_, Infallible>(facet(layer)));
-        let world = |steps: f64| steps * self.frame.scale[2] + self.frame.offset[2];
-        steps.map_or(f64::NAN, world)
+        steps.map_or(f64::NAN, |steps| steps * self.frame.scale[2] + self.frame.offset[2])
     }
 }
 
@@ -195,23 +218,40 @@ fn raise(
     making: &Making<'_>,
 ) -> Result<()> {
     let squares = first.tiling().count() as u64;
-    let lift = |points: &mut Vec<Point>, square: u64| {
-        first.load(square as usize, points)?;
-        if let Some(window) = making.surface_window() {
-            points.retain(|p| window.contains([p.x, p.y]));
-        }
-        let bins = PointBins::new(points);
-        let mut layers = vec![Vec::new(); high.len()];
-        ground.under(bins.points(), |point, ground| {
-            let above = ground.map_or(0.0, |ground| (f64::from(point.z) - ground) * rise);
-            layers.iter_mut().take(pits.layers_of(above) - 1).for_each(|layer| layer.push(*point));
-        })?;
-        layers.iter().zip(high).try_for_each(|(points, store)| store.add(points))?;
-        making.progress.advance(1);
-        Ok(())
-    };
     making.progress.begin("heights", squares);
-    workers::run(making.threads, squares, making.cancel, Vec::new, lift, |_| Ok(()))?;
+    workers::run(
+        making.threads,
+        squares,
+        making.cancel,
+        Vec::new,
+        |points: &mut Vec<Point>, square| {
+            first.load(square as usize, points)?;
+            if let Some(window) = making.surface_window() {
+                points.retain(|p| window.contains([p.x, p.y]));
+            }
+            raise_points(points, ground, rise, pits, high)?;
+            making.progress.advance(1);
+            Ok(())
+        },
+        |_| Ok(()),
+    )?;
     making.progress.end();
     Ok(())
+}
+
+/// Adds the points of a tile to all stores whose threshold they reach.
+fn raise_points(
+    points: &[Point],
+    ground: &CloudSurfaces,
+    rise: f64,
+    pits: &PitFree,
+    high: &[PointStore],
+) -> Result<()> {
+    let bins = PointBins::new(points);
+    let mut layers = vec![Vec::new(); high.len()];
+    ground.under(bins.points(), |point, ground| {
+        let above = ground.map_or(0.0, |ground| (f64::from(point.z) - ground) * rise);
+        layers.iter_mut().take(pits.layers_of(above) - 1).for_each(|layer| layer.push(*point));
+    })?;
+    layers.iter().zip(high).try_for_each(|(points, store)| store.add(points))
 }

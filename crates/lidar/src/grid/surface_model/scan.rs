@@ -25,21 +25,21 @@ impl CloudOverview {
     ) -> Result<Self> {
         let mut seen = Self::default();
         if making.job.needs_ground() {
-            seen.look_for_ground(preset, cloud, making)?;
+            seen.scan_ground(preset, cloud, making)?;
         }
         if preset != SurfaceModel::Dtm {
-            seen.look_at_surface(cloud, making)?;
+            seen.scan_surface(cloud, making)?;
         }
         Ok(seen)
     }
 
-    fn look_for_ground(
+    fn scan_ground(
         &mut self,
         preset: SurfaceModel,
         cloud: &CloudInfo,
         making: &Making<'_>,
     ) -> Result<()> {
-        self.look_for_classes(making)?;
+        self.scan_classes(making)?;
         if self.by_class {
             return Ok(());
         }
@@ -51,10 +51,10 @@ impl CloudOverview {
         if last.count() == 0 && preset != SurfaceModel::Dsm {
             return Err(no_ground());
         }
-        self.look_at_candidates(&[&last], cloud, making.job.ground)
+        self.add_candidates(&[&last], cloud, making.job.ground)
     }
 
-    fn look_at_surface(&mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<()> {
+    fn scan_surface(&mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<()> {
         let metres = MetricFrame::of(&cloud.crs, &cloud.frame)?;
         let first = making.outlined(no_noise(), Some(Return::First), &|_| ())?;
         self.first = spacing(&[&first], &metres);
@@ -64,7 +64,7 @@ impl CloudOverview {
             self.notes.push(format!("surface: {} first returns", first.count()));
             return Ok(());
         };
-        let tally = SpikeFreeTally::new(SpikeFreeTiles::new(self.first, (freeze, buffer), &metres));
+        let tally = SpikeFreeTally::new(SpikeFreeTiles::new(self.first, freeze, buffer, &metres));
         let all = making.outlined(no_noise(), None, &|batch| tally.take(batch))?;
         self.reach = tally.squares.reach();
         self.surface = places(&all.hull()?);
@@ -73,7 +73,7 @@ impl CloudOverview {
         Ok(())
     }
 
-    fn look_for_classes(&mut self, making: &Making<'_>) -> Result<()> {
+    fn scan_classes(&mut self, making: &Making<'_>) -> Result<()> {
         if making.job.ground.is_method() {
             return Ok(());
         }
@@ -82,7 +82,7 @@ impl CloudOverview {
         if ground.count() == 0 && making.job.ground == GroundFrom::Class {
             return Err(not_of_class(&named(&classes)));
         }
-        self.look_at_classes(&ground, &classes)
+        self.add_classes(&ground, &classes)
     }
 }
 

@@ -39,7 +39,7 @@ pub(crate) struct CloudOverview {
 
 impl CloudOverview {
     /// Adds points of the ground classes; sets the source of the ground.
-    pub(crate) fn look_at_classes(&mut self, ground: &PointStore, classes: &[u8]) -> Result<()> {
+    pub(crate) fn add_classes(&mut self, ground: &PointStore, classes: &[u8]) -> Result<()> {
         self.by_class = ground.count() > 0;
         self.ground = places(&ground.hull()?);
         self.notes.extend(self.by_class.then(|| found_in_classes(ground.count(), classes)));
@@ -47,7 +47,7 @@ impl CloudOverview {
     }
 
     /// Adds the candidates of a ground method.
-    pub(crate) fn look_at_candidates(
+    pub(crate) fn add_candidates(
         &mut self,
         candidates: &[&PointStore],
         cloud: &CloudInfo,

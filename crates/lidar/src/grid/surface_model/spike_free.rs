@@ -53,27 +53,37 @@ pub(super) struct BySquare {
 /// Columns, or rows, whose centres lie in the tiles along an axis.
 type Spans = BTreeMap<i32, Range<u32>>;
 
+/// Columns, or rows, of a tile.
+struct TileSpan {
+    tile: i32,
+    all: Range<u32>,
+    /// Those of them that are requested.
+    part: Range<u32>,
+}
+
+/// The tiles with columns, or rows, among `count` from `first` on.
+fn spans_within(spans: &Spans, first: u32, count: u32) -> Vec<TileSpan> {
+    let spans = spans.iter().map(|(tile, all)| {
+        let part = all.start.max(first)..all.end.min(first + count);
+        TileSpan { tile: *tile, all: all.clone(), part }
+    });
+    spans.filter(|span| !span.part.is_empty()).collect()
+}
+
 impl CanopySurface for BySquare {
     fn values(&self, piece: CellRequest<'_>, out: &mut [f64]) -> Result<()> {
         out.fill(PLAIN);
         let ([xs, ys], rect) = (&self.spans, piece.rect);
-        let within = |spans: &Spans, low: u32, count: u32| -> Vec<_> {
-            let span = |(square, span): (&i32, &Range<u32>)| {
-                let part = span.start.max(low)..span.end.min(low + count);
-                (!part.is_empty()).then(|| (*square, span.clone(), part))
-            };
-            spans.iter().filter_map(span).collect()
-        };
-        let cols = within(xs, rect.col, rect.width);
-        for (y, rows, part) in within(ys, rect.row, rect.height) {
-            for (x, all, cols) in &cols {
-                let Some(number) = self.numbers.get(&[*x, y]) else { continue };
-                for row in part.clone() {
-                    let first =
-                        (row - rows.start) as usize * all.len() + (cols.start - all.start) as usize;
+        let cols = spans_within(xs, rect.col, rect.width);
+        for y in spans_within(ys, rect.row, rect.height) {
+            for x in &cols {
+                let Some(number) = self.numbers.get(&[x.tile, y.tile]) else { continue };
+                for row in y.part.clone() {
+                    let first = (row - y.all.start) as usize * x.all.len()
+                        + (x.part.start - x.all.start) as usize;
                     let place = (row - rect.row) as usize * rect.width as usize
-                        + (cols.start - rect.col) as usize;
-                    let line = &mut out[place..][..cols.len()];
+                        + (x.part.start - rect.col) as usize;
+                    let line = &mut out[place..][..x.part.len()];
                     self.heights.read_from(*number, first as u64, line)?;
                 }
             }
@@ -104,8 +114,8 @@ impl BySquare {
         let spans = spans(&squares, &centres);
         let mut counts = tally.counts();
         counts.retain(|[x, y], _| spans[0].contains_key(x) && spans[1].contains_key(y));
-        let most = counts.values().copied().max().unwrap_or(0);
-        let threads = threads(most, making)?;
+        let max_points = counts.values().copied().max().unwrap_or(0);
+        let threads = threads(max_points, making)?;
         let numbers: BTreeMap<_, _> = counts.keys().copied().zip(0..).collect();
         let heights = Buckets::new(making.folder(), counts.len(), making.store_memory() / HEIGHTS);
         let plain = CloudSurfaces::new(all, frame)?;
@@ -114,13 +124,19 @@ impl BySquare {
         let counts: Vec<_> = counts.into_iter().collect();
         let (progress, units) = (making.progress, counts.len() as u64);
         progress.begin("surface", units);
-        let square = |_: &mut (), number: u64| {
-            let (square, points) = counts[number as usize];
-            work.fill(number as usize, square, points as usize)?;
-            progress.advance(1);
-            Ok(())
-        };
-        workers::run(threads, units, making.cancel, || (), square, Ok)?;
+        workers::run(
+            threads,
+            units,
+            making.cancel,
+            || (),
+            |(), number| {
+                let (square, points) = counts[number as usize];
+                work.fill(number as usize, square, points as usize)?;
+                progress.advance(1);
+                Ok(())
+            },
+            Ok,
+        )?;
         progress.end();
         Ok(made)
     }
@@ -128,8 +144,8 @@ impl BySquare {
     /// Fills in heights of the plain triangulation where marked.
     fn fill_plain(&self, piece: CellRequest<'_>, out: &mut [f64]) -> Result<()> {
         let (rect, width) = (piece.rect, piece.rect.width as usize);
-        let asked = out.iter().enumerate().filter(|(_, height)| **height == PLAIN);
-        let ends = asked.map(|(k, _)| [k % width, k / width]).fold(None, |ends, at| {
+        let marked = out.iter().enumerate().filter(|(_, height)| **height == PLAIN);
+        let ends = marked.map(|(k, _)| [k % width, k / width]).fold(None, |ends, at| {
             let [low, high] = ends.unwrap_or([at; 2]);
             Some([[0, 1].map(|i| at[i].min(low[i])), [0, 1].map(|i| at[i].max(high[i]))])
         });
@@ -148,9 +164,9 @@ impl BySquare {
             &mut plain,
         )?;
         for (row, line) in plain.chunks(size[0]).enumerate() {
-            let own = &mut out[(low[1] + row) * width + low[0]..][..size[0]];
-            let asked = own.iter_mut().zip(line).filter(|(height, _)| **height == PLAIN);
-            asked.for_each(|(height, plain)| *height = *plain);
+            let heights = &mut out[(low[1] + row) * width + low[0]..][..size[0]];
+            let marked = heights.iter_mut().zip(line).filter(|(height, _)| **height == PLAIN);
+            marked.for_each(|(height, plain)| *height = *plain);
         }
         Ok(())
     }
@@ -171,14 +187,14 @@ fn spans(squares: &SpikeFreeTiles, centres: &CellCenters) -> [Spans; 2] {
 
 /// Number of threads that fit into memory; fails if none does.
 fn threads(points: u64, making: &Making<'_>) -> Result<usize> {
-    let room = making.store_memory() / HEIGHTS * (HEIGHTS - 1);
+    let memory = making.store_memory() / HEIGHTS * (HEIGHTS - 1);
     let square = points * BYTES_PER_POINT;
-    if square > room {
+    if square > memory {
         let what = "a tile of the spike-free surface";
         let other = "‹canopy› pit-free, or a shorter freeze";
         return Err(too_little(what, least(points), making.job.resources.memory, other));
     }
-    Ok((room / square.max(1)).min(making.threads as u64) as usize)
+    Ok((memory / square.max(1)).min(making.threads as u64) as usize)
 }
 
 /// Context of a tile.
@@ -239,13 +255,15 @@ impl SpikeFreeContext<'_> {
         at: FixedPosition,
     ) -> f64 {
         let Some((corners, is_small)) = found else { return PLAIN };
-        let disc = || CircumscribedDisc::around(corners.map(|p| [p.x, p.y]));
-        if !is_small && !self.made.plain.store().is_within(&disc(), window) {
-            return PLAIN;
+        if !is_small {
+            let disc = CircumscribedDisc::around(corners.map(|p| [p.x, p.y]));
+            if !self.made.plain.store().is_within(&disc, window) {
+                return PLAIN;
+            }
         }
         let [x, y, _] = self.frame.scale;
         match self.making.job.max_edge {
-            Some(most) if !is_short(&corners, [x, y], most) => f64::NAN,
+            Some(longest) if !is_short(&corners, [x, y], longest) => f64::NAN,
             _ => interpolate(&corners, at) * self.frame.scale[2] + self.frame.offset[2],
         }
     }

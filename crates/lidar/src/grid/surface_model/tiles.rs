@@ -36,7 +36,8 @@ impl SpikeFreeTiles {
     /// and the buffer.
     pub(super) fn new(
         spacing: f64,
-        (edge, buffer): (Option<f64>, f64),
+        edge: Option<f64>,
+        buffer: f64,
         MetricFrame { step, .. }: &MetricFrame,
     ) -> Self {
         let usual = SPACINGS * spacing;
@@ -63,13 +64,15 @@ impl SpikeFreeTiles {
     /// The window of a tile, halo included.
     pub(super) fn window(&self, square: [i32; 2]) -> SiteWindow {
         let [side, halo] = [self.side(), self.halo].map(i64::from);
-        let within = |v: i64| v.clamp(-i64::from(REACH), i64::from(REACH)) as i32;
         let low = square.map(|at| i64::from(at) * side - halo);
-        SiteWindow { low: low.map(within), high: low.map(|v| within(v + side + 2 * halo - 1)) }
+        let high = low.map(|v| v + side + 2 * halo - 1);
+        let [low, high] =
+            [low, high].map(|end| end.map(|v| v.clamp(-i64::from(REACH), i64::from(REACH)) as i32));
+        SiteWindow { low, high }
     }
 
     /// The first and the last tile along both axes whose windows contain a point.
-    fn seeing(&self, p: &Point) -> [[i32; 2]; 2] {
+    fn tiles_around(&self, p: &Point) -> [[i32; 2]; 2] {
         [p.x, p.y].map(|v| [v - self.halo, v + self.halo].map(|end| self.along(end)))
     }
 }
@@ -88,16 +91,16 @@ impl SpikeFreeTally {
 
     /// Counts points.
     pub(super) fn take(&self, points: &[Point]) {
-        let mut found = BTreeMap::<[i32; 2], u64>::new();
-        let seeing = |p: &Point| self.squares.seeing(p);
-        for run in points.chunk_by(|a, b| seeing(a) == seeing(b)) {
-            let [xs, ys] = seeing(&run[0]).map(|[first, last]| first..=last);
+        let mut batch = BTreeMap::<[i32; 2], u64>::new();
+        let squares = &self.squares;
+        for run in points.chunk_by(|a, b| squares.tiles_around(a) == squares.tiles_around(b)) {
+            let [xs, ys] = squares.tiles_around(&run[0]).map(|[first, last]| first..=last);
             for square in ys.flat_map(|y| xs.clone().map(move |x| [x, y])) {
-                *found.entry(square).or_default() += run.len() as u64;
+                *batch.entry(square).or_default() += run.len() as u64;
             }
         }
         let mut counts = lock(&self.counts);
-        found.into_iter().for_each(|(square, count)| *counts.entry(square).or_default() += count);
+        batch.into_iter().for_each(|(square, count)| *counts.entry(square).or_default() += count);
     }
 
     /// The tiles with points in their windows, with their number.
@@ -114,7 +117,7 @@ mod tests {
 
     #[test]
     fn a_halo_has_twelve_edges_and_fits() {
-        let of = |spacing, edge| SpikeFreeTiles::new(spacing, (edge, 0.5), &METRES);
+        let of = |spacing, edge| SpikeFreeTiles::new(spacing, edge, 0.5, &METRES);
         assert_eq!((of(0.5, None).freeze.edge, of(0.5, None).halo), (1.5, 1800));
         assert_eq!((of(0.5, Some(4.0)).freeze.edge, of(0.5, Some(4.0)).halo), (4.0, 4800));
         assert_eq!((of(0.5, Some(0.0)).freeze.edge, of(0.5, Some(0.0)).halo), (0.0, 1800));
@@ -125,7 +128,7 @@ mod tests {
 
     #[test]
     fn each_square_is_told_of_all_that_it_sees() {
-        let tally = SpikeFreeTally::new(SpikeFreeTiles::new(0.0, (Some(0.0), 0.5), &METRES));
+        let tally = SpikeFreeTally::new(SpikeFreeTiles::new(0.0, Some(0.0), 0.5, &METRES));
         let squares = tally.squares;
         let place = |k: i32| Point::new(k * 7919 % 4000 - 2000, k * 104_729 % 5000 - 2500, k);
         let points: Vec<Point> = (0..900).map(place).collect();

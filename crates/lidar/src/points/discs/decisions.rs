@@ -24,7 +24,7 @@ pub(super) struct PoissonVerdicts<'a> {
     sure: Span,
     /// The first point of cells by a hash of the cell; its size is a power of two.
     firsts: Vec<u32>,
-    held: Vec<BlockingPoint>,
+    blocking: Vec<BlockingPoint>,
 }
 
 /// A point that others depend on.
@@ -37,7 +37,7 @@ struct BlockingPoint {
 }
 
 /// Bytes of memory for a stored point, with the growth of tables.
-pub(super) const HELD: u64 = 3 * size_of::<BlockingPoint>() as u64 + 8;
+pub(super) const BLOCKING_BYTES: u64 = 3 * size_of::<BlockingPoint>() as u64 + 8;
 const NONE: u32 = u32::MAX;
 const FEW: usize = 1 << 10;
 /// Cells around one, and it.
@@ -45,13 +45,13 @@ const AROUND: i64 = 27;
 
 impl<'a> PoissonVerdicts<'a> {
     pub(super) fn new(apart: &'a DistancePredicate, sure: Span) -> Self {
-        let (firsts, held) = (vec![NONE; FEW], Vec::new());
-        Self { apart, side: apart.steps(), sure, firsts, held }
+        let (firsts, blocking) = (vec![NONE; FEW], Vec::new());
+        Self { apart, side: apart.steps(), sure, firsts, blocking }
     }
 
     /// Number of stored points.
     pub(super) fn len(&self) -> usize {
-        self.held.len()
+        self.blocking.len()
     }
 
     /// The verdict on the next point.
@@ -59,14 +59,14 @@ impl<'a> PoissonVerdicts<'a> {
         match self.decide(point) {
             None => PoissonVerdict::LeftOut,
             Some(true) if self.is_sure(point) => {
-                self.hold(point, true);
+                self.add(point, true);
                 PoissonVerdict::Kept
             }
             Some(_) => {
                 let cell = self.cell(point);
                 // One unknown point makes its cell unknown: more of them would only lengthen the chain.
-                if !self.of(cell).any(|held| self.is_open(held, cell)) {
-                    self.hold(point, false);
+                if !self.of(cell).any(|other| self.is_open(other, cell)) {
+                    self.add(point, false);
                 }
                 PoissonVerdict::Unknown
             }
@@ -81,28 +81,28 @@ impl<'a> PoissonVerdicts<'a> {
     /// Whether a later point is dropped, or unknown like others of its cell.
     pub(super) fn is_settled(&self, point: Point) -> bool {
         let cell = self.cell(point);
-        self.of(cell).any(|held| self.is_open(held, cell)) || self.is_left_out(point)
+        self.of(cell).any(|other| self.is_open(other, cell)) || self.is_left_out(point)
     }
 
     /// Whether there are no unknown points near a point; `None` if a kept point is nearer than the distance.
     fn decide(&self, point: Point) -> Option<bool> {
         let ([x, y, z], mut is_clear) = (self.cell(point), true);
-        for beside in 0..AROUND {
+        for i in 0..AROUND {
             // Its own cell first: there most are that decide.
-            let beside = (beside + AROUND / 2) % AROUND;
-            let cell = [x + beside % 3 - 1, y + beside / 3 % 3 - 1, z + beside / 9 - 1];
-            for held in self.of(cell) {
-                if held.is_kept && self.apart.is_nearer(held.point, point) {
+            let i = (i + AROUND / 2) % AROUND;
+            let cell = [x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1];
+            for other in self.of(cell) {
+                if other.is_kept && self.apart.is_nearer(other.point, point) {
                     return None;
                 }
-                is_clear &= !self.is_open(held, cell);
+                is_clear &= !self.is_open(other, cell);
             }
         }
         Some(is_clear)
     }
 
-    fn is_open(&self, held: &BlockingPoint, cell: [i64; 3]) -> bool {
-        !held.is_kept && self.cell(held.point) == cell
+    fn is_open(&self, other: &BlockingPoint, cell: [i64; 3]) -> bool {
+        !other.is_kept && self.cell(other.point) == cell
     }
 
     fn is_sure(&self, Point { x, y, .. }: Point) -> bool {
@@ -116,8 +116,8 @@ impl<'a> PoissonVerdicts<'a> {
 
     /// Points of a cell, and of others of its hash.
     fn of(&self, cell: [i64; 3]) -> impl Iterator<Item = &BlockingPoint> {
-        let first = self.held.get(self.firsts[self.hash(cell)] as usize);
-        std::iter::successors(first, |held| self.held.get(held.next as usize))
+        let first = self.blocking.get(self.firsts[self.hash(cell)] as usize);
+        std::iter::successors(first, |other| self.blocking.get(other.next as usize))
     }
 
     fn hash(&self, [x, y, z]: [i64; 3]) -> usize {
@@ -129,25 +129,25 @@ impl<'a> PoissonVerdicts<'a> {
         (mixed >> (u64::BITS - self.firsts.len().trailing_zeros())) as usize
     }
 
-    fn hold(&mut self, point: Point, is_kept: bool) {
-        if self.held.len() == self.firsts.len() {
+    fn add(&mut self, point: Point, is_kept: bool) {
+        if self.blocking.len() == self.firsts.len() {
             self.grow();
         }
-        let number = self.held.len();
-        self.held.push(BlockingPoint { point, is_kept, next: NONE });
+        let number = self.blocking.len();
+        self.blocking.push(BlockingPoint { point, is_kept, next: NONE });
         self.link(number);
     }
 
     fn link(&mut self, number: usize) {
-        let hash = self.hash(self.cell(self.held[number].point));
-        self.held[number].next = std::mem::replace(&mut self.firsts[hash], number as u32);
+        let hash = self.hash(self.cell(self.blocking[number].point));
+        self.blocking[number].next = std::mem::replace(&mut self.firsts[hash], number as u32);
     }
 
     fn grow(&mut self) {
         let twice = 2 * self.firsts.len();
         self.firsts.clear();
         self.firsts.resize(twice, NONE);
-        (0..self.held.len()).for_each(|number| self.link(number));
+        (0..self.blocking.len()).for_each(|number| self.link(number));
     }
 }
 
@@ -174,12 +174,12 @@ mod tests {
         for point in points {
             let is_kept = !kept.iter().any(|other| apart.is_nearer(*other, *point));
             prop_assert_eq!(all.is_left_out(*point), !is_kept);
-            let fate = if is_kept { PoissonVerdict::Kept } else { PoissonVerdict::LeftOut };
-            prop_assert_eq!(all.judge(*point), fate);
+            let verdict = if is_kept { PoissonVerdict::Kept } else { PoissonVerdict::LeftOut };
+            prop_assert_eq!(all.judge(*point), verdict);
             kept.extend(is_kept.then_some(*point));
             if (0..100).contains(&point.x) {
-                let told = part.judge(*point);
-                prop_assert!(told == fate || told == PoissonVerdict::Unknown);
+                let of_part = part.judge(*point);
+                prop_assert!(of_part == verdict || of_part == PoissonVerdict::Unknown);
             }
         }
         Ok(())
@@ -206,10 +206,10 @@ mod tests {
         let mut points: Vec<_> = (0..240_000).map(place).collect();
         points.sort_by_key(|point| mixed(&[point.x, point.y, point.z].map(ordered)));
         let apart = DistancePredicate::new([0.2, 0.2, 0.01], 1.0);
-        let mut fates = PoissonVerdicts::new(&apart, [[206, i64::MIN], [3794, i64::MAX]]);
+        let mut verdicts = PoissonVerdicts::new(&apart, [[206, i64::MIN], [3794, i64::MAX]]);
         let (mut known, mut depth) = (0, 0);
         for point in points.iter().filter(|point| (200..3800).contains(&point.x)) {
-            match fates.judge(*point) {
+            match verdicts.judge(*point) {
                 PoissonVerdict::Unknown => {
                     depth = depth.max((point.x - 200).min(3800 - point.x) / 5)
                 }

@@ -15,9 +15,10 @@ use std::sync::Mutex;
 use bytemuck::{Pod, Zeroable};
 
 use crate::point_index::Tiling;
+use crate::records::numbered::{self, RecordNumbers};
 use crate::records::selection::{ChosenRecords, place, time};
-use crate::records::{PointRecords, RecordFlow, numbered, total};
-use decisions::{HELD, PoissonVerdict, PoissonVerdicts, Span, contains};
+use crate::records::{PointRecords, RecordFlow, total};
+use decisions::{BLOCKING_BYTES, PoissonVerdict, PoissonVerdicts, Span, contains};
 use terrane_base::bits::BitSet;
 use terrane_base::bits::{mixed, ordered};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -69,6 +70,14 @@ impl RankedCandidate {
     fn point(&self) -> Point {
         let [x, y, z] = self.entry.place;
         Point { x, y, z }
+    }
+
+    /// Whether it need not be processed: it is dropped or, beyond the span, unknown like others of its cell.
+    fn is_decided(&self, span: &Span, verdicts: &PoissonVerdicts<'_>) -> bool {
+        match contains(span, [self.entry.place[0], self.entry.place[1]]) {
+            true => verdicts.is_left_out(self.point()),
+            false => verdicts.is_settled(self.point()),
+        }
     }
 }
 
@@ -144,31 +153,32 @@ impl PoissonDiscs<'_> {
         let tiling = Tiling::new([low, high], self.info.count);
         let entries = Buckets::new(self.folder, tiling.count(), self.memory / 2);
         self.at.progress.begin("places", total(records));
-        let (firsts, count) = self.pass(records, (&tiling, &entries))?;
+        let numbers = self.pass(records, &tiling, &entries)?;
         self.at.progress.end();
         let bounds = [low, high].map(|end| [i64::from(end.x), i64::from(end.y)]);
-        let kept = Mutex::new(BitSet::new(count as usize));
+        let kept = Mutex::new(BitSet::new(numbers.total as usize));
         let search = PoissonSampler { discs: self, tiling, bounds, entries, kept };
         search.run()?;
         let kept = search.kept.into_inner().unwrap_or_default();
-        Ok(ChosenRecords::of(records, self.flow.record, (firsts, count), kept))
+        Ok(ChosenRecords::of(records, self.flow.record, numbers, kept))
     }
 
     fn pass(
         &self,
         records: &dyn PointRecords,
-        (tiling, entries): (&Tiling, &Buckets<PoissonCandidate>),
-    ) -> Result<(Vec<u64>, u64)> {
+        tiling: &Tiling,
+        entries: &Buckets<PoissonCandidate>,
+    ) -> Result<RecordNumbers> {
         let time_at = self.format.time_at();
         let mut writer = entries.writer();
-        let passed = numbered::pass(records, self.flow, self.at, &mut |number, record| {
+        let numbers = numbered::pass(records, self.flow, self.at, &mut |number, record| {
             let point = place(record);
             let (place, time) = ([point.x, point.y, point.z], time(record, time_at));
             let entry = PoissonCandidate { place, spare: 0, time, number };
             writer.push(tiling.square_of(point), entry)
         })?;
         writer.finish()?;
-        Ok(passed)
+        Ok(numbers)
     }
 
     /// Bytes of a thread: half for queued points, half for stored ones.
@@ -181,8 +191,8 @@ impl PoissonDiscs<'_> {
         (self.share() / 4 / size_of::<RankedCandidate>() as u64).min(MAX_WAITING) as usize
     }
 
-    fn max_held(&self) -> usize {
-        (self.share() / 2 / HELD) as usize
+    fn max_blocking(&self) -> usize {
+        (self.share() / 2 / BLOCKING_BYTES) as usize
     }
 
     /// Larger of the numbers of steps along x and y that exceed the distance.
@@ -209,22 +219,28 @@ impl PoissonSampler<'_> {
         let [columns, rows] = [0, 1].map(|axis| (high[axis] - low[axis]) / side + 1);
         let count = (columns * rows) as u64;
         at.progress.begin("distances", count);
-        let square = |waiting: &mut Vec<RankedCandidate>, square: u64| {
-            let place = [square as i64 % columns, square as i64 / columns];
-            let first = [0, 1].map(|axis| low[axis] + place[axis] * side);
-            let last = [0, 1].map(|axis| first[axis].saturating_add(side - 1).min(high[axis]));
-            self.square([first, last], waiting)?;
-            at.progress.advance(1);
-            Ok(())
-        };
-        let room = || Vec::with_capacity(2 * self.discs.max_waiting());
-        workers::run(*threads, count, at.cancel, room, square, |_| Ok(()))?;
+        workers::run(
+            *threads,
+            count,
+            at.cancel,
+            || Vec::with_capacity(2 * self.discs.max_waiting()),
+            |waiting, tile| {
+                let place = [tile as i64 % columns, tile as i64 / columns];
+                let first = [0, 1].map(|axis| low[axis] + place[axis] * side);
+                let last = [0, 1].map(|axis| first[axis].saturating_add(side - 1).min(high[axis]));
+                self.sample([first, last], waiting)?;
+                at.progress.advance(1);
+                Ok(())
+            },
+            |_| Ok(()),
+        )?;
         at.progress.end();
         Ok(())
     }
 
-    fn square(&self, square: Span, waiting: &mut Vec<RankedCandidate>) -> Result<()> {
-        let mut spans = vec![(square, HALO)];
+    /// Finds the kept points of a tile; spans with unknown verdicts are processed again, with a wider margin.
+    fn sample(&self, tile: Span, waiting: &mut Vec<RankedCandidate>) -> Result<()> {
+        let mut spans = vec![(tile, HALO)];
         while let Some((span, halo)) = spans.pop() {
             self.discs.at.cancel.check()?;
             match self.judge(span, halo, waiting)? {
@@ -248,13 +264,10 @@ impl PoissonSampler<'_> {
                 .remedy("raise ‹memory› or ‹thin_distance›"));
         }
         let middle = [0, 1].map(|axis| low[axis] + (high[axis] - low[axis]) / 2);
-        let part = |axis: usize, half: usize| match half {
-            0 => [low[axis], middle[axis]],
-            _ => [middle[axis] + 1, high[axis]],
-        };
+        let halves = [0, 1].map(|axis| [[low[axis], middle[axis]], [middle[axis] + 1, high[axis]]]);
         Ok([[0, 0], [1, 0], [0, 1], [1, 1]].map(|[x, y]| {
-            let (x, y) = (part(0, x), part(1, y));
-            [[x[0], y[0]], [x[1], y[1]]]
+            let ([west, east], [south, north]) = (halves[0][x], halves[1][y]);
+            [[west, south], [east, north]]
         }))
     }
 
@@ -266,15 +279,15 @@ impl PoissonSampler<'_> {
         halo: i64,
         waiting: &mut Vec<RankedCandidate>,
     ) -> Result<TileState> {
-        let (whole, sure) = self.around(span, halo);
-        let mut fates = PoissonVerdicts::new(&self.discs.apart, sure);
+        let (extended, sure) = self.around(span, halo);
+        let mut verdicts = PoissonVerdicts::new(&self.discs.apart, sure);
         let (mut unknown, mut after): (Option<Span>, _) = (None, None);
         loop {
-            let is_last = self.next([&span, &whole], (after, &fates), waiting)?;
+            let is_last = self.next([&span, &extended], after, &verdicts, waiting)?;
             let mut kept = Vec::new();
             for turn in waiting.iter() {
-                let (fate, [x, y, _]) = (fates.judge(turn.point()), turn.entry.place);
-                match fate {
+                let (verdict, [x, y, _]) = (verdicts.judge(turn.point()), turn.entry.place);
+                match verdict {
                     _ if !contains(&span, [x, y]) => {}
                     PoissonVerdict::LeftOut => {}
                     PoissonVerdict::Kept => kept.push(turn.entry.number),
@@ -286,7 +299,7 @@ impl PoissonSampler<'_> {
                 all.insert(*number as usize);
             });
             drop(all);
-            if fates.len() > self.discs.max_held() {
+            if verdicts.len() > self.discs.max_blocking() {
                 return Ok(TileState::TooMany);
             }
             if is_last {
@@ -300,49 +313,46 @@ impl PoissonSampler<'_> {
     /// known.
     fn around(&self, [low, high]: Span, halo: i64) -> (Span, Span) {
         let (reach, ends) = (self.discs.apart.steps(), self.bounds);
-        let mut whole = [low, high];
+        let mut extended = [low, high];
         let mut sure = [[i64::MIN; 2], [i64::MAX; 2]];
         for axis in 0..2 {
             let wide = reach[axis].saturating_mul(halo);
-            whole[0][axis] = low[axis].saturating_sub(wide).max(ends[0][axis]);
-            whole[1][axis] = high[axis].saturating_add(wide).min(ends[1][axis]);
-            if whole[0][axis] > ends[0][axis] {
-                sure[0][axis] = whole[0][axis] + reach[axis];
+            extended[0][axis] = low[axis].saturating_sub(wide).max(ends[0][axis]);
+            extended[1][axis] = high[axis].saturating_add(wide).min(ends[1][axis]);
+            if extended[0][axis] > ends[0][axis] {
+                sure[0][axis] = extended[0][axis] + reach[axis];
             }
-            if whole[1][axis] < ends[1][axis] {
-                sure[1][axis] = whole[1][axis] - reach[axis];
+            if extended[1][axis] < ends[1][axis] {
+                sure[1][axis] = extended[1][axis] - reach[axis];
             }
         }
-        (whole, sure)
+        (extended, sure)
     }
 
     /// The next points in and around a span, in order, with verdicts that are not settled yet. True if there
     /// are no more.
     fn next(
         &self,
-        [span, whole]: [&Span; 2],
-        (after, fates): (Option<RankedCandidate>, &PoissonVerdicts<'_>),
+        [span, extended]: [&Span; 2],
+        after: Option<RankedCandidate>,
+        verdicts: &PoissonVerdicts<'_>,
         waiting: &mut Vec<RankedCandidate>,
     ) -> Result<bool> {
-        let most = self.discs.max_waiting();
+        let max_waiting = self.discs.max_waiting();
         let mut until: Option<RankedCandidate> = None;
         waiting.clear();
-        self.each(whole, &mut |entry| {
+        self.each(extended, &mut |entry| {
             let turn = RankedCandidate::of(entry);
             let is_next =
                 after.is_none_or(|after| after < turn) && until.is_none_or(|until| turn < until);
-            let is_known = || match contains(span, [entry.place[0], entry.place[1]]) {
-                true => fates.is_left_out(turn.point()),
-                false => fates.is_settled(turn.point()),
-            };
-            if !is_next || after.is_some() && is_known() {
+            if !is_next || after.is_some() && turn.is_decided(span, verdicts) {
                 return;
             }
             waiting.push(turn);
             // Cut to half when full: the selection costs each point the same, however many there are.
-            if waiting.len() == 2 * most {
-                until = Some(*waiting.select_nth_unstable(most - 1).1);
-                waiting.truncate(most);
+            if waiting.len() == 2 * max_waiting {
+                until = Some(*waiting.select_nth_unstable(max_waiting - 1).1);
+                waiting.truncate(max_waiting);
             }
         })?;
         waiting.sort_unstable();
@@ -350,18 +360,20 @@ impl PoissonSampler<'_> {
     }
 
     /// Reads the points of a span.
-    fn each(&self, whole: &Span, take: &mut dyn FnMut(PoissonCandidate)) -> Result<()> {
+    fn each(&self, extended: &Span, take: &mut dyn FnMut(PoissonCandidate)) -> Result<()> {
         // Within the bounds, whose ends are i32.
-        let [low, high] = whole.map(|end| end.map(|at| at as i32));
+        let [low, high] = extended.map(|end| end.map(|at| at as i32));
         let mut some = vec![PoissonCandidate::zeroed(); TOGETHER];
         for square in self.tiling.touching(SiteWindow { low, high }) {
             let mut first = 0;
             while first < self.entries.len(square) {
                 let read = self.entries.read_from(square, first, &mut some)?;
                 first += read as u64;
-                let within =
-                    |entry: &&PoissonCandidate| contains(whole, [entry.place[0], entry.place[1]]);
-                some[..read].iter().filter(within).for_each(|entry| take(*entry));
+                for entry in &some[..read] {
+                    if contains(extended, [entry.place[0], entry.place[1]]) {
+                        take(*entry);
+                    }
+                }
             }
         }
         Ok(())

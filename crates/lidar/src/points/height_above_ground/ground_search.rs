@@ -15,8 +15,9 @@ use crate::grid::surface_model::{
 use crate::grid::{CloudSurfaces, GROUND, GroundFrom, more_is_needed, tiling};
 use crate::point_index::PointStore;
 use crate::points::tile_subset::TileSubset;
+use crate::records::numbered::{self, RecordNumbers};
 use crate::records::selection::place;
-use crate::records::{PointRecords, RecordFlow, numbered, total};
+use crate::records::{PointRecords, RecordFlow, total};
 use terrane_base::attribute::Return;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
@@ -54,7 +55,7 @@ pub(in crate::points) struct GroundHeightSearch<'a> {
     /// Whether points marked as withheld may be ground.
     pub(in crate::points) keeps_withheld: bool,
     /// The tiles to make, if not all.
-    pub(in crate::points) portion: Option<&'a TileSubset<'a>>,
+    pub(in crate::points) subset: Option<&'a TileSubset<'a>>,
     pub(in crate::points) at: RunControl<'a>,
 }
 
@@ -68,7 +69,7 @@ struct GroundCandidates {
 
 impl GroundCandidates {
     /// The candidates of the method.
-    fn looked_at(&self, all_returns: bool) -> Vec<&PointStore> {
+    fn stores(&self, all_returns: bool) -> Vec<&PointStore> {
         if all_returns { vec![&self.last, &self.others] } else { vec![&self.last] }
     }
 
@@ -118,19 +119,14 @@ impl<'a> GroundGathering<'a> {
         Self::Candidates([&into.last, &into.others].map(PointStoreInput::new), &into.is_numbered)
     }
 
-    fn take(
-        &mut self,
-        looking: &GroundHeightSearch<'_>,
-        record: &[u8],
-        point: Point,
-    ) -> Result<()> {
+    fn take(&mut self, search: &GroundHeightSearch<'_>, record: &[u8], point: Point) -> Result<()> {
         match self {
             Self::Class(run) => {
-                let is_ground = looking.format.class(record) == GROUND && looking.is_there(record);
+                let is_ground = search.format.class(record) == GROUND && search.is_there(record);
                 if is_ground { run.push(point) } else { Ok(()) }
             }
-            Self::Candidates([last, others], is_numbered) if looking.may_be_ground(record) => {
-                let [number, returns] = looking.format.returns(record);
+            Self::Candidates([last, others], is_numbered) if search.may_be_ground(record) => {
+                let [number, returns] = search.format.returns(record);
                 is_numbered.fetch_or(number > 1, Ordering::Relaxed);
                 let is_last = Return::Last.is(number, returns);
                 if is_last { last.push(point) } else { others.push(point) }
@@ -174,11 +170,9 @@ struct GroundClassCounts {
 
 impl GroundClassCounts {
     fn add(&mut self, other: &Self) {
-        let add = |sums: &mut BTreeMap<u8, u64>, more: &BTreeMap<u8, u64>| {
+        for (sums, more) in [(&mut self.ground, &other.ground), (&mut self.kept, &other.kept)] {
             more.iter().for_each(|(class, count)| *sums.entry(*class).or_default() += count);
-        };
-        add(&mut self.ground, &other.ground);
-        add(&mut self.kept, &other.kept);
+        }
         self.no_longer += other.no_longer;
         self.layered += other.layered;
         self.without += other.without;
@@ -190,8 +184,7 @@ struct GroundSearchResult {
     /// `None` if only ground classes are needed, or there is no ground.
     surface: Option<CloudSurfaces>,
     entries: Buckets<GroundQueryPoint>,
-    firsts: Vec<u64>,
-    count: u64,
+    numbers: RecordNumbers,
     notes: Vec<String>,
 }
 
@@ -207,14 +200,14 @@ impl GroundHeightSearch<'_> {
         wide: Option<&dyn PointRecords>,
         at: Option<usize>,
     ) -> Result<AnnotatedRecords<'r>> {
-        let GroundSearchResult { surface, entries, firsts, count, mut notes } =
+        let GroundSearchResult { surface, entries, numbers, mut notes } =
             self.find(records, wide)?;
-        let values = PointAnnotations::new(count, self.folder);
+        let values = PointAnnotations::new(numbers.total, self.folder);
         let counts = match surface {
             Some(surface) => {
-                let counts = self.value(&surface, &entries, &values);
+                let counts = self.annotate_tiles(&surface, &entries, &values);
                 if surface.store().is_exceeded() {
-                    self.portion.into_iter().for_each(TileSubset::exceed);
+                    self.subset.into_iter().for_each(TileSubset::exceed);
                     return Err(more_is_needed());
                 }
                 counts?
@@ -225,19 +218,19 @@ impl GroundHeightSearch<'_> {
         let is_z = self.above.heights == Some(HeightsAs::Z);
         let at = if is_z { Some(Z) } else { at };
         let (format, record) = (self.format, self.flow.record);
-        Ok(AnnotatedRecords { records, format, record, at, values, firsts, notes })
+        Ok(AnnotatedRecords { records, format, record, at, values, numbers, notes })
     }
 
     /// Statistics of the ground of all points, for work in portions.
     ///
     /// # Errors
-    /// As [`tell`](Self::tell).
+    /// As [`annotate`](Self::annotate).
     pub(in crate::points) fn scan(&self, records: &dyn PointRecords) -> Result<CloudOverview> {
         let mut seen = CloudOverview::default();
         if self.above.takes_classes() {
             let ground = self.store().outline();
             self.pass(records, None, GroundGathering::of_class(&ground))?;
-            seen.look_at_classes(&ground, &[GROUND])?;
+            seen.add_classes(&ground, &[GROUND])?;
             if !seen.by_class && self.above.from == GroundFrom::Class {
                 return Err(not_of_class());
             }
@@ -246,18 +239,18 @@ impl GroundHeightSearch<'_> {
             let all = self.candidates(|| self.store().outline());
             self.pass(records, None, GroundGathering::of_candidates(&all))?;
             seen.all_returns = !all.is_numbered.load(Ordering::Relaxed);
-            let looked_at = all.looked_at(seen.all_returns);
-            if looked_at.iter().all(|store| store.count() == 0) {
+            let stores = all.stores(seen.all_returns);
+            if stores.iter().all(|store| store.count() == 0) {
                 return Err(self.no_candidates());
             }
-            seen.look_at_candidates(&looked_at, self.info, self.above.from)?;
+            seen.add_candidates(&stores, self.info, self.above.from)?;
         }
         Ok(seen)
     }
 
     /// Statistics of the ground of the whole point cloud, for work in portions.
     fn seen(&self) -> Option<&CloudOverview> {
-        self.portion.and_then(|portion| portion.looked.seen.as_ref())
+        self.subset.and_then(|subset| subset.looked.seen.as_ref())
     }
 
     fn find(
@@ -273,7 +266,7 @@ impl GroundHeightSearch<'_> {
             true => GroundGathering::of_class(&class),
             false => GroundGathering::of_candidates(&candidates),
         };
-        let (firsts, count) = match wide {
+        let numbers = match wide {
             None => self.pass(records, Some(&entries), gathering)?,
             Some(wide) => {
                 self.pass(wide, None, gathering)?;
@@ -281,7 +274,7 @@ impl GroundHeightSearch<'_> {
             }
         };
         let mut notes = Vec::new();
-        let store = if by_class && (class.count() > 0 || self.portion.is_some()) {
+        let store = if by_class && (class.count() > 0 || self.subset.is_some()) {
             notes.push(format!("ground: {} points of class {GROUND}", class.count()));
             class
         } else {
@@ -292,23 +285,23 @@ impl GroundHeightSearch<'_> {
                 let gathering = GroundGathering::of_candidates(&candidates);
                 self.pass(wide.unwrap_or(records), None, gathering)?;
             }
-            if candidates.count() == 0 && self.portion.is_none() {
+            if candidates.count() == 0 && self.subset.is_none() {
                 return Err(self.no_candidates());
             }
             self.filtered(&candidates, &mut notes)?
         };
         let store = self.limited(store)?;
-        let is_there = store.count() > 0 || self.portion.is_some();
+        let is_there = store.count() > 0 || self.subset.is_some();
         let surface = is_there.then(|| CloudSurfaces::new(store, self.info.frame));
-        Ok(GroundSearchResult { surface: surface.transpose()?, entries, firsts, count, notes })
+        Ok(GroundSearchResult { surface: surface.transpose()?, entries, numbers, notes })
     }
 
-    /// The ground of a portion, with the hull of the whole ground, if known.
+    /// The ground of a subset of tiles, with the hull of the whole ground, if known.
     fn limited(&self, store: PointStore) -> Result<PointStore> {
-        let Some((portion, seen)) = self.portion.zip(self.seen()) else { return Ok(store) };
+        let Some((subset, seen)) = self.subset.zip(self.seen()) else { return Ok(store) };
         let around = seen.around_ground();
         store.add(&around)?;
-        Ok(store.limited(Some(portion.limits(!around.is_empty()))))
+        Ok(store.limited(Some(subset.limits(!around.is_empty()))))
     }
 
     fn store(&self) -> PointStore {
@@ -349,11 +342,11 @@ impl GroundHeightSearch<'_> {
         let all_returns = self
             .seen()
             .map_or(!candidates.is_numbered.load(Ordering::Relaxed), |seen| seen.all_returns);
-        let looked_at = candidates.looked_at(all_returns);
-        let filter = match self.portion.zip(self.seen()) {
-            None => GroundFilter::new(looked_at, &metres, method, tile),
-            Some((portion, seen)) => {
-                GroundFilter::within(portion.ground(), seen.last, looked_at, &metres, method, tile)
+        let stores = candidates.stores(all_returns);
+        let filter = match self.subset.zip(self.seen()) {
+            None => GroundFilter::new(stores, &metres, method, tile),
+            Some((subset, seen)) => {
+                GroundFilter::within(subset.ground(), seen.last, stores, &metres, method, tile)
             }
         };
         let filter = filter.and(&candidates.others);
@@ -368,11 +361,11 @@ impl GroundHeightSearch<'_> {
         records: &dyn PointRecords,
         entries: Option<&Buckets<GroundQueryPoint>>,
         mut ground: GroundGathering<'_>,
-    ) -> Result<(Vec<u64>, u64)> {
+    ) -> Result<RecordNumbers> {
         let tiling = tiling(self.info);
         self.at.progress.begin("ground", total(records));
         let mut entries = entries.map(Buckets::writer);
-        let found = numbered::pass(records, self.flow, self.at, &mut |number, record| {
+        let numbers = numbered::pass(records, self.flow, self.at, &mut |number, record| {
             let point = self.place(record);
             if let Some(entries) = &mut entries {
                 let place = [point.x, point.y, point.z];
@@ -386,7 +379,7 @@ impl GroundHeightSearch<'_> {
         entries.map_or(Ok(()), |entries| entries.finish())?;
         ground.finish()?;
         self.at.progress.end();
-        Ok(found)
+        Ok(numbers)
     }
 
     fn place(&self, record: &[u8]) -> Point {
@@ -406,7 +399,7 @@ impl GroundHeightSearch<'_> {
     }
 
     /// Stores the values of each point by its number.
-    fn value(
+    fn annotate_tiles(
         &self,
         ground: &CloudSurfaces,
         entries: &Buckets<GroundQueryPoint>,
@@ -415,32 +408,31 @@ impl GroundHeightSearch<'_> {
         let squares = tiling(self.info).count() as u64;
         self.at.progress.begin("heights", squares);
         let all = Mutex::new(GroundClassCounts::default());
-        let square = |counts: &mut GroundClassCounts, square: u64| {
-            self.square(square as usize, ground, (entries, values), counts)?;
-            self.at.progress.advance(1);
-            Ok(())
-        };
-        let finish = |counts: GroundClassCounts| {
-            lock(&all).add(&counts);
-            Ok(())
-        };
         workers::run(
             self.threads,
             squares,
             self.at.cancel,
             GroundClassCounts::default,
-            square,
-            finish,
+            |counts, square| {
+                self.annotate_tile(square as usize, ground, entries, values, counts)?;
+                self.at.progress.advance(1);
+                Ok(())
+            },
+            |counts| {
+                lock(&all).add(&counts);
+                Ok(())
+            },
         )?;
         self.at.progress.end();
         Ok(std::mem::take(&mut *lock(&all)))
     }
 
-    fn square(
+    fn annotate_tile(
         &self,
         square: usize,
         ground: &CloudSurfaces,
-        (entries, values): (&Buckets<GroundQueryPoint>, &PointAnnotations),
+        entries: &Buckets<GroundQueryPoint>,
+        values: &PointAnnotations,
         counts: &mut GroundClassCounts,
     ) -> Result<()> {
         if ground.store().is_exceeded() {
@@ -449,7 +441,7 @@ impl GroundHeightSearch<'_> {
         let (mut known, mut first) = (Vec::new(), 0);
         ground.store().load(square, &mut known)?;
         let mut some = vec![GroundQueryPoint::zeroed(); TOGETHER.min(entries.len(square) as usize)];
-        let mut put = values.writer();
+        let mut writer = values.writer();
         while first < entries.len(square) {
             let read = entries.read_from(square, first, &mut some)?;
             first += read as u64;
@@ -458,11 +450,11 @@ impl GroundHeightSearch<'_> {
                 let class = self.class(entry, &known, height, counts);
                 let height = height.map_or(NO_HEIGHT, |height| height.round() as i32);
                 counts.without += u64::from(height == NO_HEIGHT);
-                put.put(entry.number, class, height)?;
+                writer.put(entry.number, class, height)?;
             }
         }
         entries.forget(square);
-        put.finish()
+        writer.finish()
     }
 
     /// Heights above ground, in steps; `None` outside of it.
@@ -505,8 +497,8 @@ impl GroundHeightSearch<'_> {
         counts: &mut GroundClassCounts,
     ) -> u8 {
         let mut class = entry.class;
-        for way in &self.above.classify {
-            class = match way {
+        for step in &self.above.classify {
+            class = match step {
                 Classify::Ground(classes) => {
                     let is_ground =
                         entry.may_be_ground > 0 && known.binary_search(&entry.point()).is_ok();

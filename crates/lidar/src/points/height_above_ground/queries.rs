@@ -52,23 +52,24 @@ impl FromStr for HeightClasses {
 
     /// "3=0.5,4=2,5=5".
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let one = |part: &str| {
-            let (class, height) = part.split_once('=').ok_or_else(|| {
-                format!("{part:?} is not a class and its lowest height, such as 3=0.5")
-            })?;
-            let class = class
-                .trim()
-                .parse()
-                .map_err(|_| format!("{class} is not a class from 0 to 255"))?;
-            let height = height.trim().parse().ok().filter(|height: &f64| height.is_finite());
-            Ok((class, height.ok_or_else(|| format!("{part:?} lacks a height"))?))
-        };
-        let layers = text.split(',').map(one).collect::<std::result::Result<Vec<_>, String>>()?;
+        let layers =
+            text.split(',').map(parse_layer).collect::<std::result::Result<Vec<_>, _>>()?;
         match layers.is_sorted_by(|a, b| a.1 < b.1) {
             true => Ok(Self(layers)),
             false => Err("the heights are not ascending".to_owned()),
         }
     }
+}
+
+/// A class and its lowest height, such as "3=0.5".
+fn parse_layer(text: &str) -> std::result::Result<(u8, f64), String> {
+    let (class, height) = text
+        .split_once('=')
+        .ok_or_else(|| format!("{text:?} is not a class and its lowest height, such as 3=0.5"))?;
+    let class =
+        class.trim().parse().map_err(|_| format!("{class} is not a class from 0 to 255"))?;
+    let height = height.trim().parse().ok().filter(|height: &f64| height.is_finite());
+    Ok((class, height.ok_or_else(|| format!("{text:?} lacks a height"))?))
 }
 
 impl FromStr for Classify {
@@ -94,11 +95,17 @@ impl fmt::Display for Classify {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let layers = match self {
             Self::Ground(classes) => return classes.fmt(f),
-            Self::Noise(asked) => return write!(f, "noise:{asked}"),
+            Self::Noise(request) => return write!(f, "noise:{request}"),
             Self::Height(HeightClasses(layers)) => layers,
         };
         let all: Vec<_> = layers.iter().map(|(class, from)| format!("{class}={from}")).collect();
         write!(f, "height:{}", all.join(","))
+    }
+}
+
+impl Classify {
+    fn is_noise(&self) -> bool {
+        matches!(self, Self::Noise(_))
     }
 }
 
@@ -154,21 +161,20 @@ pub(in crate::points) fn is_there(
 impl HeightQuery {
     /// Whether the ground is needed.
     pub(in crate::points) fn is_requested(&self) -> bool {
-        let is_noise = |one: &Classify| matches!(one, Classify::Noise(_));
-        self.heights.is_some() || !self.classify.iter().all(is_noise)
+        self.heights.is_some() || !self.classify.iter().all(Classify::is_noise)
     }
 
     /// The noise method, if any.
     pub(in crate::points) fn noise(&self) -> Option<&noise::Request> {
-        self.classify.iter().find_map(|one| match one {
-            Classify::Noise(asked) => Some(asked),
+        self.classify.iter().find_map(|step| match step {
+            Classify::Noise(request) => Some(request),
             _ => None,
         })
     }
 
     /// Removes the noise method.
     pub(in crate::points) fn forget_noise(&mut self) {
-        self.classify.retain(|one| !matches!(one, Classify::Noise(_)));
+        self.classify.retain(|step| !step.is_noise());
     }
 
     /// Bytes for a point cloud, and for each thread.
@@ -200,8 +206,8 @@ impl HeightQuery {
         let frame = PointFrame { offset: [x, y, 0.0], ..info.frame };
         let bounds = info.bounds.map(|[low, high]| {
             // The ground is between the lowest and the highest point; heights are rounded to a step.
-            let most = high.z.saturating_sub(low.z).saturating_add(1);
-            [Point { z: -most, ..low }, Point { z: most, ..high }]
+            let range = high.z.saturating_sub(low.z).saturating_add(1);
+            [Point { z: -range, ..low }, Point { z: range, ..high }]
         });
         CloudInfo { frame, bounds, crs: info.crs.without_heights(), ..info.clone() }
     }
@@ -241,7 +247,7 @@ impl HeightQuery {
     }
 
     pub(super) fn layers(&self) -> Option<&HeightClasses> {
-        self.classify.iter().find_map(|one| match one {
+        self.classify.iter().find_map(|step| match step {
             Classify::Height(layers) => Some(layers),
             _ => None,
         })
@@ -249,7 +255,7 @@ impl HeightQuery {
 
     /// The classes that may change, if ground is classified.
     pub(super) fn reclassify(&self) -> Option<&Reclassify> {
-        self.classify.iter().find_map(|one| match one {
+        self.classify.iter().find_map(|step| match step {
             Classify::Ground(classes) => Some(classes),
             _ => None,
         })

@@ -46,10 +46,10 @@ impl FromStr for Reclassify {
         let Some(classes) = text.strip_prefix("reclassify=") else {
             return Err(format!("{text:?} is not of the form reclassify=CLASS,..."));
         };
-        let class = |text: &str| {
-            text.trim().parse().map_err(|_| format!("{text:?} is not a class from 0 to 255"))
-        };
-        Self::also(classes.split(',').map(class).collect::<Result<Vec<_>, _>>()?)
+        let classes = classes.split(',').map(|class| {
+            class.trim().parse().map_err(|_| format!("{class:?} is not a class from 0 to 255"))
+        });
+        Self::also(classes.collect::<Result<Vec<_>, _>>()?)
     }
 }
 

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::records::numbered::RecordNumbers;
 use crate::records::{PointRecords, RecordUnit, Take};
 use terrane_base::error::Result;
 use terrane_cloud::PointFormat;
@@ -87,8 +88,7 @@ pub(in crate::points) struct AnnotatedRecords<'a> {
     /// Offset of heights in a record, if any.
     pub(super) at: Option<usize>,
     pub(super) values: PointAnnotations,
-    /// Number of the first record of each unit.
-    pub(super) firsts: Vec<u64>,
+    pub(super) numbers: RecordNumbers,
     pub(in crate::points) notes: Vec<String>,
 }
 
@@ -102,10 +102,10 @@ impl PointRecords for AnnotatedRecords<'_> {
     }
 
     fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
-        let (mut number, mut told) = (self.firsts[unit], Vec::new());
+        let (mut number, mut annotated) = (self.numbers.first(unit), Vec::new());
         let (mut bucket, mut values) = (None, Vec::new());
         self.records.read(unit, &mut |bytes| {
-            told.clear();
+            annotated.clear();
             for record in bytes.chunks_exact(self.record) {
                 if bucket != Some(number / self.values.each) {
                     bucket = Some(number / self.values.each);
@@ -116,15 +116,15 @@ impl PointRecords for AnnotatedRecords<'_> {
                 if self.at == Some(Z) && height == NO_HEIGHT {
                     continue;
                 }
-                let first = told.len();
-                told.extend_from_slice(record);
-                let record = &mut told[first..];
+                let first = annotated.len();
+                annotated.extend_from_slice(record);
+                let record = &mut annotated[first..];
                 self.format.set_class(record, class);
                 if let Some(at) = self.at {
                     record[at..at + size_of::<i32>()].copy_from_slice(&height.to_le_bytes());
                 }
             }
-            take(&told)
+            take(&annotated)
         })
     }
 }

@@ -14,8 +14,9 @@ use bytemuck::{Pod, Zeroable};
 
 use super::height_above_ground::queries::{is_known_noise, is_there};
 use crate::grid::surface_model::MetricFrame;
+use crate::records::numbered::{self, RecordNumbers};
 use crate::records::selection::place;
-use crate::records::{PointRecords, RecordFlow, RecordUnit, Take, numbered, total};
+use crate::records::{PointRecords, RecordFlow, RecordUnit, Take, total};
 use partition::{NoisePartsBuilder, NoisePoint, NoiseTiles};
 use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, Result};
@@ -28,7 +29,7 @@ use terrane_ground::noise::{NoiseSpace, Request, ScoreLimit, ScoreSums};
 /// Points divided together.
 const TOGETHER: usize = 1 << 14;
 /// Least bytes for points being divided.
-const HELD: u64 = 4 << 20;
+const DIVIDING: u64 = 4 << 20;
 /// Bytes of a thread beside its scores.
 const THREAD: u64 = 2 << 20;
 /// Largest distance from coordinate zero, in steps.
@@ -45,16 +46,16 @@ struct NoiseScore {
 }
 
 /// Bytes of memory for `points`, and for each thread.
-pub(super) fn needed(asked: &Request, points: u64) -> [u64; 2] {
-    [points / 8 + partition::tables(points) + HELD, THREAD + asked.bytes(partition::MOST)]
+pub(super) fn needed(request: &Request, points: u64) -> [u64; 2] {
+    [points / 8 + partition::tables(points) + DIVIDING, THREAD + request.bytes(partition::MOST)]
 }
 
 /// Distance in world units along x or y beyond which points do not matter.
 ///
 /// # Errors
 /// As [`space`], and cubes smaller than a step.
-pub(super) fn reach(asked: &Request, info: &CloudInfo) -> Result<f64> {
-    let [x, y, _] = asked.reach(&space(info)?.0)?;
+pub(super) fn reach(request: &Request, info: &CloudInfo) -> Result<f64> {
+    let [x, y, _] = request.reach(&space(info)?.0)?;
     Ok((x as f64 * info.frame.scale[0]).max(y as f64 * info.frame.scale[1]))
 }
 
@@ -76,7 +77,7 @@ fn space(info: &CloudInfo) -> Result<(NoiseSpace, bool)> {
 
 /// Context of the search for noise.
 pub(super) struct NoiseSearch<'a> {
-    pub(super) asked: &'a Request,
+    pub(super) request: &'a Request,
     /// Frame and bounds of the records.
     pub(super) info: &'a CloudInfo,
     pub(super) format: PointFormat,
@@ -100,15 +101,15 @@ impl NoiseSearch<'_> {
         records: &'r dyn PointRecords,
     ) -> Result<MarkedRecords<'r>> {
         let (space, is_guess) = space(self.info)?;
-        self.asked.reach(&space)?;
-        let ((firsts, count), parts) = self.divide(records, &space)?;
-        let noise = Mutex::new(BitSet::new(count as usize));
+        self.request.reach(&space)?;
+        let (numbers, parts) = self.divide(records, &space)?;
+        let noise = Mutex::new(BitSet::new(numbers.total as usize));
         let limit = self.judge(&space, &parts, &noise)?;
         drop(parts);
         let noise = noise.into_inner().unwrap_or_default();
-        let notes = self.notes_on_noise(&noise, &limit, (&space, is_guess));
-        let (format, record, class) = (self.format, self.flow.record, self.asked.class());
-        Ok(MarkedRecords { records, format, record, class, noise, firsts, count, notes })
+        let notes = self.notes_on_noise(&noise, &limit, &space, is_guess);
+        let (format, record, class) = (self.format, self.flow.record, self.request.class());
+        Ok(MarkedRecords { records, format, record, class, noise, numbers, notes })
     }
 
     /// Points that are neither noise yet nor withheld, by parts.
@@ -116,25 +117,26 @@ impl NoiseSearch<'_> {
         &'s self,
         records: &dyn PointRecords,
         space: &'s NoiseSpace,
-    ) -> Result<((Vec<u64>, u64), NoiseTiles<'s>)> {
+    ) -> Result<(RecordNumbers, NoiseTiles<'s>)> {
         let points = total(records);
         self.at.progress.begin("places", points);
-        let all = (self.info.bounds.unwrap_or_default(), points);
-        let mut filling = NoisePartsBuilder::new(space, all, (self.folder, self.memory / 2));
+        let bounds = self.info.bounds.unwrap_or_default();
+        let mut builder =
+            NoisePartsBuilder::new(space, bounds, points, self.folder, self.memory / 2);
         let mut some = Vec::with_capacity(TOGETHER);
-        let passed = numbered::pass(records, self.flow, self.at, &mut |number, record| {
-            if self.is_looked_at(record) {
+        let numbers = numbered::pass(records, self.flow, self.at, &mut |number, record| {
+            if self.is_candidate(record) {
                 some.push(NoisePoint::new(place(record), number));
             }
-            if some.len() == TOGETHER { filling.add(&mut some) } else { Ok(()) }
+            if some.len() == TOGETHER { builder.add(&mut some) } else { Ok(()) }
         })?;
-        filling.add(&mut some)?;
-        let parts = filling.finish(self.at)?;
+        builder.add(&mut some)?;
+        let parts = builder.finish(self.at)?;
         self.at.progress.end();
-        Ok((passed, parts))
+        Ok((numbers, parts))
     }
 
-    fn is_looked_at(&self, record: &[u8]) -> bool {
+    fn is_candidate(&self, record: &[u8]) -> bool {
         !is_known_noise(self.format, record) && is_there(self.format, self.keeps_withheld, record)
     }
 
@@ -145,45 +147,53 @@ impl NoiseSearch<'_> {
         parts: &NoiseTiles<'_>,
         noise: &Mutex<BitSet>,
     ) -> Result<ScoreLimit> {
-        let (asked, sums) = (self.asked, Mutex::new(ScoreSums::default()));
-        let scores = Buckets::new(self.folder, BUCKETS as usize, self.memory / 4);
-        let local = asked.is_local().then(|| asked.limit(&ScoreSums::default()));
+        let (request, sums) = (self.request, Mutex::new(ScoreSums::default()));
+        let stored = Buckets::new(self.folder, BUCKETS as usize, self.memory / 4);
+        let local = request.is_local().then(|| request.limit(&ScoreSums::default()));
         self.at.progress.begin("noise", parts.count());
-        let part = |own: &mut ScoreSums, part: u64| {
-            let (mut points, mut numbers) = (Vec::new(), Vec::new());
-            parts.load(part, &mut points, &mut numbers)?;
-            let found = asked.scores(space, &points, &mut parts.around(part))?;
-            let found = numbers.into_iter().zip(found);
-            let found: Vec<_> = found.map(|(number, score)| NoiseScore { number, score }).collect();
-            match &local {
-                Some(limit) => mark_records(noise, limit, &found),
-                None => {
-                    found.iter().for_each(|found| own.add(found.score));
-                    scores.push((part % BUCKETS) as usize, &found)?;
-                }
-            }
-            self.at.progress.advance(1);
-            Ok(())
-        };
-        let finish = |own: ScoreSums| {
-            lock(&sums).merge(&own);
-            Ok(())
-        };
         workers::run(
             self.threads,
             parts.count(),
             self.at.cancel,
             ScoreSums::default,
-            part,
-            finish,
+            |sums, part| {
+                let scores = self.scores(space, parts, part)?;
+                match &local {
+                    Some(limit) => mark_records(noise, limit, &scores),
+                    None => {
+                        scores.iter().for_each(|scored| sums.add(scored.score));
+                        stored.push((part % BUCKETS) as usize, &scores)?;
+                    }
+                }
+                self.at.progress.advance(1);
+                Ok(())
+            },
+            |of_thread| {
+                lock(&sums).merge(&of_thread);
+                Ok(())
+            },
         )?;
         self.at.progress.end();
-        let limit = local.unwrap_or_else(|| asked.limit(&lock(&sums)));
+        let limit = local.unwrap_or_else(|| request.limit(&lock(&sums)));
         for bucket in 0..BUCKETS as usize {
             self.at.cancel.check()?;
-            scores.read(bucket, |found| mark_records(noise, &limit, found))?;
+            stored.read(bucket, |scores| mark_records(noise, &limit, scores))?;
         }
         Ok(limit)
+    }
+
+    /// The scores of the points of a part.
+    fn scores(
+        &self,
+        space: &NoiseSpace,
+        parts: &NoiseTiles<'_>,
+        part: u64,
+    ) -> Result<Vec<NoiseScore>> {
+        let (mut points, mut numbers) = (Vec::new(), Vec::new());
+        parts.load(part, &mut points, &mut numbers)?;
+        let scores = self.request.scores(space, &points, &mut parts.around(part))?;
+        let scores = numbers.into_iter().zip(scores);
+        Ok(scores.map(|(number, score)| NoiseScore { number, score }).collect())
     }
 
     /// Notes on the noise, one line each.
@@ -191,27 +201,28 @@ impl NoiseSearch<'_> {
         &self,
         noise: &BitSet,
         limit: &ScoreLimit,
-        (space, is_guess): (&NoiseSpace, bool),
+        space: &NoiseSpace,
+        is_guess: bool,
     ) -> Vec<String> {
-        let found: u64 = noise.words().iter().map(|word| u64::from(word.count_ones())).sum();
+        let count: u64 = noise.words().iter().map(|word| u64::from(word.count_ones())).sum();
         let far = match limit {
             ScoreLimit::Few(_) => String::new(),
-            ScoreLimit::Far(most) => {
-                format!(", more than {:.3} m from others", most * space.unit())
+            ScoreLimit::Far(distance) => {
+                format!(", more than {:.3} m from others", distance * space.unit())
             }
         };
-        let (class, asked) = (self.asked.class(), self.asked);
-        let found = format!("noise: {found} points of class {class} by {asked}{far}");
-        [found].into_iter().chain(is_guess.then(|| MetricFrame::GUESS.to_owned())).collect()
+        let (class, request) = (self.request.class(), self.request);
+        let note = format!("noise: {count} points of class {class} by {request}{far}");
+        [note].into_iter().chain(is_guess.then(|| MetricFrame::GUESS.to_owned())).collect()
     }
 }
 
 /// Marks noise.
-fn mark_records(noise: &Mutex<BitSet>, limit: &ScoreLimit, found: &[NoiseScore]) {
-    let mut all = lock(noise);
-    found.iter().filter(|found| limit.is_noise(found.score)).for_each(|found| {
-        all.insert(found.number as usize);
-    });
+fn mark_records(noise: &Mutex<BitSet>, limit: &ScoreLimit, scores: &[NoiseScore]) {
+    let mut noise = lock(noise);
+    for scored in scores.iter().filter(|scored| limit.is_noise(scored.score)) {
+        noise.insert(scored.number as usize);
+    }
 }
 
 /// Records with classified noise.
@@ -221,9 +232,7 @@ pub(super) struct MarkedRecords<'a> {
     record: usize,
     class: u8,
     noise: BitSet,
-    /// Number of the first record of each unit, and the total.
-    firsts: Vec<u64>,
-    count: u64,
+    numbers: RecordNumbers,
     pub(super) notes: Vec<String>,
 }
 
@@ -237,7 +246,7 @@ impl PointRecords for MarkedRecords<'_> {
     }
 
     fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
-        let (mut number, mut marked) = (self.firsts[unit] as usize, Vec::new());
+        let (mut number, mut marked) = (self.numbers.first(unit) as usize, Vec::new());
         self.records.read(unit, &mut |bytes| {
             marked.clear();
             marked.extend_from_slice(bytes);

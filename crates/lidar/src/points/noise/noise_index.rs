@@ -80,8 +80,7 @@ impl TryFrom<String> for NoiseGaps {
     type Error = String;
 
     fn try_from(text: String) -> std::result::Result<Self, String> {
-        let is_gap = |gap: &str| gap.parse::<u64>().is_ok();
-        match text.is_empty() || text.split(' ').all(is_gap) {
+        match text.is_empty() || text.split(' ').all(|gap| gap.parse::<u64>().is_ok()) {
             true => Ok(Self(text)),
             false => Err("the noise numbers are not integers".to_owned()),
         }
@@ -122,11 +121,11 @@ impl MarkedRecords<'_> {
     /// # Errors
     /// Too much noise for a plan.
     pub(in crate::points) fn noted(&self, single: Option<&ChosenRecords<'_>>) -> Result<Noted> {
-        let mut noted = Noted { class: self.class, parts: Vec::with_capacity(self.firsts.len()) };
+        let mut noted =
+            Noted { class: self.class, parts: Vec::with_capacity(self.numbers.units()) };
         let mut bytes = 0;
-        for (unit, first) in self.firsts.iter().enumerate() {
-            let end = self.firsts.get(unit + 1).unwrap_or(&self.count);
-            let numbers = *first as usize..*end as usize;
+        for unit in 0..self.numbers.units() {
+            let (first, numbers) = (self.numbers.first(unit), self.numbers.of_unit(unit));
             let gaps = match single {
                 Some(single) => {
                     let kept = zip(single.kept_in(unit), numbers);

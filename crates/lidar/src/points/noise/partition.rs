@@ -71,14 +71,15 @@ struct NoiseCellBox {
 
 impl NoiseCellBox {
     /// About `count` cells, as cubic as possible.
-    fn new([low, high]: Bounds, space: &NoiseSpace, wanted: u64, first: usize) -> Self {
+    fn new([low, high]: Bounds, space: &NoiseSpace, count: u64, first: usize) -> Self {
         let (low, high) = (steps(low), steps(high));
         let extent = [0, 1, 2].map(|axis| (high[axis] - low[axis]).max(0) + 1);
         let (mut side, mut made) = (extent, 1);
-        while made < wanted {
-            let metres = |axis: &usize| side[*axis] as f64 * space.step[*axis];
-            let parted = (0..3).filter(|axis| side[*axis] > 1);
-            let Some(axis) = parted.max_by(|a, b| metres(a).total_cmp(&metres(b))) else { break };
+        while made < count {
+            let metres = [0, 1, 2].map(|axis| side[axis] as f64 * space.step[axis]);
+            let divisible = (0..3).filter(|axis| side[*axis] > 1);
+            let longest = divisible.max_by(|a, b| metres[*a].total_cmp(&metres[*b]));
+            let Some(axis) = longest else { break };
             // The larger half stays, so that no side becomes 0.
             side[axis] -= side[axis] / 2;
             made *= 2;
@@ -157,8 +158,10 @@ impl<'a> NoisePartsBuilder<'a> {
     /// For about `points` points within bounds, of which `memory` bytes stay in memory.
     pub(super) fn new(
         space: &'a NoiseSpace,
-        (bounds, points): (Bounds, u64),
-        (folder, memory): (&'a Path, u64),
+        bounds: Bounds,
+        points: u64,
+        folder: &'a Path,
+        memory: u64,
     ) -> Self {
         let cells = NoiseCellBox::new(bounds, space, cells_for(points), 0);
         let level = NoiseGridLevel::new(cells.count(), folder, memory / 2);
@@ -183,9 +186,8 @@ impl<'a> NoisePartsBuilder<'a> {
             let crowded = parts.take(&level);
             next = match crowded.is_empty() {
                 true => None,
-                false => {
-                    Some(divided(&level, &crowded, space, (folder, memory >> (depth + 2)), at)?)
-                }
+                // Halved at each level: all levels together stay within the memory.
+                false => Some(divided(&level, &crowded, space, folder, memory >> (depth + 2), at)?),
             };
             parts.levels.push(level);
         }
@@ -216,7 +218,8 @@ fn divided(
     level: &NoiseGridLevel,
     crowded: &[(usize, Bounds)],
     space: &NoiseSpace,
-    (folder, memory): (&Path, u64),
+    folder: &Path,
+    memory: u64,
     at: RunControl<'_>,
 ) -> Result<NoiseGridLevel> {
     let points: u64 = crowded.iter().map(|(cell, _)| level.entries.len(*cell)).sum();
@@ -290,8 +293,8 @@ impl NoiseTiles<'_> {
         let mut some = vec![NoisePoint::zeroed(); TOGETHER.min(part.count as usize)];
         let mut first = part.first;
         while first < end {
-            let wanted = (end - first).min(some.len() as u64) as usize;
-            let read = entries.read_from(part.cell, first, &mut some[..wanted])?;
+            let count = (end - first).min(some.len() as u64) as usize;
+            let read = entries.read_from(part.cell, first, &mut some[..count])?;
             first += read as u64;
             some[..read].iter().for_each(&mut *take);
         }

@@ -159,9 +159,9 @@ impl PlannedTranslateJob {
 
     /// Uses the files of the opened point cloud as input, if there are any.
     pub(super) fn found(&mut self, files: &[String]) -> Result<()> {
-        let absolute = |name: &String| name_of(plan::noted_path(&path_of(name))?);
         if !files.is_empty() {
-            self.input = files.iter().map(absolute).collect::<Result<_>>()?;
+            let absolute = files.iter().map(|name| name_of(plan::noted_path(&path_of(name))?));
+            self.input = absolute.collect::<Result<_>>()?;
         }
         Ok(())
     }

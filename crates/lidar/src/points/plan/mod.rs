@@ -61,10 +61,12 @@ pub fn plan_points(
     refuse_in_memory(&job.input)?;
     let there = PlanManifest::<PointTilesPlan>::there(folder);
     let known = there.as_ref().map(|plan| &plan.work.looked);
-    let (work, opened) = PointTilesPlan::new((job, *cut), known, at)?;
+    let (work, opened) = PointTilesPlan::new(job, *cut, known, at)?;
     let files = work.files(&opened);
-    let expect = || probe::expect(&opened, &work, at);
-    let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
+    let needs = match there {
+        Some(plan) => plan.needs,
+        None => probe::expect(&opened, &work, at)?,
+    };
     PlanManifest::new(work, (shown_all(&job.input), files), needs, skipped)?.put(folder)?;
     plan::status::<PointTilesPlan>(folder)
 }
@@ -84,8 +86,11 @@ pub fn run_in(
 ) -> Result<PointsWritten> {
     let (to, with) = ((folder, &*job.output), (disk, &job.resources));
     let all = RunJob::until(to, job.overwrite, OutputForm::default(), with);
-    let plan =
-        || plan_points(&PlanPointsJob::all(job, folder, skipped), progress, cancel).map(drop);
-    let run = plan::run_in::<PointTilesPlan>(&all, plan, RunControl { progress, cancel })?;
+    let job = PlanPointsJob::all(job, folder, skipped);
+    let run = plan::run_in::<PointTilesPlan>(
+        &all,
+        || plan_points(&job, progress, cancel).map(drop),
+        RunControl { progress, cancel },
+    )?;
     PlanKind::Points.made(run.of.written)
 }

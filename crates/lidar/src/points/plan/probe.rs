@@ -34,23 +34,23 @@ pub(super) fn expect(
     at: RunControl<'_>,
 ) -> Result<PlanNeeds> {
     let folder = opened.job.resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
-    let (mut bytes, mut tried) = (0.0, 0.0);
-    let places = places(work.blocks.spans);
-    at.progress.begin("sample", places.len() as u64);
-    for place in places {
+    let (mut sample_bytes, mut sample_area) = (0.0, 0.0);
+    let samples = sample_tiles(work.blocks.spans);
+    at.progress.begin("sample", samples.len() as u64);
+    for place in samples {
         at.cancel.check()?;
         if points_near(opened, work, place)? <= MAX_POINTS {
             let folder = TempDir::new_in(&folder).map_err(|e| Error::write(&folder, e))?;
-            bytes += opened.make(work, (place, folder.path()), at.silent())?.bytes as f64;
-            tried += area(opened, work, place);
+            sample_bytes += opened.make(work, place, folder.path(), at.silent())?.bytes as f64;
+            sample_area += area(opened, work, place);
         }
         at.progress.advance(1);
     }
     at.progress.end();
     let count = work.blocks.points as f64;
-    let all = match tried {
+    let output = match sample_area {
         0.0 => count * converter(&opened.job, &opened.cloud)?.size() as f64 * grown(work),
-        tried => MARGIN * bytes / tried * area(opened, work, work.blocks.spans),
+        _ => MARGIN * sample_bytes / sample_area * area(opened, work, work.blocks.spans),
     } as u64;
     let kind = work.looked.seen.as_ref().map_or(0, |seen| if seen.by_class { 1 } else { 2 });
     let [memory, thread_memory] = least(&opened.job, &opened.cloud, heaviest(opened, work)?)?;
@@ -58,9 +58,9 @@ pub(super) fn expect(
     Ok(PlanNeeds {
         memory: memory + noted + polygon_bytes(&opened.job.cloud),
         thread_memory,
-        objects: all,
-        output: all,
-        seconds: [count * grown(work) * POINT[kind] * 1e-9, all as f64 * BYTE * 1e-9],
+        objects: output,
+        output,
+        seconds: [count * grown(work) * POINT[kind] * 1e-9, output as f64 * BYTE * 1e-9],
     })
 }
 
@@ -71,7 +71,7 @@ fn grown(work: &PointTilesPlan) -> f64 {
 }
 
 /// A few evenly spread tiles.
-fn places(spans: Spans) -> Vec<Spans> {
+fn sample_tiles(spans: Spans) -> Vec<Spans> {
     let along = spans.map(|[first, last]| {
         let all = last - first + 1;
         let count = ((all + 1) / 2).clamp(1, i64::from(ALONG));
@@ -95,8 +95,8 @@ fn area(opened: &OpenedTranslate, work: &PointTilesPlan, spans: Spans) -> f64 {
     let cloud = SiteWindow { low: [low.x, low.y], high: [high.x, high.y] };
     let within = window(&work.method.squares, spans, -work.method.squares.buffer, &info.frame);
     within.intersection(&cloud).map_or(0.0, |part| {
-        let side = |i: usize| f64::from(part.high[i].abs_diff(part.low[i])) + 1.0;
-        side(0) * side(1)
+        let [x, y] = [0, 1].map(|i| f64::from(part.high[i].abs_diff(part.low[i])) + 1.0);
+        x * y
     })
 }
 
@@ -131,7 +131,7 @@ mod tests {
     #[test]
     fn places_are_squares_that_there_are() {
         for spans in [[[0, 0], [0, 0]], [[-7, 90], [3, 4]], [[5, 9], [-1, 50]]] {
-            let places = places(spans);
+            let places = sample_tiles(spans);
             let is_one = |place: &Spans| {
                 (0..2).all(|i| place[i][0] >= spans[i][0] && place[i][1] <= spans[i][1])
             };

@@ -46,7 +46,8 @@ impl PointTilesPlan {
     /// The plan of a job and its input; computes the statistics of the whole point cloud unless they are
     /// `known`.
     pub(super) fn new(
-        (job, cut): (&TranslateJob, Option<u32>),
+        job: &TranslateJob,
+        cut: Option<u32>,
         known: Option<&CloudKnowledge>,
         at: RunControl<'_>,
     ) -> Result<(Self, OpenedTranslate)> {
@@ -100,7 +101,8 @@ impl OpenedTranslate {
     pub(super) fn make(
         &self,
         work: &PointTilesPlan,
-        (spans, folder): (Spans, &Path),
+        spans: Spans,
+        folder: &Path,
         at: RunControl<'_>,
     ) -> Result<tiled_output::SplitFiles> {
         let (job, info) = (&self.job, self.cloud.info());
@@ -109,9 +111,9 @@ impl OpenedTranslate {
         let wide = (0..2).map(|i| cells.high[i].abs_diff(cells.low[i]) / 8).min().unwrap_or(0);
         let mut near = CellSurroundings { cells, margin: side.saturating_add(4).max(wide as i32) };
         loop {
-            let portion = TileSubset::new((spans, near), &work.looked, &self.cloud, folder);
-            let made = prepared(job, &self.cloud, Some(&portion), at, |of| of.make());
-            if !portion.is_exceeded() {
+            let subset = TileSubset::new(spans, near, &work.looked, &self.cloud, folder);
+            let made = prepared(job, &self.cloud, Some(&subset), at, |of| of.make());
+            if !subset.is_exceeded() {
                 return made.map(|(made, _)| made);
             }
             near = near.wider();
@@ -196,7 +198,7 @@ impl PlannedWork for PointTilesPlan {
         let work = &survey.folder.plan.work;
         // It goes with its files, and what a killed run left of one is removed.
         let folder = AtomicFolder::create(&object.with_extension("files"), true, |_| true)?;
-        let made = opened.make(work, (work.blocks.of_task(block), folder.inside()), at)?;
+        let made = opened.make(work, work.blocks.of_task(block), folder.inside(), at)?;
         let (files, losses) = (pack(folder.inside(), object)?, LostPoints::of(&opened.cloud));
         let facts = PointTileArtifactSummary { points: made.points, files, losses };
         run.points += made.points;
@@ -215,7 +217,7 @@ impl PlannedWork for PointTilesPlan {
             Ok(PointsWritten {
                 input: label.clone(),
                 output: job.output.display().to_string(),
-                point_format: of.work.carrier.format().number(),
+                point_format: of.work.converter.format().number(),
                 crs: of.work.info.crs.label(),
                 notes: of.notes(),
                 ..PointsWritten::default()
@@ -248,11 +250,11 @@ impl PlannedWork for PointTilesPlan {
 
 /// Concatenates the files of a folder by name; returns their names and sizes.
 fn pack(folder: &Path, object: &Path) -> Result<Vec<(String, u64)>> {
-    let fail = |e| Error::read(folder, e);
-    let entries = std::fs::read_dir(folder).map_err(fail)?;
-    let paths =
-        entries.map(|entry| entry.map(|entry| entry.path())).collect::<io::Result<Vec<_>>>();
-    let mut paths = paths.map_err(fail)?;
+    let entries = std::fs::read_dir(folder).map_err(|e| Error::read(folder, e))?;
+    let mut paths = Vec::new();
+    for entry in entries {
+        paths.push(entry.map_err(|e| Error::read(folder, e))?.path());
+    }
     paths.sort();
     let mut packed = AtomicFile::create(object, true)?;
     let mut files = Vec::new();

@@ -20,7 +20,7 @@ fn added(cloud: &str, tolerance: f64, classes: Option<Vec<u8>>) -> [u64; 4] {
     job.options.filter.classes = classes;
     let source = cloud::source(job.inputs.names(), &job.options).unwrap();
     let format = job.format().unwrap();
-    let told = make(&job, &*source, (ConstraintFeatures::default(), format), FEW[0], at).unwrap();
+    let told = make(&job, &*source, ConstraintFeatures::default(), format, FEW[0], at).unwrap();
     let work = folder.path().join("work");
     let (cut, job) = (Some(FEW[1] as u32), CloudTinJob { format: Some("PLY".into()), ..job });
     let plan = PlanCloudTinJob { job, folder: work.clone(), cut, skipped: Vec::new() };
