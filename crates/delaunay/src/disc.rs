@@ -1,6 +1,6 @@
 //! Circumscribed discs in floating point, with margins that make every answer a certain one.
 
-use super::position::{FixedPosition, SiteOffset};
+use super::position::FixedPosition;
 use super::predicates::{Site, in_circle, orient};
 use super::window::SiteWindow;
 
@@ -104,13 +104,14 @@ impl CircumscribedDisc {
     #[inline(never)]
     fn holds_exactly(&self, q: FixedPosition) -> bool {
         let [a, b, c] = self.corners.map(|p| q.to(p));
-        let terms: [(SiteOffset, i128); 3] = [(a, b.cross(c)), (b, c.cross(a)), (c, a.cross(b))];
-        let part = |part: &dyn Fn(i128) -> i128| -> i128 {
-            terms.iter().map(|(arm, minor)| part(arm.square()) * minor).sum()
-        };
-        let (high, low) = (part(&|lift| lift >> 40), part(&|lift| lift & ((1 << 40) - 1)));
-        let carried = high + (low >> 40);
-        carried > 0 || (carried == 0 && low & ((1 << 40) - 1) > 0)
+        let (mut high, mut low) = (0_i128, 0_i128);
+        for (arm, minor) in [(a, b.cross(c)), (b, c.cross(a)), (c, a.cross(b))] {
+            let lift = arm.square();
+            high += (lift >> 40) * minor;
+            low += (lift & ((1 << 40) - 1)) * minor;
+        }
+        let high = high + (low >> 40);
+        high > 0 || (high == 0 && low & ((1 << 40) - 1) > 0)
     }
 
     #[inline(never)]
@@ -124,9 +125,9 @@ impl CircumscribedDisc {
     #[inline(always)]
     pub fn span(&self, axis: usize, low: i32, high: i32) -> Option<[i64; 2]> {
         let anchor = self.corners[0];
-        let across = |v: i32| (i64::from(v) - i64::from(anchor[1 - axis])) as f64;
+        let [low, high] = [low, high].map(|v| (i64::from(v) - i64::from(anchor[1 - axis])) as f64);
         let centre = self.centre[1 - axis];
-        let gap = (across(low) - centre).max(centre - across(high)).max(0.0);
+        let gap = (low - centre).max(centre - high).max(0.0);
         let left = self.beyond - gap * gap;
         if left < 0.0 {
             return None;
@@ -146,17 +147,17 @@ impl CircumscribedDisc {
     /// nothing.
     #[inline]
     pub fn clip(&self, window: &SiteWindow) -> Option<SiteWindow> {
-        let mut part = *window;
+        let mut clipped = *window;
         // Twice, because a narrower window in y narrows that in x and the other way round.
         for axis in [0, 1, 0, 1] {
-            let span = self.span(axis, part.low[1 - axis], part.high[1 - axis])?;
-            part.low[axis] = span[0].max(part.low[axis].into()).try_into().ok()?;
-            part.high[axis] = span[1].min(part.high[axis].into()).try_into().ok()?;
-            if part.low[axis] > part.high[axis] {
+            let span = self.span(axis, clipped.low[1 - axis], clipped.high[1 - axis])?;
+            clipped.low[axis] = span[0].max(clipped.low[axis].into()).try_into().ok()?;
+            clipped.high[axis] = span[1].min(clipped.high[axis].into()).try_into().ok()?;
+            if clipped.low[axis] > clipped.high[axis] {
                 return None;
             }
         }
-        Some(part)
+        Some(clipped)
     }
 }
 
@@ -164,14 +165,14 @@ impl CircumscribedDisc {
 #[inline(always)]
 fn numerators(u: [i64; 2], v: [i64; 2]) -> [f64; 2] {
     let (uu, vv) = (u[0] * u[0] + u[1] * u[1], v[0] * v[0] + v[1] * v[1]);
-    let most = u[0].abs().max(u[1].abs()).max(v[0].abs()).max(v[1].abs());
-    if most < SMALL {
+    let largest = u[0].abs().max(u[1].abs()).max(v[0].abs()).max(v[1].abs());
+    if largest < SMALL {
         return [(v[1] * uu - u[1] * vv) as f64, (u[0] * vv - v[0] * uu) as f64];
     }
-    let wide = |p: i64, q: i64, r: i64, s: i64| {
-        (i128::from(p) * i128::from(q) - i128::from(r) * i128::from(s)) as f64
-    };
-    [wide(v[1], uu, u[1], vv), wide(u[0], vv, v[0], uu)]
+    // Cubes of long sides do not fit into 64 bits.
+    let (u, v) = (u.map(i128::from), v.map(i128::from));
+    let (uu, vv) = (i128::from(uu), i128::from(vv));
+    [(v[1] * uu - u[1] * vv) as f64, (u[0] * vv - v[0] * uu) as f64]
 }
 
 #[cfg(test)]

@@ -244,9 +244,8 @@ impl MortonRun<'_> {
         let mut base = bottom;
         loop {
             let (at_l, at_r) = (self.site(l), self.site(r));
-            let is_above = |v: Site| orient(at_l, at_r, v) > 0;
-            let go_left = is_above(self.site(self.from(to_l)));
-            let go_right = is_above(self.site(self.from(next(from_r))));
+            let go_left = orient(at_l, at_r, self.site(self.from(to_l))) > 0;
+            let go_right = orient(at_l, at_r, self.site(self.from(next(from_r)))) > 0;
             if go_left {
                 self.clear_left(to_l, at_l, at_r);
             }

@@ -2,6 +2,7 @@
 
 use super::position::FixedPosition;
 use super::predicates::orient;
+use super::query::site;
 use terrane_base::geom::Point;
 
 /// The boundary of the convex hull of points: *all* points on it, those between corners too, of each
@@ -83,9 +84,11 @@ impl ConvexHull {
     /// lie on its edges; none where all points are collinear.
     pub fn corners(&self) -> Vec<Point> {
         let (ring, count) = (&self.ring, self.ring.len());
-        let at = |i: usize| [ring[i % count].x, ring[i % count].y];
-        let turns = |i: &usize| orient(at(i + count - 1), at(*i), at(i + 1)) > 0;
-        (0..count).filter(turns).map(|i| ring[i]).collect()
+        let corners = (0..count).filter(|&i| {
+            let [a, b, c] = [i + count - 1, i, i + 1].map(|i| site(&ring[i % count]));
+            orient(a, b, c) > 0
+        });
+        corners.map(|i| ring[i]).collect()
     }
 
     /// The points of the boundary, in order, once each.
@@ -116,10 +119,10 @@ impl ConvexHull {
     /// infinitesimal (see [`FixedPosition`]'s arms); `None` when the moved position is outside.
     pub(super) fn start(&self, q: FixedPosition, back: bool) -> Option<[Point; 3]> {
         let (apex, others) = self.ring.split_first()?;
-        let arm = |p: &Point| q.to([p.x, p.y]);
-        let left = others.partition_point(|p| arm(apex).sees_left(arm(p), back));
+        let to_apex = q.to(site(apex));
+        let left = others.partition_point(|p| to_apex.sees_left(q.to(site(p)), back));
         let [u, v] = [others.get(left.checked_sub(1)?)?, others.get(left)?];
-        arm(u).sees_left(arm(v), back).then_some([*apex, *u, *v])
+        q.to(site(u)).sees_left(q.to(site(v)), back).then_some([*apex, *u, *v])
     }
 }
 
@@ -151,11 +154,12 @@ fn chain(points: &[Point], turn: i64) -> Vec<Point> {
 /// On which side of a chain a position lies: positive for left; `None` before its begin or after its
 /// end (in order of x, then y). Comparing by y where x is equal makes vertical edges like others.
 fn side(chain: &[Point], q: FixedPosition) -> Option<i128> {
-    let at = |p: &Point| FixedPosition::of([p.x, p.y]);
-    let after = chain.partition_point(|p| at(p) <= q);
-    let before = &chain[after.checked_sub(1)?];
-    let Some(after) = chain.get(after) else { return (at(before) == q).then_some(0) };
-    Some(q.to([before.x, before.y]).cross(q.to([after.x, after.y])))
+    let after = chain.partition_point(|p| FixedPosition::of(site(p)) <= q);
+    let before = site(&chain[after.checked_sub(1)?]);
+    let Some(after) = chain.get(after) else {
+        return (FixedPosition::of(before) == q).then_some(0);
+    };
+    Some(q.to(before).cross(q.to(site(after))))
 }
 
 #[cfg(test)]

@@ -42,12 +42,10 @@ impl Triangulation {
         }
         let (mut entered, mut dice) = (GHOST, 0_u32);
         loop {
-            // The side just crossed needs no test: the goal is beyond it from one triangle only, on it, too.
-            let beyond = |s: &u32| *s != entered && is_beyond(self.ends(*s));
             let sides = ORDERS[(dice >> 30) as usize].map(|i| 3 * triangle + i);
-            let Some(side) = sides.into_iter().find(beyond) else {
-                return Some(triangle);
-            };
+            // The side just crossed needs no test: the goal is beyond it from one triangle only, on it, too.
+            let beyond = sides.into_iter().find(|&s| s != entered && is_beyond(self.ends(s)));
+            let Some(side) = beyond else { return Some(triangle) };
             dice = dice.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             entered = self.twin(side);
             triangle = entered / 3;
@@ -90,8 +88,7 @@ impl Triangulation {
         changed: &mut impl FnMut(u32),
     ) -> bool {
         let at = self.relative(at);
-        let is_frozen = |all: &Self, triangle: u32| all.corners(triangle).is_some_and(&frozen);
-        if is_frozen(self, triangle) || !self.takes(triangle, at, |t| is_frozen(self, t)) {
+        if self.is_frozen(triangle, &frozen) || !self.takes(triangle, at, &frozen) {
             return false;
         }
         let site = self.ordered.sites.len() as u32;
@@ -100,7 +97,7 @@ impl Triangulation {
         let mut open = self.divide(triangle, site);
         open.iter().for_each(|s| changed(s / 3));
         while let Some(s) = open.pop() {
-            if self.is_to_flip(s, at) && !is_frozen(self, self.twin(s) / 3) {
+            if self.is_to_flip(s, at) && !self.is_frozen(self.twin(s) / 3, &frozen) {
                 changed(self.twin(s) / 3);
                 open.extend(self.flip(s));
             }
@@ -122,15 +119,25 @@ impl Triangulation {
         [s, next(s)].map(|s| self.site(self.from(s)))
     }
 
+    /// True for a triangle of frozen corners; ghosts are never frozen.
+    #[inline]
+    pub(super) fn is_frozen(&self, triangle: u32, frozen: &impl Fn([u32; 3]) -> bool) -> bool {
+        self.corners(triangle).is_some_and(frozen)
+    }
+
     /// True if a new site may be at a position of a triangle: not on a side of a `frozen` triangle.
-    fn takes(&self, triangle: u32, at: Site, frozen: impl Fn(u32) -> bool) -> bool {
-        let is_free = |s: u32| {
-            let ([a, b], twin) = (self.ends(s), self.twin(s));
-            let side = orient(a, b, at);
-            let is_open = || self.from(prev(twin)) != GHOST && !frozen(twin / 3);
-            a != at && (side > 0 || (side == 0 && is_open()))
-        };
-        !self.is_ghost(triangle) && (3 * triangle..3 * triangle + 3).all(is_free)
+    fn takes(&self, triangle: u32, at: Site, frozen: &impl Fn([u32; 3]) -> bool) -> bool {
+        let mut sides = 3 * triangle..3 * triangle + 3;
+        !self.is_ghost(triangle) && sides.all(|s| self.allows_within(s, at, frozen))
+    }
+
+    /// True if a new site may be left of a side, or on it where the triangle beyond may be divided, too.
+    fn allows_within(&self, s: u32, at: Site, frozen: &impl Fn([u32; 3]) -> bool) -> bool {
+        let ([a, b], twin) = (self.ends(s), self.twin(s));
+        match orient(a, b, at) {
+            0 => a != at && self.from(prev(twin)) != GHOST && !self.is_frozen(twin / 3, frozen),
+            side => side > 0,
+        }
     }
 
     /// Makes three triangles of one, around a site inside; the sides across from it.

@@ -9,15 +9,15 @@ use terrane_base::geom::Point;
 /// result is its z.
 pub fn interpolate(corners: &[Point; 3], q: FixedPosition) -> f64 {
     let [a, b, c] = corners.map(|p| q.to([p.x, p.y]));
-    let height = |i: usize| f64::from(corners[i].z);
+    let z = corners.map(|p| f64::from(p.z));
     if let Some(corner) = [a, b, c].iter().position(|arm| arm.is_zero()) {
-        return height(corner);
+        return z[corner];
     }
     let weights = [b.cross(c), c.cross(a), a.cross(b)];
     let total = float(weights.iter().sum());
     // Differences to one corner: a level triangle has its height without any rounding.
-    let rise = |i: usize| float(weights[i]) * (height(i) - height(0));
-    height(0) + (rise(1) + rise(2)) / total
+    let [rise_b, rise_c] = [1, 2].map(|i| float(weights[i]) * (z[i] - z[0]));
+    z[0] + (rise_b + rise_c) / total
 }
 
 /// Most weights fit into 64 bits, which convert much faster.

@@ -258,11 +258,12 @@ impl NaturalNeighborCavity {
             return along_edge(u, v, self.q);
         }
         self.weigh();
-        let deviation =
-            |p: &Point| f64::from(p.z) - interpolate(corners, FixedPosition::of(site(p)));
-        let sum: f64 = self.border.iter().map(|(p, weight)| weight * deviation(p)).sum();
+        let weighted = self.border.iter().map(|(p, weight)| {
+            let plane = interpolate(corners, FixedPosition::of(site(p)));
+            weight * (f64::from(p.z) - plane)
+        });
         let total: f64 = self.border.iter().map(|(_, weight)| weight).sum();
-        let change = sum / total;
+        let change = weighted.sum::<f64>() / total;
         interpolate(corners, self.q) + if change.is_finite() { change } else { 0.0 }
     }
 

@@ -37,23 +37,24 @@ pub(super) fn order(points: &[Point], fork: &impl ForkJoin) -> MortonSites {
         return MortonSites::default();
     };
     let low = window.low;
-    let key = |p: &Point| interleave((p.x - low[0]) as u32, (p.y - low[1]) as u32);
     let last = window.high;
     let bits =
         64 - interleave((last[0] - low[0]) as u32, (last[1] - low[1]) as u32).leading_zeros();
-    let entries =
-        points.iter().enumerate().map(|(id, p)| MortonSite { key: key(p), id: id as u32 });
+    let entries = points.iter().enumerate().map(|(id, p)| {
+        let key = interleave((p.x - low[0]) as u32, (p.y - low[1]) as u32);
+        MortonSite { key, id: id as u32 }
+    });
     let entries = sorted(entries, points.len(), bits, fork);
     let (sites, ids) = (Vec::with_capacity(points.len()), Vec::with_capacity(points.len()));
     let mut ordered = MortonSites { sites, low, ids, duplicates: vec![] };
     for same in entries.chunk_by(|a, b| a.key == b.key) {
         // The points themselves are far apart in memory, so they are looked at for duplicates only.
-        let kept = match same {
-            [one] => one.id,
+        let id = match same {
+            [single] => single.id,
             _ => ordered.choose(points, same),
         };
         ordered.sites.push(site_of(same[0].key));
-        ordered.ids.push(kept);
+        ordered.ids.push(id);
     }
     ordered.duplicates.sort_unstable();
     ordered

@@ -22,8 +22,9 @@ impl FixedPosition {
     /// The position nearest to (`x`, `y`) steps (ties away from zero); those beyond 2^30 steps, which
     /// no point comes near, are moved there, and NaN to the origin.
     pub fn from_steps(x: f64, y: f64) -> Self {
-        let whole = |v: f64| ((v * f64::from(1u32 << FRACTION)).round() as i64).clamp(-FAR, FAR);
-        Self { x: whole(x), y: whole(y) }
+        let [x, y] =
+            [x, y].map(|v| ((v * f64::from(1u32 << FRACTION)).round() as i64).clamp(-FAR, FAR));
+        Self { x, y }
     }
 
     /// The position of a site.

@@ -33,13 +33,21 @@ pub fn orient(a: Site, b: Site, c: Site) -> i64 {
     cross(minus(b, a), minus(c, a))
 }
 
+#[inline(always)]
+fn float(u: [i64; 2]) -> [f64; 2] {
+    u.map(|v| v as f64)
+}
+
+#[inline(always)]
+fn lift(u: [f64; 2]) -> f64 {
+    u[0] * u[0] + u[1] * u[1]
+}
+
 /// True when `d` lies strictly inside the circle through the counter-clockwise (a, b, c), after
 /// perturbation. The four sites must be distinct.
 #[inline(always)]
 pub fn in_circle(a: Site, b: Site, c: Site, d: Site) -> bool {
-    let float = |p: Site| minus(p, d).map(|v| v as f64);
-    let (a_, b_, c_) = (float(a), float(b), float(c));
-    let lift = |u: [f64; 2]| u[0] * u[0] + u[1] * u[1];
+    let (a_, b_, c_) = (float(minus(a, d)), float(minus(b, d)), float(minus(c, d)));
     let (bc, cb) = (b_[0] * c_[1], b_[1] * c_[0]);
     let (ca, ac) = (c_[0] * a_[1], c_[1] * a_[0]);
     let (ab, ba) = (a_[0] * b_[1], a_[1] * b_[0]);
@@ -73,9 +81,8 @@ fn in_circle_exact(a: Site, b: Site, c: Site, d: Site) -> bool {
 /// Positive when `d` lies strictly inside the circle through the counter-clockwise (a, b, c), 0 on it.
 pub(super) fn determinant(a: Site, b: Site, c: Site, d: Site) -> i128 {
     let (a, b, c) = (minus(a, d), minus(b, d), minus(c, d));
-    let term =
-        |u: [i64; 2], v: [i64; 2], w: [i64; 2]| i128::from(square(u)) * i128::from(cross(v, w));
-    term(a, b, c) + term(b, c, a) + term(c, a, b)
+    let terms = [[a, b, c], [b, c, a], [c, a, b]];
+    terms.iter().map(|&[u, v, w]| i128::from(square(u)) * i128::from(cross(v, w))).sum()
 }
 
 /// [`in_circle`] for four cocircular sites: the lowest one is joined to all others. No three of them

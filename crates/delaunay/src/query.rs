@@ -129,18 +129,20 @@ impl<'a, S: PointIndex> TriangleFinder<'a, S> {
 
     /// A triangle of points of the hull around `q`.
     fn first_of_hull(&self, q: FixedPosition) -> FinderStart {
-        let corner = |p: &&Point| FixedPosition::of(site(p)) == q;
         match self.hull.locate(q) {
             HullLocation::Outside => return FinderStart::Outside,
             HullLocation::Boundary => {
-                if let Some(point) = self.hull.ring().iter().find(corner) {
+                let mut ring = self.hull.ring().iter();
+                if let Some(point) = ring.find(|p| FixedPosition::of(site(p)) == q) {
                     return FinderStart::At(*point);
                 }
             }
             HullLocation::Inside => {}
         }
-        let start = |back| EnclosingTriangle::around(q, self.hull.start(q, back)?, back);
-        start(false).or_else(|| start(true)).map_or(FinderStart::Outside, FinderStart::Basis)
+        let basis = [false, true]
+            .into_iter()
+            .find_map(|back| EnclosingTriangle::around(q, self.hull.start(q, back)?, back));
+        basis.map_or(FinderStart::Outside, FinderStart::Basis)
     }
 
     /// Simplex: until no known point lies in the disc. Near points come first where the disc is

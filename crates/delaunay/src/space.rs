@@ -50,14 +50,15 @@ impl OccupancyGrid {
     /// An empty map of `window` in squares of `size` steps, or larger ones where those would be more
     /// than 2^24.
     pub fn new(window: SiteWindow, size: i32) -> Self {
-        let length = |i: usize| i64::from(window.high[i]) - i64::from(window.low[i]);
-        let count = |i: usize, size: i32| (length(i) / i64::from(size)) as usize + 1;
+        let lengths = [0, 1].map(|axis| i64::from(window.high[axis]) - i64::from(window.low[axis]));
         let mut size = size.max(1);
-        while count(0, size) * count(1, size) > MAX_SQUARES {
+        loop {
+            let [columns, rows] = lengths.map(|length| (length / i64::from(size)) as usize + 1);
+            if columns * rows <= MAX_SQUARES {
+                return Self { window, size, columns, holds: vec![false; columns * rows] };
+            }
             size = size.saturating_mul(2);
         }
-        let (columns, rows) = (count(0, size), count(1, size));
-        Self { window, size, columns, holds: vec![false; columns * rows] }
     }
 
     /// Notes that there is a point at `p`, which lies in the window.

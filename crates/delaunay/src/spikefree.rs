@@ -70,8 +70,9 @@ impl SpikeFree {
     /// # Errors
     /// A limit: a window of 2^28 steps or more along a side.
     pub fn new(points: Vec<Point>, window: &SiteWindow, freeze: FreezeRule) -> Result<Self> {
-        let side = |i: usize| i64::from(window.high[i]) - i64::from(window.low[i]) + 1;
-        let side = side(0).max(side(1));
+        let [width, height] =
+            [0, 1].map(|axis| i64::from(window.high[axis]) - i64::from(window.low[axis]) + 1);
+        let side = width.max(height);
         if side > WIDEST {
             let what = "the extent of a spike-free tile in coordinate steps";
             return Err(Error::limit(what, side as u64, WIDEST as u64));
@@ -92,10 +93,13 @@ impl SpikeFree {
         let point = points[number as usize];
         let at = [point.x, point.y];
         let Some(triangle) = triangulation.find(at, hints.near(at)) else { return };
-        let frozen = |ids: [u32; 3]| {
-            corners(points, ids).is_some_and(|corners| freeze.holds(&corners, point.z))
-        };
-        triangulation.insert_beside(at, FRAME + number, triangle, frozen, &mut |_| {});
+        triangulation.insert_beside(
+            at,
+            FRAME + number,
+            triangle,
+            |ids| corners(points, ids).is_some_and(|corners| freeze.holds(&corners, point.z)),
+            &mut |_| {},
+        );
         hints.note(at, triangle);
     }
 
@@ -113,8 +117,8 @@ impl SpikeFree {
         let at = FixedPosition { x: at.x - low.x, y: at.y - low.y };
         *last = self.triangulation.find_at(at, *last, back)?;
         let corners = corners(&self.points, self.triangulation.corners(*last)?)?;
-        let place = |p: Point| Point { x: p.x + self.low[0], y: p.y + self.low[1], ..p };
-        Some((from_lowest(corners.map(place)), self.freeze.is_small(&corners)))
+        let placed = corners.map(|p| Point { x: p.x + self.low[0], y: p.y + self.low[1], ..p });
+        Some((from_lowest(placed), self.freeze.is_small(&corners)))
     }
 }
 
@@ -126,8 +130,8 @@ fn frame(side: i32) -> [Point; FRAME as usize] {
 
 /// The corners of a triangle; `None` for one that has a vertex of the frame.
 fn corners(points: &[Point], ids: [u32; 3]) -> Option<[Point; 3]> {
-    let is_whole = ids.iter().all(|id| *id >= FRAME);
-    is_whole.then(|| ids.map(|id| points[(id - FRAME) as usize]))
+    let has_frame = ids.iter().any(|id| *id < FRAME);
+    (!has_frame).then(|| ids.map(|id| points[(id - FRAME) as usize]))
 }
 
 /// From the highest down, then by x, then y; of several at one position the highest.
@@ -156,29 +160,29 @@ impl WalkHints {
     fn new(side: i32, points: usize) -> Self {
         let bits = 32 - side.leading_zeros();
         let depth = (points / 2 + 1).ilog2().div_ceil(2).min(bits).min(DEEPEST);
-        let level = |level: u32| vec![NOWHERE; 1 << (2 * level)];
-        Self { levels: (1..=depth).map(level).collect(), bits }
+        let levels = (1..=depth).map(|level| vec![NOWHERE; 1 << (2 * level)]);
+        Self { levels: levels.collect(), bits }
     }
 
     /// The cell of a level that contains a site.
-    fn square(&self, level: usize, [x, y]: Site) -> usize {
+    fn cell(&self, level: usize, at: Site) -> usize {
         let level = level as u32 + 1;
-        let at = |v: i32| (v >> (self.bits - level)) as usize;
-        (at(y) << level) + at(x)
+        let [col, row] = at.map(|v| (v >> (self.bits - level)) as usize);
+        (row << level) + col
     }
 
     /// A triangle near a site, from the finest cell that has one.
     fn near(&self, at: Site) -> u32 {
-        let hint = |level: usize| self.levels[level][self.square(level, at)];
-        let mut hints = (0..self.levels.len()).rev().map(hint);
+        let levels = (0..self.levels.len()).rev();
+        let mut hints = levels.map(|level| self.levels[level][self.cell(level, at)]);
         hints.find(|hint| *hint != NOWHERE).unwrap_or(0)
     }
 
     /// Records a triangle for the cells around a site: the finest, and those that have none yet.
     fn note(&mut self, at: Site, triangle: u32) {
         for level in (0..self.levels.len()).rev() {
-            let square = self.square(level, at);
-            let before = std::mem::replace(&mut self.levels[level][square], triangle);
+            let cell = self.cell(level, at);
+            let before = std::mem::replace(&mut self.levels[level][cell], triangle);
             if before != NOWHERE {
                 break;
             }

@@ -114,8 +114,7 @@ impl Triangulation {
     /// The boundary of the hull, counter-clockwise, every point on it, from the lowest on; collinear
     /// points there and back.
     pub fn hull(&self) -> Vec<u32> {
-        let on_hull = |s: &u32| self.from(prev(*s)) == GHOST;
-        let ghosts = (0..self.sides.len() as u32).filter(on_hull);
+        let ghosts = (0..self.sides.len() as u32).filter(|&s| self.from(prev(s)) == GHOST);
         let Some(first) = ghosts.min_by_key(|&s| self.site(self.from(s))) else {
             return self.ordered.ids.clone();
         };
@@ -203,7 +202,6 @@ impl Triangulation {
         frozen: &impl Fn([u32; 3]) -> bool,
     ) -> std::result::Result<(), String> {
         let twin = self.twin(s);
-        let is_fixed = || [s, twin].iter().any(|s| self.corners(s / 3).is_some_and(frozen));
         let meet = self.twin(twin) == s && self.from(twin) == self.from(next(s));
         check(meet && self.from(next(twin)) == self.from(s), || {
             format!("side {s} has a wrong twin")
@@ -214,8 +212,10 @@ impl Triangulation {
                 check(orient(a, b, c) > 0, || {
                     format!("the triangle of side {s} does not turn left")
                 })?;
-                let is_far = beyond == GHOST || !in_circle(a, b, c, self.site(beyond));
-                check(is_far || is_fixed(), || format!("side {s} is not Delaunay"))
+                let is_legal = beyond == GHOST
+                    || !in_circle(a, b, c, self.site(beyond))
+                    || [s, twin].iter().any(|s| self.is_frozen(s / 3, frozen));
+                check(is_legal, || format!("side {s} is not Delaunay"))
             }
             None if self.from(prev(s)) == GHOST => self.validate_hull(s),
             None => Ok(()),
@@ -230,8 +230,9 @@ impl Triangulation {
             return Err(format!("side {s} is not on the hull"));
         };
         let turn = orient(a, b, c);
-        let ahead = |axis: usize| i64::from(b[axis] - a[axis]) * i64::from(c[axis] - b[axis]);
-        let goes_on = turn < 0 || (turn == 0 && (ahead(0) + ahead(1) > 0 || self.is_flat()));
+        let [ahead_x, ahead_y] =
+            [0, 1].map(|axis| i64::from(b[axis] - a[axis]) * i64::from(c[axis] - b[axis]));
+        let goes_on = turn < 0 || (turn == 0 && (ahead_x + ahead_y > 0 || self.is_flat()));
         check(goes_on, || format!("the hull is not convex at the end of side {s}"))
     }
 

@@ -129,10 +129,10 @@ fn run(
         let parts = if options.alpha { 4 } else { 3 };
         let painted =
             Arc::new(ColoredGrid { info, inner, table, parts, waiting: Mutex::default() });
-        let band = |part: usize| -> Box<dyn GridSource> {
+        let bands = (0..parts).map(|part| -> Box<dyn GridSource> {
             Box::new(ReliefColorBand { painted: painted.clone(), part })
-        };
-        Ok(DerivedBands::of_colours((0..parts).map(band).collect(), Vec::new()))
+        });
+        Ok(DerivedBands::of_colours(bands.collect(), Vec::new()))
     })?;
     // Of bytes of colours nothing is to be told.
     Ok(ConvertReport { lowest: None, highest: None, valid_samples: report.samples, ..report })

@@ -121,8 +121,9 @@ fn run(asked: &DerivativeRequest<'_>, request: RunRequest<'_>) -> Result<Convert
         Ok(DerivedBands::of(Box::new(toned), notes))
     })?;
     // Grays of values tell nothing of them.
-    let told = |value: Option<f64>| value.filter(|_| !is_toned);
-    Ok(ConvertReport { lowest: told(report.lowest), highest: told(report.highest), ..report })
+    let [lowest, highest] =
+        [report.lowest, report.highest].map(|value| value.filter(|_| !is_toned));
+    Ok(ConvertReport { lowest, highest, ..report })
 }
 
 /// The job for a picture format without an encoding of heights.
@@ -210,9 +211,8 @@ impl DerivativeGrid {
         let width = rect.width as usize + 2;
         let first = (row - rect.row) as usize * width;
         let rows = [0, 1, 2].map(|down: usize| &heights[first + down * width..][..width]);
-        let turn = |col: u32| self.turn(col, row);
         if self.ground.is_by_row() && !self.edges {
-            self.derivative.row(rows, &turn(rect.col), out);
+            self.derivative.row(rows, &self.turn(rect.col, row), out);
             return;
         }
         for (i, out) in out.iter_mut().enumerate() {
@@ -224,7 +224,8 @@ impl DerivativeGrid {
                 })
             });
             let rows = filled.each_ref().map(|row| &row[..]);
-            self.derivative.row(rows, &turn(rect.col + i as u32), std::slice::from_mut(out));
+            let turn = self.turn(rect.col + i as u32, row);
+            self.derivative.row(rows, &turn, std::slice::from_mut(out));
         }
     }
 
@@ -235,26 +236,29 @@ impl DerivativeGrid {
     }
 }
 
-/// Extrapolates heights beyond the grid linearly from the two samples inside: the grid covers columns and rows
-/// from the first two numbers up to the last two (exclusive).
-fn extend(heights: &mut [f64], width: usize, [left, top, right, bottom]: [usize; 4]) {
-    let inward = |at: usize, first: usize, end: usize| match at {
+/// The step along an axis from an index into a range: 0 within it.
+fn inward(at: usize, first: usize, end: usize) -> isize {
+    match at {
         at if at < first => 1,
         at if at >= end => -1,
         _ => 0,
-    };
+    }
+}
+
+/// Extrapolates heights beyond the grid linearly from the two samples inside: the grid covers columns and rows
+/// from the first two numbers up to the last two (exclusive).
+fn extend(heights: &mut [f64], width: usize, [left, top, right, bottom]: [usize; 4]) {
     for row in 0..heights.len() / width {
         for col in 0..width {
             let [x, y] = [inward(col, left, right), inward(row, top, bottom)];
             if x == 0 && y == 0 {
                 continue;
             }
-            let at = |steps: isize| {
+            let [next, after] = [1, 2].map(|steps| {
                 let col = col.checked_add_signed(steps * x).filter(|c| (left..right).contains(c));
                 let row = row.checked_add_signed(steps * y).filter(|r| (top..bottom).contains(r));
                 col.zip(row).map_or(f64::NAN, |(col, row)| heights[row * width + col])
-            };
-            let [next, after] = [at(1), at(2)];
+            });
             heights[row * width + col] = if after.is_nan() { next } else { 2.0 * next - after };
         }
     }

@@ -67,7 +67,7 @@ pub(super) struct AdjustScratch {
     /// Vertices that have moved.
     moved: BitSet,
     /// Fixed vertices.
-    held: BitSet,
+    fixed: BitSet,
     /// Height of the mesh above each sample of the star.
     offsets: Vec<f32>,
     /// Share of each sample in a move of the vertex, from 0 to 1.
@@ -94,11 +94,11 @@ impl AdjustScratch {
     /// Resets the lists: no vertex is due or moved, and the `kept` ones are fixed.
     pub(super) fn reset(&mut self, field: &HeightField, kept: &[TilePosition]) {
         let samples = field.width() as usize * field.height() as usize;
-        for bits in [&mut self.due, &mut self.moved, &mut self.held] {
+        for bits in [&mut self.due, &mut self.moved, &mut self.fixed] {
             bits.reset(samples);
         }
         for &p in kept {
-            self.held.insert(field.index(p));
+            self.fixed.insert(field.index(p));
         }
     }
 
@@ -121,7 +121,7 @@ impl AdjustScratch {
 
     fn look_at_corners(&mut self, field: &HeightField, tri: &LatticeTriangle) {
         let corners = tri.corners.map(|p| field.index(p));
-        for at in corners.into_iter().filter(|&at| !self.held.contains(at)) {
+        for at in corners.into_iter().filter(|&at| !self.fixed.contains(at)) {
             self.due.insert(at);
         }
     }
@@ -147,10 +147,10 @@ impl AdjustScratch {
                 return false;
             }
             let at = judge.field.index(mesh.origin(half_edge));
-            let is_open = |tri: &LatticeTriangle| {
-                matches!(tri.state, TriangleScanState::Free | TriangleScanState::Outside)
-            };
-            if !self.due.contains(at) || is_open(&mesh.tris[(half_edge >> 2) as usize]) {
+            let state = &mesh.tris[(half_edge >> 2) as usize].state;
+            if !self.due.contains(at)
+                || matches!(state, TriangleScanState::Free | TriangleScanState::Outside)
+            {
                 continue;
             }
             self.due.remove(at);
@@ -183,8 +183,8 @@ impl AdjustScratch {
         let Some(best) = self.best_move(STEPS) else { return false };
         let vertex = mesh.origin(half_edge);
         let (sample, before) = (field.sample(vertex), field.vertex(vertex));
-        let wanted = before + f64::from(best);
-        field.move_vertex(vertex, wanted.clamp(sample - tolerance, sample + tolerance));
+        let target = before + f64::from(best);
+        field.move_vertex(vertex, target.clamp(sample - tolerance, sample + tolerance));
         let step = (field.vertex(vertex) - before) as f32;
         let is_near = (field.vertex(vertex) - sample).abs() <= tolerance;
         let stays = is_near && self.keeps(judge, mesh, step, judge.tolerance <= tolerance);
@@ -209,21 +209,19 @@ impl AdjustScratch {
         if !is_final {
             return true;
         }
-        let corners = |half_edge: u32| mesh.tris[(half_edge >> 2) as usize].corners;
-        let hair = |&at: &u32| {
-            let (corners, z) = (corners(at), judge.field.vertices(corners(at)));
+        let mut triangles = self.star.iter().map(|&at| mesh.tris[(at >> 2) as usize].corners);
+        let hairs = triangles.clone().map(|corners| {
+            let z = judge.field.vertices(corners);
             judge.hair(z, PlaneFacet::new(corners, z).gx)
-        };
-        let hair = self.star.iter().map(hair).fold(0.0, f64::max);
+        });
+        let hair = hairs.fold(0.0, f64::max);
+        // The errors listed are rounded to f32: only those near the tolerance need an exact scan.
         let is_clear = f64::from(largest) + hair < judge.tolerance;
-        let samples = || self.star.iter().all(|&at| judge.candidate(corners(at), 0).is_none());
-        let spoke = |&at: &u32| [mesh.origin(at), mesh.end(at)];
-        let edges = || {
-            judge.crossings.is_none_or(|crossings| {
-                self.star.iter().map(spoke).all(|[a, b]| crossings.worst(a, b).is_none())
-            })
-        };
-        (is_clear || samples()) && edges()
+        if !is_clear && triangles.any(|corners| judge.candidate(corners, 0).is_some()) {
+            return false;
+        }
+        let Some(crossings) = judge.crossings else { return true };
+        self.star.iter().all(|&at| crossings.worst(mesh.origin(at), mesh.end(at)).is_none())
     }
 
     /// Lists the samples of the star: all of them, or a subset.
@@ -290,10 +288,11 @@ impl AdjustScratch {
     /// The sample with the maximum offset after a move, above (0) or below (1).
     fn extreme(&self, envelope: OffsetEnvelope, side: usize) -> usize {
         let sign = [1.0, -1.0][side];
-        let is_most = |(&offset, &share): (&f32, &f32)| {
+        let mut samples = self.offsets.iter().zip(&self.shares);
+        let extreme = samples.position(|(&offset, &share)| {
             sign * (offset + envelope.step * share) == envelope.most[side]
-        };
-        self.offsets.iter().zip(&self.shares).position(is_most).unwrap_or(0)
+        });
+        extreme.unwrap_or(0)
     }
 
     /// The move with the least maximum error among `steps` iterations, if the gain suffices. Iterates over

@@ -10,7 +10,7 @@
 
 use super::lattice_position::TilePosition;
 use super::mesh::{LatticeMesh, NONE, TriangleScanState};
-use terrane_base::geom::predicates::{Lattice, orient};
+use terrane_base::geom::predicates::Lattice;
 
 /// Minimum angle of triangles, in plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,8 +28,7 @@ impl MinimumAngle {
 
     /// A minimum angle in degrees; `col` and `row` are the vectors of one column and one row.
     pub fn new(degrees: f64, col: [f64; 2], row: [f64; 2]) -> Self {
-        let product = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
-        let metric = [product(col, col), product(col, row), product(row, row)];
+        let metric = [[col, col], [col, row], [row, row]].map(|[a, b]| a[0] * b[0] + a[1] * b[1]);
         Self { degrees, cosine: degrees.to_radians().cos() + Self::ROUNDING, metric }
     }
 
@@ -54,15 +53,15 @@ impl MinimumAngle {
         self.cosine_of(corners).min(1.0).acos().to_degrees()
     }
 
-    fn cosine_of(&self, corners: [TilePosition; 3]) -> f64 {
+    fn cosine_of(&self, [a, b, c]: [TilePosition; 3]) -> f64 {
         let [xx, xy, yy] = self.metric;
-        let square = |a: TilePosition, b: TilePosition| {
-            let [dx, dy] =
-                [(a.col(), b.col()), (a.row(), b.row())].map(|(a, b)| f64::from(b) - f64::from(a));
+        let mut squares = [[a, b], [b, c], [c, a]].map(|[from, to]| {
+            let [dx, dy] = [
+                f64::from(to.col()) - f64::from(from.col()),
+                f64::from(to.row()) - f64::from(from.row()),
+            ];
             xx * dx * dx + 2.0 * xy * dx * dy + yy * dy * dy
-        };
-        let [a, b, c] = corners;
-        let mut squares = [square(a, b), square(b, c), square(c, a)];
+        });
         squares.sort_unstable_by(f64::total_cmp);
         // The smallest is opposite the shortest side.
         let [short, middle, long] = squares;
@@ -106,15 +105,16 @@ pub(super) fn insert(
 
 /// The triangles of the surface with too small an angle, the smallest first.
 pub(super) fn thin(bound: &MinimumAngle, mesh: &LatticeMesh) -> Vec<ThinTriangle> {
-    let look = |id: u32| {
-        let tri = &mesh.tris[id as usize];
-        let is_requested = tri.state != TriangleScanState::Outside;
-        let cosine = bound.excess(tri.corners).filter(|_| is_requested)?;
+    let tris = mesh.ids().map(|id| (id, &mesh.tris[id as usize]));
+    let surface = tris.filter(|(_, tri)| tri.state != TriangleScanState::Outside);
+    let thin = surface.filter_map(|(id, tri)| {
+        let cosine = bound.excess(tri.corners)?;
         Some(ThinTriangle { id, corners: tri.corners, cosine })
-    };
-    let mut all: Vec<_> = mesh.ids().filter_map(look).collect();
-    all.sort_unstable_by(|a, b| b.cosine.total_cmp(&a.cosine).then(a.id.cmp(&b.id)));
-    all
+    });
+    let mut thin: Vec<_> = thin.collect();
+    // Ties by number: the order of insertions decides the mesh.
+    thin.sort_unstable_by(|a, b| b.cosine.total_cmp(&a.cosine).then(a.id.cmp(&b.id)));
+    thin
 }
 
 /// Removes a thin triangle; false if this is not possible, or if it is already gone.
@@ -144,11 +144,10 @@ fn mend(
 /// The sample nearest to the circumcentre of three samples.
 fn centre([a, b, c]: [TilePosition; 3]) -> Lattice {
     let origin = a.lattice();
-    let from = |p: TilePosition| {
+    let [[bx, by], [cx, cy]] = [b, c].map(|p| {
         let [col, row] = p.lattice();
         [f64::from(col - origin[0]), f64::from(row - origin[1])]
-    };
-    let ([bx, by], [cx, cy]) = (from(b), from(c));
+    });
     let double = 2.0 * (bx * cy - by * cx);
     let (bb, cc) = (bx * bx + by * by, cx * cx + cy * cy);
     let at = [(cy * bb - by * cc) / double, (bx * cc - cx * bb) / double];
@@ -167,10 +166,7 @@ pub(super) enum WalkEnd {
 pub(super) fn walk(mesh: &LatticeMesh, start: u32, target: Lattice) -> WalkEnd {
     let mut at = start;
     loop {
-        let beyond = (4 * at..4 * at + 3).filter(|&half_edge| {
-            let ends = [mesh.origin(half_edge), mesh.end(half_edge)].map(TilePosition::lattice);
-            orient(ends[0], ends[1], target) < 0
-        });
+        let beyond = (4 * at..4 * at + 3).filter(|&half_edge| !mesh.is_left(half_edge, target));
         let (mut on, mut border) = (None, None);
         for half_edge in beyond {
             match mesh.twin(half_edge) {

@@ -47,17 +47,21 @@ impl PathStretch {
     /// the segment, and positions where the path enters or leaves a side of the tile.
     pub fn ends(&self, width: u32, height: u32) -> impl Iterator<Item = TilePosition> + '_ {
         let high = [width, height].map(|count| i64::from(count) - 1);
-        let is_end = move |&step: &u64| {
-            let at = self.segment.at(step);
-            let on_side = |axis: usize| at[axis] == 0 || at[axis] == high[axis];
-            let goes_on = |axis: usize| {
-                let beside = [step - 1, step + 1];
-                beside.into_iter().all(|near| self.segment.at(near)[axis] == at[axis])
-            };
-            let is_last = step == 0 || step == self.segment.steps();
-            is_last || [0, 1].into_iter().any(|axis| on_side(axis) && !goes_on(axis))
-        };
-        (self.first..=self.last).filter(is_end).map(|step| self.at(step))
+        let ends = (self.first..=self.last).filter(move |&step| self.is_end(step, high));
+        ends.map(|step| self.at(step))
+    }
+
+    /// True at an end of the segment, and where the path enters or leaves a side of the tile up to `high`.
+    fn is_end(&self, step: u64, high: [i64; 2]) -> bool {
+        if step == 0 || step == self.segment.steps() {
+            return true;
+        }
+        let [before, at, after] = [step - 1, step, step + 1].map(|step| self.segment.at(step));
+        [0, 1].into_iter().any(|axis| {
+            let on_side = at[axis] == 0 || at[axis] == high[axis];
+            let runs_along = before[axis] == at[axis] && after[axis] == at[axis];
+            on_side && !runs_along
+        })
     }
 }
 
@@ -93,7 +97,8 @@ impl PathGap<'_> {
 /// allows it. After each round `settle` restores the other promises of the mesh. Returns the number of gaps that must
 /// stay. Each round is linear in the triangles and the samples of paths.
 pub(super) fn follow(
-    (lines, field): (&[PathStretch], &HeightField),
+    lines: &[PathStretch],
+    field: &HeightField,
     mesh: &mut LatticeMesh,
     edges: &mut PathEdges,
     may: impl Fn(&LatticeMesh, u32, TilePosition) -> bool,
@@ -106,15 +111,15 @@ pub(super) fn follow(
         lines.iter().for_each(|line| edges.gaps(line, &mut gaps));
         let (mut is_done, mut left) = (true, 0);
         for gap in &gaps {
-            let held = gap.samples().filter_map(|at| Some((edges.holder(gap, at, mesh)?, at)));
-            let mut held = held.peekable();
-            let is_there = held.peek().is_some();
-            match held.find(|&(holder, at)| may(mesh, holder, at)) {
+            let located = gap.samples().filter_map(|at| Some((edges.holder(gap, at, mesh)?, at)));
+            let mut located = located.peekable();
+            let is_on_surface = located.peek().is_some();
+            match located.find(|&(holder, at)| may(mesh, holder, at)) {
                 Some((holder, at)) => {
                     star.clear();
                     is_done &= !mesh.insert(holder, at, &mut star);
                 }
-                None => left += u64::from(is_there),
+                None => left += u64::from(is_on_surface),
             }
         }
         if is_done {
@@ -126,7 +131,8 @@ pub(super) fn follow(
 
 /// Appends the vertices of a mesh that are on paths.
 pub(super) fn vertices(
-    (lines, field): (&[PathStretch], &HeightField),
+    lines: &[PathStretch],
+    field: &HeightField,
     mesh: &LatticeMesh,
     edges: &mut PathEdges,
     out: &mut Vec<TilePosition>,
@@ -191,20 +197,22 @@ impl PathEdges {
         })
     }
 
+    /// True if an edge joins two samples.
     fn joins(&self, from: TilePosition, to: TilePosition) -> bool {
-        let has = |a, b| {
-            let place = self.all.partition_point(|edge| (edge.0, edge.1) < (a, b));
-            self.all.get(place).is_some_and(|edge| (edge.0, edge.1) == (a, b))
-        };
-        has(from, to) || has(to, from)
+        // An edge of the border has one half-edge.
+        self.has(from, to) || self.has(to, from)
+    }
+
+    fn has(&self, from: TilePosition, to: TilePosition) -> bool {
+        self.all.binary_search_by_key(&(from, to), |edge| (edge.0, edge.1)).is_ok()
     }
 
     /// Appends the gaps of a stretch. Single steps are never gaps: if both samples are vertices, they are joined by an
     /// edge.
     fn gaps<'a>(&self, line: &'a PathStretch, gaps: &mut Vec<PathGap<'a>>) {
         let steps = (line.first..).zip(line.samples());
-        let is_vertex = |&(_, at): &(u64, TilePosition)| self.vertices.contains(self.index(at));
-        let mut vertices = steps.filter(is_vertex).peekable();
+        let vertices = steps.filter(|&(_, at)| self.vertices.contains(self.index(at)));
+        let mut vertices = vertices.peekable();
         while let (Some((step, at)), Some(&(next, to))) = (vertices.next(), vertices.peek()) {
             if next > step + 1 && !self.joins(at, to) {
                 gaps.push(PathGap { line, steps: [step, next] });
@@ -222,13 +230,17 @@ pub fn goes_on(segment: &SampleSegment, step: u64, fan: &[[[i64; 2]; 2]]) -> Opt
         return None;
     }
     let [at, next] = [step, step + 1].map(|step| segment.at(step));
-    let turn = |a: [i64; 2], b: [i64; 2]| {
-        let [a, b] = [a, b].map(|p| [0, 1].map(|axis| p[axis] - at[axis]));
-        a[0] * b[1] - a[1] * b[0]
-    };
-    let holds = |&[a, b]: &[[i64; 2]; 2]| turn(a, next) >= 0 && turn(next, b) >= 0;
-    let is_later = |end: &[i64; 2]| segment.step_of(*end).is_some_and(|to| to > step);
-    fan.iter().any(holds).then(|| fan.iter().flatten().any(is_later))
+    if !fan.iter().any(|&[a, b]| turn(at, a, next) >= 0 && turn(at, next, b) >= 0) {
+        return None;
+    }
+    let mut later_steps = fan.iter().flatten().filter_map(|end| segment.step_of(*end));
+    Some(later_steps.any(|to| to > step))
+}
+
+/// Twice the signed area of a triangle.
+fn turn(at: [i64; 2], a: [i64; 2], b: [i64; 2]) -> i64 {
+    let [a, b] = [a, b].map(|p| [0, 1].map(|axis| p[axis] - at[axis]));
+    a[0] * b[1] - a[1] * b[0]
 }
 
 #[cfg(test)]

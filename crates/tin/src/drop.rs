@@ -11,13 +11,14 @@
 //! Where the mesh need not be Delaunay, a star may be refilled with any triangles: see `refill`.
 
 use super::angles::MinimumAngle;
+use super::facet::double_area;
 use super::heights::HeightField;
 use super::lattice_position::TilePosition;
 use super::mesh::{LatticeMesh, LatticeTriangle, NONE, TriangleScanState, next};
 use super::refill::{self, RefillBuffers};
 use super::tolerance::InsertionCriteria;
 use terrane_base::bits::BitSet;
-use terrane_base::geom::predicates::{Lattice, in_circle, orient};
+use terrane_base::geom::predicates::{in_circle, orient};
 
 /// Stars with more triangles than this are skipped: refilling is cubic in the degree.
 const MAX_DEGREE: usize = 24;
@@ -109,14 +110,10 @@ impl DropScratch {
     /// True if the circumcircle of a triangle is not too large: its radius is the product of the sides over four times
     /// the area.
     fn is_compact(&self, tri: &LatticeTriangle) -> bool {
-        let [a, b, c] = tri.corners.map(TilePosition::lattice);
-        let square = |[x, y]: Lattice, [to_x, to_y]: Lattice| {
-            let [dx, dy] = [f64::from(to_x - x), f64::from(to_y - y)];
-            dx * dx + dy * dy
-        };
+        let [a, b, c] = tri.corners;
         // With sides a, b, c and double area D the radius is abc / 2D. Squared, no root is needed.
-        let double_area = orient(a, b, c) as f64;
-        square(a, b) * square(b, c) * square(c, a)
+        let double_area = double_area(tri.corners) as f64;
+        a.square_distance(b) * b.square_distance(c) * c.square_distance(a)
             <= 4.0 * double_area * double_area * self.square_radius
     }
 
@@ -172,21 +169,20 @@ impl DropScratch {
 
     /// Fills the ring with the best triangles that meet all requirements. True if there are any.
     fn refill_by_any(&mut self, judge: &InsertionCriteria<'_>, vertex: TilePosition) -> bool {
-        let outline = (&self.ring[..], &self.star[..]);
-        self.any_fill.fill(judge, self.min_angle, vertex, outline, &mut self.fill)
+        let Self { any_fill, min_angle, ring, star, fill, .. } = self;
+        any_fill.fill(judge, *min_angle, vertex, ring, star, fill)
     }
 
     /// Collects the star of a vertex counter-clockwise: its triangles, and per link edge the
     /// start and the half-edge beyond. False when the star is not closed or too large.
     fn gather(&mut self, mesh: &LatticeMesh, half_edge: u32) -> bool {
-        let most = if self.any { refill::MAX_DEGREE } else { MAX_DEGREE };
-        if !mesh.star(half_edge, most, &mut self.star) {
+        let max_degree = if self.any { refill::MAX_DEGREE } else { MAX_DEGREE };
+        if !mesh.star(half_edge, max_degree, &mut self.star) {
             return false;
         }
         self.ring.clear();
         for at in &mut self.star {
-            let (tri, i) = (&mesh.tris[(*at >> 2) as usize], next(*at & 3));
-            self.ring.push((tri.corners[i as usize], tri.twins[i as usize]));
+            self.ring.push(mesh.tris[(*at >> 2) as usize].side(next(*at & 3)));
             *at >>= 2;
         }
         self.star.len() >= 3
@@ -221,10 +217,12 @@ impl DropScratch {
         (0..self.ring.len()).find(|&ear| {
             let around = self.around(ear);
             let [a, b, c] = around.map(|i| self.ring[i].0.lattice());
-            let is_outside = |(i, (d, _)): (usize, &(TilePosition, u32))| {
-                around.contains(&i) || in_circle(a, b, c, d.lattice()) <= 0
-            };
-            orient(a, b, c) > 0 && self.ring.iter().enumerate().all(is_outside)
+            orient(a, b, c) > 0
+                && self
+                    .ring
+                    .iter()
+                    .enumerate()
+                    .all(|(i, (d, _))| around.contains(&i) || in_circle(a, b, c, d.lattice()) <= 0)
         })
     }
 

@@ -47,8 +47,8 @@ pub(super) fn is_at_most<const N: usize>(
     tolerance: f64,
     total: f64,
 ) -> bool {
-    let add = |sum: DoubleDouble, (weight, z)| sum.add(DoubleDouble::product(weight, z));
-    let sum = terms.into_iter().fold(DoubleDouble::default(), add);
+    let products = terms.into_iter().map(|(weight, z)| DoubleDouble::product(weight, z));
+    let sum = products.fold(DoubleDouble::default(), DoubleDouble::add);
     let distance =
         if sum.high < 0.0 { DoubleDouble { high: -sum.high, low: -sum.low } } else { sum };
     distance.add(DoubleDouble::product(-tolerance, total)).high <= 0.0
@@ -128,13 +128,13 @@ pub(super) fn for_each_sample(
     mut visit: impl FnMut(TilePosition, [i64; 3]),
 ) {
     let [a, b, c] = p.map(TilePosition::lattice);
-    let range = |axis: usize, low: i32, high: i32| {
-        let first = a[axis].min(b[axis]).min(c[axis]).max(low);
-        first..=a[axis].max(b[axis]).max(c[axis]).min(high)
-    };
-    for row in range(1, bounds[2], bounds[3]) {
+    let [cols, rows] = [0, 1].map(|axis| {
+        let first = a[axis].min(b[axis]).min(c[axis]).max(bounds[2 * axis]);
+        first..=a[axis].max(b[axis]).max(c[axis]).min(bounds[2 * axis + 1])
+    });
+    for row in rows {
         let mut entered = false;
-        for col in range(0, bounds[0], bounds[1]) {
+        for col in cols.clone() {
             let q = [col, row];
             let weights = [orient(b, c, q), orient(c, a, q), orient(a, b, q)];
             if weights.iter().all(|&w| w >= 0) {

@@ -53,10 +53,12 @@ impl PlaneFacet {
         let scale = 1.0 / (bx * cy - by * cx);
         let gx = (zb * cy - zc * by) * scale;
         let gy = (bx * zc - cx * zb) * scale;
-        let span =
-            |i: usize| [q[0][i].min(q[1][i]).min(q[2][i]), q[0][i].max(q[1][i]).max(q[2][i])];
+        let [cols, rows] = [0, 1].map(|axis| {
+            let [a, b, c] = [q[0][axis], q[1][axis], q[2][axis]];
+            [a.min(b).min(c), a.max(b).max(c)]
+        });
         let base = z[0] - gx * ax - gy * ay;
-        Self { base, gx, gy, corners: q, cols: span(0), rows: span(1) }
+        Self { base, gx, gy, corners: q, cols, rows }
     }
 
     /// First and last decimated row to scan.

@@ -58,8 +58,9 @@ pub(super) struct WorkLists {
 /// approximate its logarithm (Mitchell 1962).
 fn bucket_of(error: f32, tolerance: f64) -> usize {
     const BITS: u32 = 22;
-    let bucket = |value: f32| (value.to_bits() >> BITS) as usize;
-    bucket(error).saturating_sub(bucket(tolerance as f32)).min(BUCKETS - 1)
+    let [error, tolerance] =
+        [error, tolerance as f32].map(|value| (value.to_bits() >> BITS) as usize);
+    error.saturating_sub(tolerance).min(BUCKETS - 1)
 }
 
 /// Inserts samples until every sample of every triangle is within the tolerance. `dirty` triangles

@@ -124,8 +124,7 @@ impl HeightField {
     }
 
     fn size(&self, level: usize) -> (usize, usize) {
-        let count = |n: u32| ((n as usize - 1) >> level) + 1;
-        (count(self.width), count(self.height))
+        [self.width, self.height].map(|count| ((count as usize - 1) >> level) + 1).into()
     }
 
     /// The decimated copy with stride `2^level`.
@@ -133,20 +132,20 @@ impl HeightField {
     pub(super) fn level(&self, level: u8) -> FieldLevel<'_> {
         let shift = u32::from(level);
         let [left, right, above, below] = self.margins;
-        let first = |margin: u32| ((margin + (1 << shift) - 1) >> shift) as i32;
-        let last = |n: u32, margin: u32| ((n - 1 - margin.min(n - 1)) >> shift) as i32;
+        let [first_col, last_col] = decimated_range(self.width, [left, right], shift);
+        let [first_row, last_row] = decimated_range(self.height, [above, below], shift);
         FieldLevel {
             heights: &self.values[self.starts[level as usize]..],
             pitch: ((self.width as usize - 1) >> level) + 1,
             shift,
-            bounds: [first(left), last(self.width, right), first(above), last(self.height, below)],
+            bounds: [first_col, last_col, first_row, last_row],
         }
     }
 
     /// All samples at full resolution, the rim included.
     pub(super) fn whole(&self) -> FieldLevel<'_> {
-        let last = |n: u32| n as i32 - 1;
-        FieldLevel { bounds: [0, last(self.width), 0, last(self.height)], ..self.level(0) }
+        let [last_col, last_row] = [self.width, self.height].map(|count| count as i32 - 1);
+        FieldLevel { bounds: [0, last_col, 0, last_row], ..self.level(0) }
     }
 
     /// First and last column, first and last row of scans.
@@ -194,8 +193,9 @@ impl HeightField {
     /// The maximum absolute height, without voids.
     pub(super) fn largest(&self) -> f64 {
         let samples = &self.values[..self.width as usize * self.height as usize];
-        let most = |samples: &[f32]| samples.iter().fold(0.0_f32, |most, z| most.max(z.abs()));
-        f64::from(samples.chunks(1024).map(most).fold(0.0, f32::max))
+        let chunks = samples.chunks(1024);
+        let maxima = chunks.map(|chunk| chunk.iter().fold(0.0_f32, |max, z| max.max(z.abs())));
+        f64::from(maxima.fold(0.0, f32::max))
     }
 
     /// The height of a vertex at this sample in the output.
@@ -241,6 +241,14 @@ impl HeightField {
         let samples = u64::from(cells + 1).pow(2);
         samples * 4 * 4 / 3 + samples * if is_free { 16 } else { 8 }
     }
+}
+
+/// First and last decimated index at stride `2^shift` of `count` samples without the margins at their ends.
+#[inline(always)]
+fn decimated_range(count: u32, [before, after]: [u32; 2], shift: u32) -> [i32; 2] {
+    let first = (before + (1 << shift) - 1) >> shift;
+    let last = (count - 1 - after.min(count - 1)) >> shift;
+    [first as i32, last as i32]
 }
 
 #[cfg(test)]

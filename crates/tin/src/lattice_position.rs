@@ -38,4 +38,12 @@ impl TilePosition {
     pub(super) fn lattice(self) -> Lattice {
         [self.col() as i32, self.row() as i32]
     }
+
+    /// Squared distance in cells, exact.
+    #[inline]
+    pub(super) fn square_distance(self, other: Self) -> f64 {
+        let ([x, y], [to_x, to_y]) = (self.lattice(), other.lattice());
+        let [dx, dy] = [to_x - x, to_y - y].map(f64::from);
+        dx * dx + dy * dy
+    }
 }

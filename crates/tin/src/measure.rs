@@ -55,10 +55,10 @@ impl MeasuredTriangle<'_> {
             let start = facet.base + facet.gy * f64::from(row);
             let samples = &samples[row as usize * whole.pitch..];
             if has_level_edge(p, row) {
-                let counts = |col| is_owned(p, owned, TilePosition::new(col as u32, row as u32));
                 for col in low..=high {
                     let height: f64 = samples[col as usize].into();
-                    total.add(start + facet.gx * f64::from(col) - height, counts(col));
+                    let counts = is_owned(p, owned, TilePosition::new(col as u32, row as u32));
+                    total.add(start + facet.gx * f64::from(col) - height, counts);
                 }
                 continue;
             }
@@ -183,14 +183,14 @@ fn doubt(facet: &PlaneFacet, p: [TilePosition; 3], z: [f64; 3], largest: f64) ->
     let [q, r, s] = p.map(|corner| corner.lattice().map(f64::from));
     let [[bx, by], [cx, cy]] = [r, s].map(|to| [to[0] - q[0], to[1] - q[1]]);
     let (zb, zc) = ((z[1] - z[0]).abs(), (z[2] - z[0]).abs());
-    let (mut size, far) = (largest, |axis: usize| q[axis].max(r[axis]).max(s[axis]));
+    let mut size = largest;
     if zb + zc > 0.0 {
         let area = (bx * cy - by * cx).abs();
-        let reach = |b: f64, c: f64| b.abs() + c.abs();
-        size += z.iter().fold(0.0, |most: f64, z| most.max(z.abs()));
-        size += 2.0 * (facet.gx.abs() * far(0) + facet.gy.abs() * far(1));
-        size += (zb * cy.abs() + zc * by.abs()) / area * reach(bx, cx);
-        size += (zc * bx.abs() + zb * cx.abs()) / area * reach(by, cy);
+        let [far_col, far_row] = [0, 1].map(|axis| q[axis].max(r[axis]).max(s[axis]));
+        size += z.iter().fold(0.0, |max: f64, z| max.max(z.abs()));
+        size += 2.0 * (facet.gx.abs() * far_col + facet.gy.abs() * far_row);
+        size += (zb * cy.abs() + zc * by.abs()) / area * (bx.abs() + cx.abs());
+        size += (zc * bx.abs() + zb * cx.abs()) / area * (by.abs() + cy.abs());
     }
     16.0 * f64::EPSILON * size
 }

@@ -14,7 +14,7 @@
 //! ```
 
 use super::lattice_position::TilePosition;
-use terrane_base::geom::predicates::{in_circle, orient};
+use terrane_base::geom::predicates::{Lattice, in_circle, orient};
 
 /// "No half-edge": the border of the mesh.
 pub(super) const NONE: u32 = u32::MAX;
@@ -132,6 +132,12 @@ impl LatticeMesh {
         self.tris[(half_edge >> 2) as usize].corners[next(half_edge & 3) as usize]
     }
 
+    /// True if a position is left of a half-edge or on its line.
+    #[inline(always)]
+    pub(super) fn is_left(&self, half_edge: u32, at: Lattice) -> bool {
+        orient(self.origin(half_edge).lattice(), self.end(half_edge).lattice(), at) >= 0
+    }
+
     /// The opposite half-edge, or [`NONE`].
     #[inline(always)]
     pub(super) fn twin(&self, half_edge: u32) -> u32 {
@@ -140,10 +146,8 @@ impl LatticeMesh {
 
     /// Ids of triangles in use.
     pub(super) fn ids(&self) -> impl Iterator<Item = u32> + '_ {
-        let used = |(id, tri): (usize, &LatticeTriangle)| {
-            (tri.state != TriangleScanState::Free).then_some(id as u32)
-        };
-        self.tris.iter().enumerate().filter_map(used)
+        let tris = self.tris.iter().enumerate();
+        tris.filter(|(_, tri)| tri.state != TriangleScanState::Free).map(|(id, _)| id as u32)
     }
 
     /// A fresh or recycled slot holding `tri`.
@@ -234,25 +238,19 @@ impl LatticeMesh {
         to: TilePosition,
     ) -> Option<u32> {
         let target = to.lattice();
-        let is_left = |half_edge| {
-            let ends = [self.origin(half_edge), self.end(half_edge)].map(TilePosition::lattice);
-            orient(ends[0], ends[1], target) >= 0
-        };
-        // On which side of the line a corner lies: a unit step, so one of its coordinates is that of both.
-        let side = |p: TilePosition| match from.row() == to.row() {
-            true => p.row().cmp(&to.row()),
-            false => p.col().cmp(&to.col()),
-        };
-        let mut at = if is_left(half_edge) { half_edge } else { self.twin(half_edge) };
+        // The line is a unit step, so on one axis both ends have one coordinate. A corner's tells its side.
+        let axis = usize::from(from.row() == to.row());
+        let mut at = if self.is_left(half_edge, target) { half_edge } else { self.twin(half_edge) };
         while at != NONE {
             let id = at >> 2;
             let [after, before] = [next(at & 3), prev(at & 3)].map(|edge| 4 * id + edge);
-            if is_left(after) && is_left(before) {
+            if self.is_left(after, target) && self.is_left(before, target) {
                 return Some(id);
             }
             // The apex is where `after` ends: the line leaves by the edge whose ends it parts.
-            let apex = side(self.end(after));
-            at = self.twin(if apex == side(self.origin(at)) { after } else { before });
+            let [apex, origin] = [self.end(after), self.origin(at)]
+                .map(|corner| corner.lattice()[axis].cmp(&target[axis]));
+            at = self.twin(if apex == origin { after } else { before });
         }
         None
     }
@@ -303,8 +301,7 @@ impl LatticeMesh {
     /// Splits the triangles beside an edge in two each; on the border there is one.
     fn split_edge(&mut self, t: u32, edge: u32, p: TilePosition) {
         let tri = self.tris[t as usize];
-        let at = |i: u32| (tri.corners[i as usize], tri.twins[i as usize]);
-        let ((a, twin), (b, bc), (c, ca)) = (at(edge), at(next(edge)), at(prev(edge)));
+        let [(a, twin), (b, bc), (c, ca)] = [edge, next(edge), prev(edge)].map(|i| tri.side(i));
         self.tris[t as usize] = LatticeTriangle::new([p, b, c], [NONE; 3]);
         let w = self.add(LatticeTriangle::new([p, c, a], [NONE; 3]));
         if twin == NONE {
@@ -312,8 +309,7 @@ impl LatticeMesh {
         }
         let (u, j) = (twin >> 2, twin & 3);
         let other = self.tris[u as usize];
-        let at = |i: u32| (other.corners[i as usize], other.twins[i as usize]);
-        let ((_, ad), (d, db)) = (at(next(j)), at(prev(j)));
+        let [(_, ad), (d, db)] = [next(j), prev(j)].map(|i| other.side(i));
         self.tris[u as usize] = LatticeTriangle::new([p, a, d], [NONE; 3]);
         let x = self.add(LatticeTriangle::new([p, d, b], [NONE; 3]));
         self.link_fan(&[(t, bc), (w, ca), (u, ad), (x, db)], true);
@@ -391,6 +387,12 @@ impl LatticeTriangle {
     /// A dirty triangle.
     pub(super) fn new(corners: [TilePosition; 3], twins: [u32; 3]) -> Self {
         Self { corners, twins, source: NONE, state: TriangleScanState::Dirty }
+    }
+
+    /// A corner, and the half-edge beyond the edge that begins there.
+    #[inline(always)]
+    pub(super) fn side(&self, edge: u32) -> (TilePosition, u32) {
+        (self.corners[edge as usize], self.twins[edge as usize])
     }
 }
 

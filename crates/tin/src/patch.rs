@@ -40,9 +40,9 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &TinSpec, scratch: &mut TileScra
         judge = judge.and_between(CrossingJudge::new(field, spec.tolerance));
     }
     let border = PatchBorder { field, input };
-    let is_frozen = |tri: &LatticeTriangle, edge| border.is_frozen(tri, edge);
     let may = |mesh: &LatticeMesh, holder, at| {
-        !field.is_stopped() && !changes_beside(mesh, holder, at, is_frozen)
+        !field.is_stopped()
+            && !changes_beside(mesh, holder, at, |tri, edge| border.is_frozen(tri, edge))
     };
     let mut settle = |mesh: &mut LatticeMesh| {
         let judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
@@ -53,22 +53,21 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &TinSpec, scratch: &mut TileScra
         angles::insert(bound, mesh, may, &mut settle);
         thin = angles::thin(bound, mesh).len() as u64;
     }
-    let lines = (input.lines, &*field);
-    let apart = breaklines::follow(lines, mesh, edges, may, settle);
+    let apart = breaklines::follow(input.lines, field, mesh, edges, may, settle);
     let mut stays = input.kept.to_vec();
-    breaklines::vertices(lines, mesh, edges, &mut stays);
+    breaklines::vertices(input.lines, field, mesh, edges, &mut stays);
     stays.sort_unstable();
     drop.limit_angles(spec.min_angle);
     if spec.drop {
         drop.limit_circles(spec.spacing(input.spacing));
-        drop_seam(&judge, mesh, (input, &stays), drop);
+        drop_seam(&judge, mesh, input, &stays, drop);
     }
     adjust.reset(field, input.kept);
     if spec.fit {
-        even_out(&judge, mesh, (&border, &stays), adjust, drop);
+        even_out(&judge, mesh, &border, &stays, adjust, drop);
     }
     let left = judge.crossings.map(|crossings| rounds.left(&crossings, mesh)).unwrap_or_default();
-    PatchMesh { left, thin, apart, ..finish(mesh, &border, &sorted, spec, (adjust, used)) }
+    PatchMesh { left, thin, apart, ..finish(mesh, &border, &sorted, spec, adjust, used) }
 }
 
 /// Drops vertices whose stars can be refilled within the tolerance by any triangles, Delaunay or not. If heights are
@@ -88,7 +87,7 @@ pub fn reduce_patch(
         judge = judge.and_between(CrossingJudge::new(field, spec.tolerance));
     }
     let mut stays = input.kept.to_vec();
-    breaklines::vertices((input.lines, field), mesh, edges, &mut stays);
+    breaklines::vertices(input.lines, field, mesh, edges, &mut stays);
     drop.limit_angles(spec.min_angle);
     drop.allow_any(true);
     drop.settle(field, &stays);
@@ -106,7 +105,7 @@ pub fn reduce_patch(
         }
     }
     drop.allow_any(false);
-    finish(mesh, &PatchBorder { field, input }, &sorted, spec, (adjust, used))
+    finish(mesh, &PatchBorder { field, input }, &sorted, spec, adjust, used)
 }
 
 /// Loads the heights and the triangles of a patch; returns the triangles sorted.
@@ -165,13 +164,12 @@ impl PatchBorder<'_> {
         &'b self,
         tri: &'b LatticeTriangle,
     ) -> impl Iterator<Item = [TilePosition; 3]> + 'b {
-        let is_requested = move |edge| tri.source == NONE || self.is_on_seam(tri, edge);
-        let is_open = move |&edge: &u32| {
-            tri.twins[edge as usize] == NONE && is_requested(edge) && self.is_frozen(tri, edge)
-        };
-        let turned =
-            move |edge| [edge, next(edge), prev(edge)].map(|i: u32| tri.corners[i as usize]);
-        (0..3).filter(is_open).map(turned)
+        let open = (0..3).filter(move |&edge| {
+            tri.twins[edge as usize] == NONE
+                && (tri.source == NONE || self.is_on_seam(tri, edge))
+                && self.is_frozen(tri, edge)
+        });
+        open.map(|edge| [edge, next(edge), prev(edge)].map(|i| tri.corners[i as usize]))
     }
 
     fn is_on_seam(&self, tri: &LatticeTriangle, edge: u32) -> bool {
@@ -188,10 +186,10 @@ impl PatchBorder<'_> {
     /// The corners of the triangles beside frozen edges.
     fn frozen(&self, mesh: &LatticeMesh) -> Vec<TilePosition> {
         let tris = mesh.ids().map(|id| &mesh.tris[id as usize]);
-        let is_frozen = |tri: &&LatticeTriangle| {
+        let frozen = tris.filter(|tri| {
             (0..3).any(|edge| tri.twins[edge as usize] == NONE && self.is_frozen(tri, edge))
-        };
-        tris.filter(is_frozen).flat_map(|tri| tri.corners).collect()
+        });
+        frozen.flat_map(|tri| tri.corners).collect()
     }
 
     /// True if the surface continues beyond an edge without a twin: it is neither on the grid's border nor on the
@@ -271,14 +269,16 @@ fn changes_beside(
 fn drop_seam(
     judge: &InsertionCriteria<'_>,
     mesh: &mut LatticeMesh,
-    (input, stays): (&PatchInput<'_>, &[TilePosition]),
+    input: &PatchInput<'_>,
+    stays: &[TilePosition],
     scratch: &mut drop::DropScratch,
 ) {
     let mut seam: Vec<(TilePosition, u32)> = Vec::new();
     for id in mesh.ids() {
         let half_edges = (4 * id..4 * id + 3).map(|half_edge| (mesh.origin(half_edge), half_edge));
-        let may_go = |p| input.is_on_seam(p) && stays.binary_search(&p).is_err();
-        seam.extend(half_edges.filter(|&(p, _)| may_go(p)));
+        seam.extend(
+            half_edges.filter(|(p, _)| input.is_on_seam(*p) && stays.binary_search(p).is_err()),
+        );
     }
     seam.sort_unstable();
     seam.dedup_by_key(|&mut (p, _)| p);
@@ -297,13 +297,13 @@ fn drop_seam(
 fn even_out(
     judge: &InsertionCriteria<'_>,
     mesh: &mut LatticeMesh,
-    (border, stays): (&PatchBorder<'_>, &[TilePosition]),
+    border: &PatchBorder<'_>,
+    stays: &[TilePosition],
     adjust: &mut adjust::AdjustScratch,
     drop: &mut drop::DropScratch,
 ) {
-    let is_on_seam =
-        |tri: &LatticeTriangle| tri.corners.iter().any(|&p| border.input.is_on_seam(p));
-    adjust.examine(judge.field, mesh, is_on_seam);
+    adjust
+        .examine(judge.field, mesh, |tri| tri.corners.iter().any(|&p| border.input.is_on_seam(p)));
     adjust.look_at_changes(judge.field, mesh);
     for _ in 0..adjust::ROUNDS {
         if !adjust.sweep(judge, mesh, judge.tolerance) {
@@ -322,7 +322,8 @@ fn finish(
     border: &PatchBorder<'_>,
     sorted: &[TileTriangle],
     spec: &TinSpec,
-    (adjust, used): (&adjust::AdjustScratch, &mut BitSet),
+    adjust: &adjust::AdjustScratch,
+    used: &mut BitSet,
 ) -> PatchMesh {
     let field = border.field;
     let mut patch = PatchMesh::default();
@@ -333,9 +334,9 @@ fn finish(
         let tri = &mesh.tris[id as usize];
         patch.border.extend(border.neighbours(tri));
         // NONE as an index is beyond any list: triangles made here have no original.
-        let kept = sorted.get(tri.source as usize);
-        if let Some(&kept) = kept.filter(|_| !spec.fit || !adjust.has_moved(field, tri)) {
-            patch.triangles.push(kept);
+        let original = sorted.get(tri.source as usize);
+        if let Some(&original) = original.filter(|_| !spec.fit || !adjust.has_moved(field, tri)) {
+            patch.triangles.push(original);
             continue;
         }
         let owned = [0, 1, 2].map(|edge| border.is_owned(tri, edge));

@@ -78,9 +78,10 @@ impl BetweenBuffers {
                 mesh.tris[(side >> 2) as usize].state = TriangleScanState::Passed(0);
             }
         }
-        let key = |over: &OverlongEdge| over.crossing.error;
-        self.over
-            .sort_unstable_by(|a, b| key(b).total_cmp(&key(a)).then(a.half_edge.cmp(&b.half_edge)));
+        self.over.sort_unstable_by(|a, b| {
+            let by_error = b.crossing.error.total_cmp(&a.crossing.error);
+            by_error.then(a.half_edge.cmp(&b.half_edge))
+        });
     }
 
     /// Samples beside edges that are still beyond the tolerance.
@@ -95,15 +96,14 @@ impl BetweenBuffers {
 
     /// Inserts one of the two samples; false if it is not possible, or has to wait.
     fn mend(&mut self, mesh: &mut LatticeMesh, over: OverlongEdge) -> bool {
-        let is_dirty = |id: u32| mesh.tris[id as usize].state == TriangleScanState::Dirty;
         let twin = mesh.twin(over.half_edge);
-        if twin == NONE || is_dirty(over.half_edge >> 2) || is_dirty(twin >> 2) {
+        if twin == NONE || is_dirty(mesh, over.half_edge >> 2) || is_dirty(mesh, twin >> 2) {
             return false;
         }
         let [near, far] = over.crossing.samples;
         for [from, to] in [[far, near], [near, far]] {
             let Some(holder) = mesh.follow(over.half_edge, from, to) else { continue };
-            if mesh.tris[holder as usize].state == TriangleScanState::Dirty {
+            if is_dirty(mesh, holder) {
                 return false;
             }
             self.star.clear();
@@ -113,6 +113,11 @@ impl BetweenBuffers {
         }
         false
     }
+}
+
+/// True if a triangle is new and not yet scanned.
+fn is_dirty(mesh: &LatticeMesh, id: u32) -> bool {
+    mesh.tris[id as usize].state == TriangleScanState::Dirty
 }
 
 /// True if the edges of a triangle are still to be tested.

@@ -142,16 +142,21 @@ fn follow(
 ) {
     let TileScratch { field, mesh, lists, rounds, drop, edges, scan, .. } = scratch;
     let mut judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
-    let settle = |mesh: &mut LatticeMesh| bring_within(&judge, mesh, lists, rounds, spec);
-    let may = |_: &LatticeMesh, _, _| !field.is_stopped();
-    breaklines::follow((lines, field), mesh, edges, may, settle);
+    breaklines::follow(
+        lines,
+        field,
+        mesh,
+        edges,
+        |_, _, _| !field.is_stopped(),
+        |mesh| bring_within(&judge, mesh, lists, rounds, spec),
+    );
     if !spec.drop {
         return;
     }
     if spec.bound == ErrorBound::Surface {
         judge = judge.and_between(CrossingJudge::new(field, spec.tolerance));
     }
-    breaklines::vertices((lines, field), mesh, edges, &mut fixed);
+    breaklines::vertices(lines, field, mesh, edges, &mut fixed);
     drop.settle(field, &fixed);
     drop::drop_redundant(&judge, mesh, drop);
 }
@@ -256,25 +261,22 @@ fn fixed_vertices(
     &TileInput { spacing, kept, .. }: &TileInput<'_>,
 ) -> Vec<TilePosition> {
     let (cols, rows) = (field.width(), field.height());
-    let rim = |col, row, along_rows| RimRun {
-        first: TilePosition::new(col, row),
-        along_rows,
-        count: if along_rows { rows } else { cols },
-        spacing,
-    };
-    let rims = [rim(0, 0, false), rim(0, rows - 1, false), rim(0, 0, true), rim(cols - 1, 0, true)];
-    let has_voids = surface.has_voids();
-    let role = |p| if has_voids { surface.role(p) } else { SurfaceRole::Interior };
-    let is_kept = |p| kept.binary_search(&p).is_ok();
-    let heights = (|p| field.sample(p), |p| field.vertex(p));
     let mut fixed = Vec::new();
-    for rim in rims {
-        rim.vertices(role, is_kept, heights, tolerance, &mut fixed);
+    for rim in RimRun::sides(cols, rows, spacing) {
+        rim.vertices(
+            |p| surface.role(p),
+            |p| kept.binary_search(&p).is_ok(),
+            |p| field.sample(p),
+            |p| field.vertex(p),
+            tolerance,
+            &mut fixed,
+        );
     }
     fixed.extend(
-        kept.iter().filter(|&&p| matches!(role(p), SurfaceRole::Interior | SurfaceRole::Outline)),
+        kept.iter()
+            .filter(|&&p| matches!(surface.role(p), SurfaceRole::Interior | SurfaceRole::Outline)),
     );
-    if has_voids {
+    if surface.has_voids() {
         let inner =
             (1..rows - 1).flat_map(|row| (1..cols - 1).map(move |col| TilePosition::new(col, row)));
         fixed.extend(inner.filter(|&p| surface.role(p) == SurfaceRole::Outline));
@@ -290,10 +292,13 @@ fn inner_anchors(
     field: &HeightField,
     spacing: u32,
 ) -> Vec<TilePosition> {
-    let inside = |cells| anchors(cells, spacing).filter(move |&at| at > 0 && at < cells);
     let [cols, rows] = [field.width() - 1, field.height() - 1];
-    let all = inside(rows).flat_map(|row| inside(cols).map(move |col| TilePosition::new(col, row)));
-    all.filter(|&p| !surface.has_voids() || surface.role(p) == SurfaceRole::Interior).collect()
+    let rows = anchors(rows, spacing).filter(|&row| row > 0 && row < rows);
+    let all = rows.flat_map(|row| {
+        let cols = anchors(cols, spacing).filter(move |&col| col > 0 && col < cols);
+        cols.map(move |col| TilePosition::new(col, row))
+    });
+    all.filter(|&p| surface.role(p) == SurfaceRole::Interior).collect()
 }
 
 fn insert_all(mesh: &mut LatticeMesh, points: &[TilePosition]) {
@@ -337,9 +342,9 @@ fn finish(
         if tri.state == TriangleScanState::Outside {
             continue;
         }
-        let owned = |edge| owns_edge(mesh, id, edge, field, grid_ends);
         let (max_error, square_sum) = if spec.measure {
-            measure(field, tri.corners, [0, 1, 2].map(owned), spec.tolerance)
+            let owned = [0, 1, 2].map(|edge| owns_edge(mesh, id, edge, field, grid_ends));
+            measure(field, tri.corners, owned, spec.tolerance)
         } else {
             (0.0, 0.0)
         };
@@ -378,12 +383,11 @@ pub(super) fn on_grid_border(
     grid_ends: [bool; 4],
 ) -> bool {
     let [left, right, above, below] = grid_ends;
-    let (last_col, last_row) = (field.width() - 1, field.height() - 1);
-    let both = |test: &dyn Fn(TilePosition) -> bool| test(from) && test(to);
-    (left && both(&|p| p.col() == 0))
-        || (right && both(&|p| p.col() == last_col))
-        || (above && both(&|p| p.row() == 0))
-        || (below && both(&|p| p.row() == last_row))
+    let (cols, rows) = ([from.col(), to.col()], [from.row(), to.row()]);
+    (left && cols == [0; 2])
+        || (right && cols == [field.width() - 1; 2])
+        || (above && rows == [0; 2])
+        || (below && rows == [field.height() - 1; 2])
 }
 
 /// The vertices in use, sorted, and their heights.
@@ -397,8 +401,9 @@ pub(super) fn vertices_in_use(
     for corner in triangles.iter().flat_map(|triangle| triangle.corners) {
         used.insert((corner.row() * width + corner.col()) as usize);
     }
-    let position = |index: usize| TilePosition::new(index as u32 % width, index as u32 / width);
-    let vertices: Vec<TilePosition> = used.iter().map(position).collect();
+    let indices = used.iter().map(|index| index as u32);
+    let vertices: Vec<TilePosition> =
+        indices.map(|index| TilePosition::new(index % width, index / width)).collect();
     let heights = vertices.iter().map(|&p| field.vertex(p)).collect();
     (vertices, heights)
 }

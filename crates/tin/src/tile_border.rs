@@ -32,15 +32,18 @@ impl<'a> SurfaceCells<'a> {
         let heights = &input.heights;
         let width = heights.width as usize;
         // Whole chunks at a time, so that the search is vectorised.
-        let has_void = |chunk: &[f32]| chunk.iter().fold(false, |any, z| any | z.is_nan());
-        let has_voids = heights.f32.chunks(1024).any(has_void);
+        let mut chunks = heights.f32.chunks(1024);
+        let has_voids = chunks.any(|chunk| chunk.iter().fold(false, |any, z| any | z.is_nan()));
         let mut cells = Vec::new();
         if has_voids {
             let rows: Vec<_> = heights.f32.chunks_exact(width).collect();
             for pair in rows.windows(2) {
-                let ends = pair[0].windows(2).zip(pair[1].windows(2));
-                let is_void = |pair: &[f32]| pair[0].is_nan() | pair[1].is_nan();
-                cells.extend(ends.map(|(a, b)| u8::from(!(is_void(a) | is_void(b)))));
+                let corners = pair[0].windows(2).zip(pair[1].windows(2));
+                // Without a branch, so that the loop is vectorised.
+                cells.extend(corners.map(|(a, b)| {
+                    let is_void = a[0].is_nan() | a[1].is_nan() | b[0].is_nan() | b[1].is_nan();
+                    u8::from(!is_void)
+                }));
             }
         }
         Self { input, cells, pitch: width - 1 }
@@ -65,8 +68,11 @@ impl<'a> SurfaceCells<'a> {
         self.cell(Some(col), Some(row)) == Some(true)
     }
 
-    /// Role of a sample in the surface, in a tile with voids.
+    /// Role of a sample in the surface.
     pub(super) fn role(&self, p: TilePosition) -> SurfaceRole {
+        if !self.has_voids() {
+            return SurfaceRole::Interior;
+        }
         let col = (p.col() + self.input.apron_left) as usize;
         let row = (p.row() + self.input.apron_above) as usize;
         let (left, above) = (col.checked_sub(1), row.checked_sub(1));
@@ -129,6 +135,16 @@ impl RimRun {
         }
     }
 
+    /// The sides of a tile: above, below, left, right.
+    pub(super) fn sides(cols: u32, rows: u32, spacing: u32) -> [Self; 4] {
+        let first = TilePosition::new(0, 0);
+        let above = Self { first, along_rows: false, count: cols, spacing };
+        let left = Self { first, along_rows: true, count: rows, spacing };
+        let below = Self { first: TilePosition::new(0, rows - 1), ..above };
+        let right = Self { first: TilePosition::new(cols - 1, 0), ..left };
+        [above, below, left, right]
+    }
+
     /// Appends the rim's vertices in order, its two ends included.
     ///
     /// Between samples of the outline the rim is either all surface or all void. On the surface, between anchor
@@ -139,20 +155,21 @@ impl RimRun {
         &self,
         role: impl Fn(TilePosition) -> SurfaceRole,
         is_kept: impl Fn(TilePosition) -> bool,
-        (sample, vertex): (impl Fn(TilePosition) -> f64, impl Fn(TilePosition) -> f64),
+        sample: impl Fn(TilePosition) -> f64,
+        vertex: impl Fn(TilePosition) -> f64,
         tolerance: f64,
         out: &mut Vec<TilePosition>,
     ) {
         let last = self.count - 1;
-        let mut posts = anchors(last, self.spacing).skip(1).peekable();
-        let mut is_fixed = |i: &u32| {
-            let at = self.at(*i);
-            posts.next_if_eq(i).is_some() || role(at) == SurfaceRole::Outline || is_kept(at)
-        };
+        let mut anchors = anchors(last, self.spacing).skip(1).peekable();
         let mut start = 0;
         out.push(self.at(0));
         while start < last {
-            let end = (start + 1..=last).find(&mut is_fixed).unwrap_or(last);
+            let fixed = (start + 1..=last).find(|i| {
+                let at = self.at(*i);
+                anchors.next_if_eq(i).is_some() || role(at) == SurfaceRole::Outline || is_kept(at)
+            });
+            let end = fixed.unwrap_or(last);
             if end > start + 1 && role(self.at(start + 1)) == SurfaceRole::Interior {
                 let ends = [start, end].map(|i| i as usize);
                 self.refine(ends, &sample, &vertex, tolerance, out);
@@ -171,8 +188,13 @@ impl RimRun {
         tolerance: f64,
         out: &mut Vec<TilePosition>,
     ) {
-        let split = |start, end| self.worst(start, end, sample, vertex, tolerance);
-        refine(start, end, &mut Vec::new(), split, |at| out.push(self.at(at as u32)));
+        refine(
+            start,
+            end,
+            &mut Vec::new(),
+            |start, end| self.worst(start, end, sample, vertex, tolerance),
+            |at| out.push(self.at(at as u32)),
+        );
     }
 
     /// The sample between `start` and `end` furthest from their chord, if one is beyond

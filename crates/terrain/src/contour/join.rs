@@ -189,10 +189,9 @@ impl ContourPieces {
 
     /// The pieces of a line from `start` on, each once.
     fn from(&self, start: u32) -> impl Iterator<Item = u32> {
-        let next = move |id: &u32| {
+        std::iter::successors(Some(start), move |id| {
             Some(self.pieces[*id as usize].next).filter(|&next| next != NONE && next != start)
-        };
-        std::iter::successors(Some(start), next)
+        })
     }
 
     /// Upper bound of the number of vertices of `line`.

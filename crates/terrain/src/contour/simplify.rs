@@ -27,9 +27,8 @@ pub(super) fn measured(length: Length, info: &GridInfo) -> Result<MetricToleranc
     let (measure, value) = goal_of(length, false, &info.crs)?;
     let [east, south] = [info.width, info.height].map(|samples| f64::from(samples) - 1.0);
     let corners = [[0.0, 0.0], [east, 0.0], [0.0, south], [east, south]];
-    let latitude = |[col, row]: [f64; 2]| info.transform.apply(col, row)[1];
-    if measure == DistanceKind::Geographic
-        && corners.iter().any(|&c| latitude(c).abs() > 90.0 + 1e-6)
+    let mut latitudes = corners.into_iter().map(|[col, row]| info.transform.apply(col, row)[1]);
+    if measure == DistanceKind::Geographic && latitudes.any(|latitude| latitude.abs() > 90.0 + 1e-6)
     {
         return Err(Error::bad_input("the grid extends beyond 90 degrees of latitude")
             .remedy("pass ‹tolerance› as a plain number, in units of the CRS"));
@@ -239,10 +238,15 @@ fn ring_in<V: Copy, M: DistanceMetric<V>>(
     scratch: &mut SimplifyScratch,
     kept: &mut Vec<u32>,
 ) {
-    let method = |points: &[V], scratch: &mut SimplifyScratch, kept: &mut Vec<u32>| {
-        cone(metric, points, tolerance, scratch, kept);
-    };
-    ring::simplify(metric, points, tolerance, true, method, scratch, kept);
+    ring::simplify(
+        metric,
+        points,
+        tolerance,
+        true,
+        |points, scratch, kept| cone(metric, points, tolerance, scratch, kept),
+        scratch,
+        kept,
+    );
 }
 
 impl TileChains {
@@ -264,9 +268,8 @@ pub(super) fn position(transform: &Affine, vertex: &ContourVertex, tiles: Contou
 /// lowest edge may be where that begins.
 fn staying(vertices: &[ContourVertex], rect: Rect, tiles: ContourTiles) -> Vec<usize> {
     let last = vertices.len() - 1;
-    let is_on_rim = |at: usize| tiles.rim(rect, &vertices[at]).is_some();
     let mut stays = vec![0, last];
-    if is_on_rim(0) && is_on_rim(last) {
+    if stays.iter().all(|&at| tiles.rim(rect, &vertices[at]).is_some()) {
         stays.push(lowest(vertices));
         stays.extend(turning(vertices, rect, tiles));
     }
@@ -281,16 +284,22 @@ fn turning(vertices: &[ContourVertex], rect: Rect, tiles: ContourTiles) -> Optio
     if tiles.rim(rect, vertices.last()?)? != rim {
         return None;
     }
-    let depth = |vertex: &ContourVertex| {
-        let [col, row] = vertex.place(tiles.width);
-        match rim {
-            TileEdge::North => row - f64::from(rect.row),
-            TileEdge::South => f64::from(rect.end_row() - 1) - row,
-            TileEdge::West => col - f64::from(rect.col),
-            TileEdge::East => f64::from(rect.end_col() - 1) - col,
+    let (mut deepest, mut max_depth) = (0, 0.0);
+    for (at, vertex) in vertices.iter().enumerate() {
+        let depth = depth(rim, vertex.place(tiles.width), rect);
+        if depth > max_depth {
+            (deepest, max_depth) = (at, depth);
         }
-    };
-    let deepest = |best: (usize, f64), (at, depth)| if depth > best.1 { (at, depth) } else { best };
-    let (at, _) = vertices.iter().map(depth).enumerate().fold((0, 0.0), deepest);
-    (at > 0 && at + 1 < vertices.len()).then_some(at)
+    }
+    (deepest > 0 && deepest + 1 < vertices.len()).then_some(deepest)
+}
+
+/// Distance of a position in a tile from one of its sides, in cells.
+fn depth(side: TileEdge, [col, row]: [f64; 2], rect: Rect) -> f64 {
+    match side {
+        TileEdge::North => row - f64::from(rect.row),
+        TileEdge::South => f64::from(rect.end_row() - 1) - row,
+        TileEdge::West => col - f64::from(rect.col),
+        TileEdge::East => f64::from(rect.end_col() - 1) - col,
+    }
 }

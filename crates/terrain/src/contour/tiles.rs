@@ -72,6 +72,5 @@ impl ContourTiles {
 
 /// The vertex with the lowest edge.
 pub(super) fn lowest(vertices: &[ContourVertex]) -> usize {
-    let edge = |at: &usize| vertices[*at].edge;
-    (0..vertices.len()).min_by_key(edge).unwrap_or(0)
+    (0..vertices.len()).min_by_key(|&at| vertices[at].edge).unwrap_or(0)
 }

@@ -89,14 +89,18 @@ impl<'a, 'b> ContourWorker<'a, 'b> {
     }
 }
 
+/// True for a ring that encloses no cell.
+fn is_empty_ring(line: &WindowContour) -> bool {
+    line.closed && line.around == Some(0)
+}
+
 /// Removes rings that enclose no cell; returns their number.
 fn leave_out(lines: &mut WindowContours) -> u64 {
-    let is_nothing = |line: &WindowContour| line.closed && line.around == Some(0);
-    if !lines.lines.iter().any(is_nothing) {
+    if !lines.lines.iter().any(is_empty_ring) {
         return 0;
     }
     let mut kept = WindowContours::default();
-    for (index, line) in lines.lines.iter().enumerate().filter(|(_, line)| !is_nothing(line)) {
+    for (index, line) in lines.lines.iter().enumerate().filter(|(_, line)| !is_empty_ring(line)) {
         kept.vertices.extend_from_slice(lines.of(index));
         kept.lines.push(WindowContour { end: kept.vertices.len(), ..*line });
     }

@@ -97,8 +97,8 @@ impl ContourWriter<'_> {
     /// within.
     fn is_around_nothing(&self, line: &JoinedContour, vertices: &[ContourVertex]) -> bool {
         let [first, .., last] = vertices else { return false };
-        let nearer = |vertex: &ContourVertex| vertex.nearer(self.info.width);
-        line.around == Some(0) && nearer(first) == nearer(last)
+        let width = self.info.width;
+        line.around == Some(0) && first.nearer(width) == last.nearer(width)
     }
 
     fn feature(
@@ -109,11 +109,8 @@ impl ContourWriter<'_> {
     ) -> Result<Feature> {
         let height = self.levels.height(line.level);
         let transform = &self.info.transform;
-        let position = |vertex: &ContourVertex| {
-            let [col, row] = vertex.place(self.info.width);
-            transform.apply(col, row)
-        };
-        let mut xy: Vec<[f64; 2]> = vertices.iter().map(position).collect();
+        let places = vertices.iter().map(|vertex| vertex.place(self.info.width));
+        let mut xy: Vec<[f64; 2]> = places.map(|[col, row]| transform.apply(col, row)).collect();
         // Where the first row is in the south, the right is on the left.
         if transform.determinant() > 0.0 {
             xy.reverse();

@@ -115,13 +115,13 @@ fn copy_of(
 }
 
 /// A note if the sample type does not hold the nodata value exactly.
-fn moved_nodata(asked: Option<f64>, own: &GridInfo, written: &GridInfo) -> Option<String> {
-    let stays = (own.scale, own.offset) == (written.scale, written.offset);
-    let asked = asked.or(own.nodata.filter(|_| stays))?;
+fn moved_nodata(requested: Option<f64>, read: &GridInfo, written: &GridInfo) -> Option<String> {
+    let keeps_units = (read.scale, read.offset) == (written.scale, written.offset);
+    let nodata = requested.or(read.nodata.filter(|_| keeps_units))?;
     let stored = written.nodata?;
-    let is_moved = (asked - stored).abs() > HAIR * asked.abs();
+    let is_moved = (nodata - stored).abs() > HAIR * nodata.abs();
     let name = written.sample_type.name();
-    is_moved.then(|| format!("nodata is {stored}, the {name} nearest to {asked}"))
+    is_moved.then(|| format!("nodata is {stored}, the {name} nearest to {nodata}"))
 }
 
 /// Writes overviews in order.
@@ -145,7 +145,8 @@ pub fn copy_levels(
 }
 
 fn report(job: &ConvertJob, info: &GridInfo, summary: &CopyStatistics) -> ConvertReport {
-    let seen = |height: f64| (summary.valid > 0).then_some(height);
+    let [lowest, highest] =
+        [summary.lowest, summary.highest].map(|height| (summary.valid > 0).then_some(height));
     ConvertReport {
         input: job.input.to_string(),
         output: job.output.display().to_string(),
@@ -155,8 +156,8 @@ fn report(job: &ConvertJob, info: &GridInfo, summary: &CopyStatistics) -> Conver
         sample_type: info.sample_type.name().to_owned(),
         nodata: info.nodata,
         valid_samples: summary.valid,
-        lowest: seen(summary.lowest),
-        highest: seen(summary.highest),
+        lowest,
+        highest,
         ..ConvertReport::default()
     }
 }

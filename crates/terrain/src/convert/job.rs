@@ -17,7 +17,7 @@ use terrane_files::{beside_grid, path_of};
 use terrane_options::{ChoiceName, Json, OptionCodec, OptionKind, OptionRule, Options};
 use terrane_raster::write::{self, GridFormat, GridWriteOptions};
 use terrane_raster::{self as raster, GridSource, Inputs, SampleType, WaterReport};
-use terrane_window::resample::{RESAMPLINGS, ResamplingMethod};
+use terrane_window::resample::RESAMPLINGS;
 
 /// Convert a grid, or a part of it, to another format
 ///
@@ -121,14 +121,14 @@ impl ConvertJob {
     /// Sidecar files of the input whose names may collide with sidecars of the output.
     pub(super) fn read_beside(&self, source: &dyn GridSource) -> Result<Vec<PathBuf>> {
         let stem = self.output.file_stem().unwrap_or_default().as_encoded_bytes();
-        let is_alike = |path: &PathBuf| {
-            let name = path.file_name().unwrap_or_default();
-            name.as_encoded_bytes().starts_with(stem)
-        };
         let named = raster::files(self.input.names())?;
         let named = named.iter().map(|name| path_of(raster::file_name(name)).into_owned());
-        let all = source.members().into_iter().chain(named).filter(is_alike);
-        Ok(all.flat_map(|path| beside_grid(&path)).collect())
+        let all = source.members().into_iter().chain(named);
+        let alike = all.filter(|path| {
+            let name = path.file_name().unwrap_or_default();
+            name.as_encoded_bytes().starts_with(stem)
+        });
+        Ok(alike.flat_map(|path| beside_grid(&path)).collect())
     }
 }
 
@@ -175,13 +175,13 @@ pub struct ResamplingName;
 
 impl OptionCodec<String> for ResamplingName {
     const KIND: OptionKind = OptionKind::Choice(|| {
-        let named = |own: &ResamplingMethod| ChoiceName { name: own.name, about: own.about };
-        RESAMPLINGS.iter().map(named).collect()
+        let methods = RESAMPLINGS.iter();
+        methods.map(|method| ChoiceName { name: method.name, about: method.about }).collect()
     });
 
     fn parse(text: &str) -> std::result::Result<String, String> {
-        let found = registry::named(RESAMPLINGS, text);
-        found.map(|own| own.name.to_owned()).map_err(|error| error.to_string())
+        let method = registry::named(RESAMPLINGS, text);
+        method.map(|method| method.name.to_owned()).map_err(|error| error.to_string())
     }
 
     fn json(value: &String) -> Json {

@@ -83,9 +83,11 @@ impl CopyTask<'_> {
         cancel: &Cancel,
     ) -> Result<CopyStatistics> {
         let (next, turns) = (AtomicU64::new(0), OrderedTurns::default());
-        let work = || self.work(&next, &turns, progress, cancel);
         let summaries: Result<_> = std::thread::scope(|scope| {
-            let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+            let spawned =
+                (0..threads).map(|_| scope.spawn(|| self.work(&next, &turns, progress, cancel)));
+            // Collected before any is joined, so that all of them run at once.
+            let workers: Vec<_> = spawned.collect();
             let joined = workers.into_iter().map(|worker| worker.join());
             joined.map(|end| end.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
         });
@@ -114,8 +116,9 @@ impl CopyTask<'_> {
             let rect = self.pieces.rect(index);
             summary = summary.join(self.copy(rect, &mut buffers)?);
             if self.sink.in_order() {
-                let append = || buffers.bytes.iter().try_for_each(|bytes| self.sink.append(bytes));
-                turns.take(index, append)?;
+                turns.take(index, || {
+                    buffers.bytes.iter().try_for_each(|bytes| self.sink.append(bytes))
+                })?;
             }
             progress.advance(rect.len() as u64);
         }
@@ -126,7 +129,7 @@ impl CopyTask<'_> {
         let from = Rect::new(col + rect.col, row + rect.row, rect.width, rect.height);
         let mut summary = CopyStatistics::NONE;
         for (band, source) in (0..).zip(self.sources) {
-            summary = summary.join(self.copy_band((band, *source), rect, from, buffers)?);
+            summary = summary.join(self.copy_band(band, *source, rect, from, buffers)?);
         }
         self.sources.iter().for_each(|source| source.release(self.passed(*source, from)));
         Ok(summary)
@@ -134,7 +137,8 @@ impl CopyTask<'_> {
 
     fn copy_band(
         &self,
-        (band, source): (u32, &dyn GridSource),
+        band: u32,
+        source: &dyn GridSource,
         rect: Rect,
         from: Rect,
         buffers: &mut CopyBuffers,

@@ -15,29 +15,27 @@ use terrane_tin::{MinimumAngle, TilePosition};
 pub(super) fn angle_bound(degrees: Option<f64>, map: &Affine) -> Result<Option<MinimumAngle>> {
     let Some(degrees) = degrees else { return Ok(None) };
     let bound = MinimumAngle::new(degrees, [map.a, map.d], [map.b, map.e]);
-    let most = most(&bound);
-    if degrees > 0.0 && degrees <= most {
+    let max = max_angle(&bound);
+    if degrees > 0.0 && degrees <= max {
         return Ok(Some(bound));
     }
-    let most = (most * 1000.0).floor() / 1000.0;
+    let max = (max * 1000.0).floor() / 1000.0;
     let message = format!("a minimum angle of {degrees} degrees is out of range for this grid");
     Err(Error::usage(message).remedy(format!(
-        "pass ‹min_angle› above 0, at most {most}: larger angles need nearly every sample"
+        "pass ‹min_angle› above 0, at most {max}: larger angles need nearly every sample"
     )))
 }
 
 /// The smallest angle of all triangles that are half of two cells.
-fn most(bound: &MinimumAngle) -> f64 {
-    let half = |corners: [(u32, u32); 3]| {
-        bound.smallest(corners.map(|(col, row)| TilePosition::new(col, row)))
-    };
+fn max_angle(bound: &MinimumAngle) -> f64 {
     let halves = [
         [(0, 0), (2, 0), (0, 1)],
         [(0, 0), (2, 0), (2, 1)],
         [(0, 0), (1, 0), (0, 2)],
         [(0, 0), (1, 0), (1, 2)],
     ];
-    halves.into_iter().map(half).fold(f64::INFINITY, f64::min)
+    let corners = halves.map(|corners| corners.map(|(col, row)| TilePosition::new(col, row)));
+    corners.map(|corners| bound.smallest(corners)).into_iter().fold(f64::INFINITY, f64::min)
 }
 
 #[cfg(test)]

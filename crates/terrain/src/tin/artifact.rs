@@ -146,10 +146,8 @@ impl ArtifactFile {
             return Err(damaged(&path));
         }
         let index: Vec<RecordIndexEntry> = bytemuck::allocation::pod_collect_to_vec(&end);
-        let is_inside = |entry: &RecordIndexEntry| {
-            entry.offset.checked_add(entry.len).is_some_and(|end| end <= offset)
-        };
-        match index.iter().all(is_inside) {
+        let mut ends = index.iter().map(|entry| entry.offset.checked_add(entry.len));
+        match ends.all(|end| end.is_some_and(|end| end <= offset)) {
             true => Ok(Self { path, file: Mutex::new(file), index }),
             false => Err(damaged(&path)),
         }
@@ -157,13 +155,14 @@ impl ArtifactFile {
 
     /// Reads the container of the tile at `position`.
     pub(super) fn read(&self, position: u64) -> Result<TileContainer> {
-        let damaged = || damaged(&self.path);
-        let entry = self.index.get(position as usize).ok_or_else(damaged)?;
+        let entry = self.index.get(position as usize).ok_or_else(|| damaged(&self.path))?;
         let mut bytes = vec![0; entry.len as usize];
         read_at(&mut lock(&self.file), &mut bytes, entry.offset)
             .map_err(|e| Error::read(&self.path, e))?;
-        let is_same = Digest::of(&bytes).0 == entry.digest;
-        is_same.then(|| TileContainer::of_bytes(&bytes)).flatten().ok_or_else(damaged)
+        if Digest::of(&bytes).0 != entry.digest {
+            return Err(damaged(&self.path));
+        }
+        TileContainer::of_bytes(&bytes).ok_or_else(|| damaged(&self.path))
     }
 }
 

@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::time::Instant;
 
-use super::baseline::{self, StageTimes, WholeGridMethod, surface};
+use super::baseline::{self, SampleMesh, StageTimes, WholeGridMethod, surface};
 use super::goal::TinGoal;
 use super::job::TinJob;
 use super::make::{OpenedTinJob, TinMaker, VertexExtras, in_input, options};
@@ -12,7 +12,7 @@ use super::report::TinReport;
 use super::run::TinOutcome;
 use super::window::HeightBuffers;
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Point3, Rect};
+use terrane_base::geom::Rect;
 use terrane_baselines::{MultichannelTin, PackedSample, WeightedChannels, join_voids};
 use terrane_engine::bands::{MeshBandReport, MeshBands, kind_of};
 use terrane_engine::memory;
@@ -36,18 +36,20 @@ pub fn run_bands(
     job.goal.check()?;
     baseline::refuse_water(job, "for several bands")?;
     refuse_existing(&job.output, job.overwrite)?;
-    let named = |error| in_input(error, &job.input);
-    let mut opened = OpenedTinJob::with(job, || open(job, bands).map_err(named))?;
-    let kinds = kinds(job, bands).map_err(named)?;
+    let mut opened =
+        OpenedTinJob::with(job, || open(job, bands).map_err(|error| in_input(error, &job.input)))?;
+    let kinds = kinds(job, bands).map_err(|error| in_input(error, &job.input))?;
     // By their types alone first: a format without room for them fails before all is read.
     opened.carried = extras(bands, &kinds);
     opened.format.check_channels(&opened.carried.channels)?;
     let maker = TinMaker { job, opened: &opened, progress, cancel };
-    let picture =
-        maker.check_output().and_then(|()| BandValues::read(&maker, bands)).map_err(named)?;
-    opened.carried = extras(bands, &picture.kinds(kinds));
+    let values = maker
+        .check_output()
+        .and_then(|()| BandValues::read(&maker, bands))
+        .map_err(|error| in_input(error, &job.input))?;
+    opened.carried = extras(bands, &values.kinds(kinds));
     let maker = TinMaker { job, opened: &opened, progress, cancel };
-    let mut report = picture.make(&maker, bands).map_err(named)?;
+    let mut report = values.make(&maker, bands).map_err(|error| in_input(error, &job.input))?;
     report.took(started.elapsed());
     Ok(report)
 }
@@ -75,12 +77,10 @@ fn whole(bands: &MeshBands) -> WholeGridMethod {
 /// How each band is stored, by its type alone.
 fn kinds(job: &TinJob, bands: &MeshBands) -> Result<Vec<ChannelKind>> {
     let options = options(job)?;
-    let look = |&(band, _): &(u32, f64)| {
-        Ok(kind_of(
-            memory::open_for_estimate(&job.input, &MeshBands::options(band, &options))?.info(),
-        ))
-    };
-    bands.list().iter().map(look).collect()
+    let sources = bands.list().iter().map(|&(band, _)| {
+        memory::open_for_estimate(&job.input, &MeshBands::options(band, &options))
+    });
+    sources.map(|source| Ok(kind_of(source?.info()))).collect()
 }
 
 fn extras(bands: &MeshBands, kinds: &[ChannelKind]) -> VertexExtras {
@@ -103,8 +103,8 @@ impl BandValues {
         let info = maker.opened.source.info();
         let (size, mut stages) = ([info.width, info.height], StageTimes::default());
         let planes = stages.time(maker, "read", || {
-            let plane = |&(band, _): &(u32, f64)| read(maker, band);
-            let mut planes = bands.list().iter().map(plane).collect::<Result<Vec<_>>>()?;
+            let planes = bands.list().iter().map(|&(band, _)| read(maker, band));
+            let mut planes = planes.collect::<Result<Vec<_>>>()?;
             join_voids(&mut planes);
             Ok(planes)
         })?;
@@ -113,13 +113,12 @@ impl BandValues {
 
     /// How each band is stored: as f32 if that holds all its values.
     fn kinds(&self, by_type: Vec<ChannelKind>) -> Vec<ChannelKind> {
-        let is_single =
-            |plane: &[f64]| plane.iter().all(|z| z.is_nan() || f64::from(*z as f32) == *z);
-        let kind = |(kind, plane): (ChannelKind, &Vec<f64>)| match kind {
-            ChannelKind::Double if is_single(plane) => ChannelKind::Single,
+        let planes = by_type.into_iter().zip(&self.planes);
+        let kinds = planes.map(|(kind, plane)| match kind {
+            ChannelKind::Double if fits_f32(plane) => ChannelKind::Single,
             _ => kind,
-        };
-        by_type.into_iter().zip(&self.planes).map(kind).collect()
+        });
+        kinds.collect()
     }
 
     fn make(self, maker: &TinMaker<'_>, bands: &MeshBands) -> Result<TinReport> {
@@ -127,9 +126,8 @@ impl BandValues {
         let weights: Vec<f64> = bands.list().iter().map(|(_, weight)| *weight).collect();
         let goal = maker.job.goal;
         let drawn = stages.time(maker, "method", || {
-            let pulse = || maker.cancel.check();
             WeightedChannels::new(size, &planes, &weights)?
-                .triangulate(baseline::baseline_goal(goal), &pulse)
+                .triangulate(baseline::baseline_goal(goal), &|| maker.cancel.check())
         })?;
         let [vertices, triangles] =
             [drawn.vertices.len(), drawn.triangles.len()].map(|count| count as u64);
@@ -141,7 +139,7 @@ impl BandValues {
             TinGoal::MaxVertices(_) | TinGoal::MaxTriangles(_) => drawn.max_error,
         };
         let surface = surface(&drawn.census);
-        let write = |sink, _| {
+        let report = maker.complete(tolerance, 0, |sink, _| {
             let output_bytes = stages.time(maker, "write", || values.write(maker, &drawn, sink))?;
             Ok(TinOutcome {
                 vertices,
@@ -153,21 +151,19 @@ impl BandValues {
                 stages: stages.0,
                 ..TinOutcome::default()
             })
-        };
-        let report = maker.complete(tolerance, 0, write)?;
-        let told = |(&(band, weight), found): (&(u32, f64), &terrane_baselines::ChannelErrors)| {
-            MeshBandReport {
-                band,
-                weight,
-                max_error: Some(found.max_error),
-                rmse: Some((found.square_sum / surface).sqrt()),
-            }
-        };
+        })?;
+        let channels = bands.list().iter().zip(&drawn.channels);
+        let band_reports = channels.map(|(&(band, weight), errors)| MeshBandReport {
+            band,
+            weight,
+            max_error: Some(errors.max_error),
+            rmse: Some((errors.square_sum / surface).sqrt()),
+        });
         Ok(TinReport {
             method: Some("greedy4".to_owned()),
             triangulation: Some("delaunay".to_owned()),
             vertical_unit: "units".to_owned(),
-            bands: bands.list().iter().zip(&drawn.channels).map(told).collect(),
+            bands: band_reports.collect(),
             tiles: 1,
             tile_cells: size[0].max(size[1]) - 1,
             max_error: Some(drawn.max_error),
@@ -175,6 +171,11 @@ impl BandValues {
             ..report
         })
     }
+}
+
+/// True if each value is one of f32, or void.
+fn fits_f32(plane: &[f64]) -> bool {
+    plane.iter().all(|z| z.is_nan() || f64::from(*z as f32) == *z)
 }
 
 /// The index of the band of heights in the list.
@@ -194,13 +195,14 @@ fn read(maker: &TinMaker<'_>, band: u32) -> Result<Vec<f64>> {
             let options = MeshBands::options(band, &options(job)?);
             let resources = Resources { threads: 1, ..job.resources.clone() };
             let samples = u64::from(info.width) * u64::from(info.height);
-            let held = samples * baseline::READ_BYTES;
-            Some(memory::open(&job.input, &options, &resources, held)?.0)
+            let worker_bytes = samples * baseline::READ_BYTES;
+            Some(memory::open(&job.input, &options, &resources, worker_bytes)?.0)
         }
     };
     let source = other.as_deref().unwrap_or(&*opened.source);
-    let own = source.info();
-    if [own.width, own.height] != [info.width, info.height] || own.transform != info.transform {
+    let found = source.info();
+    if [found.width, found.height] != [info.width, info.height] || found.transform != info.transform
+    {
         let message = format!("bands {} and {band} differ in size or georeference", info.band);
         return Err(Error::unsupported(message).remedy("pass bands of one grid"));
     }
@@ -218,12 +220,18 @@ struct VertexValues<'a> {
 }
 
 impl VertexValues<'_> {
-    fn place(&self, at: PackedSample) -> usize {
+    fn index(&self, at: PackedSample) -> usize {
         at.row() as usize * self.width as usize + at.col() as usize
     }
 
     fn height(&self, at: PackedSample) -> f64 {
-        self.heights.map_or(0.0, |plane| self.planes[plane][self.place(at)])
+        self.heights.map_or(0.0, |plane| self.planes[plane][self.index(at)])
+    }
+
+    /// The values of all bands at a sample.
+    fn of_sample(&self, at: PackedSample) -> impl Iterator<Item = f64> + '_ {
+        let index = self.index(at);
+        self.planes.iter().map(move |plane| plane[index])
     }
 
     /// Fails where the format does not store the heights of vertices as they are.
@@ -246,16 +254,11 @@ impl VertexValues<'_> {
         drawn: &MultichannelTin,
         sink: Box<dyn MeshSink>,
     ) -> Result<u64> {
-        let to_world = &maker.opened.source.info().transform;
-        let position = |at: PackedSample| -> Point3 {
-            let [x, y] = to_world.apply(f64::from(at.col()), f64::from(at.row()));
-            [x, y, self.height(at)]
+        let mesh = SampleMesh {
+            vertices: &drawn.vertices,
+            triangles: &drawn.triangles,
+            to_world: &maker.opened.source.info().transform,
         };
-        let values = |at: PackedSample| {
-            let place = self.place(at);
-            self.planes.iter().map(move |plane| plane[place])
-        };
-        let is_mirrored = to_world.determinant() < 0.0;
-        baseline::write((&drawn.vertices, &drawn.triangles), position, values, sink, is_mirrored)
+        mesh.write(|at| self.height(at), |at| self.of_sample(at), sink)
     }
 }

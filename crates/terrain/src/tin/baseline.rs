@@ -9,7 +9,7 @@ use super::report::{StageReport, TinReport};
 use super::run::TinOutcome;
 use super::window::HeightBuffers;
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Point3, Rect};
+use terrane_base::geom::{Affine, Point3, Rect};
 use terrane_baselines::{
     BaselineGoal, BaselineMethod, BaselineTask, BaselineTin, HeightGrid, MOST_SIDE, MethodPromise,
     PackedSample, SampleStatistics, TriangulationRule,
@@ -53,16 +53,17 @@ pub fn run_by(
     }
     refuse_water(job, by.method.name)?;
     refuse_existing(&job.output, job.overwrite)?;
-    let named = |error| in_input(error, &job.input);
     let whole = WholeGridMethod {
         what: by.method.name.to_owned(),
         sample_bytes: by.method.sample_bytes,
         otherwise: "leave out ‹method›".to_owned(),
     };
-    let mut opened = OpenedTinJob::with(job, || open(job, &options(job)?, &whole).map_err(named))?;
+    let mut opened = OpenedTinJob::with(job, || {
+        open(job, &options(job)?, &whole).map_err(|error| in_input(error, &job.input))
+    })?;
     opened.carried.triangulation = other_triangles(by);
     let maker = TinMaker { job, opened: &opened, progress, cancel };
-    let mut report = make(&maker, by).map_err(named)?;
+    let mut report = make(&maker, by).map_err(|error| in_input(error, &job.input))?;
     report.took(started.elapsed());
     Ok(report)
 }
@@ -111,9 +112,9 @@ pub(super) fn open(
         e.remedy(format!("{} (its limit is {MOST_SIDE} samples a side)", whole.otherwise))
     })?;
     let worker = u64::from(width) * u64::from(height) * (whole.sample_bytes + READ_BYTES);
-    let least = memory::least(worker, source.block_bytes());
-    if least > resources.memory {
-        return Err(too_large(whole, [width, height], least, resources));
+    let min_memory = memory::least(worker, source.block_bytes());
+    if min_memory > resources.memory {
+        return Err(too_large(whole, [width, height], min_memory, resources));
     }
     memory::open(&job.input, options, &Resources { threads: 1, ..resources.clone() }, worker)
 }
@@ -124,20 +125,19 @@ pub(super) const READ_BYTES: u64 = 20;
 fn too_large(
     whole: &WholeGridMethod,
     [width, height]: [u32; 2],
-    least: u64,
+    min_memory: u64,
     resources: &Resources,
 ) -> Error {
-    let mib = |bytes: u64| bytes.div_ceil(1 << 20);
-    let room = resources.memory.saturating_sub(memory::least(0, 0));
-    let side = (room / (whole.sample_bytes + READ_BYTES)).isqrt();
+    let grid_memory = resources.memory.saturating_sub(memory::least(0, 0));
+    let side = (grid_memory / (whole.sample_bytes + READ_BYTES)).isqrt();
     let message = format!(
         "{} holds the whole grid in memory: {width} x {height} samples need {} MiB, {} MiB are allowed",
         whole.what,
-        mib(least),
+        min_memory.div_ceil(1 << 20),
         resources.memory >> 20
     );
     let smaller = format!("use a grid of at most {side} x {side} samples, or {}", whole.otherwise);
-    memory::short(message, least).or(&smaller)
+    memory::short(message, min_memory).or(&smaller)
 }
 
 fn make(maker: &TinMaker<'_>, by: &TextbookMethod) -> Result<TinReport> {
@@ -152,20 +152,19 @@ fn make(maker: &TinMaker<'_>, by: &TextbookMethod) -> Result<TinReport> {
     let grid = HeightGrid::new(info.width, info.height, &heights, maker.opened.rounding())?;
     let tin = stages.time(maker, "method", || triangulate(maker, by, grid))?;
     maker.opened.format.check_capacity(tin.vertices.len() as u64, tin.triangles.len() as u64)?;
-    let write = |sink, _| {
-        let to_world = &info.transform;
-        let position = |at: PackedSample| {
-            let [x, y] = to_world.apply(f64::from(at.col()), f64::from(at.row()));
-            [x, y, grid.vertex(at)]
-        };
-        let (mesh, is_mirrored) = ((&*tin.vertices, &*tin.triangles), to_world.determinant() < 0.0);
+    let mesh = SampleMesh {
+        vertices: &tin.vertices,
+        triangles: &tin.triangles,
+        to_world: &info.transform,
+    };
+    let max_error = stated(maker.job.goal, by.method, &tin);
+    let report = maker.complete(max_error, 0, |sink, _| {
         let output_bytes = stages.time(maker, "write", || {
-            write(mesh, position, |_| std::iter::empty(), sink, is_mirrored)
+            mesh.write(|at| grid.vertex(at), |_| std::iter::empty(), sink)
         })?;
         let known = TinOutcome { suspects, odd_range, ..outcome(&tin) };
         Ok(TinOutcome { output_bytes, stages: stages.0, ..known })
-    };
-    let report = maker.complete(stated(maker.job.goal, by.method, &tin), 0, write)?;
+    })?;
     let triangulation = by.method.takes_triangulation.then(|| by.triangulation.to_string());
     Ok(TinReport {
         method: Some(by.method.name.to_owned()),
@@ -217,16 +216,18 @@ fn read(maker: &TinMaker<'_>, window: &mut HeightBuffers) -> Result<Vec<f64>> {
 /// All heights that a window has, exact.
 pub(super) fn all_heights(window: &HeightBuffers) -> Vec<f64> {
     let heights = window.heights();
-    let narrow = || heights.f32.iter().map(|&height| f64::from(height)).collect();
-    heights.f64.map_or_else(narrow, <[f64]>::to_vec)
+    match heights.f64 {
+        Some(exact) => exact.to_vec(),
+        None => heights.f32.iter().map(|&height| f64::from(height)).collect(),
+    }
 }
 
 /// The goal, converted for methods.
 pub(super) fn baseline_goal(goal: TinGoal) -> BaselineGoal {
     match goal {
         TinGoal::MaxError(tolerance) => BaselineGoal::MaxError(tolerance),
-        TinGoal::MaxVertices(most) => BaselineGoal::MaxVertices(most),
-        TinGoal::MaxTriangles(most) => BaselineGoal::MaxTriangles(most),
+        TinGoal::MaxVertices(count) => BaselineGoal::MaxVertices(count),
+        TinGoal::MaxTriangles(count) => BaselineGoal::MaxTriangles(count),
     }
 }
 
@@ -236,45 +237,61 @@ fn triangulate(
     grid: HeightGrid<'_>,
 ) -> Result<BaselineTin> {
     let goal = baseline_goal(maker.job.goal);
-    let pulse = || maker.cancel.check();
     (by.method.run)(&BaselineTask {
         triangulation: by.triangulation,
-        pulse: &pulse,
+        pulse: &|| maker.cancel.check(),
         ..BaselineTask::new(grid, goal)
     })
 }
 
-/// Vertices and then triangles, in batches, counter-clockwise in the world: `position` gives the world position
-/// of a sample, `values` its attributes.
-pub(super) fn write<V: Iterator<Item = f64>>(
-    (samples, triangles): (&[PackedSample], &[[u32; 3]]),
-    position: impl Fn(PackedSample) -> Point3,
-    values: impl Fn(PackedSample) -> V,
-    mut sink: Box<dyn MeshSink>,
-    is_mirrored: bool,
-) -> Result<u64> {
-    for batch in samples.chunks(BATCH) {
-        let vertices: Vec<Point3> = batch.iter().map(|&at| position(at)).collect();
-        let values: Vec<f64> = batch.iter().flat_map(|&at| values(at)).collect();
-        let (vertices, values) = (&vertices, &values);
-        sink.push(MeshBatch { vertices, values, triangles: &[], corners: &[] })?;
+/// A mesh on the samples of a grid.
+pub(super) struct SampleMesh<'a> {
+    pub(super) vertices: &'a [PackedSample],
+    pub(super) triangles: &'a [[u32; 3]],
+    pub(super) to_world: &'a Affine,
+}
+
+impl SampleMesh<'_> {
+    /// Writes vertices and then triangles, in batches, counter-clockwise in the world: `height` gives the
+    /// elevation of a sample, `values` its attributes.
+    pub(super) fn write<V: Iterator<Item = f64>>(
+        &self,
+        height: impl Fn(PackedSample) -> f64,
+        values: impl Fn(PackedSample) -> V,
+        mut sink: Box<dyn MeshSink>,
+    ) -> Result<u64> {
+        for batch in self.vertices.chunks(BATCH) {
+            let vertices: Vec<Point3> =
+                batch.iter().map(|&at| self.position(at, height(at))).collect();
+            let values: Vec<f64> = batch.iter().flat_map(|&at| values(at)).collect();
+            let (vertices, values) = (&vertices, &values);
+            sink.push(MeshBatch { vertices, values, triangles: &[], corners: &[] })?;
+        }
+        // Rows of a north-up grid run south: its transform mirrors, which turns corners clockwise.
+        let is_mirrored = self.to_world.determinant() < 0.0;
+        for batch in self.triangles.chunks(BATCH) {
+            let turned =
+                batch.iter().map(|&[a, b, c]| if is_mirrored { [a, c, b] } else { [a, b, c] });
+            let triangles: Vec<[u64; 3]> = turned.map(|ids| ids.map(u64::from)).collect();
+            let by_position = if sink.wants_corners() { &triangles[..] } else { &[] };
+            let samples = by_position.iter().map(|ids| ids.map(|id| self.vertices[id as usize]));
+            let corners: Vec<[Point3; 3]> =
+                samples.map(|samples| samples.map(|at| self.position(at, height(at)))).collect();
+            sink.push(MeshBatch {
+                vertices: &[],
+                values: &[],
+                triangles: &triangles,
+                corners: &corners,
+            })?;
+        }
+        sink.finish()
     }
-    for batch in triangles.chunks(BATCH) {
-        let turned = |&[a, b, c]: &[u32; 3]| {
-            (if is_mirrored { [a, c, b] } else { [a, b, c] }).map(u64::from)
-        };
-        let triangles: Vec<[u64; 3]> = batch.iter().map(turned).collect();
-        let wanted = if sink.wants_corners() { &triangles[..] } else { &[] };
-        let corners: Vec<[Point3; 3]> =
-            wanted.iter().map(|ids| ids.map(|id| position(samples[id as usize]))).collect();
-        sink.push(MeshBatch {
-            vertices: &[],
-            values: &[],
-            triangles: &triangles,
-            corners: &corners,
-        })?;
+
+    /// The world position of a sample.
+    fn position(&self, at: PackedSample, height: f64) -> Point3 {
+        let [x, y] = self.to_world.apply(f64::from(at.col()), f64::from(at.row()));
+        [x, y, height]
     }
-    sink.finish()
 }
 
 /// Stages and their times.

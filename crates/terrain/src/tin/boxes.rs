@@ -16,8 +16,9 @@ impl PositionShift {
     /// From positions relative to grid position `from` to positions relative to `to`
     /// (column, row).
     pub(super) fn new(from: (u32, u32), to: (u32, u32)) -> Self {
-        let difference = |a: u32, b: u32| (i64::from(a) - i64::from(b)) as i32;
-        Self { cols: difference(from.0, to.0), rows: difference(from.1, to.1) }
+        let [cols, rows] = [(from.0, to.0), (from.1, to.1)]
+            .map(|(from, to)| (i64::from(from) - i64::from(to)) as i32);
+        Self { cols, rows }
     }
 
     /// The moved position; it must be one (no coordinate below zero).
@@ -70,39 +71,52 @@ impl SampleBounds {
     #[inline]
     pub(super) fn of(corners: [TilePosition; 3]) -> Self {
         let [a, b, c] = corners.map(|at| [at.col() as i32, at.row() as i32]);
-        let span = |i: usize| [a[i].min(b[i]).min(c[i]), a[i].max(b[i]).max(c[i])];
-        Self { cols: span(0), rows: span(1) }
+        let [cols, rows] = [0, 1]
+            .map(|axis| [a[axis].min(b[axis]).min(c[axis]), a[axis].max(b[axis]).max(c[axis])]);
+        Self { cols, rows }
     }
 
     #[inline]
     pub(super) fn touches(&self, other: &Self) -> bool {
-        let overlap = |a: [i32; 2], b: [i32; 2]| (a[0] <= b[1]) & (b[0] <= a[1]);
-        overlap(self.cols, other.cols) & overlap(self.rows, other.rows)
+        overlaps(self.cols, other.cols) & overlaps(self.rows, other.rows)
     }
 
     /// True when `other` is wholly inside.
     #[inline]
     pub(super) fn holds(&self, other: &Self) -> bool {
-        let covers = |a: [i32; 2], b: [i32; 2]| (a[0] <= b[0]) & (b[1] <= a[1]);
         covers(self.cols, other.cols) & covers(self.rows, other.rows)
     }
 
     /// The box around an edge.
     pub(super) fn along([a, b]: [Lattice; 2]) -> Self {
-        let span = |i: usize| [a[i].min(b[i]), a[i].max(b[i])];
-        Self { cols: span(0), rows: span(1) }
+        let [cols, rows] = [0, 1].map(|axis| [a[axis].min(b[axis]), a[axis].max(b[axis])]);
+        Self { cols, rows }
     }
 
     /// The box around two.
     pub(super) fn join(self, other: Self) -> Self {
-        let join = |a: [i32; 2], b: [i32; 2]| [a[0].min(b[0]), a[1].max(b[1])];
-        Self { cols: join(self.cols, other.cols), rows: join(self.rows, other.rows) }
+        let [cols, rows] = [(self.cols, other.cols), (self.rows, other.rows)]
+            .map(|(a, b)| [a[0].min(b[0]), a[1].max(b[1])]);
+        Self { cols, rows }
     }
 
     /// The same in positions moved by `cols` and `rows`.
     pub(super) fn moved(&self, cols: i32, rows: i32) -> Self {
         Self { cols: self.cols.map(|col| col + cols), rows: self.rows.map(|row| row + rows) }
     }
+}
+
+/// True when two closed intervals share a number.
+#[inline]
+fn overlaps(a: [i32; 2], b: [i32; 2]) -> bool {
+    // Without a branch: patches test all triangles of a tile.
+    (a[0] <= b[1]) & (b[0] <= a[1])
+}
+
+/// True when a closed interval contains another.
+#[inline]
+fn covers(outer: [i32; 2], inner: [i32; 2]) -> bool {
+    (outer[0] <= inner[0]) & (inner[1] <= outer[1])
 }
 
 /// Triangles at least this many cells away from the sides of their tile are its inner ones.
@@ -119,6 +133,6 @@ pub(super) fn all_bounds(layout: &TileLayout, tile: TileId) -> SampleBounds {
 }
 
 fn bounds_within(rect: Rect, margin: i32) -> SampleBounds {
-    let span = |count: u32| [margin, count as i32 - 1 - margin];
-    SampleBounds { cols: span(rect.width), rows: span(rect.height) }
+    let [cols, rows] = [rect.width, rect.height].map(|count| [margin, count as i32 - 1 - margin]);
+    SampleBounds { cols, rows }
 }

@@ -39,9 +39,10 @@ impl BreaklineFans {
     }
 
     /// Records triangles whose positions are relative to `origin`.
-    pub(super) fn see(&mut self, triangles: &[TileTriangle], (col, row): (u32, u32)) {
+    pub(super) fn add(&mut self, triangles: &[TileTriangle], origin: (u32, u32)) {
         let Some(rect) = self.rect else { return };
-        let shift = [i64::from(col) - i64::from(rect.col), i64::from(row) - i64::from(rect.row)];
+        let shift =
+            [i64::from(origin.0) - i64::from(rect.col), i64::from(origin.1) - i64::from(rect.row)];
         for triangle in triangles {
             let corners = triangle
                 .corners
@@ -118,8 +119,8 @@ mod tests {
         let found = |line: [[u32; 2]; 2]| {
             let mut joints = BreaklineFans::default();
             joints.begin(&Breaklines::of(vec![line]), tile);
-            joints.see(&[triangle([(0, 0), (4, 0), (0, 2)])], (10, 20));
-            joints.see(&[triangle([(12, 0), (12, 2), (8, 2)])], (2, 20));
+            joints.add(&[triangle([(0, 0), (4, 0), (0, 2)])], (10, 20));
+            joints.add(&[triangle([(12, 0), (12, 2), (8, 2)])], (2, 20));
             joints.apart()
         };
         for followed in [[[10, 20], [14, 20]], [[14, 20], [10, 22]], [[10, 22], [14, 22]]] {
@@ -133,7 +134,7 @@ mod tests {
         assert_eq!(found([[30, 20], [40, 29]]), MeshFlaws::default());
         let mut joints = BreaklineFans::default();
         joints.begin(&Breaklines::NONE, tile);
-        joints.see(&[triangle([(0, 0), (4, 0), (0, 2)])], (10, 20));
+        joints.add(&[triangle([(0, 0), (4, 0), (0, 2)])], (10, 20));
         assert_eq!(joints.apart(), MeshFlaws::default());
     }
 }

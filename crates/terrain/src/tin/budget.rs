@@ -132,9 +132,14 @@ impl ToleranceSearch {
         (count - self.least() as f64).max(1.0).ln()
     }
 
-    /// Distance of a count from the target.
+    /// Signed distance of a count from the target.
     fn miss(&self, count: f64) -> f64 {
         self.height(count) - self.height(self.budget as f64 * (1.0 - SLACK / 2.0))
+    }
+
+    /// Distance of a trial from the target.
+    fn distance(&self, trial: ToleranceTrial) -> f64 {
+        self.miss(trial.count as f64).abs()
     }
 
     /// The logarithm of the tolerance that a line through the two trials gives, followed from the first.
@@ -155,14 +160,11 @@ impl ToleranceSearch {
 
     /// A tolerance beyond all trials on one side, where the other is not known.
     fn beyond(&self, over: Option<ToleranceTrial>, fits: Option<ToleranceTrial>) -> f64 {
-        let is_usual =
-            |trial: &&ToleranceTrial| trial.tolerance > 0.0 && trial.tolerance < COARSEST;
-        let mut known: Vec<ToleranceTrial> = self.trials.iter().filter(is_usual).copied().collect();
-        known.sort_by(|a, b| {
-            let miss = |trial: &ToleranceTrial| self.miss(trial.count as f64).abs();
-            miss(a).total_cmp(&miss(b))
-        });
-        let wanted = match known[..] {
+        let usual =
+            self.trials.iter().filter(|trial| trial.tolerance > 0.0 && trial.tolerance < COARSEST);
+        let mut known: Vec<ToleranceTrial> = usual.copied().collect();
+        known.sort_by(|a, b| self.distance(*a).total_cmp(&self.distance(*b)));
+        let target = match known[..] {
             [] => return round_up(self.guess),
             [only] if self.leads_on(only) => return round_up(self.guess),
             // The count is taken to go with 1 / tolerance.
@@ -174,9 +176,9 @@ impl ToleranceSearch {
         let push = nudge.max(0.25 * (known.len() as f64 - 1.0).powi(2));
         let from = known[0].tolerance.ln();
         let next = match (over, fits) {
-            (Some(over), _) => wanted.min(from + step).max(over.tolerance.ln() + push),
-            (_, Some(fits)) => wanted.max(from - step).min(fits.tolerance.ln() - nudge),
-            _ => wanted,
+            (Some(over), _) => target.min(from + step).max(over.tolerance.ln() + push),
+            (_, Some(fits)) => target.max(from - step).min(fits.tolerance.ln() - nudge),
+            _ => target,
         };
         let next = next.exp();
         if next < self.guess * TINY { 0.0 } else { round_up(next) }
@@ -189,16 +191,14 @@ impl ToleranceSearch {
             return None;
         }
         let [low, high] = [over, fits].map(|trial| trial.tolerance.ln());
-        let nearer = |a: ToleranceTrial, b: ToleranceTrial| {
-            let miss = |trial: ToleranceTrial| self.miss(trial.count as f64).abs();
-            if miss(a) < miss(b) { [a, b] } else { [b, a] }
-        };
-        let [near, other] = nearer(over, fits);
+        let is_over_nearer = self.distance(over) < self.distance(fits);
+        let [near, other] = if is_over_nearer { [over, fits] } else { [fits, over] };
         let share = ((self.followed(near, other) - low) / (high - low)).clamp(0.03, 0.97);
         let first = if self.same_side > 1 { f64::midpoint(share, 0.5) } else { share };
         // Close to the one that fits, rounding up may give that one again: then the middle.
-        let at = |share: f64| round_up((low + (high - low) * share).exp());
-        [first, 0.5].map(at).into_iter().find(|&next| next < fits.tolerance)
+        let mut steps =
+            [first, 0.5].into_iter().map(|share| round_up((low + (high - low) * share).exp()));
+        steps.find(|&next| next < fits.tolerance)
     }
 }
 

@@ -71,7 +71,8 @@ pub fn build(
     let worker = job.worker(&features, layout.side());
     let shares = memory::divide(job.resources.memory, job.resources.threads, worker)
         .map_err(memory::or_smaller_tiles)?;
-    build_within((source, [None; 2], features), sink, job, shares, progress, cancel)
+    let input = BuildInput { source, clip: None, water: None, features };
+    build_within(input, sink, job, shares, progress, cancel)
 }
 
 /// As [`build`], from files, whose decoded blocks get a share of the memory.
@@ -88,18 +89,28 @@ pub fn build_files(
 ) -> Result<BuildOutcome> {
     job.goal.check()?;
     let features = job.refinement.features(options.water.as_ref(), job.resources)?;
-    let worker = |tile| job.worker(&features, tile);
-    let (source, shares) = open_tiled(input, options, job.tile, worker, job.resources)?;
-    let beside = [
-        options.clip.as_ref().map(|clip| clip.path()),
-        options.water.as_ref().map(|water| water.path()),
-    ];
-    let built = build_within((&*source, beside, features), sink, job, shares, progress, cancel);
+    let (source, shares) =
+        open_tiled(input, options, job.tile, |tile| job.worker(&features, tile), job.resources)?;
+    let opened = BuildInput {
+        source: &*source,
+        clip: options.clip.as_ref().map(|clip| clip.path()),
+        water: options.water.as_ref().map(|water| water.path()),
+        features,
+    };
+    let built = build_within(opened, sink, job, shares, progress, cancel);
     built.map_err(|error| in_input(error, input))
 }
 
+/// An opened grid, the files that were applied to it, and constraints.
+struct BuildInput<'a> {
+    source: &'a dyn GridSource,
+    clip: Option<&'a Path>,
+    water: Option<&'a Path>,
+    features: ConstraintFeatures,
+}
+
 fn build_within(
-    (source, [clip, water], features): (&dyn GridSource, [Option<&Path>; 2], ConstraintFeatures),
+    BuildInput { source, clip, water, features }: BuildInput<'_>,
     sink: Box<dyn MeshSink>,
     job: &BuildJob<'_>,
     shares: MemoryShares,
@@ -126,8 +137,9 @@ fn build_within(
     let outcome = run_stage("triangulate", source, sink, layout, &settings)?;
     let [clip, water] = [clip, water].map(|path| path.map(feature_files::label));
     let from = MeshOrigin { input: info.format, clip, water, refinement: job.refinement };
-    let flaws = |flaws| Some(FlawReport::of(flaws, &info.transform));
-    let shortfall = shortfall(flaws(outcome.thin), flaws(outcome.apart), job.refinement.min_angle);
+    let [thin, apart] =
+        [outcome.thin, outcome.apart].map(|flaws| Some(FlawReport::of(flaws, &info.transform)));
+    let shortfall = shortfall(thin, apart, job.refinement.min_angle);
     Ok(BuildOutcome {
         tolerance,
         outcome,

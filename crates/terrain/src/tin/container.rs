@@ -50,19 +50,18 @@ impl TileContainer {
         let origin = layout.origin(tile);
         let members = zone.seen_from(origin);
         let shift = PositionShift::new(origin, (zone.limits().col, zone.limits().row));
-        let is_left = |triangle: &TileTriangle| {
-            let is_member = members.contains(triangle);
-            if is_member {
-                out.push(shift.triangle(triangle));
-            }
-            !is_member
-        };
         // Inner triangles are searched only by the few patches that reach so far. All of them move over,
         // because the rest of the container tells near from inner by the list alone.
         if members.touches(&inner_bounds(layout, tile)) {
             self.triangles.append(&mut self.inner);
         }
-        self.triangles.retain(is_left);
+        self.triangles.retain(|triangle| {
+            let is_member = members.contains(triangle);
+            if is_member {
+                out.push(shift.triangle(triangle));
+            }
+            !is_member
+        });
     }
 
     /// True when a triangle of `zone` has too small an angle.
@@ -141,17 +140,16 @@ impl TileContainer {
 
     /// Inserts the vertices of the tile before those added by its neighbours, without duplicates.
     fn insert_sorted(&mut self, piece: MeshPiece<'_>, owned: OffsetFrame) {
-        let own = || {
-            let all = piece.vertices.iter().zip(piece.heights);
-            all.filter(|&(&at, _)| owned.contains(at))
-        };
+        let vertices = piece.vertices.iter().zip(piece.heights);
+        let of_tile = vertices.filter(|&(&at, _)| owned.contains(at));
         let loose = self.vertices.drain(..).zip(self.heights.drain(..));
         // A neighbour may have been triangulated first and have listed vertices of the shared rim here.
-        let is_new = |(at, _): &(TilePosition, f64)| piece.vertices.binary_search(at).is_err();
-        let loose: Vec<_> = loose.filter(is_new).collect();
-        self.sorted = own().count();
-        self.vertices.extend(own().map(|(&at, _)| at).chain(loose.iter().map(|&(at, _)| at)));
-        self.heights.extend(own().map(|(_, &z)| z).chain(loose.iter().map(|&(_, z)| z)));
+        let loose: Vec<_> =
+            loose.filter(|(at, _)| piece.vertices.binary_search(at).is_err()).collect();
+        self.sorted = of_tile.clone().count();
+        self.vertices
+            .extend(of_tile.clone().map(|(&at, _)| at).chain(loose.iter().map(|&(at, _)| at)));
+        self.heights.extend(of_tile.map(|(_, &z)| z).chain(loose.iter().map(|&(_, z)| z)));
     }
 
     /// Appends the vertices that are not among the tile's own, and updates those that are.

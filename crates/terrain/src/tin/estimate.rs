@@ -44,9 +44,23 @@ impl MeshSize {
     }
 
     fn times(self, share: f64) -> Self {
-        let times = |count: u64| (count as f64 * share) as u64;
-        Self { vertices: times(self.vertices), triangles: times(self.triangles) }
+        let [vertices, triangles] =
+            [self.vertices, self.triangles].map(|count| (count as f64 * share) as u64);
+        Self { vertices, triangles }
     }
+}
+
+/// A sampled tile.
+#[derive(Clone, Copy)]
+struct TileSize {
+    samples: u64,
+    size: MeshSize,
+}
+
+/// Buffers of a thread.
+struct EstimateBuffers {
+    window: HeightBuffers,
+    scratch: TileScratch,
 }
 
 /// Triangulates the same few tiles at any tolerance, each at once on one of several threads.
@@ -57,7 +71,7 @@ pub(super) struct SizeEstimator<'a> {
     cancel: &'a Cancel,
     tiles: Vec<TileId>,
     /// Results by tolerance: a search tries the same tolerances repeatedly.
-    known: HashMap<u64, Vec<(u64, MeshSize)>>,
+    known: HashMap<u64, Vec<TileSize>>,
     /// Highest minus lowest height.
     relief: Option<f64>,
 }
@@ -82,89 +96,93 @@ impl<'a> SizeEstimator<'a> {
         cancel: &'a Cancel,
     ) -> Result<Self> {
         let layout = layout.finer(FINE)?;
-        let [least, most] = FINE_TILES;
-        let tiles = banded(&layout, (layout.tiles() / FINE_ONE_IN).clamp(least, most));
+        let [min_tiles, max_tiles] = FINE_TILES;
+        let tiles = banded(&layout, (layout.tiles() / FINE_ONE_IN).clamp(min_tiles, max_tiles));
         Ok(Self { source, layout, threads, cancel, tiles, known: HashMap::new(), relief: None })
     }
 
     /// The estimated size of the whole mesh.
     pub(super) fn size(&mut self, spec: &TinSpec) -> Result<MeshSize> {
-        self.sizes(spec).map(|sizes| self.whole(&sizes))
+        self.sizes(spec).map(|sizes| self.extrapolate(&sizes))
     }
 
     /// The estimated size plus the standard error of the sampled tiles.
     pub(super) fn size_at_most(&mut self, spec: &TinSpec) -> Result<MeshSize> {
-        let sizes = self.sizes(spec)?;
-        let size = self.whole(&sizes);
-        let a_sample = size.vertices as f64 / self.layout.samples() as f64;
-        let off =
-            |(samples, own): &(u64, MeshSize)| own.vertices as f64 - a_sample * *samples as f64;
-        let squares: f64 = sizes.iter().map(|size| off(size).powi(2)).sum();
-        // None where every tile was looked at.
-        let unseen = 1.0 - sizes.len() as f64 / self.layout.tiles() as f64;
-        let found: u64 = sizes.iter().map(|(_, own)| own.vertices).sum();
-        Ok(size.times(MARGIN + (squares * unseen).sqrt() / found.max(1) as f64))
+        let tiles = self.sizes(spec)?;
+        let size = self.extrapolate(&tiles);
+        let density = size.vertices as f64 / self.layout.samples() as f64;
+        let residuals =
+            tiles.iter().map(|tile| tile.size.vertices as f64 - density * tile.samples as f64);
+        let square_sum: f64 = residuals.map(|residual| residual.powi(2)).sum();
+        // Correction for a finite population: no error remains if every tile was sampled.
+        let unseen = 1.0 - tiles.len() as f64 / self.layout.tiles() as f64;
+        let sampled: u64 = tiles.iter().map(|tile| tile.size.vertices).sum();
+        Ok(size.times(MARGIN + (square_sum * unseen).sqrt() / sampled.max(1) as f64))
     }
 
     /// Extrapolates the sizes of sampled tiles to the whole grid.
-    fn whole(&self, sizes: &[(u64, MeshSize)]) -> MeshSize {
-        let mut found = MeshSize::default();
-        for (_, own) in sizes {
-            found.vertices += own.vertices;
-            found.triangles += own.triangles;
+    fn extrapolate(&self, tiles: &[TileSize]) -> MeshSize {
+        let mut total = MeshSize::default();
+        for TileSize { size, .. } in tiles {
+            total.vertices += size.vertices;
+            total.triangles += size.triangles;
         }
-        let samples: u64 = sizes.iter().map(|(samples, _)| samples).sum();
-        found.times(self.layout.samples() as f64 / samples.max(1) as f64)
+        let samples: u64 = tiles.iter().map(|tile| tile.samples).sum();
+        total.times(self.layout.samples() as f64 / samples.max(1) as f64)
     }
 
-    fn sizes(&mut self, spec: &TinSpec) -> Result<Vec<(u64, MeshSize)>> {
+    fn sizes(&mut self, spec: &TinSpec) -> Result<Vec<TileSize>> {
         self.measure(spec, &[spec.tolerance])?;
         Ok(self.known.get(&spec.tolerance.to_bits()).cloned().unwrap_or_default())
     }
 
     /// Triangulates the tiles at tolerances without a result.
     fn measure(&mut self, spec: &TinSpec, tolerances: &[f64]) -> Result<()> {
-        let is_new = |tolerance: &&f64| !self.known.contains_key(&tolerance.to_bits());
-        let new: Vec<f64> = tolerances.iter().filter(is_new).copied().collect();
+        let new = tolerances.iter().filter(|t| !self.known.contains_key(&t.to_bits()));
+        let new: Vec<f64> = new.copied().collect();
         let (count, mut made) = (self.tiles.len() as u64, Vec::new());
-        let this = &*self;
-        let size = |state: &mut (HeightBuffers, TileScratch), unit: u64| {
-            let spec = TinSpec { tolerance: new[(unit / count) as usize], ..*spec };
-            this.size_of(this.tiles[(unit % count) as usize], &spec, state)
-        };
         let units = count * new.len() as u64;
         let threads = self.threads.min(usize::try_from(units).unwrap_or(usize::MAX));
-        let start = || this.state();
-        workers::in_order(threads, units, self.cancel, start, size, |size| {
-            made.push(size);
-            Ok(())
-        })?;
+        workers::in_order(
+            threads,
+            units,
+            self.cancel,
+            || self.buffers(),
+            |buffers, unit| {
+                let spec = TinSpec { tolerance: new[(unit / count) as usize], ..*spec };
+                self.size_of(self.tiles[(unit % count) as usize], &spec, buffers)
+            },
+            |size| {
+                made.push(size);
+                Ok(())
+            },
+        )?;
         for (tolerance, sizes) in new.iter().zip(made.chunks(count.max(1) as usize)) {
             self.known.insert(tolerance.to_bits(), sizes.to_vec());
         }
         Ok(())
     }
 
-    /// Buffers of a thread.
-    fn state(&self) -> (HeightBuffers, TileScratch) {
+    fn buffers(&self) -> EstimateBuffers {
         let mut scratch = TileScratch::default();
         scratch.stop_by(self.cancel);
-        (HeightBuffers::default(), scratch)
+        EstimateBuffers { window: HeightBuffers::default(), scratch }
     }
 
-    /// Samples of a tile, and the size of its mesh.
+    /// The size of the mesh of a tile.
     fn size_of(
         &self,
         tile: TileId,
         spec: &TinSpec,
-        state: &mut (HeightBuffers, TileScratch),
-    ) -> Result<(u64, MeshSize)> {
-        let mesh = self.triangulate(tile, spec, state)?;
+        buffers: &mut EstimateBuffers,
+    ) -> Result<TileSize> {
+        let mesh = self.triangulate(tile, spec, buffers)?;
         let owned = self.layout.owned(tile);
-        let is_owned =
-            |at: &&terrane_tin::TilePosition| at.col() < owned.width && at.row() < owned.height;
-        let vertices = mesh.vertices.iter().filter(is_owned).count() as u64;
-        Ok((owned.len() as u64, MeshSize { vertices, triangles: mesh.triangles.len() as u64 }))
+        let vertices = mesh.vertices.iter();
+        let vertices = vertices.filter(|at| at.col() < owned.width && at.row() < owned.height);
+        let size =
+            MeshSize { vertices: vertices.count() as u64, triangles: mesh.triangles.len() as u64 };
+        Ok(TileSize { samples: owned.len() as u64, size })
     }
 
     /// A tolerance at which `count` of the mesh's size is about `budget`; it is above 0. Estimates are
@@ -176,9 +194,11 @@ impl<'a> SizeEstimator<'a> {
         trial: Option<ToleranceTrial>,
         count: impl Fn(MeshSize) -> u64,
     ) -> Result<f64> {
-        let mut estimate = |tolerance| self.size(&TinSpec { tolerance, ..*spec }).map(&count);
         let factor = match trial {
-            Some(trial) => estimate(trial.tolerance)? as f64 / trial.count.max(1) as f64,
+            Some(ToleranceTrial { tolerance, count: actual }) => {
+                let estimated = count(self.size(&TinSpec { tolerance, ..*spec })?);
+                estimated as f64 / actual.max(1) as f64
+            }
             None => 1.0,
         };
         let budget = budget as f64 * factor;
@@ -218,12 +238,12 @@ impl<'a> SizeEstimator<'a> {
         &self,
         tile: TileId,
         spec: &TinSpec,
-        (window, scratch): &mut (HeightBuffers, TileScratch),
+        buffers: &mut EstimateBuffers,
     ) -> Result<TileMesh> {
         self.cancel.check()?;
-        window.read(self.source, self.layout.apron(tile))?;
-        let input = tile_input(&self.layout, tile, window.heights(), (&[], &[]));
-        let mesh = triangulate_tile(&input, spec, scratch);
+        buffers.window.read(self.source, self.layout.apron(tile))?;
+        let input = tile_input(&self.layout, tile, buffers.window.heights(), &[], &[]);
+        let mesh = triangulate_tile(&input, spec, &mut buffers.scratch);
         self.cancel.check()?;
         Ok(mesh)
     }
@@ -231,16 +251,20 @@ impl<'a> SizeEstimator<'a> {
 
 /// `count` tiles at the points of a rank-one lattice, which lie evenly in both directions.
 fn spread(layout: &TileLayout, count: u64) -> Vec<TileId> {
-    let place = |i: u64| {
+    let tiles = (0..count).map(|i| {
         let down = (i as f64 + 0.5) / count as f64;
         let across = (0.5 + i as f64 * GOLDEN).fract();
-        let pick = |share: f64, most: u32| ((share * f64::from(most)) as u32).min(most - 1);
-        TileId::new(pick(down, layout.rows), pick(across, layout.cols))
-    };
-    let mut tiles: Vec<TileId> = (0..count).map(place).collect();
+        TileId::new(at_share(down, layout.rows), at_share(across, layout.cols))
+    });
+    let mut tiles: Vec<TileId> = tiles.collect();
     tiles.sort();
     tiles.dedup();
     tiles
+}
+
+/// The index among `count` at a share of them.
+fn at_share(share: f64, count: u32) -> u32 {
+    ((share * f64::from(count)) as u32).min(count - 1)
 }
 
 /// `count` tiles, evenly in both directions, in as few rows of tiles as possible.
@@ -248,15 +272,18 @@ fn banded(layout: &TileLayout, count: u64) -> Vec<TileId> {
     let aspect = f64::from(layout.rows) / f64::from(layout.cols);
     let rows = (count as f64 * aspect).sqrt().ceil().clamp(1.0, f64::from(layout.rows)) as u64;
     let cols = count.div_ceil(rows).min(layout.cols.into());
-    let at = |i: u64, count: u64, all: u32, shift: f64| {
-        ((i as f64 + shift) * f64::from(all) / count as f64) as u32 % all
-    };
-    // Each band begins elsewhere, so that columns are not sampled in step with what repeats in them.
-    let shift = |row: u64| (0.5 + row as f64 * GOLDEN).fract();
-    let tile = |row, col| {
-        TileId::new(at(row, rows, layout.rows, 0.5), at(col, cols, layout.cols, shift(row)))
-    };
-    (0..rows).flat_map(|row| (0..cols).map(move |col| tile(row, col))).collect()
+    let bands = (0..rows).flat_map(|band| {
+        let row = evenly(band, rows, layout.rows, 0.5);
+        // Each band begins elsewhere, so that columns are not sampled in step with what repeats in them.
+        let shift = (0.5 + band as f64 * GOLDEN).fract();
+        (0..cols).map(move |i| TileId::new(row, evenly(i, cols, layout.cols, shift)))
+    });
+    bands.collect()
+}
+
+/// The `i`th of `count` indices below `end`, evenly spaced and shifted by a share of a step.
+fn evenly(i: u64, count: u64, end: u32, shift: f64) -> u32 {
+    ((i as f64 + shift) * f64::from(end) / count as f64) as u32 % end
 }
 
 #[cfg(test)]

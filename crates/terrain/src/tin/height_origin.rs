@@ -16,16 +16,21 @@ pub(super) fn height_origin(source: &dyn GridSource) -> Result<f64> {
     if info.exact_in_f32() {
         return Ok(0.0);
     }
-    let places =
-        |side: u32| (0..PROBES).map(move |i| (u64::from(side - 1) * i / (PROBES - 1)) as u32);
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-    for (row, col) in places(info.height).flat_map(|r| places(info.width).map(move |c| (r, c))) {
-        let mut height = [0.0];
-        source.read_f64(Rect::new(col, row, 1, 1), &mut height)?;
-        low = low.min(height[0]);
-        high = high.max(height[0]);
+    for row in probes(info.height) {
+        for col in probes(info.width) {
+            let mut height = [0.0];
+            source.read_f64(Rect::new(col, row, 1, 1), &mut height)?;
+            low = low.min(height[0]);
+            high = high.max(height[0]);
+        }
     }
     Ok(height_origin_of(low, high))
+}
+
+/// Indices of samples evenly along a side.
+fn probes(side: u32) -> impl Iterator<Item = u32> {
+    (0..PROBES).map(move |i| (u64::from(side - 1) * i / (PROBES - 1)) as u32)
 }
 
 /// A short number near heights from `low` to `high`, where they are so far from 0 that `f32` would move them; else 0.

@@ -148,8 +148,10 @@ impl Tin {
     /// ```
     pub fn from_parts(parts: TinParts) -> Result<Self> {
         let TinParts { vertices, triangles, tolerance, max_error, rmse, shortfall, header } = parts;
-        let is_vertex = |corner: &u32| (*corner as usize) < vertices.len();
-        if let Some(number) = triangles.iter().position(|t| !t.iter().all(is_vertex)) {
+        let wrong = triangles
+            .iter()
+            .position(|triangle| triangle.iter().any(|&id| id as usize >= vertices.len()));
+        if let Some(number) = wrong {
             return Err(Error::bad_input("a corner is not the index of a vertex")
                 .at(format_args!("triangle {number}")));
         }

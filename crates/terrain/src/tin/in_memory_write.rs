@@ -11,6 +11,15 @@ use terrane_mesh::{self as mesh, MeshBatch, MeshFormat, MeshHeader, MeshSink, Si
 /// Vertices or triangles handed to a sink at once.
 const BATCH: usize = 1 << 14;
 
+/// How a file stores a mesh.
+struct StoredHeights {
+    scale: StorageScale,
+    /// Height that stored heights are relative to.
+    origin: f64,
+    /// Error bound of the stored heights.
+    tolerance: f64,
+}
+
 impl Tin {
     /// Writes it into a new file, whole or not at all, in the format of its extension, and returns the size of
     /// the file in bytes. GLB, STL and 3MF have 32 bits for a height: where rounding takes heights beyond the
@@ -65,12 +74,12 @@ impl Tin {
     /// An unknown extension; a mesh beyond the limits of the format.
     pub fn tolerance_in(&self, path: impl AsRef<Path>) -> Result<f64> {
         let format = mesh::by_path(path.as_ref(), None)?;
-        self.placed_in(path.as_ref(), format).map(|(.., tolerance)| tolerance)
+        self.placed_in(path.as_ref(), format).map(|stored| stored.tolerance)
     }
 
     /// Header of a file.
     fn header_in(&self, path: &Path, format: &MeshFormat) -> Result<MeshHeader> {
-        let (placed, origin, tolerance) = self.placed_in(path, format)?;
+        let StoredHeights { scale: placed, origin, tolerance } = self.placed_in(path, format)?;
         let mut header = self.header.clone();
         let [x, y, _] = header.origin;
         header.origin = placed.origin([x, y, origin], header.bounds);
@@ -83,31 +92,33 @@ impl Tin {
         Ok(header)
     }
 
-    /// Placement in a file, origin of heights there, and error bound of the stored heights.
-    fn placed_in(&self, path: &Path, format: &MeshFormat) -> Result<(StorageScale, f64, f64)> {
+    /// How a file stores the mesh.
+    fn placed_in(&self, path: &Path, format: &MeshFormat) -> Result<StoredHeights> {
         let MeshHeader { crs, bounds: [low, high], promises, .. } = &self.header;
         let steps = [0, 1, 2].map(|axis| if axis < 2 { high[axis] - low[axis] } else { 1.0 });
-        let (placed, _) = LocalFrame::default()
+        let (scale, _) = LocalFrame::default()
             .place(crs, ([*low, *high], steps), format)
             .map_err(|error| error.in_file(path))?;
-        let heights = || self.vertices.iter().map(|[.., z]| *z);
-        let is_exact = |z: f64| f64::from(z as f32) == z;
-        if !format.single_precision || (placed.scale[2] == 1.0 && heights().all(is_exact)) {
-            return Ok((placed, 0.0, self.tolerance));
+        let heights = self.vertices.iter().map(|[.., z]| *z);
+        if !format.single_precision
+            || (scale.scale[2] == 1.0 && heights.clone().all(|z| f64::from(z as f32) == z))
+        {
+            return Ok(StoredHeights { scale, origin: 0.0, tolerance: self.tolerance });
         }
         let origin = height_origin_of(
-            heights().fold(f64::INFINITY, f64::min),
-            heights().fold(f64::NEG_INFINITY, f64::max),
+            heights.clone().fold(f64::INFINITY, f64::min),
+            heights.clone().fold(f64::NEG_INFINITY, f64::max),
         );
-        let rounding = HeightQuantization { origin, scale: placed.scale[2] };
-        let loss = heights().map(|z| (rounding.apply(z) - z).abs()).fold(0.0, f64::max);
+        let rounding = HeightQuantization { origin, scale: scale.scale[2] };
+        let loss = heights.map(|z| (rounding.apply(z) - z).abs()).fold(0.0, f64::max);
         if !loss.is_finite() {
             let message = format!("the heights are out of range for {}", format.name);
             return Err(Error::unsupported(message).in_file(path).remedy("write PLY or OBJ"));
         }
         // What is known of samples is not known of what lies between them.
         let error = if promises.bound.is_none() { self.max_error } else { self.tolerance };
-        Ok((placed, origin, self.tolerance.max((error + loss).next_up())))
+        let tolerance = self.tolerance.max((error + loss).next_up());
+        Ok(StoredHeights { scale, origin, tolerance })
     }
 
     fn push(&self, sink: &mut dyn MeshSink) -> Result<()> {
@@ -116,10 +127,9 @@ impl Tin {
             sink.push(MeshBatch { vertices, values: &[], triangles: &[], corners: &[] })?;
         }
         for triangles in self.triangles.chunks(BATCH) {
-            let place = |id: &u32| self.vertices[*id as usize];
-            let corners =
-                triangles.iter().filter(|_| wants_corners).map(|t| t.each_ref().map(place));
-            let corners: Vec<_> = corners.collect();
+            let by_position = triangles.iter().filter(|_| wants_corners);
+            let corners: Vec<_> =
+                by_position.map(|t| t.map(|id| self.vertices[id as usize])).collect();
             let triangles: Vec<_> = triangles.iter().map(|t| t.map(u64::from)).collect();
             sink.push(MeshBatch {
                 vertices: &[],

@@ -220,8 +220,7 @@ impl TileLayout {
         let (col, row) = self.origin(tile);
         let col = (seam != SeamKind::Horizontal).then_some(col + self.tile);
         let row = (seam != SeamKind::Vertical).then_some(row + self.tile);
-        let inside = |line: Option<u32>, first: u32| line.and_then(|line| line.checked_sub(first));
-        [inside(col, rect.col), inside(row, rect.row)]
+        [(col, rect.col), (row, rect.row)].map(|(line, first)| line?.checked_sub(first))
     }
 
     /// Which sides (left, right, above, below) of `rect` are ends of the grid.

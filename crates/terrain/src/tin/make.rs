@@ -104,8 +104,10 @@ impl OpenedTinJob {
         let format = mesh::by_path(&job.output, job.format.as_deref())?;
         let (source, shares) = open()?;
         source.info().check_cells().map_err(|error| in_input(error, &job.input))?;
-        let origin = || height_origin(&*source).map_err(|error| in_input(error, &job.input));
-        let height_origin = format.single_precision.then(origin).transpose()?;
+        let height_origin = match format.single_precision {
+            true => Some(height_origin(&*source).map_err(|error| in_input(error, &job.input))?),
+            false => None,
+        };
         let info = source.info();
         let frame = MeshFrame::new(info, job, format)?;
         let (placed, mut notes) =
@@ -172,10 +174,15 @@ fn open(
     options: &GridOpenOptions,
     features: &ConstraintFeatures,
 ) -> Result<memory::Opened> {
-    // To count what is held with each worker allows for a little more than there is.
-    let (held, follows) = (features.bytes(), features.has_lines());
-    let worker = |tile| held + job.refinement.worker_bytes(job.goal, tile, follows);
-    open_tiled(&job.input, options, job.tile, worker, &job.resources)
+    // All workers share the features. Counting them for each errs on the safe side.
+    let (feature_bytes, has_lines) = (features.bytes(), features.has_lines());
+    open_tiled(
+        &job.input,
+        options,
+        job.tile,
+        |tile| feature_bytes + job.refinement.worker_bytes(job.goal, tile, has_lines),
+        &job.resources,
+    )
 }
 
 /// How to open the input of `job`.
@@ -191,25 +198,25 @@ pub(super) fn open_tiled(
     worker: impl Fn(u32) -> u64,
     resources: &Resources,
 ) -> Result<memory::Opened> {
-    let open = |tile| {
-        let (source, shares) = memory::open(input, options, resources, worker(tile))?;
-        Ok((Box::new(NorthUpGrid::new(source)) as Box<dyn GridSource>, shares))
-    };
     let tile = checked_tile(tile)?;
-    open(tile)
-        .or_else(|error: Error| {
-            let too_large = |_: &Error| {
-                let source = memory::open_for_estimate(input, options).ok()?;
-                let GridInfo { width, height, .. } = *source.info();
-                TileLayout::new(width, height, tile).ok().map(|layout| layout.side())
-            };
-            let side = Some(&error).filter(|error| error.kind() == ErrorKind::Resource);
-            match side.and_then(too_large) {
-                Some(side) if side < tile => open(side),
+    let opened = match memory::open(input, options, resources, worker(tile)) {
+        Err(error) if error.kind() == ErrorKind::Resource => {
+            match side_on_grid(input, options, tile) {
+                Some(side) if side < tile => memory::open(input, options, resources, worker(side)),
                 _ => Err(error),
             }
-        })
-        .map_err(memory::or_smaller_tiles)
+        }
+        opened => opened,
+    };
+    let (source, shares) = opened.map_err(memory::or_smaller_tiles)?;
+    Ok((Box::new(NorthUpGrid::new(source)), shares))
+}
+
+/// The side of the tiles of a grid, which may be smaller than a tile; `None` if it cannot be opened.
+fn side_on_grid(input: &Inputs, options: &GridOpenOptions, tile: u32) -> Option<u32> {
+    let source = memory::open_for_estimate(input, options).ok()?;
+    let GridInfo { width, height, .. } = *source.info();
+    TileLayout::new(width, height, tile).ok().map(|layout| layout.side())
 }
 
 /// Errors about the content of the input name it.
@@ -297,9 +304,10 @@ impl TinMaker<'_> {
             return Ok(job.solid_base);
         };
         (header.bounds[0][2], header.bounds[1][2]) = (lowest, highest);
-        let below = |thickness: f64| lowest - thickness / opened.placed.scale[2];
         // The print is stored in millimetres.
-        let base = job.solid_base.or_else(|| job.base.map(below));
+        let base = job
+            .solid_base
+            .or_else(|| job.base.map(|thickness| lowest - thickness / opened.placed.scale[2]));
         match base.filter(|base| lowest <= *base) {
             Some(base) => Err(Error::usage(format!(
                 "the base of the solid, {base}, is not below the lowest height, {lowest}"
@@ -413,7 +421,7 @@ impl TinMaker<'_> {
         let layout = self.layout()?;
         let (job, info) = (self.job, self.opened.source.info());
         let surface = (outcome.valid - outcome.isolated).max(1) as f64;
-        let measured = |value: f64| job.measure.then_some(value);
+        let rmse = (outcome.square_sum / surface).sqrt();
         let water = self.opened.water.as_ref().and_then(|water| water.report());
         let rising = water.iter().flat_map(WaterReport::notes);
         let notes = self.opened.notes.iter().cloned().chain(self.opened.frame.crs.lost_in_wkt());
@@ -438,8 +446,8 @@ impl TinMaker<'_> {
             bound: job.refinement.bound,
             fit: job.refinement.fit_heights,
             min_angle: job.refinement.min_angle,
-            max_error: measured(outcome.max_error),
-            rmse: measured((outcome.square_sum / surface).sqrt()),
+            max_error: job.measure.then_some(outcome.max_error),
+            rmse: job.measure.then_some(rmse),
             samples: layout.samples(),
             valid_samples: outcome.valid,
             isolated_samples: outcome.isolated,
@@ -542,8 +550,8 @@ fn bottom_note(height: f64) -> String {
 fn origin([low, high]: [Point3; 2], height: f64) -> Point3 {
     let extent = (high[0] - low[0]).max(high[1] - low[1]);
     let unit = (extent / 8.0).log2().floor().exp2();
-    let round = |axis: usize| (f64::midpoint(low[axis], high[axis]) / unit).round() * unit;
-    [round(0), round(1), height]
+    let [x, y] = [0, 1].map(|axis| (f64::midpoint(low[axis], high[axis]) / unit).round() * unit);
+    [x, y, height]
 }
 
 #[cfg(test)]

@@ -9,16 +9,8 @@ pub struct TriangulationName;
 
 impl OptionCodec<TriangulationRule> for TriangulationName {
     const KIND: OptionKind = OptionKind::Choice(|| {
-        let about = |triangulation| match triangulation {
-            TriangulationRule::Delaunay => "Delaunay on the lattice of samples",
-            TriangulationRule::Split3 => "without edge flips; not for the method greedy",
-            TriangulationRule::DataDependent => {
-                "edges chosen by error: 20 to 33 % fewer vertices, about two times slower; other methods flip \
-                    edges that reduce the sum of maximum errors"
-            }
-        };
         TriangulationRule::ALL
-            .map(|own| ChoiceName { name: own.name(), about: about(own) })
+            .map(|rule| ChoiceName { name: rule.name(), about: about(rule) })
             .to_vec()
     });
 
@@ -31,6 +23,18 @@ impl OptionCodec<TriangulationRule> for TriangulationName {
     }
 }
 
+/// The help text of a triangulation.
+fn about(rule: TriangulationRule) -> &'static str {
+    match rule {
+        TriangulationRule::Delaunay => "Delaunay on the lattice of samples",
+        TriangulationRule::Split3 => "without edge flips; not for the method greedy",
+        TriangulationRule::DataDependent => {
+            "edges chosen by error: 20 to 33 % fewer vertices, about two times slower; other methods flip \
+                    edges that reduce the sum of maximum errors"
+        }
+    }
+}
+
 /// The name of a method that makes meshes of grids.
 pub struct MeshMethodName;
 
@@ -39,12 +43,13 @@ pub const GREEDY: &str = "greedy";
 
 impl OptionCodec<String> for MeshMethodName {
     const KIND: OptionKind = OptionKind::Choice(|| {
-        let own = ChoiceName {
+        let greedy = ChoiceName {
             name: GREEDY,
             about: "greedy insertion in tiles with shared borders, out of core",
         };
-        let others = METHODS.iter().map(|own| ChoiceName { name: own.name, about: own.about });
-        std::iter::once(own).chain(others).collect()
+        let others =
+            METHODS.iter().map(|method| ChoiceName { name: method.name, about: method.about });
+        std::iter::once(greedy).chain(others).collect()
     });
 
     fn parse(text: &str) -> Result<String, String> {
@@ -52,8 +57,8 @@ impl OptionCodec<String> for MeshMethodName {
         if text.eq_ignore_ascii_case(GREEDY) {
             return Ok(GREEDY.to_owned());
         }
-        let found = registry::named(METHODS, text);
-        found.map(|own| own.name.to_owned()).map_err(|error| error.to_string())
+        let method = registry::named(METHODS, text);
+        method.map(|method| method.name.to_owned()).map_err(|error| error.to_string())
     }
 
     fn json(value: &String) -> Json {

@@ -69,8 +69,9 @@ pub(super) fn positions(
     all.map(|(&at, &height)| position(at, height, origin, to_world)).collect()
 }
 
-fn position(at: TilePosition, height: f64, (col, row): (u32, u32), to_world: &Affine) -> Point3 {
-    let [x, y] = to_world.apply(f64::from(col + at.col()), f64::from(row + at.row()));
+fn position(at: TilePosition, height: f64, origin: (u32, u32), to_world: &Affine) -> Point3 {
+    let (col, row) = (origin.0 + at.col(), origin.1 + at.row());
+    let [x, y] = to_world.apply(f64::from(col), f64::from(row));
     [x, y, height]
 }
 
@@ -138,6 +139,13 @@ impl VertexRanks {
     }
 }
 
+/// A vertex by the tile among the four of a lookup, and its rank there.
+#[derive(Clone, Copy)]
+struct RankedVertex {
+    near: usize,
+    rank: usize,
+}
+
 /// The vertices that the triangles kept with one tile can use: its own, and those of the tiles on
 /// the right, below, and below right.
 #[derive(Default)]
@@ -175,24 +183,24 @@ impl VertexLookup {
         (triangles * (2 * size_of::<TileTriangle>() + size_of::<[u64; 3]>() + corners)) as u64
     }
 
-    /// The tile among the four that owns `at` (relative to the first), and its rank there.
-    fn find(&self, at: TilePosition) -> Option<(usize, usize)> {
+    /// The vertex at `at`, relative to the first tile.
+    fn find(&self, at: TilePosition) -> Option<RankedVertex> {
         let right = usize::from(at.col() >= self.owned.0);
         let below = usize::from(at.row() >= self.owned.1);
         let near = 2 * below + right;
         let there = if near == 0 { at } else { self.shift(near).apply(at) };
-        Some((near, self.near[near].rank(there)?))
+        Some(RankedVertex { near, rank: self.near[near].rank(there)? })
     }
 
     fn shift(&self, near: usize) -> PositionShift {
         PositionShift::new(self.origins[0], self.origins[near])
     }
 
-    fn id(&self, (near, rank): (usize, usize)) -> u64 {
-        self.near[near].first_id + rank as u64
+    fn id(&self, vertex: RankedVertex) -> u64 {
+        self.near[vertex.near].first_id + vertex.rank as u64
     }
 
-    fn position(&self, (near, rank): (usize, usize), to_world: &Affine) -> Point3 {
+    fn position(&self, RankedVertex { near, rank }: RankedVertex, to_world: &Affine) -> Point3 {
         let ranks = &self.near[near];
         position(ranks.vertices[rank], ranks.heights[rank], self.origins[near], to_world)
     }
@@ -213,10 +221,10 @@ impl VertexLookup {
         for triangle in &triangles {
             let [a, b, c] = triangle.corners;
             let corners = if flip { [a, c, b] } else { [a, b, c] };
-            let found = [self.find(corners[0])?, self.find(corners[1])?, self.find(corners[2])?];
-            faces.ids.push(found.map(|at| self.id(at)));
+            let vertices = [self.find(corners[0])?, self.find(corners[1])?, self.find(corners[2])?];
+            faces.ids.push(vertices.map(|vertex| self.id(vertex)));
             if with_corners {
-                faces.corners.push(found.map(|at| self.position(at, to_world)));
+                faces.corners.push(vertices.map(|vertex| self.position(vertex, to_world)));
             }
             faces.max_error = faces.max_error.max(triangle.max_error);
             // Added in the sorted order: a sum of floats depends on it, and the report must not depend on

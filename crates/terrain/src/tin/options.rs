@@ -177,8 +177,10 @@ impl TinOptions {
     /// # Errors
     /// Usage: bands and weights that do not fit together.
     pub fn shared(&self) -> Result<Option<MeshBands>> {
-        let bands = || MeshBands::new(&self.bands, &self.weights, self.grid.band);
-        (!self.bands.is_empty()).then(bands).transpose()
+        match self.bands.is_empty() {
+            true => Ok(None),
+            false => MeshBands::new(&self.bands, &self.weights, self.grid.band).map(Some),
+        }
     }
 
     /// The format to write. Fails if it does not support the options.
@@ -204,16 +206,8 @@ impl TinOptions {
 
     /// The height of the bottom of a solid.
     fn solid_base(&self) -> Result<Option<f64>> {
-        let height = |(key, value): &(String, String)| {
-            let wrong = |remedy: &str| {
-                Error::usage(format!("unknown or invalid ‹co› \"{key}={value}\"")).remedy(remedy)
-            };
-            match key.eq_ignore_ascii_case("SOLID_BASE") {
-                true => FiniteNumber::parse(value).map_err(|_| wrong("pass SOLID_BASE a number")),
-                false => Err(wrong("the only supported option is SOLID_BASE=HEIGHT")),
-            }
-        };
-        self.co.iter().map(height).next_back().transpose()
+        let mut heights = self.co.iter().map(|(key, value)| solid_base_height(key, value));
+        heights.next_back().transpose()
     }
 
     /// The job on some files.
@@ -221,11 +215,11 @@ impl TinOptions {
     /// # Errors
     /// Conflicting options, or options that the output format does not support.
     pub fn job(&self, inputs: &Inputs, output: &Path) -> Result<TinJob> {
-        let own = settled(self)?;
+        let settled = settled(self)?;
         Ok(TinJob {
-            transform: own.reprojection.transform(),
-            reading: own.grid,
-            refinement: own.refinement,
+            transform: settled.reprojection.transform(),
+            reading: settled.grid,
+            refinement: settled.refinement,
             format: Some(self.format(output)?.name.to_owned()),
             overwrite: self.file.replacing.overwrite,
             split: self.split,
@@ -237,6 +231,17 @@ impl TinOptions {
             ..TinJob::new(inputs.clone(), output, self.target.goal()?)
         })
     }
+}
+
+/// The height of a creation option `SOLID_BASE=HEIGHT`.
+fn solid_base_height(key: &str, value: &str) -> Result<f64> {
+    let height = match key.eq_ignore_ascii_case("SOLID_BASE") {
+        true => FiniteNumber::parse(value).map_err(|_| "pass SOLID_BASE a number"),
+        false => Err("the only supported option is SOLID_BASE=HEIGHT"),
+    };
+    height.map_err(|remedy| {
+        Error::usage(format!("unknown or invalid ‹co› \"{key}={value}\"")).remedy(remedy)
+    })
 }
 
 /// The error of an option that a method does not support.

@@ -54,24 +54,27 @@ impl MeshFrame {
         let [low, high] = self.bounds;
         let mut extent = PositionExtent::NONE;
         for at in (0..LATTICE * LATTICE).map(|i| [i % LATTICE, i / LATTICE]) {
-            let share = |axis: usize| f64::from(at[axis]) / f64::from(LATTICE - 1);
-            let place = |axis: usize| low[axis] + (high[axis] - low[axis]) * share(axis);
+            let position = [0, 1].map(|axis| {
+                let share = f64::from(at[axis]) / f64::from(LATTICE - 1);
+                low[axis] + (high[axis] - low[axis]) * share
+            });
             // What lies beyond the projection may be void.
-            if let Ok(position) = operation.position([place(0), place(1)]) {
+            if let Ok(position) = operation.position(position) {
                 extent.add(position);
             }
         }
         let [x0, y0, x1, y1] = extent
             .get()
             .map_or_else(|| operation.position([low[0], low[1]]).map(|[x, y]| [x, y, x, y]), Ok)?;
-        let shrink = |axis: usize, side: f64| match high[axis] - low[axis] {
-            own if own > 0.0 => self.steps[axis] * side / own,
+        let moved_sides = [x1 - x0, y1 - y0];
+        let [x_step, y_step] = [0, 1].map(|axis| match high[axis] - low[axis] {
+            side if side > 0.0 => self.steps[axis] * moved_sides[axis] / side,
             _ => self.steps[axis],
-        };
+        });
         Ok(Self {
             crs: operation.target().clone(),
             bounds: [[x0, y0, f64::NAN], [x1, y1, f64::NAN]],
-            steps: [shrink(0, x1 - x0), shrink(1, y1 - y0), 1.0],
+            steps: [x_step, y_step, 1.0],
             operation: Some(Arc::new(operation)),
         })
     }

@@ -39,15 +39,15 @@ impl PatchTriangles {
         along: u32,
     ) -> Self {
         let limits = layout.patch(seam, tile, layout.widest_reach());
-        let around = |line: Option<u32>, size: u32, reach: u32| match line {
-            Some(line) => [line as i32 - reach as i32, (line + reach) as i32],
-            None => [0, size as i32],
-        };
         let [col, row] = layout.seam_lines(seam, tile, limits);
-        let cols = |reach| around(col, limits.width, reach);
-        let rows = |reach| around(row, limits.height, reach);
-        let band = SampleBounds { cols: cols(reach), rows: rows(reach) };
-        let line = SampleBounds { cols: cols(0), rows: rows(along) };
+        let band = SampleBounds {
+            cols: around(col, limits.width, reach),
+            rows: around(row, limits.height, reach),
+        };
+        let line = SampleBounds {
+            cols: around(col, limits.width, 0),
+            rows: around(row, limits.height, along),
+        };
         Self { limits, bands: [band, if seam == SeamKind::Corner { line } else { band }] }
     }
 
@@ -62,6 +62,14 @@ impl PatchTriangles {
             PositionShift::new((self.limits.col, self.limits.row), origin);
         let bands = self.bands.map(|band| band.moved(cols, rows));
         PatchOfTile { limits: OffsetFrame::new(self.limits, origin), bands }
+    }
+}
+
+/// The range of positions at most `reach` from a seam line; all if there is none.
+fn around(line: Option<u32>, size: u32, reach: u32) -> [i32; 2] {
+    match line {
+        Some(line) => [line as i32 - reach as i32, (line + reach) as i32],
+        None => [0, size as i32],
     }
 }
 
@@ -118,13 +126,12 @@ impl PatchFrontier {
     /// The border of a patch whose positions are relative to `from`, in positions relative to `to`.
     pub(super) fn new(border: &[[TilePosition; 3]], from: (u32, u32), to: (u32, u32)) -> Self {
         let PositionShift { cols, rows } = PositionShift::new(from, to);
-        let place = |at: TilePosition| [at.col() as i32 + cols, at.row() as i32 + rows];
-        let turned = |corners: &[TilePosition; 3]| {
-            let [a, b, c] = corners.map(place);
+        let edges = border.iter().map(|corners| {
+            let [a, b, c] = corners.map(|at| [at.col() as i32 + cols, at.row() as i32 + rows]);
             // The triangle beyond runs through the shared edge in the other direction.
             ([b, a], c)
-        };
-        let mut edges: Vec<_> = border.iter().map(turned).collect();
+        });
+        let mut edges: Vec<_> = edges.collect();
         edges.sort_unstable();
         Self { found: vec![false; edges.len()], edges, is_open: false }
     }

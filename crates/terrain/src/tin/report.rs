@@ -124,8 +124,14 @@ pub struct FlawReport {
 
 impl FlawReport {
     pub(super) fn of(flaws: MeshFlaws, map: &Affine) -> Self {
-        let place = |[row, col]: [u32; 2]| map.apply(f64::from(col), f64::from(row));
-        Self { count: flaws.count, first: flaws.first.map(place) }
+        let first = flaws.first.map(|[row, col]| map.apply(f64::from(col), f64::from(row)));
+        Self { count: flaws.count, first }
+    }
+
+    /// The places as text, if there are any: `what` is there.
+    fn text(&self, what: &str, remedy: &str) -> Option<String> {
+        let ([x, y], count) = (self.first?, self.count);
+        Some(format!("{count} {what}, the first one at x {x}, y {y}; raise ‹tile›{remedy}"))
     }
 }
 
@@ -136,15 +142,10 @@ pub(super) fn shortfall(
     apart: Option<FlawReport>,
     min_angle: Option<f64>,
 ) -> Option<String> {
-    let told = |flaws: Option<FlawReport>, what: String, remedy: &str| {
-        let FlawReport { count, first } = flaws?;
-        let [x, y] = first?;
-        Some(format!("{count} {what}, the first one at x {x}, y {y}; raise ‹tile›{remedy}"))
-    };
-    let least = min_angle.unwrap_or_default();
-    let angle = format!("triangles have an angle below {least} degrees");
-    let lines = "vertices on breaklines have no edge along them".to_owned();
-    told(thin, angle, " or reduce ‹min_angle›").or_else(|| told(apart, lines, ""))
+    let min_angle = min_angle.unwrap_or_default();
+    let angle = format!("triangles have an angle below {min_angle} degrees");
+    let thin = thin.and_then(|flaws| flaws.text(&angle, " or reduce ‹min_angle›"));
+    thin.or_else(|| apart?.text("vertices on breaklines have no edge along them", ""))
 }
 
 impl TinReport {
@@ -209,14 +210,14 @@ impl StageClock {
 
     /// The report of all stages.
     pub(super) fn report(&self) -> Vec<StageReport> {
-        let stage = |i: usize| StageReport {
+        let rare = [PipelineStage::Reduce, PipelineStage::Load].map(|stage| stage as usize);
+        let used = (0..Self::NAMES.len()).filter(|i| !rare.contains(i) || self.samples[*i] > 0);
+        let stages = used.map(|i| StageReport {
             name: Self::NAMES[i].to_owned(),
             thread_seconds: self.spent[i].as_secs_f64(),
             samples: self.samples[i],
-        };
-        let rare = [PipelineStage::Reduce, PipelineStage::Load].map(|stage| stage as usize);
-        let is_used = |i: &usize| !rare.contains(i) || self.samples[*i] > 0;
-        (0..Self::NAMES.len()).filter(is_used).map(stage).collect()
+        });
+        stages.collect()
     }
 }
 

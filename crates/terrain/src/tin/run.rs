@@ -199,14 +199,15 @@ fn run_threads(
         let Some(writing) = writing else {
             return TinWorker::new(shared, TilePartOutlet { collector, writer: None }).run();
         };
-        let work = |sender| {
-            move || TinWorker::new(shared, TilePartOutlet { collector, writer: Some(sender) }).run()
-        };
-        let others: Vec<_> =
-            (1..threads).map_while(|_| spawn(scope, work(sender.clone()))).collect();
+        let others = (1..threads).map_while(|_| {
+            let outlet = TilePartOutlet { collector, writer: Some(sender.clone()) };
+            spawn(scope, move || TinWorker::new(shared, outlet).run())
+        });
+        let others: Vec<_> = others.collect();
         // The last sender moves into this thread's worker. The writer's loop ends only when no sender is
         // left, so one kept here would make the join below wait for ever.
-        let mut clock = work(sender)();
+        let outlet = TilePartOutlet { collector, writer: Some(sender) };
+        let mut clock = TinWorker::new(shared, outlet).run();
         for other in others {
             match other.join() {
                 Ok(theirs) => clock.merge(&theirs),

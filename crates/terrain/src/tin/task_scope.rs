@@ -89,8 +89,8 @@ impl LayoutWork {
     /// Number of samples its tiles own.
     pub(super) fn samples(&self) -> u64 {
         let [first, end] = self.rows();
-        let corner = |row| TileId::new(row, self.layout.cols - 1);
-        let [top, bottom] = [self.layout.owned(corner(first)), self.layout.owned(corner(end - 1))];
+        let [top, bottom] =
+            [first, end - 1].map(|row| self.layout.owned(TileId::new(row, self.layout.cols - 1)));
         u64::from(bottom.end_col()) * u64::from(bottom.end_row() - top.row)
     }
 

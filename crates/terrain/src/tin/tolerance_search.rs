@@ -6,7 +6,7 @@ use super::goal::TinGoal;
 use super::layout::TileLayout;
 use super::run::{TinOutcome, run_on};
 use super::settings::TinSettings;
-use terrane_base::error::{Error, Result};
+use terrane_base::error::Result;
 use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_raster::GridSource;
 use terrane_tin::TinSpec;
@@ -51,15 +51,21 @@ impl TinSeeker<'_> {
     }
 
     fn search(&self, budget: u64, counted: impl Fn(MeshSize) -> u64) -> Result<(f64, u32)> {
-        let count = |tolerance| self.count(tolerance, &counted);
-        let may_be_all = budget >= self.layout.samples() / 2;
-        let all = || Ok::<_, Error>(ToleranceTrial { tolerance: 0.0, count: count(0.0)? });
-        let known = may_be_all.then(all).transpose()?;
-        if known.is_some_and(|all| all.count <= budget) {
+        // Only a large budget may hold the mesh without error, which takes longest to count.
+        let exact = match budget >= self.layout.samples() / 2 {
+            true => Some(ToleranceTrial { tolerance: 0.0, count: self.count(0.0, &counted)? }),
+            false => None,
+        };
+        if exact.is_some_and(|exact| exact.count <= budget) {
             return Ok((0.0, 1));
         }
         let (mut estimator, spec) = (self.estimator(), self.spec(0.0));
-        search(budget, known, |trial| estimator.guess(&spec, budget, trial, &counted), count)
+        search(
+            budget,
+            exact,
+            |trial| estimator.guess(&spec, budget, trial, &counted),
+            |tolerance| self.count(tolerance, &counted),
+        )
     }
 
     /// The exact size of the mesh at a tolerance, by a run without output.

@@ -47,12 +47,11 @@ impl HeightBuffers {
     /// Fails where the output's rounding of heights alone would break the tolerance.
     pub(super) fn check_rounding(&self, spec: &TinSpec) -> Result<()> {
         let Some(stored) = spec.single_precision else { return Ok(()) };
-        let moved = |height: f64| (stored.apply(height) - height).abs();
         let heights = self.heights();
         let rounding = match (heights.f64, stored == HeightQuantization::about(0.0)) {
             (_, true) => self.rounding,
-            (Some(exact), _) => exact.iter().fold(0.0, |most, &z| moved(z).max(most)),
-            (None, _) => heights.f32.iter().fold(0.0, |most, &z| moved(z.into()).max(most)),
+            (Some(exact), _) => largest_change(stored, exact.iter().copied()),
+            (None, _) => largest_change(stored, heights.f32.iter().map(|&z| z.into())),
         };
         if rounding > spec.tolerance { Err(too_coarse(rounding, spec.tolerance)) } else { Ok(()) }
     }
@@ -60,17 +59,19 @@ impl HeightBuffers {
     /// Beyond [`MAX_HEIGHT`] differences of heights overflow; no terrain is there, but undeclared
     /// nodata often is.
     fn refuse_extremes(&mut self, rect: Rect) -> Result<()> {
-        let is_odd = |z: &f32| (*z < LAND[0]) | (*z > LAND[1]);
-        let any = |chunk: &[f32]| chunk.iter().fold(false, |any, z| any | is_odd(z));
         let samples = &self.f32[..rect.len()];
         self.range = None;
-        if !samples.chunks(1024).any(any) {
+        // Whole chunks without a branch, so that the search is vectorised.
+        let mut chunks = samples.chunks(1024);
+        let is_odd = chunks
+            .any(|chunk| chunk.iter().fold(false, |any, z| any | (*z < LAND[0]) | (*z > LAND[1])));
+        if !is_odd {
             return Ok(());
         }
         let none = [f32::INFINITY, f32::NEG_INFINITY];
         self.range = Some(samples.iter().fold(none, |[low, high], &z| [low.min(z), high.max(z)]));
-        let is_extreme = |z: &f32| z.abs() > MAX_HEIGHT;
-        let Some(index) = samples.iter().position(is_extreme) else { return Ok(()) };
+        let extreme = samples.iter().position(|z| z.abs() > MAX_HEIGHT);
+        let Some(index) = extreme else { return Ok(()) };
         let (row, col) = (index / rect.width as usize, index % rect.width as usize);
         let (row, col) = (row + rect.row as usize, col + rect.col as usize);
         let height = samples[index];
@@ -85,12 +86,11 @@ impl HeightBuffers {
     pub(super) fn suspects(&self, part: Rect, info: &GridInfo) -> Option<(f64, u64)> {
         let (rect, [lowest, _]) = (self.rect?, self.range?);
         let stored = looks_like_nodata(f64::from(lowest), info)?;
-        let is_lowest = |&&z: &&f32| z == lowest;
         let rows = part.row - rect.row..part.end_row() - rect.row;
         let cols = (part.col - rect.col) as usize..(part.end_col() - rect.col) as usize;
-        let row = |row: u32| &self.f32[row as usize * rect.width as usize..][cols.clone()];
-        let count = rows.map(|at| row(at).iter().filter(is_lowest).count() as u64).sum();
-        Some((stored, count))
+        let rows = rows.map(|row| &self.f32[row as usize * rect.width as usize..][cols.clone()]);
+        let count = rows.flatten().filter(|&&z| z == lowest).count();
+        Some((stored, count as u64))
     }
 
     /// The lowest and highest height of the last rectangle, if some are outside the usual range of land.
@@ -109,6 +109,11 @@ impl HeightBuffers {
             f64: exact,
         }
     }
+}
+
+/// The largest change of heights by rounding.
+fn largest_change(rounding: HeightQuantization, heights: impl Iterator<Item = f64>) -> f64 {
+    heights.fold(0.0, |max, height| (rounding.apply(height) - height).abs().max(max))
 }
 
 /// Grows a buffer to at least `samples`.

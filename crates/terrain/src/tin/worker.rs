@@ -24,7 +24,7 @@ use super::task::{TileStep, TileTask};
 use super::window::HeightBuffers;
 use super::writer::{TilePart, TilePartSink};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::{Point3, Rect, SampleSegment};
+use terrane_base::geom::{Point3, Rect};
 use terrane_engine::WorkSpan;
 use terrane_files::fault::{self, FaultPoint};
 use terrane_files::lock;
@@ -151,8 +151,7 @@ impl<'a> TinWorker<'a> {
         let ends = self.lines.iter().flat_map(|line| line.ends(rect.width, rect.height));
         self.kept.extend(ends);
         self.kept.sort_unstable();
-        let kept = (&self.kept[..], &self.lines[..]);
-        let input = tile_input(layout, tile, self.window.heights(), kept);
+        let input = tile_input(layout, tile, self.window.heights(), &self.kept, &self.lines);
         let input = TileInput { spacing: self.spacing(), ..input };
         let mesh = (self.job.kernel.tile)(&input, &self.job.settings.spec, &mut self.scratch);
         self.job.settings.cancel.check()?;
@@ -247,8 +246,11 @@ impl<'a> TinWorker<'a> {
         let widest = PatchTriangles::new(layout, seam, tile, layout.widest_reach(), along);
         let mut is_thin = patch.thin > 0;
         for tile in layout.keepers(widest.limits()) {
-            let look = |kept: &mut TileContainer| kept.is_thin_in(&widest, tile, layout, &bound);
-            is_thin = is_thin || self.job.store.with(tile, look)?;
+            is_thin = is_thin
+                || self
+                    .job
+                    .store
+                    .with(tile, |kept| kept.is_thin_in(&widest, tile, layout, &bound))?;
         }
         Ok(is_thin)
     }
@@ -409,12 +411,12 @@ impl<'a> TinWorker<'a> {
             let origin = layout.origin(near);
             job.store.with(near, |kept| {
                 self.marks.mark(&kept.triangles, origin);
-                self.joints.see(&kept.triangles, origin);
+                self.joints.add(&kept.triangles, origin);
             })?;
         }
         let points = job.store.with(tile, |kept| {
             self.marks.mark(&kept.inner, layout.origin(tile));
-            self.joints.see(&kept.inner, layout.origin(tile));
+            self.joints.add(&kept.inner, layout.origin(tile));
             kept.settle(|at| self.marks.contains(at));
             positions(kept, layout.origin(tile), &job.source.info().transform)
         })?;
@@ -445,8 +447,7 @@ impl<'a> TinWorker<'a> {
         let job = self.job;
         for (near, ranks) in self.lookup.begin(&job.layout, tile) {
             let owned = job.layout.owned(near);
-            let fill = |kept: &mut TileContainer, id| ranks.fill(kept, owned, id, job.with_corners);
-            job.store.with_ids(near, fill)?;
+            job.store.with_ids(near, |kept, id| ranks.fill(kept, owned, id, job.with_corners))?;
         }
         let triangles = job.store.with(tile, TileContainer::take_triangles)?;
         lock(&job.tally)
@@ -502,10 +503,12 @@ impl<'a> TinWorker<'a> {
     fn list_lines(&mut self, rect: Rect) {
         let origin = [rect.col, rect.row].map(i64::from);
         let near = self.job.settings.kept.lines().paths().near(rect);
-        let stretch =
-            |line: SampleSegment| PathStretch::of(line.seen_from(origin), rect.width, rect.height);
         self.lines.clear();
-        self.lines.extend(near.filter_map(stretch));
+        self.lines.extend(
+            near.filter_map(|line| {
+                PathStretch::of(line.seen_from(origin), rect.width, rect.height)
+            }),
+        );
     }
 
     fn read(&mut self, rect: Rect) -> Result<()> {
@@ -548,7 +551,8 @@ pub(super) fn tile_input<'a>(
     layout: &TileLayout,
     tile: TileId,
     heights: HeightWindow<'a>,
-    (kept, lines): (&'a [TilePosition], &'a [PathStretch]),
+    kept: &'a [TilePosition],
+    lines: &'a [PathStretch],
 ) -> TileInput<'a> {
     let (rect, apron) = (layout.rect(tile), layout.apron(tile));
     TileInput {

@@ -77,11 +77,9 @@ pub(super) fn of(
         (None, Some(cell)) => {
             let [x0, y0, x1, y1] = outline.whole()?;
             // A hair inward: an extent on the lattice, rounded, would get a row of cells without samples.
-            let low = |at: f64, cell: f64| (at / cell + HAIR).floor() * cell;
-            let high = |at: f64, cell: f64| (at / cell - HAIR).ceil() * cell;
-            let snapped =
-                [low(x0, cell[0]), low(y0, cell[1]), high(x1, cell[0]), high(y1, cell[1])];
-            covering(snapped, cell)
+            let [x0, y0] = [x0 / cell[0], y0 / cell[1]].map(|at| (at + HAIR).floor());
+            let [x1, y1] = [x1 / cell[0], y1 / cell[1]].map(|at| (at - HAIR).ceil());
+            covering([x0 * cell[0], y0 * cell[1], x1 * cell[0], y1 * cell[1]], cell)
         }
     }
 }
@@ -89,24 +87,34 @@ pub(super) fn of(
 /// Columns and rows of the grid for each of the lattice, at the centre of the lattice or, if that is far from
 /// the grid, at the centre of the grid.
 pub(super) fn scale(lattice: &TargetGrid, grid: &GridInfo, way: &CrsTransform) -> Result<[f64; 2]> {
-    let back = |at: [f64; 2]| {
-        let [x, y] = lattice.transform.apply(at[0], at[1]);
-        way.back([x, y]).map(|[x, y]| grid.transform.invert(x, y))
-    };
-    let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
-    if let Some(by) = slopes(back, [lattice.width, lattice.height].map(middle)) {
-        return Ok([by[0][0].hypot(by[1][0]), by[0][1].hypot(by[1][1])]);
+    let backward = slopes(
+        |[col, row]| {
+            let position = lattice.transform.apply(col, row);
+            way.back(position).map(|[x, y]| grid.transform.invert(x, y))
+        },
+        centre(lattice.width, lattice.height),
+    );
+    if let Some([a, b]) = backward {
+        return Ok([a[0].hypot(b[0]), a[1].hypot(b[1])]);
     }
-    let there = |at: [f64; 2]| {
-        let [x, y] = way.there(grid.transform.apply(at[0], at[1])).ok()?;
-        Some(lattice.transform.invert(x, y))
-    };
-    // Where the middle of the target has no place in the grid's system, by the inverse of the way there.
-    let Some([a, b]) = slopes(there, [grid.width, grid.height].map(middle)) else {
+    // The centre of the target may have no position in the CRS of the grid: then by the inverse of the way there.
+    let forward = slopes(
+        |[col, row]| {
+            let [x, y] = way.there(grid.transform.apply(col, row)).ok()?;
+            Some(lattice.transform.invert(x, y))
+        },
+        centre(grid.width, grid.height),
+    );
+    let Some([a, b]) = forward else {
         return Err(placeless().remedy("clip the grid with ‹bounds›"));
     };
-    let whole = (a[0] * b[1] - a[1] * b[0]).abs();
-    Ok([b[1].hypot(b[0]) / whole, a[1].hypot(a[0]) / whole])
+    let determinant = (a[0] * b[1] - a[1] * b[0]).abs();
+    Ok([b[1].hypot(b[0]) / determinant, a[1].hypot(a[0]) / determinant])
+}
+
+/// The position of the centre of a grid among its samples.
+fn centre(width: u32, height: u32) -> [f64; 2] {
+    [width, height].map(|samples| (f64::from(samples) - 1.0) / 2.0)
 }
 
 fn placeless() -> Error {
@@ -118,12 +126,12 @@ fn slopes(
     map: impl Fn([f64; 2]) -> Option<[f64; 2]>,
     [col, row]: [f64; 2],
 ) -> Option<[[f64; 2]; 2]> {
-    let along = |step: [f64; 2]| {
+    let [by_col, by_row] = [[0.5, 0.0], [0.0, 0.5]].map(|step| {
         let [a, b] = [map([col - step[0], row - step[1]])?, map([col + step[0], row + step[1]])?];
         let by = [b[0] - a[0], b[1] - a[1]];
         by.iter().all(|by| by.is_finite()).then_some(by)
-    };
-    Some([along([0.5, 0.0])?, along([0.0, 0.5])?])
+    });
+    Some([by_col?, by_row?])
 }
 
 /// The cell size at the centre of the grid.
@@ -132,15 +140,11 @@ fn natural(grid: &GridInfo, way: &CrsTransform) -> Result<[f64; 2]> {
     if way.is_none() && map.b == 0.0 && map.d == 0.0 {
         return Ok([map.a.abs(), map.e.abs()]);
     }
-    let middle = |side: u32| (f64::from(side) - 1.0) / 2.0;
-    let there = |at: [f64; 2]| {
-        let [x, y] = map.apply(at[0], at[1]);
-        way.there([x, y]).ok()
-    };
-    let side = slopes(there, [middle(grid.width), middle(grid.height)])
-        // A square of the area of a cell there: about as many samples as the grid has.
-        .map(|[a, b]| (a[0] * b[1] - a[1] * b[0]).abs().sqrt())
-        .filter(|side| *side > 0.0 && side.is_finite());
+    let side =
+        slopes(|[col, row]| way.there(map.apply(col, row)).ok(), centre(grid.width, grid.height))
+            // A square of the area of a cell there: about as many samples as the grid has.
+            .map(|[a, b]| (a[0] * b[1] - a[1] * b[0]).abs().sqrt())
+            .filter(|side| *side > 0.0 && side.is_finite());
     side.map(|side| [side; 2])
         .ok_or_else(|| placeless().remedy("pass the cell size with ‹resolution›"))
 }

@@ -50,15 +50,19 @@ fn measured_avx2(triangle: &MeasuredTriangle<'_>) -> (f32, f32) {
 /// Edges as bounds without a branch: an edge that does not bound a side is moved to infinity there.
 #[inline(always)]
 fn bounds(edges: &RowBounds, shrink: f64) -> [[f64; 3]; 4] {
-    let pick = |side: EdgeSide, far: f64| -> ([f64; 3], [f64; 3]) {
-        let is = |edge: usize| edges.sides[edge] == side;
-        let offset = |edge| if is(edge) { edges.offsets[edge] * shrink } else { far };
-        let slope = |edge| if is(edge) { edges.slopes[edge] } else { 0.0 };
-        (std::array::from_fn(offset), std::array::from_fn(slope))
-    };
-    let (left, left_slopes) = pick(EdgeSide::Left, f64::NEG_INFINITY);
-    let (right, right_slopes) = pick(EdgeSide::Right, f64::INFINITY);
+    let [left, left_slopes] = side_bounds(edges, EdgeSide::Left, f64::NEG_INFINITY, shrink);
+    let [right, right_slopes] = side_bounds(edges, EdgeSide::Right, f64::INFINITY, shrink);
     [left, left_slopes, right, right_slopes]
+}
+
+/// Offsets and slopes of the edges on one side of a row; the others are moved to `far`.
+#[inline(always)]
+fn side_bounds(edges: &RowBounds, side: EdgeSide, far: f64, shrink: f64) -> [[f64; 3]; 2] {
+    let is_bound = edges.sides.map(|other| other == side);
+    [
+        std::array::from_fn(|i| if is_bound[i] { edges.offsets[i] * shrink } else { far }),
+        std::array::from_fn(|i| if is_bound[i] { edges.slopes[i] } else { 0.0 }),
+    ]
 }
 
 /// A row's offset into the level's heights plus its first column, and whether the run of lanes

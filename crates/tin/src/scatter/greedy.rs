@@ -116,9 +116,10 @@ impl<'a> InsertUntilWithin<'a> {
         self.heads.resize(self.mesh.triangles().len(), NONE);
         self.worst.resize(self.mesh.triangles().len(), ScatterCandidate::NOBODY);
         self.fan.turn_to(self.mesh, point);
-        let take = |&triangle: &u32| std::mem::replace(&mut self.heads[triangle as usize], NONE);
-        let lists: Vec<u32> = self.mesh.removed().iter().map(take).collect();
-        for mut number in lists {
+        let removed = self.mesh.removed().iter();
+        let lists = removed.map(|&id| std::mem::replace(&mut self.heads[id as usize], NONE));
+        // All are taken first: new triangles use the numbers of removed ones.
+        for mut number in lists.collect::<Vec<u32>>() {
             while number != NONE {
                 let next = self.nexts[number as usize];
                 let point = self.points[number as usize];

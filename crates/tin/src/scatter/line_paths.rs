@@ -44,6 +44,16 @@ impl ClippedSegment {
     fn site(&self, step: u64) -> Site {
         self.segment.at(step).map(|steps| steps as i32)
     }
+
+    /// The first and the last position in the rectangle.
+    fn ends(&self) -> [[i64; 2]; 2] {
+        [self.from, self.to].map(|step| self.segment.at(step))
+    }
+
+    /// The ends of the whole segment.
+    fn segment_ends(&self) -> [[i64; 2]; 2] {
+        [0, self.segment.steps()].map(|step| self.segment.at(step))
+    }
 }
 
 /// The path parts of a rectangle, with a spatial index.
@@ -85,11 +95,9 @@ impl ClippedSegments {
     /// Indexes a list of parts. Bins divide their common bounding box, so that few parts share one however close they
     /// are.
     pub fn new(all: Vec<ClippedSegment>) -> Self {
-        let ends =
-            |course: &ClippedSegment| [course.from, course.to].map(|step| course.segment.at(step));
-        let first = all.first().map_or([0; 2], |course| ends(course)[0]);
+        let first = all.first().map_or([0; 2], |course| course.ends()[0]);
         let (mut low, mut high) = (first, first);
-        for end in all.iter().flat_map(ends) {
+        for end in all.iter().flat_map(ClippedSegment::ends) {
             for axis in 0..2 {
                 low[axis] = low[axis].min(end[axis]);
                 high[axis] = high[axis].max(end[axis]);
@@ -106,8 +114,8 @@ impl ClippedSegments {
         }
         places.sort_unstable();
         let bins = (counts[0] * counts[1]) as u32;
-        let start = |bin: u32| places.partition_point(|&(other, _)| other < bin) as u32;
-        courses.starts = (0..=bins).map(start).collect();
+        let starts = (0..=bins).map(|bin| places.partition_point(|&(other, _)| other < bin) as u32);
+        courses.starts = starts.collect();
         courses.listed = places.into_iter().map(|(_, number)| number).collect();
         courses
     }
@@ -123,8 +131,7 @@ impl ClippedSegments {
 
     /// The bins that a part passes, row by row.
     fn each_bin(&self, course: &ClippedSegment, mut each: impl FnMut(u32)) {
-        let [first, last] =
-            [course.from, course.to].map(|step| self.bin_of(course.segment.at(step)));
+        let [first, last] = course.ends().map(|end| self.bin_of(end));
         let (west, east) = (first[0].min(last[0]), first[0].max(last[0]));
         for row in first[1].min(last[1])..=first[1].max(last[1]) {
             let south = self.low[1] + row * self.side;
@@ -236,15 +243,23 @@ fn triangles(mesh: &ScatterMesh) -> Vec<u32> {
 
 /// The triangles around a vertex, each with the index of the vertex in it.
 fn around(mesh: &ScatterMesh, first: u32, vertex: u32) -> impl Iterator<Item = (u32, usize)> + '_ {
-    let place = move |triangle: u32| {
-        let corners = mesh.triangles()[triangle as usize].corners;
-        (triangle, corners.iter().position(|&corner| corner == vertex).unwrap_or(0))
-    };
-    let turn = move |&(triangle, k): &(u32, usize)| {
+    let triangles = std::iter::successors(Some(first), move |&triangle| {
+        let k = corner_index(mesh, triangle, vertex);
         let next = mesh.triangles()[triangle as usize].twins[(k + 1) % 3];
-        (next != first).then(|| place(next))
-    };
-    std::iter::successors(Some(place(first)), turn)
+        (next != first).then_some(next)
+    });
+    triangles.map(move |triangle| (triangle, corner_index(mesh, triangle, vertex)))
+}
+
+/// The index of a vertex in a triangle.
+fn corner_index(mesh: &ScatterMesh, triangle: u32, vertex: u32) -> usize {
+    let corners = mesh.triangles()[triangle as usize].corners;
+    corners.iter().position(|&corner| corner == vertex).unwrap_or(0)
+}
+
+/// Position of a vertex; `None` for that of ghosts.
+fn site(mesh: &ScatterMesh, vertex: u32) -> Option<Site> {
+    mesh.points().get(vertex as usize).map(|p| [p.x, p.y])
 }
 
 fn goes_on(
@@ -255,8 +270,8 @@ fn goes_on(
 ) -> bool {
     let mut all = around(mesh, triangles[stop.vertex as usize], stop.vertex);
     all.any(|(triangle, k)| {
-        let beside = mesh.triangles()[triangle as usize].corners[(k + 1) % 3];
-        let at = mesh.points().get(beside as usize).map(|p| [i64::from(p.x), i64::from(p.y)]);
+        let neighbour = mesh.triangles()[triangle as usize].corners[(k + 1) % 3];
+        let at = site(mesh, neighbour).map(|at| at.map(i64::from));
         let step = at.and_then(|at| course.segment.step_of(at));
         step.is_some_and(|step| step > stop.step && step <= course.last)
     })
@@ -271,35 +286,35 @@ fn aim(
     next: u64,
 ) -> u64 {
     let (a, b) = (course.site(stop.step), course.site(next));
-    let [first, last] = [0, course.segment.steps()].map(|step| course.segment.at(step));
+    let [first, last] = course.segment_ends();
     let [dx, dy] = [0, 1].map(|axis| (last[axis] - first[axis]) as f64);
     let steps_by_length = course.segment.steps() as f64 / (dx * dx + dy * dy).sqrt();
-    let steps = |far: f64| (far * steps_by_length).round() as u64;
-    let inner = |step: u64| step.clamp(stop.step + 1, (next - 1).max(stop.step + 1));
-    match in_the_way(mesh, triangles[stop.vertex as usize], stop.vertex, [a, b]) {
-        Some([from_a, from_b]) if from_a <= from_b => {
-            inner(stop.step.saturating_add(steps(from_a)))
+    let distances = in_the_way(mesh, triangles[stop.vertex as usize], stop.vertex, [a, b]);
+    let steps = distances.map(|from| from.map(|far| (far * steps_by_length).round() as u64));
+    let step = match (distances, steps) {
+        (Some([from_a, from_b]), Some([steps_a, _])) if from_a <= from_b => {
+            stop.step.saturating_add(steps_a)
         }
-        Some([_, from_b]) => inner(next.saturating_sub(steps(from_b))),
-        None => inner(stop.step.midpoint(next)),
-    }
+        (_, Some([_, steps_b])) => next.saturating_sub(steps_b),
+        _ => stop.step.midpoint(next),
+    };
+    step.clamp(stop.step + 1, (next - 1).max(stop.step + 1))
 }
 
 /// Distances, from both ends of a missing edge, of the vertex with the widest angle to the edge, among all triangles
 /// that the edge would cross; `None` if the angle is at most a right angle.
 fn in_the_way(mesh: &ScatterMesh, first: u32, vertex: u32, [a, b]: [Site; 2]) -> Option<[f64; 2]> {
     let mut widest = WidestAngleVertex { ends: [a, b], cosine: 0.0, far: None };
-    let site = |v: u32| mesh.points().get(v as usize).map(|p| [p.x, p.y]);
     let begin = around(mesh, first, vertex).find_map(|(triangle, k)| {
         let corners = mesh.triangles()[triangle as usize].corners;
         let [p, q] = [corners[(k + 1) % 3], corners[(k + 2) % 3]];
-        let (at_p, at_q) = (site(p)?, site(q)?);
+        let (at_p, at_q) = (site(mesh, p)?, site(mesh, q)?);
         let is_between = orient(a, at_p, b) >= 0 && orient(a, at_q, b) < 0;
         is_between.then_some((triangle, p, q))
     });
     let (mut triangle, mut right, mut left) = begin?;
-    widest.see(site(right)?);
-    widest.see(site(left)?);
+    widest.add(site(mesh, right)?);
+    widest.add(site(mesh, left)?);
     // No way through a triangulation passes more triangles than there are.
     for _ in 0..mesh.triangles().len() {
         let corners = mesh.triangles()[triangle as usize].corners;
@@ -307,8 +322,8 @@ fn in_the_way(mesh: &ScatterMesh, first: u32, vertex: u32, [a, b]: [Site; 2]) ->
         triangle = mesh.triangles()[triangle as usize].twins[apex];
         let corners = mesh.triangles()[triangle as usize].corners;
         let across = corners.into_iter().find(|&v| v != right && v != left)?;
-        let Some(at) = site(across).filter(|&at| at != b) else { break };
-        widest.see(at);
+        let Some(at) = site(mesh, across).filter(|&at| at != b) else { break };
+        widest.add(at);
         match orient(a, b, at) {
             0 => break,
             side if side > 0 => left = across,
@@ -326,7 +341,7 @@ struct WidestAngleVertex {
 }
 
 impl WidestAngleVertex {
-    fn see(&mut self, at: Site) {
+    fn add(&mut self, at: Site) {
         let [a, b] = self.ends.map(|end| [0, 1].map(|i| f64::from(end[i]) - f64::from(at[i])));
         let far = [a, b].map(|[x, y]| (x * x + y * y).sqrt());
         let cosine = (a[0] * b[0] + a[1] * b[1]) / (far[0] * far[1]);
@@ -336,15 +351,15 @@ impl WidestAngleVertex {
     }
 }
 
+/// Twice the signed area of a triangle.
+fn turn(a: [i64; 2], b: [i64; 2], c: [i64; 2]) -> i128 {
+    let [u, v] = [b, c].map(|p| [0, 1].map(|axis| i128::from(p[axis] - a[axis])));
+    u[0] * v[1] - u[1] * v[0]
+}
+
 /// A position on both paths near the intersection of their straight lines.
 fn crossing(a: &ClippedSegment, b: &ClippedSegment) -> Option<Site> {
-    let ends =
-        |course: &ClippedSegment| [0, course.segment.steps()].map(|step| course.segment.at(step));
-    let ([p, q], [r, s]) = (ends(a), ends(b));
-    let turn = |o: [i64; 2], u: [i64; 2], v: [i64; 2]| {
-        let d = |p: i64, q: i64| i128::from(p - q);
-        d(u[0], o[0]) * d(v[1], o[1]) - d(u[1], o[1]) * d(v[0], o[0])
-    };
+    let ([p, q], [r, s]) = (a.segment_ends(), b.segment_ends());
     let sides = [turn(r, s, p), turn(r, s, q), turn(p, q, r), turn(p, q, s)].map(i128::signum);
     if sides[0] * sides[1] >= 0 || sides[2] * sides[3] >= 0 {
         return None;

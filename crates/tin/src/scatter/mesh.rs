@@ -71,8 +71,11 @@ impl ScatterMesh {
             _ => vec![corners[0], corners[2], corners[1]],
         };
         let inner = ScatterTriangle { corners: [0, 1, 2], twins: [1, 2, 3] };
-        let ghost = |from, to, twins| ScatterTriangle { corners: [from, to, GHOST], twins };
-        let ghosts = [ghost(2, 1, [3, 2, 0]), ghost(0, 2, [1, 3, 0]), ghost(1, 0, [2, 1, 0])];
+        let ghosts = [
+            ScatterTriangle { corners: [2, 1, GHOST], twins: [3, 2, 0] },
+            ScatterTriangle { corners: [0, 2, GHOST], twins: [1, 3, 0] },
+            ScatterTriangle { corners: [1, 0, GHOST], twins: [2, 1, 0] },
+        ];
         Some(Self {
             points,
             triangles: [inner].into_iter().chain(ghosts).collect(),
@@ -138,10 +141,9 @@ impl ScatterMesh {
             if let Some(k) = points.iter().position(|&v| at(v) == at(point)) {
                 return PointLocation::Vertex(corners[k]);
             }
-            let beyond = |&k: &usize| {
-                orient(at(points[(k + 1) % 3]), at(points[(k + 2) % 3]), at(point)) < 0
-            };
-            match (0..3).find(beyond) {
+            let beyond = (0..3)
+                .find(|&k| orient(at(points[(k + 1) % 3]), at(points[(k + 2) % 3]), at(point)) < 0);
+            match beyond {
                 Some(k) => now = twins[k],
                 None => break,
             }

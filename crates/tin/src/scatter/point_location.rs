@@ -10,12 +10,11 @@ pub(super) struct TriangleSides([[i64; 3]; 3]);
 
 impl TriangleSides {
     pub(super) fn new(corners: [Point; 3]) -> Self {
-        let side = |k: usize| {
+        Self([0, 1, 2].map(|k| {
             let (a, b) = (corners[k], corners[(k + 1) % 3]);
             let ([x, y, _], [ax, ay]) = (from(a, b), [a.x, a.y].map(i64::from));
             [x, -y, y * ax - x * ay]
-        };
-        Self([0, 1, 2].map(side))
+        }))
     }
 
     /// True for a point within, on no side.
@@ -46,19 +45,21 @@ pub(super) struct FanEdge {
     pub(super) search: Option<ScatterSearch>,
 }
 
+impl FanEdge {
+    fn new(mesh: &ScatterMesh, triangle: u32) -> Self {
+        let corners = mesh.triangles()[triangle as usize].corners;
+        let end = mesh.points().get(corners[0] as usize).map_or([0; 2], |p| [p.x, p.y]);
+        let search = mesh.corners(triangle).map(|corners| ScatterSearch::new(triangle, corners));
+        Self { end, triangle, search }
+    }
+}
+
 impl TriangleFan {
     /// Loads the fan of the last inserted vertex.
     pub(super) fn turn_to(&mut self, mesh: &ScatterMesh, centre: Point) {
-        let spoke = |&triangle: &u32| {
-            let corners = mesh.triangles()[triangle as usize].corners;
-            let end = mesh.points().get(corners[0] as usize).map_or([0; 2], |p| [p.x, p.y]);
-            let search =
-                mesh.corners(triangle).map(|corners| ScatterSearch::new(triangle, corners));
-            FanEdge { end, triangle, search }
-        };
         self.centre = [centre.x, centre.y];
         self.spokes.clear();
-        self.spokes.extend(mesh.fan().iter().map(spoke));
+        self.spokes.extend(mesh.fan().iter().map(|&triangle| FanEdge::new(mesh, triangle)));
         let bits = self.spokes.iter().take(64).enumerate();
         self.inner = bits.map(|(i, spoke)| u64::from(spoke.search.is_some()) << i).sum();
         self.last = 0;
@@ -107,13 +108,15 @@ impl TriangleFan {
         if point == self.centre {
             return None;
         }
-        let all = 0..self.spokes.len();
+        let mut all = 0..self.spokes.len();
         // A point on the last spoke before a gap in the fan is on no left side of a later one.
-        let is_on_end = |i: &usize| {
-            let is_inner = self.spokes[*i].search.is_some();
-            is_inner && self.side(*i, point) > 0 && self.side(i + 1, point) == 0
-        };
-        all.clone().find(|i| self.is_in(*i, point)).or_else(|| all.clone().find(is_on_end))
+        all.clone().find(|i| self.is_in(*i, point)).or_else(|| {
+            all.find(|&i| {
+                self.spokes[i].search.is_some()
+                    && self.side(i, point) > 0
+                    && self.side(i + 1, point) == 0
+            })
+        })
     }
 }
 

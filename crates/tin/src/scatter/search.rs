@@ -22,8 +22,9 @@ impl Eq for ScatterCandidate {}
 impl Ord for ScatterCandidate {
     /// The largest distance first, then the lowest point.
     fn cmp(&self, other: &Self) -> Ordering {
-        let by_point = || other.point.cmp(&self.point).then(self.triangle.cmp(&other.triangle));
-        self.distance.total_cmp(&other.distance).then_with(by_point)
+        let by_distance = self.distance.total_cmp(&other.distance);
+        by_distance
+            .then_with(|| other.point.cmp(&self.point).then(self.triangle.cmp(&other.triangle)))
     }
 }
 
@@ -79,12 +80,12 @@ impl ScatterPlane {
         let ([bx, by, bz], [cx, cy, cz]) = (from(a, b), from(a, c));
         let area = (bx * cy - by * cx) as f64;
         let slope = [(bz * cy - by * cz) as f64 / area, (bx * cz - bz * cx) as f64 / area];
-        let reach = |d: [i64; 3]| {
+        let [reach_b, reach_c] = [[bx, by, bz], [cx, cy, cz]].map(|d| {
             slope[0].abs() * d[0].abs() as f64
                 + slope[1].abs() * d[1].abs() as f64
                 + d[2].abs() as f64
-        };
-        Self { origin: floats(a), slope, reach: reach([bx, by, bz]).max(reach([cx, cy, cz])) }
+        });
+        Self { origin: floats(a), slope, reach: reach_b.max(reach_c) }
     }
 
     /// Vertical distance of a point, in steps.

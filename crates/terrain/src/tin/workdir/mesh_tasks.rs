@@ -96,25 +96,23 @@ impl PlannedMesh {
     pub(super) fn needs(&self, size: MeshSize, opened: &OpenedTinJob) -> Result<PlanNeeds> {
         let strips = self.strips()?;
         let job = &self.method.job;
-        let worker = {
-            let follows = !opened.kept.lines().paths().is_empty();
-            job.refinement.worker_bytes(job.goal, strips.layout().side(), follows)
-        };
+        let has_lines = !opened.kept.lines().paths().is_empty();
+        let worker = job.refinement.worker_bytes(job.goal, strips.layout().side(), has_lines);
         let thread_memory = worker + opened.kept.bytes();
-        let led = job.transform.as_ref().map_or(0, TargetCrs::least_memory);
-        let kept = size.triangles * size_of::<TileTriangle>() as u64
+        let transform_memory = job.transform.as_ref().map_or(0, TargetCrs::least_memory);
+        let mesh_bytes = size.triangles * size_of::<TileTriangle>() as u64
             + size.vertices * (size_of::<TilePosition>() + size_of::<f64>()) as u64;
         let samples = self.grid.samples();
-        let object = |task: StripTask| {
+        let objects = strips.tasks().map(|task| {
             let work = strips.work(task);
             let share = work.samples() as f64 / samples as f64;
-            object_bytes((kept as f64 * share) as u64, work.tiles())
-        };
+            object_bytes((mesh_bytes as f64 * share) as u64, work.tiles())
+        });
         let whole = seconds(samples, nanoseconds(size.vertices as f64 / samples as f64), 1);
         Ok(PlanNeeds {
-            memory: memory::least(thread_memory, opened.source.block_bytes()).max(led),
+            memory: memory::least(thread_memory, opened.source.block_bytes()).max(transform_memory),
             thread_memory,
-            objects: strips.tasks().map(object).sum(),
+            objects: objects.sum(),
             output: (opened.format.most)().file_bytes(size.vertices, size.triangles),
             seconds: [whole * (1.0 - WRITING), whole * WRITING],
         })
@@ -218,12 +216,11 @@ impl PlannedWork for PlannedMesh {
     ) -> Result<MadeArtifact<TinArtifactFacts>> {
         let (strips, maker) = (survey.folder.plan.work.strips()?, ready.maker(at));
         let work = strips.work(task);
-        let of_strip = |strips: &TileStrips, row| StripTask::Strip(strips.strip_of(row));
-        let shelf = ArtifactCache::new(survey, strips, of_strip);
-        let stock = work.loads().then_some(&shelf as &dyn ContainerSource);
+        let cache = ArtifactCache::new(survey, strips, TileStrips::first_of);
+        let finished = work.loads().then_some(&cache as &dyn ContainerSource);
         let settings = maker.settings(maker.spec(ready.tolerance), ready.temp_dir());
         let object = ArtifactWriter::create(object)?;
-        let saved = save(&*ready.opened.source, work.scope, stock, object, &settings)
+        let saved = save(&*ready.opened.source, work.scope, finished, object, &settings)
             .map_err(|error| in_input(error, &ready.tin.input))?;
         if let StripTask::Strip(_) = task {
             run.made_samples += work.samples();
@@ -242,13 +239,13 @@ impl PlannedWork for PlannedMesh {
         let (started, maker) = (Instant::now(), ready.maker(at));
         let mut tally = SampleCounts::default();
         survey.done.values().for_each(|done| tally.add(done.facts.tally));
-        let shelf =
+        let cache =
             ArtifactCache::new(survey, survey.folder.plan.work.strips()?, TileStrips::last_of);
         at.progress.begin("write", survey.folder.plan.work.grid.samples());
         let mut report = maker
             .complete(ready.tolerance, 0, |sink, spec| {
                 let settings = maker.settings(spec, ready.temp_dir());
-                write(&*ready.opened.source, &shelf, tally, sink, &settings)
+                write(&*ready.opened.source, &cache, tally, sink, &settings)
             })
             .map_err(|error| in_input(error, &ready.tin.input))?;
         at.progress.end();
@@ -264,9 +261,10 @@ impl PlannedWork for PlannedMesh {
 
 /// The files that `job` reads: those behind its input, polygons, points and lines to keep.
 pub(super) fn files(job: &TinJob, source: &dyn GridSource) -> Vec<PathBuf> {
-    let kept = job.refinement.files().into_iter().flatten().flat_map(feature_files::files);
-    let led = job.transform.iter().flat_map(TargetCrs::files).map(Path::to_path_buf);
-    plan::grid_files(&job.input, &job.reading, source).into_iter().chain(kept).chain(led).collect()
+    let features = job.refinement.files().into_iter().flatten().flat_map(feature_files::files);
+    let transform = job.transform.iter().flat_map(TargetCrs::files).map(Path::to_path_buf);
+    let grid = plan::grid_files(&job.input, &job.reading, source);
+    grid.into_iter().chain(features).chain(transform).collect()
 }
 
 #[cfg(test)]

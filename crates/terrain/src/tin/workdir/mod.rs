@@ -11,6 +11,7 @@ use std::time::Duration;
 use super::estimate::SizeEstimator;
 use super::goal::TinGoal;
 use super::job::TinJob;
+use super::layout::TileLayout;
 use super::make::{OpenedTinJob, TinMaker, in_input};
 use super::options::TinOptions;
 use super::refinement::TinMethod;
@@ -18,7 +19,7 @@ use super::report::TinReport;
 use mesh_tasks::PlannedMesh;
 use terrane_base::error::{Error, Result};
 use terrane_engine::operation::{Divisible, RunRequest};
-use terrane_engine::plan::{self, DiskCheck, OutputForm, PLAN, PlanManifest, RunJob};
+use terrane_engine::plan::{self, DiskCheck, OutputForm, PLAN, PlanManifest, PlanNeeds, RunJob};
 use terrane_engine::skip_bad::Skipped;
 use terrane_engine::transform::TargetCrs;
 use terrane_engine::{Cancel, Progress};
@@ -76,24 +77,35 @@ fn plan_checked(
     let opened = OpenedTinJob::new(&tin)?;
     let maker = TinMaker { job: &tin, opened: &opened, progress, cancel };
     check(&maker)?;
-    let in_input = |error| in_input(error, &tin.input);
-    let (tolerance, _) = maker.tolerance().map_err(in_input)?;
-    let layout = maker.layout().map_err(in_input)?;
+    let tolerance = maker.tolerance().map(|(tolerance, _)| tolerance);
+    let tolerance = tolerance.map_err(|error| in_input(error, &tin.input))?;
+    let layout = maker.layout().map_err(|error| in_input(error, &tin.input))?;
     let mesh = PlannedMesh::new(&tin, &opened, job.cut)?;
-    let expect = || {
-        let spec = TinSpec { measure: false, ..maker.spec(tolerance) };
-        let size = SizeEstimator::thorough(&*opened.source, layout, opened.shares.threads, cancel)
-            .and_then(|mut estimator| estimator.size_at_most(&spec))
-            .map_err(in_input)?;
-        let on_lines = opened.kept.lines().vertices_in(size.vertices, layout.samples());
-        mesh.needs(size.with(opened.kept.count() + on_lines), &opened)
+    let needs = match PlanManifest::<PlannedMesh>::there(&job.folder) {
+        Some(plan) => plan.needs,
+        None => estimated_needs(&maker, &mesh, tolerance, layout)?,
     };
-    let there = PlanManifest::<PlannedMesh>::there(&job.folder);
-    let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
     let files = mesh_tasks::files(&tin, &*opened.source);
     PlanManifest::new(mesh, (tin.input.to_string(), files), needs, &job.skipped)?
         .put(&job.folder)?;
     plan::status::<PlannedMesh>(&job.folder)
+}
+
+/// Resources of the work, from an estimate of the size of the mesh.
+fn estimated_needs(
+    maker: &TinMaker<'_>,
+    mesh: &PlannedMesh,
+    tolerance: f64,
+    layout: TileLayout,
+) -> Result<PlanNeeds> {
+    let opened = maker.opened;
+    let spec = TinSpec { measure: false, ..maker.spec(tolerance) };
+    let size =
+        SizeEstimator::thorough(&*opened.source, layout, opened.shares.threads, maker.cancel)
+            .and_then(|mut estimator| estimator.size_at_most(&spec))
+            .map_err(|error| in_input(error, &maker.job.input))?;
+    let on_lines = opened.kept.lines().vertices_in(size.vertices, layout.samples());
+    mesh.needs(size.with(opened.kept.count() + on_lines), opened)
 }
 
 fn budget() -> Error {
@@ -116,8 +128,13 @@ pub fn run_in(
 ) -> Result<TinReport> {
     // Whether what an earlier run here wrote may be replaced is for the run to tell.
     let is_new = !folder.join(PLAN).exists();
-    let check = |maker: &TinMaker<'_>| if is_new { maker.check_output() } else { Ok(()) };
-    plan_checked(&PlanJob::all(job, folder, skipped), check, progress, cancel)?;
+    let plan = PlanJob::all(job, folder, skipped);
+    plan_checked(
+        &plan,
+        |maker| if is_new { maker.check_output() } else { Ok(()) },
+        progress,
+        cancel,
+    )?;
     let form = OutputForm { split: job.split, solid_base: job.solid_base };
     let (to, with) = ((folder, &*job.output), (disk, &job.resources));
     let run = RunJob::until(to, job.overwrite, form, with);

@@ -60,8 +60,8 @@ impl TileStrips {
     /// Strips of `rows` rows of tiles, by default of about [`STRIP_SAMPLES`].
     pub(super) fn new(layout: TileLayout, rows: Option<u32>) -> Self {
         let row = layout.samples() / u64::from(layout.rows);
-        let fair = || STRIP_SAMPLES.div_ceil(row.max(1)).min(layout.rows.into()) as u32;
-        Self { layout, rows: rows.unwrap_or_else(fair).max(MIN_ROWS) }
+        let usual = STRIP_SAMPLES.div_ceil(row.max(1)).min(layout.rows.into()) as u32;
+        Self { layout, rows: rows.unwrap_or(usual).max(MIN_ROWS) }
     }
 
     /// The tiling that is cut.
@@ -82,10 +82,10 @@ impl TileStrips {
 
     /// All tasks, in an order in which they can be done.
     pub(super) fn tasks(&self) -> impl Iterator<Item = StripTask> + use<> {
-        let seam = |strip: u32| strip.checked_sub(1).map(StripTask::Seam);
-        (0..self.count())
-            .flat_map(move |strip| [Some(StripTask::Strip(strip)), seam(strip)])
-            .flatten()
+        let tasks = (0..self.count()).flat_map(|strip| {
+            [Some(StripTask::Strip(strip)), strip.checked_sub(1).map(StripTask::Seam)]
+        });
+        tasks.flatten()
     }
 
     /// The part of the work that is a task.
@@ -119,8 +119,13 @@ impl TileStrips {
         }
     }
 
+    /// The task that triangulates a row of tiles.
+    pub(super) fn first_of(&self, row: u32) -> StripTask {
+        StripTask::Strip(self.strip_of(row))
+    }
+
     /// The strip of a row of tiles.
-    pub(super) fn strip_of(&self, row: u32) -> u32 {
+    fn strip_of(&self, row: u32) -> u32 {
         (row / self.rows).min(self.count() - 1)
     }
 

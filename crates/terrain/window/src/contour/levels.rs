@@ -45,12 +45,8 @@ impl ContourLevels {
             ))
             .remedy("pass a base between 0 and the interval: the levels are the same"));
         }
-        let whole = |value: f64, scale: f64| {
-            let scaled = (value * scale).round();
-            (scaled / scale == value && scaled.abs() < 1e9).then_some(scaled)
-        };
         let decimal = (0..9).map(|digits| 10_f64.powi(digits)).find_map(|scale| {
-            let (base, step) = (whole(base, scale)?, whole(interval, scale)?);
+            let (base, step) = (scaled_integer(base, scale)?, scaled_integer(interval, scale)?);
             Some(LevelRule::Every { base, step, scale })
         });
         Ok(Self(decimal.unwrap_or(LevelRule::Every { base, step: interval, scale: 1.0 })))
@@ -89,8 +85,8 @@ impl ContourLevels {
         if self.fill(heights, ranks) {
             return Ok(());
         }
-        let has_none = |z: &H| !self.fill(std::slice::from_ref(z), &mut [0]);
-        Err(heights.iter().position(has_none).unwrap_or_default())
+        let unranked = heights.iter().position(|z| !self.fill(std::slice::from_ref(z), &mut [0]));
+        Err(unranked.unwrap_or_default())
     }
 
     /// False where a height has no rank.
@@ -106,6 +102,12 @@ impl ContourLevels {
             LevelRule::List(levels) => rank_by_list(levels, heights, ranks),
         }
     }
+}
+
+/// A value times a power of ten, if that is an integer and no digit is lost.
+fn scaled_integer(value: f64, scale: f64) -> Option<f64> {
+    let scaled = (value * scale).round();
+    (scaled / scale == value && scaled.abs() < 1e9).then_some(scaled)
 }
 
 /// False where a height has no rank. One step, without a branch, for each sample: the nearest whole

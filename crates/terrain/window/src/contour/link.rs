@@ -92,12 +92,11 @@ impl WindowContours {
 
 /// See [`WindowContour::around`].
 fn around(vertices: &[ContourVertex], grid_width: u32) -> i64 {
-    let place = |v: &ContourVertex| {
-        let (col, row) = v.nearer(grid_width);
-        (i64::from(col), i64::from(row))
-    };
     vertices.windows(2).fold(0, |sum: i64, pair| {
-        let ((ax, ay), (bx, by)) = (place(&pair[0]), place(&pair[1]));
+        let [(ax, ay), (bx, by)] = [pair[0], pair[1]].map(|vertex| {
+            let (col, row) = vertex.nearer(grid_width);
+            (i64::from(col), i64::from(row))
+        });
         sum.wrapping_add(ax.wrapping_mul(by).wrapping_sub(ay.wrapping_mul(bx)))
     })
 }

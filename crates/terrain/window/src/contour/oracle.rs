@@ -50,14 +50,14 @@ fn cell(
     let above = |i: usize| z(corners[i % 4].0, corners[i % 4].1) >= level;
     // Crossings in the order in which they are met on the way around the cell.
     let met: Vec<usize> = (0..4).filter(|&i| above(i) != above(i + 1)).collect();
-    let vertex = |i: usize| {
+    let vertices: [ContourVertex; 4] = std::array::from_fn(|i| {
         let [a, b] = [corners[i], corners[(i + 1) % 4]];
         let (first, second) = if a < b { (a, b) } else { (b, a) };
         let (za, zb) = (z(first.0, first.1), z(second.0, second.1));
         let at = ((level - za) / (zb - za)).clamp(NEAREST, 1.0 - NEAREST);
         let (x, y) = ((col + first.0) as u32, (row + first.1) as u32);
         ContourVertex { edge: CrossedEdge::new(x, y, first.0 == second.0, width as u32), at }
-    };
+    });
     let pairs = match met[..] {
         [a, b] => vec![(a, b)],
         [a, b, c, d] => {
@@ -67,7 +67,9 @@ fn cell(
         }
         _ => vec![],
     };
-    pairs.into_iter().map(|(a, b)| directed(vertex(a), vertex(b), above(a), a, width)).collect()
+    let segments =
+        pairs.into_iter().map(|(a, b)| directed(vertices[a], vertices[b], above(a), a, width));
+    segments.collect()
 }
 
 /// The segment between two crossings with the higher corner of the first one's side on its right.

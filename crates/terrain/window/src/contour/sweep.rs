@@ -219,8 +219,9 @@ impl<H: Copy + Into<f64>> SweepRow<'_, '_, H> {
     }
 
     fn middle_is_above(&self, col: usize, level: i32) -> bool {
-        let pair = |row| self.height(row, col) + self.height(row, col + 1);
-        (pair(self.row - 1) + pair(self.row)) / 4.0 >= self.levels.height(level)
+        let [above, below] =
+            [self.row - 1, self.row].map(|row| self.height(row, col) + self.height(row, col + 1));
+        (above + below) / 4.0 >= self.levels.height(level)
     }
 }
 

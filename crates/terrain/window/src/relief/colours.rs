@@ -98,14 +98,20 @@ impl Palette {
         nodata: Option<f64>,
         between: ColorInterpolation,
     ) -> ColorTable {
-        let height = |at: ColorKey| match at {
-            ColorKey::Height(height) if Some(height) != nodata => Some(height),
-            ColorKey::Share(share) => Some(low + share * (high - low)),
-            ColorKey::Height(_) | ColorKey::Void => None,
-        };
-        let void = self.0.iter().rev().find(|(at, _)| height(*at).is_none()).map(|(_, own)| *own);
+        let entries = self.0.iter().map(|(key, colour)| {
+            let height = match *key {
+                ColorKey::Height(height) if Some(height) != nodata => Some(height),
+                ColorKey::Share(share) => Some(low + share * (high - low)),
+                ColorKey::Height(_) | ColorKey::Void => None,
+            };
+            (height, *colour)
+        });
+        let void = entries.clone().rev().find_map(|(height, colour)| match height {
+            Some(_) => None,
+            None => Some(colour),
+        });
         let mut colours: Vec<(f64, Colour)> =
-            self.0.iter().filter_map(|(at, colour)| Some((height(*at)?, *colour))).collect();
+            entries.filter_map(|(height, colour)| Some((height?, colour))).collect();
         colours.sort_by(|a, b| a.0.total_cmp(&b.0));
         if let (Some(value), Some(_), true) = (nodata, void, between != ColorInterpolation::Nothing)
         {
@@ -127,31 +133,35 @@ fn step(colours: &mut Vec<(f64, Colour)>, height: f64) {
 }
 
 fn entry(words: &[&str]) -> Result<(ColorKey, Colour), String> {
-    let number = |word: &str| {
-        word.parse::<u8>().map_err(|_| format!("{word:?} is not an integer from 0 to 255"))
-    };
     let at = place(words[0])?;
     let (rgb, opacity) = match *words {
-        [_, r, g, b] => ([number(r)?, number(g)?, number(b)?], 255),
-        [_, r, g, b, a] => ([number(r)?, number(g)?, number(b)?], number(a)?),
+        [_, r, g, b] => ([byte(r)?, byte(g)?, byte(b)?], 255),
+        [_, r, g, b, a] => ([byte(r)?, byte(g)?, byte(b)?], byte(a)?),
         [_, name] => (named(name)?, 255),
-        [_, name, a] => (named(name)?, number(a)?),
+        [_, name, a] => (named(name)?, byte(a)?),
         _ => return Err("expected a height and a colour: 1200 255 128 0, or 1200 orange".into()),
     };
     Ok((at, [rgb[0], rgb[1], rgb[2], opacity]))
+}
+
+fn byte(word: &str) -> Result<u8, String> {
+    word.parse().map_err(|_| format!("{word:?} is not an integer from 0 to 255"))
+}
+
+fn finite(word: &str) -> Option<f64> {
+    word.parse::<f64>().ok().filter(|value| value.is_finite())
 }
 
 fn place(word: &str) -> Result<ColorKey, String> {
     if word.eq_ignore_ascii_case("nv") || word.eq_ignore_ascii_case("nan") {
         return Ok(ColorKey::Void);
     }
-    let number = |text: &str| text.parse::<f64>().ok().filter(|value| value.is_finite());
     match word.strip_suffix('%') {
-        Some(share) => number(share)
+        Some(share) => finite(share)
             .filter(|share| (0.0..=100.0).contains(share))
             .map(|share| ColorKey::Share(share / 100.0))
             .ok_or_else(|| format!("{word:?} is not a percentage from 0% to 100%")),
-        None => number(word).map(ColorKey::Height).ok_or_else(|| {
+        None => finite(word).map(ColorKey::Height).ok_or_else(|| {
             format!("{word:?} is not a height: expected a number, a percentage such as 25%, or nv")
         }),
     }

@@ -27,11 +27,9 @@ impl Derivative for Curvature {
         let [a, b, c, d, e, f, g, h, i] = *heights;
         // By column and row, then by metre.
         let (across, down, both) = (d - 2.0 * e + f, b - 2.0 * e + h, (a - c - g + i) / 4.0);
-        let second = |[u, v]: [f64; 2], [s, t]: [f64; 2]| {
-            u * s * across + (u * t + v * s) * both + v * t * down
-        };
         let [x, y] = *turn;
-        let [xx, xy, yy] = [second(x, x), second(x, y), second(y, y)];
+        let [xx, xy, yy] = [[x, x], [x, y], [y, y]]
+            .map(|[[u, v], [s, t]]| u * s * across + (u * t + v * s) * both + v * t * down);
         let [east, north] = Gradient::ZevenbergenThorne.of(heights, turn);
         let steep = east * east + north * north;
         let along = match self.0 {

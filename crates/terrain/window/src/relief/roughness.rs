@@ -8,8 +8,8 @@ pub struct Roughness;
 
 impl Derivative for Roughness {
     fn at(&self, heights: &Heights, _: &Turn) -> f64 {
-        let ends = |[low, high]: [f64; 2], z: &f64| [low.min(*z), high.max(*z)];
-        let [low, high] = heights.iter().fold([f64::INFINITY, f64::NEG_INFINITY], ends);
+        let none = [f64::INFINITY, f64::NEG_INFINITY];
+        let [low, high] = heights.iter().fold(none, |[low, high], z| [low.min(*z), high.max(*z)]);
         high - low
     }
 

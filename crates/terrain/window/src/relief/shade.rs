@@ -52,8 +52,9 @@ impl Derivative for Hillshade {
     fn row(&self, rows: [&[f64]; 3], turn: &Turn, out: &mut [f64]) {
         let lamps = self.lamps();
         if self.light != HillshadeMode::One {
-            let bright = |heights: &_| self.bright(&lamps, self.gradient.of(heights, turn));
-            return crate::relief::each(rows, out, f64::NAN, bright);
+            return crate::relief::each(rows, out, f64::NAN, |heights| {
+                self.bright(&lamps, self.gradient.of(heights, turn))
+            });
         }
         // Roots and quotients of several samples at a time.
         for (run, out) in out.chunks_mut(RUN).enumerate() {
@@ -133,8 +134,11 @@ impl Hillshade {
                 let [east, north] = slope;
                 let south_west = 0.5 * steep + east * north;
                 let weights = [south_west, east * east, steep - south_west, north * north];
-                let of = |(weight, lamp): (f64, &LightDirection)| weight * lamp.lit(slope).max(0.0);
-                weights.into_iter().zip(lamps).map(of).sum::<f64>() / steep / 2.0
+                let lit = weights
+                    .into_iter()
+                    .zip(lamps)
+                    .map(|(weight, lamp)| weight * lamp.lit(slope).max(0.0));
+                lit.sum::<f64>() / steep / 2.0
             }
         };
         tone(bright)

@@ -87,14 +87,14 @@ fn weigh<K: ResamplingKernel>(
         let reach = (radius as f64 * scale).ceil() as i64;
         let first = at.floor() as i64 - reach + 1;
         weights[axis].clear();
-        let distance = |tap: i64| ((first + tap) as f64 - at).abs() / scale;
-        let own = (0..2 * reach).map(|tap| K::weight(distance(tap)));
-        let none = own.clone().take_while(|weight| *weight == 0.0).count();
-        weights[axis].extend(own.skip(none));
+        let distances = (0..2 * reach).map(|tap| ((first + tap) as f64 - at).abs() / scale);
+        let taps = distances.map(K::weight);
+        let zeros = taps.clone().take_while(|weight| *weight == 0.0).count();
+        weights[axis].extend(taps.skip(zeros));
         while weights[axis].last() == Some(&0.0) {
             weights[axis].pop();
         }
-        first + none as i64
+        first + zeros as i64
     })
 }
 

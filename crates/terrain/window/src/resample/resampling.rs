@@ -49,22 +49,21 @@ impl ResamplingMethod {
     /// The rectangle of samples that the heights at some positions depend on; none if no position lies in the
     /// grid.
     pub fn needed(&self, grid: [u32; 2], places: &[Place], scale: Scale) -> Rect {
-        let inside = || places.iter().filter(|place| nearest(grid, **place).is_some());
-        let (mut least, mut most) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        for place in inside() {
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for place in places.iter().filter(|place| nearest(grid, **place).is_some()) {
             for axis in [0, 1] {
-                least[axis] = least[axis].min(place[axis]);
-                most[axis] = most[axis].max(place[axis]);
+                low[axis] = low[axis].min(place[axis]);
+                high[axis] = high[axis].max(place[axis]);
             }
         }
-        if least[0] > most[0] {
+        if low[0] > high[0] {
             return Rect::new(0, 0, 0, 0);
         }
         let reach = self.reach(scale);
         let [(col, width), (row, height)] = [0, 1].map(|axis| {
             let side = f64::from(grid[axis]);
-            let first = (least[axis].floor() - reach[axis] + 1.0).clamp(0.0, side - 1.0);
-            let end = (most[axis].floor() + reach[axis] + 1.0).clamp(first + 1.0, side);
+            let first = (low[axis].floor() - reach[axis] + 1.0).clamp(0.0, side - 1.0);
+            let end = (high[axis].floor() + reach[axis] + 1.0).clamp(first + 1.0, side);
             (first as u32, (end - first) as u32)
         });
         Rect::new(col, row, width, height)

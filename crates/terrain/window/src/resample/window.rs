@@ -23,8 +23,8 @@ impl SourceWindow<'_> {
     /// The height of a sample; NaN outside of the window.
     pub(crate) fn at(&self, [col, row]: [i64; 2]) -> f64 {
         let [col, row] = [col - i64::from(self.rect.col), row - i64::from(self.rect.row)];
-        let is_in = |at: i64, side: u32| (0..i64::from(side)).contains(&at);
-        if !is_in(col, self.rect.width) || !is_in(row, self.rect.height) {
+        let (cols, rows) = (0..i64::from(self.rect.width), 0..i64::from(self.rect.height));
+        if !cols.contains(&col) || !rows.contains(&row) {
             return f64::NAN;
         }
         self.heights[row as usize * self.rect.width as usize + col as usize]
@@ -52,9 +52,12 @@ impl SourceWindow<'_> {
 /// The sample in whose cell a place lies; `None` beyond the cells of a grid.
 #[inline]
 pub(crate) fn nearest(grid: [u32; 2], place: Place) -> Option<[i64; 2]> {
-    let axis = |at: f64, side: u32| {
-        let (cell, side) = (at + 0.5 + HAIR, f64::from(side));
-        (cell >= 0.0 && cell <= side + 2.0 * HAIR).then(|| cell.min(side - 0.5).floor() as i64)
-    };
-    Some([axis(place[0], grid[0])?, axis(place[1], grid[1])?])
+    Some([nearest_index(place[0], grid[0])?, nearest_index(place[1], grid[1])?])
+}
+
+/// The same along one axis.
+#[inline]
+fn nearest_index(at: f64, side: u32) -> Option<i64> {
+    let (cell, side) = (at + 0.5 + HAIR, f64::from(side));
+    (cell >= 0.0 && cell <= side + 2.0 * HAIR).then(|| cell.min(side - 0.5).floor() as i64)
 }
