@@ -33,7 +33,7 @@ impl MeshRequirements<'_> {
 pub(super) struct GridProofContext<'a> {
     pub(super) work: ProofResources<'a>,
     pub(super) grid: &'a dyn GridSource,
-    pub(super) asked: MeshRequirements<'a>,
+    pub(super) requirements: MeshRequirements<'a>,
     /// Promises in the header of the mesh.
     pub(super) stated: Promises,
     /// Vertices may lie above or below their samples.
@@ -50,7 +50,7 @@ impl<'a> GridProofContext<'a> {
     pub(super) fn new(
         work: ProofResources<'a>,
         grid: &'a dyn GridSource,
-        asked: MeshRequirements<'a>,
+        requirements: MeshRequirements<'a>,
     ) -> Result<Self> {
         check_grid(grid)?;
         let (info, map) = (work.mesh.info(), grid.info().transform);
@@ -58,7 +58,7 @@ impl<'a> GridProofContext<'a> {
         let stated = info.promises()?;
         Ok(Self {
             grid,
-            asked,
+            requirements,
             is_fitted: stated.fitted.is_some(),
             is_delaunay: is_delaunay(&stated)?,
             stated,

@@ -28,9 +28,9 @@ impl<P: Copy> FaultReport<P> {
         Self { count: fault.count, first: fault.first.map(place) }
     }
 
-    fn sentence(&self, what: &str, told: impl Fn(P) -> String) -> Option<String> {
+    fn sentence(&self, what: &str, describe: impl Fn(P) -> String) -> Option<String> {
         let place = self.first.filter(|_| self.count > 0)?;
-        Some(format!("{} {what}, first at {}", self.count, told(place)))
+        Some(format!("{} {what}, first at {}", self.count, describe(place)))
     }
 }
 
@@ -186,7 +186,7 @@ pub(super) fn area(double: i128, [width, height]: [f64; 2]) -> f64 {
 }
 
 impl<O: MeshOriginal> MeshReport<O> {
-    /// The findings, judged; without names of files and figures of the run.
+    /// The findings, judged; without names of files and statistics of the run.
     pub(super) fn new(
         of: O,
         found: &MeshFindings<'_>,
@@ -194,7 +194,6 @@ impl<O: MeshOriginal> MeshReport<O> {
     ) -> Self {
         let MeshFindings { mesh, stated, tolerance, vertices, tally, step, .. } = *found;
         let fault = |fault: &FaultCount| FaultReport::of(fault, &place);
-        let mean = |sum: f64| (tally.covered > 0).then(|| sum / tally.covered as f64);
         let report = Self {
             mesh: String::new(),
             format: mesh.format.to_owned(),
@@ -204,8 +203,8 @@ impl<O: MeshOriginal> MeshReport<O> {
             over_tolerance: fault(&tally.over),
             max_error: tally.worst.map(|spot| spot.error * step),
             max_error_at: tally.worst.map(|spot| place(spot.at)),
-            rmse: mean(tally.squares.value()).map(|square| square.sqrt() * step),
-            mean_error: mean(tally.errors.value()).map(|mean| mean * step),
+            rmse: mean(tally.squares.value(), tally.covered).map(|square| square.sqrt() * step),
+            mean_error: mean(tally.errors.value(), tally.covered).map(|mean| mean * step),
             error_histogram: tolerance.map_or(Vec::new(), |_| tally.histogram.to_vec()),
             vertices: mesh.vertices,
             triangles: mesh.triangles,
@@ -282,6 +281,11 @@ impl<O: MeshOriginal> MeshReport<O> {
         let own = off.into_iter().chain(edges);
         [(self.over_tolerance, over)].into_iter().chain(cover).chain(topology).chain(own).collect()
     }
+}
+
+/// The mean of so many values; `None` without any.
+pub(super) fn mean(sum: f64, count: u64) -> Option<f64> {
+    (count > 0).then(|| sum / count as f64)
 }
 
 /// True for formats whose header has no space for promises: STL, which then states no bound either.

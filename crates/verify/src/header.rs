@@ -29,7 +29,8 @@ pub(super) struct CheckedHeader<'a> {
 pub(super) fn judge_bounds(
     mesh: &dyn MeshSource,
     verdict: &mut ProofVerdict,
-    (progress, cancel): (&dyn Progress, &Cancel),
+    progress: &dyn Progress,
+    cancel: &Cancel,
 ) -> Result<()> {
     let stated = mesh.stated_bounds().filter(|_| mesh.info().is_own());
     let Some(stated) = stated else { return Ok(()) };

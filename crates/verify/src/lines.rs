@@ -39,8 +39,7 @@ use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::on_threads;
 use terrane_proof::lines::{
-    DroppedParts, LineCheckReport, LineDefect, LineProofPieces, PartComparison, ProofDistance,
-    XRange, judge,
+    DroppedParts, LineCheckReport, LineProofPieces, PartComparison, ProofDistance, XRange, judge,
 };
 use terrane_simplify::{DistanceKind, goal_of, positions};
 use terrane_vector::{self as vector, VectorOpenOptions};
@@ -95,11 +94,11 @@ pub struct LineVerifyReport {
     pub run: RunStatistics,
 }
 
-/// Least bytes for pieces and for the band that is checked.
-const LEAST: u64 = 1 << 20;
-/// Bytes for each vertex of a band that is looked at.
+/// Minimum number of bytes for pieces and for the band that is judged.
+const MIN_BYTES: u64 = 1 << 20;
+/// Bytes for each vertex of the band that is judged.
 const BAND_VERTEX: u64 = 200;
-/// Fewest and most vertices of a band.
+/// Minimum and maximum number of vertices of a band.
 const BAND: [u64; 2] = [1 << 12, 1 << 17];
 
 /// Proves the lines of a file against the original.
@@ -116,11 +115,13 @@ pub fn verify_lines(
     let original = vector::open(&job.original, &VectorOpenOptions { layer: job.layer.clone() })?;
     let crs = original.layer().crs.clone();
     drop(original);
-    let measured = job.tolerance.map(|length| goal_of(length, job.is_space, &crs));
-    let plain = if job.is_space { DistanceKind::Space } else { DistanceKind::Plane };
-    let (measure, tolerance) = match measured.transpose()? {
-        Some((measure, tolerance)) => (measure, Some(tolerance)),
-        None => (plain, None),
+    let (measure, tolerance) = match job.tolerance {
+        Some(length) => {
+            let (measure, tolerance) = goal_of(length, job.is_space, &crs)?;
+            (measure, Some(tolerance))
+        }
+        None if job.is_space => (DistanceKind::Space, None),
+        None => (DistanceKind::Plane, None),
     };
     let points = match &job.sides {
         Some(path) => positions(path, &VectorOpenOptions::default())?,
@@ -135,7 +136,7 @@ pub fn verify_lines(
     let comparison = PartComparison { distance, tolerance, drops };
     let proof = LineProofRun { job, comparison, points, progress, cancel };
     let (found, findings, format) = on_threads(job.resources.threads, || proof.run())?;
-    let mut report = findings_report(job, (measure, tolerance), (&found, &findings), format);
+    let mut report = findings_report(job, measure, tolerance, &found, &findings, format);
     judge_system(&crs, job, format, &mut report.verdict)?;
     Ok(LineVerifyReport { run: RunStatistics::since(started, &job.resources), ..report })
 }
@@ -156,11 +157,11 @@ fn judge_system(
     let stated = &source.layer().crs;
     let is_wgs84 = (stated.epsg, stated.vertical_epsg) == (Some(4326), None);
     let is_default = is_wgs84 && WGS84_BY_DEFAULT.contains(&format);
-    // What GeoJSON has no member for is written beside it.
-    let beside = wkt::of_srs(&terrane_files::prj(&job.lines)?);
-    let is_beside = is_default && format != ALWAYS_WGS84 && beside.is_named();
-    let own = if is_beside { &beside } else { stated };
-    let is_default = is_default && !is_beside;
+    // GeoJSON has no member for a CRS: a .prj beside the file may define it.
+    let sidecar = wkt::of_srs(&terrane_files::prj(&job.lines)?);
+    let has_sidecar = is_default && format != ALWAYS_WGS84 && sidecar.is_named();
+    let own = if has_sidecar { &sidecar } else { stated };
+    let is_default = is_default && !has_sidecar;
     if own.agrees(original) || (is_default && !original.is_named()) {
         return Ok(());
     }
@@ -186,8 +187,10 @@ fn judge_system(
 
 fn findings_report(
     job: &LineVerifyJob,
-    (measure, tolerance): (DistanceKind, Option<f64>),
-    (found, findings): (&LineCheckReport, &FeatureFindings),
+    measure: DistanceKind,
+    tolerance: Option<f64>,
+    found: &LineCheckReport,
+    findings: &FeatureFindings,
     format: &str,
 ) -> LineVerifyReport {
     let failures = [findings.failures(), failures(found, job.topology)].concat();
@@ -257,14 +260,14 @@ impl LineProofRun<'_> {
         }
     }
 
-    /// Compares all parts; holds as many pieces from x = `from` on as memory allows.
+    /// Compares all parts; stores as many pieces from x = `from` on as memory allows.
     fn compare(
         &self,
         pairs: &mut FeaturePairs<'_>,
         from: f64,
     ) -> Result<(LineProofPieces, LineCheckReport, FeatureFindings)> {
         self.progress.begin("compare", 0);
-        let most = self.job.resources.memory.saturating_sub(PROGRAM).max(2 * LEAST) / 2;
+        let max_bytes = self.job.resources.memory.saturating_sub(PROGRAM).max(2 * MIN_BYTES) / 2;
         loop {
             let mut report = LineCheckReport::default();
             let mut pieces = LineProofPieces::new(XRange { from, to: f64::INFINITY });
@@ -273,7 +276,7 @@ impl LineProofRun<'_> {
                 self.comparison.part(part, before, after, is_ring, &mut report, &mut pieces);
                 part =
                     part.checked_add(1).ok_or_else(|| Error::limit("lines", "more", u32::MAX))?;
-                while pieces.bytes() > most {
+                while pieces.bytes() > max_bytes {
                     if !pieces.halve() {
                         return Err(crowded(self.job));
                     }
@@ -290,20 +293,22 @@ impl LineProofRun<'_> {
         }
     }
 
-    /// Looks at the pieces together, band by band.
+    /// Judges the pieces together, band by band.
     fn judge(&self, pieces: &LineProofPieces, report: &mut LineCheckReport) -> Result<()> {
         let Resources { memory, threads, .. } = self.job.resources;
         let share = memory.saturating_sub(PROGRAM) / 2 / threads.max(1) as u64;
         let bands = pieces.bands((share / BAND_VERTEX).clamp(BAND[0], BAND[1]) as usize);
         self.progress.begin("judge", bands.len() as u64);
-        let of = |band: &XRange| {
-            self.cancel.check()?;
-            let found = judge(pieces, &self.points, *band);
-            self.progress.advance(1);
-            Ok(found)
-        };
-        let found: Vec<LineCheckReport> = bands.par_iter().map(of).collect::<Result<_>>()?;
-        found.iter().for_each(|found| report.add_band(found));
+        let reports: Vec<LineCheckReport> = bands
+            .par_iter()
+            .map(|band| {
+                self.cancel.check()?;
+                let report = judge(pieces, &self.points, *band);
+                self.progress.advance(1);
+                Ok(report)
+            })
+            .collect::<Result<_>>()?;
+        reports.iter().for_each(|band| report.add_band(band));
         self.progress.end();
         Ok(())
     }
@@ -318,7 +323,7 @@ fn crowded(job: &LineVerifyJob) -> Error {
     .remedy("pass more ‹memory›")
 }
 
-/// Lines of each broken promise.
+/// A report line for each broken promise.
 fn failures(found: &LineCheckReport, topology: bool) -> Vec<String> {
     let own = [
         (found.missing, "lines and rings are gone"),
@@ -337,9 +342,11 @@ fn failures(found: &LineCheckReport, topology: bool) -> Vec<String> {
         (found.torn, "borders are torn apart or run together"),
     ];
     let judged = own.into_iter().chain(neighbours.into_iter().filter(|_| topology));
-    let tell = |(defect, what): (LineDefect, &str)| {
-        let (part, [x, y]) = defect.first?;
-        Some(format!("{} {what}; the first in part {part} at {x}, {y}", defect.count))
-    };
-    judged.filter(|(defect, _)| defect.count > 0).filter_map(tell).collect()
+    judged
+        .filter(|(defect, _)| defect.count > 0)
+        .filter_map(|(defect, what)| {
+            let (part, [x, y]) = defect.first?;
+            Some(format!("{} {what}; the first in part {part} at {x}, {y}", defect.count))
+        })
+        .collect()
 }

@@ -167,7 +167,7 @@ impl MeshOriginal for OfGrid {
     }
 }
 
-/// The findings, judged; without names of files and figures of the run.
+/// The findings, judged; without names of files and statistics of the run.
 pub(super) fn report(
     context: &GridProofContext<'_>,
     vertices: &VertexCounts,
@@ -195,16 +195,19 @@ pub(super) fn report(
         outside_triangles: fault(&tally.outside),
         fitted: context.is_fitted,
         off_sample_vertices: fault(&tally.off_samples),
-        bound: context.asked.bound,
+        bound: context.requirements.bound,
         surface_error: tally.worst_of_surface().map(|spot| spot.error),
         surface_error_at: tally.worst_of_surface().map(|spot| place(spot.at)),
         breaks: tally.breaks,
         over_between_samples: fault(&tally.over_between),
-        min_angle: context.asked.min_angle,
+        min_angle: context.requirements.min_angle,
         thin_triangles: fault(&tally.thin),
-        keep_points: context.asked.kept.report(tally.kept, tally.kept - tally.not_kept.count),
+        keep_points: context
+            .requirements
+            .kept
+            .report(tally.kept, tally.kept - tally.not_kept.count),
         not_kept: fault(&tally.not_kept),
-        breaklines: context.asked.kept.lines().report(tally.not_followed.count),
+        breaklines: context.requirements.kept.lines().report(tally.not_followed.count),
         on_breaklines: tally.on_lines,
         not_followed: fault(&tally.not_followed),
         ..OfGrid::default()
@@ -213,7 +216,7 @@ pub(super) fn report(
         mesh: context.work.mesh.info(),
         stated: &context.stated,
         is_delaunay: context.is_delaunay,
-        tolerance: context.asked.tolerance,
+        tolerance: context.requirements.tolerance,
         vertices,
         broken,
         tally,

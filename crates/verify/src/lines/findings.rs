@@ -37,7 +37,7 @@ pub(super) struct FeatureFindings {
     /// Holes that are outer rings now, and the other way round.
     pub(super) roles: FeatureTally,
     /// Features with heights, and with measures, that the format cannot store.
-    pub(super) unheld: [u64; 2],
+    pub(super) unstored: [u64; 2],
     pub(super) lost: UnsupportedAttributes,
     /// Names that the format has cut.
     pub(super) cut: Vec<String>,
@@ -58,7 +58,7 @@ impl FeatureFindings {
 
     /// A line for each thing that could not be judged, as `format` cannot hold it.
     pub(super) fn not_judged(&self, format: &str) -> Vec<String> {
-        let [heights, measures] = self.unheld;
+        let [heights, measures] = self.unstored;
         let UnsupportedAttributes { properties, ids, rounded } = self.lost;
         let no_place = format!("features, which {format} has no place for");
         let all = [

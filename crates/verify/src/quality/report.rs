@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::findings::mean;
 use crate::report::GridLocation;
 use terrane_proof::ProofPosition;
 use terrane_proof::quality::{AcuteAngles, DelaunayCounts, Quality};
@@ -181,7 +182,6 @@ impl QualityReport {
         let DelaunayCounts { delaunay, cocircular, not_delaunay, folded } = found.pairs;
         let interior_edges = delaunay + cocircular + not_delaunay + folded;
         let delaunay_edges = delaunay + cocircular;
-        let length = |cells: Option<f64>| cells.map(|cells| cells * cell);
         Self {
             vertices: found.vertices,
             triangles: found.triangles,
@@ -198,8 +198,8 @@ impl QualityReport {
             folded_edges: folded,
             delaunay_share: mean(delaunay_edges as f64, interior_edges),
             edge_length_sum: found.lengths.value() * cell,
-            shortest_edge: length(found.shortest),
-            longest_edge: length(found.longest),
+            shortest_edge: found.shortest.map(|cells| cells * cell),
+            longest_edge: found.longest.map(|cells| cells * cell),
             degrees: DegreeReport::new(found),
             smallest_angles: AngleReport::new(&found.plan),
             largest_angle: found.largest_angle,
@@ -222,8 +222,4 @@ impl DegreeReport {
         let mean = mean(2.0 * found.edges as f64, found.vertices);
         Self { min, mean, max, histogram: found.degrees.to_vec() }
     }
-}
-
-fn mean(sum: f64, count: u64) -> Option<f64> {
-    (count > 0).then(|| sum / count as f64)
 }
