@@ -29,7 +29,7 @@ pub struct CloudProofPart<'a> {
     pub lines: &'a [CloudTrack],
 }
 
-/// The order in which a [`CloudProofPart`] wants its points: by y, then x, then z.
+/// The order of points in a [`CloudProofPart`]: by y, then x, then z.
 pub fn order(point: &Point) -> (i32, i32, i32) {
     (point.y, point.x, point.z)
 }

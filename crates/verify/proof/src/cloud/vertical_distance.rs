@@ -10,7 +10,7 @@ use crate::exact::{double_area, exceeds};
 use crate::{ErrorSpot, ProofTally, ProofTriangle};
 use terrane_base::geom::Point;
 
-/// What is known of a point.
+/// Findings on a point.
 #[derive(Clone, Copy, Debug)]
 struct VerticalFinding {
     /// The largest distance to a triangle that covers it; below 0 when none does.
@@ -35,10 +35,10 @@ pub(super) fn check(part: &CloudProofPart<'_>, tally: &mut ProofTally) {
     tally.valid += part.points.len() as u64;
     tally.surface_samples += lowest.len() as u64;
     let strips = ProofStrips::new(lowest);
-    let mut plumb =
+    let mut distances =
         VerticalDistance { found: vec![NOTHING; strips.things().len()], strips, bound: part.bound };
-    part.triangles.iter().for_each(|triangle| plumb.add(triangle));
-    plumb.finish(tally);
+    part.triangles.iter().for_each(|triangle| distances.add(triangle));
+    distances.finish(tally);
 }
 
 struct VerticalDistance {
@@ -72,16 +72,16 @@ impl VerticalDistance {
         strips.visit(&triangle.positions(), |range| {
             for i in range {
                 if let Some(hit) = plane.hit(points[i]) {
-                    let exactly =
-                        |bound: VerticalBound| move || bound.is_below(hit.off, plane.area);
-                    let is_over = bound.is_some_and(|b| b.is_exceeded(hit.distance, exactly(b)));
+                    let is_over = bound.is_some_and(|bound| {
+                        bound.is_exceeded(hit.distance, || bound.is_below(hit.off, plane.area))
+                    });
                     found[i].meet(hit.distance, hit.is_strict, is_over);
                 }
             }
         });
     }
 
-    /// The same for a triangle with a corner that is no point of the lattice.
+    /// The same for a triangle with a corner off the lattice.
     fn add_free(&mut self, triangle: &ProofTriangle) {
         let Self { strips, found, bound } = self;
         let points = strips.things();
@@ -95,9 +95,11 @@ impl VerticalDistance {
                     continue;
                 }
                 let distance = distance(triangle, sides, z);
-                let exactly = |b: VerticalBound| move || exceeds(triangle, at, z, b.steps());
-                let is_over =
-                    bound.is_some_and(|b| is_beyond(triangle, distance, z, b, exactly(b)));
+                let is_over = bound.is_some_and(|bound| {
+                    is_beyond(triangle, distance, z, bound, || {
+                        exceeds(triangle, at, z, bound.steps())
+                    })
+                });
                 found[i].meet(distance, sides.iter().all(|&side| side > 0), is_over);
             }
         });
@@ -149,8 +151,8 @@ fn is_beyond(
     bound: VerticalBound,
     exactly: impl FnOnce() -> bool,
 ) -> bool {
-    let most = triangle.corners.iter().map(|corner| (corner.z - z).abs()).fold(0.0, f64::max);
-    let doubt = most * 2f64.powi(-44);
+    let max = triangle.corners.iter().map(|corner| (corner.z - z).abs()).fold(0.0, f64::max);
+    let doubt = max * 2f64.powi(-44);
     if distance + doubt < bound.steps() {
         return false;
     }

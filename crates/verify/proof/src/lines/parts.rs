@@ -46,15 +46,14 @@ impl PartComparison {
         report.vertices[0] += before.points.len() as u64;
         report.vertices[1] += after.points.len() as u64;
         report.parts += u64::from(!after.points.is_empty());
-        let all = |points: &[[f64; 3]]| points.iter().map(|&p| (flat(p), true)).collect::<Vec<_>>();
         let Some(&first) = after.points.first() else {
             self.gone(part, before, is_ring, report);
-            return pieces.push(part, PieceKind::Gone, all(before.points).into_iter());
+            return pieces.push_unmatched(part, PieceKind::Gone, before.points);
         };
         let Some(matched) = MatchedPart::best(self, before, after, is_ring) else {
             report.foreign.add(part, flat(first));
-            pieces.push(part, PieceKind::Gone, all(before.points).into_iter());
-            return pieces.push(part, PieceKind::Stranger, all(after.points).into_iter());
+            pieces.push_unmatched(part, PieceKind::Gone, before.points);
+            return pieces.push_unmatched(part, PieceKind::Stranger, after.points);
         };
         let MatchedPart { matching, places, changed } = &matched;
         if is_ring {
@@ -83,23 +82,26 @@ impl PartComparison {
     ) {
         let Some(&first) = before.points.first() else { return };
         report.dropped += 1;
-        let along = |ring: &[[f64; 3]], others: &[[f64; 3]]| match self.tolerance {
-            Some(tolerance) => lies_along_a_segment(self.distance, ring, others, tolerance),
-            None => None,
-        };
-        let could = match self.drops {
+        let may_be_gone = match self.drops {
             DroppedParts::Any => Some(true),
-            DroppedParts::Thin if is_ring => match along(before.points, &[]) {
-                Some(false) if !before.outer.is_empty() => along(before.outer, before.points),
-                could => could,
+            DroppedParts::Thin if is_ring => match self.is_thin(before.points, &[]) {
+                Some(false) if !before.outer.is_empty() => {
+                    self.is_thin(before.outer, before.points)
+                }
+                is_thin => is_thin,
             },
             _ => Some(false),
         };
-        match could {
+        match may_be_gone {
             Some(true) => {}
             Some(false) => report.missing.add(part, flat(first)),
             None => report.unknown += 1,
         }
+    }
+
+    /// Whether a ring with its holes fits a segment within the tolerance; `None` where that is not known.
+    fn is_thin(&self, ring: &[[f64; 3]], holes: &[[f64; 3]]) -> Option<bool> {
+        lies_along_a_segment(self.distance, ring, holes, self.tolerance?)
     }
 
     /// Measures how far the vertices between two that were kept are off the segment between these.
@@ -112,21 +114,22 @@ impl PartComparison {
         report: &mut LineCheckReport,
     ) {
         let (distance, vertex) = matching.farthest(from, to);
-        let place = |v: u32| flat(matching.vertex(v));
         if to - from > 1 && report.farthest.is_none_or(|f| distance > f.distance) {
-            report.farthest = Some(ProofFarthestVertex { distance, part, at: place(vertex) });
+            let at = flat(matching.vertex(vertex));
+            report.farthest = Some(ProofFarthestVertex { distance, part, at });
         }
         let Some(tolerance) = self.tolerance.filter(|&t| distance > t) else { return };
         let (a, b) = (matching.vertex(from), matching.vertex(to));
         for v in from + 1..to {
-            if self.distance.of(matching.vertex(v), a, b) > tolerance {
-                report.beyond.add(part, place(v));
+            let vertex = matching.vertex(v);
+            if self.distance.of(vertex, a, b) > tolerance {
+                report.beyond.add(part, flat(vertex));
             }
         }
     }
 }
 
-/// A part, and which vertices of the one it was made from its own are.
+/// A part of the result and the indices of its vertices in the original.
 struct MatchedPart<'a> {
     matching: PartMatching<'a>,
     places: Vec<u32>,
@@ -160,7 +163,7 @@ impl<'a> MatchedPart<'a> {
                 let changed =
                     if has_extras { matching.changed(&places, before) } else { Vec::new() };
                 let found = Self { matching, places, changed };
-                let faults = [by.tolerance.is_some_and(|most| worst > most), !is_same];
+                let faults = [by.tolerance.is_some_and(|tolerance| worst > tolerance), !is_same];
                 if faults == [false; 2] {
                     return Some(found);
                 }
@@ -185,6 +188,7 @@ fn count_area(part: u32, before: &[[f64; 3]], after: &[[f64; 3]], report: &mut L
     }
 }
 
-fn flat(p: [f64; 3]) -> Xy {
+/// x and y of a vertex.
+pub(super) fn flat(p: [f64; 3]) -> Xy {
     [p[0], p[1]]
 }

@@ -1,4 +1,4 @@
-//! What was found of a mesh's shape: counts, exact sums and extremes that add up the same in any order.
+//! Findings on the shape of a mesh: counts, exact sums and extremes that add up the same in any order.
 
 use super::circle::DelaunayVerdict;
 use super::shape::TriangleShape;
@@ -6,12 +6,12 @@ use crate::sum::ExactSum;
 
 /// Angles this close to a limit, in degrees, are at it: floats of an angle of 30 degrees may be below.
 const HAIR: f64 = 1e-9;
-/// Steps of a degree in which angles are told apart by percentiles.
+/// Resolution of percentiles: steps of a degree.
 const STEPS: f64 = 100.0;
 /// Bins for angles up to 60 degrees.
 const BINS: usize = 6001;
 
-/// Angles of which none is over 60 degrees.
+/// Angles up to 60 degrees.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AcuteAngles {
     /// The least.
@@ -76,7 +76,7 @@ impl AcuteAngles {
     }
 }
 
-/// Everything found in the parts looked at so far. Lengths are in cells of the lattice.
+/// Findings of the parts measured so far. Lengths are in cells of the lattice.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Quality {
     /// Different positions of corners.
@@ -105,7 +105,7 @@ pub struct Quality {
     pub border: u64,
     /// Edges of more than two triangles, or of two that pass them in the same direction.
     pub tangled: u64,
-    /// Those of two triangles, as these lie to each other.
+    /// Edges of two triangles, by the Delaunay test.
     pub pairs: DelaunayCounts,
     /// Sum of edge lengths in plan.
     pub lengths: ExactSum,
@@ -113,7 +113,7 @@ pub struct Quality {
     pub shortest: Option<f64>,
     /// Longest edge in plan.
     pub longest: Option<f64>,
-    /// Vertices by the number of their edges; the last entry counts those of as many or more.
+    /// Vertices by the number of their edges; the last entry counts [`Quality::MAX_DEGREE`] or more.
     pub degrees: [u64; Quality::MAX_DEGREE + 1],
     /// The fewest and the most edges of a vertex.
     pub degree_range: Option<[u64; 2]>,
@@ -135,7 +135,7 @@ impl Quality {
     /// Degrees from here up are counted together.
     pub const MAX_DEGREE: usize = 20;
 
-    /// Adds what was found elsewhere.
+    /// Adds the findings of other parts.
     pub fn merge(&mut self, other: &Self) {
         add(&mut self.degrees, &other.degrees);
         add(&mut self.aspect_histogram, &other.aspect_histogram);
