@@ -1,5 +1,5 @@
-//! Proof of a mesh of several bands: each channel is a surface over the grid with the values of its band as
-//! heights, and is proved as any other mesh is. The heights are proved likewise.
+//! Proof of a mesh of several bands: each channel is proved as a surface with the values of its band as heights.
+//! The heights are proved likewise.
 
 use std::path::Path;
 
@@ -28,7 +28,7 @@ pub(super) struct MultibandProof<'a> {
 }
 
 impl MultibandProof<'_> {
-    /// Proves every channel and the heights; returns the reference system of the grid, too.
+    /// Proves every channel and the heights; also returns the CRS of the grid.
     pub(super) fn run(&self, selected: &SelectedBands) -> Result<(VerifyReport, Crs)> {
         let written = self.job.written;
         let heights = selected.heights.map(HeightBand::Band).or(self.stated.heights);
@@ -87,7 +87,7 @@ impl MultibandProof<'_> {
             });
             add(report, &found, proof);
         }
-        all.ok_or_else(|| Error::usage("no band to prove").remedy("name one with ‹bands›"))
+        all.ok_or_else(|| Error::usage("no band selected").remedy("pass ‹bands›"))
     }
 
     fn surface(
@@ -147,8 +147,7 @@ fn judged(report: VerifyReport, tolerance: Option<f64>, has_heights: bool) -> Ve
     }
 }
 
-/// The selected bands with their weights; fails where the number of channels of the mesh differs, or
-/// the mesh states other bands.
+/// The selected bands with their weights; fails where the mesh has other channels or states other bands.
 fn bands(info: &MeshInfo, stated: &Promises, selected: &SelectedBands) -> Result<MeshBands> {
     let label = label(&selected.bands);
     if let Some(others) = stated.bands.as_ref().filter(|bands| **bands != selected.bands) {
@@ -171,13 +170,13 @@ fn bands(info: &MeshInfo, stated: &Promises, selected: &SelectedBands) -> Result
         [] => "no channels at its vertices".to_owned(),
         names => format!("the channels {}", names.join(", ")),
     };
-    Err(Error::usage(format!("the mesh has {has}, which are not bands {label}"))
-        .remedy("leave ‹bands› out, or name the bands that it was made of"))
+    Err(Error::usage(format!("the mesh has {has} instead of bands {label}"))
+        .remedy("omit ‹bands›, or pass the bands of the mesh"))
 }
 
 /// The note for a mesh that states bands where none were selected: channels are not judged.
 pub(super) fn not_judged(label: &str) -> String {
-    format!("how its channels keep to bands {label} (‹bands›)")
+    format!("the errors of its channels in bands {label} (‹bands›)")
 }
 
 /// A channel of a mesh as its heights.

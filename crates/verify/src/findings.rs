@@ -8,7 +8,7 @@ use terrane_engine::run_statistics::RunStatistics;
 use terrane_mesh::{MeshInfo, Promises};
 use terrane_proof::{FaultCount, ProofPosition, ProofTally};
 
-/// Stands in a report where the error bound is unknown.
+/// Note of a report without a known error bound.
 pub(super) const NO_BOUND: &str = "the error, as no bound is known (‹max_error›)";
 
 /// Number of occurrences of a fault, and its first place in the order of the original.
@@ -238,7 +238,7 @@ impl<O: MeshOriginal> MeshReport<O> {
     fn judged(&self, found: &MeshFindings<'_>) -> ProofVerdict {
         let counts = [
             (self.unusable_vertices, "vertices without a usable position"),
-            (self.broken_triangles, "triangles that use such a vertex"),
+            (self.broken_triangles, "triangles with such a vertex"),
         ];
         let plain = counts.into_iter().filter(|(count, _)| *count > 0);
         let mut failures: Vec<String> = plain.map(|(n, what)| format!("{n} {what}")).collect();
@@ -251,8 +251,9 @@ impl<O: MeshOriginal> MeshReport<O> {
         let no_bound = self.tolerance.is_none().then(|| NO_BOUND.to_owned());
         // Where all edges are Delaunay it does not matter whether that was promised.
         let is_silent = self.made_by_terrane && is_silent(found.mesh, found.stated);
-        let no_triangulation = (is_silent && self.non_delaunay_edges.count > 0)
-            .then(|| "whether it is Delaunay, as its header had no room to state that".to_owned());
+        let no_triangulation = (is_silent && self.non_delaunay_edges.count > 0).then(|| {
+            "whether it is Delaunay: its header has no space for that statement".to_owned()
+        });
         ProofVerdict::of(failures, no_bound.into_iter().chain(no_triangulation).collect())
     }
 

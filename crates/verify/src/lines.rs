@@ -1,13 +1,11 @@
-//! Proves simplified lines against the file they were made from.
+//! Proof of simplified lines against their original file.
 //!
-//! Both files are read side by side, feature by feature. Pieces that are checked together stay in
-//! memory while it lasts; then only those west of a line do, and the files are read again for the
-//! rest. No figure depends on the position of that line.
+//! Both files are read side by side, feature by feature.
 //!
 //! A feature contributes its *pieces*: stretches of the original, each with the segment in its place (17
-//! bytes a vertex). They are judged in bands of x, on all threads. When they outgrow their share of the
-//! memory, only the pieces west of their median are stored and the files are read again for the rest: no
-//! temporary file.
+//! bytes a vertex). They are judged in bands of x, on all threads. If the pieces exceed the memory, only those
+//! west of their median are stored, and the files are read again for the rest. There is no temporary file, and
+//! no finding depends on the bands.
 //!
 //! Formats may sort features and turn rings: a ring is matched forward and backward, vertex by vertex,
 //! and where it comes to its vertices repeatedly and both will do, whichever keeps the sign of its area
@@ -104,8 +102,8 @@ const BAND: [u64; 2] = [1 << 12, 1 << 17];
 /// Proves the lines of a file against the original.
 ///
 /// # Errors
-/// Files that cannot be read, or have other features than each other; more in one place than the
-/// memory holds, or more in all where the features of one file are not in the order of the other.
+/// Files that cannot be read; pieces around one x that exceed the memory, or all features where the two files have
+/// them in different orders.
 pub fn verify_lines(
     job: &LineVerifyJob,
     progress: &dyn Progress,
@@ -199,11 +197,12 @@ fn findings_report(
         not_judged.insert(0, "distances, as no bound is known (‹tolerance›)".to_owned());
     } else if found.unknown > 0 {
         let count = found.unknown;
-        not_judged
-            .push(format!("{count} rings that are gone, too large to tell whether they could go"));
+        not_judged.push(format!(
+            "{count} missing rings, too large to decide whether they collapse within the tolerance"
+        ));
     }
     let cut = &findings.cut;
-    let note = format!("names of fields are cut: {}", cut.join(", "));
+    let note = format!("truncated names of fields: {}", cut.join(", "));
     LineVerifyReport {
         lines: job.lines.display().to_string(),
         original: job.original.display().to_string(),
@@ -315,31 +314,28 @@ impl LineProofRun<'_> {
 }
 
 fn crowded(job: &LineVerifyJob) -> Error {
-    Error::new(
-        ErrorKind::Resource,
-        "more lines cross one line from south to north than memory holds",
-    )
-    .in_file(&job.original)
-    .remedy("pass more ‹memory›")
+    Error::new(ErrorKind::Resource, "the lines around one x exceed the memory")
+        .in_file(&job.original)
+        .remedy("pass more ‹memory›")
 }
 
 /// A report line for each broken promise.
 fn failures(found: &LineCheckReport, topology: bool) -> Vec<String> {
     let own = [
-        (found.missing, "lines and rings are gone"),
+        (found.missing, "lines and rings are missing"),
         (found.changed, "vertices have another height or measure"),
         (
             found.foreign,
-            "parts with a vertex that the original does not have, or not in that order",
+            "parts with vertices that the original does not have, or has in another order",
         ),
         (found.beyond, "vertices farther than the tolerance from the segment in their place"),
     ];
     let neighbours = [
-        (found.new_crossings, "pairs of segments meet that did not"),
+        (found.new_crossings, "new crossings of segments"),
         (found.collapsed, "rings have lost their area"),
         (found.turned, "rings are turned over"),
         (found.moved, "vertices or points have changed sides"),
-        (found.torn, "borders are torn apart or run together"),
+        (found.torn, "shared borders are torn apart or merged"),
     ];
     let judged = own.into_iter().chain(neighbours.into_iter().filter(|_| topology));
     judged

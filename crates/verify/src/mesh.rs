@@ -20,7 +20,7 @@ use terrane_mesh::{HeightBand, MeshSource, Promises};
 use terrane_raster as raster;
 
 /// Runs a verification. An error means that it could not be done; a mesh that breaks a promise is
-/// no error, but a report with `passed` false.
+/// not an error, but a report with `passed` false.
 pub(super) fn run(
     job: &LineProofQuestion<'_, MeshProof>,
     progress: &dyn Progress,
@@ -60,11 +60,11 @@ pub(super) fn run(
     Ok(VerifyReport { mesh, of, ..report })
 }
 
-/// Fails for a mesh that was taken to another system when it was written.
+/// Fails for a mesh that was written in another CRS.
 fn check_system(stated: &Promises) -> Result<()> {
     let Some(from) = &stated.transformed_from else { return Ok(()) };
-    let message = format!("was transformed from {from}, where its vertices are samples");
-    Err(Error::unsupported(message).remedy("verify the mesh as it is made without ‹to_crs›"))
+    let message = format!("was transformed from {from}: its vertices are not samples of the grid");
+    Err(Error::unsupported(message).remedy("verify a mesh made without ‹to_crs›"))
 }
 
 /// Adds the name of the mesh to its errors.
@@ -75,7 +75,7 @@ fn in_mesh<T>(found: Result<T>, job: &LineProofQuestion<'_, MeshProof>) -> Resul
     })
 }
 
-/// Proves the heights of a mesh; returns the reference system of the grid, too.
+/// Proves the heights of a mesh; also returns the CRS of the grid.
 fn heights(
     mesh: &dyn MeshSource,
     stated: &Promises,
@@ -96,7 +96,7 @@ fn heights(
     let grid = match bands.filter(|_| stated.heights == Some(HeightBand::None)) {
         None => grid,
         Some(label) if tolerance.is_some() => {
-            return Err(Error::usage("the mesh has no heights that could be so far off")
+            return Err(Error::usage("the mesh has no heights to verify")
                 .in_file(&job.written.file)
                 .remedy(format!("pass ‹bands› {label}")));
         }
@@ -123,7 +123,7 @@ fn leave_unjudged(verdict: &mut ProofVerdict, explanation: String, note: String)
     verdict.leave(note);
 }
 
-/// Names bands and files that the mesh was made with, as it states, and that were not given.
+/// Leaves bands and files unjudged that the mesh states and the job does not name.
 fn add_file_notes(
     stated: &Promises,
     job: &LineProofQuestion<'_, MeshProof>,
@@ -143,7 +143,7 @@ fn add_file_notes(
         leave_unjudged(
             verdict,
             format!("the mesh states that its grid was clipped to {clip}: pass it with ‹clip›"),
-            format!("whether it ends where the polygons of {clip} do (‹clip›)"),
+            format!("whether its outline follows the polygons of {clip} (‹clip›)"),
         );
     }
     if let Some(file) = stated.water.as_deref().filter(|_| job.options.grid.water.is_none()) {

@@ -89,7 +89,7 @@ fn check_index(layout: &DomainLayout, context: &GridProofContext<'_>) -> Result<
     if need <= context.work.memory / 2 {
         return Ok(());
     }
-    Err(context.work.short("a grid of this size needs an index", 2 * need))
+    Err(context.work.short("index of a grid of this size", 2 * need))
 }
 
 /// Bytes of index for one domain: two buckets with their runs in the file.
@@ -138,13 +138,16 @@ pub(super) fn each<T: Default + Send>(
     work.progress.begin("samples", u64::from(info.width) * u64::from(info.height));
     let checker =
         GridDomainChecker { context, spread, bytes_needed, judge, crowded: Mutex::new(()) };
-    let judge = |findings: &mut T, index| {
-        let domain = spread.layout.domain(index);
-        checker.check(domain, index as usize, findings)?;
-        work.progress.advance(domain.rect.len() as u64);
-        Ok(())
-    };
-    let findings = work.findings(spread.layout.len(), judge, merge)?;
+    let findings = work.findings(
+        spread.layout.len(),
+        |findings: &mut T, index| {
+            let domain = spread.layout.domain(index);
+            checker.check(domain, index as usize, findings)?;
+            work.progress.advance(domain.rect.len() as u64);
+            Ok(())
+        },
+        merge,
+    )?;
     work.progress.end();
     Ok(findings)
 }
@@ -307,9 +310,8 @@ fn too_crowded(
     let Rect { col, row, width, height } = domain.rect;
     let breaklines = match lines >> 20 {
         0 => String::new(),
-        mib => format!(", with breaklines of {mib} MiB,"),
+        mib => format!(", breaklines of {mib} MiB"),
     };
-    let what =
-        format!("{triangles} triangles touch the {width} x {height} samples there{breaklines}");
+    let what = format!("{triangles} triangles over {width} x {height} samples{breaklines}");
     work.short(&what, need).at(format!("column {col}, row {row}"))
 }

@@ -76,7 +76,7 @@ impl<'a> ProofResources<'a> {
 
     /// The error for an allocation of `need` bytes beyond the budget.
     pub(super) fn short(&self, what: &str, need: u64) -> Error {
-        let message = format!("{what}, which takes {} MiB", need.div_ceil(1 << 20));
+        let message = format!("{what}: {} MiB needed", need.div_ceil(1 << 20));
         let half = (need + self.aside).div_ceil(7) * 8;
         short(message, PROGRAM + 2 * half)
     }
@@ -105,10 +105,11 @@ impl<'a> ProofResources<'a> {
 
 fn check_arguments(tolerance: Option<f64>, resources: &Resources) -> Result<()> {
     if tolerance.is_some_and(|t| !(t >= 0.0 && t.is_finite())) {
-        return Err(Error::usage("the tolerance is not a number from 0 up"));
+        return Err(Error::usage("the tolerance is not a number of 0 or more"));
     }
     if resources.memory < MIN_MEMORY {
-        let message = format!("{} bytes of memory are too few", resources.memory);
+        let message =
+            format!("memory of {} bytes is below the minimum of {MIN_MEMORY}", resources.memory);
         return Err(Error::new(ErrorKind::Resource, message).remedy("pass ‹memory› 1M or more"));
     }
     Ok(())

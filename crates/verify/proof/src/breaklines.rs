@@ -72,6 +72,11 @@ impl ProofBreakline {
         from..to
     }
 
+    /// True when the path has this step, and surface beside it.
+    fn borders(&self, step: i64, surface: &ProofSurface) -> bool {
+        (0..self.steps()).contains(&step) && surface.borders(self.at(step), self.at(step + 1))
+    }
+
     /// Maximum number of bytes for it in a domain.
     pub fn bytes_in(&self, domain: &GridDomain) -> u64 {
         let steps = self.steps_in(domain);
@@ -120,19 +125,16 @@ impl<'a> BreaklineCheck<'a> {
     ) -> Self {
         let mut stops = Vec::new();
         for (line, path) in lines.iter().enumerate() {
-            let borders = |step: i64| {
-                (0..path.steps()).contains(&step)
-                    && surface.borders(path.at(step), path.at(step + 1))
-            };
             stops.extend(path.steps_in(domain).map(|step| {
                 let [col, row] = path.at(step);
-                let (at, goes_on) = (ProofPosition::sample(col, row), borders(step));
+                let (at, goes_on) = (ProofPosition::sample(col, row), path.borders(step, surface));
                 BreaklineStop {
                     at,
                     line,
                     step,
                     goes_on,
-                    is_required: surface.has_sample(at) && !(goes_on && borders(step - 1)),
+                    is_required: surface.has_sample(at)
+                        && !(goes_on && path.borders(step - 1, surface)),
                     is_vertex: false,
                     has_edge: false,
                 }

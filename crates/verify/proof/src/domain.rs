@@ -1,4 +1,4 @@
-//! How a grid is divided: domains own samples, cells and positions, each exactly once.
+//! Division of a grid into domains, each of which owns samples, cells and positions exactly once.
 
 use terrane_base::geom::Rect;
 
@@ -17,8 +17,8 @@ pub struct GridDomain {
 }
 
 impl GridDomain {
-    /// Sums of errors are formed over squares of this many samples, at multiples of it, so that
-    /// they do not depend on the division; domains start at multiples of it.
+    /// Sums of errors are formed over tiles of this many samples a side, so that they do not depend on the
+    /// division; domains start at multiples of it.
     pub const UNIT: u32 = 32;
 
     /// The samples owned and those next to them, inside the grid.

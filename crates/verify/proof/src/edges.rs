@@ -1,4 +1,4 @@
-//! How triangles meet: vertices by position, edges by the vertices they join.
+//! Topology of triangles: vertices by position, edges by the vertices they join.
 
 use std::mem::size_of;
 
@@ -28,7 +28,7 @@ pub struct UnpairedEdge {
     pub at: ProofPosition,
 }
 
-/// How triangles meet along an edge.
+/// Triangles of an edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum EdgeMeeting {
     /// One triangle, with this opposite corner.

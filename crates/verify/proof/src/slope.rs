@@ -1,8 +1,7 @@
-//! How far the triangles of a mesh are from the slopes of its grid: the angle between normals.
+//! Difference of slopes between a mesh and its grid: the angle between normals.
 //!
-//! The slope of a cell is that of its four samples, by differences across its middle; it is held against
-//! the triangle that covers the middle, and where several do, as on a diagonal, against the one that is
-//! furthest off. Slopes are turned from the lattice to the ground cell by cell, as a degree has another
+//! The slope of a cell comes from its four samples, by differences across its middle; it is compared with the
+//! triangle that covers the middle. Where several do, as on a diagonal, the largest angle counts. Slopes are turned from the lattice to the ground cell by cell, as a degree has another
 //! length everywhere.
 
 use terrane_base::geom::Rect;
@@ -25,7 +24,7 @@ const BYTES_PER_SAMPLE: u64 = 32;
 pub struct SlopeTally {
     /// Cells with four samples whose middle a triangle covers.
     pub cells: u64,
-    /// Those whose middle none covers.
+    /// Cells with four samples whose middle no triangle covers.
     pub uncovered: u64,
     /// Sum of squared angles, in degrees.
     pub squares: ExactSum,

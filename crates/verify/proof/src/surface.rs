@@ -1,4 +1,4 @@
-//! Where the surface is: the union of cells whose four samples are valid, and its outline.
+//! The surface, which is the union of cells with four valid samples, and its outline.
 
 use terrane_base::geom::Rect;
 
@@ -30,7 +30,7 @@ pub struct OutlineRun {
     pub to: i64,
 }
 
-/// How far a run keeps to the outline of the surface.
+/// Result of following a run along the outline of the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OutlineFollowing {
     /// All the way.

@@ -3,12 +3,12 @@
 use super::sum::ExactSum;
 use super::triangle::{ProofPosition, ProofTriangle};
 
-/// How often a fault was found, and the first place in row order.
+/// Number of occurrences of a fault, and the first position in row order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FaultCount {
-    /// How often.
+    /// Number of occurrences.
     pub count: u64,
-    /// Where first.
+    /// The first position.
     pub first: Option<ProofPosition>,
 }
 

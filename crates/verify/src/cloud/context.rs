@@ -22,7 +22,7 @@ pub(super) struct CloudProofContext<'a> {
     pub(super) kept: OnCloud,
     /// Promises in the header of the mesh.
     pub(super) stated: Promises,
-    /// It states no triangulation that is not Delaunay.
+    /// False where the mesh states a triangulation other than Delaunay.
     pub(super) is_delaunay: bool,
     /// The mesh has vertices on lines that are not given.
     pub(super) has_posts: bool,
@@ -67,5 +67,5 @@ pub(super) fn surface_bounds(source: &dyn PointSource) -> Result<[Point; 2]> {
 
 pub(super) fn no_surface() -> Error {
     Error::bad_input("the points have no surface: fewer than three, or all on a line")
-        .remedy("look at the filters, or at the files with `terrane info`")
+        .remedy("check the filters, or the files with `terrane info`")
 }

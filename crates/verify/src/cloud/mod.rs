@@ -34,7 +34,7 @@ use terrane_mesh::MeshSource;
 pub use report::{CloudProofFindings, CloudVerifyReport};
 
 /// Runs a verification. An error means that it could not be done; a mesh that breaks a promise is
-/// no error, but a report with `passed` false.
+/// not an error, but a report with `passed` false.
 ///
 /// # Errors
 /// As [`prove_cloud`], and all errors of the files.
@@ -74,7 +74,9 @@ pub(super) fn verify_cloud(
     header.judge(&mut report.verdict)?;
     judge_bounds(&*mesh, &mut report.verdict, progress, cancel)?;
     for (key, text) in stated.statements().filter(|(key, _)| !OF_CLOUDS.contains(key)) {
-        report.verdict.leave(format!("the statement \"{key} {text}\", as no cloud keeps it"));
+        report
+            .verdict
+            .leave(format!("the statement \"{key} {text}\" (not applicable to point clouds)"));
     }
     let given = [
         job.options.constraints.keep_points.is_some(),
@@ -85,7 +87,7 @@ pub(super) fn verify_cloud(
     Ok(CloudVerifyReport { mesh, of: CloudProofFindings { cloud, ..report.of }, ..report })
 }
 
-/// Prefixes of statements that are judged along with a cloud, or that promise nothing.
+/// Keys of statements that are judged for clouds, or are not promises.
 const OF_CLOUDS: [&str; 6] =
     ["crs", "source", "max error", "triangulation", "keep points", "breaklines"];
 

@@ -25,7 +25,9 @@ pub(super) fn layout(context: &CloudProofContext<'_>) -> Result<DomainLayout> {
     let [low, high] = context.bounds;
     let grid = [high.x.abs_diff(low.x), high.y.abs_diff(low.y)].map(|side| side.saturating_add(1));
     if grid.iter().any(|&side| side > 1 << 30) {
-        return Err(Error::bad_input("the cloud is larger than its frame can hold"));
+        return Err(Error::bad_input(
+            "the extent of the point cloud exceeds 2^30 steps of its scale",
+        ));
     }
     Ok(divide(grid, tile_count(context)))
 }
@@ -62,13 +64,16 @@ pub(super) fn check(
         positions: spread.positions.as_ref(),
     };
     work.progress.begin("prove", points.counts.kept);
-    let judge = |tally: &mut ProofTally, index| {
-        let (number, domain) = (index as usize, layout.domain(index));
-        checker.check(&records, &constraints.of(index), number, domain, tally)?;
-        work.progress.advance(records.points.len(number));
-        Ok(())
-    };
-    let tally = work.findings(layout.len(), judge, ProofTally::merge)?;
+    let tally = work.findings(
+        layout.len(),
+        |tally: &mut ProofTally, index| {
+            let (number, domain) = (index as usize, layout.domain(index));
+            checker.check(&records, &constraints.of(index), number, domain, tally)?;
+            work.progress.advance(records.points.len(number));
+            Ok(())
+        },
+        ProofTally::merge,
+    )?;
     work.progress.end();
     Ok((tally, checker.spilled.into_inner()))
 }
@@ -184,7 +189,7 @@ impl CloudDomainChecker<'_> {
         let Rect { col, row, .. } = domain.rect;
         let at = ProofPosition::sample(i64::from(col), i64::from(row));
         let [x, y] = self.context.placer.world(at);
-        let what = format!("{points} points and {triangles} triangles share a place");
+        let what = format!("{points} points and {triangles} triangles at one position");
         self.context.work.short(&what, need).at(format!("x {x}, y {y}"))
     }
 }

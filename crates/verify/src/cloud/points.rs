@@ -96,7 +96,7 @@ impl SpreadPoints {
 fn place(point: Point, [low, high]: [Point; 2]) -> Result<Point> {
     let is_inside = low.x <= point.x && point.x <= high.x && low.y <= point.y && point.y <= high.y;
     if !is_inside {
-        let message = "a point lies outside the bounds that its cloud states";
+        let message = "point outside the stated bounds of its cloud";
         return Err(Error::new(ErrorKind::Internal, message));
     }
     Ok(Point::new(point.x - low.x, point.y - low.y, point.z))

@@ -94,7 +94,7 @@ impl MeshOriginal for CloudProofFindings {
         vec![
             (self.uncovered_points, "points not covered by the mesh"),
             (self.outside_vertices, "vertices beyond the hull of the points"),
-            (self.not_kept, "points that were to be kept and are no vertices"),
+            (self.not_kept, "required points that are not vertices"),
             (self.not_followed, "places on breaklines that edges do not follow"),
         ]
     }

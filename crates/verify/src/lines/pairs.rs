@@ -40,7 +40,7 @@ struct BufferedFeatures {
     findings: FeatureFindings,
 }
 
-/// How a comparison went.
+/// Outcome of a comparison.
 pub(super) enum ComparisonOutcome {
     /// Every feature was compared.
     All(Box<FeatureFindings>),
@@ -54,7 +54,7 @@ pub(super) type Visit<'a> = dyn FnMut(PartVertices<'_>, PartVertices<'_>, bool) 
 impl<'a> FeaturePairs<'a> {
     pub(super) fn new(job: &'a LineVerifyJob, cancel: &'a Cancel) -> Result<Self> {
         let format = vector::identify(&job.lines)?.ok_or_else(|| {
-            Error::bad_input("not a file of features of a known format").in_file(&job.lines)
+            Error::bad_input("not a vector file of a known format").in_file(&job.lines)
         })?;
         Ok(Self { job, cancel, format, buffered: None })
     }
@@ -188,7 +188,7 @@ impl<'a> FeaturePairs<'a> {
                         findings.attributes.add(|| format!("feature {number}: {what}"));
                     }
                 }
-                // A file with a line for each vertex holds no feature without one.
+                // A CSV with a row for each vertex cannot store a feature without vertices.
                 None if old.is_empty() && self.format.holds.values == PropertySupport::Cells => {}
                 None => findings.gone.add(|| format!("feature {number}{}", named(old))),
             }
@@ -213,8 +213,7 @@ impl<'a> FeaturePairs<'a> {
             self.cancel.check()?;
             *bytes += (feature.geometry.vertices() as u64 + 1) * VERTEX;
             if *bytes > self.job.resources.memory {
-                let message = "features are not those of the original in the same order, and more \
-                               than memory holds";
+                let message = "features in another order than the original exceed the memory";
                 return Err(Error::new(ErrorKind::Resource, message)
                     .in_file(&self.job.lines)
                     .remedy(
@@ -243,7 +242,7 @@ impl<'a> FeaturePairs<'a> {
         // Checked before the copy is allocated.
         if needed > self.job.resources.memory.max(MIN_MEMORY) {
             let mib = needed.div_ceil(1 << 20);
-            let message = format!("a feature as large as this takes {mib} MiB of memory");
+            let message = format!("feature of {mib} MiB exceeds the memory");
             let error = short(message, needed).in_file(Path::new(&self.job.original));
             return Err(error.at(source.location()));
         }
@@ -253,12 +252,12 @@ impl<'a> FeaturePairs<'a> {
         }
         // Exact signs need products of coordinates within the range of floats.
         if prepared.vertices().flatten().any(|v| v.abs() >= 1e130) {
-            return Err(Error::bad_input("a coordinate is beyond 1e130").at(source.location()));
+            return Err(Error::bad_input("coordinate exceeds 1e130").at(source.location()));
         }
         // Squares of distances between smaller ones underflow to 0.
         let is_fine = self.job.tolerance.is_some_and(|tolerance| tolerance.value < 1e-50);
         if is_fine && prepared.vertices().flatten().any(|v| *v != 0.0 && v.abs() < 1e-59) {
-            let message = "a coordinate below 1e-59 is too small for distances to be computed";
+            let message = "coordinate below 1e-59: squared distances underflow";
             return Err(Error::bad_input(message)
                 .at(source.location())
                 .remedy("pass ‹tolerance› 1e-50 or more"));
@@ -274,11 +273,11 @@ struct FeaturePair<'a> {
     after: &'a ComparedFeature,
 }
 
-/// How heights and measures of a feature are compared.
+/// Comparison of heights and measures of a feature.
 struct ZmComparison {
-    /// False where the original has some and the format no place for them.
+    /// False where the original has them and the format cannot store them.
     is_stored: [bool; 2],
-    /// True where there is none, before or after.
+    /// True where neither feature has any.
     is_none: bool,
     /// True where a missing height is stored as 0: a shapefile has heights for all of its features or
     /// for none.

@@ -95,8 +95,6 @@ fn refuse_solid(mesh: &dyn MeshSource) -> Result<()> {
     if !mesh.info().solid {
         return Ok(());
     }
-    Err(Error::unsupported(
-        "is a solid: it has walls and a bottom, which are no terrain to measure",
-    )
-    .remedy("measure the mesh that is made without ‹base› and ‹co› SOLID_BASE"))
+    Err(Error::unsupported("is a solid: walls and bottom are not terrain")
+        .remedy("measure a mesh made without ‹base› and ‹co› SOLID_BASE"))
 }

@@ -23,12 +23,15 @@ pub(super) fn measure(
     let spread = MeshSpread::of_triangles(work, plan, layout, DomainReach::Corners)?;
     let inspector = QualityInspector { work, plan, has_space, crowded: Mutex::new(()) };
     work.progress.begin("squares", layout.len());
-    let measure = |quality: &mut Quality, index| {
-        inspector.measure(&spread.triangles, index as usize, layout.domain(index), quality)?;
-        work.progress.advance(1);
-        Ok(())
-    };
-    let quality = work.findings(layout.len(), measure, Quality::merge)?;
+    let quality = work.findings(
+        layout.len(),
+        |quality: &mut Quality, index| {
+            inspector.measure(&spread.triangles, index as usize, layout.domain(index), quality)?;
+            work.progress.advance(1);
+            Ok(())
+        },
+        Quality::merge,
+    )?;
     work.progress.end();
     Ok((quality, spread.broken))
 }
@@ -99,7 +102,7 @@ impl QualityInspector<'_> {
     fn too_crowded(&self, domain: GridDomain, triangles: u64, need: u64) -> Error {
         let Rect { col, row, .. } = domain.rect;
         let [x, y] = self.plan.world(ProofPosition::sample(i64::from(col), i64::from(row)));
-        let what = format!("{triangles} triangles share a place");
+        let what = format!("{triangles} triangles at one position");
         self.work.short(&what, need).at(format!("x {x}, y {y}"))
     }
 }

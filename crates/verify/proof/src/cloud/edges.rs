@@ -1,4 +1,4 @@
-//! How triangles meet, where the mesh ends, and whether its vertices are points.
+//! Topology of triangles, outline of the mesh, and vertices that are not points.
 
 use std::mem::size_of;
 

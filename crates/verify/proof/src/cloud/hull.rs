@@ -59,16 +59,17 @@ impl HullGatherer {
     fn reduce(&mut self) {
         self.pool = ring(std::mem::take(&mut self.pool));
         self.reduced = self.pool.len();
-        let farthest = |[x, y]: [i64; 2]| {
-            let pool = self.pool.iter().copied();
-            pool.max_by_key(|at| (i64::from(at[0]) * x + i64::from(at[1]) * y, *at))
-        };
-        self.guard = COMPASS.into_iter().filter_map(farthest).collect();
+        self.guard = COMPASS.into_iter().filter_map(|way| farthest(&self.pool, way)).collect();
         self.guard.dedup();
         if self.guard.first() == self.guard.last() {
             self.guard.pop();
         }
     }
+}
+
+/// The position farthest in a direction; of several the last by column and row.
+fn farthest(pool: &[Spot], [x, y]: [i64; 2]) -> Option<Spot> {
+    pool.iter().copied().max_by_key(|at| (i64::from(at[0]) * x + i64::from(at[1]) * y, *at))
 }
 
 /// The corners of the convex hull, counter-clockwise from the lowest row, then column; without those

@@ -1,11 +1,11 @@
-//! Pairs of segments that meet where they should not.
+//! Crossings: pairs of segments that meet off a common end.
 
 use super::exact::{Xy, by_ends, meet, upward};
 use super::pieces::{LineProofPieces, XRange};
 use super::report::LineCheckReport;
 use super::sides::strip_of;
 
-/// Segments to a strip, at the mean.
+/// Mean number of segments in a strip.
 const TO_A_STRIP: usize = 256;
 
 /// A segment, its end with the lesser x (then y) first.

@@ -65,10 +65,10 @@ impl ProofLines<'_> {
             && self.starts.last() == Some(&n)
             && self.starts.windows(2).all(|pair| pair[0] <= pair[1]);
         if !flat {
-            return Err(Error::usage("parts do not begin where the ones before them end").at(name));
+            return Err(Error::usage("parts are not contiguous").at(name));
         }
         if let Some(at) = self.points.iter().position(|p| !p.iter().all(|v| v.abs() < 1e130)) {
-            return Err(Error::bad_input("a coordinate is not finite, or too large")
+            return Err(Error::bad_input("coordinate is not finite, or exceeds 1e130")
                 .at(format!("{name}, vertex {at}")));
         }
         match (0..self.count()).find(|&part| self.closed[part] && !self.is_closed(part)) {

@@ -1,4 +1,4 @@
-//! A part beside the one it was made from.
+//! Comparison of a part with its original.
 
 use super::exact::{Xy, area_sign};
 use super::gone::lies_along_a_segment;
@@ -7,7 +7,7 @@ use super::measure::ProofDistance;
 use super::pieces::{LineProofPieces, PieceKind};
 use super::report::{LineCheckReport, ProofFarthestVertex};
 
-/// How parts are compared with those they were made from.
+/// Comparison of parts with their originals.
 #[derive(Clone, Copy, Debug)]
 pub struct PartComparison {
     /// How distances are measured.

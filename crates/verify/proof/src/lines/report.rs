@@ -5,7 +5,7 @@ use super::exact::Xy;
 /// Number of occurrences of a defect, and its first place by part, x and y.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LineDefect {
-    /// How often.
+    /// Number of occurrences.
     pub count: u64,
     /// The part and position of the first one.
     pub first: Option<(u32, Xy)>,
@@ -44,7 +44,7 @@ pub struct LineCheckReport {
     /// Vertices before and after.
     pub vertices: [u64; 2],
     /// Parts with a vertex that the original part does not have, or not in that order, or without an
-    /// end of the line. They take no part in what follows but crossings.
+    /// end of the line. They are excluded from all other checks but crossings.
     pub foreign: LineDefect,
     /// The largest distance, if any vertex was left out.
     pub farthest: Option<ProofFarthestVertex>,

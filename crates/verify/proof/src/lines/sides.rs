@@ -1,7 +1,7 @@
-//! Positions on another side of a part than before.
+//! Positions that have changed sides of a part.
 //!
 //! Whether a vertex has changed sides of a part is the parity of the closed curves of that part's pieces
-//! around it, so only pieces whose boxes hold the vertex are asked, not every segment above it.
+//! around it, so only pieces whose boxes contain the vertex are tested, not every segment above it.
 //!
 //! Measured, against rays: 10.6 million vertices from 29 to 13.5 s of CPU, and from 2.0 GiB to 216 MiB.
 
@@ -11,7 +11,7 @@ use super::exact::{Xy, in_box, side};
 use super::pieces::{LineProofPiece, LineProofPieces, PieceKind, XRange};
 use super::report::LineCheckReport;
 
-/// Positions to a strip, at the mean.
+/// Mean number of positions in a strip.
 const TO_A_STRIP: usize = 64;
 
 /// Counts vertices of the result and given points in a band that changed sides: the upward ray from
@@ -19,7 +19,7 @@ const TO_A_STRIP: usize = 64;
 /// or they lie on it now. Positions on the original part had no side of it.
 ///
 /// Before and after together, a ray crosses a part as often as the closed curves of its pieces and the
-/// segments in their place; so each position is held against the pieces whose boxes it is in.
+/// segments in their place; so each position is tested against the pieces whose boxes contain it.
 pub(super) fn moved(
     pieces: &LineProofPieces,
     points: &[Xy],
@@ -72,7 +72,7 @@ fn on_before(
     found
 }
 
-/// Where a position is beside a piece.
+/// Position relative to a piece.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum PieceSide {
     /// On the stretch of the original.

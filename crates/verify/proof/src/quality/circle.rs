@@ -6,7 +6,7 @@
 use crate::ProofPosition;
 use crate::exact::double_area;
 
-/// How the two triangles of an edge lie to each other, in plan.
+/// Delaunay test of the two triangles of an edge, in plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DelaunayVerdict {
     /// The opposite corner of each is outside the circle through the other.

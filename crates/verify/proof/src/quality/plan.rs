@@ -52,8 +52,7 @@ impl QualityLattice {
         self.step * ProofPosition::CELL as f64
     }
 
-    /// How far a position may be from where it was meant to be, in steps (column, row): as far as the
-    /// rounding of its computation and storage explains.
+    /// Bound on the rounding of positions by computation and storage, in steps (column, row).
     pub fn rounding(&self) -> [f64; 2] {
         self.rounding
     }
