@@ -189,10 +189,10 @@ impl<O: MeshOriginal> MeshReport<O> {
     /// The findings, judged; without names of files and statistics of the run.
     pub(super) fn new(
         of: O,
-        found: &MeshFindings<'_>,
+        findings: &MeshFindings<'_>,
         place: impl Fn(ProofPosition) -> O::Place,
     ) -> Self {
-        let MeshFindings { mesh, stated, tolerance, vertices, tally, step, .. } = *found;
+        let MeshFindings { mesh, stated, tolerance, vertices, tally, step, .. } = *findings;
         let fault = |fault: &FaultCount| FaultReport::of(fault, &place);
         let report = Self {
             mesh: String::new(),
@@ -210,8 +210,8 @@ impl<O: MeshOriginal> MeshReport<O> {
             triangles: mesh.triangles,
             free_vertices: vertices.free,
             unusable_vertices: vertices.unusable,
-            broken_triangles: found.broken,
-            mesh_area: area(tally.double_area, found.cell),
+            broken_triangles: findings.broken,
+            mesh_area: area(tally.double_area, findings.cell),
             overlaps: fault(&tally.overlaps),
             inverted_triangles: fault(&tally.inverted),
             empty_triangles: fault(&tally.empty),
@@ -225,17 +225,17 @@ impl<O: MeshOriginal> MeshReport<O> {
             interior_edges: tally.interior_edges,
             open_edges: tally.open_edges,
             non_delaunay_edges: fault(&tally.non_delaunay),
-            delaunay: found.is_delaunay && mesh.is_own() && !is_silent(mesh, stated),
+            delaunay: findings.is_delaunay && mesh.is_own() && !is_silent(mesh, stated),
             source: stated.source.clone(),
             smallest_angle: tally.smallest_angle,
             angle_histogram: tally.angles.to_vec(),
             run: RunStatistics::default(),
         };
-        let verdict = report.judged(found);
+        let verdict = report.judged(findings);
         Self { verdict, ..report }
     }
 
-    fn judged(&self, found: &MeshFindings<'_>) -> ProofVerdict {
+    fn judged(&self, findings: &MeshFindings<'_>) -> ProofVerdict {
         let counts = [
             (self.unusable_vertices, "vertices without a usable position"),
             (self.broken_triangles, "triangles with such a vertex"),
@@ -245,12 +245,12 @@ impl<O: MeshOriginal> MeshReport<O> {
         let promises = self.promises();
         failures
             .extend(promises.iter().filter_map(|(fault, what)| fault.sentence(what, O::describe)));
-        if !found.area_matches {
+        if !findings.area_matches {
             failures.push(self.of.wrong_area(self.mesh_area));
         }
         let no_bound = self.tolerance.is_none().then(|| NO_BOUND.to_owned());
         // Where all edges are Delaunay it does not matter whether that was promised.
-        let is_silent = self.made_by_terrane && is_silent(found.mesh, found.stated);
+        let is_silent = self.made_by_terrane && is_silent(findings.mesh, findings.stated);
         let no_triangulation = (is_silent && self.non_delaunay_edges.count > 0).then(|| {
             "whether it is Delaunay: its header has no space for that statement".to_owned()
         });

@@ -158,14 +158,14 @@ fn judge_system(
     // GeoJSON has no member for a CRS: a .prj beside the file may define it.
     let sidecar = wkt::of_srs(&terrane_files::prj(&job.lines)?);
     let has_sidecar = is_default && format != ALWAYS_WGS84 && sidecar.is_named();
-    let own = if has_sidecar { &sidecar } else { stated };
+    let lines_crs = if has_sidecar { &sidecar } else { stated };
     let is_default = is_default && !has_sidecar;
-    if own.agrees(original) || (is_default && !original.is_named()) {
+    if lines_crs.agrees(original) || (is_default && !original.is_named()) {
         return Ok(());
     }
-    let [ours, theirs] = original.distinct_names(own);
-    match (own.is_named(), original.is_named()) {
-        (true, true) if format != ALWAYS_WGS84 && original.is_surely_another(own) => verdict
+    let [ours, theirs] = original.distinct_names(lines_crs);
+    match (lines_crs.is_named(), original.is_named()) {
+        (true, true) if format != ALWAYS_WGS84 && original.is_surely_another(lines_crs) => verdict
             .fail(format!("the CRS of the lines is {theirs}, and that of the original is {ours}")),
         (true, true) if format != ALWAYS_WGS84 => verdict.leave(format!(
             "whether the CRS of the lines, {theirs}, is that of the original, {ours}"
@@ -187,16 +187,16 @@ fn findings_report(
     job: &LineVerifyJob,
     measure: DistanceKind,
     tolerance: Option<f64>,
-    found: &LineCheckReport,
+    checks: &LineCheckReport,
     findings: &FeatureFindings,
     format: &str,
 ) -> LineVerifyReport {
-    let failures = [findings.failures(), failures(found, job.topology)].concat();
+    let failures = [findings.failures(), failures(checks, job.topology)].concat();
     let mut not_judged = findings.not_judged(format);
     if tolerance.is_none() {
         not_judged.insert(0, "distances, as no bound is known (‹tolerance›)".to_owned());
-    } else if found.unknown > 0 {
-        let count = found.unknown;
+    } else if checks.unknown > 0 {
+        let count = checks.unknown;
         not_judged.push(format!(
             "{count} missing rings, too large to decide whether they collapse within the tolerance"
         ));
@@ -214,22 +214,22 @@ fn findings_report(
         added_features: findings.added.count,
         changed_attributes: findings.attributes.count,
         changed_points: findings.points.count,
-        changed_heights: found.changed.count,
-        parts: found.parts,
-        dropped: found.dropped,
-        missing: found.missing.count,
-        vertices: found.vertices,
+        changed_heights: checks.changed.count,
+        parts: checks.parts,
+        dropped: checks.dropped,
+        missing: checks.missing.count,
+        vertices: checks.vertices,
         measure,
         tolerance,
-        largest_distance: found.farthest.map_or(0.0, |far| far.distance),
-        farthest: found.farthest.map(|far| far.at),
-        beyond: found.beyond.count,
-        foreign: found.foreign.count,
-        crossings: [found.original_crossings, found.crossings, found.new_crossings.count],
-        collapsed: found.collapsed.count,
-        turned: found.turned.count,
-        moved: found.moved.count,
-        torn: found.torn.count,
+        largest_distance: checks.farthest.map_or(0.0, |far| far.distance),
+        farthest: checks.farthest.map(|far| far.at),
+        beyond: checks.beyond.count,
+        foreign: checks.foreign.count,
+        crossings: [checks.original_crossings, checks.crossings, checks.new_crossings.count],
+        collapsed: checks.collapsed.count,
+        turned: checks.turned.count,
+        moved: checks.moved.count,
+        torn: checks.torn.count,
         run: RunStatistics::default(),
     }
 }
@@ -243,11 +243,19 @@ struct LineProofRun<'a> {
     cancel: &'a Cancel,
 }
 
+/// Outcome of the comparison of all parts.
+struct ComparedLines {
+    pieces: LineProofPieces,
+    report: LineCheckReport,
+    findings: FeatureFindings,
+}
+
 impl LineProofRun<'_> {
     /// The findings, and the format of the lines.
     fn run(&self) -> Result<(LineCheckReport, FeatureFindings, &'static str)> {
         let mut pairs = FeaturePairs::new(self.job, self.cancel)?;
-        let (mut pieces, mut report, findings) = self.compare(&mut pairs, f64::NEG_INFINITY)?;
+        let ComparedLines { mut pieces, mut report, findings } =
+            self.compare(&mut pairs, f64::NEG_INFINITY)?;
         loop {
             self.judge(&pieces, &mut report)?;
             let done = pieces.band().to;
@@ -255,16 +263,12 @@ impl LineProofRun<'_> {
                 return Ok((report, findings, pairs.format()));
             }
             drop(pieces);
-            (pieces, _, _) = self.compare(&mut pairs, done)?;
+            pieces = self.compare(&mut pairs, done)?.pieces;
         }
     }
 
     /// Compares all parts; stores as many pieces from x = `from` on as memory allows.
-    fn compare(
-        &self,
-        pairs: &mut FeaturePairs<'_>,
-        from: f64,
-    ) -> Result<(LineProofPieces, LineCheckReport, FeatureFindings)> {
+    fn compare(&self, pairs: &mut FeaturePairs<'_>, from: f64) -> Result<ComparedLines> {
         self.progress.begin("compare", 0);
         let max_bytes = self.job.resources.memory.saturating_sub(PROGRAM).max(2 * MIN_BYTES) / 2;
         loop {
@@ -285,7 +289,7 @@ impl LineProofRun<'_> {
             match compared {
                 ComparisonOutcome::All(findings) => {
                     self.progress.end();
-                    return Ok((pieces, report, *findings));
+                    return Ok(ComparedLines { pieces, report, findings: *findings });
                 }
                 ComparisonOutcome::OutOfOrder => pairs.collect()?,
             }
@@ -320,24 +324,24 @@ fn crowded(job: &LineVerifyJob) -> Error {
 }
 
 /// A report line for each broken promise.
-fn failures(found: &LineCheckReport, topology: bool) -> Vec<String> {
-    let own = [
-        (found.missing, "lines and rings are missing"),
-        (found.changed, "vertices have another height or measure"),
+fn failures(checks: &LineCheckReport, topology: bool) -> Vec<String> {
+    let parts = [
+        (checks.missing, "lines and rings are missing"),
+        (checks.changed, "vertices have another height or measure"),
         (
-            found.foreign,
+            checks.foreign,
             "parts with vertices that the original does not have, or has in another order",
         ),
-        (found.beyond, "vertices farther than the tolerance from the segment in their place"),
+        (checks.beyond, "vertices farther than the tolerance from the segment in their place"),
     ];
     let neighbours = [
-        (found.new_crossings, "new crossings of segments"),
-        (found.collapsed, "rings have lost their area"),
-        (found.turned, "rings are turned over"),
-        (found.moved, "vertices or points have changed sides"),
-        (found.torn, "shared borders are torn apart or merged"),
+        (checks.new_crossings, "new crossings of segments"),
+        (checks.collapsed, "rings have lost their area"),
+        (checks.turned, "rings are turned over"),
+        (checks.moved, "vertices or points have changed sides"),
+        (checks.torn, "shared borders are torn apart or merged"),
     ];
-    let judged = own.into_iter().chain(neighbours.into_iter().filter(|_| topology));
+    let judged = parts.into_iter().chain(neighbours.into_iter().filter(|_| topology));
     judged
         .filter(|(defect, _)| defect.count > 0)
         .filter_map(|(defect, what)| {

@@ -84,36 +84,36 @@ pub(crate) fn exceeds(
     is_beyond(&[(sign * area, height), p, q, r], sign * area, tolerance)
 }
 
-/// True when a sum of weighted values is further from 0 than `whole` (above 0) tolerances: exact.
-fn is_beyond(terms: &[(i128, f64)], whole: i128, tolerance: f64) -> bool {
+/// True when a sum of weighted values is further from 0 than `total` (above 0) tolerances: exact.
+fn is_beyond(terms: &[(i128, f64)], total: i128, tolerance: f64) -> bool {
     [1, -1].into_iter().any(|side| {
         let mut sum = ProofExpansion::default();
-        sum.add_product(-whole, tolerance);
+        sum.add_product(-total, tolerance);
         terms.iter().for_each(|&(weight, value)| sum.add_product(side * weight, value));
         sum.is_positive_or_overflown()
     })
 }
 
-/// A height on the straight line between two: the second has `part` of the weight, the first the rest.
+/// A height on the straight line between two: the second has the weight `part`, the first the rest of the total.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct InterpolatedHeight {
     /// The two heights.
     pub(crate) ends: [f64; 2],
-    /// From 0 to the whole.
+    /// The weight of the second.
     pub(crate) part: i128,
 }
 
 impl InterpolatedHeight {
-    /// True when two heights are more than `tolerance` apart, parts being of `whole`: exact, as [`exceeds`].
-    pub(crate) fn is_far(self, other: Self, whole: i128, tolerance: f64) -> bool {
-        let ([a, b], [c, d]) = (self.terms(whole, 1), other.terms(whole, -1));
-        is_beyond(&[a, b, c, d], whole, tolerance)
+    /// True when two heights are more than `tolerance` apart, with weights that sum up to `total`: exact, as [`exceeds`].
+    pub(crate) fn is_far(self, other: Self, total: i128, tolerance: f64) -> bool {
+        let ([a, b], [c, d]) = (self.terms(total, 1), other.terms(total, -1));
+        is_beyond(&[a, b, c, d], total, tolerance)
     }
 
     /// Weights and values of the two ends; `side` is the sign.
-    fn terms(self, whole: i128, side: i128) -> [(i128, f64); 2] {
+    fn terms(self, total: i128, side: i128) -> [(i128, f64); 2] {
         let Self { ends: [a, b], part } = self;
-        [(side * (whole - part), a), (side * part, b)]
+        [(side * (total - part), a), (side * part, b)]
     }
 }
 

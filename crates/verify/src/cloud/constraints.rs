@@ -34,9 +34,12 @@ impl ConstraintChecks {
         hull: &ProofHull,
         layout: DomainLayout,
     ) -> Result<Self> {
-        let kept = &context.kept;
-        let tracks: Vec<_> =
-            kept.lines.iter().map(|line| CloudTrack::new(line.ends, line.heights, hull)).collect();
+        let constraints = &context.constraints;
+        let tracks: Vec<_> = constraints
+            .lines
+            .iter()
+            .map(|line| CloudTrack::new(line.ends, line.heights, hull))
+            .collect();
         let mut lines = Vec::new();
         for (number, track) in (0..).zip(&tracks) {
             let Some(track) = track else { continue };
@@ -46,7 +49,7 @@ impl ConstraintChecks {
             );
         }
         lines.sort_unstable();
-        let (nearest, beyond) = nearest(kept, &points.points, hull, layout)?;
+        let (nearest, beyond) = nearest(constraints, &points.points, hull, layout)?;
         let mut points: Vec<_> =
             nearest.into_iter().map(|point| (layout.owner(position(point)), point)).collect();
         points.sort_unstable_by_key(|(domain, point)| (*domain, order(point)));
@@ -95,12 +98,12 @@ impl DomainConstraints {
 
 /// The points nearest to the positions inside the hull, and the number of positions outside.
 fn nearest(
-    kept: &OnCloud,
+    constraints: &OnCloud,
     points: &Buckets<Point>,
     hull: &ProofHull,
     layout: DomainLayout,
 ) -> Result<(Vec<Point>, u64)> {
-    let all = kept.points.iter().map(|at| at.map(|steps| steps as i32));
+    let all = constraints.points.iter().map(|at| at.map(|steps| steps as i32));
     let mut sought: Vec<_> = all.map(|at| NearestQuery { at, found: None }).collect();
     let count = sought.len();
     sought.retain(|sought| hull.contains(sample(sought.at)));

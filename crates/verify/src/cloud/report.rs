@@ -143,14 +143,14 @@ pub(super) fn report(
         outside_vertices: fault(&tally.outside),
         off_point_vertices: fault(&tally.off_samples),
         has_posts: context.has_posts,
-        keep_points: context.kept.constraints(
+        keep_points: context.constraints.constraints(
             constraints.beyond,
             tally.kept,
             tally.kept - tally.not_kept.count,
         )?,
         not_kept: fault(&tally.not_kept),
         breaklines: context
-            .kept
+            .constraints
             .followed(|line| constraints.is_outside(line), tally.not_followed.count)?,
         on_breaklines: tally.on_lines,
         not_followed: fault(&tally.not_followed),

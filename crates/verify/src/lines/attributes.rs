@@ -151,14 +151,14 @@ impl AttributeRules {
         let moved = self.moved_id(expected, found);
         for (name, value) in expected {
             let known = moved.filter(|_| name == ID).or_else(|| fact(found, name));
-            let Some((_, own)) = known.or_else(|| fact(found, counterpart(name)?)) else {
+            let Some((_, actual)) = known.or_else(|| fact(found, counterpart(name)?)) else {
                 return Some(format!("{name} is gone"));
             };
-            match self.compare(name, value, own) {
+            match self.compare(name, value, actual) {
                 AttributeMatch::Yes => {}
                 AttributeMatch::Rounded => self.lost.rounded += 1,
                 AttributeMatch::No => {
-                    return Some(format!("{name} is {}", distinct_texts(own, value)));
+                    return Some(format!("{name} is {}", distinct_texts(actual, value)));
                 }
             }
         }
@@ -179,7 +179,7 @@ impl AttributeRules {
         let is_expected = |name: &str| fact(expected, name).is_some();
         let is_number = match self.holds.values {
             PropertySupport::Cells => {
-                name == ID || moved.is_some_and(|(own, _)| own == name && is_expected(ID))
+                name == ID || moved.is_some_and(|(actual, _)| actual == name && is_expected(ID))
             }
             PropertySupport::Dbase => name == NUMBER && expected.is_empty(),
             _ => false,
@@ -187,27 +187,27 @@ impl AttributeRules {
         !is_number && !is_expected(name) && !counterpart(name).is_some_and(is_expected)
     }
 
-    fn compare(&self, name: &str, value: &PropertyValue, own: &PropertyValue) -> AttributeMatch {
-        match (number(value), number(own)) {
+    fn compare(&self, name: &str, value: &PropertyValue, actual: &PropertyValue) -> AttributeMatch {
+        match (number(value), number(actual)) {
             (Some(a), Some(b)) if a == b => {
-                return AttributeMatch::exact(is_whole_same(value, own));
+                return AttributeMatch::exact(is_whole_same(value, actual));
             }
             (Some(a), Some(b)) => return self.compare_rounded(name, a, b),
             _ => {}
         }
         let is_typed = self.holds.values == PropertySupport::Typed;
-        if is_typed || matches!((value, own), (PropertyValue::Bool(_), PropertyValue::Bool(_))) {
-            let is_same = match is_text(value) && is_text(own) {
-                true => text(value) == text(own),
-                false => value == own,
+        if is_typed || matches!((value, actual), (PropertyValue::Bool(_), PropertyValue::Bool(_))) {
+            let is_same = match is_text(value) && is_text(actual) {
+                true => text(value) == text(actual),
+                false => value == actual,
             };
             return AttributeMatch::exact(is_same);
         }
-        let (a, b) = (self.line(value), self.line(own));
+        let (a, b) = (self.line(value), self.line(actual));
         let (had, has) = (a.parse::<f64>(), b.parse::<f64>());
         let is_number = match self.holds.values {
             PropertySupport::Cells => true,
-            _ => number(value).is_some() && number(own).is_none(),
+            _ => number(value).is_some() && number(actual).is_none(),
         };
         let is_same = a == b || (is_number && had.is_ok_and(|a| has.is_ok_and(|b| a == b)));
         AttributeMatch::exact(is_same)
@@ -215,13 +215,13 @@ impl AttributeRules {
 
     /// Numbers that differ: dBASE tables store a fixed number of decimals, and whole numbers in columns
     /// of fractions have 53 bits.
-    fn compare_rounded(&self, name: &str, value: f64, own: f64) -> AttributeMatch {
+    fn compare_rounded(&self, name: &str, value: f64, actual: f64) -> AttributeMatch {
         let column = self.columns.iter().find(|field| *field.name == *name);
         let digits =
             column.filter(|_| self.holds.values == PropertySupport::Dbase).and_then(|c| c.decimals);
         let Some(digits) = digits else { return AttributeMatch::No };
         let half = 0.5 * 10f64.powi(-i32::try_from(digits).unwrap_or(i32::MAX));
-        let is_near = (value - own).abs() <= half * (1.0 + 1e-9);
+        let is_near = (value - actual).abs() <= half * (1.0 + 1e-9);
         if is_near { AttributeMatch::Rounded } else { AttributeMatch::No }
     }
 
@@ -277,7 +277,7 @@ fn is_truncated(name: &str, field: &str) -> bool {
 
 /// True when a name begins with another, in any case of letters.
 fn starts_with(name: &str, start: &str) -> bool {
-    name.get(..start.len()).is_some_and(|own| own.eq_ignore_ascii_case(start))
+    name.get(..start.len()).is_some_and(|actual| actual.eq_ignore_ascii_case(start))
 }
 
 /// A key by which features with the same attributes are found; different attributes may share it.
@@ -314,8 +314,8 @@ fn number(value: &PropertyValue) -> Option<f64> {
 }
 
 /// Whole numbers are the same to the last digit.
-fn is_whole_same(value: &PropertyValue, own: &PropertyValue) -> bool {
-    match (value, own) {
+fn is_whole_same(value: &PropertyValue, actual: &PropertyValue) -> bool {
+    match (value, actual) {
         (PropertyValue::Int(a), PropertyValue::Int(b)) => a == b,
         _ => true,
     }
@@ -340,9 +340,9 @@ fn text(value: &PropertyValue) -> String {
 }
 
 /// A value and the expected one for messages, with their types where these differ.
-fn distinct_texts(own: &PropertyValue, expected: &PropertyValue) -> String {
-    let show = if kind(own) == kind(expected) { shown } else { shown_with_kind };
-    format!("{}, not {}", show(own), show(expected))
+fn distinct_texts(actual: &PropertyValue, expected: &PropertyValue) -> String {
+    let show = if kind(actual) == kind(expected) { shown } else { shown_with_kind };
+    format!("{}, not {}", show(actual), show(expected))
 }
 
 fn shown_with_kind(value: &PropertyValue) -> String {

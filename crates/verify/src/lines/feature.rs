@@ -47,10 +47,10 @@ impl ComparedFeature {
         let parts = parts.map(|part| FeaturePart::of(part.xy, part.z, part.m, part.role)).collect();
         let mut points = FeaturePart::of(&[], &[], &[], PartRole::Line);
         for leaf in feature.geometry.leaves().filter(|leaf| leaf.kind().is_points()) {
-            let own = leaf.coordinates();
-            let own = FeaturePart::of(&own.xy, &own.z, &own.m, PartRole::Line);
-            points.points.extend(own.points);
-            points.extras.extend(own.extras);
+            let xyzm = leaf.coordinates();
+            let leaf = FeaturePart::of(&xyzm.xy, &xyzm.z, &xyzm.m, PartRole::Line);
+            points.points.extend(leaf.points);
+            points.extras.extend(leaf.extras);
         }
         let stamp = stamp(&facts);
         Self { parts, points, facts, stamp }

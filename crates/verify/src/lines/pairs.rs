@@ -326,8 +326,8 @@ fn visit_gone(part: &FeaturePart, visit: &mut Visit<'_>) -> Result<()> {
 }
 
 /// The first property of a feature, to identify it in messages.
-fn named(own: &ComparedFeature) -> String {
-    let first = own.facts.first();
+fn named(feature: &ComparedFeature) -> String {
+    let first = feature.facts.first();
     first.map_or(String::new(), |(name, value)| format!(" ({name} {})", shown(value)))
 }
 

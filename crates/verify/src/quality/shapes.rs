@@ -64,26 +64,26 @@ impl QualityInspector<'_> {
         buckets: &Buckets<ProofTriangle>,
         number: usize,
         domain: GridDomain,
-        found: &mut Quality,
+        tally: &mut Quality,
     ) -> Result<()> {
         self.work.cancel.check()?;
         let triangles = buckets.len(number);
         let need = quality::bytes_needed(triangles);
         if need <= self.work.share && triangles <= MAX_TRIANGLES {
-            return self.measure_triangle(buckets, number, domain, found);
+            return self.measure_triangle(buckets, number, domain, tally);
         }
         let pieces = pieces(domain);
         if pieces.len() > 1 {
             let subdivided = respread(self.work, buckets, number, &pieces, has_corner)?;
             return (0..)
                 .zip(&pieces)
-                .try_for_each(|(number, &piece)| self.measure(&subdivided, number, piece, found));
+                .try_for_each(|(number, &piece)| self.measure(&subdivided, number, piece, tally));
         }
         if need > self.work.memory || triangles > MAX_TRIANGLES {
             return Err(self.too_crowded(domain, triangles, need));
         }
         let _alone = lock(&self.crowded);
-        self.measure_triangle(buckets, number, domain, found)
+        self.measure_triangle(buckets, number, domain, tally)
     }
 
     fn measure_triangle(
@@ -91,11 +91,11 @@ impl QualityInspector<'_> {
         buckets: &Buckets<ProofTriangle>,
         number: usize,
         domain: GridDomain,
-        found: &mut Quality,
+        tally: &mut Quality,
     ) -> Result<()> {
         let triangles = load(buckets, number)?;
         let (plan, has_space) = (self.plan, self.has_space);
-        quality::measure(&QualityPart { domain, triangles: &triangles, plan, has_space }, found);
+        quality::measure(&QualityPart { domain, triangles: &triangles, plan, has_space }, tally);
         Ok(())
     }
 

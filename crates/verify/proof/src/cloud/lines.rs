@@ -124,9 +124,9 @@ impl<'a> TrackVertices<'a> {
     ) -> Self {
         let mut all = Vec::new();
         if !lines.is_empty() {
-            let mut own = positions.to_vec();
-            own.retain(|&at| domain.owns(at));
-            let strips = ProofStrips::new(own);
+            let mut owned = positions.to_vec();
+            owned.retain(|&at| domain.owns(at));
+            let strips = ProofStrips::new(owned);
             for (track, line) in lines.iter().enumerate() {
                 let steps = line.steps_in(domain);
                 if steps.is_empty() {

@@ -56,7 +56,7 @@ fn distinct(segments: impl Iterator<Item = ProofSegment>, band: XRange) -> Vec<P
     all
 }
 
-/// Calls `found` for each pair that meets off a common end, once.
+/// Calls `visit` for each pair that meets off a common end, once.
 ///
 /// The band is cut into strips of y with about as many segments in each. In a strip, segments come in
 /// the order of their least x and are compared with those before them that reach as far. A pair counts
@@ -64,7 +64,7 @@ fn distinct(segments: impl Iterator<Item = ProofSegment>, band: XRange) -> Vec<P
 fn each_pair(
     segments: &[ProofSegment],
     band: XRange,
-    found: &mut impl FnMut(&ProofSegment, &ProofSegment),
+    visit: &mut impl FnMut(&ProofSegment, &ProofSegment),
 ) {
     let mut lows: Vec<f64> = segments.iter().map(|s| s.span(1)[0]).collect();
     lows.sort_unstable_by(f64::total_cmp);
@@ -91,7 +91,7 @@ fn each_pair(
                     let near =
                         common <= high.min(other_high) && strip_of(&borders, common) == at as usize;
                     if near && meet(s.ends, t.ends) {
-                        found(s, t);
+                        visit(s, t);
                     }
                 }
             }

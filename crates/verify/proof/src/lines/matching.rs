@@ -75,7 +75,7 @@ pub(super) struct PartMatching<'a> {
     distance: ProofDistance,
     /// Vertices of the original, a ring's last left out.
     old: &'a [[f64; 3]],
-    own: ResultPart,
+    result: ResultPart,
     /// Keys of the vertices of the result; a ring begins and ends with the vertex that is rarest in the original,
     /// number `first` of the result.
     new: Vec<Key>,
@@ -90,14 +90,14 @@ impl<'a> PartMatching<'a> {
     pub(super) fn new(
         distance: ProofDistance,
         before: PartVertices<'a>,
-        own: ResultPart,
+        result: ResultPart,
         is_ring: bool,
     ) -> Self {
         let all = before.points;
         let old = if is_ring && all.len() > 1 { &all[..all.len() - 1] } else { all };
-        let mut places: Vec<(Key, u32)> = own.keys(old, before.extras).zip(0..).collect();
+        let mut places: Vec<(Key, u32)> = result.keys(old, before.extras).zip(0..).collect();
         places.sort_unstable();
-        let mut new: Vec<Key> = own.keys(&own.points, &own.extras).collect();
+        let mut new: Vec<Key> = result.keys(&result.points, &result.extras).collect();
         let mut first = 0;
         if is_ring && new.len() > 1 {
             new.pop();
@@ -106,7 +106,7 @@ impl<'a> PartMatching<'a> {
             new.rotate_left(first);
             new.push(new[0]);
         }
-        Self { distance, old, own, new, first, is_ring, places }
+        Self { distance, old, result, new, first, is_ring, places }
     }
 
     /// The indices of a vertex of the result in the original.
@@ -126,7 +126,7 @@ impl<'a> PartMatching<'a> {
 
     /// The vertices of the result.
     pub(super) fn new_points(&self) -> &[[f64; 3]] {
-        &self.own.points
+        &self.result.points
     }
 
     /// The vertices of the original that those of the result are, in order and from any start of a ring;
@@ -147,8 +147,8 @@ impl<'a> PartMatching<'a> {
         let is_enough = found
             .as_ref()
             .is_some_and(|(worst, _)| tolerance.is_none_or(|tolerance| *worst <= tolerance));
-        let many = if self.old.len() <= SHORT { 2 * SHORT } else { MANY_TRIED };
-        if is_enough { found } else { self.tried(many).or(found) }
+        let max_tried = if self.old.len() <= SHORT { 2 * SHORT } else { MANY_TRIED };
+        if is_enough { found } else { self.tried(max_tried).or(found) }
     }
 
     /// The match of a ring of which nothing was left out. O(n).
@@ -193,7 +193,7 @@ impl<'a> PartMatching<'a> {
 
     /// Where heights or measures are not those of the original.
     pub(super) fn changed(&self, places: &[u32], before: PartVertices<'_>) -> Vec<Xy> {
-        let ResultPart { points, extras, .. } = &self.own;
+        let ResultPart { points, extras, .. } = &self.result;
         let count = if self.is_ring { points.len() - 1 } else { points.len() };
         let mut changed: Vec<usize> = (0..count)
             .filter(|at| {
@@ -315,9 +315,9 @@ impl<'a> PartMatching<'a> {
             if let Some((worst, _)) = &mut best {
                 *worst = worst.max(self.distance.of(self.vertex(at), a, b));
             }
-            let own = left.next_if(|(_, node)| node.at == at).filter(|_| self.place(at) == a);
+            let node = left.next_if(|(_, node)| node.at == at).filter(|_| self.place(at) == a);
             if let Some((back, node)) =
-                own.filter(|own| best.is_none_or(|best| own.1.worst < best.0))
+                node.filter(|(_, node)| best.is_none_or(|best| node.worst < best.0))
             {
                 best = Some((node.worst, back));
             }

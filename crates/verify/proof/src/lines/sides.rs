@@ -56,7 +56,7 @@ fn on_before(
     hits: &[(u32, u32)],
     band: XRange,
 ) -> Vec<(u32, u32)> {
-    let mut found = Vec::new();
+    let mut on_part = Vec::new();
     for piece in pieces.of(band) {
         let at = hits.partition_point(|hit| hit.0 < piece.part);
         if hits.get(at).is_none_or(|hit| hit.0 != piece.part) {
@@ -64,12 +64,12 @@ fn on_before(
         }
         all.each_in(piece.points, |at, p| {
             if piece.segments().any(|s| in_box(p, s) && side(s, p) == 0) {
-                found.push((piece.part, at));
+                on_part.push((piece.part, at));
             }
         });
     }
-    found.sort_unstable();
-    found
+    on_part.sort_unstable();
+    on_part
 }
 
 /// Position relative to a piece.
@@ -155,8 +155,8 @@ impl PositionStrips {
         Self { points, borders, starts }
     }
 
-    /// Calls `found` with each position, and its number, in the box around `vertices`.
-    fn each_in(&self, vertices: &[Xy], mut found: impl FnMut(u32, Xy)) {
+    /// Calls `visit` with each position, and its number, in the box around `vertices`.
+    fn each_in(&self, vertices: &[Xy], mut visit: impl FnMut(u32, Xy)) {
         let (mut low, mut high) = (vertices[0], vertices[0]);
         for p in vertices {
             (low, high) = ([0, 1].map(|k| low[k].min(p[k])), [0, 1].map(|k| high[k].max(p[k])));
@@ -168,7 +168,7 @@ impl PositionStrips {
             for (at, &p) in here.iter().enumerate().skip(first).take_while(|(_, p)| p[0] <= high[0])
             {
                 if low[1] <= p[1] && p[1] <= high[1] {
-                    found((range.start + at) as u32, p);
+                    visit((range.start + at) as u32, p);
                 }
             }
         }

@@ -15,7 +15,7 @@ const BINS: usize = 6001;
 #[derive(Clone, Debug, PartialEq)]
 pub struct AcuteAngles {
     /// The least.
-    pub least: Option<f64>,
+    pub min: Option<f64>,
     /// How many are below each of [`AcuteAngles::LIMITS`].
     pub below: [u64; AcuteAngles::LIMITS.len()],
     /// In steps of 5 degrees from 0 to 60.
@@ -28,7 +28,7 @@ pub struct AcuteAngles {
 impl Default for AcuteAngles {
     fn default() -> Self {
         let (below, histogram, bins) = Default::default();
-        Self { least: None, below, histogram, count: 0, bins }
+        Self { min: None, below, histogram, count: 0, bins }
     }
 }
 
@@ -37,7 +37,7 @@ impl AcuteAngles {
     pub const LIMITS: [f64; 5] = [1.0, 5.0, 10.0, 20.0, 30.0];
 
     fn add(&mut self, angle: f64) {
-        self.least = Some(self.least.map_or(angle, |least| least.min(angle)));
+        self.min = Some(self.min.map_or(angle, |min| min.min(angle)));
         self.count += 1;
         let raised = angle + HAIR;
         for (count, limit) in self.below.iter_mut().zip(Self::LIMITS) {
@@ -49,7 +49,7 @@ impl AcuteAngles {
     }
 
     fn merge(&mut self, other: &Self) {
-        self.least = [self.least, other.least].into_iter().flatten().reduce(f64::min);
+        self.min = [self.min, other.min].into_iter().flatten().reduce(f64::min);
         self.count += other.count;
         add(&mut self.below, &other.below);
         add(&mut self.histogram, &other.histogram);
@@ -217,17 +217,17 @@ impl Quality {
     }
 
     fn widen(&mut self, [low, high]: [u64; 2]) {
-        let [least, most] = self.degree_range.unwrap_or([low, high]);
-        self.degree_range = Some([least.min(low), most.max(high)]);
+        let [min, max] = self.degree_range.unwrap_or([low, high]);
+        self.degree_range = Some([min.min(low), max.max(high)]);
     }
 }
 
-fn raise(most: &mut Option<f64>, value: f64) {
-    *most = Some(most.map_or(value, |most| most.max(value)));
+fn raise(max: &mut Option<f64>, value: f64) {
+    *max = Some(max.map_or(value, |max| max.max(value)));
 }
 
-fn lower(least: &mut Option<f64>, value: f64) {
-    *least = Some(least.map_or(value, |least| least.min(value)));
+fn lower(min: &mut Option<f64>, value: f64) {
+    *min = Some(min.map_or(value, |min| min.min(value)));
 }
 
 fn add(mine: &mut [u64], more: &[u64]) {
@@ -248,7 +248,7 @@ mod tests {
     #[test]
     fn of_no_angle_nothing_is_told() {
         let none = angles(&[]);
-        assert_eq!((none.least, none.percentile(50), none.count()), (None, None, 0));
+        assert_eq!((none.min, none.percentile(50), none.count()), (None, None, 0));
     }
 
     #[test]
@@ -273,7 +273,7 @@ mod tests {
             let rank = (sorted.len() * percent as usize).div_ceil(100);
             let expected = (sorted[rank - 1] * 100.0).round() / 100.0;
             prop_assert_eq!(found.percentile(percent), Some(expected));
-            prop_assert_eq!(found.least, Some(sorted[0]));
+            prop_assert_eq!(found.min, Some(sorted[0]));
             prop_assert_eq!(found.below[2], sorted.iter().filter(|a| **a < 10.0).count() as u64);
             prop_assert_eq!(found.histogram.iter().sum::<u64>(), all.len() as u64);
         }
