@@ -7,13 +7,12 @@
 //! west of their median are stored, and the files are read again for the rest. There is no temporary file, and
 //! no finding depends on the bands.
 //!
-//! Formats may sort features and turn rings: a ring is matched forward and backward, vertex by vertex,
-//! and where it comes to its vertices repeatedly and both will do, whichever keeps the sign of its area
-//! counts; features that are not in the order of the original are stored, and paired by vertices and
-//! properties, then by vertices, then by properties, so that exchanged geometries are found. A part that
-//! is gone is a failure, unless dropping was declared and a segment between two of its vertices has all
-//! others within the tolerance (a collapsed ring). Properties are compared as far as the format can
-//! represent them; unsupported ones are reported.
+//! Formats may sort features and reverse rings. A ring is matched forward and backward, vertex by vertex; if
+//! both directions match, the one that keeps the sign of the area counts. Features in another order than the
+//! original are stored, and paired by vertices and properties, then by vertices, then by properties, so that
+//! exchanged geometries are detected. A missing part is a failure, unless dropping was declared and a segment
+//! between two of its vertices has all others within the tolerance (a collapsed ring). Properties are compared
+//! as far as the format supports them; unsupported ones are reported.
 
 mod attributes;
 mod feature;

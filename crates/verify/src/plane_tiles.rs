@@ -61,7 +61,7 @@ pub(super) fn load<T: bytemuck::Pod>(buckets: &Buckets<T>, number: usize) -> Res
     Ok(all)
 }
 
-/// A domain halved several times, as far as that goes.
+/// A domain halved up to [`HALVINGS`] times.
 pub(super) fn pieces(domain: GridDomain) -> Vec<GridDomain> {
     (0..HALVINGS).fold(vec![domain], |pieces, _| {
         pieces.into_iter().flat_map(|d| d.halves().map_or(vec![d], Vec::from)).collect()

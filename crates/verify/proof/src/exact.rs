@@ -1,5 +1,5 @@
-//! Exact decisions: area, in-circle, and whether a height is further from a triangle's plane than
-//! the tolerance.
+//! Exact predicates: area, in-circle, and the distance of a height from a triangle's plane against the
+//! tolerance.
 
 use std::ops::{Add, Mul, Sub};
 

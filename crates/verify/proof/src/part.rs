@@ -20,9 +20,9 @@ pub struct GridProofPart<'a> {
     /// Positions of all stored vertices of the domain, sorted; `None` when the vertices of the
     /// format have no identity.
     pub vertices: Option<&'a [ProofPosition]>,
-    /// Samples of the domain that have to be vertices if they belong to the surface, sorted.
+    /// Required samples of the domain, sorted; only those of the surface have to be vertices.
     pub kept: &'a [ProofPosition],
-    /// Breaklines that may come to the domain; others do no harm.
+    /// Breaklines that may pass through the domain; others do no harm.
     pub lines: &'a [ProofBreakline],
     /// Bound on the angles of triangles, if any.
     pub min_angle: Option<ProofAngleBound>,

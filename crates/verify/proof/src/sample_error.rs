@@ -341,8 +341,8 @@ impl<'a> WorstErrors<'a> {
         }
     }
 
-    /// Brings errors in line with the exact decisions: those over are above the tolerance by at
-    /// least one float, all others at most equal to it. Counts those over.
+    /// Makes errors consistent with the exact decisions: samples over the tolerance exceed it by at least one
+    /// float, all others are at most equal to it. Counts the samples over.
     fn settle(&mut self, row: u32, samples: &[u64], tally: &mut ProofTally) {
         let Some(tolerance) = self.part.tolerance else { return };
         let line = self.line(i64::from(row));

@@ -1,4 +1,4 @@
-//! Where the rows of the lattice cross a triangle: exact, by incremental division.
+//! Intersections of lattice rows with a triangle: exact, by incremental division.
 
 use std::ops::{Add, Mul, RangeInclusive, Sub};
 
@@ -7,7 +7,7 @@ use super::triangle::{ProofPosition, ProofTriangle};
 /// The part of a row of the lattice that lies in a triangle, in columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RowSection {
-    /// Left end, rounded down, and whether that left a fraction.
+    /// Left end, rounded down, and whether it has a fraction.
     pub(crate) left: (i64, bool),
     /// Right end likewise.
     pub(crate) right: (i64, bool),

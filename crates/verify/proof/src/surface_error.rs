@@ -5,8 +5,8 @@
 //! or at a *break*, where a side of the triangle crosses the line or a corner lies on it. So all breaks of all
 //! triangles are judged.
 //!
-//! A break belongs to the domain of the first sample of its line. However many triangles meet there, it
-//! counts once for each height that they have there.
+//! A break belongs to the domain of the first sample of its line. It counts once for each height of the
+//! triangles that meet there.
 
 use std::ops::Range;
 
@@ -72,7 +72,7 @@ impl<'a> BreakJudge<'a> {
         Self { part, window, lines, heights: Vec::new() }
     }
 
-    /// The lines that have samples of the domain, and which of their samples these are.
+    /// Ranges of the lines with samples of the domain, and of these samples along the lines.
     fn owned(&self, lines: SampleLineAxis) -> [Range<i64>; 2] {
         let rect = self.part.domain.rect;
         let [cols, rows] = [rect.col..rect.end_col(), rect.row..rect.end_row()]
@@ -188,7 +188,7 @@ impl<'a> BreakJudge<'a> {
         lines.get(col, row).then(|| [first, first + next].map(|i| self.part.heights[i]))
     }
 
-    /// Takes note of an error that is over the tolerance or the worst so far, or may be.
+    /// Counts an error that may exceed the tolerance or the largest error so far.
     #[cold]
     fn note<N: SectionInt>(
         &self,

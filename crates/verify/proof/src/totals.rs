@@ -43,8 +43,8 @@ impl ErrorSpot {
     }
 }
 
-/// Everything found in the parts checked so far. For a cloud, samples are points: those of the
-/// surface are the lowest at their position, and off the samples means off the points.
+/// Findings of the parts checked so far. For a point cloud, samples are points: surface samples are the lowest
+/// at their position, and off the samples means off the points.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ProofTally {
     /// Samples with a height.

@@ -1,5 +1,5 @@
-//! The constraints of a point cloud's mesh, found anew: the points nearest to given positions, and lines clipped to
-//! the hull, by domain.
+//! The constraints of a mesh of a point cloud, computed independently: the points nearest to given positions,
+//! and lines clipped to the hull, by domain.
 
 use super::context::CloudProofContext;
 use super::points::SpreadPoints;

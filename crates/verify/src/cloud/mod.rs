@@ -1,11 +1,11 @@
-//! Proves a written mesh against the cloud it was made from.
+//! Proof of a written mesh against its source point cloud.
 //!
 //! Four passes: points, vertices and triangles are spread over rectangles of the plane; then each
 //! rectangle is checked by itself ([`terrane_proof::cloud`]).
 //!
-//! Vertices are mapped back to whole steps as far as the rounding of their storage explains it, and every
-//! point is judged in `i128`. The outline and the area of the mesh must be those of the convex hull,
-//! which is gathered anew while the points are read.
+//! Vertices within the rounding of their storage are mapped back to whole steps, and every point is judged in
+//! `i128`. The outline and the area of the mesh must be those of the convex hull, which is computed
+//! independently while the points are read.
 
 mod constraints;
 mod context;

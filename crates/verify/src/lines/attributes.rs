@@ -1,5 +1,4 @@
-//! The properties and ids of a feature compared with its original, as far as the format can represent
-//! them.
+//! Comparison of the properties and ids of a feature with its original, as far as the format supports them.
 
 use std::collections::HashMap;
 
@@ -20,7 +19,7 @@ const NUMBER: &str = "FID";
 /// Maximum number of bytes of the name of a field of a dBASE table.
 const NAME_BYTES: usize = 10;
 
-/// Mapping of the original's properties to those of the file.
+/// Mapping of original properties to those of the file.
 pub(super) struct AttributeRules {
     holds: VectorCapabilities,
     /// The columns of the file, in formats that have some.

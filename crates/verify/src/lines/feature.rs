@@ -1,5 +1,5 @@
-//! A feature prepared for comparison (parts, points and attributes), and the matching of its parts
-//! with the original ones.
+//! A feature prepared for comparison (parts, points and attributes), and matching of its parts with the
+//! original ones.
 
 use std::collections::{HashMap, HashSet};
 

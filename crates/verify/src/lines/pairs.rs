@@ -32,7 +32,7 @@ pub(super) struct FeaturePairs<'a> {
     buffered: Option<BufferedFeatures>,
 }
 
-/// All features, and for each of the original the one made from it.
+/// All features, and for each original feature its result.
 struct BufferedFeatures {
     before: Vec<ComparedFeature>,
     after: Vec<ComparedFeature>,
@@ -48,7 +48,7 @@ pub(super) enum ComparisonOutcome {
     OutOfOrder,
 }
 
-/// Takes a part before and after (without vertices when it is gone), and whether it is a ring.
+/// Receives an original part, its result (without vertices when it is missing), and whether it is a ring.
 pub(super) type Visit<'a> = dyn FnMut(PartVertices<'_>, PartVertices<'_>, bool) -> Result<()> + 'a;
 
 impl<'a> FeaturePairs<'a> {
@@ -335,7 +335,7 @@ fn named(feature: &ComparedFeature) -> String {
 struct FeaturePartners<'a> {
     before: &'a [ComparedFeature],
     after: &'a [ComparedFeature],
-    /// For each feature before the one made from it, and for each after whether it has been found.
+    /// For each original feature its result, and for each result whether it has an original.
     of: Vec<Option<usize>>,
     made: Vec<bool>,
 }
@@ -362,8 +362,8 @@ impl<'a> FeaturePartners<'a> {
         }
     }
 
-    /// Finds the feature that one was made from. Where all candidates are taken, one of their owners moves to
-    /// another candidate (augmenting path, Berge 1957): the vertices of a short line occur in many longer ones.
+    /// Finds the original of a feature. Where all candidates are taken, one of their results moves to another
+    /// candidate (augmenting path, Berge 1957): the vertices of a short line occur in many longer ones.
     fn pair(
         &mut self,
         number: usize,

@@ -1,4 +1,4 @@
-//! The slopes of a grid, rectangle by rectangle, compared with those of the triangles over it.
+//! Comparison of the slopes of a grid with those of the triangles over it, one rectangle at a time.
 
 use super::report::SlopeReport;
 use crate::buckets::{DomainReach, MeshSpread};

@@ -1,4 +1,4 @@
-//! The largest vertical distance allowed, in steps, and whether a distance is beyond it.
+//! The bound on vertical distances, in steps, and the exact test of a distance against it.
 
 use crate::expansion::ProofExpansion;
 

@@ -89,7 +89,7 @@ fn ring(mut spots: Vec<Spot>) -> Vec<Spot> {
     ring
 }
 
-/// Half of a hull: turns left at every position that it keeps.
+/// Half of a hull: turns left at every position.
 fn chain(spots: impl Iterator<Item = Spot>) -> Vec<Spot> {
     let mut chain: Vec<Spot> = Vec::new();
     for spot in spots {

@@ -10,7 +10,7 @@ use super::strips::ProofStrips;
 use crate::breaklines::ProofBreakline;
 use crate::{GridDomain, ProofPosition, ProofTally};
 
-/// A line as far as it is over a cloud.
+/// A line clipped to the hull of a point cloud.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CloudTrack {
     line: ProofBreakline,
@@ -64,7 +64,7 @@ impl CloudTrack {
         }
     }
 
-    /// True where it comes to a domain.
+    /// True where the line passes through a domain.
     pub fn is_in(&self, domain: &GridDomain) -> bool {
         !self.steps_in(domain).is_empty()
     }

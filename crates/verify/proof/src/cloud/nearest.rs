@@ -2,12 +2,12 @@
 
 use terrane_base::geom::Point;
 
-/// A position, and the nearest point seen so far.
+/// A position and the nearest point found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct NearestQuery {
     /// Column and row.
     pub at: [i32; 2],
-    /// The square of its distance, and the point: of those at one distance the lowest (by x, y and z).
+    /// The squared distance and the point; of equal distances the lowest point by x, y and z.
     pub found: Option<(i64, Point)>,
 }
 

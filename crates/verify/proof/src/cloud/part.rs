@@ -23,9 +23,9 @@ pub struct CloudProofPart<'a> {
     pub hull: &'a ProofHull,
     /// Largest vertical distance allowed; `None` to measure only.
     pub bound: Option<VerticalBound>,
-    /// Points that have to be vertices, those of the domain at least, sorted by [`order`].
+    /// Required points, at least those of the domain, sorted by [`order`].
     pub kept: &'a [Point],
-    /// Lines that edges have to follow, those that come to the domain at least.
+    /// Breaklines, at least those through the domain.
     pub lines: &'a [CloudTrack],
 }
 

@@ -1,4 +1,4 @@
-//! Things at places in the plane, found by the triangles and edges that they may touch.
+//! Spatial index of points in the plane for triangles and edges.
 //!
 //! Things are cut by their rows into strips of about equal numbers, and lie by columns within each:
 //! where they are dense, strips are thin, so that a search visits few others.

@@ -58,9 +58,9 @@ fn distinct(segments: impl Iterator<Item = ProofSegment>, band: XRange) -> Vec<P
 
 /// Calls `visit` for each pair that meets off a common end, once.
 ///
-/// The band is cut into strips of y with about as many segments in each. In a strip, segments come in
-/// the order of their least x and are compared with those before them that reach as far. A pair counts
-/// in the strip that has the lowest y the two share.
+/// The band is divided into strips of y with about equal numbers of segments (plane sweep). In a strip,
+/// segments are visited by minimum x and compared with the earlier ones that reach that x. A pair counts in the
+/// strip of the lowest y the two share.
 fn each_pair(
     segments: &[ProofSegment],
     band: XRange,

@@ -35,10 +35,10 @@ fn is_same(p: &[f64; 2], q: &[f64; 2]) -> bool {
 pub struct PartVertices<'a> {
     /// x, y and z; z is 0 where there is none.
     pub points: &'a [[f64; 3]],
-    /// Heights and measures that have to be those of the original, NaN where there is none; empty where
-    /// they are not compared.
+    /// Heights and measures to be compared with the original, NaN where there is none; empty without a
+    /// comparison.
     pub extras: &'a [[f64; 2]],
-    /// The ring that it is a hole of, where that is gone.
+    /// The outer ring of a hole, where that ring is missing.
     pub outer: &'a [[f64; 3]],
 }
 
@@ -55,7 +55,7 @@ pub(super) struct ResultPart {
     pub(super) points: Vec<[f64; 3]>,
     /// As in [`PartVertices`].
     pub(super) extras: Vec<[f64; 2]>,
-    /// Vertices are the same where their heights and measures are, too.
+    /// Vertices match only with equal heights and measures.
     pub(super) with_extras: bool,
 }
 
@@ -70,7 +70,7 @@ impl ResultPart {
     }
 }
 
-/// A part, and the one it was made from.
+/// A part of the result and its original.
 pub(super) struct PartMatching<'a> {
     distance: ProofDistance,
     /// Vertices of the original, a ring's last left out.
@@ -129,10 +129,10 @@ impl<'a> PartMatching<'a> {
         &self.result.points
     }
 
-    /// The vertices of the original that those of the result are, in order and from any start of a ring;
-    /// where a position comes repeatedly, so that the largest distance is least, as far as the tolerance
-    /// asks for it. Beyond its end a ring begins again. `None` when the result was not made from it. With
-    /// the largest distance, which is 0 where there is no choice.
+    /// The largest distance and, for each vertex of the result in order, its index in the original; a ring may
+    /// begin anywhere, and indices continue beyond its end. Where positions repeat, the match minimizes the
+    /// largest distance, unless the first one found is within the tolerance; without a choice the distance is
+    /// 0. `None` if the result does not match.
     pub(super) fn best(&self, tolerance: Option<f64>) -> Option<(f64, Vec<u32>)> {
         if self.old.is_empty() {
             return None;
@@ -191,7 +191,7 @@ impl<'a> PartMatching<'a> {
         tried.min_by(|p, q| p.0.total_cmp(&q.0))
     }
 
-    /// Where heights or measures are not those of the original.
+    /// Positions of changed heights and measures.
     pub(super) fn changed(&self, places: &[u32], before: PartVertices<'_>) -> Vec<Xy> {
         let ResultPart { points, extras, .. } = &self.result;
         let count = if self.is_ring { points.len() - 1 } else { points.len() };
@@ -213,7 +213,7 @@ impl<'a> PartMatching<'a> {
         changed.into_iter().map(|at| [points[at][0], points[at][1]]).collect()
     }
 
-    /// The one match of a part that comes to no position twice.
+    /// The only match of a part without repeated positions.
     fn only(&self) -> Option<Vec<u32>> {
         let count = self.old.len() as u32;
         let mut places: Vec<u32> = Vec::with_capacity(self.new.len());
@@ -235,7 +235,7 @@ impl<'a> PartMatching<'a> {
         self.new.len() == 1 && self.places.iter().all(|(key, _)| *key == self.new[0])
     }
 
-    /// The best match from one vertex of the original to another, and its largest distance.
+    /// The largest distance of the best match from one vertex of the original to another, and the match.
     fn from(&self, start: u32, end: u32, max_tried: usize) -> Option<(f64, Vec<u32>)> {
         let count = self.old.len() as u32;
         let mut nodes = vec![MatchingNode { at: start, worst: 0.0, back: 0 }];
@@ -269,8 +269,8 @@ impl<'a> PartMatching<'a> {
         Some((worst, places))
     }
 
-    /// Of vertices at one position, those that are reached from a layer, whose vertices are at one position,
-    /// too, each in the best way; `first` is the number of the first of the layer. O(n).
+    /// The candidates, all at one position, that are reachable from a layer of nodes at one position, each with
+    /// its best predecessor; `first` is the number of the first node of the layer. O(n).
     fn reached(
         &self,
         layer: &[MatchingNode],
@@ -290,8 +290,8 @@ impl<'a> PartMatching<'a> {
         all
     }
 
-    /// Goes along the original from the first of a layer to the last candidate, and joins those of the one at
-    /// `a` with those of the other at `b`: whatever is between is so far off the one segment.
+    /// Walks along the original from the first node of a layer to the last candidate, and joins nodes at `a`
+    /// with candidates at `b`: all have the same segment, so the largest distance is updated incrementally.
     fn sweep(
         &self,
         layer: &[MatchingNode],

@@ -86,7 +86,7 @@ pub struct LineQuestion<'a> {
     pub original: ProofLines<'a>,
     /// The lines after: as many parts, in the same order, without vertices where one was dropped.
     pub simplified: ProofLines<'a>,
-    /// Positions that were to stay on their side of every part.
+    /// Positions that must stay on their side of every part.
     pub points: &'a [[f64; 2]],
     /// How distances are measured.
     pub distance: ProofDistance,
@@ -131,8 +131,8 @@ fn check_by(question: &LineQuestion<'_>, band: usize) -> Result<LineCheckReport>
     Ok(report)
 }
 
-/// Looks at all pieces in a band together, and at `points` that were to stay on their side. `pieces`
-/// are those of at least that band.
+/// Judges the pieces in a band together, and `points` that must stay on their side. `pieces` covers at least
+/// that band.
 pub fn judge(pieces: &LineProofPieces, points: &[Xy], band: XRange) -> LineCheckReport {
     let mut report = LineCheckReport::default();
     crossings::count(pieces, band, &mut report);

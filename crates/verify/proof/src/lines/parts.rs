@@ -21,7 +21,7 @@ pub struct PartComparison {
 /// Which parts may have been dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DroppedParts {
-    /// None.
+    /// No part.
     None,
     /// Rings with two vertices whose segment has all others within the tolerance, and with them their
     /// holes that lie within it, too.
@@ -31,9 +31,8 @@ pub enum DroppedParts {
 }
 
 impl PartComparison {
-    /// Compares part number `part` after with what it was before, and adds its pieces to those that are
-    /// to be looked at together. A ring ends with the vertex it begins with, and may be given the other
-    /// way round; a part without vertices has been dropped. O(n log n).
+    /// Compares part number `part` with its original and adds its pieces. A ring ends with the vertex it begins
+    /// with, and may be reversed; a part without vertices has been dropped. O(n log n).
     pub fn part(
         &self,
         part: u32,
@@ -72,7 +71,7 @@ impl PartComparison {
         pieces.push(part, PieceKind::Kept, vertices);
     }
 
-    /// Judges a part that is gone.
+    /// Judges a missing part.
     fn gone(
         &self,
         part: u32,
@@ -138,8 +137,8 @@ struct MatchedPart<'a> {
 }
 
 impl<'a> MatchedPart<'a> {
-    /// The vertices with their heights and measures, or else by their positions alone; those of a ring
-    /// forward or backward, whichever keeps the tolerance, and the sign of its area where both do.
+    /// The best match by position, height and measure, or else by position alone. A ring is matched in both
+    /// directions: the one within the tolerance counts, or the one with the sign of the original area.
     fn best(
         by: &PartComparison,
         before: PartVertices<'a>,

@@ -99,7 +99,7 @@ impl LineProofPieces {
         (vertices + self.runs.len() * size_of::<PieceRun>()) as u64
     }
 
-    /// Adds vertices of a part, with those marked that end pieces, the first and the last among them.
+    /// Adds vertices of a part; marks say which end pieces, the first and the last included.
     pub(super) fn push(
         &mut self,
         part: u32,

@@ -43,8 +43,8 @@ pub struct LineCheckReport {
     pub parts: u64,
     /// Vertices before and after.
     pub vertices: [u64; 2],
-    /// Parts with a vertex that the original part does not have, or not in that order, or without an
-    /// end of the line. They are excluded from all other checks but crossings.
+    /// Parts with a vertex that the original part does not have, or has in another order, or without an end of
+    /// the line. They are excluded from all checks but crossings.
     pub foreign: LineDefect,
     /// The largest distance, if any vertex was left out.
     pub farthest: Option<ProofFarthestVertex>,
