@@ -470,7 +470,7 @@ fn broken_promises_and_bad_input_are_told() {
     place.write("d.wkt", "LINESTRING (0 0, 10 0)\n");
     let told = place.run(&["verify", "d.wkt", "a.wkt", "--tolerance", "2"]);
     assert!(
-        told.code == 1 && told.out.contains("1 features of the original are gone"),
+        told.code == 1 && told.out.contains("1 features of the original are missing"),
         "{}",
         told.out
     );

@@ -204,7 +204,11 @@ fn without_bands_a_proof_does_not_judge_channels_and_with_them_it_finds_what_is_
         let text = ran.out + &ran.err;
         assert!(words.iter().all(|word| text.contains(word)), "{words:?} in {text}");
     };
-    verify("o.ply photo.tif", 3, &["not judged", "how its channels keep to bands 1,2,3 (--bands)"]);
+    verify(
+        "o.ply photo.tif",
+        3,
+        &["not judged", "the errors of its channels in bands 1,2,3 (--bands)"],
+    );
     verify("o.ply photo.tif --max-error 20", 2, &["no heights", "pass --bands 1,2,3"]);
     verify("o.ply photo.tif --bands 1,2,3", 0, &["verified: every promise is kept", "20 allowed"]);
     verify(

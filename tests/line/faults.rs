@@ -237,7 +237,7 @@ fn shapefiles_cut_names_and_that_is_told() {
     let report = prove(&proof(lines, original, Some(0.0)));
     assert!(report.verdict.passed && report.verdict.judged, "{report:?}");
     // They stand in the original by name; the first of two that are cut alike has the plain stem.
-    let told = "names of fields are cut: population_today is population, \
+    let told = "truncated names of fields: population_today is population, \
                 population_total is populati_1";
     assert_eq!(report.notes, [told]);
 }

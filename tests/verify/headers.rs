@@ -36,8 +36,8 @@ type Wrong = (&'static Made, &'static str, &'static str, i32, &'static str);
 
 const STATEMENTS: [Wrong; 39] = [
     (&PLAIN, "max error 5", "max error 0.1", 1, "further from the mesh than the tolerance"),
-    (&PLAIN, "max error 5", "max error five", 65, "which is not valid"),
-    (&PLAIN, "max error 5", "max error -5", 65, "which is not valid"),
+    (&PLAIN, "max error 5", "max error five", 65, "invalid statement"),
+    (&PLAIN, "max error 5", "max error -5", 65, "invalid statement"),
     (&PLAIN, "max error 5", "most error 5", 3, "the statement \"most error 5"),
     (&NAMES, "max error 5 metre", "max error 5 foot", 1, "largest error in foot"),
     (&NAMES, "max error 5 metre", "max error 5 rods", 1, "largest error in rods"),
@@ -46,8 +46,8 @@ const STATEMENTS: [Wrong; 39] = [
     (&SURFACE, "bound surface", "bounds surface", 3, "bounds surface"),
     (&FITTED, "fitted heights", "fitted widths", 65, "fitted widths"),
     (&FITTED, "fitted heights", "sundry heights", 1, "vertices off the samples"),
-    (&ANGLES, "min angle 10", "min angle 50", 1, "smaller angle than they may have"),
-    (&ANGLES, "min angle 10", "min angle ten", 65, "which is not valid"),
+    (&ANGLES, "min angle 10", "min angle 50", 1, "angle below the minimum"),
+    (&ANGLES, "min angle 10", "min angle ten", 65, "invalid statement"),
     (&ANGLES, "min angle 10", "least angle 10", 3, "least angle 10"),
     (&FREE, "triangulation data-dependent", "triangulation delaunay", 1, "not Delaunay on the"),
     (&FREE, "triangulation data-dependent", "triangle data-dependent", 1, "not Delaunay on the"),

@@ -67,7 +67,7 @@ fn a_vertex_at_another_height_is_not_kept_even_where_heights_are_fitted() {
         assert_eq!(
             report.verdict.failures,
             [
-                "1 samples that were to be kept and are no vertices at their height, first at column 5, row 4 (x 5, y -4)"
+                "1 required samples that are not vertices at their height, first at column 5, row 4 (x 5, y -4)"
             ]
         );
     }

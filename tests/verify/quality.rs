@@ -69,7 +69,7 @@ fn a_crowd_at_one_place_is_divided_again() {
     fan.recount();
     assert_eq!(measured(&fan, None, 2, 256 << 20).unwrap().degrees.max, Some(100_000));
     let error = measured(&fan, None, 2, 1 << 20).unwrap_err().to_string();
-    assert!(error.contains("triangles share a place") && error.contains("‹memory›"), "{error}");
+    assert!(error.contains("triangles at one position") && error.contains("‹memory›"), "{error}");
 }
 
 fn minus(p: [f64; 3], q: [f64; 3]) -> [f64; 3] {

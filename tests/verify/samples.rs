@@ -303,7 +303,7 @@ fn a_bound_on_the_surface_of_points_or_lines_is_refused_by_name() {
     place.write("d.ply", [&bytes[..at], b"comment bound surface\n", &bytes[at..]].concat());
     let told = place.run(&["verify", "d.ply", "c.laz"]);
     assert!(
-        told.code == 3 && told.out.contains("\"bound surface\", as no cloud keeps it"),
+        told.code == 3 && told.out.contains("\"bound surface\" (not applicable to point clouds)"),
         "{}",
         told.out
     );

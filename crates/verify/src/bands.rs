@@ -1,5 +1,5 @@
-//! Proof of a mesh of several bands: each channel is a surface over the grid with the values of its band as
-//! heights, and is proved as any other mesh is. The heights are proved likewise.
+//! Proof of a mesh of several bands: each channel is proved as a surface with the values of its band as heights.
+//! The heights are proved likewise.
 
 use std::path::Path;
 
@@ -28,32 +28,34 @@ pub(super) struct MultibandProof<'a> {
 }
 
 impl MultibandProof<'_> {
-    /// Proves every channel and the heights; returns the reference system of the grid, too.
-    pub(super) fn run(&self, asked: &SelectedBands) -> Result<(VerifyReport, Crs)> {
-        let in_mesh = |e: Error| e.in_file(&self.job.written.file);
-        let heights = asked.heights.map(HeightBand::Band).or(self.stated.heights);
-        let bands = bands((self.mesh.info(), self.stated), asked).map_err(in_mesh)?;
+    /// Proves every channel and the heights; also returns the CRS of the grid.
+    pub(super) fn run(&self, selected: &SelectedBands) -> Result<(VerifyReport, Crs)> {
+        let written = self.job.written;
+        let heights = selected.heights.map(HeightBand::Band).or(self.stated.heights);
+        let bands =
+            bands(self.mesh.info(), self.stated, selected).map_err(|e| e.in_file(&written.file))?;
         let tolerance = self.job.options.tolerance().or(tolerance(self.stated));
-        let in_raster = |e: Error| e.in_file(Path::new(&self.job.written.original.to_string()));
         let cache = cache_beside(self.job.options.resources.memory);
         let options = self.job.options.grid.options(&self.job.options.resources, cache)?;
-        let joined = bands.open(&self.job.written.original, &options).map_err(in_raster)?;
+        let joined = bands
+            .open(&written.original, &options)
+            .map_err(|e| e.in_file(Path::new(&written.original.to_string())))?;
         let mut report = None;
         match heights {
             Some(HeightBand::Band(band)) => {
-                let place = bands.list().iter().position(|(number, _)| *number == band);
-                let place = place.unwrap_or_default();
-                let allowed = allowed(tolerance, bands.list()[place].1);
-                report = Some(self.surface(self.mesh, &*joined.band(place), allowed)?);
+                let index = bands.list().iter().position(|(number, _)| *number == band);
+                let index = index.unwrap_or_default();
+                let allowed = allowed(tolerance, bands.list()[index].1);
+                report = Some(self.surface(self.mesh, &*joined.band(index), allowed)?);
             }
             Some(HeightBand::None) => {
                 report = Some(self.surface(self.mesh, &*joined.flat(), Some(0.0))?)
             }
             None => {}
         }
-        let (is_known, crs) = (report.is_some(), joined.band(0).info().crs.clone());
+        let has_heights = report.is_some();
         let report = self.channels(&bands, &joined, tolerance, report)?;
-        Ok((judged(report, tolerance, is_known), crs))
+        Ok((judged(report, tolerance, has_heights), joined.band(0).info().crs.clone()))
     }
 
     /// Proves the channels, and adds their findings to those of the heights.
@@ -64,11 +66,11 @@ impl MultibandProof<'_> {
         tolerance: Option<f64>,
         heights: Option<VerifyReport>,
     ) -> Result<VerifyReport> {
-        let mut whole = heights;
-        for (place, &(band, weight)) in bands.list().iter().enumerate() {
+        let mut all = heights;
+        for (index, &(band, weight)) in bands.list().iter().enumerate() {
             let allowed = allowed(tolerance, weight);
-            let channel = ChannelMesh::new(self.mesh, place);
-            let found = self.surface(&channel, &*joined.band(place), allowed)?;
+            let channel = ChannelMesh::new(self.mesh, index);
+            let found = self.surface(&channel, &*joined.band(index), allowed)?;
             let proof = BandProof {
                 band,
                 weight,
@@ -78,14 +80,14 @@ impl MultibandProof<'_> {
                 rmse: found.rmse,
                 over: found.over_tolerance.count,
             };
-            let report = whole.get_or_insert_with(|| VerifyReport {
+            let report = all.get_or_insert_with(|| VerifyReport {
                 verdict: ProofVerdict::default(),
                 over_tolerance: FaultReport::default(),
                 ..found.clone()
             });
             add(report, &found, proof);
         }
-        whole.ok_or_else(|| Error::usage("no band to prove").remedy("name one with ‹bands›"))
+        all.ok_or_else(|| Error::usage("no band selected").remedy("pass ‹bands›"))
     }
 
     fn surface(
@@ -94,11 +96,11 @@ impl MultibandProof<'_> {
         grid: &dyn GridSource,
         tolerance: Option<f64>,
     ) -> Result<VerifyReport> {
-        let asked = MeshRequirements {
+        let requirements = MeshRequirements {
             min_angle: self.job.options.min_angle,
             ..MeshRequirements::of_samples(tolerance)
         };
-        verify(mesh, grid, asked, &self.job.options.resources, self.progress, self.cancel)
+        verify(mesh, grid, requirements, &self.job.options.resources, self.progress, self.cancel)
     }
 }
 
@@ -109,11 +111,11 @@ fn allowed(tolerance: Option<f64>, weight: f64) -> Option<f64> {
 
 /// Adds the findings of one channel to the report.
 fn add(report: &mut VerifyReport, found: &VerifyReport, proof: BandProof) {
-    // What is wrong with the triangles is found of every channel alike.
+    // Faults of the triangles are found again with every channel.
     let known = &report.verdict.failures;
     let new = found.verdict.failures.iter().filter(|failure| !known.contains(failure));
-    let told: Vec<String> = new.map(|failure| format!("band {}: {failure}", proof.band)).collect();
-    report.verdict.failures.extend(told);
+    let new: Vec<String> = new.map(|failure| format!("band {}: {failure}", proof.band)).collect();
+    report.verdict.failures.extend(new);
     report.over_tolerance.count += found.over_tolerance.count;
     report.over_tolerance.first = report.over_tolerance.first.or(found.over_tolerance.first);
     report.run.spilled_bytes = report.run.spilled_bytes.max(found.run.spilled_bytes);
@@ -121,15 +123,15 @@ fn add(report: &mut VerifyReport, found: &VerifyReport, proof: BandProof) {
 }
 
 /// The verdict of all, with the largest weighted error.
-fn judged(report: VerifyReport, tolerance: Option<f64>, heights_known: bool) -> VerifyReport {
-    let weighted = |proof: &BandProof| proof.max_error.map(|error| error * proof.weight);
-    let worst = report.of.bands.iter().filter_map(|proof| Some((weighted(proof)?, proof)));
+fn judged(report: VerifyReport, tolerance: Option<f64>, has_heights: bool) -> VerifyReport {
+    let bands = report.of.bands.iter();
+    let worst = bands.filter_map(|proof| Some((proof.max_error? * proof.weight, proof)));
     let worst = worst.reduce(|a, b| if b.0 > a.0 { b } else { a });
     let (max_error, max_error_at) =
         worst.map_or((None, None), |(error, proof)| (Some(error), proof.max_error_at));
     let mut not_judged = Vec::new();
     not_judged.extend(tolerance.is_none().then(|| NO_BOUND.to_owned()));
-    not_judged.extend((!heights_known).then(|| "its heights (‹band›)".to_owned()));
+    not_judged.extend((!has_heights).then(|| "its heights (‹band›)".to_owned()));
     let verdict = ProofVerdict::of(report.verdict.failures.clone(), not_judged);
     let of = OfGrid { surface_error: None, surface_error_at: None, breaks: 0, ..report.of };
     VerifyReport {
@@ -145,20 +147,19 @@ fn judged(report: VerifyReport, tolerance: Option<f64>, heights_known: bool) -> 
     }
 }
 
-/// The selected bands with their weights; fails where the number of channels of the mesh differs, or
-/// the mesh states other bands.
-fn bands((info, stated): (&MeshInfo, &Promises), asked: &SelectedBands) -> Result<MeshBands> {
-    let label = label(&asked.bands);
-    if let Some(others) = stated.bands.as_ref().filter(|bands| **bands != asked.bands) {
+/// The selected bands with their weights; fails where the mesh has other channels or states other bands.
+fn bands(info: &MeshInfo, stated: &Promises, selected: &SelectedBands) -> Result<MeshBands> {
+    let label = label(&selected.bands);
+    if let Some(others) = stated.bands.as_ref().filter(|bands| **bands != selected.bands) {
         let others = self::label(others);
         let message = format!("the mesh states that it was made of bands {others}, not {label}");
         return Err(Error::usage(message).remedy(format!("pass ‹bands› {others}")));
     }
-    let weights = match asked.weights.is_empty() {
+    let weights = match selected.weights.is_empty() {
         true => stated.weights.clone().unwrap_or_default(),
-        false => asked.weights.clone(),
+        false => selected.weights.clone(),
     };
-    let bands = MeshBands::new(&asked.bands, &weights, asked.heights)?;
+    let bands = MeshBands::new(&selected.bands, &weights, selected.heights)?;
     let names = info.channels.iter().map(String::as_str);
     let expected = bands.list().iter().map(|(band, _)| format!("band_{band}"));
     let is_colour = mesh::is_colour(names) && info.channels.len() == bands.list().len();
@@ -169,28 +170,28 @@ fn bands((info, stated): (&MeshInfo, &Promises), asked: &SelectedBands) -> Resul
         [] => "no channels at its vertices".to_owned(),
         names => format!("the channels {}", names.join(", ")),
     };
-    Err(Error::usage(format!("the mesh has {has}, which are not bands {label}"))
-        .remedy("leave ‹bands› out, or name the bands that it was made of"))
+    Err(Error::usage(format!("the mesh has {has} instead of bands {label}"))
+        .remedy("omit ‹bands›, or pass the bands of the mesh"))
 }
 
 /// The note for a mesh that states bands where none were selected: channels are not judged.
 pub(super) fn not_judged(label: &str) -> String {
-    format!("how its channels keep to bands {label} (‹bands›)")
+    format!("the errors of its channels in bands {label} (‹bands›)")
 }
 
 /// A channel of a mesh as its heights.
 struct ChannelMesh<'a> {
     mesh: &'a dyn MeshSource,
-    place: usize,
+    index: usize,
     info: MeshInfo,
 }
 
 impl<'a> ChannelMesh<'a> {
-    fn new(mesh: &'a dyn MeshSource, place: usize) -> Self {
+    fn new(mesh: &'a dyn MeshSource, index: usize) -> Self {
         let mut info = mesh.info().clone();
-        // Values are stored as they are, wherever positions lie.
+        // Channels are stored without the origin and scale of positions.
         (info.origin[2], info.scale[2]) = (0.0, 1.0);
-        Self { mesh, place, info }
+        Self { mesh, index, info }
     }
 }
 
@@ -205,7 +206,7 @@ impl MeshSource for ChannelMesh<'_> {
         let mut values = vec![0.0; out.len() * channels];
         self.mesh.read_channels(first, &mut values)?;
         for (point, values) in out.iter_mut().zip(values.chunks_exact(channels)) {
-            point[2] = values[self.place];
+            point[2] = values[self.index];
         }
         Ok(())
     }

@@ -39,14 +39,14 @@ impl DomainReach {
     }
 }
 
-/// Everything the mesh has, by the domains it touches.
+/// Triangles and vertices of a mesh by domain.
 pub(super) struct MeshSpread {
     pub(super) layout: DomainLayout,
     /// Each triangle in every domain it may touch.
     pub(super) triangles: Buckets<ProofTriangle>,
     /// Each vertex in the domain that owns it, where vertices have an identity.
     pub(super) positions: Option<Buckets<ProofPosition>>,
-    /// How the vertices lie.
+    /// Counts of vertices by position.
     pub(super) counts: VertexCounts,
     /// Triangles left out because of an unusable vertex.
     pub(super) broken: u64,
@@ -71,7 +71,7 @@ impl MeshSpread {
         Ok(spread)
     }
 
-    /// Reads the triangles of the mesh once, and nothing else of it.
+    /// Reads only the triangles of the mesh, once.
     pub(super) fn of_triangles(
         work: &ProofResources<'_>,
         snapper: &impl Snap,
@@ -92,52 +92,54 @@ impl MeshSpread {
     ) -> Result<VertexCounts> {
         let all = Mutex::new(VertexCounts::default());
         let pages = VertexCounts::pages(work.mesh);
-        let start = || {
-            let writer = self.positions.as_ref().map(Buckets::writer);
-            (VertexCounts::default(), writer, Vec::new())
-        };
-        type State<'s> = (VertexCounts, Option<BucketWriter<'s, ProofPosition>>, Vec<Point3>);
-        let page = |(counts, writer, stored): &mut State<'_>, page: u64| {
-            counts.page(work.mesh, snapper, page, stored, |at| match writer {
-                Some(writer) => writer.push(self.layout.owner(at) as usize, at),
-                None => Ok(()),
-            })?;
-            work.progress.advance(stored.len() as u64);
-            Ok(())
-        };
-        let finish = |(counts, writer, _): State<'_>| {
-            lock(&all).merge(&counts);
-            writer.map_or(Ok(()), BucketWriter::finish)
-        };
-        workers::run(work.threads, pages, &work.cancel, start, page, finish)?;
+        workers::run(
+            work.threads,
+            pages,
+            &work.cancel,
+            || PositionFiller {
+                layout: self.layout,
+                counts: VertexCounts::default(),
+                writer: self.positions.as_ref().map(Buckets::writer),
+                stored: Vec::new(),
+            },
+            |filler, page| filler.page(work, snapper, page),
+            |filler| {
+                lock(&all).merge(&filler.counts);
+                filler.writer.map_or(Ok(()), BucketWriter::finish)
+            },
+        )?;
         self.positions.as_ref().map_or(Ok(()), Buckets::settle)?;
         Ok(*lock(&all))
     }
 
-    fn fill_triangles<S: Snap>(
+    fn fill_triangles(
         &self,
         work: &ProofResources<'_>,
-        snapper: &S,
+        snapper: &impl Snap,
         reach: DomainReach,
     ) -> Result<u64> {
         work.progress.begin("triangles", work.mesh.info().triangles);
         let broken = AtomicU64::new(0);
         let units = work.mesh.info().triangles.div_ceil(BATCH);
-        let start = || DomainFiller {
-            layout: self.layout,
-            reach,
-            cache: VertexCache::new(work.mesh, *snapper, work.share / 2),
-            writer: self.triangles.writer(),
-            ids: Vec::new(),
-            touched: Vec::new(),
-            broken: 0,
-        };
-        let batch = |filler: &mut DomainFiller<'_, S>, unit| filler.batch(work, unit * BATCH);
-        let finish = |filler: DomainFiller<'_, S>| {
-            broken.fetch_add(filler.broken, Ordering::Relaxed);
-            filler.writer.finish()
-        };
-        workers::run(work.threads, units, &work.cancel, start, batch, finish)?;
+        workers::run(
+            work.threads,
+            units,
+            &work.cancel,
+            || DomainFiller {
+                layout: self.layout,
+                reach,
+                cache: VertexCache::new(work.mesh, *snapper, work.share / 2),
+                writer: self.triangles.writer(),
+                ids: Vec::new(),
+                touched: Vec::new(),
+                broken: 0,
+            },
+            |filler, unit| filler.batch(work, unit * BATCH),
+            |filler| {
+                broken.fetch_add(filler.broken, Ordering::Relaxed);
+                filler.writer.finish()
+            },
+        )?;
         self.triangles.settle()?;
         work.progress.end();
         Ok(broken.into_inner())
@@ -149,7 +151,29 @@ impl MeshSpread {
     }
 }
 
-/// One thread's part in spreading triangles over domains.
+/// A thread that spreads vertices over domains.
+struct PositionFiller<'a> {
+    layout: DomainLayout,
+    counts: VertexCounts,
+    /// `None` where vertices have no identity.
+    writer: Option<BucketWriter<'a, ProofPosition>>,
+    stored: Vec<Point3>,
+}
+
+impl PositionFiller<'_> {
+    /// Counts the vertices of a page and spreads them.
+    fn page(&mut self, work: &ProofResources<'_>, snapper: &impl Snap, page: u64) -> Result<()> {
+        let Self { layout, counts, writer, stored } = self;
+        counts.page(work.mesh, snapper, page, stored, |at| match writer {
+            Some(writer) => writer.push(layout.owner(at) as usize, at),
+            None => Ok(()),
+        })?;
+        work.progress.advance(stored.len() as u64);
+        Ok(())
+    }
+}
+
+/// A thread that spreads triangles over domains.
 struct DomainFiller<'a, S> {
     layout: DomainLayout,
     reach: DomainReach,

@@ -18,7 +18,7 @@ pub struct MeshRequirements<'a> {
     pub bound: ErrorBound,
     /// Minimum triangle angle in plan view, in degrees.
     pub min_angle: Option<f64>,
-    /// Samples that have to be vertices, and breaklines.
+    /// Required samples and breaklines.
     pub kept: &'a GridConstraints,
 }
 
@@ -33,12 +33,12 @@ impl MeshRequirements<'_> {
 pub(super) struct GridProofContext<'a> {
     pub(super) work: ProofResources<'a>,
     pub(super) grid: &'a dyn GridSource,
-    pub(super) asked: MeshRequirements<'a>,
+    pub(super) requirements: MeshRequirements<'a>,
     /// Promises in the header of the mesh.
     pub(super) stated: Promises,
     /// Vertices may lie above or below their samples.
     pub(super) is_fitted: bool,
-    /// The mesh states no triangulation that is not Delaunay.
+    /// False where the mesh states a triangulation other than Delaunay.
     pub(super) is_delaunay: bool,
     pub(super) snapper: Snapper,
     pub(super) precision: HeightPrecision,
@@ -50,7 +50,7 @@ impl<'a> GridProofContext<'a> {
     pub(super) fn new(
         work: ProofResources<'a>,
         grid: &'a dyn GridSource,
-        asked: MeshRequirements<'a>,
+        requirements: MeshRequirements<'a>,
     ) -> Result<Self> {
         check_grid(grid)?;
         let (info, map) = (work.mesh.info(), grid.info().transform);
@@ -58,7 +58,7 @@ impl<'a> GridProofContext<'a> {
         let stated = info.promises()?;
         Ok(Self {
             grid,
-            asked,
+            requirements,
             is_fitted: stated.fitted.is_some(),
             is_delaunay: is_delaunay(&stated)?,
             stated,
@@ -75,7 +75,7 @@ impl<'a> GridProofContext<'a> {
 
 pub(super) fn check_grid(grid: &dyn GridSource) -> Result<()> {
     if !grid.info().transform.is_valid() {
-        return Err(Error::bad_input("the raster's map from samples to the world has no inverse"));
+        return Err(Error::bad_input("the geotransform of the raster is not invertible"));
     }
     if grid.info().bounds().is_empty() {
         return Err(Error::bad_input("the raster has no samples"));

@@ -8,7 +8,7 @@ use terrane_engine::run_statistics::RunStatistics;
 use terrane_mesh::{MeshInfo, Promises};
 use terrane_proof::{FaultCount, ProofPosition, ProofTally};
 
-/// Stands in a report where the error bound is unknown.
+/// Note of a report without a known error bound.
 pub(super) const NO_BOUND: &str = "the error, as no bound is known (‹max_error›)";
 
 /// Number of occurrences of a fault, and its first place in the order of the original.
@@ -28,9 +28,9 @@ impl<P: Copy> FaultReport<P> {
         Self { count: fault.count, first: fault.first.map(place) }
     }
 
-    fn sentence(&self, what: &str, told: impl Fn(P) -> String) -> Option<String> {
+    fn sentence(&self, what: &str, describe: impl Fn(P) -> String) -> Option<String> {
         let place = self.first.filter(|_| self.count > 0)?;
-        Some(format!("{} {what}, first at {}", self.count, told(place)))
+        Some(format!("{} {what}, first at {}", self.count, describe(place)))
     }
 }
 
@@ -186,15 +186,14 @@ pub(super) fn area(double: i128, [width, height]: [f64; 2]) -> f64 {
 }
 
 impl<O: MeshOriginal> MeshReport<O> {
-    /// The findings, judged; without names of files and figures of the run.
+    /// The findings, judged; without names of files and statistics of the run.
     pub(super) fn new(
         of: O,
-        found: &MeshFindings<'_>,
+        findings: &MeshFindings<'_>,
         place: impl Fn(ProofPosition) -> O::Place,
     ) -> Self {
-        let MeshFindings { mesh, stated, tolerance, vertices, tally, step, .. } = *found;
+        let MeshFindings { mesh, stated, tolerance, vertices, tally, step, .. } = *findings;
         let fault = |fault: &FaultCount| FaultReport::of(fault, &place);
-        let mean = |sum: f64| (tally.covered > 0).then(|| sum / tally.covered as f64);
         let report = Self {
             mesh: String::new(),
             format: mesh.format.to_owned(),
@@ -204,15 +203,15 @@ impl<O: MeshOriginal> MeshReport<O> {
             over_tolerance: fault(&tally.over),
             max_error: tally.worst.map(|spot| spot.error * step),
             max_error_at: tally.worst.map(|spot| place(spot.at)),
-            rmse: mean(tally.squares.value()).map(|square| square.sqrt() * step),
-            mean_error: mean(tally.errors.value()).map(|mean| mean * step),
+            rmse: mean(tally.squares.value(), tally.covered).map(|square| square.sqrt() * step),
+            mean_error: mean(tally.errors.value(), tally.covered).map(|mean| mean * step),
             error_histogram: tolerance.map_or(Vec::new(), |_| tally.histogram.to_vec()),
             vertices: mesh.vertices,
             triangles: mesh.triangles,
             free_vertices: vertices.free,
             unusable_vertices: vertices.unusable,
-            broken_triangles: found.broken,
-            mesh_area: area(tally.double_area, found.cell),
+            broken_triangles: findings.broken,
+            mesh_area: area(tally.double_area, findings.cell),
             overlaps: fault(&tally.overlaps),
             inverted_triangles: fault(&tally.inverted),
             empty_triangles: fault(&tally.empty),
@@ -226,34 +225,35 @@ impl<O: MeshOriginal> MeshReport<O> {
             interior_edges: tally.interior_edges,
             open_edges: tally.open_edges,
             non_delaunay_edges: fault(&tally.non_delaunay),
-            delaunay: found.is_delaunay && mesh.is_own() && !is_silent(mesh, stated),
+            delaunay: findings.is_delaunay && mesh.is_own() && !is_silent(mesh, stated),
             source: stated.source.clone(),
             smallest_angle: tally.smallest_angle,
             angle_histogram: tally.angles.to_vec(),
             run: RunStatistics::default(),
         };
-        let verdict = report.judged(found);
+        let verdict = report.judged(findings);
         Self { verdict, ..report }
     }
 
-    fn judged(&self, found: &MeshFindings<'_>) -> ProofVerdict {
+    fn judged(&self, findings: &MeshFindings<'_>) -> ProofVerdict {
         let counts = [
             (self.unusable_vertices, "vertices without a usable position"),
-            (self.broken_triangles, "triangles that use such a vertex"),
+            (self.broken_triangles, "triangles with such a vertex"),
         ];
         let plain = counts.into_iter().filter(|(count, _)| *count > 0);
         let mut failures: Vec<String> = plain.map(|(n, what)| format!("{n} {what}")).collect();
         let promises = self.promises();
         failures
             .extend(promises.iter().filter_map(|(fault, what)| fault.sentence(what, O::describe)));
-        if !found.area_matches {
+        if !findings.area_matches {
             failures.push(self.of.wrong_area(self.mesh_area));
         }
         let no_bound = self.tolerance.is_none().then(|| NO_BOUND.to_owned());
         // Where all edges are Delaunay it does not matter whether that was promised.
-        let is_silent = self.made_by_terrane && is_silent(found.mesh, found.stated);
-        let no_triangulation = (is_silent && self.non_delaunay_edges.count > 0)
-            .then(|| "whether it is Delaunay, as its header had no room to state that".to_owned());
+        let is_silent = self.made_by_terrane && is_silent(findings.mesh, findings.stated);
+        let no_triangulation = (is_silent && self.non_delaunay_edges.count > 0).then(|| {
+            "whether it is Delaunay: its header has no space for that statement".to_owned()
+        });
         ProofVerdict::of(failures, no_bound.into_iter().chain(no_triangulation).collect())
     }
 
@@ -282,6 +282,11 @@ impl<O: MeshOriginal> MeshReport<O> {
         let own = off.into_iter().chain(edges);
         [(self.over_tolerance, over)].into_iter().chain(cover).chain(topology).chain(own).collect()
     }
+}
+
+/// The mean of so many values; `None` without any.
+pub(super) fn mean(sum: f64, count: u64) -> Option<f64> {
+    (count > 0).then(|| sum / count as f64)
 }
 
 /// True for formats whose header has no space for promises: STL, which then states no bound either.

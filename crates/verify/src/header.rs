@@ -11,31 +11,31 @@ use terrane_mesh::{MaxError, MeshInfo, MeshSource, Promises, plain};
 
 /// A header to be judged.
 pub(super) struct CheckedHeader<'a> {
-    /// The file, beside which a `.prj` may lie.
+    /// The file, which may have a `.prj` sidecar.
     pub(super) mesh: &'a Path,
     pub(super) info: &'a MeshInfo,
     pub(super) stated: &'a Promises,
-    /// The system of the original.
+    /// The CRS of the original.
     pub(super) crs: &'a Crs,
     /// Kind of the original: "grid" or "cloud".
     pub(super) original: &'static str,
 }
 
-/// Fails a mesh made by terrane whose vertices do not fill the bounding box stated in the file, on which viewers
-/// rely.
+/// Fails a mesh made by terrane whose vertices do not fill the bounding box stated in the file. Viewers rely on it.
 ///
 /// # Errors
 /// As [`mesh_bounds`].
 pub(super) fn judge_bounds(
     mesh: &dyn MeshSource,
     verdict: &mut ProofVerdict,
-    (progress, cancel): (&dyn Progress, &Cancel),
+    progress: &dyn Progress,
+    cancel: &Cancel,
 ) -> Result<()> {
     let stated = mesh.stated_bounds().filter(|_| mesh.info().is_own());
     let Some(stated) = stated else { return Ok(()) };
     match mesh_bounds(mesh, progress, cancel)? {
         Some(found) if found != stated => verdict.fail(format!(
-            "the mesh states that it lies from {:?} to {:?}, and it lies from {:?} to {:?}",
+            "the mesh states that it lies from {:?} to {:?}; its vertices lie from {:?} to {:?}",
             stated[0], stated[1], found[0], found[1]
         )),
         _ => {}
@@ -54,18 +54,18 @@ impl CheckedHeader<'_> {
         self.unit_of_file(verdict);
         if self.info.is_own() {
             for line in &self.stated.unknown {
-                verdict.leave(format!("the statement \"{line}\", which is not known"));
+                verdict.leave(format!("the statement \"{line}\" (unknown)"));
             }
         }
         Ok(())
     }
 
-    /// Judges every name of a reference system, in the file and beside it.
+    /// Judges every CRS named in the file and its `.prj`.
     fn systems(&self, verdict: &mut ProofVerdict) -> Result<()> {
-        let beside = terrane_files::prj(self.mesh)?;
+        let sidecar = terrane_files::prj(self.mesh)?;
         let own = self.info.crs.iter().chain(&self.info.systems).map(|text| ("the mesh", text));
-        let beside = Some(&beside).filter(|text| !text.is_empty());
-        let named: Vec<_> = own.chain(beside.map(|text| ("the .prj beside it", text))).collect();
+        let sidecar = Some(&sidecar).filter(|text| !text.is_empty());
+        let named: Vec<_> = own.chain(sidecar.map(|text| ("the .prj beside it", text))).collect();
         for (place, text) in &named {
             self.system(place, text, verdict);
         }
@@ -108,8 +108,7 @@ impl CheckedHeader<'_> {
         }
     }
 
-    /// Whether a CRS is that of the original; `None` where this cannot be decided, or not for its
-    /// heights.
+    /// Whether a CRS is that of the original; `None` where this cannot be decided.
     fn is(&self, crs: &Crs, text: &str) -> Option<bool> {
         if !self.crs.is_named() {
             return None;
@@ -120,12 +119,12 @@ impl CheckedHeader<'_> {
         let is_label = text == plain(&self.crs.label());
         let is_as_high = crs.vertical_epsg.is_some() == self.crs.vertical_epsg.is_some();
         let is_lost = self.crs.lost_in_wkt().is_some();
-        // A code alone says nothing of heights, as that of a LandXML file.
+        // A code alone, as in LandXML, does not exclude a vertical CRS.
         let is_code = !text.contains(['(', '[', '+']);
         (is_code || is_label || self.crs.is_said_by(text) || is_as_high || is_lost).then_some(true)
     }
 
-    /// Whether a name that stands for nothing here is the one of the original: no proof that it is another.
+    /// True for an unknown name equal to that of the original; `None` for another one, which may be a synonym.
     fn is_called(&self, name: &str) -> Option<bool> {
         (name == plain(&self.crs.label())).then_some(true)
     }
@@ -143,7 +142,7 @@ impl CheckedHeader<'_> {
                 "whether its largest error is in {theirs}, as the {} names no unit of heights",
                 self.original
             )),
-            (None, Some(ours)) if self.has_room_for_units() => verdict.leave(format!(
+            (None, Some(ours)) if self.can_state_unit() => verdict.leave(format!(
                 "the unit of its largest error: it states none, and heights of the {} are in {ours}",
                 self.original
             )),
@@ -155,13 +154,13 @@ impl CheckedHeader<'_> {
         Some(self.crs.horizontal_unit()).filter(|name| metres_in(name).is_some()).unwrap_or("metre")
     }
 
-    /// True for a mesh of terrane's own that may state a unit beside its tolerance.
-    fn has_room_for_units(&self) -> bool {
+    /// True for a mesh made by terrane whose header can state a unit of the tolerance.
+    fn can_state_unit(&self) -> bool {
         self.info.is_own() && self.info.names_crs() && self.stated.bands.is_none()
     }
 
-    /// Judges the unit stated by the format itself. A file stored at a scale of its own is a 3D print, or has
-    /// degrees in metres: that is reported, and promises nothing.
+    /// Judges the unit stated by the format itself. A scaled file is a 3D print, or has degrees in metres: its unit
+    /// is not a promise.
     fn unit_of_file(&self, verdict: &mut ProofVerdict) {
         let unit = self.info.details.iter().find(|(key, _)| key == "unit");
         let Some((_, unit)) = unit.filter(|_| self.info.is_own()) else { return };
@@ -174,12 +173,12 @@ impl CheckedHeader<'_> {
                 "the mesh states that its unit is {unit} ({theirs} m), and that of the {} is {ours} m",
                 self.original
             )),
-            None => verdict.leave(format!("whether its unit is {unit}, which is not known")),
+            None => verdict.leave(format!("whether its unit is {unit} (unknown unit)")),
         }
     }
 }
 
-/// The system that a text names: by a code, which a name may follow in brackets, or by well-known text.
+/// The CRS of a text: a code, optionally followed by a name in brackets, or WKT.
 fn system(text: &str) -> Option<Crs> {
     let code = text.split_once(" (").map_or(text, |(code, _)| code);
     let is_code = code.split_once(':').is_some_and(|(name, _)| name.eq_ignore_ascii_case("EPSG"));

@@ -1,4 +1,4 @@
-//! Proves a written mesh against its source grid, or the cloud it was made from, out of core.
+//! Proof of a written mesh against its source grid or point cloud, out of core.
 //!
 //! Three passes: vertices and triangles (and the points of a cloud) are spread over rectangles of
 //! the plane through temporary files; then each rectangle is checked by itself ([`terrane_proof`]). Nothing in the report but

@@ -1,21 +1,18 @@
-//! Proves simplified lines against the file they were made from.
+//! Proof of simplified lines against their original file.
 //!
-//! Both files are read side by side, feature by feature. Pieces that are checked together stay in
-//! memory while it lasts; then only those west of a line do, and the files are read again for the
-//! rest. No figure depends on the position of that line.
+//! Both files are read side by side, feature by feature.
 //!
 //! A feature contributes its *pieces*: stretches of the original, each with the segment in its place (17
-//! bytes a vertex). They are judged in bands of x, on all threads. When they outgrow their share of the
-//! memory, only the pieces west of their median are stored and the files are read again for the rest: no
-//! temporary file.
+//! bytes a vertex). They are judged in bands of x, on all threads. If the pieces exceed the memory, only those
+//! west of their median are stored, and the files are read again for the rest. There is no temporary file, and
+//! no finding depends on the bands.
 //!
-//! Formats may sort features and turn rings: a ring is matched forward and backward, vertex by vertex,
-//! and where it comes to its vertices repeatedly and both will do, whichever keeps the sign of its area
-//! counts; features that are not in the order of the original are stored, and paired by vertices and
-//! properties, then by vertices, then by properties, so that exchanged geometries are found. A part that
-//! is gone is a failure, unless dropping was declared and a segment between two of its vertices has all
-//! others within the tolerance (a collapsed ring). Properties are compared as far as the format can
-//! represent them; unsupported ones are reported.
+//! Formats may sort features and reverse rings. A ring is matched forward and backward, vertex by vertex; if
+//! both directions match, the one that keeps the sign of the area counts. Features in another order than the
+//! original are stored, and paired by vertices and properties, then by vertices, then by properties, so that
+//! exchanged geometries are detected. A missing part is a failure, unless dropping was declared and a segment
+//! between two of its vertices has all others within the tolerance (a collapsed ring). Properties are compared
+//! as far as the format supports them; unsupported ones are reported.
 
 mod attributes;
 mod feature;
@@ -39,8 +36,7 @@ use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::on_threads;
 use terrane_proof::lines::{
-    DroppedParts, LineCheckReport, LineDefect, LineProofPieces, PartComparison, ProofDistance,
-    XRange, judge,
+    DroppedParts, LineCheckReport, LineProofPieces, PartComparison, ProofDistance, XRange, judge,
 };
 use terrane_simplify::{DistanceKind, goal_of, positions};
 use terrane_vector::{self as vector, VectorOpenOptions};
@@ -95,18 +91,18 @@ pub struct LineVerifyReport {
     pub run: RunStatistics,
 }
 
-/// Least bytes for pieces and for the band that is checked.
-const LEAST: u64 = 1 << 20;
-/// Bytes for each vertex of a band that is looked at.
+/// Minimum number of bytes for pieces and for the band that is judged.
+const MIN_BYTES: u64 = 1 << 20;
+/// Bytes for each vertex of the band that is judged.
 const BAND_VERTEX: u64 = 200;
-/// Fewest and most vertices of a band.
+/// Minimum and maximum number of vertices of a band.
 const BAND: [u64; 2] = [1 << 12, 1 << 17];
 
 /// Proves the lines of a file against the original.
 ///
 /// # Errors
-/// Files that cannot be read, or have other features than each other; more in one place than the
-/// memory holds, or more in all where the features of one file are not in the order of the other.
+/// Files that cannot be read; pieces around one x that exceed the memory, or all features where the two files have
+/// them in different orders.
 pub fn verify_lines(
     job: &LineVerifyJob,
     progress: &dyn Progress,
@@ -116,11 +112,13 @@ pub fn verify_lines(
     let original = vector::open(&job.original, &VectorOpenOptions { layer: job.layer.clone() })?;
     let crs = original.layer().crs.clone();
     drop(original);
-    let measured = job.tolerance.map(|length| goal_of(length, job.is_space, &crs));
-    let plain = if job.is_space { DistanceKind::Space } else { DistanceKind::Plane };
-    let (measure, tolerance) = match measured.transpose()? {
-        Some((measure, tolerance)) => (measure, Some(tolerance)),
-        None => (plain, None),
+    let (measure, tolerance) = match job.tolerance {
+        Some(length) => {
+            let (measure, tolerance) = goal_of(length, job.is_space, &crs)?;
+            (measure, Some(tolerance))
+        }
+        None if job.is_space => (DistanceKind::Space, None),
+        None => (DistanceKind::Plane, None),
     };
     let points = match &job.sides {
         Some(path) => positions(path, &VectorOpenOptions::default())?,
@@ -135,7 +133,7 @@ pub fn verify_lines(
     let comparison = PartComparison { distance, tolerance, drops };
     let proof = LineProofRun { job, comparison, points, progress, cancel };
     let (found, findings, format) = on_threads(job.resources.threads, || proof.run())?;
-    let mut report = findings_report(job, (measure, tolerance), (&found, &findings), format);
+    let mut report = findings_report(job, measure, tolerance, &found, &findings, format);
     judge_system(&crs, job, format, &mut report.verdict)?;
     Ok(LineVerifyReport { run: RunStatistics::since(started, &job.resources), ..report })
 }
@@ -156,17 +154,17 @@ fn judge_system(
     let stated = &source.layer().crs;
     let is_wgs84 = (stated.epsg, stated.vertical_epsg) == (Some(4326), None);
     let is_default = is_wgs84 && WGS84_BY_DEFAULT.contains(&format);
-    // What GeoJSON has no member for is written beside it.
-    let beside = wkt::of_srs(&terrane_files::prj(&job.lines)?);
-    let is_beside = is_default && format != ALWAYS_WGS84 && beside.is_named();
-    let own = if is_beside { &beside } else { stated };
-    let is_default = is_default && !is_beside;
-    if own.agrees(original) || (is_default && !original.is_named()) {
+    // GeoJSON has no member for a CRS: a .prj beside the file may define it.
+    let sidecar = wkt::of_srs(&terrane_files::prj(&job.lines)?);
+    let has_sidecar = is_default && format != ALWAYS_WGS84 && sidecar.is_named();
+    let lines_crs = if has_sidecar { &sidecar } else { stated };
+    let is_default = is_default && !has_sidecar;
+    if lines_crs.agrees(original) || (is_default && !original.is_named()) {
         return Ok(());
     }
-    let [ours, theirs] = original.distinct_names(own);
-    match (own.is_named(), original.is_named()) {
-        (true, true) if format != ALWAYS_WGS84 && original.is_surely_another(own) => verdict
+    let [ours, theirs] = original.distinct_names(lines_crs);
+    match (lines_crs.is_named(), original.is_named()) {
+        (true, true) if format != ALWAYS_WGS84 && original.is_surely_another(lines_crs) => verdict
             .fail(format!("the CRS of the lines is {theirs}, and that of the original is {ours}")),
         (true, true) if format != ALWAYS_WGS84 => verdict.leave(format!(
             "whether the CRS of the lines, {theirs}, is that of the original, {ours}"
@@ -186,21 +184,24 @@ fn judge_system(
 
 fn findings_report(
     job: &LineVerifyJob,
-    (measure, tolerance): (DistanceKind, Option<f64>),
-    (found, findings): (&LineCheckReport, &FeatureFindings),
+    measure: DistanceKind,
+    tolerance: Option<f64>,
+    checks: &LineCheckReport,
+    findings: &FeatureFindings,
     format: &str,
 ) -> LineVerifyReport {
-    let failures = [findings.failures(), failures(found, job.topology)].concat();
+    let failures = [findings.failures(), failures(checks, job.topology)].concat();
     let mut not_judged = findings.not_judged(format);
     if tolerance.is_none() {
         not_judged.insert(0, "distances, as no bound is known (‹tolerance›)".to_owned());
-    } else if found.unknown > 0 {
-        let count = found.unknown;
-        not_judged
-            .push(format!("{count} rings that are gone, too large to tell whether they could go"));
+    } else if checks.unknown > 0 {
+        let count = checks.unknown;
+        not_judged.push(format!(
+            "{count} missing rings, too large to decide whether they collapse within the tolerance"
+        ));
     }
     let cut = &findings.cut;
-    let note = format!("names of fields are cut: {}", cut.join(", "));
+    let note = format!("truncated names of fields: {}", cut.join(", "));
     LineVerifyReport {
         lines: job.lines.display().to_string(),
         original: job.original.display().to_string(),
@@ -212,22 +213,22 @@ fn findings_report(
         added_features: findings.added.count,
         changed_attributes: findings.attributes.count,
         changed_points: findings.points.count,
-        changed_heights: found.changed.count,
-        parts: found.parts,
-        dropped: found.dropped,
-        missing: found.missing.count,
-        vertices: found.vertices,
+        changed_heights: checks.changed.count,
+        parts: checks.parts,
+        dropped: checks.dropped,
+        missing: checks.missing.count,
+        vertices: checks.vertices,
         measure,
         tolerance,
-        largest_distance: found.farthest.map_or(0.0, |far| far.distance),
-        farthest: found.farthest.map(|far| far.at),
-        beyond: found.beyond.count,
-        foreign: found.foreign.count,
-        crossings: [found.original_crossings, found.crossings, found.new_crossings.count],
-        collapsed: found.collapsed.count,
-        turned: found.turned.count,
-        moved: found.moved.count,
-        torn: found.torn.count,
+        largest_distance: checks.farthest.map_or(0.0, |far| far.distance),
+        farthest: checks.farthest.map(|far| far.at),
+        beyond: checks.beyond.count,
+        foreign: checks.foreign.count,
+        crossings: [checks.original_crossings, checks.crossings, checks.new_crossings.count],
+        collapsed: checks.collapsed.count,
+        turned: checks.turned.count,
+        moved: checks.moved.count,
+        torn: checks.torn.count,
         run: RunStatistics::default(),
     }
 }
@@ -241,11 +242,19 @@ struct LineProofRun<'a> {
     cancel: &'a Cancel,
 }
 
+/// Outcome of the comparison of all parts.
+struct ComparedLines {
+    pieces: LineProofPieces,
+    report: LineCheckReport,
+    findings: FeatureFindings,
+}
+
 impl LineProofRun<'_> {
     /// The findings, and the format of the lines.
     fn run(&self) -> Result<(LineCheckReport, FeatureFindings, &'static str)> {
         let mut pairs = FeaturePairs::new(self.job, self.cancel)?;
-        let (mut pieces, mut report, findings) = self.compare(&mut pairs, f64::NEG_INFINITY)?;
+        let ComparedLines { mut pieces, mut report, findings } =
+            self.compare(&mut pairs, f64::NEG_INFINITY)?;
         loop {
             self.judge(&pieces, &mut report)?;
             let done = pieces.band().to;
@@ -253,18 +262,14 @@ impl LineProofRun<'_> {
                 return Ok((report, findings, pairs.format()));
             }
             drop(pieces);
-            (pieces, _, _) = self.compare(&mut pairs, done)?;
+            pieces = self.compare(&mut pairs, done)?.pieces;
         }
     }
 
-    /// Compares all parts; holds as many pieces from x = `from` on as memory allows.
-    fn compare(
-        &self,
-        pairs: &mut FeaturePairs<'_>,
-        from: f64,
-    ) -> Result<(LineProofPieces, LineCheckReport, FeatureFindings)> {
+    /// Compares all parts; stores as many pieces from x = `from` on as memory allows.
+    fn compare(&self, pairs: &mut FeaturePairs<'_>, from: f64) -> Result<ComparedLines> {
         self.progress.begin("compare", 0);
-        let most = self.job.resources.memory.saturating_sub(PROGRAM).max(2 * LEAST) / 2;
+        let max_bytes = self.job.resources.memory.saturating_sub(PROGRAM).max(2 * MIN_BYTES) / 2;
         loop {
             let mut report = LineCheckReport::default();
             let mut pieces = LineProofPieces::new(XRange { from, to: f64::INFINITY });
@@ -273,7 +278,7 @@ impl LineProofRun<'_> {
                 self.comparison.part(part, before, after, is_ring, &mut report, &mut pieces);
                 part =
                     part.checked_add(1).ok_or_else(|| Error::limit("lines", "more", u32::MAX))?;
-                while pieces.bytes() > most {
+                while pieces.bytes() > max_bytes {
                     if !pieces.halve() {
                         return Err(crowded(self.job));
                     }
@@ -283,63 +288,64 @@ impl LineProofRun<'_> {
             match compared {
                 ComparisonOutcome::All(findings) => {
                     self.progress.end();
-                    return Ok((pieces, report, *findings));
+                    return Ok(ComparedLines { pieces, report, findings: *findings });
                 }
                 ComparisonOutcome::OutOfOrder => pairs.collect()?,
             }
         }
     }
 
-    /// Looks at the pieces together, band by band.
+    /// Judges the pieces together, band by band.
     fn judge(&self, pieces: &LineProofPieces, report: &mut LineCheckReport) -> Result<()> {
         let Resources { memory, threads, .. } = self.job.resources;
         let share = memory.saturating_sub(PROGRAM) / 2 / threads.max(1) as u64;
         let bands = pieces.bands((share / BAND_VERTEX).clamp(BAND[0], BAND[1]) as usize);
         self.progress.begin("judge", bands.len() as u64);
-        let of = |band: &XRange| {
-            self.cancel.check()?;
-            let found = judge(pieces, &self.points, *band);
-            self.progress.advance(1);
-            Ok(found)
-        };
-        let found: Vec<LineCheckReport> = bands.par_iter().map(of).collect::<Result<_>>()?;
-        found.iter().for_each(|found| report.add_band(found));
+        let reports: Vec<LineCheckReport> = bands
+            .par_iter()
+            .map(|band| {
+                self.cancel.check()?;
+                let report = judge(pieces, &self.points, *band);
+                self.progress.advance(1);
+                Ok(report)
+            })
+            .collect::<Result<_>>()?;
+        reports.iter().for_each(|band| report.add_band(band));
         self.progress.end();
         Ok(())
     }
 }
 
 fn crowded(job: &LineVerifyJob) -> Error {
-    Error::new(
-        ErrorKind::Resource,
-        "more lines cross one line from south to north than memory holds",
-    )
-    .in_file(&job.original)
-    .remedy("pass more ‹memory›")
+    Error::new(ErrorKind::Resource, "the lines around one x exceed the memory")
+        .in_file(&job.original)
+        .remedy("pass more ‹memory›")
 }
 
-/// Lines of each broken promise.
-fn failures(found: &LineCheckReport, topology: bool) -> Vec<String> {
-    let own = [
-        (found.missing, "lines and rings are gone"),
-        (found.changed, "vertices have another height or measure"),
+/// A report line for each broken promise.
+fn failures(checks: &LineCheckReport, topology: bool) -> Vec<String> {
+    let parts = [
+        (checks.missing, "lines and rings are missing"),
+        (checks.changed, "vertices have another height or measure"),
         (
-            found.foreign,
-            "parts with a vertex that the original does not have, or not in that order",
+            checks.foreign,
+            "parts with vertices that the original does not have, or has in another order",
         ),
-        (found.beyond, "vertices farther than the tolerance from the segment in their place"),
+        (checks.beyond, "vertices farther than the tolerance from the segment in their place"),
     ];
     let neighbours = [
-        (found.new_crossings, "pairs of segments meet that did not"),
-        (found.collapsed, "rings have lost their area"),
-        (found.turned, "rings are turned over"),
-        (found.moved, "vertices or points have changed sides"),
-        (found.torn, "borders are torn apart or run together"),
+        (checks.new_crossings, "new crossings of segments"),
+        (checks.collapsed, "rings have lost their area"),
+        (checks.turned, "rings are turned over"),
+        (checks.moved, "vertices or points have changed sides"),
+        (checks.torn, "shared borders are torn apart or merged"),
     ];
-    let judged = own.into_iter().chain(neighbours.into_iter().filter(|_| topology));
-    let tell = |(defect, what): (LineDefect, &str)| {
-        let (part, [x, y]) = defect.first?;
-        Some(format!("{} {what}; the first in part {part} at {x}, {y}", defect.count))
-    };
-    judged.filter(|(defect, _)| defect.count > 0).filter_map(tell).collect()
+    let judged = parts.into_iter().chain(neighbours.into_iter().filter(|_| topology));
+    judged
+        .filter(|(defect, _)| defect.count > 0)
+        .filter_map(|(defect, what)| {
+            let (part, [x, y]) = defect.first?;
+            Some(format!("{} {what}; the first in part {part} at {x}, {y}", defect.count))
+        })
+        .collect()
 }

@@ -20,7 +20,7 @@ use terrane_mesh::{HeightBand, MeshSource, Promises};
 use terrane_raster as raster;
 
 /// Runs a verification. An error means that it could not be done; a mesh that breaks a promise is
-/// no error, but a report with `passed` false.
+/// not an error, but a report with `passed` false.
 pub(super) fn run(
     job: &LineProofQuestion<'_, MeshProof>,
     progress: &dyn Progress,
@@ -28,23 +28,22 @@ pub(super) fn run(
 ) -> Result<VerifyReport> {
     let bands = job.options.selected_bands()?;
     let mesh = open_mesh(&job.written.file)?;
-    let of_bands = bands.as_ref();
     let options = [
         ("max error", "‹max_error›", job.options.tolerance().is_some()),
         ("bound", "‹bound›", job.options.bound.is_some()),
         ("min angle", "‹min_angle›", job.options.min_angle.is_some()),
-        ("bands", "‹bands›", of_bands.is_none()),
-        ("weights", "‹weights›", of_bands.is_none_or(|asked| !asked.weights.is_empty())),
-        ("heights", "‹band›", of_bands.is_none_or(|asked| asked.heights.is_some())),
+        ("bands", "‹bands›", bands.is_none()),
+        ("weights", "‹weights›", bands.as_ref().is_none_or(|bands| !bands.weights.is_empty())),
+        ("heights", "‹band›", bands.as_ref().is_none_or(|bands| bands.heights.is_some())),
     ];
     let stated = stated(mesh.info(), &options).map_err(|e| e.in_file(&job.written.file))?;
     check_system(&stated).map_err(|e| e.in_file(&job.written.file))?;
-    let (mut report, crs) = match of_bands {
+    let (mut report, crs) = match &bands {
         Some(bands) => {
             let proof = MultibandProof { job, mesh: &*mesh, stated: &stated, progress, cancel };
             in_mesh(proof.run(bands), job)?
         }
-        None => heights((&*mesh, &stated), job, progress, cancel)?,
+        None => heights(&*mesh, &stated, job, progress, cancel)?,
     };
     let header = CheckedHeader {
         mesh: &job.written.file,
@@ -54,18 +53,18 @@ pub(super) fn run(
         original: "grid",
     };
     header.judge(&mut report.verdict)?;
-    judge_bounds(&*mesh, &mut report.verdict, (progress, cancel))?;
+    judge_bounds(&*mesh, &mut report.verdict, progress, cancel)?;
     add_file_notes(&stated, job, &mut report.verdict);
     let mesh = job.written.file.display().to_string();
     let of = OfGrid { raster: job.written.original.to_string(), ..report.of };
     Ok(VerifyReport { mesh, of, ..report })
 }
 
-/// Fails for a mesh that was taken to another system when it was written.
+/// Fails for a mesh that was written in another CRS.
 fn check_system(stated: &Promises) -> Result<()> {
     let Some(from) = &stated.transformed_from else { return Ok(()) };
-    let message = format!("was transformed from {from}, where its vertices are samples");
-    Err(Error::unsupported(message).remedy("verify the mesh as it is made without ‹to_crs›"))
+    let message = format!("was transformed from {from}: its vertices are not samples of the grid");
+    Err(Error::unsupported(message).remedy("verify a mesh made without ‹to_crs›"))
 }
 
 /// Adds the name of the mesh to its errors.
@@ -76,9 +75,10 @@ fn in_mesh<T>(found: Result<T>, job: &LineProofQuestion<'_, MeshProof>) -> Resul
     })
 }
 
-/// Proves the heights of a mesh; returns the reference system of the grid, too.
+/// Proves the heights of a mesh; also returns the CRS of the grid.
 fn heights(
-    (mesh, stated): (&dyn MeshSource, &Promises),
+    mesh: &dyn MeshSource,
+    stated: &Promises,
     job: &LineProofQuestion<'_, MeshProof>,
     progress: &dyn Progress,
     cancel: &Cancel,
@@ -89,14 +89,14 @@ fn heights(
         .options(&job.options.resources, cache_beside(job.options.resources.memory))?;
     let grid = raster::open_all(job.written.original.names(), &options)?;
     let crs = grid.info().crs.clone();
-    let made_of = stated.bands.as_deref().map(label);
-    // What a mesh of bands states is their tolerance.
-    let of_heights = tolerance(stated).filter(|_| made_of.is_none());
-    let tolerance = job.options.tolerance().or(of_heights);
-    let grid = match made_of.filter(|_| stated.heights == Some(HeightBand::None)) {
+    let bands = stated.bands.as_deref().map(label);
+    // A mesh of bands states the tolerance of these, not of heights.
+    let stated_tolerance = tolerance(stated).filter(|_| bands.is_none());
+    let tolerance = job.options.tolerance().or(stated_tolerance);
+    let grid = match bands.filter(|_| stated.heights == Some(HeightBand::None)) {
         None => grid,
         Some(label) if tolerance.is_some() => {
-            return Err(Error::usage("the mesh has no heights that could be so far off")
+            return Err(Error::usage("the mesh has no heights to verify")
                 .in_file(&job.written.file)
                 .remedy(format!("pass ‹bands› {label}")));
         }
@@ -111,25 +111,28 @@ fn heights(
     let water = options.water.as_ref();
     let kept =
         ConstraintFeatures::read(points, lines, water, &job.options.resources)?.on(grid.info())?;
-    let asked = MeshRequirements { tolerance, bound, min_angle, kept: &kept };
+    let requirements = MeshRequirements { tolerance, bound, min_angle, kept: &kept };
     let report =
-        in_mesh(verify(mesh, &*grid, asked, &job.options.resources, progress, cancel), job)?;
+        in_mesh(verify(mesh, &*grid, requirements, &job.options.resources, progress, cancel), job)?;
     Ok((report, crs))
 }
 
-/// Names bands and files that the mesh was made with, as it states, and that were not given.
+/// Leaves a statement unjudged, and explains the failures that it may have caused.
+fn leave_unjudged(verdict: &mut ProofVerdict, explanation: String, note: String) {
+    verdict.failures.extend((!verdict.passed).then_some(explanation));
+    verdict.leave(note);
+}
+
+/// Leaves bands and files unjudged that the mesh states and the job does not name.
 fn add_file_notes(
     stated: &Promises,
     job: &LineProofQuestion<'_, MeshProof>,
     verdict: &mut ProofVerdict,
 ) {
-    let mut tell = |told: String, left: String| {
-        verdict.failures.extend((!verdict.passed).then_some(told));
-        verdict.leave(left);
-    };
     if let Some(bands) = stated.bands.as_deref().filter(|_| job.options.bands.is_empty()) {
         let label = label(bands);
-        tell(
+        leave_unjudged(
+            verdict,
             format!(
                 "the mesh states that it was made of bands {label}, and voids of all: pass ‹bands› {label}"
             ),
@@ -137,13 +140,15 @@ fn add_file_notes(
         );
     }
     if let Some(clip) = stated.clip.as_deref().filter(|_| job.options.grid.clip.is_none()) {
-        tell(
+        leave_unjudged(
+            verdict,
             format!("the mesh states that its grid was clipped to {clip}: pass it with ‹clip›"),
-            format!("whether it ends where the polygons of {clip} do (‹clip›)"),
+            format!("whether its outline follows the polygons of {clip} (‹clip›)"),
         );
     }
     if let Some(file) = stated.water.as_deref().filter(|_| job.options.grid.water.is_none()) {
-        tell(
+        leave_unjudged(
+            verdict,
             format!("the mesh states that the water of {file} is level: pass ‹water›"),
             format!("whether the water of {file} is level (‹water›)"),
         );

@@ -47,10 +47,10 @@ pub struct MeshProof {
     /// Minimum triangle angle in plan view, in degrees
     #[option(value = "DEGREES", range = OptionRange::POSITIVE, default_text = "as stated in the mesh file")]
     pub min_angle: Option<f64>,
-    /// What has to be in it.
+    /// Required vertices and edges.
     #[option(flatten)]
     pub constraints: Constraints,
-    /// How the grid is read.
+    /// Input of the grid.
     #[option(flatten)]
     pub grid: GridInput,
     /// Bands approximated by the mesh, such as 1,2,3 for the colours of an image. Heights are those of ‹band›, if given
@@ -79,10 +79,10 @@ pub struct CloudMeshProof {
     #[option(value = "E", stands_for = "tolerance", range = OptionRange::FROM_ZERO,
              default_text = "as stated in the mesh file")]
     pub max_error: Option<f64>,
-    /// What has to be in it.
+    /// Required vertices and edges.
     #[option(flatten)]
     pub constraints: Constraints,
-    /// How the cloud is read.
+    /// Input of the cloud.
     #[option(flatten)]
     pub cloud: CloudInput,
     /// Memory, threads and temporary files.
@@ -110,7 +110,7 @@ pub struct LineProof {
     /// Collapsed rings: rings that fit a segment within the tolerance may be missing, with their holes
     #[option(value = "HOW", default_text = "all rings are required")]
     pub collapse: Option<RemovedRings>,
-    /// How the lines are read that they were made from.
+    /// Input of the original lines.
     #[option(flatten)]
     pub features: FeatureInput,
     /// Memory, threads and temporary files.

@@ -10,7 +10,7 @@ use super::report::{VerifyReport, report};
 use super::work::ProofResources;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
-use terrane_engine::{Cancel, Progress, Resources, workers};
+use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::lock;
 use terrane_mesh::MeshSource;
 use terrane_proof::{
@@ -19,30 +19,31 @@ use terrane_proof::{
 };
 use terrane_raster::{GridInfo, GridSource};
 
-/// Most samples of a domain: with their errors they should stay near the processor.
+/// Maximum number of samples of a domain: with their errors they should fit into the processor's cache.
 const MAX_SAMPLES: u64 = 1 << 18;
-/// Most rows of a domain on a grid stored in strips.
+/// Maximum number of rows of a domain on a grid stored in strips.
 const STRIP_ROWS: u64 = 256;
-/// Domains for each thread, at least, where the grid is large enough.
-const SHARES: u64 = 4;
+/// Minimum number of domains for each thread, where the grid is large enough.
+const DOMAINS_PER_THREAD: u64 = 4;
 
 /// Proves `mesh` against `grid`. The error between samples is measured for every `bound`. A caller's
 /// caches of both are not part of the memory budget, of which this takes about half.
 ///
-/// Errors: a tolerance that is not a number, a grid without an invertible geotransform, a triangle
-/// with an invalid vertex index, too little memory, and errors of the sources.
+/// # Errors
+/// A tolerance that is not a number, a grid without an invertible geotransform, a triangle with an invalid
+/// vertex index, too little memory, and errors of the sources.
 pub fn verify(
     mesh: &dyn MeshSource,
     grid: &dyn GridSource,
-    asked: MeshRequirements<'_>,
+    requirements: MeshRequirements<'_>,
     resources: &Resources,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<VerifyReport> {
     let start = Instant::now();
-    let mut work = ProofResources::new(mesh, asked.tolerance, resources, progress, cancel)?;
-    work.set_aside(asked.kept.bytes());
-    let context = GridProofContext::new(work, grid, asked)?;
+    let mut work = ProofResources::new(mesh, requirements.tolerance, resources, progress, cancel)?;
+    work.set_aside(requirements.kept.bytes());
+    let context = GridProofContext::new(work, grid, requirements)?;
     let spread = fill(&context)?;
     let tally = check(&context, &spread)?;
     let mut report = report(&context, &spread.counts, spread.broken, &tally);
@@ -59,14 +60,13 @@ fn layout(info: &GridInfo, triangles: u64, memory: u64, threads: usize) -> Domai
     let unit = u64::from(GridDomain::UNIT);
     let across = u64::from(info.width).next_multiple_of(unit);
     let in_strips = info.block.0 >= info.width;
-    let most = if in_strips { MAX_SAMPLES.max(across * STRIP_ROWS) } else { MAX_SAMPLES };
+    let max_samples = if in_strips { MAX_SAMPLES.max(across * STRIP_ROWS) } else { MAX_SAMPLES };
     let density = (1 << 10) * triangles.min(2 * samples) / samples;
     let need = proof::bytes_needed(1 << 10, density + density / 2, density);
     let area = (memory / 2 * (1 << 10) / need)
-        .min(most)
-        .min(samples / (SHARES * threads as u64))
+        .min(max_samples)
+        .min(samples / (DOMAINS_PER_THREAD * threads as u64))
         .max(unit * unit);
-    let side = |samples: u64| (samples / unit * unit).clamp(unit, 1 << 30) as u32;
     let size = if !in_strips {
         [side(area.isqrt()); 2]
     } else if area / across >= unit {
@@ -77,13 +77,19 @@ fn layout(info: &GridInfo, triangles: u64, memory: u64, threads: usize) -> Domai
     DomainLayout { grid, size }
 }
 
+/// The side of a domain of about so many samples: a multiple of the unit.
+fn side(samples: u64) -> u32 {
+    let unit = u64::from(GridDomain::UNIT);
+    (samples / unit * unit).clamp(unit, 1 << 30) as u32
+}
+
 /// Fails when the index of all domains takes more than half of the memory.
 fn check_index(layout: &DomainLayout, context: &GridProofContext<'_>) -> Result<()> {
     let need = layout.len().saturating_mul(INDEX_BYTES);
     if need <= context.work.memory / 2 {
         return Ok(());
     }
-    Err(context.work.short("a grid of this size needs an index", 2 * need))
+    Err(context.work.short("index of a grid of this size", 2 * need))
 }
 
 /// Bytes of index for one domain: two buckets with their runs in the file.
@@ -104,80 +110,84 @@ pub(super) fn divided(context: &GridProofContext<'_>) -> Result<DomainLayout> {
 
 /// Checks every domain.
 fn check(context: &GridProofContext<'_>, spread: &MeshSpread) -> Result<ProofTally> {
-    let judge = |part: &GridProofPart<'_>, tally: &mut ProofTally| {
-        let open = proof::check(part, tally);
-        open.into_iter().try_for_each(|open| follow(context, &spread.layout, open, tally))
-    };
-    each(context, spread, proof::bytes_needed, judge, ProofTally::merge)
+    each(
+        context,
+        spread,
+        proof::bytes_needed,
+        |part, tally: &mut ProofTally| {
+            let open = proof::check(part, tally);
+            open.into_iter().try_for_each(|open| follow(context, &spread.layout, open, tally))
+        },
+        ProofTally::merge,
+    )
 }
 
-/// Bytes that take samples, triangles and vertices.
-type Need = fn(u64, u64, u64) -> u64;
+/// The bytes needed for so many samples, triangles and vertices.
+type BytesNeeded = fn(u64, u64, u64) -> u64;
 
 /// Runs `judge` on each domain with its triangles; `merge` combines the findings of two threads, and
-/// `need` returns the bytes that `judge` takes.
+/// `bytes_needed` returns the memory of `judge`.
 pub(super) fn each<T: Default + Send>(
     context: &GridProofContext<'_>,
     spread: &MeshSpread,
-    need: Need,
+    bytes_needed: BytesNeeded,
     judge: impl Fn(&GridProofPart<'_>, &mut T) -> Result<()> + Sync,
     merge: impl Fn(&mut T, &T) + Sync,
 ) -> Result<T> {
-    let all = Mutex::new(T::default());
     let (work, info) = (&context.work, context.grid.info());
     work.progress.begin("samples", u64::from(info.width) * u64::from(info.height));
-    let checker = GridDomainChecker { context, spread, need, judge, crowded: Mutex::new(()) };
-    let judge = |found: &mut T, index| {
-        let domain = spread.layout.domain(index);
-        checker.check(domain, index as usize, found)?;
-        work.progress.advance(domain.rect.len() as u64);
-        Ok(())
-    };
-    let finish = |found: T| {
-        merge(&mut lock(&all), &found);
-        Ok(())
-    };
-    let (threads, units) = (work.threads, spread.layout.len());
-    workers::run(threads, units, &work.cancel, T::default, judge, finish)?;
+    let checker =
+        GridDomainChecker { context, spread, bytes_needed, judge, crowded: Mutex::new(()) };
+    let findings = work.findings(
+        spread.layout.len(),
+        |findings: &mut T, index| {
+            let domain = spread.layout.domain(index);
+            checker.check(domain, index as usize, findings)?;
+            work.progress.advance(domain.rect.len() as u64);
+            Ok(())
+        },
+        merge,
+    )?;
     work.progress.end();
-    let found = std::mem::take(&mut *lock(&all));
-    Ok(found)
+    Ok(findings)
 }
 
 /// Checks domains, splitting those too large for a thread's memory.
 struct GridDomainChecker<'a, J> {
     context: &'a GridProofContext<'a>,
     spread: &'a MeshSpread,
-    need: Need,
+    bytes_needed: BytesNeeded,
     judge: J,
-    /// Held while a domain that cannot be split takes more than a thread's share.
+    /// Locked while a domain that cannot be split takes more than a thread's share.
     crowded: Mutex<()>,
 }
 
 impl<J> GridDomainChecker<'_, J> {
-    fn check<T>(&self, domain: GridDomain, bucket: usize, found: &mut T) -> Result<()>
+    fn check<T>(&self, domain: GridDomain, bucket: usize, findings: &mut T) -> Result<()>
     where
         J: Fn(&GridProofPart<'_>, &mut T) -> Result<()>,
     {
         let (triangles, positions) = self.count(domain, bucket)?;
         let samples = domain.rect.len() as u64;
-        let kept = samples.min(self.context.asked.kept.count()) * size_of::<ProofPosition>() as u64;
-        let lines = self.context.asked.kept.lines().paths().ends_near(domain.rect);
+        let constraints = self.context.requirements.kept;
+        let points = samples.min(constraints.count()) * size_of::<ProofPosition>() as u64;
+        let lines = constraints.lines().paths().ends_near(domain.rect);
         let lines: u64 = lines.map(|[a, b]| ProofBreakline::between(a, b).bytes_in(&domain)).sum();
-        let need = kept + lines + (self.need)(domain.apron().len() as u64, triangles, positions);
+        let need =
+            points + lines + (self.bytes_needed)(domain.apron().len() as u64, triangles, positions);
         if need <= self.context.work.share {
-            return self.check_whole(domain, bucket, [triangles, positions], found);
+            return self.check_whole(domain, bucket, triangles, positions, findings);
         }
         match domain.halves() {
-            // Halves read the whole bucket and take their own of it: nothing is spread anew.
-            Some(halves) => halves.into_iter().try_for_each(|d| self.check(d, bucket, found)),
+            // Each half filters the bucket of the whole: cheaper than spreading the records again.
+            Some(halves) => halves.into_iter().try_for_each(|d| self.check(d, bucket, findings)),
             None if need > self.context.work.memory || triangles > MAX_TRIANGLES => {
-                Err(too_crowded(&self.context.work, domain, [triangles, lines, need]))
+                Err(too_crowded(&self.context.work, domain, triangles, lines, need))
             }
             None => {
                 // One at a time, as it takes more than the share of a thread.
                 let _alone = lock(&self.crowded);
-                self.check_whole(domain, bucket, [triangles, positions], found)
+                self.check_whole(domain, bucket, triangles, positions, findings)
             }
         }
     }
@@ -221,8 +231,9 @@ impl<J> GridDomainChecker<'_, J> {
         &self,
         domain: GridDomain,
         bucket: usize,
-        [triangles, positions]: [u64; 2],
-        found: &mut T,
+        triangles: u64,
+        positions: u64,
+        findings: &mut T,
     ) -> Result<()>
     where
         J: Fn(&GridProofPart<'_>, &mut T) -> Result<()>,
@@ -232,11 +243,14 @@ impl<J> GridDomainChecker<'_, J> {
         let mut vertices = Vec::with_capacity(positions as usize);
         self.each_position(domain, bucket, |at| vertices.push(at))?;
         vertices.sort_unstable();
-        let kept = self.context.asked.kept.within(domain.rect);
-        let mut kept: Vec<_> =
-            kept.map(|[col, row]| ProofPosition::sample(col.into(), row.into())).collect();
+        let requirements = &self.context.requirements;
+        let mut kept: Vec<_> = requirements
+            .kept
+            .within(domain.rect)
+            .map(|[col, row]| ProofPosition::sample(col.into(), row.into()))
+            .collect();
         kept.sort_unstable();
-        let near = self.context.asked.kept.lines().paths().ends_near(domain.rect);
+        let near = requirements.kept.lines().paths().ends_near(domain.rect);
         let lines: Vec<_> = near.map(|[a, b]| ProofBreakline::between(a, b)).collect();
         let map = self.context.grid.info().transform;
         let steps = [[map.a, map.d], [map.b, map.e]];
@@ -247,17 +261,13 @@ impl<J> GridDomainChecker<'_, J> {
             vertices: self.spread.positions.is_some().then_some(&vertices[..]),
             kept: &kept,
             lines: &lines,
-            min_angle: self
-                .context
-                .asked
-                .min_angle
-                .map(|degrees| ProofAngleBound { degrees, steps }),
+            min_angle: requirements.min_angle.map(|degrees| ProofAngleBound { degrees, steps }),
             precision: self.context.precision,
             is_fitted: self.context.is_fitted,
-            tolerance: self.context.asked.tolerance,
+            tolerance: requirements.tolerance,
             orientation: self.context.orientation,
         };
-        (self.judge)(&part, found)
+        (self.judge)(&part, findings)
     }
 }
 
@@ -293,13 +303,15 @@ fn follow(
 fn too_crowded(
     work: &ProofResources<'_>,
     domain: GridDomain,
-    [triangles, lines, need]: [u64; 3],
+    triangles: u64,
+    lines: u64,
+    need: u64,
 ) -> Error {
     let Rect { col, row, width, height } = domain.rect;
-    let beside = match lines >> 20 {
+    let breaklines = match lines >> 20 {
         0 => String::new(),
-        mib => format!(", with breaklines of {mib} MiB,"),
+        mib => format!(", breaklines of {mib} MiB"),
     };
-    let what = format!("{triangles} triangles touch the {width} x {height} samples there{beside}");
+    let what = format!("{triangles} triangles over {width} x {height} samples{breaklines}");
     work.short(&what, need).at(format!("column {col}, row {row}"))
 }

@@ -1,5 +1,4 @@
-//! Squares of a plane that has no blocks of its own, and records spread over pieces of one that is too
-//! crowded.
+//! Division of a plane without blocks into square tiles, and subdivision of tiles with too many records.
 
 use super::work::ProofResources;
 use terrane_base::error::Result;
@@ -8,26 +7,26 @@ use terrane_proof::{DomainLayout, GridDomain};
 
 /// Target number of points or triangles in a domain, so that its data fits into the processor's
 /// cache.
-pub(super) const CROWD: u64 = 1 << 15;
-/// Most domains.
-pub(super) const MOST: u64 = 1 << 16;
-/// Domains for each thread, at least.
-pub(super) const SHARES: u64 = 4;
+pub(super) const DOMAIN_RECORDS: u64 = 1 << 15;
+/// Maximum number of domains.
+pub(super) const MAX_DOMAINS: u64 = 1 << 16;
+/// Minimum number of domains for each thread.
+pub(super) const DOMAINS_PER_THREAD: u64 = 4;
 /// Bytes of index for a run of records.
 pub(super) const RUN_BYTES: u64 = 16;
-/// How often a domain that is too crowded is halved at a time.
+/// Halvings of a domain with too many records.
 const HALVINGS: u32 = 4;
 
-/// About `wanted` square tiles, but no more than [`MOST`].
-pub(super) fn divide(grid: [u32; 2], wanted: u64) -> DomainLayout {
+/// About `count` square tiles, but no more than [`MAX_DOMAINS`].
+pub(super) fn divide(grid: [u32; 2], count: u64) -> DomainLayout {
     let area = u64::from(grid[0]) * u64::from(grid[1]);
-    let mut side = (area / wanted).isqrt();
+    let mut side = (area / count).isqrt();
     loop {
         let size = side
             .next_multiple_of(u64::from(GridDomain::UNIT))
             .clamp(u64::from(GridDomain::UNIT), 1 << 30);
         let layout = DomainLayout { grid, size: [size as u32; 2] };
-        if layout.len() <= MOST {
+        if layout.len() <= MAX_DOMAINS {
             return layout;
         }
         side = size + size.div_ceil(8);
@@ -37,37 +36,36 @@ pub(super) fn divide(grid: [u32; 2], wanted: u64) -> DomainLayout {
 /// The records of a domain by piece.
 pub(super) fn respread<T: bytemuck::Pod>(
     work: &ProofResources<'_>,
-    pile: &Buckets<T>,
+    buckets: &Buckets<T>,
     number: usize,
     pieces: &[GridDomain],
     belongs: impl Fn(&GridDomain, &T) -> bool,
 ) -> Result<Buckets<T>> {
-    let again = Buckets::new(&work.folder, pieces.len(), work.share / 4);
-    let mut writer = again.writer();
-    pile.try_read(number, |records| {
+    let pieces_of_domain = Buckets::new(&work.folder, pieces.len(), work.share / 4);
+    let mut writer = pieces_of_domain.writer();
+    buckets.try_read(number, |records| {
         records.iter().try_for_each(|record| {
             let mut all = (0..).zip(pieces).filter(|(_, piece)| belongs(piece, record));
             all.try_for_each(|(piece, _)| writer.push(piece, *record))
         })
     })?;
     writer.finish()?;
-    again.settle()?;
-    Ok(again)
+    pieces_of_domain.settle()?;
+    Ok(pieces_of_domain)
 }
 
 /// All records of a domain.
-pub(super) fn load<T: bytemuck::Pod>(pile: &Buckets<T>, number: usize) -> Result<Vec<T>> {
-    let mut all = Vec::with_capacity(pile.len(number) as usize);
-    pile.read(number, |records| all.extend_from_slice(records))?;
+pub(super) fn load<T: bytemuck::Pod>(buckets: &Buckets<T>, number: usize) -> Result<Vec<T>> {
+    let mut all = Vec::with_capacity(buckets.len(number) as usize);
+    buckets.read(number, |records| all.extend_from_slice(records))?;
     Ok(all)
 }
 
-/// A domain halved several times, as far as that goes.
+/// A domain halved up to [`HALVINGS`] times.
 pub(super) fn pieces(domain: GridDomain) -> Vec<GridDomain> {
-    let halve = |pieces: Vec<GridDomain>| -> Vec<GridDomain> {
+    (0..HALVINGS).fold(vec![domain], |pieces, _| {
         pieces.into_iter().flat_map(|d| d.halves().map_or(vec![d], Vec::from)).collect()
-    };
-    (0..HALVINGS).fold(vec![domain], |pieces, _| halve(pieces))
+    })
 }
 
 #[cfg(test)]
@@ -85,7 +83,7 @@ mod tests {
             ([40_000, 300], 500),
         ] {
             let layout = divide(grid, wanted);
-            assert!(layout.len() <= MOST, "{layout:?}");
+            assert!(layout.len() <= MAX_DOMAINS, "{layout:?}");
             let fits = layout.size[0] == GridDomain::UNIT || layout.len() >= wanted / 2;
             assert!(fits || layout.size[0] > 1 << 10, "{layout:?}");
             let last = layout.domain(layout.len() - 1);

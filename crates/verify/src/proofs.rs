@@ -60,8 +60,8 @@ impl OutputProof for LineProof {
         cancel: &Cancel,
     ) -> Result<LineVerifyReport> {
         let [original] = written.original.names() else {
-            return Err(Error::usage("lines are proved against one file")
-                .remedy("name the file that they were made from"));
+            return Err(Error::usage("lines require exactly one original file")
+                .remedy("pass the file from which they were made"));
         };
         let job = LineVerifyJob {
             lines: written.file.clone(),

@@ -11,7 +11,7 @@ use terrane_engine::breaklines::BreaklinesReport;
 use terrane_engine::constraints::RequiredPointsReport;
 use terrane_proof::{FaultCount, ProofPosition, ProofTally};
 
-/// A place on the grid, in samples and in world coordinates.
+/// A position on the grid, in samples and in world coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct GridLocation {
@@ -59,7 +59,7 @@ pub struct OfGrid {
     pub valid_samples: u64,
     /// Samples that belong to a cell with four valid samples: the promise is about these.
     pub surface_samples: u64,
-    /// Valid samples that touch no such cell: they have no surface and are no part of the promise.
+    /// Valid samples that touch no such cell: they are not part of the surface or the promise.
     pub isolated_samples: u64,
     /// Cells with four valid samples: the surface is their union.
     pub surface_cells: u64,
@@ -82,8 +82,8 @@ pub struct OfGrid {
     /// True when the mesh states that its heights are fitted: vertices may lie above or below samples.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fitted: bool,
-    /// Positions of triangle corners that are no sample, or, unless heights are fitted, not at the height
-    /// their sample has in the precision of the format. A failure only where `made_by_terrane`: the error bound of
+    /// Positions of triangle corners that are not a sample, or, unless heights are fitted, not at the height of
+    /// the sample in the precision of the format. A failure only where `made_by_terrane`: the error bound of
     /// other meshes may hold all the same.
     pub off_sample_vertices: FaultReport<GridLocation>,
     /// Where the tolerance holds: at samples, or along the lines between neighbouring samples as
@@ -144,8 +144,8 @@ impl MeshOriginal for OfGrid {
         };
         vec![
             (between, "places between samples further from the mesh than the tolerance"),
-            (self.thin_triangles, "triangles with a smaller angle than they may have"),
-            (self.not_kept, "samples that were to be kept and are no vertices at their height"),
+            (self.thin_triangles, "triangles with an angle below the minimum"),
+            (self.not_kept, "required samples that are not vertices at their height"),
             (self.not_followed, "samples on breaklines that edges do not follow"),
             (self.uncovered_samples, "samples not covered by the mesh"),
             (self.uncovered_cells, "cells not covered by the mesh"),
@@ -167,7 +167,7 @@ impl MeshOriginal for OfGrid {
     }
 }
 
-/// The findings, judged; without names of files and figures of the run.
+/// The findings, judged; without names of files and statistics of the run.
 pub(super) fn report(
     context: &GridProofContext<'_>,
     vertices: &VertexCounts,
@@ -195,16 +195,19 @@ pub(super) fn report(
         outside_triangles: fault(&tally.outside),
         fitted: context.is_fitted,
         off_sample_vertices: fault(&tally.off_samples),
-        bound: context.asked.bound,
+        bound: context.requirements.bound,
         surface_error: tally.worst_of_surface().map(|spot| spot.error),
         surface_error_at: tally.worst_of_surface().map(|spot| place(spot.at)),
         breaks: tally.breaks,
         over_between_samples: fault(&tally.over_between),
-        min_angle: context.asked.min_angle,
+        min_angle: context.requirements.min_angle,
         thin_triangles: fault(&tally.thin),
-        keep_points: context.asked.kept.report(tally.kept, tally.kept - tally.not_kept.count),
+        keep_points: context
+            .requirements
+            .kept
+            .report(tally.kept, tally.kept - tally.not_kept.count),
         not_kept: fault(&tally.not_kept),
-        breaklines: context.asked.kept.lines().report(tally.not_followed.count),
+        breaklines: context.requirements.kept.lines().report(tally.not_followed.count),
         on_breaklines: tally.on_lines,
         not_followed: fault(&tally.not_followed),
         ..OfGrid::default()
@@ -213,7 +216,7 @@ pub(super) fn report(
         mesh: context.work.mesh.info(),
         stated: &context.stated,
         is_delaunay: context.is_delaunay,
-        tolerance: context.asked.tolerance,
+        tolerance: context.requirements.tolerance,
         vertices,
         broken,
         tally,

@@ -12,29 +12,28 @@ use terrane_mesh::{self as mesh, MeshInfo, MeshSource, Promises};
 pub(super) fn open_mesh(path: &Path) -> Result<Box<dyn MeshSource>> {
     let mesh = mesh::open(path)?;
     if mesh.info().solid {
-        let message = "is a solid: it has walls and a bottom, which are no terrain to verify";
+        let message = "is a solid: walls and bottom are not terrain";
         return Err(Error::unsupported(message)
             .in_file(path)
-            .remedy("verify the mesh that is made without ‹base› and ‹co› SOLID_BASE"));
+            .remedy("verify a mesh made without ‹base› and ‹co› SOLID_BASE"));
     }
     Ok(mesh)
 }
 
-/// Promises of a mesh. `options` are the key of a statement, the option that replaces it, and whether it may be
-/// invalid because the option is given or nothing is judged by it.
+/// Promises of a mesh. `options` are the key of a statement, the option that replaces it, and whether an invalid
+/// statement is accepted because the option is given or it is not used.
 ///
 /// # Errors
-/// Contradictory statements, and invalid ones without an option that replaces them: ignoring them would leave
-/// promises unjudged.
+/// Contradictory statements, and invalid ones without an option that replaces them.
 pub(super) fn stated(mesh: &MeshInfo, options: &[(&str, &str, bool)]) -> Result<Promises> {
     let stated = mesh.promises()?;
     for line in &stated.invalid {
         let remedy = match options.iter().find(|(key, ..)| line.starts_with(key)) {
             Some((.., true)) => continue,
-            Some((_, option, _)) => format!("give {option} in its place"),
-            None => "make the mesh again, or remove this comment".to_owned(),
+            Some((_, option, _)) => format!("pass {option}"),
+            None => "recreate the mesh, or remove this comment".to_owned(),
         };
-        let message = format!("states \"{line}\", which is not valid");
+        let message = format!("invalid statement \"{line}\"");
         return Err(Error::bad_input(message).remedy(remedy));
     }
     Ok(stated)
@@ -45,25 +44,23 @@ pub(super) fn tolerance(stated: &Promises) -> Option<f64> {
     stated.max_error.as_ref().map(|error| error.value)
 }
 
-/// True unless vertices are connected in a way that is not Delaunay: "triangulation data-dependent", or the
-/// name of a method.
+/// False where the mesh states a triangulation other than Delaunay: "triangulation data-dependent", or the name
+/// of a method.
 ///
 /// # Errors
-/// A name that is not known: to believe it would leave edges unjudged.
+/// An unknown name.
 pub(super) fn is_delaunay(stated: &Promises) -> Result<bool> {
     let Some(name) = &stated.triangulation else { return Ok(true) };
     let mut others = METHODS.iter().filter(|method| !method.is_delaunay);
     match name.parse::<TriangulationRule>() {
         Ok(known) => Ok(known == TriangulationRule::Delaunay),
         Err(_) if others.any(|method| method.name == *name) => Ok(false),
-        Err(_) => {
-            Err(Error::bad_input(format!("states \"triangulation {name}\", which is not known"))
-                .remedy("make the mesh again, or remove this comment: its edges are judged then"))
-        }
+        Err(_) => Err(Error::bad_input(format!("unknown statement \"triangulation {name}\""))
+            .remedy("recreate the mesh, or remove this comment to have its edges judged")),
     }
 }
 
-/// Names points and lines of files that a mesh states and that were not given, as not judged.
+/// Leaves files of points and lines unjudged that the mesh states and the job does not name.
 pub(super) fn leave_files(
     stated: &Promises,
     [points, lines]: [bool; 2],

@@ -14,8 +14,8 @@ struct VertexPage {
     vertices: Vec<ProofVertex>,
 }
 
-/// The vertices of a mesh, on the lattice. Each page number has one slot it can be in: triangles
-/// of one place use few pages, so hardly any two of them meet.
+/// The vertices of a mesh, on the lattice. Each page number has one slot (direct mapping): neighbouring
+/// triangles use few pages, so conflicts are rare.
 pub(super) struct VertexCache<'a, S> {
     mesh: &'a dyn MeshSource,
     snapper: S,
@@ -50,8 +50,8 @@ impl<'a, S: Snap> VertexCache<'a, S> {
         read_page(self.mesh, number, &mut self.stored)?;
         let unusable = ProofVertex { at: ProofPosition::sample(0, 0), z: f64::NAN };
         vertices.clear();
-        let snap = |&p: &Point3| self.snapper.snap(p).vertex().unwrap_or(unusable);
-        vertices.extend(self.stored.iter().map(snap));
+        let snapped = self.stored.iter().map(|&point| self.snapper.snap(point).vertex());
+        vertices.extend(snapped.map(|vertex| vertex.unwrap_or(unusable)));
         Ok(VertexPage { number, vertices })
     }
 }
@@ -64,7 +64,7 @@ fn read_page(mesh: &dyn MeshSource, number: u64, out: &mut Vec<Point3>) -> Resul
     mesh.read_vertices(first, out)
 }
 
-/// How the stored vertices lie to the lattice.
+/// Counts of stored vertices by their position on the lattice.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct VertexCounts {
     /// Moved to a sample by the rounding of their storage.

@@ -30,24 +30,24 @@ impl ProofBreakline {
     }
 
     /// Columns and rows from start to end.
-    fn whole(&self) -> [i64; 2] {
+    fn span(&self) -> [i64; 2] {
         [0, 1].map(|axis| self.end[axis] - self.start[axis])
     }
 
     pub(crate) fn steps(&self) -> i64 {
-        self.whole().iter().map(|whole| whole.abs()).sum()
+        self.span().iter().map(|span| span.abs()).sum()
     }
 
     /// The sample after so many steps.
     pub(crate) fn at(&self, step: i64) -> [i64; 2] {
         // Twice a step times a span does not fit 64 bits for the largest grids.
-        let (whole, steps) = (self.whole(), i128::from(self.steps().max(1)));
-        let cols = (2 * i128::from(step) * i128::from(whole[0].abs()) + steps) / (2 * steps);
-        let gone = [cols as i64, step - cols as i64];
-        [0, 1].map(|axis| self.start[axis] + gone[axis] * whole[axis].signum())
+        let (span, steps) = (self.span(), i128::from(self.steps().max(1)));
+        let cols = (2 * i128::from(step) * i128::from(span[0].abs()) + steps) / (2 * steps);
+        let offset = [cols as i64, step - cols as i64];
+        [0, 1].map(|axis| self.start[axis] + offset[axis] * span[axis].signum())
     }
 
-    /// After how many steps the path comes to a sample, if it does.
+    /// The step of a sample on the path; `None` off the path.
     pub(crate) fn place(&self, at: [i64; 2]) -> Option<i64> {
         let step = (at[0] - self.start[0]).abs() + (at[1] - self.start[1]).abs();
         (step <= self.steps() && self.at(step) == at).then_some(step)
@@ -60,20 +60,24 @@ impl ProofBreakline {
         let beyond = [rect.end_col(), rect.end_row()].map(i64::from);
         let (mut from, mut to) = (0, self.steps() + 1);
         for axis in [0, 1] {
-            let falls = self.whole()[axis] < 0;
-            let gone = |step: i64| if falls { -self.at(step)[axis] } else { self.at(step)[axis] };
-            let [low, high] = if falls {
-                [1 - beyond[axis], 1 - first[axis]]
+            // With the sign of the direction, coordinates grow along the path and can be bisected.
+            let (sign, [low, high]) = if self.span()[axis] < 0 {
+                (-1, [1 - beyond[axis], 1 - first[axis]])
             } else {
-                [first[axis], beyond[axis]]
+                (1, [first[axis], beyond[axis]])
             };
-            from = least(from, to, |step| gone(step) >= low);
-            to = least(from, to, |step| gone(step) >= high);
+            from = first_where(from, to, |step| sign * self.at(step)[axis] >= low);
+            to = first_where(from, to, |step| sign * self.at(step)[axis] >= high);
         }
         from..to
     }
 
-    /// Most bytes that it takes in a domain.
+    /// True when the path has this step, and surface beside it.
+    fn borders(&self, step: i64, surface: &ProofSurface) -> bool {
+        (0..self.steps()).contains(&step) && surface.borders(self.at(step), self.at(step + 1))
+    }
+
+    /// Maximum number of bytes for it in a domain.
     pub fn bytes_in(&self, domain: &GridDomain) -> u64 {
         let steps = self.steps_in(domain);
         size_of::<Self>() as u64
@@ -81,8 +85,8 @@ impl ProofBreakline {
     }
 }
 
-/// The first number of a range for which a test holds that holds for all after it; its end if there is none.
-fn least(from: i64, to: i64, holds: impl Fn(i64) -> bool) -> i64 {
+/// The first number of a range from which on a monotone test holds; the end of the range if there is none.
+fn first_where(from: i64, to: i64, holds: impl Fn(i64) -> bool) -> i64 {
     let (mut from, mut to) = (from, to);
     while from < to {
         let middle = from.midpoint(to);
@@ -100,13 +104,13 @@ struct BreaklineStop {
     step: i64,
     /// The surface goes on here along the line.
     goes_on: bool,
-    /// All there is to it: it may be no vertex.
-    has_to_be: bool,
+    /// The surface begins or ends here along the line, so it must be a vertex.
+    is_required: bool,
     is_vertex: bool,
     has_edge: bool,
 }
 
-/// What a part has of lines.
+/// Samples of a part on breaklines, and their vertices and edges.
 pub(crate) struct BreaklineCheck<'a> {
     lines: &'a [ProofBreakline],
     /// Sorted by position.
@@ -121,25 +125,20 @@ impl<'a> BreaklineCheck<'a> {
     ) -> Self {
         let mut stops = Vec::new();
         for (line, path) in lines.iter().enumerate() {
-            let borders = |step: i64| {
-                (0..path.steps()).contains(&step)
-                    && surface.borders(path.at(step), path.at(step + 1))
-            };
-            for step in path.steps_in(domain) {
+            stops.extend(path.steps_in(domain).map(|step| {
                 let [col, row] = path.at(step);
-                let (at, goes_on) = (ProofPosition::sample(col, row), borders(step));
-                let has_to_be = surface.has_sample(at) && !(goes_on && borders(step - 1));
-                let (is_vertex, has_edge) = (false, false);
-                stops.push(BreaklineStop {
+                let (at, goes_on) = (ProofPosition::sample(col, row), path.borders(step, surface));
+                BreaklineStop {
                     at,
                     line,
                     step,
                     goes_on,
-                    has_to_be,
-                    is_vertex,
-                    has_edge,
-                });
-            }
+                    is_required: surface.has_sample(at)
+                        && !(goes_on && path.borders(step - 1, surface)),
+                    is_vertex: false,
+                    has_edge: false,
+                }
+            }));
         }
         stops.sort_unstable_by_key(|stop| (stop.at, stop.line));
         Self { lines, stops }
@@ -177,7 +176,7 @@ impl<'a> BreaklineCheck<'a> {
             tally.on_lines += u64::from(at[0].is_vertex);
         }
         for stop in self.stops {
-            let is_missing = stop.has_to_be && !stop.is_vertex;
+            let is_missing = stop.is_required && !stop.is_vertex;
             if is_missing || stop.is_vertex && stop.goes_on && !stop.has_edge {
                 tally.not_followed.add(stop.at);
             }

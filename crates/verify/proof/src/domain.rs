@@ -1,7 +1,8 @@
-//! How a grid is divided: domains own samples, cells and positions, each exactly once.
+//! Division of a grid into domains, each of which owns samples, cells and positions exactly once.
 
 use terrane_base::geom::Rect;
 
+use super::sections::floor;
 use super::triangle::{ProofPosition, ProofTriangle};
 
 /// A rectangle of samples of a grid. It owns its samples, the cells to the right of and below
@@ -16,8 +17,8 @@ pub struct GridDomain {
 }
 
 impl GridDomain {
-    /// Sums of errors are formed over squares of this many samples, at multiples of it, so that
-    /// they do not depend on the division; domains start at multiples of it.
+    /// Sums of errors are formed over tiles of this many samples a side, so that they do not depend on the
+    /// division; domains start at multiples of it.
     pub const UNIT: u32 = 32;
 
     /// The samples owned and those next to them, inside the grid.
@@ -52,12 +53,11 @@ impl GridDomain {
     /// Two halves along the longer side, `None` when it is a single unit.
     pub fn halves(&self) -> Option<[GridDomain; 2]> {
         let Rect { col, row, width, height } = self.rect;
-        let half = |side: u32| (side / 2).next_multiple_of(Self::UNIT);
         let (a, b) = if width >= height && width > Self::UNIT {
-            let w = half(width);
+            let w = (width / 2).next_multiple_of(Self::UNIT);
             (Rect::new(col, row, w, height), Rect::new(col + w, row, width - w, height))
         } else if height > Self::UNIT {
-            let h = half(height);
+            let h = (height / 2).next_multiple_of(Self::UNIT);
             (Rect::new(col, row, width, h), Rect::new(col, row + h, width, height - h))
         } else {
             return None;
@@ -68,10 +68,8 @@ impl GridDomain {
 
 /// The sample whose domain owns `at`.
 fn nearest_sample(grid: [u32; 2], at: ProofPosition) -> [u32; 2] {
-    let clamp = |fixed: i64, side: u32| {
-        (fixed >> ProofPosition::FRACTION).clamp(0, i64::from(side) - 1) as u32
-    };
-    [clamp(at.col, grid[0]), clamp(at.row, grid[1])]
+    let cells = [at.col, at.row].map(floor);
+    [0, 1].map(|axis| cells[axis].clamp(0, i64::from(grid[axis]) - 1) as u32)
 }
 
 /// First and last column of samples near the part of `triangle` that rows `row .. end_row` own:
@@ -80,32 +78,28 @@ fn columns(grid: [u32; 2], triangle: &ProofTriangle, row: u32, end_row: u32) -> 
     let above = if row == 0 { f64::NEG_INFINITY } else { f64::from(row) };
     let below = if end_row == grid[1] { f64::INFINITY } else { f64::from(end_row) };
     let points = triangle.positions().map(|p| [p.cols(), p.rows()]);
-    let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+    let (mut min, mut max) = (f64::INFINITY, f64::NEG_INFINITY);
     for i in 0..3 {
         let (p, q) = (points[i], points[(i + 1) % 3]);
         if p[1].max(q[1]) < above || p[1].min(q[1]) > below {
             continue;
         }
-        for end in clipped(p, q, above, below) {
-            least = least.min(end);
-            most = most.max(end);
+        for end in [p, q].map(|end| clipped([p, q], end, above, below)) {
+            min = min.min(end);
+            max = max.max(end);
         }
     }
-    let sample = |col: f64| (col.max(0.0) as u32).min(grid[0] - 1);
-    [sample(least - 1.0), sample(most + 1.0)]
+    [min - 1.0, max + 1.0].map(|col| (col.max(0.0) as u32).min(grid[0] - 1))
 }
 
-/// Columns of the two ends of the part of the segment (p, q) between two rows.
-fn clipped(p: [f64; 2], q: [f64; 2], above: f64, below: f64) -> [f64; 2] {
-    let at = |end: [f64; 2]| {
-        let row = end[1].clamp(above, below);
-        if row == end[1] {
-            return end[0];
-        }
-        // Not 0 below: a level edge is within the rows, or was passed over.
-        p[0] + (row - p[1]) / (q[1] - p[1]) * (q[0] - p[0])
-    };
-    [at(p), at(q)]
+/// The column of one end of the part of a segment between two rows.
+fn clipped([p, q]: [[f64; 2]; 2], end: [f64; 2], above: f64, below: f64) -> f64 {
+    let row = end[1].clamp(above, below);
+    if row == end[1] {
+        return end[0];
+    }
+    // No division by 0: the ends of a level segment are within the rows, or it was skipped.
+    p[0] + (row - p[1]) / (q[1] - p[1]) * (q[0] - p[0])
 }
 
 /// A grid divided into domains of equal size, numbered row by row.

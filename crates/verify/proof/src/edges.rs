@@ -1,4 +1,4 @@
-//! How triangles meet: vertices by position, edges by the vertices they join.
+//! Topology of triangles: vertices by position, edges by the vertices they join.
 
 use std::mem::size_of;
 
@@ -6,11 +6,11 @@ use super::breaklines::BreaklineCheck;
 use super::exact::{double_area, in_circle};
 use super::part::GridProofPart;
 use super::required_vertices::RequiredVertexCheck;
-use super::sections::{ceil, floor};
+use super::sections::{ceil, floor, is_whole};
 use super::surface::{OutlineFollowing, OutlineRun, ProofSurface};
 use super::surface_error::BreakJudge;
 use super::totals::ProofTally;
-use super::triangle::{ProofPosition, ProofTriangle};
+use super::triangle::{ProofPosition, ProofTriangle, ProofVertex};
 
 /// Bytes of the tables below for one triangle.
 pub(crate) const BYTES_PER_TRIANGLE: usize = 3
@@ -19,16 +19,16 @@ pub(crate) const BYTES_PER_TRIANGLE: usize = 3
         + size_of::<u32>()
         + size_of::<ProofPosition>());
 
-/// An edge of one triangle only, on the outline of the surface as far as was seen.
+/// An edge of one triangle only, on the outline of the surface as far as it has been followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UnpairedEdge {
-    /// What remains to be followed.
+    /// The part that remains to be followed.
     pub rest: OutlineRun,
     /// Where the edge begins.
     pub at: ProofPosition,
 }
 
-/// How triangles meet along an edge.
+/// Triangles of an edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum EdgeMeeting {
     /// One triangle, with this opposite corner.
@@ -77,13 +77,13 @@ pub(crate) struct PartCorners {
 /// A sample as a key of half the size, in the same order.
 fn sample_key(at: ProofPosition) -> u64 {
     // With the sign bit flipped, unsigned numbers are ordered as the signed ones are.
-    let half = |fixed: i64| u64::from((floor(fixed) as i32 ^ i32::MIN) as u32);
-    half(at.row) << 32 | half(at.col)
+    let [row, col] = [at.row, at.col].map(|v| u64::from((floor(v) as i32 ^ i32::MIN) as u32));
+    row << 32 | col
 }
 
 impl PartCorners {
-    /// Numbers the corners of `triangles`; `meet` is told every position with the heights of all
-    /// corners there.
+    /// Numbers the corners of `triangles`; calls `meet` with each position and the heights of all corners
+    /// there.
     pub(crate) fn new(
         triangles: &[ProofTriangle],
         meet: impl FnMut(ProofPosition, &[f64]),
@@ -101,20 +101,19 @@ impl PartCorners {
         key: impl Fn(ProofPosition) -> K,
         mut meet: impl FnMut(ProofPosition, &[f64]),
     ) -> Self {
-        let corner = |number: u32| triangles[number as usize / 3].corners[number as usize % 3];
-        let corners = triangles.iter().flat_map(|t| t.corners);
-        let mut order: Vec<(K, u32)> = corners.map(|c| key(c.at)).zip(0..).collect();
+        let all: Vec<ProofVertex> = triangles.iter().flat_map(|t| t.corners).collect();
+        let mut order: Vec<(K, u32)> = all.iter().map(|c| key(c.at)).zip(0..).collect();
         order.sort_unstable_by_key(|&(key, _)| key);
         let mut corners = Self { positions: Vec::new(), numbers: vec![0; order.len()] };
         let mut heights = Vec::new();
         for group in order.chunk_by(|a, b| a.0 == b.0) {
             let number = corners.positions.len() as u32;
-            let at = corner(group[0].1).at;
+            let at = all[group[0].1 as usize].at;
             corners.positions.push(at);
             heights.clear();
             for &(_, place) in group {
                 corners.numbers[place as usize] = number;
-                heights.push(corner(place).z);
+                heights.push(all[place as usize].z);
             }
             meet(at, &heights);
         }
@@ -147,7 +146,7 @@ impl PartCorners {
         self.numbers[side.side as usize] == side.numbers()[0]
     }
 
-    /// Hands on every edge: its ends, the lower first, how triangles meet there, and their sides.
+    /// Calls `each` with every edge: its ends, the lower first, how triangles meet there, and their sides.
     pub(crate) fn each_edge(
         &self,
         mut each: impl FnMut([ProofPosition; 2], EdgeMeeting, &[EdgeUse]),
@@ -181,7 +180,7 @@ pub(crate) fn check(
     let mut follow = BreaklineCheck::new(part.lines, &part.domain, surface);
     let corners = PartCorners::new(part.triangles, |at, heights| {
         if part.domain.owns(at) {
-            check_corner((part, surface), at, heights, tally);
+            check_corner(part, surface, at, heights, tally);
             between.corner(at, heights, tally);
             kept.corner(at, heights);
             follow.corner(at);
@@ -212,7 +211,8 @@ pub(crate) fn check(
 
 /// Counts a position with several heights, and one off the samples.
 fn check_corner(
-    (part, surface): (&GridProofPart<'_>, &ProofSurface),
+    part: &GridProofPart<'_>,
+    surface: &ProofSurface,
     at: ProofPosition,
     heights: &[f64],
     tally: &mut ProofTally,
@@ -246,8 +246,8 @@ impl ProofTally {
     }
 }
 
-/// True when the edge of two triangles, one on each side, fails the Delaunay test. Asked the same
-/// way whichever comes first.
+/// True when the edge of two triangles, one on each side, fails the Delaunay test. Does not depend on the
+/// order of the two.
 fn is_bad([p, q]: [ProofPosition; 2], a: ProofPosition, b: ProofPosition) -> bool {
     let (low, high) = (a.min(b), a.max(b));
     let sides = [low, high].map(|apex| double_area(p, q, apex).signum());
@@ -271,22 +271,16 @@ fn check_open(
     }
 }
 
-/// The unit edges an edge lies on, when it keeps to a line of the lattice.
+/// The unit edges under an edge; `None` unless it lies on a line of the lattice.
 fn lattice_run([p, q]: [ProofPosition; 2]) -> Option<OutlineRun> {
-    let is_whole = |v: i64| v & (ProofPosition::CELL - 1) == 0;
-    let run = |vertical, line: i64, a: i64, b: i64| OutlineRun {
-        vertical,
-        line: floor(line),
-        from: floor(a.min(b)),
-        to: ceil(a.max(b)),
-    };
-    if p.row == q.row && is_whole(p.row) {
-        Some(run(false, p.row, p.col, q.col))
+    let (vertical, line, a, b) = if p.row == q.row && is_whole(p.row) {
+        (false, p.row, p.col, q.col)
     } else if p.col == q.col && is_whole(p.col) {
-        Some(run(true, p.col, p.row, q.row))
+        (true, p.col, p.row, q.row)
     } else {
-        None
-    }
+        return None;
+    };
+    Some(OutlineRun { vertical, line: floor(line), from: floor(a.min(b)), to: ceil(a.max(b)) })
 }
 
 /// Counts `stored` vertices (sorted) that share a position, or that no triangle uses.
@@ -334,7 +328,7 @@ fn t_junctions(
     hit.into_iter().filter(|&at| part.domain.owns(at)).for_each(|at| tally.t_junctions.add(at));
 }
 
-/// Those of the sorted `vertices` that come after `p` and before `q` (`p < q`).
+/// The sorted `vertices` after `p` and before `q` (`p < q`).
 fn between(vertices: &[ProofPosition], p: ProofPosition, q: ProofPosition) -> &[ProofPosition] {
     let from = vertices.partition_point(|&v| v <= p);
     let count = vertices[from..].partition_point(|&v| v < q);
@@ -349,10 +343,10 @@ fn collinear(
     vertices.iter().copied().filter(move |&v| double_area(p, q, v) == 0)
 }
 
-/// Into how many parts the samples on the edge divide it, when its ends are samples.
+/// The number of parts into which samples divide an edge; `None` unless its ends are samples.
 fn lattice_steps(p: ProofPosition, q: ProofPosition) -> Option<u64> {
-    let cells = |a: i64, b: i64| floor(b - a).unsigned_abs();
-    (p.is_sample() && q.is_sample()).then(|| gcd(cells(p.col, q.col), cells(p.row, q.row)))
+    let [cols, rows] = [q.col - p.col, q.row - p.row].map(|d| floor(d).unsigned_abs());
+    (p.is_sample() && q.is_sample()).then(|| gcd(cols, rows))
 }
 
 /// The samples that divide the edge into `steps` parts.

@@ -1,16 +1,17 @@
-//! Exact decisions: area, in-circle, and whether a height is further from a triangle's plane than
-//! the tolerance.
+//! Exact predicates: area, in-circle, and the distance of a height from a triangle's plane against the
+//! tolerance.
 
 use std::ops::{Add, Mul, Sub};
 
 use super::expansion::ProofExpansion;
+use super::sections::is_whole;
 use super::triangle::{ProofPosition, ProofTriangle};
 
 /// Twice the signed area of (a, b, c) in 2^-60 cell, exact: coordinates are at most 2^61, so
 /// differences fit `i64`, and products of them are at most 2^124.
 pub(crate) fn double_area(a: ProofPosition, b: ProofPosition, c: ProofPosition) -> i128 {
-    let d = |p: i64, q: i64| i128::from(p - q);
-    d(b.col, a.col) * d(c.row, a.row) - d(b.row, a.row) * d(c.col, a.col)
+    let [u, v] = [b, c].map(|p| [p.col - a.col, p.row - a.row].map(i128::from));
+    u[0] * v[1] - u[1] * v[0]
 }
 
 impl ProofTriangle {
@@ -32,12 +33,12 @@ pub(crate) fn in_circle(
     let sign = double_area(a, b, c).signum();
     let offsets = [a, b, c].map(|p| [p.col - d.col, p.row - d.row]);
     let mix = offsets.iter().flatten().fold(0, |all, v| all | v);
-    let most = offsets.iter().flatten().fold(0, |most, v| v.abs().max(most));
-    if mix & (ProofPosition::CELL - 1) != 0 || most >> ProofPosition::FRACTION >= 1 << 30 {
+    let max = offsets.iter().flatten().fold(0, |max, v| v.abs().max(max));
+    if !is_whole(mix) || max >> ProofPosition::FRACTION >= 1 << 30 {
         return rough_in_circle(offsets, sign);
     }
     let cells = offsets.map(|o| o.map(|v| v >> ProofPosition::FRACTION));
-    if most >> ProofPosition::FRACTION < 1 << 13 {
+    if max >> ProofPosition::FRACTION < 1 << 13 {
         i128::from(determinant(cells)) * sign > 0
     } else {
         determinant(cells.map(|o| o.map(i128::from))) * sign > 0
@@ -57,12 +58,12 @@ fn determinant<N: Copy + Add<Output = N> + Sub<Output = N> + Mul<Output = N>>(o:
 /// products times 2^-48 is far above the error of some ten roundings of 2^-53.
 fn rough_in_circle(offsets: [[i64; 2]; 3], sign: i128) -> bool {
     let o = offsets.map(|o| o.map(|v| v as f64 / ProofPosition::CELL as f64));
-    let lift = |i: usize| o[i][0] * o[i][0] + o[i][1] * o[i][1];
+    let lift = o.map(|[x, y]| x * x + y * y);
     let (mut sum, mut doubt) = (0.0, 0.0);
     for (i, j, k) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)] {
         let (left, right) = (o[j][0] * o[k][1], o[j][1] * o[k][0]);
-        sum += lift(i) * (left - right);
-        doubt += lift(i) * (left.abs() + right.abs());
+        sum += lift[i] * (left - right);
+        doubt += lift[i] * (left.abs() + right.abs());
     }
     sum * sign as f64 > doubt * 2f64.powi(-48)
 }
@@ -83,33 +84,36 @@ pub(crate) fn exceeds(
     is_beyond(&[(sign * area, height), p, q, r], sign * area, tolerance)
 }
 
-/// True when a sum of weighted values is further from 0 than `whole` (above 0) tolerances: exact.
-fn is_beyond(terms: &[(i128, f64)], whole: i128, tolerance: f64) -> bool {
+/// True when a sum of weighted values is further from 0 than `total` (above 0) tolerances: exact.
+fn is_beyond(terms: &[(i128, f64)], total: i128, tolerance: f64) -> bool {
     [1, -1].into_iter().any(|side| {
         let mut sum = ProofExpansion::default();
-        sum.add_product(-whole, tolerance);
+        sum.add_product(-total, tolerance);
         terms.iter().for_each(|&(weight, value)| sum.add_product(side * weight, value));
         sum.is_positive_or_overflown()
     })
 }
 
-/// A height on the straight line between two: the second has `part` of the weight, the first the rest.
+/// A height on the straight line between two: the second has the weight `part`, the first the rest of the total.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct InterpolatedHeight {
     /// The two heights.
     pub(crate) ends: [f64; 2],
-    /// From 0 to the whole.
+    /// The weight of the second.
     pub(crate) part: i128,
 }
 
 impl InterpolatedHeight {
-    /// True when two heights are more than `tolerance` apart, parts being of `whole`: exact, as [`exceeds`].
-    pub(crate) fn is_far(self, other: Self, whole: i128, tolerance: f64) -> bool {
-        let terms = |Self { ends: [a, b], part }, side: i128| {
-            [(side * (whole - part), a), (side * part, b)]
-        };
-        let ([a, b], [c, d]) = (terms(self, 1), terms(other, -1));
-        is_beyond(&[a, b, c, d], whole, tolerance)
+    /// True when two heights are more than `tolerance` apart, with weights that sum up to `total`: exact, as [`exceeds`].
+    pub(crate) fn is_far(self, other: Self, total: i128, tolerance: f64) -> bool {
+        let ([a, b], [c, d]) = (self.terms(total, 1), other.terms(total, -1));
+        is_beyond(&[a, b, c, d], total, tolerance)
+    }
+
+    /// Weights and values of the two ends; `side` is the sign.
+    fn terms(self, total: i128, side: i128) -> [(i128, f64); 2] {
+        let Self { ends: [a, b], part } = self;
+        [(side * (total - part), a), (side * part, b)]
     }
 }
 

@@ -40,22 +40,22 @@ impl ProofExpansion {
 
     fn add(&mut self, value: f64) {
         let mut carry = value;
-        let mut kept = 0;
+        let mut len = 0;
         for i in 0..self.parts.len() {
             let (sum, error) = two_sum(carry, self.parts[i]);
             if error != 0.0 {
-                self.parts[kept] = error;
-                kept += 1;
+                self.parts[len] = error;
+                len += 1;
             }
             carry = sum;
         }
-        self.parts.truncate(kept);
+        self.parts.truncate(len);
         if carry != 0.0 {
             self.parts.push(carry);
         }
     }
 
-    /// True when the sum is above zero, or so large that it is no number any more.
+    /// True when the sum is above zero or overflows.
     pub(crate) fn is_positive_or_overflown(&self) -> bool {
         match self.parts.last() {
             Some(last) => *last > 0.0 || self.parts.iter().any(|p| !p.is_finite()),

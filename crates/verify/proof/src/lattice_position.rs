@@ -9,7 +9,7 @@ use super::triangle::{ProofPosition, ProofVertex};
 
 /// Rounding steps allowed between a sample's true place and its stored coordinates.
 pub(crate) const STEPS: f64 = 8.0;
-/// No storage so coarse that it moves vertices by more than this (in cells) is made up for.
+/// Maximum distance in cells that rounding of storage can explain; coarser storage is not compensated.
 const LARGEST_RADIUS: f64 = 0.25;
 /// Fixed-point positions themselves are rounded by half of 2^-30 cell.
 pub(crate) const SMALLEST_RADIUS: f64 = 1.0 / (1u64 << 29) as f64;
@@ -29,21 +29,25 @@ pub enum HeightPrecision {
 }
 
 impl HeightPrecision {
-    /// True when `stored` is what a file of this precision holds for `height`.
+    /// True when `stored` is `height` in this precision.
     pub(crate) fn is(self, stored: f64, height: f64) -> bool {
+        // A mesh may be made from heights already rounded for storage; rounding is not idempotent.
+        let once = self.rounded(height);
+        stored == height || stored == once || stored == self.rounded(once)
+    }
+
+    /// The height as stored.
+    fn rounded(self, z: f64) -> f64 {
         match self {
-            Self::Double => stored == height,
+            Self::Double => z,
             Self::Single { origin, scale } => {
-                // Meshes are made of heights as files hold them, and those are rounded again when they are
-                // written: that is not always the same number.
-                let held = |z: f64| origin + f64::from(((z - origin) * scale) as f32) / scale;
-                stored == height || stored == held(height) || stored == held(held(height))
+                origin + f64::from(((z - origin) * scale) as f32) / scale
             }
         }
     }
 }
 
-/// A vertex on its way to the lattice.
+/// Position of a stored vertex on the lattice.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SnapOutcome {
     /// Stored exactly at the world position of a sample.
@@ -58,7 +62,7 @@ pub enum SnapOutcome {
 
 /// Maps stored vertices to a lattice.
 pub trait Snap: Copy + Send + Sync {
-    /// Finds the place of a stored vertex.
+    /// Maps a stored vertex to the lattice.
     fn snap(&self, stored: Point3) -> SnapOutcome;
 }
 
@@ -80,15 +84,11 @@ impl Snapper {
     ) -> Self {
         let (right, below) = (f64::from(width.max(1) - 1), f64::from(height.max(1) - 1));
         let corners = [[0.0, 0.0], [right, 0.0], [0.0, below], [right, below]];
-        let rounding = |axis: usize| {
-            let worst = |from: f64| {
-                let far = |[c, r]: [f64; 2]| (map.apply(c, r)[axis] - from).abs();
-                corners.into_iter().map(far).fold(0.0, f64::max)
-            };
-            let stored = f64::from(f32::EPSILON) / 2.0 * worst(origin[axis]);
-            STEPS * (f64::EPSILON / 2.0 * worst(0.0) + if single_precision { stored } else { 0.0 })
-        };
-        let (x, y, det) = (rounding(0), rounding(1), map.determinant().abs());
+        let corners = corners.map(|[col, row]| map.apply(col, row));
+        let [x, y] = [0, 1].map(|axis| {
+            storage_rounding(&corners.map(|at| at[axis]), origin[axis], single_precision)
+        });
+        let det = map.determinant().abs();
         let cols = (map.e.abs() * x + map.b.abs() * y) / det;
         let rows = (map.a.abs() * y + map.d.abs() * x) / det;
         Self { map, radius: cols.hypot(rows).clamp(SMALLEST_RADIUS, LARGEST_RADIUS) }
@@ -103,8 +103,8 @@ impl Snapper {
 impl Snap for Snapper {
     fn snap(&self, [x, y, z]: Point3) -> SnapOutcome {
         let [col, row] = self.map.invert(x, y);
-        let near = |cells: f64| cells.abs() < ProofPosition::LIMIT;
-        if !(near(col) && near(row) && z.is_finite()) {
+        let is_near = col.abs() < ProofPosition::LIMIT && row.abs() < ProofPosition::LIMIT;
+        if !is_near || !z.is_finite() {
             return SnapOutcome::Unusable;
         }
         let (c, r) = (col.round(), row.round());
@@ -119,6 +119,19 @@ impl Snap for Snapper {
             SnapOutcome::Free(ProofVertex { at: ProofPosition::nearest(col, row), z })
         }
     }
+}
+
+/// The rounding, times [`STEPS`], of coordinates up to these that are computed in `f64` and, in single
+/// precision, stored relative to `origin`.
+pub(crate) fn storage_rounding(coordinates: &[f64], origin: f64, single_precision: bool) -> f64 {
+    let stored = f64::from(f32::EPSILON) / 2.0 * farthest(coordinates, origin);
+    let single = if single_precision { stored } else { 0.0 };
+    STEPS * (f64::EPSILON / 2.0 * farthest(coordinates, 0.0) + single)
+}
+
+/// The largest distance of coordinates from one value.
+pub(crate) fn farthest(coordinates: &[f64], from: f64) -> f64 {
+    coordinates.iter().map(|coordinate| (coordinate - from).abs()).fold(0.0, f64::max)
 }
 
 impl SnapOutcome {

@@ -20,11 +20,11 @@ pub struct GridProofPart<'a> {
     /// Positions of all stored vertices of the domain, sorted; `None` when the vertices of the
     /// format have no identity.
     pub vertices: Option<&'a [ProofPosition]>,
-    /// Samples of the domain that have to be vertices if they belong to the surface, sorted.
+    /// Required samples of the domain, sorted; only those of the surface have to be vertices.
     pub kept: &'a [ProofPosition],
-    /// Breaklines that may come to the domain; others do no harm.
+    /// Breaklines that may pass through the domain; others do no harm.
     pub lines: &'a [ProofBreakline],
-    /// What the angles of triangles are held to, if anything.
+    /// Bound on the angles of triangles, if any.
     pub min_angle: Option<ProofAngleBound>,
     /// How the mesh stores heights.
     pub precision: HeightPrecision,
@@ -41,24 +41,25 @@ impl GridProofPart<'_> {
     /// True when a vertex at an owned position is a valid sample, with its height as the format holds it. Fitted
     /// heights may be others inside the surface, not on its outline.
     pub(crate) fn is_sample(&self, at: ProofPosition, z: f64, surface: &ProofSurface) -> bool {
-        let is_free = self.is_fitted && surface.is_inside(at);
-        let is_right =
-            |height: f64| if is_free { !height.is_nan() } else { self.precision.is(z, height) };
-        self.sample(at).is_some_and(is_right)
+        let Some(height) = self.sample(at) else { return false };
+        match self.is_fitted && surface.is_inside(at) {
+            true => !height.is_nan(),
+            false => self.precision.is(z, height),
+        }
     }
 
     /// The height of the sample at a position that is owned, if one is there; NaN where it is void.
     pub(crate) fn sample(&self, at: ProofPosition) -> Option<f64> {
         let apron = self.domain.apron();
-        let inside = |fixed: i64, first: u32, count: u32| {
-            let cells = usize::try_from(floor(fixed) - i64::from(first)).ok();
-            cells.filter(|&cells| cells < count as usize)
-        };
-        let col = inside(at.col, apron.col, apron.width);
-        let row = inside(at.row, apron.row, apron.height);
-        let place = row.zip(col).map(|(row, col)| row * apron.width as usize + col);
-        place.filter(|_| at.is_sample()).and_then(|place| self.heights.get(place).copied())
+        let [col, row] = [at.col, at.row].map(|fixed| u32::try_from(floor(fixed)).ok());
+        let (col, row) = (col?, row?);
+        if !at.is_sample() || !apron.contains(col, row) {
+            return None;
+        }
+        let (col, row) = (col - apron.col, row - apron.row);
+        self.heights.get(row as usize * apron.width as usize + col as usize).copied()
     }
+
     /// Judges a triangle by itself, when the part owns it (its first corner).
     pub(crate) fn triangle(&self, triangle: &ProofTriangle, tally: &mut ProofTally) {
         let at = triangle.corners[0].at;
@@ -85,10 +86,10 @@ pub struct ProofAngleBound {
 }
 
 impl ProofAngleBound {
-    /// Degrees that are rounding.
+    /// Tolerance for rounding, in degrees.
     const ROUNDING: f64 = 1e-7;
 
-    /// True when a triangle has a smaller one.
+    /// True when a triangle has a smaller angle.
     pub fn is_broken_by(&self, triangle: &ProofTriangle) -> bool {
         triangle.smallest_angle_in(self.steps) < self.degrees - Self::ROUNDING
     }

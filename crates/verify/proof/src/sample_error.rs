@@ -20,9 +20,9 @@ use super::unit::{ErrorRun, ErrorSums, Histogram};
 pub(crate) const BYTES_PER_SAMPLE: u64 = 18;
 
 /// Samples this close (relative) to the tolerance are decided exactly.
-const HAIR: f64 = 1e-9;
+const RELATIVE_DOUBT: f64 = 1e-9;
 
-/// Largest error of every sample of a part, and what else rasterising tells.
+/// Largest error of every sample of a part, and coverage of samples and cells.
 pub(crate) struct WorstErrors<'a> {
     part: &'a GridProofPart<'a>,
     surface: &'a ProofSurface,
@@ -52,10 +52,12 @@ impl ProofPlane {
         let (bz, cz) = (b.z - a.z, c.z - a.z);
         let area = triangle.double_area() as f64
             / (ProofPosition::CELL as f64 * ProofPosition::CELL as f64);
-        let steepest = |u: f64, v: f64| ((bz * v).abs() + (cz * u).abs()) / area.abs();
         let wide = bx.abs().max(cx.abs()).max((bx - cx).abs()) + 1.0;
         let high = by.abs().max(cy.abs()).max((by - cy).abs()) + 1.0;
-        let size = a.z.abs() + steepest(by, cy) * wide + steepest(bx, cx) * high;
+        // Bounds on the gradient without cancellation.
+        let steepest_col = ((bz * cy).abs() + (cz * by).abs()) / area.abs();
+        let steepest_row = ((bz * cx).abs() + (cz * bx).abs()) / area.abs();
+        let size = a.z.abs() + steepest_col * wide + steepest_row * high;
         if !size.is_finite() {
             return Self::overflown(a.at);
         }
@@ -82,7 +84,7 @@ impl ProofPlane {
 
     /// Errors from `floor` up may be over the tolerance.
     fn suspicious(&self, tolerance: Option<f64>) -> f64 {
-        tolerance.map_or(f64::INFINITY, |t| t - (HAIR * t).max(self.doubt))
+        tolerance.map_or(f64::INFINITY, |t| t - (RELATIVE_DOUBT * t).max(self.doubt))
     }
 }
 
@@ -103,16 +105,16 @@ fn raise(errors: &mut [f64], heights: &[f64], start: f64, step: f64, floor: f64)
 impl<'a> WorstErrors<'a> {
     pub(crate) fn new(part: &'a GridProofPart<'a>, surface: &'a ProofSurface) -> Self {
         let window = part.domain.apron();
-        let bits = || BitGrid::new(window.width as usize, window.height as usize);
+        let clear = BitGrid::new(window.width as usize, window.height as usize);
         Self {
             part,
             surface,
             window,
             errors: vec![-1.0; window.len()],
-            over: bits(),
-            inside: bits(),
-            inside_twice: bits(),
-            cells: bits(),
+            over: clear.clone(),
+            inside: clear.clone(),
+            inside_twice: clear.clone(),
+            cells: clear,
         }
     }
 
@@ -161,7 +163,7 @@ impl<'a> WorstErrors<'a> {
         });
     }
 
-    /// Marks the cells of a triangle with corners that are no samples.
+    /// Marks the cells of a triangle with corners that are not samples.
     fn scan_strips(&mut self, triangle: &ProofTriangle) {
         let rect = self.part.domain.rect;
         let [low, high] = triangle.bounds();
@@ -227,8 +229,9 @@ impl<'a> WorstErrors<'a> {
             let height = self.part.heights[line * self.window.width as usize + col];
             let distance = (height - (start + plane.per_col * (col - from) as f64)).abs();
             let at = ProofPosition::sample(col as i64 + first, row);
-            let doubtful = || exceeds(triangle, at, height, tolerance);
-            if distance >= suspicious && (distance > clear || doubtful()) {
+            if distance >= suspicious
+                && (distance > clear || exceeds(triangle, at, height, tolerance))
+            {
                 self.over.set(col, line);
             }
         }
@@ -285,10 +288,13 @@ impl<'a> WorstErrors<'a> {
         for (word, mask) in self.owned() {
             let (found, due) = (self.cells.row(line)[word], self.surface.cells(line)[word]);
             let twice = self.inside_twice.row(line)[word];
-            let place = |bit: usize| self.place(word * 64 + bit, row);
-            ones(mask & due & !found).for_each(|bit| tally.uncovered_cells.add(place(bit)));
-            ones(mask & found & !due).for_each(|bit| tally.void_cells.add(place(bit)));
-            ones(mask & twice).for_each(|bit| tally.overlaps.add(place(bit)));
+            for (bits, fault) in [
+                (due & !found, &mut tally.uncovered_cells),
+                (found & !due, &mut tally.void_cells),
+                (twice, &mut tally.overlaps),
+            ] {
+                ones(mask & bits).for_each(|bit| fault.add(self.place(word * 64 + bit, row)));
+            }
         }
     }
 
@@ -326,7 +332,7 @@ impl<'a> WorstErrors<'a> {
     /// Keeps the largest error of a run that begins with column `from` of the window.
     #[inline]
     fn note_worst(&self, run: &ErrorRun, from: usize, row: u32, tally: &mut ProofTally) {
-        let error = run.most();
+        let error = run.max();
         if tally.worst.is_some_and(|worst| worst.error > error) {
             return;
         }
@@ -335,8 +341,8 @@ impl<'a> WorstErrors<'a> {
         }
     }
 
-    /// Brings errors in line with the exact decisions: those over are above the tolerance by at
-    /// least one float, all others at most equal to it. Counts those over.
+    /// Makes errors consistent with the exact decisions: samples over the tolerance exceed it by at least one
+    /// float, all others are at most equal to it. Counts the samples over.
     fn settle(&mut self, row: u32, samples: &[u64], tally: &mut ProofTally) {
         let Some(tolerance) = self.part.tolerance else { return };
         let line = self.line(i64::from(row));

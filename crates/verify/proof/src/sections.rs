@@ -1,13 +1,13 @@
-//! Where the rows of the lattice cross a triangle: exact, by incremental division.
+//! Intersections of lattice rows with a triangle: exact, by incremental division.
 
-use std::ops::{Add, Mul, Sub};
+use std::ops::{Add, Mul, RangeInclusive, Sub};
 
 use super::triangle::{ProofPosition, ProofTriangle};
 
 /// The part of a row of the lattice that lies in a triangle, in columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RowSection {
-    /// Left end, rounded down, and whether that left a fraction.
+    /// Left end, rounded down, and whether it has a fraction.
     pub(crate) left: (i64, bool),
     /// Right end likewise.
     pub(crate) right: (i64, bool),
@@ -38,7 +38,7 @@ pub(crate) trait SectionInt:
     const FRACTION: u32;
     /// A coordinate from 2^-30 cell.
     fn coordinate(fixed: i64) -> Self;
-    /// A whole number.
+    /// A whole number of cells.
     fn whole(value: i64) -> Self;
     /// Quotient rounded down and remainder, for a positive divisor.
     fn div_floor(self, by: Self) -> (Self, Self);
@@ -46,7 +46,7 @@ pub(crate) trait SectionInt:
     fn column(self) -> i64;
     /// As a float, rounded.
     fn float(self) -> f64;
-    /// As it is.
+    /// Without loss, as `i128`.
     fn wide(self) -> i128;
 }
 
@@ -96,9 +96,11 @@ impl SectionInt for i128 {
 
 /// True when `i64` is enough: all are samples, less than 2^30 cells apart.
 pub(crate) fn is_small(corners: &[ProofPosition]) -> bool {
-    let near = |a: i64, b: i64| floor(a - b).unsigned_abs() < 1 << 29;
-    let [col, row] = [corners[0].col, corners[0].row];
-    corners.iter().all(|p| p.is_sample() && near(p.col, col) && near(p.row, row))
+    let first = corners[0];
+    corners.iter().all(|p| {
+        let offset = [p.col - first.col, p.row - first.row];
+        p.is_sample() && offset.iter().all(|&d| floor(d).unsigned_abs() < 1 << 29)
+    })
 }
 
 /// The crossing of an edge with one row after the other: at `column` and `rest / divisor` of a cell.
@@ -159,41 +161,56 @@ pub(crate) fn sections<N: SectionInt>(
     }
     let bend_right = super::exact::double_area(top, bottom, middle) < 0;
     let mut long = EdgeRowWalk::<N>::new(top, bottom, from);
-    let mut rows = |first: i64, last: i64, a: ProofPosition, b: ProofPosition| {
-        if first > last {
-            return;
-        }
-        let mut short = EdgeRowWalk::<N>::new(a, b, first);
-        for row in first..=last {
-            let (left, right) =
-                if bend_right { (long.at(), short.at()) } else { (short.at(), long.at()) };
-            visit(row, RowSection { left, right });
-            long.advance();
-            short.advance();
-        }
-    };
     // The row of the middle corner belongs to the upper edge, unless that edge is a row.
     let bend = if top.row < middle.row { floor(middle.row) } else { from - 1 };
-    rows(from, to.min(bend), top, middle);
-    rows(from.max(bend + 1), to, middle, bottom);
+    let (upper, lower) = (from..=to.min(bend), from.max(bend + 1)..=to);
+    rows_between(upper, &mut long, [top, middle], bend_right, &mut visit);
+    rows_between(lower, &mut long, [middle, bottom], bend_right, &mut visit);
+}
+
+/// Visits `rows` between the longest edge of a triangle and another one.
+#[inline]
+fn rows_between<N: SectionInt>(
+    rows: RangeInclusive<i64>,
+    long: &mut EdgeRowWalk<N>,
+    [a, b]: [ProofPosition; 2],
+    bend_right: bool,
+    visit: &mut impl FnMut(i64, RowSection),
+) {
+    if rows.is_empty() {
+        return;
+    }
+    let mut short = EdgeRowWalk::<N>::new(a, b, *rows.start());
+    for row in rows {
+        let (left, right) =
+            if bend_right { (long.at(), short.at()) } else { (short.at(), long.at()) };
+        visit(row, RowSection { left, right });
+        long.advance();
+        short.advance();
+    }
 }
 
 /// The cells between rows `row` and `row + 1` that overlap the triangle (of non-zero area), first
 /// and one past the last; `None` when there are none. For triangles of any position.
 pub(crate) fn strip(triangle: &ProofTriangle, row: i64) -> Option<[i64; 2]> {
-    let mut found: Option<[i64; 2]> = None;
-    let mut join = |[a, b]: [i64; 2]| {
-        found = Some(found.map_or([a, b], |[c, d]| [a.min(c), b.max(d)]));
-    };
-    sections::<i128>(triangle, row, row + 1, |_, section| join(section.cells()));
+    let (mut first, mut end) = (i64::MAX, i64::MIN);
+    sections::<i128>(triangle, row, row + 1, |_, section| {
+        let [from, to] = section.cells();
+        (first, end) = (first.min(from), end.max(to));
+    });
     for corner in triangle.positions() {
         if floor(corner.row) == row && ceil(corner.row) == row + 1 {
-            join([floor(corner.col), ceil(corner.col)]);
+            (first, end) = (first.min(floor(corner.col)), end.max(ceil(corner.col)));
         }
     }
     let [low, high] = triangle.bounds();
     let overlaps = floor(high.row - 1) >= row && low.row < (row + 1) << ProofPosition::FRACTION;
-    found.filter(|_| overlaps)
+    (overlaps && first <= end).then_some([first, end])
+}
+
+/// True for a whole number of cells.
+pub(crate) fn is_whole(fixed: i64) -> bool {
+    fixed & (ProofPosition::CELL - 1) == 0
 }
 
 /// Whole part.

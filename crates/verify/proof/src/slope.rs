@@ -1,8 +1,7 @@
-//! How far the triangles of a mesh are from the slopes of its grid: the angle between normals.
+//! Difference of slopes between a mesh and its grid: the angle between normals.
 //!
-//! The slope of a cell is that of its four samples, by differences across its middle; it is held against
-//! the triangle that covers the middle, and where several do, as on a diagonal, against the one that is
-//! furthest off. Slopes are turned from the lattice to the ground cell by cell, as a degree has another
+//! The slope of a cell comes from its four samples, by differences across its middle; it is compared with the
+//! triangle that covers the middle. Where several do, as on a diagonal, the largest angle counts. Slopes are turned from the lattice to the ground cell by cell, as a degree has another
 //! length everywhere.
 
 use terrane_base::geom::Rect;
@@ -11,7 +10,7 @@ use crate::sections::sections;
 use crate::sum::ExactSum;
 use crate::{ErrorSpot, GridProofPart, ProofPosition, ProofTriangle, ProofVertex};
 
-/// What turns a slope by column and row into one along two directions of the ground at right angles.
+/// The matrix from a slope by column and row to one along two perpendicular directions on the ground.
 pub type Turn = [[f64; 2]; 2];
 
 /// A slope: by how much heights change along two directions.
@@ -20,12 +19,12 @@ pub type Slope = [f64; 2];
 /// Bytes [`measure`] takes for a sample: its height, slope and worst angle.
 const BYTES_PER_SAMPLE: u64 = 32;
 
-/// Everything found in the parts looked at so far; the same in any order.
+/// Findings of the parts measured so far; the same in any order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SlopeTally {
     /// Cells with four samples whose middle a triangle covers.
     pub cells: u64,
-    /// Those whose middle none covers.
+    /// Cells with four samples whose middle no triangle covers.
     pub uncovered: u64,
     /// Sum of squared angles, in degrees.
     pub squares: ExactSum,
@@ -34,7 +33,7 @@ pub struct SlopeTally {
 }
 
 impl SlopeTally {
-    /// Adds what was found elsewhere.
+    /// Adds the findings of other parts.
     pub fn merge(&mut self, other: &Self) {
         self.cells += other.cells;
         self.uncovered += other.uncovered;
@@ -93,8 +92,7 @@ pub fn between(p: Slope, q: Slope) -> f64 {
     sine.atan2(1.0 + p[0] * q[0] + p[1] * q[1]).to_degrees()
 }
 
-/// Looks at the cells that the part owns; `turn` knows how slopes lie on the ground at the middle of a
-/// cell (column, row).
+/// Measures the cells that the part owns; `turn` returns the matrix at the middle of a cell (column, row).
 pub fn measure(
     part: &GridProofPart<'_>,
     turn: &impl Fn(u32, u32) -> Turn,
@@ -123,18 +121,13 @@ impl SlopeCells {
         if rect.is_empty() {
             return None;
         }
-        let apron = part.domain.apron();
-        let height = |col: u32, row: u32| {
-            let row = (row - apron.row) as usize * apron.width as usize;
-            part.heights[row + (col - apron.col) as usize]
-        };
-        let at = |(col, row): (u32, u32)| {
-            let samples = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(c, r)| height(col + c, row + r));
-            of_cell(samples).unwrap_or([f64::NAN; 2])
-        };
-        let places = (rect.row..rect.end_row())
-            .flat_map(|row| (rect.col..rect.end_col()).map(move |col| (col, row)));
-        Some(Self { rect, slopes: places.map(at).collect(), worst: vec![-1.0; rect.len()] })
+        let mut slopes = Vec::with_capacity(rect.len());
+        for row in rect.row..rect.end_row() {
+            for col in rect.col..rect.end_col() {
+                slopes.push(of_cell(samples(part, col, row)).unwrap_or([f64::NAN; 2]));
+            }
+        }
+        Some(Self { rect, slopes, worst: vec![-1.0; rect.len()] })
     }
 
     /// Raises the angles of the cells whose middle is in the closed triangle.
@@ -157,7 +150,7 @@ impl SlopeCells {
         let row = (row - self.rect.row) as usize * self.rect.width as usize;
         let at = row + (col - self.rect.col) as usize;
         let error = between(turned(turn, self.slopes[at]), turned(turn, slope));
-        // Not of a cell without a slope.
+        // A comparison with NaN fails, so a cell without a slope keeps its value.
         self.worst[at] = if error > self.worst[at] { error } else { self.worst[at] };
     }
 
@@ -176,13 +169,21 @@ impl SlopeCells {
     }
 }
 
-/// The triangle half a cell to the left and above: where the middles of cells were, samples are.
+/// Heights of the samples of a cell: left and right above, left and right below.
+fn samples(part: &GridProofPart<'_>, col: u32, row: u32) -> [f64; 4] {
+    let apron = part.domain.apron();
+    let width = apron.width as usize;
+    let first = (row - apron.row) as usize * width + (col - apron.col) as usize;
+    [first, first + 1, first + width, first + width + 1].map(|at| part.heights[at])
+}
+
+/// The triangle moved half a cell to the left and up, so that the middles of cells come to samples.
 fn shifted(triangle: &ProofTriangle) -> ProofTriangle {
-    let corner = |ProofVertex { at, z }: ProofVertex| ProofVertex {
+    let corners = triangle.corners.map(|ProofVertex { at, z }| ProofVertex {
         at: ProofPosition { row: at.row - MIDDLE, col: at.col - MIDDLE },
         z,
-    };
-    ProofTriangle { corners: triangle.corners.map(corner) }
+    });
+    ProofTriangle { corners }
 }
 
 #[cfg(test)]

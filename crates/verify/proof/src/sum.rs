@@ -1,6 +1,6 @@
 //! Sums of floats without rounding, so that they come out the same in any order.
 
-/// Limbs of 32 bits that span every finite `f64`, from 2^-1074 up, and room for carries.
+/// Limbs of 32 bits that span every finite `f64`, from 2^-1074 up, with space for carries.
 const LIMBS: usize = 68;
 /// Additions after which limbs are normalised: each adds less than 2^32 to a limb of 63 bits.
 const MAX_PENDING: u32 = 1 << 30;

@@ -1,4 +1,4 @@
-//! Where the surface is: the union of cells whose four samples are valid, and its outline.
+//! The surface, which is the union of cells with four valid samples, and its outline.
 
 use terrane_base::geom::Rect;
 
@@ -30,7 +30,7 @@ pub struct OutlineRun {
     pub to: i64,
 }
 
-/// How far a run keeps to the outline of the surface.
+/// Result of following a run along the outline of the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OutlineFollowing {
     /// All the way.
@@ -42,16 +42,15 @@ pub enum OutlineFollowing {
 }
 
 impl OutlineRun {
-    /// Most unit edges [`OutlineRun::window`] covers.
+    /// Maximum number of unit edges in [`OutlineRun::window`].
     const WINDOW: i64 = 4096;
 
     /// The samples to read for following the first part of the run.
     pub fn window(&self, grid: [u32; 2]) -> Rect {
         let (along, across) = if self.vertical { (1, 0) } else { (0, 1) };
-        let clamp = |v: i64, axis: usize| v.clamp(0, i64::from(grid[axis]) - 1) as u32;
-        let span = |from: i64, to: i64, axis: usize| [clamp(from, axis), clamp(to, axis) + 1];
-        let [from, to] = span(self.from, self.to.min(self.from + Self::WINDOW), along);
-        let [low, high] = span(self.line - 1, self.line + 1, across);
+        let [from, to] =
+            clamped_span(self.from, self.to.min(self.from + Self::WINDOW), grid[along]);
+        let [low, high] = clamped_span(self.line - 1, self.line + 1, grid[across]);
         if self.vertical {
             Rect::new(low, from, high - low, to - from)
         } else {
@@ -69,6 +68,12 @@ impl OutlineRun {
     }
 }
 
+/// Columns (rows) from `from` to `to` as far as a grid of `side` has them: first, and one past the last.
+fn clamped_span(from: i64, to: i64, side: u32) -> [u32; 2] {
+    let [from, to] = [from, to].map(|v| v.clamp(0, i64::from(side) - 1) as u32);
+    [from, to + 1]
+}
+
 impl ProofSurface {
     /// From the heights of `rect` (inside the grid), row by row, NaN where void.
     pub fn new(grid: [u32; 2], rect: Rect, heights: &[f64]) -> Self {
@@ -76,8 +81,8 @@ impl ProofSurface {
         let mut valid = BitGrid::new(width, rows);
         for (row, heights) in heights.chunks_exact(width).enumerate() {
             for (word, heights) in valid.row_mut(row).iter_mut().zip(heights.chunks(64)) {
-                let bit = |(i, h): (usize, &f64)| u64::from(!h.is_nan()) << i;
-                *word = heights.iter().enumerate().map(bit).fold(0, |all, bit| all | bit);
+                let bits = heights.iter().enumerate().map(|(i, h)| u64::from(!h.is_nan()) << i);
+                *word = bits.fold(0, |all, bit| all | bit);
             }
         }
         let mut cells = BitGrid::new(width, rows);
@@ -88,7 +93,7 @@ impl ProofSurface {
     }
 
     /// Cells of a row of the window (counted from its first); bit i is the cell whose upper left
-    /// sample is column i of the window. Cells that the window does not hold wholly are clear.
+    /// sample is column i of the window. Cells partly outside the window are clear.
     pub(crate) fn cells(&self, row: usize) -> &[u64] {
         self.cells.row(row)
     }
@@ -114,21 +119,14 @@ impl ProofSurface {
 
     /// For each cell around a sample that the window may hold, whether it is surface.
     fn cells_at(&self, at: ProofPosition) -> impl Iterator<Item = bool> {
-        let near = |fixed: i64, first: u32| {
-            let place = (fixed >> ProofPosition::FRACTION) - i64::from(first);
-            [place - 1, place].map(|place| usize::try_from(place).ok())
-        };
-        let [cols, rows] = [near(at.col, self.rect.col), near(at.row, self.rect.row)];
-        let has_cell = move |row: usize, col: usize| {
-            row < self.rect.height as usize
-                && col < self.rect.width as usize
-                && self.cells(row)[col / 64] >> (col % 64) & 1 == 1
-        };
-        let cells = rows
+        let col = (at.col >> ProofPosition::FRACTION) - i64::from(self.rect.col);
+        let row = (at.row >> ProofPosition::FRACTION) - i64::from(self.rect.row);
+        let [width, height] = [self.rect.width, self.rect.height].map(i64::from);
+        [[-1, -1], [0, -1], [-1, 0], [0, 0]]
             .into_iter()
-            .flatten()
-            .flat_map(move |row| cols.into_iter().flatten().map(move |col| (row, col)));
-        cells.map(move |(row, col)| has_cell(row, col))
+            .map(move |[dx, dy]| [col + dx, row + dy])
+            .filter(move |&[col, row]| (0..width).contains(&col) && (0..height).contains(&row))
+            .map(move |[col, row]| self.cells.get(col as usize, row as usize))
     }
 
     /// Counts valid and isolated samples and surface cells of `domain`.
@@ -156,18 +154,17 @@ impl ProofSurface {
         beside.into_iter().any(|cell| self.cell(cell) == Some(true))
     }
 
-    /// Whether the cell is surface; `None` when the window does not tell.
+    /// Whether the cell is surface; `None` for a cell of the grid outside the window.
     fn cell(&self, [col, row]: [i64; 2]) -> Option<bool> {
         let [width, height] = self.grid.map(i64::from);
         if col < 0 || row < 0 || col >= width - 1 || row >= height - 1 {
             return Some(false);
         }
-        let inside = |v: i64, first: u32, count: u32| {
-            usize::try_from(v - i64::from(first)).ok().filter(|&v| v + 1 < count as usize)
-        };
-        let col = inside(col, self.rect.col, self.rect.width)?;
-        let row = inside(row, self.rect.row, self.rect.height)?;
-        Some(self.cells.get(col, row))
+        let [col, row] = [col - i64::from(self.rect.col), row - i64::from(self.rect.row)];
+        // The last column and row of the window are clear: their cells need samples beyond it.
+        let is_known = (0..i64::from(self.rect.width) - 1).contains(&col)
+            && (0..i64::from(self.rect.height) - 1).contains(&row);
+        is_known.then(|| self.cells.get(col as usize, row as usize))
     }
 
     /// Unit edges that border a cell of the surface, by their first sample: those of rows, and those of

@@ -2,11 +2,11 @@
 //!
 //! Between two samples of the surface the grid is a straight line, and so is a triangle over it. The two are
 //! furthest apart at an end of what the triangle covers of the line: at a sample, which is judged as such,
-//! or at a *break*, where a side of the triangle crosses the line or a corner lies on it. So all breaks
-//! are looked at, whatever triangles they are of and however these meet.
+//! or at a *break*, where a side of the triangle crosses the line or a corner lies on it. So all breaks of all
+//! triangles are judged.
 //!
-//! A break belongs to the domain of the first sample of its line. However many triangles meet there, it
-//! counts once for each height that they have there.
+//! A break belongs to the domain of the first sample of its line. It counts once for each height of the
+//! triangles that meet there.
 
 use std::ops::Range;
 
@@ -15,7 +15,7 @@ use terrane_base::geom::Rect;
 use super::bits::BitGrid;
 use super::exact::InterpolatedHeight;
 use super::part::GridProofPart;
-use super::sections::{EdgeRowWalk, SectionInt, ceil, floor, is_small};
+use super::sections::{EdgeRowWalk, SectionInt, ceil, floor, is_small, is_whole};
 use super::surface::ProofSurface;
 use super::totals::{ErrorSpot, ProofTally};
 use super::triangle::ProofPosition;
@@ -34,7 +34,7 @@ pub(crate) struct BreakJudge<'a> {
     heights: Vec<[f64; 2]>,
 }
 
-/// The lines along rows or, upright, along columns: there rows and columns change places.
+/// Lines along rows or, upright, along columns, for which rows and columns are swapped.
 #[derive(Clone, Copy)]
 struct SampleLineAxis {
     upright: bool,
@@ -72,7 +72,7 @@ impl<'a> BreakJudge<'a> {
         Self { part, window, lines, heights: Vec::new() }
     }
 
-    /// The lines that have samples of the domain, and which of their samples these are.
+    /// Ranges of the lines with samples of the domain, and of these samples along the lines.
     fn owned(&self, lines: SampleLineAxis) -> [Range<i64>; 2] {
         let rect = self.part.domain.rect;
         let [cols, rows] = [rect.col..rect.end_col(), rect.row..rect.end_row()]
@@ -82,7 +82,6 @@ impl<'a> BreakJudge<'a> {
 
     /// Judges a position where corners have these heights, if it lies on a line between samples.
     pub(crate) fn corner(&mut self, at: ProofPosition, heights: &[f64], tally: &mut ProofTally) {
-        let is_whole = |fixed: i64| fixed & (ProofPosition::CELL - 1) == 0;
         if is_whole(at.col) == is_whole(at.row) {
             return;
         }
@@ -108,8 +107,7 @@ impl<'a> BreakJudge<'a> {
         tally: &mut ProofTally,
     ) {
         let [a, b] = ends;
-        let crosses = |a: i64, b: i64| floor(a.min(b)) + 1 < ceil(a.max(b));
-        if !crosses(a.row, b.row) && !crosses(a.col, b.col) {
+        if !crosses_line(a.row, b.row) && !crosses_line(a.col, b.col) {
             return;
         }
         self.heights.clear();
@@ -160,17 +158,18 @@ impl<'a> BreakJudge<'a> {
     fn judge<N: SectionInt>(&self, at: &ProfileBreak<N>, tally: &mut ProofTally) {
         let Some(ground) = self.ground(at) else { return };
         let each = 1.0 / at.whole.float();
-        let height = |[a, b]: [f64; 2], part: N| a + (b - a) * (part.float() * each);
-        let size = |[a, b]: [f64; 2]| a.abs() + b.abs();
+        let ground_height = interpolated(ground, at.rest.float() * each);
         for &mesh in &self.heights {
             tally.breaks += 1;
-            let error = (height(mesh, at.part) - height(ground, at.rest)).abs();
-            let doubt = ROUNDING * (size(mesh) + size(ground)) + f64::MIN_POSITIVE;
+            let error = (interpolated(mesh, at.part.float() * each) - ground_height).abs();
+            let size = mesh[0].abs() + mesh[1].abs() + (ground[0].abs() + ground[1].abs());
+            let doubt = ROUNDING * size + f64::MIN_POSITIVE;
             let worst = tally.worst_between.map_or(0.0, |worst| worst.error);
-            let least = self.part.tolerance.map_or(worst, |tolerance| tolerance.min(worst));
-            let is_clear = error + doubt < least;
+            let threshold = self.part.tolerance.map_or(worst, |tolerance| tolerance.min(worst));
+            // Negated, so that NaN is not clear.
+            let is_clear = error + doubt < threshold;
             if !is_clear {
-                self.note(at, [mesh, ground], [error, doubt], tally);
+                self.note(at, [mesh, ground], error, doubt, tally);
             }
         }
     }
@@ -189,13 +188,14 @@ impl<'a> BreakJudge<'a> {
         lines.get(col, row).then(|| [first, first + next].map(|i| self.part.heights[i]))
     }
 
-    /// Takes note of an error that is over the tolerance or the worst so far, or may be.
+    /// Counts an error that may exceed the tolerance or the largest error so far.
     #[cold]
     fn note<N: SectionInt>(
         &self,
         at: &ProfileBreak<N>,
         [mesh, ground]: [[f64; 2]; 2],
-        [error, doubt]: [f64; 2],
+        error: f64,
+        doubt: f64,
         tally: &mut ProofTally,
     ) {
         // Heights beyond the range of floats are infinitely far from everything.
@@ -204,9 +204,11 @@ impl<'a> BreakJudge<'a> {
         if let Some(tolerance) = self.part.tolerance {
             let mesh = InterpolatedHeight { ends: mesh, part: at.part.wide() };
             let ground = InterpolatedHeight { ends: ground, part: at.rest.wide() };
-            let exactly = || mesh.is_far(ground, at.whole.wide(), tolerance);
             let is_within = error + doubt < tolerance;
-            if !is_within && (error - doubt > tolerance || exactly()) {
+            // Exact only where rounding leaves a doubt.
+            if !is_within
+                && (error - doubt > tolerance || mesh.is_far(ground, at.whole.wide(), tolerance))
+            {
                 tally.over_between.add(place);
                 error = error.max(tolerance.next_up());
             } else {
@@ -217,7 +219,17 @@ impl<'a> BreakJudge<'a> {
     }
 }
 
-/// Keeps one of each.
+/// True when there is a line strictly between two rows, or two columns.
+fn crosses_line(a: i64, b: i64) -> bool {
+    floor(a.min(b)) + 1 < ceil(a.max(b))
+}
+
+#[inline]
+fn interpolated([a, b]: [f64; 2], share: f64) -> f64 {
+    a + (b - a) * share
+}
+
+/// Removes duplicates.
 fn distinct(heights: &mut Vec<[f64; 2]>) {
     heights.sort_unstable_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
     heights.dedup();

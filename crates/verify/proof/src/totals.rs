@@ -1,14 +1,14 @@
-//! What was found: counts, exact sums and extremes that add up the same in any order.
+//! Findings: counts, exact sums and extremes that add up the same in any order.
 
 use super::sum::ExactSum;
 use super::triangle::{ProofPosition, ProofTriangle};
 
-/// How often a fault was found, and the first place in row order.
+/// Number of occurrences of a fault, and the first position in row order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FaultCount {
-    /// How often.
+    /// Number of occurrences.
     pub count: u64,
-    /// Where first.
+    /// The first position.
     pub first: Option<ProofPosition>,
 }
 
@@ -43,8 +43,8 @@ impl ErrorSpot {
     }
 }
 
-/// Everything found in the parts checked so far. For a cloud, samples are points: those of the
-/// surface are the lowest at their position, and off the samples means off the points.
+/// Findings of the parts checked so far. For a point cloud, samples are points: surface samples are the lowest
+/// at their position, and off the samples means off the points.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ProofTally {
     /// Samples with a height.
@@ -67,9 +67,9 @@ pub struct ProofTally {
     pub worst: Option<ErrorSpot>,
     /// Breaks of the mesh on lines between neighbouring samples of the surface.
     pub breaks: u64,
-    /// Those of them further from their line than the tolerance.
+    /// Breaks further from their line than the tolerance.
     pub over_between: FaultCount,
-    /// The largest error of them.
+    /// The largest error of a break.
     pub worst_between: Option<ErrorSpot>,
     /// Sum of errors.
     pub errors: ExactSum,
@@ -121,7 +121,7 @@ pub struct ProofTally {
     pub on_lines: u64,
     /// Samples where the mesh does not follow a breakline.
     pub not_followed: FaultCount,
-    /// Positions of corners that are no sample, or not at its height.
+    /// Positions of corners that are not a sample, or not at its height.
     pub off_samples: FaultCount,
 }
 
@@ -131,7 +131,7 @@ impl ProofTally {
     /// Bins of [`ProofTally::angles`].
     pub const ANGLES: usize = 12;
 
-    /// Adds what another tally found.
+    /// Adds the findings of another tally.
     pub fn merge(&mut self, other: &Self) {
         self.valid += other.valid;
         self.surface_samples += other.surface_samples;
@@ -190,7 +190,7 @@ impl ProofTally {
         self.worst_between = Some(self.worst_between.map_or(spot, |worst| worst.worse(spot)));
     }
 
-    /// The largest error of samples and breaks: that of the surface, as far as grids tell of one.
+    /// The largest error of samples and breaks: that of the surface.
     pub fn worst_of_surface(&self) -> Option<ErrorSpot> {
         self.worst.into_iter().chain(self.worst_between).reduce(ErrorSpot::worse)
     }

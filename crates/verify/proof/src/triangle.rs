@@ -29,8 +29,8 @@ impl ProofPosition {
 
     /// The nearest position to (`col`, `row`) cells, which are below [`Self::LIMIT`].
     pub fn nearest(col: f64, row: f64) -> Self {
-        let fixed = |cells: f64| (cells * Self::CELL as f64).round() as i64;
-        Self { row: fixed(row), col: fixed(col) }
+        let [row, col] = [row, col].map(|cells| (cells * Self::CELL as f64).round() as i64);
+        Self { row, col }
     }
 
     /// True when it is a whole number of cells both ways.
@@ -50,8 +50,13 @@ impl ProofPosition {
 
     /// The vector from `other` to here, in cells.
     pub fn minus(self, other: Self) -> [f64; 2] {
-        let cells = |d: i64| d as f64 / Self::CELL as f64;
-        [cells(self.col - other.col), cells(self.row - other.row)]
+        [self.col - other.col, self.row - other.row].map(|d| d as f64 / Self::CELL as f64)
+    }
+
+    /// The vector from `other` to here, where steps along a column and along a row are these vectors.
+    fn minus_in(self, other: Self, [col, row]: [[f64; 2]; 2]) -> [f64; 2] {
+        let [cols, rows] = self.minus(other);
+        [0, 1].map(|axis| cols * col[axis] + rows * row[axis])
     }
 }
 
@@ -84,7 +89,7 @@ impl ProofTriangle {
         self.positions().iter().all(|p| p.is_sample())
     }
 
-    /// Least and greatest row and column of the corners.
+    /// Minimum and maximum row and column of the corners.
     pub fn bounds(&self) -> [ProofPosition; 2] {
         let [a, b, c] = self.positions();
         let row = [a.row.min(b.row).min(c.row), a.row.max(b.row).max(c.row)];
@@ -97,20 +102,17 @@ impl ProofTriangle {
         self.smallest_angle_in([[1.0, 0.0], [0.0, 1.0]])
     }
 
-    /// The smallest angle in degrees, seen where a step along a column and along a row are these vectors.
-    pub fn smallest_angle_in(&self, [col, row]: [[f64; 2]; 2]) -> f64 {
+    /// The smallest angle in degrees, where steps along a column and along a row are these vectors.
+    pub fn smallest_angle_in(&self, steps: [[f64; 2]; 2]) -> f64 {
         let p = self.positions();
-        let between = |i: usize, j: usize| {
-            let [cols, rows] = p[i % 3].minus(p[j % 3]);
-            [0, 1].map(|axis| cols * col[axis] + rows * row[axis])
-        };
-        let side = |i: usize| {
-            let [x, y] = between(i + 1, i + 2);
+        let squares = [[1, 2], [2, 0], [0, 1]].map(|[i, j]: [usize; 2]| {
+            let [x, y] = p[i].minus_in(p[j], steps);
             x * x + y * y
-        };
-        let sides = [side(0), side(1), side(2)];
-        let least = (0..3).fold(0, |best, i| if sides[i] < sides[best] { i } else { best });
-        let [[ux, uy], [vx, vy]] = [between(least + 1, least), between(least + 2, least)];
+        });
+        // The smallest angle is opposite the shortest side.
+        let at = (0..3).fold(0, |best, i| if squares[i] < squares[best] { i } else { best });
+        let [ux, uy] = p[(at + 1) % 3].minus_in(p[at], steps);
+        let [vx, vy] = p[(at + 2) % 3].minus_in(p[at], steps);
         (ux * vy - uy * vx).abs().atan2(ux * vx + uy * vy).to_degrees()
     }
 }

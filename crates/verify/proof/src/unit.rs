@@ -15,8 +15,8 @@ pub(crate) struct ErrorRun {
 }
 
 impl ErrorRun {
-    /// The samples of `errors` (at most a unit) whose bit is set in `due`; those that have no
-    /// error (below 0) do not count.
+    /// The samples of `errors` (at most a unit) whose bit is set in `due`; samples without an error (below 0)
+    /// do not count.
     #[inline]
     pub(crate) fn new(errors: &[f64], due: u32) -> Self {
         match <[f64; RUN]>::try_from(errors) {
@@ -29,9 +29,9 @@ impl ErrorRun {
 
     fn some(errors: &[f64], due: u32) -> Self {
         let mut run = Self { errors: [0.0; RUN], counted: 0 };
-        for (i, (kept, &error)) in run.errors.iter_mut().zip(errors).enumerate() {
+        for (i, (counted, &error)) in run.errors.iter_mut().zip(errors).enumerate() {
             let counts = due >> i & 1 & u32::from(error >= 0.0);
-            *kept = if counts == 1 { error } else { 0.0 };
+            *counted = if counts == 1 { error } else { 0.0 };
             run.counted |= counts << i;
         }
         run
@@ -44,14 +44,14 @@ impl ErrorRun {
 
     /// The largest error.
     #[inline]
-    pub(crate) fn most(&self) -> f64 {
-        let mut most = [0.0; LANES];
+    pub(crate) fn max(&self) -> f64 {
+        let mut max = [0.0; LANES];
         for errors in self.errors.chunks_exact(LANES) {
-            for (most, &error) in most.iter_mut().zip(errors) {
-                *most = if error > *most { error } else { *most };
+            for (max, &error) in max.iter_mut().zip(errors) {
+                *max = if error > *max { error } else { *max };
             }
         }
-        most.into_iter().fold(0.0, f64::max)
+        max.into_iter().fold(0.0, f64::max)
     }
 
     /// The first sample with this error, among those that count.
@@ -128,7 +128,7 @@ mod tests {
         let errors: Vec<f64> = (0..20).map(|i| if i == 3 { -1.0 } else { f64::from(i) }).collect();
         let run = ErrorRun::new(&errors, 0b1111_1110 | 1 << 19);
         assert_eq!(run.counted(), 0b1111_0110 | 1 << 19);
-        assert_eq!((run.most(), run.find(19.0), run.find(8.0)), (19.0, Some(19), None));
+        assert_eq!((run.max(), run.find(19.0), run.find(8.0)), (19.0, Some(19), None));
         let (mut tally, mut sums, mut histogram) =
             (ProofTally::default(), ErrorSums::default(), Histogram::new(20.0));
         sums.add(&run);

@@ -19,10 +19,10 @@ pub(super) struct CloudProofContext<'a> {
     pub(super) placer: LatticeSnapper,
     pub(super) tolerance: Option<f64>,
     pub(super) bound: Option<VerticalBound>,
-    pub(super) kept: OnCloud,
+    pub(super) constraints: OnCloud,
     /// Promises in the header of the mesh.
     pub(super) stated: Promises,
-    /// It states no triangulation that is not Delaunay.
+    /// False where the mesh states a triangulation other than Delaunay.
     pub(super) is_delaunay: bool,
     /// The mesh has vertices on lines that are not given.
     pub(super) has_posts: bool,
@@ -36,13 +36,13 @@ impl<'a> CloudProofContext<'a> {
         features: ConstraintFeatures,
     ) -> Result<Self> {
         let bounds = surface_bounds(source)?;
-        let kept = features.on_cloud(source.info(), bounds)?;
-        work.set_aside(kept.bytes());
+        let constraints = features.on_cloud(source.info(), bounds)?;
+        work.set_aside(constraints.bytes());
         let stated = work.mesh.info().promises()?;
         let is_delaunay = is_delaunay(&stated)?;
-        let has_posts = !kept.has_lines() && stated.breaklines.is_some();
+        let has_posts = !constraints.has_lines() && stated.breaklines.is_some();
         let (frame, mesh) = (source.info().frame, work.mesh.info());
-        let reach = kept.and_heights(bounds);
+        let reach = constraints.and_heights(bounds);
         let placer = LatticeSnapper::new(frame, reach, mesh.origin, mesh.single_precision);
         let bound = tolerance.map(|tolerance| VerticalBound::new(tolerance, frame.scale[2]));
         Ok(Self {
@@ -52,7 +52,7 @@ impl<'a> CloudProofContext<'a> {
             placer,
             tolerance,
             bound,
-            kept,
+            constraints,
             stated,
             is_delaunay,
             has_posts,
@@ -67,5 +67,5 @@ pub(super) fn surface_bounds(source: &dyn PointSource) -> Result<[Point; 2]> {
 
 pub(super) fn no_surface() -> Error {
     Error::bad_input("the points have no surface: fewer than three, or all on a line")
-        .remedy("look at the filters, or at the files with `terrane info`")
+        .remedy("check the filters, or the files with `terrane info`")
 }

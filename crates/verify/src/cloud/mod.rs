@@ -1,11 +1,11 @@
-//! Proves a written mesh against the cloud it was made from.
+//! Proof of a written mesh against its source point cloud.
 //!
 //! Four passes: points, vertices and triangles are spread over rectangles of the plane; then each
 //! rectangle is checked by itself ([`terrane_proof::cloud`]).
 //!
-//! Vertices are mapped back to whole steps as far as the rounding of their storage explains it, and every
-//! point is judged in `i128`. The outline and the area of the mesh must be those of the convex hull,
-//! which is gathered anew while the points are read.
+//! Vertices within the rounding of their storage are mapped back to whole steps, and every point is judged in
+//! `i128`. The outline and the area of the mesh must be those of the convex hull, which is computed
+//! independently while the points are read.
 
 mod constraints;
 mod context;
@@ -34,7 +34,7 @@ use terrane_mesh::MeshSource;
 pub use report::{CloudProofFindings, CloudVerifyReport};
 
 /// Runs a verification. An error means that it could not be done; a mesh that breaks a promise is
-/// no error, but a report with `passed` false.
+/// not an error, but a report with `passed` false.
 ///
 /// # Errors
 /// As [`prove_cloud`], and all errors of the files.
@@ -55,9 +55,8 @@ pub(super) fn verify_cloud(
     let features = ConstraintFeatures::read_for_cloud(points, lines, &job.options.resources)?;
     let cloud = job.written.original.names().join(" ");
     surface_bounds(&*source).map_err(|e| e.in_file(Path::new(&cloud)))?;
-    let asked = (tolerance, features);
     let proved = with_polygons(&opening, &job.options.resources, |resources| {
-        prove_cloud(&*mesh, &*source, asked, &resources, progress, cancel)
+        prove_cloud(&*mesh, &*source, tolerance, features, &resources, progress, cancel)
     });
     let mut report = proved.map_err(|e| match e.kind() {
         ErrorKind::BadInput if e.path().is_none() => e.in_file(&job.written.file),
@@ -73,9 +72,11 @@ pub(super) fn verify_cloud(
     };
     report.run.memory_budget = job.options.resources.memory;
     header.judge(&mut report.verdict)?;
-    judge_bounds(&*mesh, &mut report.verdict, (progress, cancel))?;
+    judge_bounds(&*mesh, &mut report.verdict, progress, cancel)?;
     for (key, text) in stated.statements().filter(|(key, _)| !OF_CLOUDS.contains(key)) {
-        report.verdict.leave(format!("the statement \"{key} {text}\", as no cloud keeps it"));
+        report
+            .verdict
+            .leave(format!("the statement \"{key} {text}\" (not applicable to point clouds)"));
     }
     let given = [
         job.options.constraints.keep_points.is_some(),
@@ -86,7 +87,7 @@ pub(super) fn verify_cloud(
     Ok(CloudVerifyReport { mesh, of: CloudProofFindings { cloud, ..report.of }, ..report })
 }
 
-/// Prefixes of statements that are judged along with a cloud, or that promise nothing.
+/// Keys of statements that are judged for clouds, or are not promises.
 const OF_CLOUDS: [&str; 6] =
     ["crs", "source", "max error", "triangulation", "keep points", "breaklines"];
 
@@ -94,12 +95,13 @@ const OF_CLOUDS: [&str; 6] =
 /// the budget, of which this takes about half.
 ///
 /// # Errors
-/// A tolerance that is no number, points without a surface, a triangle that refers to a vertex there
-/// is not, too little memory, and everything the sources report.
+/// A tolerance that is not a number, points without a surface, a triangle with an invalid vertex index, too
+/// little memory, and errors of the sources.
 pub fn prove_cloud(
     mesh: &dyn MeshSource,
     source: &dyn PointSource,
-    (tolerance, features): (Option<f64>, ConstraintFeatures),
+    tolerance: Option<f64>,
+    features: ConstraintFeatures,
     resources: &Resources,
     progress: &dyn Progress,
     cancel: &Cancel,
@@ -110,12 +112,12 @@ pub fn prove_cloud(
     let layout = parts::layout(&context)?;
     let points = points::SpreadPoints::fill(&context, layout)?;
     let hull = points.hull.as_ref().ok_or_else(no_surface)?;
-    let kept = constraints::ConstraintChecks::new(&context, &points, hull, layout)?;
-    context.work.set_aside(kept.bytes());
+    let constraints = constraints::ConstraintChecks::new(&context, &points, hull, layout)?;
+    context.work.set_aside(constraints.bytes());
     let spread = MeshSpread::fill(&context.work, &context.placer, layout)?;
-    let (tally, again) = parts::check(&context, &points, hull, &spread, &kept)?;
-    let mut report = report::report(&context, &points, hull, &spread, &kept, &tally)?;
-    let spilled = points.bytes() + spread.bytes() + again;
+    let (tally, respread) = parts::check(&context, &points, hull, &spread, &constraints)?;
+    let mut report = report::report(&context, &points, hull, &spread, &constraints, &tally)?;
+    let spilled = points.bytes() + spread.bytes() + respread;
     report.run = context.work.statistics(start, resources, spilled);
     report.of.points_per_second = report.run.rate(report.of.points.read);
     Ok(report)

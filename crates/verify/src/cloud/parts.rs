@@ -7,75 +7,74 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::constraints::ConstraintChecks;
+use super::constraints::{ConstraintChecks, DomainConstraints};
 use super::context::CloudProofContext;
 use super::points::SpreadPoints;
 use crate::buckets::{MAX_TRIANGLES, MeshSpread};
-use crate::plane_tiles::{CROWD, MOST, RUN_BYTES, SHARES, divide, load, pieces, respread};
+use crate::plane_tiles::{
+    DOMAIN_RECORDS, DOMAINS_PER_THREAD, MAX_DOMAINS, RUN_BYTES, divide, load, pieces, respread,
+};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, Rect};
-use terrane_engine::workers;
 use terrane_files::{Buckets, lock};
-use terrane_proof::cloud::{self, CloudProofPart, CloudTrack, ProofHull, position};
+use terrane_proof::cloud::{self, CloudProofPart, ProofHull, position};
 use terrane_proof::{DomainLayout, GridDomain, ProofPosition, ProofTally, ProofTriangle};
 
 /// Divides the lattice so that a domain of average density takes half of a thread's memory at most.
 pub(super) fn layout(context: &CloudProofContext<'_>) -> Result<DomainLayout> {
     let [low, high] = context.bounds;
-    let side = |low: i32, high: i32| high.abs_diff(low).saturating_add(1);
-    let grid = [side(low.x, high.x), side(low.y, high.y)];
+    let grid = [high.x.abs_diff(low.x), high.y.abs_diff(low.y)].map(|side| side.saturating_add(1));
     if grid.iter().any(|&side| side > 1 << 30) {
-        return Err(Error::bad_input("the cloud is larger than its frame can hold"));
+        return Err(Error::bad_input(
+            "the extent of the point cloud exceeds 2^30 steps of its scale",
+        ));
     }
-    Ok(divide(grid, memory_needed(context)))
+    Ok(divide(grid, tile_count(context)))
 }
 
-/// How many domains are wanted.
-fn memory_needed(context: &CloudProofContext<'_>) -> u64 {
+/// The number of domains: few enough for a small index, but so many that one of average density takes half of a
+/// thread's memory.
+fn tile_count(context: &CloudProofContext<'_>) -> u64 {
     let (work, mesh) = (&context.work, context.work.mesh.info());
     let points = context.source.info().count.max(1);
     let triangles = mesh.triangles.saturating_mul(3) / 2;
     let need = cloud::bytes_needed(points, triangles, mesh.vertices);
-    let crowds = points.max(mesh.triangles) / CROWD;
-    let wanted = crowds.max(need / (work.share / 2)).max(SHARES * work.threads as u64);
+    let crowds = points.max(mesh.triangles) / DOMAIN_RECORDS;
+    let count = crowds.max(need / (work.share / 2)).max(DOMAINS_PER_THREAD * work.threads as u64);
     // Each time a writer is full, it leaves a run in every domain at worst.
     let flushes = points / (work.share / 2 / 40).max(1) + 1;
     let indexed = work.share / 8 / RUN_BYTES / flushes;
-    wanted.min(indexed).clamp(1, MOST)
+    count.min(indexed).clamp(1, MAX_DOMAINS)
 }
 
-/// Checks every domain. Returns the bytes that were spread again, too.
+/// Checks every domain. Also returns the bytes spilled for subdivided domains.
 pub(super) fn check(
     context: &CloudProofContext<'_>,
     points: &SpreadPoints,
     hull: &ProofHull,
     spread: &MeshSpread,
-    kept: &ConstraintChecks,
+    constraints: &ConstraintChecks,
 ) -> Result<(ProofTally, u64)> {
     let (work, layout) = (&context.work, spread.layout);
-    let all = Mutex::new(ProofTally::default());
     let checker =
         CloudDomainChecker { context, hull, crowded: Mutex::new(()), spilled: AtomicU64::new(0) };
-    let piles = DomainRecords {
+    let records = DomainRecords {
         points: &points.points,
         triangles: &spread.triangles,
         positions: spread.positions.as_ref(),
     };
-    work.progress.begin("prove", points.census.kept);
-    let judge = |tally: &mut ProofTally, index| {
-        let (kept, lines) = kept.of(index);
-        let held = (&kept[..], &lines[..]);
-        checker.check(&piles, held, index as usize, layout.domain(index), tally)?;
-        work.progress.advance(piles.points.len(index as usize));
-        Ok(())
-    };
-    let finish = |tally: ProofTally| {
-        lock(&all).merge(&tally);
-        Ok(())
-    };
-    workers::run(work.threads, layout.len(), &work.cancel, ProofTally::default, judge, finish)?;
+    work.progress.begin("prove", points.counts.kept);
+    let tally = work.findings(
+        layout.len(),
+        |tally: &mut ProofTally, index| {
+            let (number, domain) = (index as usize, layout.domain(index));
+            checker.check(&records, &constraints.of(index), number, domain, tally)?;
+            work.progress.advance(records.points.len(number));
+            Ok(())
+        },
+        ProofTally::merge,
+    )?;
     work.progress.end();
-    let tally = lock(&all).clone();
     Ok((tally, checker.spilled.into_inner()))
 }
 
@@ -98,81 +97,79 @@ impl DomainRecords<'_> {
 struct CloudDomainChecker<'a> {
     context: &'a CloudProofContext<'a>,
     hull: &'a ProofHull,
-    /// Held while a domain that cannot be split takes more than a thread's share.
+    /// Locked while a domain that cannot be split takes more than a thread's share.
     crowded: Mutex<()>,
-    /// Bytes that were spread again.
+    /// Bytes spilled for subdivided domains.
     spilled: AtomicU64,
 }
 
 impl CloudDomainChecker<'_> {
     fn check(
         &self,
-        piles: &DomainRecords<'_>,
-        held: (&[Point], &[CloudTrack]),
+        records: &DomainRecords<'_>,
+        constraints: &DomainConstraints,
         number: usize,
         domain: GridDomain,
         tally: &mut ProofTally,
     ) -> Result<()> {
         let work = &self.context.work;
         work.cancel.check()?;
-        let [points, triangles, positions] = piles.counts(number);
+        let [points, triangles, positions] = records.counts(number);
         let need = cloud::bytes_needed(points, triangles, positions);
         if need <= work.share && triangles <= MAX_TRIANGLES {
-            return self.check_whole(piles, held, number, domain, tally);
+            return self.check_whole(records, constraints, number, domain, tally);
         }
         let pieces = pieces(domain);
         if pieces.len() > 1 {
-            return self.check_pieces(piles, held, number, &pieces, tally);
+            return self.check_pieces(records, constraints, number, &pieces, tally);
         }
         if need > work.memory || triangles > MAX_TRIANGLES {
             return Err(self.too_crowded(domain, points, triangles, need));
         }
         let _alone = lock(&self.crowded);
-        self.check_whole(piles, held, number, domain, tally)
+        self.check_whole(records, constraints, number, domain, tally)
     }
 
     /// Spreads the contents of a domain over its sixteen subdivisions, and checks those.
     fn check_pieces(
         &self,
-        piles: &DomainRecords<'_>,
-        held: (&[Point], &[CloudTrack]),
+        records: &DomainRecords<'_>,
+        constraints: &DomainConstraints,
         number: usize,
         pieces: &[GridDomain],
         tally: &mut ProofTally,
     ) -> Result<()> {
         let work = &self.context.work;
-        let is_there = |piece: &GridDomain, &point: &Point| piece.owns(position(point));
-        let points = respread(work, piles.points, number, pieces, is_there)?;
-        let triangles = respread(work, piles.triangles, number, pieces, GridDomain::may_touch)?;
-        let positions = piles.positions.map(|positions| {
+        let points = respread(work, records.points, number, pieces, |piece, &point: &Point| {
+            piece.owns(position(point))
+        })?;
+        let triangles = respread(work, records.triangles, number, pieces, GridDomain::may_touch)?;
+        let positions = records.positions.map(|positions| {
             respread(work, positions, number, pieces, |piece, &at: &ProofPosition| piece.owns(at))
         });
         let positions = positions.transpose()?;
         let positions = positions.as_ref();
-        let again = DomainRecords { points: &points, triangles: &triangles, positions };
+        let subdivided = DomainRecords { points: &points, triangles: &triangles, positions };
         let bytes = points.spilled() + triangles.spilled() + positions.map_or(0, Buckets::spilled);
         self.spilled.fetch_add(bytes, Ordering::Relaxed);
         (0..).zip(pieces).try_for_each(|(number, &piece)| {
-            let is_kept = |point: &&Point| piece.owns(position(**point));
-            let kept: Vec<Point> = held.0.iter().filter(is_kept).copied().collect();
-            let lines: Vec<CloudTrack> =
-                held.1.iter().filter(|line| line.is_in(&piece)).copied().collect();
-            self.check(&again, (&kept, &lines), number, piece, tally)
+            self.check(&subdivided, &constraints.within(&piece), number, piece, tally)
         })
     }
 
     fn check_whole(
         &self,
-        piles: &DomainRecords<'_>,
-        held: (&[Point], &[CloudTrack]),
+        records: &DomainRecords<'_>,
+        constraints: &DomainConstraints,
         number: usize,
         domain: GridDomain,
         tally: &mut ProofTally,
     ) -> Result<()> {
-        let mut points = load(piles.points, number)?;
+        let mut points = load(records.points, number)?;
         points.sort_unstable_by_key(cloud::order);
-        let triangles = load(piles.triangles, number)?;
-        let mut vertices = piles.positions.map(|positions| load(positions, number)).transpose()?;
+        let triangles = load(records.triangles, number)?;
+        let mut vertices =
+            records.positions.map(|positions| load(positions, number)).transpose()?;
         vertices.iter_mut().for_each(|vertices| vertices.sort_unstable());
         let part = CloudProofPart {
             domain,
@@ -181,8 +178,8 @@ impl CloudDomainChecker<'_> {
             vertices: vertices.as_deref(),
             hull: self.hull,
             bound: self.context.bound,
-            kept: held.0,
-            lines: held.1,
+            kept: &constraints.points,
+            lines: &constraints.lines,
         };
         cloud::check(&part, tally);
         Ok(())
@@ -192,7 +189,7 @@ impl CloudDomainChecker<'_> {
         let Rect { col, row, .. } = domain.rect;
         let at = ProofPosition::sample(i64::from(col), i64::from(row));
         let [x, y] = self.context.placer.world(at);
-        let what = format!("{points} points and {triangles} triangles share a place");
+        let what = format!("{points} points and {triangles} triangles at one position");
         self.context.work.short(&what, need).at(format!("x {x}, y {y}"))
     }
 }

@@ -7,7 +7,7 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
 use terrane_cloud::ReturnCounts;
 use terrane_engine::{FileAt, workers};
-use terrane_files::{BucketWriter, Buckets, lock};
+use terrane_files::{BucketWriter, Buckets, lock, unlocked};
 use terrane_proof::DomainLayout;
 use terrane_proof::cloud::{HullGatherer, ProofHull, position};
 
@@ -15,7 +15,7 @@ use terrane_proof::cloud::{HullGatherer, ProofHull, position};
 pub(super) struct SpreadPoints {
     /// Points with x and y counted from the lowest.
     pub(super) points: Buckets<Point>,
-    pub(super) census: ReturnCounts,
+    pub(super) counts: ReturnCounts,
     /// `None` when the points have no surface.
     pub(super) hull: Option<ProofHull>,
 }
@@ -23,8 +23,41 @@ pub(super) struct SpreadPoints {
 /// Findings of one thread.
 #[derive(Default)]
 struct CloudPointFindings {
-    census: ReturnCounts,
-    wrap: HullGatherer,
+    counts: ReturnCounts,
+    hull: HullGatherer,
+}
+
+/// A thread that spreads points over domains.
+struct PointFiller<'a> {
+    context: &'a CloudProofContext<'a>,
+    layout: DomainLayout,
+    findings: CloudPointFindings,
+    writer: BucketWriter<'a, Point>,
+}
+
+impl PointFiller<'_> {
+    /// Reads one part of the cloud.
+    fn read(&mut self, part: usize) -> Result<()> {
+        let Self { context, layout, findings, writer } = self;
+        FileAt::report_part(context.work.progress, context.source, part);
+        let counts = context.source.read(part, &mut |batch| {
+            batch.iter().try_for_each(|&point| {
+                let point = place(point, context.bounds)?;
+                findings.hull.add([point.x, point.y]);
+                writer.push(layout.owner(position(point)) as usize, point)
+            })
+        })?;
+        findings.counts.add(&counts);
+        context.work.progress.advance(counts.read);
+        Ok(())
+    }
+
+    fn finish(self, all: &Mutex<CloudPointFindings>) -> Result<()> {
+        let mut all = lock(all);
+        all.counts.add(&self.findings.counts);
+        all.hull.merge(self.findings.hull);
+        self.writer.finish()
+    }
 }
 
 impl SpreadPoints {
@@ -34,33 +67,23 @@ impl SpreadPoints {
         let points = work.buckets(layout, work.memory / 2);
         let all = Mutex::new(CloudPointFindings::default());
         work.progress.begin("points", source.info().count);
-        let start = || (CloudPointFindings::default(), points.writer());
-        let read = |(found, writer): &mut (CloudPointFindings, BucketWriter<'_, Point>),
-                    part: u64| {
-            FileAt::report_part(work.progress, source, part as usize);
-            let census = source.read(part as usize, &mut |batch| {
-                batch.iter().try_for_each(|&point| {
-                    let point = place(point, context.bounds)?;
-                    found.wrap.add([point.x, point.y]);
-                    writer.push(layout.owner(position(point)) as usize, point)
-                })
-            })?;
-            found.census.add(&census);
-            work.progress.advance(census.read);
-            Ok(())
-        };
-        let finish = |(found, writer): (CloudPointFindings, BucketWriter<'_, Point>)| {
-            let mut all = lock(&all);
-            all.census.add(&found.census);
-            all.wrap.merge(found.wrap);
-            writer.finish()
-        };
-        let parts = source.parts() as u64;
-        workers::run(work.threads, parts, &work.cancel, start, read, finish)?;
+        workers::run(
+            work.threads,
+            source.parts() as u64,
+            &work.cancel,
+            || PointFiller {
+                context,
+                layout,
+                findings: CloudPointFindings::default(),
+                writer: points.writer(),
+            },
+            |filler, part| filler.read(part as usize),
+            |filler| filler.finish(&all),
+        )?;
         points.settle()?;
         work.progress.end();
-        let CloudPointFindings { census, wrap } = std::mem::take(&mut *lock(&all));
-        Ok(Self { points, census, hull: wrap.finish() })
+        let CloudPointFindings { counts, hull } = unlocked(all);
+        Ok(Self { points, counts, hull: hull.finish() })
     }
 
     /// Bytes spilled.
@@ -73,7 +96,7 @@ impl SpreadPoints {
 fn place(point: Point, [low, high]: [Point; 2]) -> Result<Point> {
     let is_inside = low.x <= point.x && point.x <= high.x && low.y <= point.y && point.y <= high.y;
     if !is_inside {
-        let message = "a point lies outside the bounds that its cloud states";
+        let message = "point outside the stated bounds of its cloud";
         return Err(Error::new(ErrorKind::Internal, message));
     }
     Ok(Point::new(point.x - low.x, point.y - low.y, point.z))

@@ -94,7 +94,7 @@ impl MeshOriginal for CloudProofFindings {
         vec![
             (self.uncovered_points, "points not covered by the mesh"),
             (self.outside_vertices, "vertices beyond the hull of the points"),
-            (self.not_kept, "points that were to be kept and are no vertices"),
+            (self.not_kept, "required points that are not vertices"),
             (self.not_followed, "places on breaklines that edges do not follow"),
         ]
     }
@@ -112,13 +112,13 @@ impl MeshOriginal for CloudProofFindings {
     }
 }
 
-/// The findings, judged; without names of files and figures of the run.
+/// The findings, judged; without names of files and statistics of the run.
 pub(super) fn report(
     context: &CloudProofContext<'_>,
     points: &SpreadPoints,
     hull: &ProofHull,
     spread: &MeshSpread,
-    kept: &ConstraintChecks,
+    constraints: &ConstraintChecks,
     tally: &ProofTally,
 ) -> Result<CloudVerifyReport> {
     let cloud = context.source.info();
@@ -129,7 +129,7 @@ pub(super) fn report(
         crs: cloud.crs.label(),
         horizontal_unit: cloud.crs.horizontal_units().to_owned(),
         vertical_unit: cloud.crs.heights_unit().unwrap_or("units").to_owned(),
-        points: points.census,
+        points: points.counts,
         judged_points: tally.surface_samples,
         stacked_points: tally.valid - tally.surface_samples,
         covered_points: tally.covered,
@@ -143,15 +143,15 @@ pub(super) fn report(
         outside_vertices: fault(&tally.outside),
         off_point_vertices: fault(&tally.off_samples),
         has_posts: context.has_posts,
-        keep_points: context.kept.constraints(
-            kept.beyond,
+        keep_points: context.constraints.constraints(
+            constraints.beyond,
             tally.kept,
             tally.kept - tally.not_kept.count,
         )?,
         not_kept: fault(&tally.not_kept),
         breaklines: context
-            .kept
-            .followed(|line| kept.is_outside(line), tally.not_followed.count)?,
+            .constraints
+            .followed(|line| constraints.is_outside(line), tally.not_followed.count)?,
         on_breaklines: tally.on_lines,
         not_followed: fault(&tally.not_followed),
         ..CloudProofFindings::default()

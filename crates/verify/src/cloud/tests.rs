@@ -93,9 +93,11 @@ fn proved_with(
     resources: &Resources,
 ) -> CloudVerifyReport {
     let stated = mesh.info().promises().unwrap();
-    let asked = (stated.max_error.map(|error| error.value), features);
-    let report = prove_cloud(mesh, cloud, asked, resources, &Silent, &Cancel::default()).unwrap();
-    // What may differ from run to run, leave out.
+    let tolerance = stated.max_error.map(|error| error.value);
+    let cancel = Cancel::default();
+    let report =
+        prove_cloud(mesh, cloud, tolerance, features, resources, &Silent, &cancel).unwrap();
+    // Without values that differ from run to run.
     CloudVerifyReport {
         of: CloudProofFindings { points_per_second: 0.0, ..report.of },
         run: RunStatistics::default(),
@@ -207,7 +209,8 @@ fn little_memory_spreads_crowds_again() {
         let report = prove_cloud(
             &*mesh,
             &cloud,
-            (None, ConstraintFeatures::default()),
+            None,
+            ConstraintFeatures::default(),
             &resources,
             &Silent,
             &Cancel::default(),
@@ -294,7 +297,8 @@ fn what_cannot_be_proved_is_an_error() {
         prove_cloud(
             mesh,
             cloud,
-            (tolerance, ConstraintFeatures::default()),
+            tolerance,
+            ConstraintFeatures::default(),
             &resources,
             &Silent,
             &cancel,

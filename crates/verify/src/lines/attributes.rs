@@ -1,5 +1,4 @@
-//! The properties and ids of a feature compared with its original, as far as the format can represent
-//! them.
+//! Comparison of the properties and ids of a feature with its original, as far as the format supports them.
 
 use std::collections::HashMap;
 
@@ -8,26 +7,26 @@ use terrane_vector::{
     VectorCapabilities,
 };
 
-/// Name of the property that an id becomes in formats that have no other place for it.
+/// Name of the property for ids in formats without ids.
 const ID: &str = "id";
-/// Name of an id that has a place of its own.
+/// Name of an id outside the properties.
 const OWN_ID: &str = "its id";
-/// Name of the column that ids are in where a CSV numbers features as ids repeat; underscores follow
-/// where a property has it.
+/// Name of the column of ids in a CSV that numbers features because ids repeat; followed by underscores
+/// where a property has the name.
 const ORIGINAL_ID: &str = "original_id";
 /// Name of the field that numbers records of a dBASE table without any.
 const NUMBER: &str = "FID";
-/// Most bytes of the name of a field of a dBASE table.
+/// Maximum number of bytes of the name of a field of a dBASE table.
 const NAME_BYTES: usize = 10;
 
-/// Mapping of the original's properties to those of the file.
+/// Mapping of original properties to those of the file.
 pub(super) struct AttributeRules {
     holds: VectorCapabilities,
     /// The columns of the file, in formats that have some.
     columns: Vec<FieldDefinition>,
     /// Truncated names of properties, by the original name.
     cut: HashMap<String, String>,
-    /// True where ids have a place of their own: cells are all alike.
+    /// True where ids are stored outside the properties.
     has_ids: bool,
     /// Properties that were not compared, and the number of their features.
     pub(super) lost: UnsupportedAttributes,
@@ -44,7 +43,10 @@ pub(super) struct UnsupportedAttributes {
 
 /// Properties and id of a feature, under the names of the file, without null values where the
 /// format does not distinguish them.
-pub(super) type Facts = Vec<(String, PropertyValue)>;
+pub(super) type Facts = Vec<Fact>;
+
+/// A property or an id by its name.
+type Fact = (String, PropertyValue);
 
 impl AttributeRules {
     /// Rules for a file of lines of this format.
@@ -115,12 +117,11 @@ impl AttributeRules {
     fn without_nulls(&self, mut facts: Facts) -> Facts {
         let has_nulls = self.holds.values == PropertySupport::Typed;
         let has_empty = has_nulls || self.holds.values == PropertySupport::Columns;
-        let is_there = |value: &PropertyValue| match value {
+        facts.retain(|(_, value)| match value {
             PropertyValue::Null => has_nulls,
             PropertyValue::Text(text) => has_empty || !text.trim().is_empty(),
             _ => true,
-        };
-        facts.retain(|(_, value)| is_there(value));
+        });
         facts
     }
 
@@ -132,18 +133,13 @@ impl AttributeRules {
         if let Some(known) = self.cut.get(name) {
             return known.clone();
         }
-        let is_free =
-            |field: &&FieldDefinition| self.cut.values().all(|used| **used != *field.name);
-        let is_it = |field: &&FieldDefinition| field.name.eq_ignore_ascii_case(name);
-        let is_cut = |field: &&FieldDefinition| {
-            let stem = field.name.trim_end_matches(|c: char| c.is_ascii_digit());
-            let stem = stem.strip_suffix('_').filter(|_| stem.len() < field.name.len());
-            let is_start =
-                |of: &str| name.get(..of.len()).is_some_and(|own| own.eq_ignore_ascii_case(of));
-            (name.len() > NAME_BYTES && is_start(&field.name)) || stem.is_some_and(is_start)
+        let unused = || {
+            let fields = self.columns.iter();
+            fields.filter(|field| self.cut.values().all(|used| **used != *field.name))
         };
-        let free = || self.columns.iter().filter(is_free);
-        let found = free().find(is_it).or_else(|| free().find(is_cut));
+        let found = unused()
+            .find(|field| field.name.eq_ignore_ascii_case(name))
+            .or_else(|| unused().find(|field| is_truncated(name, &field.name)));
         let found = found.map_or(name, |field| &field.name).to_owned();
         self.cut.insert(name.to_owned(), found.clone());
         found
@@ -151,72 +147,80 @@ impl AttributeRules {
 
     /// The first difference of a feature's attributes; `None` without any.
     pub(super) fn difference(&mut self, expected: &Facts, found: &Facts) -> Option<String> {
-        let is_known = |of: &str| expected.iter().any(|(known, _)| known == of);
-        let moved = found.iter().find(|(name, _)| {
-            let is_it = name.trim_end_matches('_') == ORIGINAL_ID && !is_known(name);
-            is_it && self.holds.values == PropertySupport::Cells
-        });
+        let moved = self.moved_id(expected, found);
         for (name, value) in expected {
-            let is_it = |of: &str| found.iter().find(|(other, _)| other == of);
-            let known = moved.filter(|_| name == ID).or_else(|| is_it(name));
-            let Some((_, own)) = known.or_else(|| is_it(counterpart(name)?)) else {
+            let known = moved.filter(|_| name == ID).or_else(|| fact(found, name));
+            let Some((_, actual)) = known.or_else(|| fact(found, counterpart(name)?)) else {
                 return Some(format!("{name} is gone"));
             };
-            match self.compare(name, value, own) {
+            match self.compare(name, value, actual) {
                 AttributeMatch::Yes => {}
                 AttributeMatch::Rounded => self.lost.rounded += 1,
                 AttributeMatch::No => {
-                    return Some(format!("{name} is {}", distinct_texts(own, value)));
+                    return Some(format!("{name} is {}", distinct_texts(actual, value)));
                 }
             }
         }
-        let is_new = |(name, _): &&(String, PropertyValue)| {
-            let is_number = match self.holds.values {
-                PropertySupport::Cells => {
-                    name == ID || moved.is_some_and(|(own, _)| own == name && is_known(ID))
-                }
-                PropertySupport::Dbase => name == NUMBER && expected.is_empty(),
-                _ => false,
-            };
-            !is_number && !is_known(name) && !counterpart(name).is_some_and(is_known)
-        };
-        found.iter().find(is_new).map(|(name, _)| format!("{name} is new"))
+        let new = found.iter().find(|(name, _)| self.is_new(name, expected, moved));
+        new.map(|(name, _)| format!("{name} is new"))
     }
 
-    fn compare(&self, name: &str, value: &PropertyValue, own: &PropertyValue) -> AttributeMatch {
-        let yes = |is_same: bool| if is_same { AttributeMatch::Yes } else { AttributeMatch::No };
-        match (number(value), number(own)) {
-            (Some(a), Some(b)) if a == b => return yes(is_whole_same(value, own)),
+    /// The column of a CSV that has the ids, where their own name is taken by the numbers of features.
+    fn moved_id<'a>(&self, expected: &Facts, found: &'a Facts) -> Option<&'a Fact> {
+        let mut columns = found.iter().filter(|_| self.holds.values == PropertySupport::Cells);
+        columns.find(|(name, _)| {
+            name.trim_end_matches('_') == ORIGINAL_ID && fact(expected, name).is_none()
+        })
+    }
+
+    /// True for a property that the original does not have, unless the format adds it to number features.
+    fn is_new(&self, name: &str, expected: &Facts, moved: Option<&Fact>) -> bool {
+        let is_expected = |name: &str| fact(expected, name).is_some();
+        let is_number = match self.holds.values {
+            PropertySupport::Cells => {
+                name == ID || moved.is_some_and(|(actual, _)| actual == name && is_expected(ID))
+            }
+            PropertySupport::Dbase => name == NUMBER && expected.is_empty(),
+            _ => false,
+        };
+        !is_number && !is_expected(name) && !counterpart(name).is_some_and(is_expected)
+    }
+
+    fn compare(&self, name: &str, value: &PropertyValue, actual: &PropertyValue) -> AttributeMatch {
+        match (number(value), number(actual)) {
+            (Some(a), Some(b)) if a == b => {
+                return AttributeMatch::exact(is_whole_same(value, actual));
+            }
             (Some(a), Some(b)) => return self.compare_rounded(name, a, b),
             _ => {}
         }
         let is_typed = self.holds.values == PropertySupport::Typed;
-        if is_typed || matches!((value, own), (PropertyValue::Bool(_), PropertyValue::Bool(_))) {
-            let is_text = |v: &PropertyValue| {
-                !matches!(v, PropertyValue::Bool(_) | PropertyValue::Null | PropertyValue::Json(_))
+        if is_typed || matches!((value, actual), (PropertyValue::Bool(_), PropertyValue::Bool(_))) {
+            let is_same = match is_text(value) && is_text(actual) {
+                true => text(value) == text(actual),
+                false => value == actual,
             };
-            let has_number = number(value).is_some() || number(own).is_some();
-            let both = is_text(value) && is_text(own) && !has_number;
-            return yes(if both { text(value) == text(own) } else { value == own });
+            return AttributeMatch::exact(is_same);
         }
-        let (a, b) = (self.line(value), self.line(own));
+        let (a, b) = (self.line(value), self.line(actual));
         let (had, has) = (a.parse::<f64>(), b.parse::<f64>());
         let is_number = match self.holds.values {
             PropertySupport::Cells => true,
-            _ => number(value).is_some() && number(own).is_none(),
+            _ => number(value).is_some() && number(actual).is_none(),
         };
-        yes(a == b || (is_number && had.is_ok_and(|a| has.is_ok_and(|b| a == b))))
+        let is_same = a == b || (is_number && had.is_ok_and(|a| has.is_ok_and(|b| a == b)));
+        AttributeMatch::exact(is_same)
     }
 
     /// Numbers that differ: dBASE tables store a fixed number of decimals, and whole numbers in columns
     /// of fractions have 53 bits.
-    fn compare_rounded(&self, name: &str, value: f64, own: f64) -> AttributeMatch {
+    fn compare_rounded(&self, name: &str, value: f64, actual: f64) -> AttributeMatch {
         let column = self.columns.iter().find(|field| *field.name == *name);
         let digits =
             column.filter(|_| self.holds.values == PropertySupport::Dbase).and_then(|c| c.decimals);
         let Some(digits) = digits else { return AttributeMatch::No };
         let half = 0.5 * 10f64.powi(-i32::try_from(digits).unwrap_or(i32::MAX));
-        let is_near = (value - own).abs() <= half * (1.0 + 1e-9);
+        let is_near = (value - actual).abs() <= half * (1.0 + 1e-9);
         if is_near { AttributeMatch::Rounded } else { AttributeMatch::No }
     }
 
@@ -234,7 +238,7 @@ impl AttributeRules {
     }
 }
 
-/// Ids may move: from a place of their own to a property, or back.
+/// The other name of an id, which may become a property or cease to be one.
 fn counterpart(name: &str) -> Option<&'static str> {
     match name {
         ID => Some(OWN_ID),
@@ -250,19 +254,46 @@ enum AttributeMatch {
     No,
 }
 
+impl AttributeMatch {
+    fn exact(is_same: bool) -> Self {
+        if is_same { Self::Yes } else { Self::No }
+    }
+}
+
+/// The property of a name.
+fn fact<'a>(facts: &'a Facts, name: &str) -> Option<&'a Fact> {
+    facts.iter().find(|(other, _)| other == name)
+}
+
+/// True when a field of a dBASE table has the name of a property cut to [`NAME_BYTES`], or its beginning
+/// with `_` and a number, as duplicates have.
+fn is_truncated(name: &str, field: &str) -> bool {
+    let stem = field.trim_end_matches(|c: char| c.is_ascii_digit());
+    let numbered = stem.strip_suffix('_').filter(|_| stem.len() < field.len());
+    let is_cut = name.len() > NAME_BYTES && starts_with(name, field);
+    is_cut || numbered.is_some_and(|start| starts_with(name, start))
+}
+
+/// True when a name begins with another, in any case of letters.
+fn starts_with(name: &str, start: &str) -> bool {
+    name.get(..start.len()).is_some_and(|actual| actual.eq_ignore_ascii_case(start))
+}
+
 /// A key by which features with the same attributes are found; different attributes may share it.
 pub(super) fn stamp(facts: &Facts) -> String {
-    let of = |(name, value): &(String, PropertyValue)| {
-        let text = text(value);
-        let text = text.trim();
-        match text.parse::<f64>() {
-            Ok(number) if number.is_finite() => format!("{name}={}", number + 0.0),
-            _ => format!("{name}={text}"),
-        }
-    };
-    let mut all: Vec<String> = facts.iter().map(of).collect();
+    let mut all: Vec<String> = facts.iter().map(fact_key).collect();
     all.sort();
     all.join("\n")
+}
+
+/// A property as text; numbers in one notation, as formats write them differently.
+fn fact_key((name, value): &Fact) -> String {
+    let text = text(value);
+    let text = text.trim();
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() => format!("{name}={}", number + 0.0),
+        _ => format!("{name}={text}"),
+    }
 }
 
 fn value_of(id: &Id) -> PropertyValue {
@@ -282,11 +313,16 @@ fn number(value: &PropertyValue) -> Option<f64> {
 }
 
 /// Whole numbers are the same to the last digit.
-fn is_whole_same(value: &PropertyValue, own: &PropertyValue) -> bool {
-    match (value, own) {
+fn is_whole_same(value: &PropertyValue, actual: &PropertyValue) -> bool {
+    match (value, actual) {
         (PropertyValue::Int(a), PropertyValue::Int(b)) => a == b,
         _ => true,
     }
+}
+
+/// True for texts, dates and times.
+fn is_text(value: &PropertyValue) -> bool {
+    matches!(value, PropertyValue::Text(_) | PropertyValue::Date(_) | PropertyValue::DateTime(_))
 }
 
 fn text(value: &PropertyValue) -> String {
@@ -302,15 +338,17 @@ fn text(value: &PropertyValue) -> String {
     }
 }
 
-/// A value beside the one that it should be: with their types where these differ.
-fn distinct_texts(own: &PropertyValue, value: &PropertyValue) -> String {
-    let is_alike = kind(own) == kind(value);
-    let told = |value: &PropertyValue| match value {
-        _ if is_alike => shown(value),
+/// A value and the expected one for messages, with their types where these differ.
+fn distinct_texts(actual: &PropertyValue, expected: &PropertyValue) -> String {
+    let show = if kind(actual) == kind(expected) { shown } else { shown_with_kind };
+    format!("{}, not {}", show(actual), show(expected))
+}
+
+fn shown_with_kind(value: &PropertyValue) -> String {
+    match value {
         PropertyValue::Null => shown(value),
         _ => format!("the {} {}", kind(value), shown(value)),
-    };
-    format!("{}, not {}", told(own), told(value))
+    }
 }
 
 /// The type of a value, for messages.
@@ -328,9 +366,9 @@ fn kind(value: &PropertyValue) -> &'static str {
 
 /// A value for messages: texts are in quotes.
 pub(super) fn shown(value: &PropertyValue) -> String {
-    const MOST: usize = 40;
+    const MAX_CHARS: usize = 40;
     let text = text(value);
-    let (start, rest) = match text.char_indices().nth(MOST) {
+    let (start, rest) = match text.char_indices().nth(MAX_CHARS) {
         Some((end, _)) => (&text[..end], "..."),
         None => (&*text, ""),
     };

@@ -1,5 +1,5 @@
-//! A feature prepared for comparison (parts, points and attributes), and the matching of its parts
-//! with the original ones.
+//! A feature prepared for comparison (parts, points and attributes), and matching of its parts with the
+//! original ones.
 
 use std::collections::{HashMap, HashSet};
 
@@ -16,11 +16,14 @@ pub(super) struct FeaturePart {
 
 impl FeaturePart {
     fn of(xy: &[[f64; 2]], z: &[f64], m: &[f64], role: PartRole) -> Self {
-        let there = |values: &[f64], at: usize| values.get(at).copied().unwrap_or(f64::NAN);
-        let extras: Vec<[f64; 2]> = (0..xy.len()).map(|i| [there(z, i), there(m, i)]).collect();
-        let height = |z: f64| if z.is_finite() { z } else { 0.0 };
-        let points = xy.iter().zip(&extras).map(|(p, [z, _])| [p[0], p[1], height(*z)]);
-        Self { points: points.collect(), extras, role }
+        let extras: Vec<[f64; 2]> =
+            (0..xy.len()).map(|i| [z, m].map(|v| v.get(i).copied().unwrap_or(f64::NAN))).collect();
+        let points = xy
+            .iter()
+            .zip(&extras)
+            .map(|(p, &[z, _])| [p[0], p[1], if z.is_finite() { z } else { 0.0 }])
+            .collect();
+        Self { points, extras, role }
     }
 
     pub(super) fn is_ring(&self) -> bool {
@@ -31,7 +34,7 @@ impl FeaturePart {
 /// A feature.
 pub(super) struct ComparedFeature {
     pub(super) parts: Vec<FeaturePart>,
-    /// Its points, which are no parts.
+    /// Its point geometries, as one part.
     pub(super) points: FeaturePart,
     pub(super) facts: Facts,
     /// Lookup key of the attributes.
@@ -44,10 +47,10 @@ impl ComparedFeature {
         let parts = parts.map(|part| FeaturePart::of(part.xy, part.z, part.m, part.role)).collect();
         let mut points = FeaturePart::of(&[], &[], &[], PartRole::Line);
         for leaf in feature.geometry.leaves().filter(|leaf| leaf.kind().is_points()) {
-            let own = leaf.coordinates();
-            let own = FeaturePart::of(&own.xy, &own.z, &own.m, PartRole::Line);
-            points.points.extend(own.points);
-            points.extras.extend(own.extras);
+            let xyzm = leaf.coordinates();
+            let leaf = FeaturePart::of(&xyzm.xy, &xyzm.z, &xyzm.m, PartRole::Line);
+            points.points.extend(leaf.points);
+            points.extras.extend(leaf.extras);
         }
         let stamp = stamp(&facts);
         Self { parts, points, facts, stamp }
@@ -56,8 +59,8 @@ impl ComparedFeature {
     /// A line of one vertex as a point: a table with a row for each vertex does not distinguish the
     /// two.
     pub(super) fn one_row(mut self) -> Self {
-        let is_row = |parts: &[FeaturePart]| matches!(parts, [part] if part.points.len() == 1);
-        if is_row(&self.parts) && self.points.points.is_empty() {
+        let is_row = matches!(&self.parts[..], [part] if part.points.len() == 1);
+        if is_row && self.points.points.is_empty() {
             self.points = self.parts.remove(0);
         }
         self
@@ -84,11 +87,11 @@ impl ComparedFeature {
 
 /// Matching of the parts of a feature.
 pub(super) struct MatchedParts {
-    /// For each part before the one after, if it is still there.
+    /// For each original part its part of the result, if it is still there.
     pub(super) of: Vec<Option<usize>>,
-    /// Parts after that were made from none.
+    /// Parts of the result without an original.
     pub(super) added: Vec<usize>,
-    /// Whether all parts were made from the vertices of theirs, and the points are the same.
+    /// Whether all parts were made from the vertices of their originals, and the points are the same.
     pub(super) fits: bool,
 }
 
@@ -97,9 +100,9 @@ pub(super) struct MatchedParts {
 pub(super) fn match_parts(before: &ComparedFeature, after: &ComparedFeature) -> MatchedParts {
     let same_points = before.points.points.len() == after.points.points.len()
         && before.points.points.iter().zip(&after.points.points).all(|(p, q)| key(p) == key(q));
-    let pairs = || before.parts.iter().zip(&after.parts);
+    let mut pairs = before.parts.iter().zip(&after.parts);
     let is_in_order = before.parts.len() == after.parts.len()
-        && pairs().all(|(old, new)| old.is_ring() == new.is_ring() && is_walk(old, new));
+        && pairs.all(|(old, new)| old.is_ring() == new.is_ring() && is_walk(old, new));
     if is_in_order {
         let of = (0..before.parts.len()).map(Some).collect();
         return MatchedParts { of, added: Vec::new(), fits: same_points };
@@ -112,8 +115,9 @@ pub(super) fn match_parts(before: &ComparedFeature, after: &ComparedFeature) -> 
     for at in strangers {
         let is_ring = after.parts[at].is_ring();
         let next = &mut next[usize::from(is_ring)];
-        let is_free = |old: usize| of[old].is_none() && before.parts[old].is_ring() == is_ring;
-        *next = (*next..of.len()).find(|&old| is_free(old)).unwrap_or(of.len());
+        *next = (*next..of.len())
+            .find(|&old| of[old].is_none() && before.parts[old].is_ring() == is_ring)
+            .unwrap_or(of.len());
         match of.get_mut(*next) {
             Some(old) => *old = Some(at),
             None => added.push(at),
@@ -141,12 +145,16 @@ fn placed_by_vertices(
     let mut strangers = Vec::new();
     for (at, part) in after.parts.iter().enumerate() {
         let near = part.points.first().and_then(|first| having.get(&key(first)));
-        let is_free =
-            |&&old: &&usize| of[old].is_none() && before.parts[old].is_ring() == part.is_ring();
-        let free = || near.into_iter().flatten().filter(is_free);
-        let found = free().find(|&&old| is_walk(&before.parts[old], part));
-        let found = found.or_else(|| free().find(|&&old| is_known(&before.parts[old], part)));
-        match found.copied() {
+        let free = near
+            .into_iter()
+            .flatten()
+            .copied()
+            .filter(|&old| of[old].is_none() && before.parts[old].is_ring() == part.is_ring());
+        let found = free
+            .clone()
+            .find(|&old| is_walk(&before.parts[old], part))
+            .or_else(|| free.clone().find(|&old| is_known(&before.parts[old], part)));
+        match found {
             Some(old) => of[old] = Some(at),
             None => strangers.push(at),
         }
@@ -157,8 +165,8 @@ fn placed_by_vertices(
 /// Vertices of a ring at one position that are tried as its start.
 const MAX_STARTS: usize = 64;
 
-/// Whether the vertices of `new` come in their order in `old`, of a ring from any start and either way
-/// round: a look that may say no where a ring comes to its start more often than is tried. O(n).
+/// Whether the vertices of `new` are a subsequence of those of `old`; of a ring from any start and in either
+/// direction. False negatives are possible where a ring visits its start more than [`MAX_STARTS`] times. O(n).
 fn is_walk(old: &FeaturePart, new: &FeaturePart) -> bool {
     let ends = usize::from(new.is_ring());
     let (old, new) = (&old.points, &new.points);
@@ -166,14 +174,21 @@ fn is_walk(old: &FeaturePart, new: &FeaturePart) -> bool {
         (&old[..old.len().saturating_sub(ends)], &new[..new.len().saturating_sub(ends)]);
     let Some(first) = new.first() else { return true };
     let starts = if ends == 0 { 0..1.min(old.len()) } else { 0..old.len() };
-    let around = |start: usize, step: usize| {
-        let at = move |i: usize| &old[(start + i * step) % old.len()];
-        let mut left = new.iter().peekable();
-        (0..old.len()).for_each(|i| _ = left.next_if(|next| key(next) == key(at(i))));
-        left.next().is_none()
-    };
     let mut starts = starts.filter(|&at| key(&old[at]) == key(first)).take(MAX_STARTS);
-    starts.any(|at| around(at, 1) || (ends == 1 && around(at, old.len() - 1)))
+    starts.any(|at| {
+        is_subsequence(new, old, at, 1)
+            || (ends == 1 && is_subsequence(new, old, at, old.len() - 1))
+    })
+}
+
+/// Whether `new` is a subsequence of `old` from `start` on, cyclically, `step` vertices at a time.
+fn is_subsequence(new: &[[f64; 3]], old: &[[f64; 3]], start: usize, step: usize) -> bool {
+    let mut rest = new.iter().peekable();
+    for i in 0..old.len() {
+        let at = &old[(start + i * step) % old.len()];
+        rest.next_if(|next| key(next) == key(at));
+    }
+    rest.next().is_none()
 }
 
 /// Whether all vertices of `new` are vertices of `old`.
@@ -184,5 +199,10 @@ fn is_known(old: &FeaturePart, new: &FeaturePart) -> bool {
 
 /// A position in the plane as bits, where 0 and -0 are the same.
 pub(super) fn key(point: &[f64; 3]) -> [u64; 2] {
-    [(point[0] + 0.0).to_bits(), (point[1] + 0.0).to_bits()]
+    [bits(point[0]), bits(point[1])]
+}
+
+/// A value as bits, where 0 and -0 are the same, and all NaN.
+pub(super) fn bits(value: f64) -> u64 {
+    if value.is_nan() { f64::NAN.to_bits() } else { (value + 0.0).to_bits() }
 }

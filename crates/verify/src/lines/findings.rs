@@ -2,7 +2,7 @@
 
 use super::attributes::UnsupportedAttributes;
 
-/// How often something was found, and where first.
+/// Number of occurrences of a fault, and the first one.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct FeatureTally {
     pub(super) count: u64,
@@ -27,19 +27,19 @@ impl FeatureTally {
 pub(super) struct FeatureFindings {
     /// Features of the original.
     pub(super) features: u64,
-    /// Features of the original that none was made from, and features that were made from none.
+    /// Features of the original without a counterpart, and features without an original.
     pub(super) gone: FeatureTally,
     pub(super) added: FeatureTally,
     /// Features with other properties or another id.
     pub(super) attributes: FeatureTally,
     /// Features with other points: their position, number, height or measure.
     pub(super) points: FeatureTally,
-    /// Holes that are outer rings now, and the other way round.
+    /// Holes that have become outer rings, or outer rings that have become holes.
     pub(super) roles: FeatureTally,
     /// Features with heights, and with measures, that the format cannot store.
-    pub(super) unheld: [u64; 2],
+    pub(super) unstored: [u64; 2],
     pub(super) lost: UnsupportedAttributes,
-    /// Names that the format has cut.
+    /// Truncated names of fields.
     pub(super) cut: Vec<String>,
 }
 
@@ -47,26 +47,26 @@ impl FeatureFindings {
     /// A line for each broken promise.
     pub(super) fn failures(&self) -> Vec<String> {
         let all = [
-            (&self.gone, "features of the original are gone"),
-            (&self.added, "features were made from none of the original"),
+            (&self.gone, "features of the original are missing"),
+            (&self.added, "features are not in the original"),
             (&self.attributes, "features have other properties"),
             (&self.points, "features have other points"),
-            (&self.roles, "rings are holes no more, or are holes now"),
+            (&self.roles, "rings have changed between hole and outer ring"),
         ];
         all.into_iter().filter_map(|(tally, what)| tally.sentence(what)).collect()
     }
 
-    /// A line for each thing that could not be judged, as `format` cannot hold it.
+    /// A line for each property that could not be judged, as `format` does not support it.
     pub(super) fn not_judged(&self, format: &str) -> Vec<String> {
-        let [heights, measures] = self.unheld;
+        let [heights, measures] = self.unstored;
         let UnsupportedAttributes { properties, ids, rounded } = self.lost;
-        let no_place = format!("features, which {format} has no place for");
+        let unsupported = format!("features: not supported by {format}");
         let all = [
-            (properties, format!("properties of {properties} {no_place}")),
-            (ids, format!("ids of {ids} {no_place}")),
-            (heights, format!("heights of {heights} {no_place}")),
-            (measures, format!("measures of {measures} {no_place}")),
-            (rounded, format!("{rounded} values beyond the digits that {format} has for them")),
+            (properties, format!("properties of {properties} {unsupported}")),
+            (ids, format!("ids of {ids} {unsupported}")),
+            (heights, format!("heights of {heights} {unsupported}")),
+            (measures, format!("measures of {measures} {unsupported}")),
+            (rounded, format!("{rounded} values: rounded to the digits of {format}")),
         ];
         all.into_iter().filter(|(count, _)| *count > 0).map(|(_, what)| what).collect()
     }

@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet, VecDeque};
 use std::path::Path;
 
 use super::attributes::{AttributeRules, Facts, shown};
-use super::feature::{ComparedFeature, FeaturePart, MatchedParts, key, match_parts};
+use super::feature::{ComparedFeature, FeaturePart, MatchedParts, bits, key, match_parts};
 use super::findings::FeatureFindings;
 use crate::options::LineVerifyJob;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -18,21 +18,21 @@ use terrane_vector::{
 
 /// Bytes for each vertex of either file where all features have to be in memory.
 const VERTEX: u64 = 200;
-/// Bytes for each vertex of the feature that is looked at.
-const OWN_VERTEX: u64 = 160;
-/// Minimum of memory, regardless of the budget.
-const LEAST: u64 = 16 << 20;
+/// Bytes for each vertex of the feature that is compared.
+const COMPARED_VERTEX: u64 = 160;
+/// Memory of one feature that is allowed with any budget.
+const MIN_MEMORY: u64 = 16 << 20;
 
 /// Features of both files. They come in the same order, or, from formats that sort them, in any.
 pub(super) struct FeaturePairs<'a> {
     job: &'a LineVerifyJob,
     cancel: &'a Cancel,
     format: &'static VectorFormat,
-    /// The features of both files, once it is known that they are not in the same order.
-    held: Option<BufferedFeatures>,
+    /// The features of both files, where they are not in the same order.
+    buffered: Option<BufferedFeatures>,
 }
 
-/// All features, and for each of the original the one made from it.
+/// All features, and for each original feature its result.
 struct BufferedFeatures {
     before: Vec<ComparedFeature>,
     after: Vec<ComparedFeature>,
@@ -40,23 +40,23 @@ struct BufferedFeatures {
     findings: FeatureFindings,
 }
 
-/// How a comparison went.
+/// Outcome of a comparison.
 pub(super) enum ComparisonOutcome {
-    /// Every feature was looked at.
+    /// Every feature was compared.
     All(Box<FeatureFindings>),
     /// Features are not in the same order: collect them first.
     OutOfOrder,
 }
 
-/// Takes a part before and after (without vertices when it is gone), and whether it is a ring.
+/// Receives an original part, its result (without vertices when it is missing), and whether it is a ring.
 pub(super) type Visit<'a> = dyn FnMut(PartVertices<'_>, PartVertices<'_>, bool) -> Result<()> + 'a;
 
 impl<'a> FeaturePairs<'a> {
     pub(super) fn new(job: &'a LineVerifyJob, cancel: &'a Cancel) -> Result<Self> {
         let format = vector::identify(&job.lines)?.ok_or_else(|| {
-            Error::bad_input("not a file of features of a known format").in_file(&job.lines)
+            Error::bad_input("not a vector file of a known format").in_file(&job.lines)
         })?;
-        Ok(Self { job, cancel, format, held: None })
+        Ok(Self { job, cancel, format, buffered: None })
     }
 
     /// The name of the format of the lines.
@@ -70,7 +70,7 @@ impl<'a> FeaturePairs<'a> {
         progress: &dyn Progress,
         visit: &mut Visit<'_>,
     ) -> Result<ComparisonOutcome> {
-        let Some(BufferedFeatures { before, after, partners, findings }) = &self.held else {
+        let Some(BufferedFeatures { before, after, partners, findings }) = &self.buffered else {
             return self.side_by_side(progress, visit);
         };
         let mut findings = findings.clone();
@@ -111,8 +111,8 @@ impl<'a> FeaturePairs<'a> {
             let facts = [rules.expected(&before), rules.found(&after)];
             let [expected, found] = facts;
             let difference = rules.difference(&expected, &found);
-            let before = self.own(&before, expected, &*original)?;
-            let after = self.own(&after, found, &*lines)?;
+            let before = self.prepare(&before, expected, &*original)?;
+            let after = self.prepare(&after, found, &*lines)?;
             let placed = match_parts(&before, &after);
             let (is_same, is_sound) = (difference.is_none(), placed.fits);
             let is_pair = match self.format.holds.ordered {
@@ -141,8 +141,8 @@ impl<'a> FeaturePairs<'a> {
     ) -> Result<()> {
         let FeaturePair { number, before, after } = *pair;
         let extras = ZmComparison::new(self.format, before, after);
-        findings.unheld[0] += u64::from(!extras.held[0]);
-        findings.unheld[1] += u64::from(!extras.held[1]);
+        findings.unstored[0] += u64::from(!extras.is_stored[0]);
+        findings.unstored[1] += u64::from(!extras.is_stored[1]);
         if extras.differ(&before.points, &after.points) {
             findings.points.add(|| format!("feature {number}"));
         }
@@ -157,9 +157,9 @@ impl<'a> FeaturePairs<'a> {
             let old = extras.of(part, true);
             let new = own.map_or_else(Vec::new, |own| extras.of(own, false));
             let points = own.map_or(&[][..], |own| &own.points);
-            // Shapefiles tell holes by the way they go round alone.
-            let is_told = self.format.holds.values != PropertySupport::Dbase;
-            if own.is_some_and(|own| own.role != part.role) && is_told {
+            // Shapefiles mark holes by their orientation alone, which may turn.
+            let has_roles = self.format.holds.values != PropertySupport::Dbase;
+            if own.is_some_and(|own| own.role != part.role) && has_roles {
                 findings.roles.add(|| format!("in feature {number}"));
             }
             let before = PartVertices { points: &part.points, extras: &old, outer };
@@ -171,13 +171,13 @@ impl<'a> FeaturePairs<'a> {
         Ok(())
     }
 
-    /// Holds all features and finds out which were made from which.
+    /// Reads all features of both files into memory and pairs them.
     pub(super) fn collect(&mut self) -> Result<()> {
         let [mut original, mut lines] = self.open()?;
         let mut rules = AttributeRules::new(self.format.holds, &*lines);
-        let mut held = 0;
-        let before = self.all(&mut *original, &mut held, |feature| rules.expected(feature))?;
-        let after = self.all(&mut *lines, &mut held, |feature| rules.found(feature))?;
+        let mut bytes = 0;
+        let before = self.all(&mut *original, &mut bytes, |feature| rules.expected(feature))?;
+        let after = self.all(&mut *lines, &mut bytes, |feature| rules.found(feature))?;
         let FeaturePartners { of: partners, made, .. } = FeaturePartners::find(&before, &after);
         let mut findings =
             FeatureFindings { features: before.len() as u64, ..FeatureFindings::default() };
@@ -188,7 +188,7 @@ impl<'a> FeaturePairs<'a> {
                         findings.attributes.add(|| format!("feature {number}: {what}"));
                     }
                 }
-                // A file with a line for each vertex holds no feature without one.
+                // A CSV with a row for each vertex cannot store a feature without vertices.
                 None if old.is_empty() && self.format.holds.values == PropertySupport::Cells => {}
                 None => findings.gone.add(|| format!("feature {number}{}", named(old))),
             }
@@ -197,31 +197,30 @@ impl<'a> FeaturePairs<'a> {
             findings.added.add(|| format!("feature {number} of the lines{}", named(own)));
         }
         (findings.lost, findings.cut) = (rules.lost, rules.cut());
-        self.held = Some(BufferedFeatures { before, after, partners, findings });
+        self.buffered = Some(BufferedFeatures { before, after, partners, findings });
         Ok(())
     }
 
-    /// All remaining features of a file, within the memory left by those already read.
+    /// All features of a file; `bytes` counts the memory of all features read so far.
     fn all(
         &self,
         source: &mut dyn FeatureSource,
-        held: &mut u64,
+        bytes: &mut u64,
         mut facts: impl FnMut(&Feature) -> Facts,
     ) -> Result<Vec<ComparedFeature>> {
         let mut all = Vec::new();
         while let Some(feature) = source.next()? {
             self.cancel.check()?;
-            *held += (feature.geometry.vertices() as u64 + 1) * VERTEX;
-            if *held > self.job.resources.memory {
-                let message = "features are not those of the original in the same order, and more \
-                               than memory holds";
+            *bytes += (feature.geometry.vertices() as u64 + 1) * VERTEX;
+            if *bytes > self.job.resources.memory {
+                let message = "features in another order than the original exceed the memory";
                 return Err(Error::new(ErrorKind::Resource, message)
                     .in_file(&self.job.lines)
                     .remedy(
                         "pass more ‹memory›, or write lines to a format that keeps the order",
                     ));
             }
-            all.push(self.own(&feature, facts(&feature), source)?);
+            all.push(self.prepare(&feature, facts(&feature), source)?);
         }
         Ok(all)
     }
@@ -232,36 +231,38 @@ impl<'a> FeaturePairs<'a> {
         Ok([original, vector::open(&self.job.lines, &VectorOpenOptions::default())?])
     }
 
-    fn own(
+    /// Prepares a feature for comparison; fails where it needs too much memory or has unusable coordinates.
+    fn prepare(
         &self,
         feature: &Feature,
         facts: Facts,
         source: &dyn FeatureSource,
     ) -> Result<ComparedFeature> {
-        let needed = PROGRAM + 2 * OWN_VERTEX * feature.geometry.vertices() as u64;
-        // Before as much is taken once more.
-        if needed > self.job.resources.memory.max(LEAST) {
+        let needed = PROGRAM + 2 * COMPARED_VERTEX * feature.geometry.vertices() as u64;
+        // Checked before the copy is allocated.
+        if needed > self.job.resources.memory.max(MIN_MEMORY) {
             let mib = needed.div_ceil(1 << 20);
-            let message = format!("a feature as large as this takes {mib} MiB of memory");
+            let message = format!("feature of {mib} MiB exceeds the memory");
             let error = short(message, needed).in_file(Path::new(&self.job.original));
             return Err(error.at(source.location()));
         }
-        let own = ComparedFeature::new(feature, facts);
-        let own =
-            if self.format.holds.values == PropertySupport::Cells { own.one_row() } else { own };
-        // Products of larger ones could not be told exactly.
-        if own.vertices().flatten().any(|v| v.abs() >= 1e130) {
-            return Err(Error::bad_input("a coordinate is beyond 1e130").at(source.location()));
+        let mut prepared = ComparedFeature::new(feature, facts);
+        if self.format.holds.values == PropertySupport::Cells {
+            prepared = prepared.one_row();
         }
-        // Squares of distances between smaller ones are 0.
+        // Exact signs need products of coordinates within the range of floats.
+        if prepared.vertices().flatten().any(|v| v.abs() >= 1e130) {
+            return Err(Error::bad_input("coordinate exceeds 1e130").at(source.location()));
+        }
+        // Squares of distances between smaller ones underflow to 0.
         let is_fine = self.job.tolerance.is_some_and(|tolerance| tolerance.value < 1e-50);
-        if is_fine && own.vertices().flatten().any(|v| *v != 0.0 && v.abs() < 1e-59) {
-            let message = "a coordinate below 1e-59 is too small for distances to be computed";
+        if is_fine && prepared.vertices().flatten().any(|v| *v != 0.0 && v.abs() < 1e-59) {
+            let message = "coordinate below 1e-59: squared distances underflow";
             return Err(Error::bad_input(message)
                 .at(source.location())
                 .remedy("pass ‹tolerance› 1e-50 or more"));
         }
-        Ok(own)
+        Ok(prepared)
     }
 }
 
@@ -272,11 +273,11 @@ struct FeaturePair<'a> {
     after: &'a ComparedFeature,
 }
 
-/// How heights and measures of a feature are compared.
+/// Comparison of heights and measures of a feature.
 struct ZmComparison {
-    /// False where the original has some and the format no place for them.
-    held: [bool; 2],
-    /// True where there is none, before or after.
+    /// False where the original has them and the format cannot store them.
+    is_stored: [bool; 2],
+    /// True where neither feature has any.
     is_none: bool,
     /// True where a missing height is stored as 0: a shapefile has heights for all of its features or
     /// for none.
@@ -289,11 +290,11 @@ impl ZmComparison {
     fn new(format: &VectorFormat, before: &ComparedFeature, after: &ComparedFeature) -> Self {
         let (had, has) = (before.has(), after.has());
         let holds = [format.holds.z, format.holds.m];
-        let held = [0, 1].map(|k| holds[k] || !had[k] || has[k] || after.is_empty());
+        let is_stored = [0, 1].map(|k| holds[k] || !had[k] || has[k] || after.is_empty());
         let is_zero = format.holds.values == PropertySupport::Dbase && has[0] && !had[0];
         let is_coarse = matches!(format.holds.values, PropertySupport::Named(_));
         let is_none = [had, has].iter().flatten().all(|has| !has);
-        Self { held, is_none, is_zero, is_coarse }
+        Self { is_stored, is_none, is_zero, is_coarse }
     }
 
     /// Heights and measures of a part of the original or of the lines, as far as the format stores
@@ -302,22 +303,21 @@ impl ZmComparison {
         if self.is_none {
             return Vec::new();
         }
-        let of = |&[z, m]: &[f64; 2]| {
-            let z = if self.is_zero && is_original { 0.0 } else { z };
-            let m = if self.is_coarse { (m * 1e3).round() } else { m };
-            [if self.held[0] { z } else { f64::NAN }, if self.held[1] { m } else { f64::NAN }]
-        };
-        part.extras.iter().map(of).collect()
+        part.extras.iter().map(|&extras| self.comparable(extras, is_original)).collect()
     }
 
-    /// Whether points are others.
+    /// A height and a measure as the format stores them; NaN for those that it cannot store.
+    fn comparable(&self, [z, m]: [f64; 2], is_original: bool) -> [f64; 2] {
+        let z = if self.is_zero && is_original { 0.0 } else { z };
+        let m = if self.is_coarse { (m * 1e3).round() } else { m };
+        [if self.is_stored[0] { z } else { f64::NAN }, if self.is_stored[1] { m } else { f64::NAN }]
+    }
+
+    /// True when points have other positions, heights or measures.
     fn differ(&self, before: &FeaturePart, after: &FeaturePart) -> bool {
-        let bits = |v: f64| if v.is_nan() { f64::NAN.to_bits() } else { (v + 0.0).to_bits() };
-        let places = |part: &FeaturePart| part.points.iter().map(key).collect::<Vec<_>>();
-        let more = |part: &FeaturePart, is_original: bool| -> Vec<[u64; 2]> {
-            self.of(part, is_original).into_iter().map(|extras| extras.map(bits)).collect()
-        };
-        places(before) != places(after) || more(before, true) != more(after, false)
+        let [old, new] = [self.of(before, true), self.of(after, false)];
+        !before.points.iter().map(key).eq(after.points.iter().map(key))
+            || !old.iter().flatten().copied().map(bits).eq(new.iter().flatten().copied().map(bits))
     }
 }
 
@@ -325,17 +325,17 @@ fn visit_gone(part: &FeaturePart, visit: &mut Visit<'_>) -> Result<()> {
     visit(PartVertices::of(&part.points), PartVertices::default(), part.is_ring())
 }
 
-/// Something to know a feature by.
-fn named(own: &ComparedFeature) -> String {
-    let first = own.facts.first();
+/// The first property of a feature, to identify it in messages.
+fn named(feature: &ComparedFeature) -> String {
+    let first = feature.facts.first();
     first.map_or(String::new(), |(name, value)| format!(" ({name} {})", shown(value)))
 }
 
-/// Which features were made from which.
+/// Pairs of original and resulting features.
 struct FeaturePartners<'a> {
     before: &'a [ComparedFeature],
     after: &'a [ComparedFeature],
-    /// For each feature before the one made from it, and for each after whether it has been found.
+    /// For each original feature its result, and for each result whether it has an original.
     of: Vec<Option<usize>>,
     made: Vec<bool>,
 }
@@ -362,8 +362,8 @@ impl<'a> FeaturePartners<'a> {
         }
     }
 
-    /// Finds the feature that one was made from. Where all candidates are taken, one of their owners moves to
-    /// another candidate (augmenting path, Berge 1957): the vertices of a short line occur in many longer ones.
+    /// Finds the original of a feature. Where all candidates are taken, one of their results moves to another
+    /// candidate (augmenting path, Berge 1957): the vertices of a short line occur in many longer ones.
     fn pair(
         &mut self,
         number: usize,
@@ -388,7 +388,7 @@ impl<'a> FeaturePartners<'a> {
                 tried.insert(old);
                 let is_free = match self.of[old] {
                     None => true,
-                    // One that was found by its values, too, stays.
+                    // A pair with equal attributes is not given up for one with others.
                     Some(other) if !with_stamp && before[old].stamp == after[other].stamp => false,
                     Some(other) => self.pair(other, having, with_stamp, tried),
                 };
@@ -415,7 +415,7 @@ impl<'a> FeaturePartners<'a> {
     }
 }
 
-/// Features that are tried for one, at the most.
+/// Maximum number of features that are tried for one.
 const MAX_TRIED: usize = 256;
 
 /// The features that have a vertex at a position.

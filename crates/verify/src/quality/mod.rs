@@ -59,39 +59,42 @@ pub fn quality(
     cancel: &Cancel,
 ) -> Result<QualityReport> {
     let MeasuredMesh { file, mesh, bounds } = measured;
-    let in_mesh = |error: Error| match error.kind() {
-        ErrorKind::BadInput | ErrorKind::Unsupported => error.in_file(file),
-        _ => error,
-    };
-    refuse_solid(mesh).map_err(in_mesh)?;
+    refuse_solid(mesh).map_err(|e| in_mesh(e, file))?;
     let against = against.map(|SlopeReference { name, grid }| {
         let ground = check_grid(grid).and_then(|()| GroundScale::of(grid.info()));
         ground.map(|ground| (grid, ground)).map_err(|e| e.in_file(name))
     });
     let against = against.transpose()?;
-    // Beside a mesh's squares a grid is open, whose blocks are decoded.
-    let memory = resources.memory;
-    let room = (memory - cache_beside(memory) as u64).max(memory.min(MIN_MEMORY));
-    let resources = &Resources { memory: room, ..resources.clone() };
+    // The grid stays open with a cache of decoded blocks.
+    let budget = resources.memory;
+    let memory = (budget - cache_beside(budget) as u64).max(budget.min(MIN_MEMORY));
+    let resources = &Resources { memory, ..resources.clone() };
     let work = || ProofResources::new(mesh, None, resources, progress, cancel);
     let info = mesh.info();
     let has_space = !is_geographic(info);
-    // Where there are no vertices, no triangle has corners that could be anywhere.
+    // A mesh without vertices has no triangles to place, so any bounds do.
     let plan = QualityLattice::new(bounds.unwrap_or_default(), info.origin, info.single_precision);
-    let (found, broken) = shapes::measure(&work()?, &plan, has_space).map_err(in_mesh)?;
+    let (found, broken) =
+        shapes::measure(&work()?, &plan, has_space).map_err(|e| in_mesh(e, file))?;
     let mut report = QualityReport::new(&found, broken, plan.cell(), has_space);
     if let Some((grid, ground)) = against {
-        report.slope = Some(slopes::measure(work()?, grid, &ground).map_err(in_mesh)?);
+        report.slope = Some(slopes::measure(work()?, grid, &ground).map_err(|e| in_mesh(e, file))?);
     }
     Ok(report)
+}
+
+/// Adds the file of the mesh to errors of its contents.
+fn in_mesh(error: Error, file: &Path) -> Error {
+    match error.kind() {
+        ErrorKind::BadInput | ErrorKind::Unsupported => error.in_file(file),
+        _ => error,
+    }
 }
 
 fn refuse_solid(mesh: &dyn MeshSource) -> Result<()> {
     if !mesh.info().solid {
         return Ok(());
     }
-    Err(Error::unsupported(
-        "is a solid: it has walls and a bottom, which are no terrain to measure",
-    )
-    .remedy("measure the mesh that is made without ‹base› and ‹co› SOLID_BASE"))
+    Err(Error::unsupported("is a solid: walls and bottom are not terrain")
+        .remedy("measure a mesh made without ‹base› and ‹co› SOLID_BASE"))
 }

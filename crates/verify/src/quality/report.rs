@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::findings::mean;
 use crate::report::GridLocation;
 use terrane_proof::ProofPosition;
 use terrane_proof::quality::{AcuteAngles, DelaunayCounts, Quality};
@@ -96,17 +97,17 @@ pub struct AngleShare {
 }
 
 impl AngleReport {
-    fn new(found: &AcuteAngles) -> Self {
-        let below = AcuteAngles::LIMITS.into_iter().zip(found.below).map(|(angle, triangles)| {
-            AngleShare { angle, triangles, share: triangles as f64 / found.count().max(1) as f64 }
+    fn new(angles: &AcuteAngles) -> Self {
+        let below = AcuteAngles::LIMITS.into_iter().zip(angles.below).map(|(angle, triangles)| {
+            AngleShare { angle, triangles, share: triangles as f64 / angles.count().max(1) as f64 }
         });
         Self {
-            min: found.least,
-            percentile_1: found.percentile(1),
-            percentile_5: found.percentile(5),
-            median: found.percentile(50),
+            min: angles.min,
+            percentile_1: angles.percentile(1),
+            percentile_5: angles.percentile(5),
+            median: angles.percentile(50),
             below: below.collect(),
-            histogram: found.histogram.to_vec(),
+            histogram: angles.histogram.to_vec(),
         }
     }
 }
@@ -159,17 +160,17 @@ pub struct SlopeReport {
 
 impl SlopeReport {
     pub(super) fn new(
-        found: &SlopeTally,
+        slopes: &SlopeTally,
         notes: Vec<String>,
         place: impl Fn(ProofPosition) -> GridLocation,
     ) -> Self {
-        let mean = mean(found.squares.value(), found.cells);
+        let mean = mean(slopes.squares.value(), slopes.cells);
         Self {
-            cells: found.cells,
-            uncovered_cells: found.uncovered,
+            cells: slopes.cells,
+            uncovered_cells: slopes.uncovered,
             rms: mean.map(f64::sqrt),
-            max: found.worst.map(|spot| spot.error),
-            max_at: found.worst.map(|spot| place(spot.at)),
+            max: slopes.worst.map(|spot| spot.error),
+            max_at: slopes.worst.map(|spot| place(spot.at)),
             notes,
         }
     }
@@ -177,53 +178,48 @@ impl SlopeReport {
 
 impl QualityReport {
     /// Builds the report; `cell` is the width of a lattice cell in the units of the mesh.
-    pub(super) fn new(found: &Quality, broken: u64, cell: f64, has_space: bool) -> Self {
-        let DelaunayCounts { delaunay, cocircular, not_delaunay, folded } = found.pairs;
+    pub(super) fn new(quality: &Quality, broken: u64, cell: f64, has_space: bool) -> Self {
+        let DelaunayCounts { delaunay, cocircular, not_delaunay, folded } = quality.pairs;
         let interior_edges = delaunay + cocircular + not_delaunay + folded;
         let delaunay_edges = delaunay + cocircular;
-        let length = |cells: Option<f64>| cells.map(|cells| cells * cell);
         Self {
-            vertices: found.vertices,
-            triangles: found.triangles,
+            vertices: quality.vertices,
+            triangles: quality.triangles,
             broken_triangles: broken,
-            empty_triangles: found.empty,
-            inverted_triangles: found.inverted,
-            edges: found.edges,
+            empty_triangles: quality.empty,
+            inverted_triangles: quality.inverted,
+            edges: quality.edges,
             interior_edges,
-            border_edges: found.border,
-            non_manifold_edges: found.tangled,
+            border_edges: quality.border,
+            non_manifold_edges: quality.tangled,
             delaunay_edges,
             cocircular_edges: cocircular,
             non_delaunay_edges: not_delaunay,
             folded_edges: folded,
             delaunay_share: mean(delaunay_edges as f64, interior_edges),
-            edge_length_sum: found.lengths.value() * cell,
-            shortest_edge: length(found.shortest),
-            longest_edge: length(found.longest),
-            degrees: DegreeReport::new(found),
-            smallest_angles: AngleReport::new(&found.plan),
-            largest_angle: found.largest_angle,
+            edge_length_sum: quality.lengths.value() * cell,
+            shortest_edge: quality.shortest.map(|cells| cells * cell),
+            longest_edge: quality.longest.map(|cells| cells * cell),
+            degrees: DegreeReport::new(quality),
+            smallest_angles: AngleReport::new(&quality.plan),
+            largest_angle: quality.largest_angle,
             aspect_ratios: AspectReport {
-                mean: mean(found.aspects.value(), found.plan.count()),
-                max: found.worst_aspect,
+                mean: mean(quality.aspects.value(), quality.plan.count()),
+                max: quality.worst_aspect,
                 bins: Quality::ASPECTS.to_vec(),
-                histogram: found.aspect_histogram.to_vec(),
+                histogram: quality.aspect_histogram.to_vec(),
             },
-            smallest_angles_in_space: has_space.then(|| AngleReport::new(&found.space)),
+            smallest_angles_in_space: has_space.then(|| AngleReport::new(&quality.space)),
             slope: None,
         }
     }
 }
 
 impl DegreeReport {
-    fn new(found: &Quality) -> Self {
-        let [min, max] = [0, 1].map(|end| found.degree_range.map(|range| range[end]));
+    fn new(quality: &Quality) -> Self {
+        let [min, max] = [0, 1].map(|end| quality.degree_range.map(|range| range[end]));
         // Each edge is one of two vertices.
-        let mean = mean(2.0 * found.edges as f64, found.vertices);
-        Self { min, mean, max, histogram: found.degrees.to_vec() }
+        let mean = mean(2.0 * quality.edges as f64, quality.vertices);
+        Self { min, mean, max, histogram: quality.degrees.to_vec() }
     }
-}
-
-fn mean(sum: f64, count: u64) -> Option<f64> {
-    (count > 0).then(|| sum / count as f64)
 }

@@ -3,11 +3,12 @@
 use std::sync::Mutex;
 
 use crate::buckets::{DomainReach, MAX_TRIANGLES, MeshSpread};
-use crate::plane_tiles::{CROWD, MOST, RUN_BYTES, SHARES, divide, load, pieces, respread};
+use crate::plane_tiles::{
+    DOMAIN_RECORDS, DOMAINS_PER_THREAD, MAX_DOMAINS, RUN_BYTES, divide, load, pieces, respread,
+};
 use crate::work::ProofResources;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
-use terrane_engine::workers;
 use terrane_files::{Buckets, lock};
 use terrane_proof::quality::{self, Quality, QualityLattice, QualityPart};
 use terrane_proof::{GridDomain, ProofPosition, ProofTriangle};
@@ -18,37 +19,35 @@ pub(super) fn measure(
     plan: &QualityLattice,
     has_space: bool,
 ) -> Result<(Quality, u64)> {
-    let layout = divide(plan.grid(), memory_needed(work));
+    let layout = divide(plan.grid(), tile_count(work));
     let spread = MeshSpread::of_triangles(work, plan, layout, DomainReach::Corners)?;
-    let all = Mutex::new(Quality::default());
-    let looker = QualityInspector { work, plan, has_space, crowded: Mutex::new(()) };
+    let inspector = QualityInspector { work, plan, has_space, crowded: Mutex::new(()) };
     work.progress.begin("squares", layout.len());
-    let look = |found: &mut Quality, index: u64| {
-        let domain = layout.domain(index);
-        looker.measure(&spread.triangles, index as usize, domain, found)?;
-        work.progress.advance(1);
-        Ok(())
-    };
-    let finish = |found: Quality| {
-        lock(&all).merge(&found);
-        Ok(())
-    };
-    workers::run(work.threads, layout.len(), &work.cancel, Quality::default, look, finish)?;
+    let quality = work.findings(
+        layout.len(),
+        |quality: &mut Quality, index| {
+            inspector.measure(&spread.triangles, index as usize, layout.domain(index), quality)?;
+            work.progress.advance(1);
+            Ok(())
+        },
+        Quality::merge,
+    )?;
     work.progress.end();
-    let found = std::mem::take(&mut *lock(&all));
-    Ok((found, spread.broken))
+    Ok((quality, spread.broken))
 }
 
 /// The number of tiles: few enough for a small index, but so many that one of average density takes half
 /// of a thread's memory.
-fn memory_needed(work: &ProofResources<'_>) -> u64 {
+fn tile_count(work: &ProofResources<'_>) -> u64 {
     let triangles = work.mesh.info().triangles;
     let need = quality::bytes_needed(triangles.saturating_mul(3) / 2);
-    let wanted = (triangles / CROWD).max(need / (work.share / 2)).max(SHARES * work.threads as u64);
-    // Each time the memory for triangles is full, it leaves a run in every square at worst.
+    let count = (triangles / DOMAIN_RECORDS)
+        .max(need / (work.share / 2))
+        .max(DOMAINS_PER_THREAD * work.threads as u64);
+    // Each time the memory for triangles is full, it leaves a run in every tile at worst.
     let flushes = triangles / (work.memory / 4 / size_of::<ProofTriangle>() as u64).max(1) + 1;
     let indexed = work.share / 8 / RUN_BYTES / flushes;
-    wanted.min(indexed).clamp(1, MOST)
+    count.min(indexed).clamp(1, MAX_DOMAINS)
 }
 
 struct QualityInspector<'a> {
@@ -62,47 +61,48 @@ struct QualityInspector<'a> {
 impl QualityInspector<'_> {
     fn measure(
         &self,
-        pile: &Buckets<ProofTriangle>,
+        buckets: &Buckets<ProofTriangle>,
         number: usize,
         domain: GridDomain,
-        found: &mut Quality,
+        tally: &mut Quality,
     ) -> Result<()> {
         self.work.cancel.check()?;
-        let triangles = pile.len(number);
+        let triangles = buckets.len(number);
         let need = quality::bytes_needed(triangles);
         if need <= self.work.share && triangles <= MAX_TRIANGLES {
-            return self.measure_triangle(pile, number, domain, found);
+            return self.measure_triangle(buckets, number, domain, tally);
         }
         let pieces = pieces(domain);
         if pieces.len() > 1 {
-            let again = respread(self.work, pile, number, &pieces, has_corner)?;
-            let mut all = (0..).zip(&pieces);
-            return all.try_for_each(|(number, &piece)| self.measure(&again, number, piece, found));
+            let subdivided = respread(self.work, buckets, number, &pieces, has_corner)?;
+            return (0..)
+                .zip(&pieces)
+                .try_for_each(|(number, &piece)| self.measure(&subdivided, number, piece, tally));
         }
         if need > self.work.memory || triangles > MAX_TRIANGLES {
             return Err(self.too_crowded(domain, triangles, need));
         }
         let _alone = lock(&self.crowded);
-        self.measure_triangle(pile, number, domain, found)
+        self.measure_triangle(buckets, number, domain, tally)
     }
 
     fn measure_triangle(
         &self,
-        pile: &Buckets<ProofTriangle>,
+        buckets: &Buckets<ProofTriangle>,
         number: usize,
         domain: GridDomain,
-        found: &mut Quality,
+        tally: &mut Quality,
     ) -> Result<()> {
-        let triangles = load(pile, number)?;
+        let triangles = load(buckets, number)?;
         let (plan, has_space) = (self.plan, self.has_space);
-        quality::measure(&QualityPart { domain, triangles: &triangles, plan, has_space }, found);
+        quality::measure(&QualityPart { domain, triangles: &triangles, plan, has_space }, tally);
         Ok(())
     }
 
     fn too_crowded(&self, domain: GridDomain, triangles: u64, need: u64) -> Error {
         let Rect { col, row, .. } = domain.rect;
         let [x, y] = self.plan.world(ProofPosition::sample(i64::from(col), i64::from(row)));
-        let what = format!("{triangles} triangles share a place");
+        let what = format!("{triangles} triangles at one position");
         self.work.short(&what, need).at(format!("x {x}, y {y}"))
     }
 }

@@ -1,4 +1,4 @@
-//! The slopes of a grid, rectangle by rectangle, compared with those of the triangles over it.
+//! Comparison of the slopes of a grid with those of the triangles over it, one rectangle at a time.
 
 use super::report::SlopeReport;
 use crate::buckets::{DomainReach, MeshSpread};
@@ -11,7 +11,7 @@ use terrane_engine::ground_units::GroundScale;
 use terrane_proof::slope::{self, SlopeTally};
 use terrane_raster::GridSource;
 
-/// Holds all triangles against the grid.
+/// Compares all triangles with the grid.
 pub(super) fn measure(
     work: ProofResources<'_>,
     grid: &dyn GridSource,
@@ -22,12 +22,16 @@ pub(super) fn measure(
     let spread =
         MeshSpread::of_triangles(&context.work, &context.snapper, layout, DomainReach::Touched)?;
     let turn = |col: u32, row: u32| ground.turn(f64::from(col) + 0.5, f64::from(row) + 0.5);
-    let judge = |part: &terrane_proof::GridProofPart<'_>, slopes: &mut SlopeTally| {
-        slope::measure(part, &turn, slopes);
-        Ok(())
-    };
-    let need = |samples, triangles, _| slope::bytes_needed(samples, triangles);
-    let found = parts::each(&context, &spread, need, judge, SlopeTally::merge)?;
+    let slopes = parts::each(
+        &context,
+        &spread,
+        |samples, triangles, _| slope::bytes_needed(samples, triangles),
+        |part, slopes| {
+            slope::measure(part, &turn, slopes);
+            Ok(())
+        },
+        SlopeTally::merge,
+    )?;
     let map = grid.info().transform;
-    Ok(SlopeReport::new(&found, ground.notes(), |at| place(&map, at)))
+    Ok(SlopeReport::new(&slopes, ground.notes(), |at| place(&map, at)))
 }

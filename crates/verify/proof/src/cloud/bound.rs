@@ -1,23 +1,23 @@
-//! The largest vertical distance allowed, in steps, and whether a distance is beyond it.
+//! The bound on vertical distances, in steps, and the exact test of a distance against it.
 
 use crate::expansion::ProofExpansion;
 
-/// What is a whole number of steps but for this share is meant to be whole.
+/// Relative difference to a whole number of steps that counts as rounding.
 const ROUNDING: f64 = 1e-12;
 /// Whole bounds below this are compared in whole numbers.
 const WHOLE: f64 = (1u64 << 40) as f64;
 /// Share of a distance by which its value in `f64` may be off, generously.
 const DOUBT: f64 = 1.0 / (1u64 << 44) as f64;
 
-/// A bound on vertical distances, closed: what is equal to it is within.
+/// A bound on vertical distances, closed: distances equal to it are within.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VerticalBound {
     steps: f64,
 }
 
 impl VerticalBound {
-    /// `tolerance` (from 0 up) where a step is `step` high, in the same unit. Taken as a whole
-    /// number of steps when it is one but for rounding.
+    /// `tolerance` (from 0 up) and the height of a step, in the same unit. Rounded to a whole number of steps where
+    /// the difference is rounding.
     pub fn new(tolerance: f64, step: f64) -> Self {
         let steps = tolerance / step;
         let whole = steps.round();

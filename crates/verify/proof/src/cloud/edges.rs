@@ -1,4 +1,4 @@
-//! How triangles meet, where the mesh ends, and whether its vertices are points.
+//! Topology of triangles, outline of the mesh, and vertices that are not points.
 
 use std::mem::size_of;
 
@@ -62,7 +62,7 @@ fn check_vertex(
     }
 }
 
-/// A position where corners are not all at points, with the height that a post there would have: none where there are
+/// A position where not all corners are at points, with the height of an anchor vertex there: `None` where there are
 /// points or several heights.
 fn off_points(
     part: &CloudProofPart<'_>,
@@ -72,12 +72,12 @@ fn off_points(
     if heights.iter().all(|&z| is_point(part.points, at, z)) {
         return None;
     }
-    let may_be_post =
+    let may_be_anchor =
         heights.iter().all(|&z| z == heights[0]) && points_at(part.points, at).is_empty();
-    Some((at, may_be_post.then_some(heights[0])))
+    Some((at, may_be_anchor.then_some(heights[0])))
 }
 
-/// Notes which point to keep is a vertex here, at its height.
+/// Marks a required point that is a vertex here, at its height.
 fn keep(part: &CloudProofPart<'_>, at: ProofPosition, heights: &[f64], is_kept: &mut [bool]) {
     let found = part.kept.binary_search_by_key(&at, |&point| position(point));
     if let Ok(place) = found {
@@ -129,10 +129,10 @@ fn t_junctions(
     hit.into_iter().for_each(|at| tally.t_junctions.add(at));
 }
 
-/// False for edges that the part only has because their triangles reach into it.
+/// False for edges outside the domain whose triangles reach into it.
 fn touches(part: &CloudProofPart<'_>, &[p, q]: &[ProofPosition; 2]) -> bool {
-    let corner = |at| ProofVertex { at, z: 0.0 };
-    part.domain.may_touch(&ProofTriangle { corners: [p, q, q].map(corner) })
+    let corners = [p, q, q].map(|at| ProofVertex { at, z: 0.0 });
+    part.domain.may_touch(&ProofTriangle { corners })
 }
 
 /// True strictly inside the edge; the lower of its ends comes first.

@@ -1,4 +1,4 @@
-//! The convex hull of a stream of points, and what lies on its sides.
+//! The convex hull of a stream of points, and tests of positions and edges against it.
 
 use crate::ProofPosition;
 use crate::exact::double_area;
@@ -14,8 +14,8 @@ type Spot = [i32; 2];
 
 /// Twice the area of (a, b, c); exact for coordinates from 0 to below 2^30.
 fn turn(a: Spot, b: Spot, c: Spot) -> i64 {
-    let d = |p: i32, q: i32| i64::from(p) - i64::from(q);
-    d(b[0], a[0]) * d(c[1], a[1]) - d(b[1], a[1]) * d(c[0], a[0])
+    let [u, v] = [b, c].map(|p| [0, 1].map(|axis| i64::from(p[axis]) - i64::from(a[axis])));
+    u[0] * v[1] - u[1] * v[0]
 }
 
 /// Gathers the convex hull of positions as they come. Memory: in proportion to the hull. Any order
@@ -23,7 +23,7 @@ fn turn(a: Spot, b: Spot, c: Spot) -> i64 {
 #[derive(Clone, Debug, Default)]
 pub struct HullGatherer {
     pool: Vec<Spot>,
-    /// A convex polygon, counter-clockwise; what is strictly inside is no corner of the hull.
+    /// A convex polygon, counter-clockwise; positions strictly inside are not corners of the hull.
     guard: Vec<Spot>,
     reduced: usize,
 }
@@ -40,7 +40,7 @@ impl HullGatherer {
         }
     }
 
-    /// Adds what another one gathered.
+    /// Adds the positions of another one.
     pub fn merge(&mut self, other: Self) {
         other.pool.into_iter().for_each(|at| self.add(at));
     }
@@ -59,15 +59,17 @@ impl HullGatherer {
     fn reduce(&mut self) {
         self.pool = ring(std::mem::take(&mut self.pool));
         self.reduced = self.pool.len();
-        let along = |at: &Spot, [x, y]: [i64; 2]| i64::from(at[0]) * x + i64::from(at[1]) * y;
-        let pool = self.pool.iter().copied();
-        let far = |way| pool.clone().max_by_key(|at| (along(at, way), *at));
-        self.guard = COMPASS.into_iter().filter_map(far).collect();
+        self.guard = COMPASS.into_iter().filter_map(|way| farthest(&self.pool, way)).collect();
         self.guard.dedup();
         if self.guard.first() == self.guard.last() {
             self.guard.pop();
         }
     }
+}
+
+/// The position farthest in a direction; of several the last by column and row.
+fn farthest(pool: &[Spot], [x, y]: [i64; 2]) -> Option<Spot> {
+    pool.iter().copied().max_by_key(|at| (i64::from(at[0]) * x + i64::from(at[1]) * y, *at))
 }
 
 /// The corners of the convex hull, counter-clockwise from the lowest row, then column; without those
@@ -87,7 +89,7 @@ fn ring(mut spots: Vec<Spot>) -> Vec<Spot> {
     ring
 }
 
-/// Half of a hull: turns left at every position that it keeps.
+/// Half of a hull: turns left at every position.
 fn chain(spots: impl Iterator<Item = Spot>) -> Vec<Spot> {
     let mut chain: Vec<Spot> = Vec::new();
     for spot in spots {
@@ -126,17 +128,19 @@ impl ProofHullSide {
     }
 
     fn cross(&self, other: &Self) -> i128 {
-        let d = |p: i64, q: i64| i128::from(p - q);
-        d(self.to.col, self.from.col) * d(other.to.row, other.from.row)
-            - d(self.to.row, self.from.row) * d(other.to.col, other.from.col)
+        let [u, v] = [self, other].map(|side| {
+            let (from, to) = (side.from, side.to);
+            [to.col - from.col, to.row - from.row].map(i128::from)
+        });
+        u[0] * v[1] - u[1] * v[0]
     }
 
     /// True for positions on the side, its ends included.
     fn holds(&self, at: ProofPosition) -> bool {
-        let within = |v: i64, a: i64, b: i64| a.min(b) <= v && v <= a.max(b);
-        double_area(self.from, self.to, at) == 0
-            && within(at.col, self.from.col, self.to.col)
-            && within(at.row, self.from.row, self.to.row)
+        let (from, to) = (self.from, self.to);
+        double_area(from, to, at) == 0
+            && (from.col.min(to.col)..=from.col.max(to.col)).contains(&at.col)
+            && (from.row.min(to.row)..=from.row.max(to.row)).contains(&at.row)
     }
 }
 
@@ -149,9 +153,9 @@ pub struct ProofHull {
 
 impl ProofHull {
     fn new(ring: &[Spot]) -> Self {
-        let at = |&[col, row]: &Spot| ProofPosition::sample(i64::from(col), i64::from(row));
-        let next = ring.iter().cycle().skip(1);
-        let sides = ring.iter().zip(next).map(|(a, b)| ProofHullSide { from: at(a), to: at(b) });
+        let corners = ring.iter().map(|at| ProofPosition::sample(at[0].into(), at[1].into()));
+        let next = corners.clone().cycle().skip(1);
+        let sides = corners.zip(next).map(|(from, to)| ProofHullSide { from, to });
         Self { sides: sides.collect() }
     }
 
@@ -192,13 +196,11 @@ impl ProofHull {
         let (right, left) = self.sides.split_at(self.sides.partition_point(|s| !s.runs_back()));
         let rising = right.partition_point(|side| side.to.row <= at.row);
         let falling = left.partition_point(|side| side.to.row >= at.row);
-        let last = |sides: &[ProofHullSide], i: usize| sides.get(i.min(sides.len() - 1)).copied();
-        let [Some(east), Some(west)] = [last(right, rising), last(left, falling)] else {
-            return false;
-        };
+        let east = right[rising.min(right.len() - 1)];
+        let west = left[falling.min(left.len() - 1)];
         let rows = self.sides[0].from.row..=west_top(left).row;
-        let is_left = |side: ProofHullSide| double_area(side.from, side.to, at) >= 0;
-        rows.contains(&at.row) && is_left(east) && is_left(west)
+        rows.contains(&at.row)
+            && [east, west].iter().all(|side| double_area(side.from, side.to, at) >= 0)
     }
 }
 

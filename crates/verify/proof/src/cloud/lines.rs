@@ -1,16 +1,16 @@
-//! Lines over a cloud: whether edges go along them, and where vertices may be that are no points.
+//! Breaklines over a cloud: whether edges follow them, and anchor vertices on them.
 //!
 //! A line stands for a path of steps, as one between samples of a grid does ([`crate::follow`]), as far as it is over
 //! the hull of the points. The mesh follows it if both ends of that are vertices, and every vertex on it has an edge to
-//! one further along. A vertex on it where there is no point is a post, and has the lowest of the heights that the
-//! lines there have. Heights of posts on lines without heights are not judged.
+//! one further along. A vertex on it without a point is an anchor, at the lowest of the heights of the lines there.
+//! Heights of anchors on lines without heights are not judged.
 
 use super::hull::ProofHull;
 use super::strips::ProofStrips;
 use crate::breaklines::ProofBreakline;
 use crate::{GridDomain, ProofPosition, ProofTally};
 
-/// A line as far as it is over a cloud.
+/// A line clipped to the hull of a point cloud.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CloudTrack {
     line: ProofBreakline,
@@ -33,10 +33,8 @@ impl CloudTrack {
         let [start, end] = ends.map(|end| end.map(f64::from));
         let (mut first, mut last) = (0.0_f64, steps as f64);
         for (from, inward) in hull.lines() {
-            let far = |at: [f64; 2]| {
-                (at[0] - from[0]) * inward[0] + (at[1] - from[1]) * inward[1] + ASIDE
-            };
-            let (a, b) = (far(start), far(end));
+            let [a, b] = [start, end]
+                .map(|at| (at[0] - from[0]) * inward[0] + (at[1] - from[1]) * inward[1] + ASIDE);
             let crossed = a / (a - b) * steps as f64;
             match (a < 0.0, b < 0.0) {
                 (true, true) => return None,
@@ -46,13 +44,13 @@ impl CloudTrack {
             }
         }
         let steps = (first.max(0.0) as i64)..=(last.ceil() as i64).min(steps);
-        let over = |&step: &i64| hull.contains(sample(line.at(step)));
-        let first = steps.clone().find(over)?;
-        let last = steps.rev().find(over)?;
+        let mut inside = steps.filter(|&step| hull.contains(sample(line.at(step))));
+        let first = inside.next()?;
+        let last = inside.next_back().unwrap_or(first);
         Some(Self { line, heights, first, last })
     }
 
-    /// The domains that it comes to: hands them on, one after the other, by a step in each.
+    /// Calls `each` with one position in each domain along the line.
     pub fn each_domain(
         &self,
         owner: impl Fn(ProofPosition) -> GridDomain,
@@ -66,7 +64,7 @@ impl CloudTrack {
         }
     }
 
-    /// True where it comes to a domain.
+    /// True where the line passes through a domain.
     pub fn is_in(&self, domain: &GridDomain) -> bool {
         !self.steps_in(domain).is_empty()
     }
@@ -76,7 +74,7 @@ impl CloudTrack {
         steps.start.max(self.first)..steps.end.min(self.last + 1)
     }
 
-    /// After how many steps it comes to a position, if it does.
+    /// The step of a position on the line; `None` off the line.
     fn place(&self, at: ProofPosition) -> Option<i64> {
         let whole = [at.col, at.row].map(|fixed| fixed >> ProofPosition::FRACTION);
         let step = at.is_sample().then(|| self.line.place(whole)).flatten()?;
@@ -118,7 +116,7 @@ pub(super) struct TrackVertices<'a> {
 }
 
 impl<'a> TrackVertices<'a> {
-    /// Those of these positions, which are sorted and may be more than the domain owns.
+    /// From sorted positions, which may be more than the domain owns.
     pub(super) fn new(
         lines: &'a [CloudTrack],
         domain: &'a GridDomain,
@@ -126,9 +124,9 @@ impl<'a> TrackVertices<'a> {
     ) -> Self {
         let mut all = Vec::new();
         if !lines.is_empty() {
-            let mut own = positions.to_vec();
-            own.retain(|&at| domain.owns(at));
-            let strips = ProofStrips::new(own);
+            let mut owned = positions.to_vec();
+            owned.retain(|&at| domain.owns(at));
+            let strips = ProofStrips::new(owned);
             for (track, line) in lines.iter().enumerate() {
                 let steps = line.steps_in(domain);
                 if steps.is_empty() {
@@ -152,7 +150,7 @@ impl<'a> TrackVertices<'a> {
         first..first + self.all[first..].partition_point(|stop| stop.at == at)
     }
 
-    /// True where a vertex of this height may be a post, as no point is there.
+    /// True where a vertex of this height, without a point, may be an anchor.
     pub(super) fn may_be_line_vertex(&self, at: ProofPosition, z: f64) -> bool {
         let stops = &self.all[self.range(at)];
         let heights = stops.iter().filter_map(|stop| self.lines[stop.track].height(stop.step));

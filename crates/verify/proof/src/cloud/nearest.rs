@@ -1,17 +1,17 @@
-//! The points nearest to positions, among points that come in heaps.
+//! The points nearest to positions, among points that come in chunks.
 
 use terrane_base::geom::Point;
 
-/// A position, and the nearest point seen so far.
+/// A position and the nearest point found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct NearestQuery {
     /// Column and row.
     pub at: [i32; 2],
-    /// The square of its distance, and the point: of those at one distance the lowest (by x, y and z).
+    /// The squared distance and the point; of equal distances the lowest point by x, y and z.
     pub found: Option<(i64, Point)>,
 }
 
-/// Points sorted to look for the nearest.
+/// Points sorted by x for nearest-point queries.
 #[derive(Debug)]
 pub struct ProofNearestPoints(Vec<Point>);
 
@@ -22,22 +22,27 @@ impl ProofNearestPoints {
         Self(points)
     }
 
-    /// Takes note of a point that is nearer than the one found: goes east and west until all others are further away.
+    /// Replaces the point found by a nearer one: goes east and west until all others are further away.
     pub fn improve(&self, sought: &mut NearestQuery) {
-        let [x, y] = sought.at;
+        let x = sought.at[0];
         let (west, east) = self.0.split_at(self.0.partition_point(|point| point.x < x));
-        let mut see = |point: &Point| {
-            let dx = i64::from(point.x) - i64::from(x);
-            if sought.found.is_some_and(|(far, _)| dx * dx > far) {
-                return false;
-            }
-            let dy = i64::from(point.y) - i64::from(y);
-            let here = (dx * dx + dy * dy, *point);
-            sought.found = Some(sought.found.map_or(here, |found| found.min(here)));
-            true
-        };
-        east.iter().all(&mut see);
-        west.iter().rev().all(&mut see);
+        east.iter().all(|point| sought.improve(*point));
+        west.iter().rev().all(|point| sought.improve(*point));
+    }
+}
+
+impl NearestQuery {
+    /// Takes note of a point; false when the difference in x alone is larger than the distance found.
+    fn improve(&mut self, point: Point) -> bool {
+        // In 64 bits, as differences may overflow 32.
+        let dx = i64::from(point.x) - i64::from(self.at[0]);
+        let dy = i64::from(point.y) - i64::from(self.at[1]);
+        if self.found.is_some_and(|(nearest, _)| dx * dx > nearest) {
+            return false;
+        }
+        let candidate = (dx * dx + dy * dy, point);
+        self.found = Some(self.found.map_or(candidate, |found| found.min(candidate)));
+        true
     }
 }
 

@@ -23,13 +23,13 @@ pub struct CloudProofPart<'a> {
     pub hull: &'a ProofHull,
     /// Largest vertical distance allowed; `None` to measure only.
     pub bound: Option<VerticalBound>,
-    /// Points that have to be vertices, those of the domain at least, sorted by [`order`].
+    /// Required points, at least those of the domain, sorted by [`order`].
     pub kept: &'a [Point],
-    /// Lines that edges have to follow, those that come to the domain at least.
+    /// Breaklines, at least those through the domain.
     pub lines: &'a [CloudTrack],
 }
 
-/// The order in which a [`CloudProofPart`] wants its points: by y, then x, then z.
+/// The order of points in a [`CloudProofPart`]: by y, then x, then z.
 pub fn order(point: &Point) -> (i32, i32, i32) {
     (point.y, point.x, point.z)
 }

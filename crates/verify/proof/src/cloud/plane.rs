@@ -1,4 +1,4 @@
-//! The plane of a triangle between whole steps, and how far off points are, in whole numbers.
+//! The plane of a triangle with corners at whole steps, and distances of points from it, in whole numbers.
 
 use crate::sections::floor;
 use crate::{ProofTriangle, ProofVertex};
@@ -36,13 +36,13 @@ impl ProofFacet {
     pub(super) fn new(triangle: &ProofTriangle) -> Option<Self> {
         let [a, b, c] = triangle.corners.map(|corner| whole(&corner));
         let (a, b, c) = (a?, b?, c?);
-        let arm = |p: [i64; 3]| [p[0] - a[0], p[1] - a[1], p[2] - a[2]];
-        let area = arm(b)[0] * arm(c)[1] - arm(b)[1] * arm(c)[0];
-        let arms = if area < 0 { [arm(c), arm(b)] } else { [arm(b), arm(c)] };
+        let [b, c] = [b, c].map(|p| [p[0] - a[0], p[1] - a[1], p[2] - a[2]]);
+        let area = b[0] * c[1] - b[1] * c[0];
+        let arms = if area < 0 { [c, b] } else { [b, c] };
         (area != 0).then_some(Self { origin: a, arms, area: area.abs() })
     }
 
-    /// How a point lies to the triangle; `None` when beside it.
+    /// The position of a point relative to the triangle; `None` outside of it.
     #[inline]
     pub(super) fn hit(&self, point: Point) -> Option<FacetHit> {
         let [x0, y0, z0] = self.origin;
@@ -61,11 +61,17 @@ impl ProofFacet {
             let distance = off.unsigned_abs() as f64 / self.area as f64;
             return Some(FacetHit { off: i128::from(off), distance, is_strict });
         }
-        let product = |weight: i64, height: i64| i128::from(weight) * i128::from(height);
-        let off = product(self.area, z) - product(towards_b, b[2]) - product(towards_c, c[2]);
+        let off = wide_product(self.area, z)
+            - wide_product(towards_b, b[2])
+            - wide_product(towards_c, c[2]);
         let distance = off.unsigned_abs() as f64 / self.area as f64;
         Some(FacetHit { off, distance, is_strict })
     }
+}
+
+#[inline]
+fn wide_product(a: i64, b: i64) -> i128 {
+    i128::from(a) * i128::from(b)
 }
 
 /// Position and height of a vertex, when they are whole steps within reach.

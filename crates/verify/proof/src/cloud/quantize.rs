@@ -3,11 +3,11 @@
 //! The rule: a coordinate that lies as close to a whole step as the rounding of its storage explains
 //! *is* that step. Everything further away is kept as it is.
 
-use crate::lattice_position::{SMALLEST_RADIUS, STEPS};
+use crate::lattice_position::{SMALLEST_RADIUS, STEPS, farthest};
 use crate::{ProofPosition, ProofVertex, Snap, SnapOutcome};
 use terrane_base::geom::{Point, Point3, PointFrame};
 
-/// No storage so coarse that it moves vertices by more than this (in steps) is made up for.
+/// Maximum distance in steps that rounding of storage can explain; coarser storage is not compensated.
 const LARGEST_RADIUS: f64 = 0.5;
 
 /// Maps stored vertices to the lattice of a cloud.
@@ -29,11 +29,10 @@ impl LatticeSnapper {
     ) -> Self {
         let corners = bounds.map(|corner| frame.world(corner));
         let radius = std::array::from_fn(|axis| {
-            let far = |from: f64| {
-                corners.iter().map(|corner| (corner[axis] - from).abs()).fold(0.0, f64::max)
-            };
-            let computed = f64::EPSILON / 2.0 * (far(0.0) + frame.offset[axis].abs());
-            let stored = f64::from(f32::EPSILON) / 2.0 * far(origin[axis]);
+            let coordinates = corners.map(|corner| corner[axis]);
+            let largest = farthest(&coordinates, 0.0) + frame.offset[axis].abs();
+            let computed = f64::EPSILON / 2.0 * largest;
+            let stored = f64::from(f32::EPSILON) / 2.0 * farthest(&coordinates, origin[axis]);
             let rounding = computed + if single_precision { stored } else { 0.0 };
             (STEPS * rounding / frame.scale[axis]).clamp(SMALLEST_RADIUS, LARGEST_RADIUS)
         });

@@ -1,7 +1,7 @@
-//! Things at places in the plane, found by the triangles and edges that they may touch.
+//! Spatial index of points in the plane for triangles and edges.
 //!
 //! Things are cut by their rows into strips of about equal numbers, and lie by columns within each:
-//! wherever they crowd, strips are thin, so that a search meets few that it does not want.
+//! where they are dense, strips are thin, so that a search visits few others.
 
 use std::ops::Range;
 
@@ -76,10 +76,9 @@ impl<T: StripItem> ProofStrips<T> {
             }
             let [left, right] = columns(corners, *rows);
             let from = things.start;
-            let col = |thing: &T| thing.place()[0] as f64;
             let things = &self.things[things.clone()];
-            let skip = things.partition_point(|thing| col(thing) < left);
-            let count = things[skip..].partition_point(|thing| col(thing) <= right);
+            let skip = things.partition_point(|thing| (thing.place()[0] as f64) < left);
+            let count = things[skip..].partition_point(|thing| thing.place()[0] as f64 <= right);
             if count > 0 {
                 visit(from + skip..from + skip + count);
             }

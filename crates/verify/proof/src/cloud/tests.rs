@@ -273,11 +273,12 @@ fn soup() -> impl Strategy<Value = Case> {
     let points = prop::collection::vec(point(), 3..60);
     (points, corners, prop::collection::vec(0..60usize, 0..30), 0..6u32).prop_map(
         |(points, corners, extra, halves)| {
-            let pick = |(i, x, y, odds): (usize, i64, i64, u8)| match odds {
-                0 => ProofVertex { at: ProofPosition::sample(x, y), z: 0.0 },
-                _ => vertex(&points[i % points.len()]),
-            };
-            let triangles = corners.into_iter().map(|c| ProofTriangle { corners: c.map(pick) });
+            let triangles = corners.into_iter().map(|corners| ProofTriangle {
+                corners: corners.map(|(i, x, y, odds)| match odds {
+                    0 => ProofVertex { at: ProofPosition::sample(x, y), z: 0.0 },
+                    _ => vertex(&points[i % points.len()]),
+                }),
+            });
             let triangles: Vec<ProofTriangle> = triangles.collect();
             let used = triangles.iter().flat_map(|t| t.positions()).step_by(2);
             let extra = extra.into_iter().map(|i| at(&points[i % points.len()]));
@@ -304,12 +305,12 @@ fn sheet() -> Case {
     let mut points: Vec<Point> = all().map(|(c, r)| corner(c, r)).collect();
     let vertices = points.iter().map(at).collect();
     let squares = all().filter(|&(c, r)| c < 17 && r < 13);
-    let cut = |(c, r): (i32, i32)| {
+    let triangles = squares.flat_map(|(c, r)| {
         let [a, b, d, e] =
             [(c, r), (c + 1, r), (c, r + 1), (c + 1, r + 1)].map(|(c, r)| vertex(&corner(c, r)));
         [ProofTriangle { corners: [a, b, e] }, ProofTriangle { corners: [a, e, d] }]
-    };
-    let triangles: Vec<ProofTriangle> = squares.flat_map(cut).collect();
+    });
+    let triangles: Vec<ProofTriangle> = triangles.collect();
     for (i, t) in triangles.iter().enumerate() {
         // The middle of a side, a step or two from its plane.
         let [a, b, _] = t.corners;

@@ -10,7 +10,7 @@ use crate::exact::{double_area, exceeds};
 use crate::{ErrorSpot, ProofTally, ProofTriangle};
 use terrane_base::geom::Point;
 
-/// What is known of a point.
+/// Findings on a point.
 #[derive(Clone, Copy, Debug)]
 struct VerticalFinding {
     /// The largest distance to a triangle that covers it; below 0 when none does.
@@ -35,15 +35,18 @@ pub(super) fn check(part: &CloudProofPart<'_>, tally: &mut ProofTally) {
     tally.valid += part.points.len() as u64;
     tally.surface_samples += lowest.len() as u64;
     let strips = ProofStrips::new(lowest);
-    let mut plumb =
-        VerticalDistance { found: vec![NOTHING; strips.things().len()], strips, bound: part.bound };
-    part.triangles.iter().for_each(|triangle| plumb.add(triangle));
-    plumb.finish(tally);
+    let mut distances = VerticalDistance {
+        findings: vec![NOTHING; strips.things().len()],
+        strips,
+        bound: part.bound,
+    };
+    part.triangles.iter().for_each(|triangle| distances.add(triangle));
+    distances.finish(tally);
 }
 
 struct VerticalDistance {
     strips: ProofStrips<Point>,
-    found: Vec<VerticalFinding>,
+    findings: Vec<VerticalFinding>,
     bound: Option<VerticalBound>,
 }
 
@@ -67,23 +70,23 @@ impl VerticalDistance {
     }
 
     fn add_plane(&mut self, triangle: &ProofTriangle, plane: &ProofFacet) {
-        let Self { strips, found, bound } = self;
+        let Self { strips, findings, bound } = self;
         let points = strips.things();
         strips.visit(&triangle.positions(), |range| {
             for i in range {
                 if let Some(hit) = plane.hit(points[i]) {
-                    let exactly =
-                        |bound: VerticalBound| move || bound.is_below(hit.off, plane.area);
-                    let is_over = bound.is_some_and(|b| b.is_exceeded(hit.distance, exactly(b)));
-                    found[i].meet(hit.distance, hit.is_strict, is_over);
+                    let is_over = bound.is_some_and(|bound| {
+                        bound.is_exceeded(hit.distance, || bound.is_below(hit.off, plane.area))
+                    });
+                    findings[i].meet(hit.distance, hit.is_strict, is_over);
                 }
             }
         });
     }
 
-    /// The same for a triangle with a corner that is no point of the lattice.
+    /// The same for a triangle with a corner off the lattice.
     fn add_free(&mut self, triangle: &ProofTriangle) {
-        let Self { strips, found, bound } = self;
+        let Self { strips, findings, bound } = self;
         let points = strips.things();
         let [a, b, c] = triangle.positions();
         let sign = double_area(a, b, c).signum();
@@ -95,44 +98,46 @@ impl VerticalDistance {
                     continue;
                 }
                 let distance = distance(triangle, sides, z);
-                let exactly = |b: VerticalBound| move || exceeds(triangle, at, z, b.steps());
-                let is_over =
-                    bound.is_some_and(|b| is_beyond(triangle, distance, z, b, exactly(b)));
-                found[i].meet(distance, sides.iter().all(|&side| side > 0), is_over);
+                let is_over = bound.is_some_and(|bound| {
+                    is_beyond(triangle, distance, z, bound, || {
+                        exceeds(triangle, at, z, bound.steps())
+                    })
+                });
+                findings[i].meet(distance, sides.iter().all(|&side| side > 0), is_over);
             }
         });
     }
 
     fn finish(&self, tally: &mut ProofTally) {
-        for (&point, found) in self.strips.things().iter().zip(&self.found) {
+        for (&point, findings) in self.strips.things().iter().zip(&self.findings) {
             let at = position(point);
-            if found.distance < 0.0 {
+            if findings.distance < 0.0 {
                 tally.uncovered.add(at);
                 continue;
             }
             tally.covered += 1;
-            tally.errors.add(found.distance);
-            tally.squares.add(found.distance * found.distance);
-            tally.spot(ErrorSpot { error: found.distance, at });
-            if found.is_over {
+            tally.errors.add(findings.distance);
+            tally.squares.add(findings.distance * findings.distance);
+            tally.spot(ErrorSpot { error: findings.distance, at });
+            if findings.is_over {
                 tally.over.add(at);
             }
-            if found.is_overlapped {
+            if findings.is_overlapped {
                 tally.overlaps.add(at);
             }
             if let Some(bound) = self.bound {
-                tally.histogram[bin(found, bound)] += 1;
+                tally.histogram[bin(findings, bound)] += 1;
             }
         }
     }
 }
 
 /// Which twentieth of the bound the distance is in, or the bin of those over.
-fn bin(found: &VerticalFinding, bound: VerticalBound) -> usize {
+fn bin(findings: &VerticalFinding, bound: VerticalBound) -> usize {
     let bins = ProofTally::BINS;
     // 0 / 0 is NaN, which casts to bin 0.
-    let bin = (found.distance * bins as f64 / bound.steps()) as usize;
-    if found.is_over { bins } else { bin.min(bins - 1) }
+    let bin = (findings.distance * bins as f64 / bound.steps()) as usize;
+    if findings.is_over { bins } else { bin.min(bins - 1) }
 }
 
 /// The distance of a height to the plane of a triangle where these are the weights of its corners.
@@ -149,8 +154,8 @@ fn is_beyond(
     bound: VerticalBound,
     exactly: impl FnOnce() -> bool,
 ) -> bool {
-    let most = triangle.corners.iter().map(|corner| (corner.z - z).abs()).fold(0.0, f64::max);
-    let doubt = most * 2f64.powi(-44);
+    let max = triangle.corners.iter().map(|corner| (corner.z - z).abs()).fold(0.0, f64::max);
+    let doubt = max * 2f64.powi(-44);
     if distance + doubt < bound.steps() {
         return false;
     }
@@ -177,14 +182,14 @@ mod tests {
             let mut points: Vec<Point> = points.iter().map(|p| Point::new(p[0], p[1], p[2])).collect();
             points.sort_unstable_by_key(crate::cloud::order);
             let plumb = || {
-                let found = vec![NOTHING; points.len()];
+                let findings = vec![NOTHING; points.len()];
                 let bound = Some(VerticalBound::new(f64::from(halves), 2.0));
-                VerticalDistance { strips: ProofStrips::new(points.clone()), found, bound }
+                VerticalDistance { strips: ProofStrips::new(points.clone()), findings, bound }
             };
             let (mut whole, mut free) = (plumb(), plumb());
             whole.add(&triangle);
             free.add_free(&triangle);
-            for (a, b) in whole.found.iter().zip(&free.found) {
+            for (a, b) in whole.findings.iter().zip(&free.findings) {
                 prop_assert!((a.distance - b.distance).abs() < 1e-12);
                 prop_assert_eq!((a.is_over, a.is_inside), (b.is_over, b.is_inside));
             }
@@ -199,9 +204,9 @@ mod tests {
         let judge = |tolerance: f64| {
             let bound = Some(VerticalBound::new(tolerance, 1.0));
             let strips = ProofStrips::new(vec![Point::new(1, 1, 3)]);
-            let mut plumb = VerticalDistance { strips, found: vec![NOTHING], bound };
+            let mut plumb = VerticalDistance { strips, findings: vec![NOTHING], bound };
             plumb.add(&triangle);
-            plumb.found[0]
+            plumb.findings[0]
         };
         assert_eq!((judge(2.5).distance, judge(2.5).is_over), (2.5, false));
         assert!(judge(2.5f64.next_down()).is_over);

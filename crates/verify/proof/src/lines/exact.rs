@@ -1,4 +1,4 @@
-//! Which side, what meets, which way round: decided from floats as they are, without rounding.
+//! Exact predicates on floats: side of a segment, intersection, orientation.
 
 use std::cmp::Ordering;
 
@@ -26,8 +26,9 @@ pub(super) fn meet(s: [Xy; 2], t: [Xy; 2]) -> bool {
     if a * b < 0 && c * d < 0 {
         return true;
     }
-    let within = |p: Xy, r: [Xy; 2], side: i32| side == 0 && p != r[0] && p != r[1] && in_box(p, r);
-    within(t[0], s, a) || within(t[1], s, b) || within(s[0], t, c) || within(s[1], t, d)
+    [(t[0], s, a), (t[1], s, b), (s[0], t, c), (s[1], t, d)]
+        .into_iter()
+        .any(|(p, r, side)| side == 0 && p != r[0] && p != r[1] && in_box(p, r))
 }
 
 pub(super) fn in_box(p: Xy, [a, b]: [Xy; 2]) -> bool {

@@ -1,10 +1,10 @@
-//! Which vertices of the original those of the result are.
+//! Matching of the vertices of the result with those of the original.
 
 use super::exact::Xy;
 use super::measure::ProofDistance;
 
-/// Vertices at one position that are tried for one of the result: lines pass few positions so often.
-/// Where that does not do, more are, and all of those of a short part.
+/// Vertices at one position that are tried for one of the result. If the tolerance is exceeded, more are tried,
+/// and all those of a short part.
 const FEW_TRIED: usize = 8;
 const MANY_TRIED: usize = 64;
 const SHORT: usize = 512;
@@ -19,8 +19,7 @@ struct MatchingNode {
     back: u32,
 }
 
-/// A position as bits that are the same for the same numbers, -0 and 0 among them, and what else has to
-/// be the same.
+/// A position, height and measure as bits that are the same for the same numbers, -0 and 0 among them.
 type Key = [u64; 4];
 
 fn bits(value: f64) -> u64 {
@@ -36,10 +35,10 @@ fn is_same(p: &[f64; 2], q: &[f64; 2]) -> bool {
 pub struct PartVertices<'a> {
     /// x, y and z; z is 0 where there is none.
     pub points: &'a [[f64; 3]],
-    /// Heights and measures that have to be those of the original, NaN where there is none; empty where
-    /// they are not compared.
+    /// Heights and measures to be compared with the original, NaN where there is none; empty without a
+    /// comparison.
     pub extras: &'a [[f64; 2]],
-    /// The ring that it is a hole of, where that is gone.
+    /// The outer ring of a hole, where that ring is missing.
     pub outer: &'a [[f64; 3]],
 }
 
@@ -56,29 +55,33 @@ pub(super) struct ResultPart {
     pub(super) points: Vec<[f64; 3]>,
     /// As in [`PartVertices`].
     pub(super) extras: Vec<[f64; 2]>,
-    /// Vertices are the same where their heights and measures are, too.
+    /// Vertices match only with equal heights and measures.
     pub(super) with_extras: bool,
 }
 
 impl ResultPart {
-    fn key(&self, point: &[f64; 3], extras: Option<&[f64; 2]>) -> Key {
-        let [z, m] = extras.filter(|_| self.with_extras).copied().unwrap_or_default();
-        [point[0], point[1], z, m].map(bits)
+    /// The keys of vertices, whose heights and measures may be missing.
+    fn keys(&self, points: &[[f64; 3]], extras: &[[f64; 2]]) -> impl Iterator<Item = Key> {
+        points.iter().enumerate().map(move |(at, point)| {
+            let extras = extras.get(at).filter(|_| self.with_extras);
+            let [z, m] = extras.copied().unwrap_or_default();
+            [point[0], point[1], z, m].map(bits)
+        })
     }
 }
 
-/// A part, and the one it was made from.
+/// A part of the result and its original.
 pub(super) struct PartMatching<'a> {
     distance: ProofDistance,
     /// Vertices of the original, a ring's last left out.
     old: &'a [[f64; 3]],
-    own: ResultPart,
-    /// What tells the vertices of the result; a ring begins with one that is rarest in the original, at
-    /// `first`, and ends with it.
+    result: ResultPart,
+    /// Keys of the vertices of the result; a ring begins and ends with the vertex that is rarest in the original,
+    /// number `first` of the result.
     new: Vec<Key>,
     first: usize,
     is_ring: bool,
-    /// Where which vertex is in the original, sorted.
+    /// Keys and indices of the vertices of the original, sorted.
     places: Vec<(Key, u32)>,
 }
 
@@ -87,17 +90,14 @@ impl<'a> PartMatching<'a> {
     pub(super) fn new(
         distance: ProofDistance,
         before: PartVertices<'a>,
-        own: ResultPart,
+        result: ResultPart,
         is_ring: bool,
     ) -> Self {
         let all = before.points;
         let old = if is_ring && all.len() > 1 { &all[..all.len() - 1] } else { all };
-        let key_of = |(at, point): (usize, &[f64; 3])| own.key(point, before.extras.get(at));
-        let mut places: Vec<(Key, u32)> = old.iter().enumerate().map(key_of).zip(0..).collect();
+        let mut places: Vec<(Key, u32)> = result.keys(old, before.extras).zip(0..).collect();
         places.sort_unstable();
-        let keys = own.points.iter().enumerate();
-        let mut new: Vec<Key> =
-            keys.map(|(at, point)| own.key(point, own.extras.get(at))).collect();
+        let mut new: Vec<Key> = result.keys(&result.points, &result.extras).collect();
         let mut first = 0;
         if is_ring && new.len() > 1 {
             new.pop();
@@ -106,7 +106,7 @@ impl<'a> PartMatching<'a> {
             new.rotate_left(first);
             new.push(new[0]);
         }
-        Self { distance, old, own, new, first, is_ring, places }
+        Self { distance, old, result, new, first, is_ring, places }
     }
 
     /// The indices of a vertex of the result in the original.
@@ -126,13 +126,13 @@ impl<'a> PartMatching<'a> {
 
     /// The vertices of the result.
     pub(super) fn new_points(&self) -> &[[f64; 3]] {
-        &self.own.points
+        &self.result.points
     }
 
-    /// The vertices of the original that those of the result are, in order and from any start of a ring;
-    /// where a position comes repeatedly, so that the largest distance is least, as far as the tolerance
-    /// asks for it. Beyond its end a ring begins again. `None` when the result was not made from it. With
-    /// the largest distance, which is 0 where there is no choice.
+    /// The largest distance and, for each vertex of the result in order, its index in the original; a ring may
+    /// begin anywhere, and indices continue beyond its end. Where positions repeat, the match minimizes the
+    /// largest distance, unless the first one found is within the tolerance; without a choice the distance is
+    /// 0. `None` if the result does not match.
     pub(super) fn best(&self, tolerance: Option<f64>) -> Option<(f64, Vec<u32>)> {
         if self.old.is_empty() {
             return None;
@@ -144,10 +144,11 @@ impl<'a> PartMatching<'a> {
             return Some((0.0, places));
         }
         let found = self.tried(FEW_TRIED);
-        let is_enough =
-            found.as_ref().is_some_and(|(worst, _)| tolerance.is_none_or(|most| *worst <= most));
-        let many = if self.old.len() <= SHORT { 2 * SHORT } else { MANY_TRIED };
-        if is_enough { found } else { self.tried(many).or(found) }
+        let is_enough = found
+            .as_ref()
+            .is_some_and(|(worst, _)| tolerance.is_none_or(|tolerance| *worst <= tolerance));
+        let max_tried = if self.old.len() <= SHORT { 2 * SHORT } else { MANY_TRIED };
+        if is_enough { found } else { self.tried(max_tried).or(found) }
     }
 
     /// The match of a ring of which nothing was left out. O(n).
@@ -159,22 +160,16 @@ impl<'a> PartMatching<'a> {
         let mut old = vec![Key::default(); count];
         self.places.iter().for_each(|(key, at)| old[*at as usize] = *key);
         let new = &self.new[..count];
-        // For each beginning of the ring, the longest shorter one that it ends with.
-        let mut again = vec![0; count];
-        let grown = |again: &[usize], mut length: usize, key: &Key| {
-            while length > 0 && new[length] != *key {
-                length = again[length - 1];
-            }
-            length + usize::from(new[length] == *key)
-        };
+        // For each prefix of the ring, its longest proper suffix that is a prefix, too.
+        let mut borders = vec![0; count];
         for at in 1..count {
-            again[at] = grown(&again, again[at - 1], &new[at]);
+            borders[at] = next_match(new, &borders, borders[at - 1], &new[at]);
         }
         let mut length = 0;
         // Twice around the original, so that every start is met (Knuth, Morris & Pratt 1977): linear, where a
         // comparison from each start is quadratic for rings that come to positions again and again.
         for at in 0..2 * count {
-            length = grown(&again, length, &old[at % count]);
+            length = next_match(new, &borders, length, &old[at % count]);
             if length == count {
                 let start = (at + 1 - count) as u32;
                 return Some((start..=start + count as u32).collect());
@@ -183,29 +178,29 @@ impl<'a> PartMatching<'a> {
         None
     }
 
-    /// The best of those matches that try so many vertices at one position.
-    fn tried(&self, most: usize) -> Option<(f64, Vec<u32>)> {
+    /// The best match that tries at most `max_tried` vertices at one position.
+    fn tried(&self, max_tried: usize) -> Option<(f64, Vec<u32>)> {
         let last = (self.old.len() as u32).checked_sub(1)?;
         let starts: Vec<u32> = match self.is_ring {
-            true => self.places_of(&self.new[0]).iter().map(|p| p.1).take(most).collect(),
+            true => self.places_of(&self.new[0]).iter().map(|p| p.1).take(max_tried).collect(),
             false => vec![0],
         };
         let tried = starts.into_iter().filter_map(|start| {
-            self.from(start, if self.is_ring { start + last + 1 } else { last }, most)
+            self.from(start, if self.is_ring { start + last + 1 } else { last }, max_tried)
         });
         tried.min_by(|p, q| p.0.total_cmp(&q.0))
     }
 
-    /// Where heights or measures are not those of the original.
+    /// Positions of changed heights and measures.
     pub(super) fn changed(&self, places: &[u32], before: PartVertices<'_>) -> Vec<Xy> {
-        let ResultPart { points, extras, .. } = &self.own;
+        let ResultPart { points, extras, .. } = &self.result;
         let count = if self.is_ring { points.len() - 1 } else { points.len() };
-        let is_changed = |at: &usize| {
-            let place = places[(at + count - self.first) % count];
-            !is_same(&extras[*at], &before.extras[self.wrapped(place)])
-        };
-        let mut changed: Vec<usize> = (0..count).filter(is_changed).collect();
-        let ends = |of: &[[f64; 2]]| [of[0], of[of.len() - 1]];
+        let mut changed: Vec<usize> = (0..count)
+            .filter(|at| {
+                let place = places[(at + count - self.first) % count];
+                !is_same(&extras[*at], &before.extras[self.wrapped(place)])
+            })
+            .collect();
         let [first, last] = ends(extras);
         // A ring is closed in height, unless the original is not and begins there, too.
         if self.is_ring && !is_same(&first, &last) {
@@ -218,7 +213,7 @@ impl<'a> PartMatching<'a> {
         changed.into_iter().map(|at| [points[at][0], points[at][1]]).collect()
     }
 
-    /// The one match of a part that comes to no position twice.
+    /// The only match of a part without repeated positions.
     fn only(&self) -> Option<Vec<u32>> {
         let count = self.old.len() as u32;
         let mut places: Vec<u32> = Vec::with_capacity(self.new.len());
@@ -240,8 +235,8 @@ impl<'a> PartMatching<'a> {
         self.new.len() == 1 && self.places.iter().all(|(key, _)| *key == self.new[0])
     }
 
-    /// The best match from one vertex of the original to another, and its largest distance.
-    fn from(&self, start: u32, end: u32, most: usize) -> Option<(f64, Vec<u32>)> {
+    /// The largest distance of the best match from one vertex of the original to another, and the match.
+    fn from(&self, start: u32, end: u32, max_tried: usize) -> Option<(f64, Vec<u32>)> {
         let count = self.old.len() as u32;
         let mut nodes = vec![MatchingNode { at: start, worst: 0.0, back: 0 }];
         let mut layer = 0..1;
@@ -256,7 +251,7 @@ impl<'a> PartMatching<'a> {
                 .filter(|&at| at > after && if is_last { at == end } else { at < end })
                 .collect();
             candidates.sort_unstable();
-            candidates.truncate(most);
+            candidates.truncate(max_tried);
             let next = nodes.len();
             nodes.extend(self.reached(&nodes[layer.clone()], layer.start, &candidates));
             layer = next..nodes.len();
@@ -274,16 +269,18 @@ impl<'a> PartMatching<'a> {
         Some((worst, places))
     }
 
-    /// Of vertices at one position, those that are reached from a layer, whose vertices are at one position,
-    /// too, each in the best way; `first` is the number of the first of the layer. O(n).
+    /// The candidates, all at one position, that are reachable from a layer of nodes at one position, each with
+    /// its best predecessor; `first` is the number of the first node of the layer. O(n).
     fn reached(
         &self,
         layer: &[MatchingNode],
         first: usize,
         candidates: &[u32],
     ) -> Vec<MatchingNode> {
-        let unknown = |&at: &u32| MatchingNode { at, worst: f64::INFINITY, back: u32::MAX };
-        let mut all: Vec<MatchingNode> = candidates.iter().map(unknown).collect();
+        let mut all: Vec<MatchingNode> = candidates
+            .iter()
+            .map(|&at| MatchingNode { at, worst: f64::INFINITY, back: u32::MAX })
+            .collect();
         let from = self.heights(layer.iter().map(|node| node.at));
         let to = self.heights(candidates.iter().copied());
         for (&a, &b) in from.iter().flat_map(|a| to.iter().map(move |b| (a, b))) {
@@ -293,8 +290,8 @@ impl<'a> PartMatching<'a> {
         all
     }
 
-    /// Goes along the original from the first of a layer to the last candidate, and joins those of the one at
-    /// `a` with those of the other at `b`: whatever is between is so far off the one segment.
+    /// Walks along the original from the first node of a layer to the last candidate, and joins nodes at `a`
+    /// with candidates at `b`: all have the same segment, so the largest distance is updated incrementally.
     fn sweep(
         &self,
         layer: &[MatchingNode],
@@ -318,9 +315,9 @@ impl<'a> PartMatching<'a> {
             if let Some((worst, _)) = &mut best {
                 *worst = worst.max(self.distance.of(self.vertex(at), a, b));
             }
-            let own = left.next_if(|(_, node)| node.at == at).filter(|_| self.place(at) == a);
+            let node = left.next_if(|(_, node)| node.at == at).filter(|_| self.place(at) == a);
             if let Some((back, node)) =
-                own.filter(|own| best.is_none_or(|best| own.1.worst < best.0))
+                node.filter(|(_, node)| best.is_none_or(|best| node.worst < best.0))
             {
                 best = Some((node.worst, back));
             }
@@ -338,21 +335,33 @@ impl<'a> PartMatching<'a> {
         places
     }
 
-    /// What of a vertex tells in distances.
+    /// The coordinates of a vertex that count in distances.
     fn place(&self, at: u32) -> [f64; 3] {
         let [x, y, z] = self.vertex(at);
         [x, y, if self.distance == ProofDistance::Space { z } else { 0.0 }]
     }
 
-    /// The largest distance strictly between two vertices, and whose it is.
+    /// The largest distance strictly between two vertices, and the vertex that has it.
     pub(super) fn farthest(&self, from: u32, to: u32) -> (f64, u32) {
         let (a, b) = (self.vertex(from), self.vertex(to));
-        let off = |v: u32| self.distance.of(self.vertex(v), a, b);
-        (from + 1..to).fold((0.0, from), |most, v| {
-            let off = off(v);
-            if off > most.0 { (off, v) } else { most }
+        (from + 1..to).fold((0.0, from), |farthest, v| {
+            let distance = self.distance.of(self.vertex(v), a, b);
+            if distance > farthest.0 { (distance, v) } else { farthest }
         })
     }
+}
+
+/// The length of the prefix of `pattern` that is matched after one more key, when `length` were matched before.
+fn next_match(pattern: &[Key], borders: &[usize], mut length: usize, key: &Key) -> usize {
+    while length > 0 && pattern[length] != *key {
+        length = borders[length - 1];
+    }
+    length + usize::from(pattern[length] == *key)
+}
+
+/// The first and the last of some heights and measures.
+fn ends(extras: &[[f64; 2]]) -> [[f64; 2]; 2] {
+    [extras[0], extras[extras.len() - 1]]
 }
 
 fn places_of<'a>(places: &'a [(Key, u32)], key: &Key) -> &'a [(Key, u32)] {

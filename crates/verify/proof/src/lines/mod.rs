@@ -1,11 +1,10 @@
 //! Independent proof of simplified lines: distances, crossings, rings, sides and shared borders. Shares
 //! no line with what simplifies them.
 //!
-//! Parts (lines and rings) are compared one by one with those they were made from ([`PartComparison`]): how
-//! far off is what was left out, which rings have collapsed or turned over. What is left of that, the
-//! stretches of the originals and the segments in their place ([`LineProofPieces`]), is then looked at together,
-//! one band of x after the other ([`judge`]): what meets, which side things are on, which borders are
-//! shared. No figure depends on the bands. Everything is decided from positions: vertices at the same x
+//! Parts (lines and rings) are compared one by one with their originals ([`PartComparison`]): distances of removed
+//! vertices, collapsed and turned rings. The stretches of the originals and the segments in their place
+//! ([`LineProofPieces`]) are then judged together, one band of x after the other ([`judge`]): crossings, sides and
+//! shared borders. No figure depends on the bands. Everything is decided from positions: vertices at the same x
 //! and y are the same.
 
 mod crossings;
@@ -50,6 +49,12 @@ impl ProofLines<'_> {
         &self.points[self.starts[part]..self.starts[part + 1]]
     }
 
+    /// Whether a part ends at the x and y where it begins.
+    fn is_closed(&self, part: usize) -> bool {
+        let [first, last] = [self.part(part).first(), self.part(part).last()];
+        first.map(|p| [p[0], p[1]]) == last.map(|p| [p[0], p[1]])
+    }
+
     fn check(&self, name: &str) -> Result<()> {
         let n = self.points.len();
         if u32::try_from(n).is_err() {
@@ -60,18 +65,13 @@ impl ProofLines<'_> {
             && self.starts.last() == Some(&n)
             && self.starts.windows(2).all(|pair| pair[0] <= pair[1]);
         if !flat {
-            return Err(Error::usage("parts do not begin where the ones before them end").at(name));
+            return Err(Error::usage("parts are not contiguous").at(name));
         }
-        let sound = |v: &f64| v.abs() < 1e130;
-        if let Some(at) = self.points.iter().position(|p| !p.iter().all(sound)) {
-            return Err(Error::bad_input("a coordinate is not finite, or too large")
+        if let Some(at) = self.points.iter().position(|p| !p.iter().all(|v| v.abs() < 1e130)) {
+            return Err(Error::bad_input("coordinate is not finite, or exceeds 1e130")
                 .at(format!("{name}, vertex {at}")));
         }
-        let open = |&part: &usize| {
-            let ends = [self.part(part).first(), self.part(part).last()];
-            self.closed[part] && ends[0].map(|p| [p[0], p[1]]) != ends[1].map(|p| [p[0], p[1]])
-        };
-        match (0..self.count()).find(open) {
+        match (0..self.count()).find(|&part| self.closed[part] && !self.is_closed(part)) {
             Some(part) => Err(Error::bad_input("a ring does not end where it begins")
                 .at(format!("{name}, part {part}"))),
             None => Ok(()),
@@ -79,14 +79,14 @@ impl ProofLines<'_> {
     }
 }
 
-/// What is to be checked.
+/// Lines to be checked against their originals.
 #[derive(Clone, Copy, Debug)]
 pub struct LineQuestion<'a> {
     /// The lines before.
     pub original: ProofLines<'a>,
     /// The lines after: as many parts, in the same order, without vertices where one was dropped.
     pub simplified: ProofLines<'a>,
-    /// Positions that were to stay on their side of every part.
+    /// Positions that must stay on their side of every part.
     pub points: &'a [[f64; 2]],
     /// How distances are measured.
     pub distance: ProofDistance,
@@ -106,7 +106,7 @@ pub fn check(question: &LineQuestion<'_>) -> Result<LineCheckReport> {
     check_by(question, BAND_VERTICES)
 }
 
-/// Vertices to a band, about: what a band takes in memory is some hundred times as many bytes.
+/// Vertices of a band, about; it takes some hundred bytes for each.
 pub const BAND_VERTICES: usize = 1 << 17;
 
 fn check_by(question: &LineQuestion<'_>, band: usize) -> Result<LineCheckReport> {
@@ -131,8 +131,8 @@ fn check_by(question: &LineQuestion<'_>, band: usize) -> Result<LineCheckReport>
     Ok(report)
 }
 
-/// Looks at all pieces in a band together, and at `points` that were to stay on their side. `pieces`
-/// are those of at least that band.
+/// Judges the pieces in a band together, and `points` that must stay on their side. `pieces` covers at least
+/// that band.
 pub fn judge(pieces: &LineProofPieces, points: &[Xy], band: XRange) -> LineCheckReport {
     let mut report = LineCheckReport::default();
     crossings::count(pieces, band, &mut report);

@@ -1,4 +1,4 @@
-//! A part beside the one it was made from.
+//! Comparison of a part with its original.
 
 use super::exact::{Xy, area_sign};
 use super::gone::lies_along_a_segment;
@@ -7,7 +7,7 @@ use super::measure::ProofDistance;
 use super::pieces::{LineProofPieces, PieceKind};
 use super::report::{LineCheckReport, ProofFarthestVertex};
 
-/// How parts are compared with those they were made from.
+/// Comparison of parts with their originals.
 #[derive(Clone, Copy, Debug)]
 pub struct PartComparison {
     /// How distances are measured.
@@ -21,7 +21,7 @@ pub struct PartComparison {
 /// Which parts may have been dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DroppedParts {
-    /// None.
+    /// No part.
     None,
     /// Rings with two vertices whose segment has all others within the tolerance, and with them their
     /// holes that lie within it, too.
@@ -31,9 +31,8 @@ pub enum DroppedParts {
 }
 
 impl PartComparison {
-    /// Compares part number `part` after with what it was before, and adds its pieces to those that are
-    /// to be looked at together. A ring ends with the vertex it begins with, and may be given the other
-    /// way round; a part without vertices has been dropped. O(n log n).
+    /// Compares part number `part` with its original and adds its pieces. A ring ends with the vertex it begins
+    /// with, and may be reversed; a part without vertices has been dropped. O(n log n).
     pub fn part(
         &self,
         part: u32,
@@ -46,15 +45,14 @@ impl PartComparison {
         report.vertices[0] += before.points.len() as u64;
         report.vertices[1] += after.points.len() as u64;
         report.parts += u64::from(!after.points.is_empty());
-        let all = |points: &[[f64; 3]]| points.iter().map(|&p| (flat(p), true)).collect::<Vec<_>>();
         let Some(&first) = after.points.first() else {
             self.gone(part, before, is_ring, report);
-            return pieces.push(part, PieceKind::Gone, all(before.points).into_iter());
+            return pieces.push_unmatched(part, PieceKind::Gone, before.points);
         };
         let Some(matched) = MatchedPart::best(self, before, after, is_ring) else {
             report.foreign.add(part, flat(first));
-            pieces.push(part, PieceKind::Gone, all(before.points).into_iter());
-            return pieces.push(part, PieceKind::Stranger, all(after.points).into_iter());
+            pieces.push_unmatched(part, PieceKind::Gone, before.points);
+            return pieces.push_unmatched(part, PieceKind::Stranger, after.points);
         };
         let MatchedPart { matching, places, changed } = &matched;
         if is_ring {
@@ -73,7 +71,7 @@ impl PartComparison {
         pieces.push(part, PieceKind::Kept, vertices);
     }
 
-    /// Judges a part that is gone.
+    /// Judges a missing part.
     fn gone(
         &self,
         part: u32,
@@ -83,23 +81,26 @@ impl PartComparison {
     ) {
         let Some(&first) = before.points.first() else { return };
         report.dropped += 1;
-        let along = |ring: &[[f64; 3]], others: &[[f64; 3]]| match self.tolerance {
-            Some(tolerance) => lies_along_a_segment(self.distance, ring, others, tolerance),
-            None => None,
-        };
-        let could = match self.drops {
+        let may_be_gone = match self.drops {
             DroppedParts::Any => Some(true),
-            DroppedParts::Thin if is_ring => match along(before.points, &[]) {
-                Some(false) if !before.outer.is_empty() => along(before.outer, before.points),
-                could => could,
+            DroppedParts::Thin if is_ring => match self.is_thin(before.points, &[]) {
+                Some(false) if !before.outer.is_empty() => {
+                    self.is_thin(before.outer, before.points)
+                }
+                is_thin => is_thin,
             },
             _ => Some(false),
         };
-        match could {
+        match may_be_gone {
             Some(true) => {}
             Some(false) => report.missing.add(part, flat(first)),
             None => report.unknown += 1,
         }
+    }
+
+    /// Whether a ring with its holes fits a segment within the tolerance; `None` where that is not known.
+    fn is_thin(&self, ring: &[[f64; 3]], holes: &[[f64; 3]]) -> Option<bool> {
+        lies_along_a_segment(self.distance, ring, holes, self.tolerance?)
     }
 
     /// Measures how far the vertices between two that were kept are off the segment between these.
@@ -112,21 +113,22 @@ impl PartComparison {
         report: &mut LineCheckReport,
     ) {
         let (distance, vertex) = matching.farthest(from, to);
-        let place = |v: u32| flat(matching.vertex(v));
         if to - from > 1 && report.farthest.is_none_or(|f| distance > f.distance) {
-            report.farthest = Some(ProofFarthestVertex { distance, part, at: place(vertex) });
+            let at = flat(matching.vertex(vertex));
+            report.farthest = Some(ProofFarthestVertex { distance, part, at });
         }
         let Some(tolerance) = self.tolerance.filter(|&t| distance > t) else { return };
         let (a, b) = (matching.vertex(from), matching.vertex(to));
         for v in from + 1..to {
-            if self.distance.of(matching.vertex(v), a, b) > tolerance {
-                report.beyond.add(part, place(v));
+            let vertex = matching.vertex(v);
+            if self.distance.of(vertex, a, b) > tolerance {
+                report.beyond.add(part, flat(vertex));
             }
         }
     }
 }
 
-/// A part, and which vertices of the one it was made from its own are.
+/// A part of the result and the indices of its vertices in the original.
 struct MatchedPart<'a> {
     matching: PartMatching<'a>,
     places: Vec<u32>,
@@ -135,8 +137,8 @@ struct MatchedPart<'a> {
 }
 
 impl<'a> MatchedPart<'a> {
-    /// The vertices with their heights and measures, or else by their positions alone; those of a ring
-    /// forward or backward, whichever keeps the tolerance, and the sign of its area where both do.
+    /// The best match by position, height and measure, or else by position alone. A ring is matched in both
+    /// directions: the one within the tolerance counts, or the one with the sign of the original area.
     fn best(
         by: &PartComparison,
         before: PartVertices<'a>,
@@ -160,7 +162,7 @@ impl<'a> MatchedPart<'a> {
                 let changed =
                     if has_extras { matching.changed(&places, before) } else { Vec::new() };
                 let found = Self { matching, places, changed };
-                let faults = [by.tolerance.is_some_and(|most| worst > most), !is_same];
+                let faults = [by.tolerance.is_some_and(|tolerance| worst > tolerance), !is_same];
                 if faults == [false; 2] {
                     return Some(found);
                 }
@@ -185,6 +187,7 @@ fn count_area(part: u32, before: &[[f64; 3]], after: &[[f64; 3]], report: &mut L
     }
 }
 
-fn flat(p: [f64; 3]) -> Xy {
+/// x and y of a vertex.
+pub(super) fn flat(p: [f64; 3]) -> Xy {
     [p[0], p[1]]
 }

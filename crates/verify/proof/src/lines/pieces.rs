@@ -3,13 +3,14 @@
 use std::ops::Range;
 
 use super::exact::Xy;
+use super::parts::flat;
 
 /// A range of x, half-open.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct XRange {
-    /// The least x.
+    /// The minimum x.
     pub from: f64,
-    /// The least x beyond.
+    /// The x where it ends, exclusive.
     pub to: f64,
 }
 
@@ -28,14 +29,14 @@ impl XRange {
     }
 }
 
-/// What a run of vertices is.
+/// Kind of a run of vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PieceKind {
     /// Vertices of an original part; between those that were kept, a segment replaces a stretch.
     Kept,
-    /// An original part, or some of it, that nothing is known to have replaced.
+    /// An original part without a known replacement.
     Gone,
-    /// A part of the result that was made from no original part.
+    /// A part of the result without an original.
     Stranger,
 }
 
@@ -48,7 +49,7 @@ struct PieceRun {
     span: [f64; 2],
 }
 
-/// A stretch of a part, and what is in its place.
+/// A stretch of a part, and the segment in its place.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LineProofPiece<'a> {
     pub(super) part: u32,
@@ -82,7 +83,7 @@ pub struct LineProofPieces {
 }
 
 impl LineProofPieces {
-    /// None yet, of those that reach into `band`.
+    /// Without pieces yet, for those that reach into `band`.
     pub fn new(band: XRange) -> Self {
         Self { band, points: Vec::new(), is_end: Vec::new(), runs: Vec::new() }
     }
@@ -92,13 +93,13 @@ impl LineProofPieces {
         self.band
     }
 
-    /// Bytes held.
+    /// Bytes in memory.
     pub fn bytes(&self) -> u64 {
         let vertices = self.points.len() * (size_of::<Xy>() + size_of::<bool>());
         (vertices + self.runs.len() * size_of::<PieceRun>()) as u64
     }
 
-    /// Adds vertices of a part, with those marked that end pieces, the first and the last among them.
+    /// Adds vertices of a part; marks say which end pieces, the first and the last included.
     pub(super) fn push(
         &mut self,
         part: u32,
@@ -120,10 +121,14 @@ impl LineProofPieces {
         }
     }
 
-    /// Makes the band narrower, so that it ends where about half of what is held begins beyond it;
-    /// false when nothing begins within it. O(n).
+    /// Adds a part without a counterpart: each of its segments is a piece.
+    pub(super) fn push_unmatched(&mut self, part: u32, kind: PieceKind, points: &[[f64; 3]]) {
+        self.push(part, kind, points.iter().map(|&p| (flat(p), true)));
+    }
+
+    /// Narrows the band to the median of where pieces begin; false when no piece begins within it. O(n).
     pub fn halve(&mut self) -> bool {
-        /// Pieces to one whose x is looked at.
+        /// Every so many pieces one is sampled.
         const SAMPLED: usize = 16;
         let lows = self.pieces(0..self.runs.len()).map(|piece| span(piece.points)[0]);
         let within = lows.filter(|&x| self.band.from < x);
@@ -135,14 +140,14 @@ impl LineProofPieces {
         true
     }
 
-    /// Bands that divide this one, with about `most` vertices that begin in each.
-    pub fn bands(&self, most: usize) -> Vec<XRange> {
-        /// Vertices to one whose x is looked at.
+    /// Bands that divide this one, with about `size` vertices in each.
+    pub fn bands(&self, size: usize) -> Vec<XRange> {
+        /// Every so many vertices one is sampled.
         const SAMPLED: usize = 64;
         let mut sample: Vec<f64> = self.points.iter().step_by(SAMPLED).map(|p| p[0]).collect();
         sample.sort_unstable_by(f64::total_cmp);
         let mut borders = vec![self.band.from];
-        borders.extend(sample.into_iter().step_by((most / SAMPLED).max(1)).skip(1));
+        borders.extend(sample.into_iter().step_by((size / SAMPLED).max(1)).skip(1));
         borders.retain(|&x| self.band.from <= x && x < self.band.to);
         borders.push(self.band.to);
         borders.dedup();
@@ -173,8 +178,11 @@ impl LineProofPieces {
     fn pieces(&self, runs: Range<usize>) -> impl Iterator<Item = LineProofPiece<'_>> + Clone {
         runs.flat_map(move |run| {
             let PieceRun { part, kind, .. } = self.runs[run];
-            let of = move |range| LineProofPiece { part, kind, points: &self.points[range] };
-            self.stretches(self.range(run)).map(of)
+            self.stretches(self.range(run)).map(move |range| LineProofPiece {
+                part,
+                kind,
+                points: &self.points[range],
+            })
         })
     }
 
@@ -188,7 +196,7 @@ impl LineProofPieces {
         })
     }
 
-    /// Cuts out of the runs from one on what does not reach into the band.
+    /// Removes pieces outside the band from the runs from `first` on.
     fn cut(&mut self, first: usize) {
         let runs = self.runs.split_off(first);
         let mut start = self.runs.last().map_or(0, |run| run.end);
@@ -197,9 +205,9 @@ impl LineProofPieces {
             for left in self.inside(start..run.end) {
                 self.points.copy_within(left.clone(), end);
                 self.is_end.copy_within(left.clone(), end);
-                let begun = end;
+                let first = end;
                 end += left.len();
-                self.runs.push(PieceRun { end, span: span(&self.points[begun..end]), ..run });
+                self.runs.push(PieceRun { end, span: span(&self.points[first..end]), ..run });
             }
             start = run.end;
         }
@@ -207,14 +215,18 @@ impl LineProofPieces {
         self.is_end.truncate(end);
     }
 
+    /// True when vertices reach into the band.
+    fn is_near(&self, vertices: &Range<usize>) -> bool {
+        self.band.meets(span(&self.points[vertices.clone()]))
+    }
+
     /// The longest ranges of a run's vertices whose pieces all reach into the band.
     fn inside(&self, run: Range<usize>) -> Vec<Range<usize>> {
-        let is_near = |range: &Range<usize>| self.band.meets(span(&self.points[range.clone()]));
         if run.len() == 1 {
-            return Some(run).filter(is_near).into_iter().collect();
+            return Some(run).filter(|run| self.is_near(run)).into_iter().collect();
         }
         let mut inside: Vec<Range<usize>> = Vec::new();
-        for stretch in self.stretches(run).filter(is_near) {
+        for stretch in self.stretches(run).filter(|stretch| self.is_near(stretch)) {
             match inside.last_mut().filter(|last| last.end == stretch.start + 1) {
                 Some(last) => last.end = stretch.end,
                 None => inside.push(stretch),
@@ -224,7 +236,7 @@ impl LineProofPieces {
     }
 }
 
-/// The least and the greatest x.
+/// The minimum and the maximum x.
 fn span(points: &[Xy]) -> [f64; 2] {
     points
         .iter()

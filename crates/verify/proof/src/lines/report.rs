@@ -2,10 +2,10 @@
 
 use super::exact::Xy;
 
-/// How often something was found, and where first: the part, and x and y in it, that are least.
+/// Number of occurrences of a defect, and its first place by part, x and y.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LineDefect {
-    /// How often.
+    /// Number of occurrences.
     pub count: u64,
     /// The part and position of the first one.
     pub first: Option<(u32, Xy)>,
@@ -19,11 +19,9 @@ impl LineDefect {
     pub(super) fn merge(&mut self, other: Self) {
         self.count += other.count;
         let firsts = [self.first, other.first].into_iter().flatten();
-        let by_place = |p: &(u32, Xy), q: &(u32, Xy)| {
-            let places = p.1[0].total_cmp(&q.1[0]).then(p.1[1].total_cmp(&q.1[1]));
-            p.0.cmp(&q.0).then(places)
-        };
-        self.first = firsts.min_by(by_place);
+        self.first = firsts.min_by(|(part, p), (other, q)| {
+            part.cmp(other).then(p[0].total_cmp(&q[0])).then(p[1].total_cmp(&q[1]))
+        });
     }
 }
 
@@ -45,8 +43,8 @@ pub struct LineCheckReport {
     pub parts: u64,
     /// Vertices before and after.
     pub vertices: [u64; 2],
-    /// Parts with a vertex that the original part does not have, or not in that order, or without an
-    /// end of the line. They take no part in what follows but crossings.
+    /// Parts with a vertex that the original part does not have, or has in another order, or without an end of
+    /// the line. They are excluded from all checks but crossings.
     pub foreign: LineDefect,
     /// The largest distance, if any vertex was left out.
     pub farthest: Option<ProofFarthestVertex>,
@@ -54,19 +52,19 @@ pub struct LineCheckReport {
     pub beyond: LineDefect,
     /// Vertices whose height or measure is another one.
     pub changed: LineDefect,
-    /// Parts without vertices that had some, and had to stay.
+    /// Lost parts that had to stay.
     pub missing: LineDefect,
-    /// Rings without vertices that are too large to tell whether they could go.
+    /// Rings without vertices, too large to decide whether they could be dropped.
     pub unknown: u64,
     /// Pairs of segments that meet off a common end, in the original.
     pub original_crossings: u64,
-    /// And in the result.
+    /// The same in the result.
     pub crossings: u64,
-    /// Those of the result that are not pairs of segments of the original.
+    /// Pairs of the result that are not pairs of segments of the original.
     pub new_crossings: LineDefect,
     /// Rings without area that had some.
     pub collapsed: LineDefect,
-    /// Parts without vertices that had some, those that had to stay among them.
+    /// Lost parts in all.
     pub dropped: u64,
     /// Rings with a changed sign of their area.
     pub turned: LineDefect,
@@ -95,7 +93,7 @@ impl LineCheckReport {
         defects.iter().all(|defect| defect.count == 0)
     }
 
-    /// Adds what [`judge`](super::judge) found in a band.
+    /// Adds the findings of [`judge`](super::judge) in a band.
     pub fn add_band(&mut self, band: &Self) {
         self.original_crossings += band.original_crossings;
         self.crossings += band.crossings;

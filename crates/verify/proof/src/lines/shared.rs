@@ -1,4 +1,4 @@
-//! Borders that parts share before, and after.
+//! Borders shared by parts, before and after.
 
 use super::exact::{Xy, by_ends, upward};
 use super::pieces::{LineProofPiece, LineProofPieces, PieceKind, XRange};
@@ -10,21 +10,26 @@ use super::report::LineCheckReport;
 pub(super) fn count(pieces: &LineProofPieces, band: XRange, report: &mut LineCheckReport) {
     let all: Vec<LineProofPiece<'_>> =
         pieces.of(band).filter(|piece| piece.kind == PieceKind::Kept).collect();
-    let numbered = || (0u32..).zip(&all);
-    let replacing = |piece: u32| all[piece as usize].replacing().map(upward);
-    let old = numbered().flat_map(|(i, p)| p.segments().map(move |s| (upward(s), i)));
-    let differ = |p: u32, q: u32| replacing(p) != replacing(q);
-    torn(old.collect(), differ, &all, band, report);
-    let new = numbered().filter_map(|(i, p)| Some((upward(p.replacing()?), i)));
+    let numbered = (0u32..).zip(&all);
+    let old = numbered.clone().flat_map(|(i, p)| p.segments().map(move |s| (upward(s), i)));
+    torn(old.collect(), are_replaced_differently, &all, band, report);
+    let new = numbered.filter_map(|(i, p)| Some((upward(p.replacing()?), i)));
     let new = new.filter(|(ends, _)| ends[0] != ends[1]);
-    let differ = |p: u32, q: u32| !are_same(all[p as usize].points, all[q as usize].points);
-    torn(new.collect(), differ, &all, band, report);
+    torn(new.collect(), replace_different_stretches, &all, band, report);
 }
 
-/// Counts the places of `segments` whose pieces differ.
+fn are_replaced_differently(p: &LineProofPiece<'_>, q: &LineProofPiece<'_>) -> bool {
+    p.replacing().map(upward) != q.replacing().map(upward)
+}
+
+fn replace_different_stretches(p: &LineProofPiece<'_>, q: &LineProofPiece<'_>) -> bool {
+    !are_same(p.points, q.points)
+}
+
+/// Counts the places of `segments` whose pieces differ; each segment has the number of its piece.
 fn torn(
     mut segments: Vec<([Xy; 2], u32)>,
-    differ: impl Fn(u32, u32) -> bool,
+    differ: fn(&LineProofPiece<'_>, &LineProofPiece<'_>) -> bool,
     all: &[LineProofPiece<'_>],
     band: XRange,
     report: &mut LineCheckReport,
@@ -33,8 +38,9 @@ fn torn(
     segments.sort_unstable_by(|p, q| by_ends(&p.0, &q.0).then(p.1.cmp(&q.1)));
     for place in segments.chunk_by(|p, q| p.0 == q.0) {
         let (ends, first) = place[0];
-        if let Some((_, other)) = place.iter().find(|(_, other)| differ(first, *other)) {
-            report.torn.add(all[*other as usize].part, ends[0]);
+        let mut others = place.iter().map(|&(_, other)| &all[other as usize]);
+        if let Some(other) = others.find(|other| differ(&all[first as usize], other)) {
+            report.torn.add(other.part, ends[0]);
         }
     }
 }
@@ -42,7 +48,7 @@ fn torn(
 /// Whether two stretches have the same vertices in the same or the opposite order; repeated ones count
 /// once.
 fn are_same(p: &[Xy], q: &[Xy]) -> bool {
-    let forward = |of: &[Xy]| of.chunk_by(|a, b| a == b).map(|run| run[0]).collect::<Vec<_>>();
-    let (p, q) = (forward(p), forward(q));
+    let [p, q] = [p, q]
+        .map(|vertices| vertices.chunk_by(|a, b| a == b).map(|run| run[0]).collect::<Vec<_>>());
     p == q || p.iter().eq(q.iter().rev())
 }

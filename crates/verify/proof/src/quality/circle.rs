@@ -1,5 +1,4 @@
-//! Whether an edge is locally Delaunay: the in-circle test, exact, and what the rounding of positions
-//! leaves of it.
+//! The local Delaunay test of an edge: the in-circle test, exact, or within the rounding of positions.
 //!
 //! Positions are whole numbers here, so the determinant is one of 239 bits. It is computed in floats
 //! first, and exactly only where their rounding, or that of the positions, leaves a doubt.
@@ -7,13 +6,12 @@
 use crate::ProofPosition;
 use crate::exact::double_area;
 
-/// How the two triangles of an edge lie to each other, in plan.
+/// Delaunay test of the two triangles of an edge, in plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DelaunayVerdict {
     /// The opposite corner of each is outside the circle through the other.
     Delaunay,
-    /// All four corners are on one circle, as far as the rounding of their positions lets tell. Both
-    /// diagonals are Delaunay then.
+    /// All four corners are on one circle within the rounding of their positions. Both diagonals are Delaunay.
     Cocircular,
     /// The opposite corner of each is inside the circle through the other.
     NotDelaunay,
@@ -26,8 +24,7 @@ impl DelaunayVerdict {
     /// `rounding` (column, row), in steps of positions; with 0 the test is exact. Ends and apexes may be
     /// in any order. Positions less than 2^59 steps apart.
     pub fn of(ends: [ProofPosition; 2], apexes: [ProofPosition; 2], rounding: [f64; 2]) -> Self {
-        let sorted = |[a, b]: [ProofPosition; 2]| [a.min(b), a.max(b)];
-        let ([p, q], [low, high]) = (sorted(ends), sorted(apexes));
+        let [[p, q], [low, high]] = [ends, apexes].map(|[a, b]| [a.min(b), a.max(b)]);
         let [turn, other] = [low, high].map(|apex| double_area(p, q, apex).signum());
         if turn * other >= 0 {
             return Self::Folded;

@@ -2,7 +2,7 @@
 //! It is measured, not judged, and of the mesh alone.
 //!
 //! The lattice is that of a [`QualityLattice`], and domains divide it as they divide a grid: a vertex, an edge (by
-//! its lower end) and a triangle (by its first corner) is told of in the domain that owns it, so a part
+//! its lower end) and a triangle (by its first corner) is measured in the domain that owns it, so a part
 //! needs the triangles with a corner in its domain, and no others.
 
 mod circle;
@@ -22,7 +22,7 @@ use std::mem::size_of;
 use crate::edges::{BYTES_PER_TRIANGLE, EdgeMeeting, PartCorners};
 use crate::{GridDomain, ProofTriangle};
 
-/// One rectangle of the lattice to look at.
+/// One rectangle of the lattice to measure.
 #[derive(Debug)]
 pub struct QualityPart<'a> {
     /// The positions it owns.
@@ -41,7 +41,7 @@ pub fn bytes_needed(triangles: u64) -> u64 {
     triangles.saturating_mul((size_of::<ProofTriangle>() + BYTES_PER_TRIANGLE + degrees) as u64)
 }
 
-/// Looks at one part and adds what it owns to `quality`. O(triangles log triangles).
+/// Measures one part and adds what it owns to `quality`. O(triangles log triangles).
 pub fn measure(part: &QualityPart<'_>, quality: &mut Quality) {
     let owned = part.triangles.iter().filter(|t| part.domain.owns(t.corners[0].at));
     owned.for_each(|triangle| measure_triangle(triangle, part, quality));

@@ -1,10 +1,10 @@
-//! World coordinates of stored vertices to whole steps, without a grid to hold them against.
+//! World coordinates of stored vertices to whole steps, for meshes without a grid.
 //!
 //! A step is 2^-58 of the power of two above the furthest coordinate: every coordinate of more than a
 //! 32nd of that is a whole number of steps, and the smaller ones lose less than the storage of the others
-//! did. So whatever is asked about positions can be decided in whole numbers.
+//! did. So all decisions about positions are exact, in whole numbers.
 
-use crate::lattice_position::STEPS;
+use crate::lattice_position::{farthest, storage_rounding};
 use crate::{ProofPosition, ProofVertex, Snap, SnapOutcome};
 use terrane_base::geom::Point3;
 
@@ -29,16 +29,14 @@ impl QualityLattice {
     /// For a mesh within `bounds`, and vertices stored relative to `origin`, in f32 when
     /// `single_precision`.
     pub fn new(bounds: [Point3; 2], origin: Point3, single_precision: bool) -> Self {
-        let far = |axis: usize, from: f64| {
-            bounds.iter().map(|corner| (corner[axis] - from).abs()).fold(0.0, f64::max)
-        };
-        let step = 2f64.powi(exponent(far(0, 0.0).max(far(1, 0.0))) - BITS);
+        let [xs, ys] = [0, 1].map(|axis| bounds.map(|corner| corner[axis]));
+        let largest = farthest(&xs, 0.0).max(farthest(&ys, 0.0));
+        let step = 2f64.powi(exponent(largest) - BITS);
         let [low, high] = bounds.map(|[x, y, _]| [x, y].map(|world| whole(world, step)));
-        let rounding = [0, 1].map(|axis| {
-            let stored = f64::from(f32::EPSILON) / 2.0 * far(axis, origin[axis]);
-            let single = if single_precision { stored } else { 0.0 };
-            STEPS * (f64::EPSILON / 2.0 * far(axis, 0.0) + single) / step
-        });
+        let rounding = [
+            storage_rounding(&xs, origin[0], single_precision) / step,
+            storage_rounding(&ys, origin[1], single_precision) / step,
+        ];
         let size = [0, 1].map(|axis| high[axis] - low[axis]);
         Self { step, low, size, rounding }
     }
@@ -54,8 +52,7 @@ impl QualityLattice {
         self.step * ProofPosition::CELL as f64
     }
 
-    /// How far a position may be from where it was meant to be, in steps (column, row): as far as the
-    /// rounding of its computation and storage explains.
+    /// Bound on the rounding of positions by computation and storage, in steps (column, row).
     pub fn rounding(&self) -> [f64; 2] {
         self.rounding
     }
@@ -72,8 +69,7 @@ impl Snap for QualityLattice {
             return SnapOutcome::Unusable;
         }
         let [col, row] = [(x, 0), (y, 1)].map(|(v, axis)| whole(v, self.step) - self.low[axis]);
-        let is_inside = |steps: i64, axis: usize| (0..=self.size[axis]).contains(&steps);
-        match is_inside(col, 0) && is_inside(row, 1) {
+        match (0..=self.size[0]).contains(&col) && (0..=self.size[1]).contains(&row) {
             true => SnapOutcome::Free(ProofVertex { at: ProofPosition { row, col }, z }),
             false => SnapOutcome::Unusable,
         }
@@ -82,8 +78,8 @@ impl Snap for QualityLattice {
 
 /// The nearest whole number of steps; beyond them, the last.
 fn whole(world: f64, step: f64) -> i64 {
-    let most = (1i64 << BITS) as f64;
-    (world / step).round().clamp(-most, most) as i64
+    let max = (1i64 << BITS) as f64;
+    (world / step).round().clamp(-max, max) as i64
 }
 
 /// The exponent of the least power of two above `value`, which is not negative.

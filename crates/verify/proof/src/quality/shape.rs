@@ -2,7 +2,7 @@
 
 use crate::{ProofPosition, ProofTriangle};
 
-/// What is told of the shape of a triangle that has an area.
+/// The shape of a triangle with an area.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriangleShape {
     /// The smallest angle, in degrees: at most 60.
@@ -16,8 +16,7 @@ pub struct TriangleShape {
 }
 
 impl TriangleShape {
-    /// Seen from above, whatever the heights are; `None` without an area. The area is exact, so that
-    /// needles have the angles that they have.
+    /// In plan; `None` without an area. The area is exact, so angles of needles are accurate.
     pub fn in_plan(triangle: &ProofTriangle) -> Option<Self> {
         let area = triangle.double_area();
         let p = triangle.positions();
@@ -31,10 +30,10 @@ impl TriangleShape {
 
     /// With heights, where a cell is `cell` units of height wide; `None` without an area.
     pub fn in_space(triangle: &ProofTriangle, cell: f64) -> Option<Self> {
-        let corner = |i: usize| triangle.corners[i % 3];
-        let sides = [0, 1, 2].map(|i| {
-            let [x, y] = corner(i + 2).at.minus(corner(i + 1).at);
-            [x * cell, y * cell, corner(i + 2).z - corner(i + 1).z]
+        let sides = [[1, 2], [2, 0], [0, 1]].map(|ends| {
+            let [from, to] = ends.map(|i: usize| triangle.corners[i]);
+            let [x, y] = to.at.minus(from.at);
+            [x * cell, y * cell, to.z - from.z]
         });
         let [u, v, _] = sides;
         let normal = [0, 1, 2].map(|i| {
@@ -45,23 +44,24 @@ impl TriangleShape {
         (area > 0.0 && area.is_finite()).then(|| Self::of(sides, area))
     }
 
-    /// By the sides, each opposite its corner and all one way round, and twice the area.
+    /// From the sides, each opposite its corner and all in one direction, and twice the area.
     fn of(sides: [[f64; 3]; 3], double_area: f64) -> Self {
         let lengths = sides.map(|side| dot(side, side).sqrt());
         // The side before and the side after a corner run into it and out of it.
-        let angle = |i: usize| {
+        let angles = [0, 1, 2].map(|i| {
             let cosine = -dot(sides[(i + 1) % 3], sides[(i + 2) % 3]);
             double_area.atan2(cosine).to_degrees()
-        };
-        let pick = |better: fn(f64, f64) -> bool| {
-            (1..3).fold(0, |best, i| if better(lengths[i], lengths[best]) { i } else { best })
-        };
-        let (least, most) = (pick(|a, b| a < b), pick(|a, b| a > b));
+        });
+        let (mut shortest, mut longest) = (0, 0);
+        for i in 1..3 {
+            shortest = if lengths[i] < lengths[shortest] { i } else { shortest };
+            longest = if lengths[i] > lengths[longest] { i } else { longest };
+        }
         let perimeter: f64 = lengths.iter().sum();
         Self {
-            smallest_angle: angle(least),
-            largest_angle: angle(most),
-            aspect_ratio: lengths[most] * perimeter / (2.0 * 3f64.sqrt() * double_area),
+            smallest_angle: angles[shortest],
+            largest_angle: angles[longest],
+            aspect_ratio: lengths[longest] * perimeter / (2.0 * 3f64.sqrt() * double_area),
         }
     }
 }

@@ -86,7 +86,7 @@ fn what_is_odd_is_counted() {
 #[test]
 fn space_is_not_plan() {
     let (found, _) = quality(&[[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 1.0]]], None);
-    let angle = |angles: &AcuteAngles| angles.least.unwrap();
+    let angle = |angles: &AcuteAngles| angles.min.unwrap();
     assert!((angle(&found.plan) - 45.0).abs() < 1e-9);
     assert!((angle(&found.space) - 0.5f64.sqrt().atan().to_degrees()).abs() < 1e-9);
 }

@@ -1,4 +1,4 @@
-//! What was found of a mesh's shape: counts, exact sums and extremes that add up the same in any order.
+//! Findings on the shape of a mesh: counts, exact sums and extremes that add up the same in any order.
 
 use super::circle::DelaunayVerdict;
 use super::shape::TriangleShape;
@@ -6,16 +6,16 @@ use crate::sum::ExactSum;
 
 /// Angles this close to a limit, in degrees, are at it: floats of an angle of 30 degrees may be below.
 const HAIR: f64 = 1e-9;
-/// Steps of a degree in which angles are told apart by percentiles.
+/// Resolution of percentiles: steps of a degree.
 const STEPS: f64 = 100.0;
 /// Bins for angles up to 60 degrees.
 const BINS: usize = 6001;
 
-/// Angles of which none is over 60 degrees.
+/// Angles up to 60 degrees.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AcuteAngles {
     /// The least.
-    pub least: Option<f64>,
+    pub min: Option<f64>,
     /// How many are below each of [`AcuteAngles::LIMITS`].
     pub below: [u64; AcuteAngles::LIMITS.len()],
     /// In steps of 5 degrees from 0 to 60.
@@ -28,7 +28,7 @@ pub struct AcuteAngles {
 impl Default for AcuteAngles {
     fn default() -> Self {
         let (below, histogram, bins) = Default::default();
-        Self { least: None, below, histogram, count: 0, bins }
+        Self { min: None, below, histogram, count: 0, bins }
     }
 }
 
@@ -37,7 +37,7 @@ impl AcuteAngles {
     pub const LIMITS: [f64; 5] = [1.0, 5.0, 10.0, 20.0, 30.0];
 
     fn add(&mut self, angle: f64) {
-        self.least = Some(self.least.map_or(angle, |least| least.min(angle)));
+        self.min = Some(self.min.map_or(angle, |min| min.min(angle)));
         self.count += 1;
         let raised = angle + HAIR;
         for (count, limit) in self.below.iter_mut().zip(Self::LIMITS) {
@@ -49,7 +49,7 @@ impl AcuteAngles {
     }
 
     fn merge(&mut self, other: &Self) {
-        self.least = [self.least, other.least].into_iter().flatten().reduce(f64::min);
+        self.min = [self.min, other.min].into_iter().flatten().reduce(f64::min);
         self.count += other.count;
         add(&mut self.below, &other.below);
         add(&mut self.histogram, &other.histogram);
@@ -76,7 +76,7 @@ impl AcuteAngles {
     }
 }
 
-/// Everything found in the parts looked at so far. Lengths are in cells of the lattice.
+/// Findings of the parts measured so far. Lengths are in cells of the lattice.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Quality {
     /// Different positions of corners.
@@ -105,7 +105,7 @@ pub struct Quality {
     pub border: u64,
     /// Edges of more than two triangles, or of two that pass them in the same direction.
     pub tangled: u64,
-    /// Those of two triangles, as these lie to each other.
+    /// Edges of two triangles, by the Delaunay test.
     pub pairs: DelaunayCounts,
     /// Sum of edge lengths in plan.
     pub lengths: ExactSum,
@@ -113,7 +113,7 @@ pub struct Quality {
     pub shortest: Option<f64>,
     /// Longest edge in plan.
     pub longest: Option<f64>,
-    /// Vertices by the number of their edges; the last entry counts those of as many or more.
+    /// Vertices by the number of their edges; the last entry counts [`Quality::MAX_DEGREE`] or more.
     pub degrees: [u64; Quality::MAX_DEGREE + 1],
     /// The fewest and the most edges of a vertex.
     pub degree_range: Option<[u64; 2]>,
@@ -135,7 +135,7 @@ impl Quality {
     /// Degrees from here up are counted together.
     pub const MAX_DEGREE: usize = 20;
 
-    /// Adds what was found elsewhere.
+    /// Adds the findings of other parts.
     pub fn merge(&mut self, other: &Self) {
         add(&mut self.degrees, &other.degrees);
         add(&mut self.aspect_histogram, &other.aspect_histogram);
@@ -217,17 +217,17 @@ impl Quality {
     }
 
     fn widen(&mut self, [low, high]: [u64; 2]) {
-        let [least, most] = self.degree_range.unwrap_or([low, high]);
-        self.degree_range = Some([least.min(low), most.max(high)]);
+        let [min, max] = self.degree_range.unwrap_or([low, high]);
+        self.degree_range = Some([min.min(low), max.max(high)]);
     }
 }
 
-fn raise(most: &mut Option<f64>, value: f64) {
-    *most = Some(most.map_or(value, |most| most.max(value)));
+fn raise(max: &mut Option<f64>, value: f64) {
+    *max = Some(max.map_or(value, |max| max.max(value)));
 }
 
-fn lower(least: &mut Option<f64>, value: f64) {
-    *least = Some(least.map_or(value, |least| least.min(value)));
+fn lower(min: &mut Option<f64>, value: f64) {
+    *min = Some(min.map_or(value, |min| min.min(value)));
 }
 
 fn add(mine: &mut [u64], more: &[u64]) {
@@ -248,7 +248,7 @@ mod tests {
     #[test]
     fn of_no_angle_nothing_is_told() {
         let none = angles(&[]);
-        assert_eq!((none.least, none.percentile(50), none.count()), (None, None, 0));
+        assert_eq!((none.min, none.percentile(50), none.count()), (None, None, 0));
     }
 
     #[test]
@@ -273,7 +273,7 @@ mod tests {
             let rank = (sorted.len() * percent as usize).div_ceil(100);
             let expected = (sorted[rank - 1] * 100.0).round() / 100.0;
             prop_assert_eq!(found.percentile(percent), Some(expected));
-            prop_assert_eq!(found.least, Some(sorted[0]));
+            prop_assert_eq!(found.min, Some(sorted[0]));
             prop_assert_eq!(found.below[2], sorted.iter().filter(|a| **a < 10.0).count() as u64);
             prop_assert_eq!(found.histogram.iter().sum::<u64>(), all.len() as u64);
         }

@@ -25,11 +25,12 @@ fn tangles() -> impl Strategy<Value = (Part, Vec<bool>, usize)> {
         let back = proptest::collection::vec(any::<bool>(), 60);
         let kept = proptest::collection::vec(proptest::bool::weighted(0.7), 120);
         (ring, back, kept, 0..120usize).prop_map(|(ring, back, kept, start)| {
-            let there_and_back = |(at, p): (usize, &[i32; 2])| match back[at] && at > 0 {
+            // There and back at some of the vertices.
+            let spurs = ring.iter().enumerate().flat_map(|(at, p)| match back[at] && at > 0 {
                 true => vec![*p, ring[at - 1], *p],
                 false => vec![*p],
-            };
-            let mut ring: Part = ring.iter().enumerate().flat_map(there_and_back).collect();
+            });
+            let mut ring: Part = spurs.collect();
             ring.truncate(120);
             (ring, kept, start)
         })
