@@ -175,12 +175,12 @@ const CHANGES: [Change; 25] = [
     ("samples further from the surface", |t| t.raise(64.0)),
     ("tiles with a larger error than they record", |t| t.tell(b'0')),
     ("record a larger error than the tolerance", |t| t.tell(b'9')),
-    ("borders with other vertices or heights", |t| t.raise(0.125)),
-    ("no whole number of the steps", |t| t.raise(0.03125)),
+    ("borders whose vertices or heights differ", |t| t.raise(0.125)),
+    ("not a multiple of the height step", |t| t.raise(0.03125)),
     ("borders with a larger gap", |t| t.raise(64.0)),
-    ("vertices outside of the bounding sphere", |t| t.double(56, |radius| radius / 2.0)),
-    ("whose centre is not near", |t| t.double(0, |x| x + 1e5)),
-    ("when the horizon occlusion point is not", |t| {
+    ("vertices outside the bounding sphere", |t| t.double(56, |radius| radius / 2.0)),
+    ("whose centre is far from", |t| t.double(0, |x| x + 1e5)),
+    ("where the horizon occlusion point is hidden", |t| {
         (64..88).step_by(8).for_each(|at| t.double(at, |x| x * 0.9))
     }),
     ("lower or higher than all samples", |t| t.raise(4096.0)),
@@ -192,31 +192,31 @@ const CHANGES: [Change; 25] = [
         let at = t.later().unwrap();
         t.swap(at, at + 2);
     }),
-    ("sides of tiles that edges do not follow", |t| {
+    ("sides of tiles without edges", |t| {
         let corner = (0..t.vertices()).find(|vertex| t.place(*vertex) == [0, 0]).unwrap();
         t.step(corner, 0, 1);
     }),
-    ("do not have the area of the tile", |t| {
+    ("differ from the tile in area", |t| {
         let corner = (0..t.vertices()).find(|vertex| t.place(*vertex) == [0, 0]).unwrap();
         t.step(corner, 1, 1);
     }),
-    ("vertices beyond the first at one place", |t| {
+    ("duplicate vertices", |t| {
         let [first, second] = [0, 1].map(|vertex| t.place(vertex));
         (0..2).for_each(|axis| t.step(1, axis, first[axis] - second[axis]));
     }),
-    ("vertices of no triangle", Bytes::grow),
+    ("unused vertices", Bytes::grow),
     ("without the normals that layer.json announces", |t| {
         let at = t.normals();
         t.bytes[at - 5] = 77;
     }),
-    ("whose least height is above the largest", |t| {
+    ("whose minimum height exceeds the maximum", |t| {
         (24..28).for_each(|at| t.bytes.swap(at, at + 4));
     }),
-    ("own step of heights is no part of the step", |t| {
+    ("height step does not divide", |t| {
         let high = f32::from_le_bytes(t.bytes[28..32].try_into().unwrap());
         t.bytes[28..32].copy_from_slice(&(high + 1.0).to_le_bytes());
     }),
-    ("tiles that record no error", |t| {
+    ("tiles without a recorded error", |t| {
         let key = b"\"error\":";
         let at = t.bytes.windows(key.len()).rposition(|w| w == key).unwrap();
         t.bytes[at + 1] = b'E';
@@ -224,7 +224,7 @@ const CHANGES: [Change; 25] = [
 ];
 
 const CHANGES_OF_INDEX: [ChangeOfIndex; 9] = [
-    ("does not name among its extensions", |l| l["extensions"] = json!(["metadata"])),
+    ("does not list as extensions", |l| l["extensions"] = json!(["metadata"])),
     ("larger tolerance than clients assume", |l| {
         l["terrane"]["levels"][3]["tolerance"] = json!(1e5)
     }),
@@ -232,30 +232,30 @@ const CHANGES_OF_INDEX: [ChangeOfIndex; 9] = [
         l["terrane"]["levels"].as_array_mut().unwrap().last_mut().unwrap()["error"] = json!(0.001)
     }),
     ("another number of tiles", |l| l["terrane"]["levels"][2]["tiles"] = json!(77)),
-    ("bounds that do not hold all samples", |l| l["bounds"][0] = json!(7.04)),
+    ("bounds that do not contain all samples", |l| l["bounds"][0] = json!(7.04)),
     ("bounds beyond the world", |l| l["bounds"][3] = json!(91.0)),
-    ("does not name as available", |l| *finest(l) = json!([])),
-    ("names as available twice", |l| {
+    ("not listed as available", |l| *finest(l) = json!([])),
+    ("listed twice as available", |l| {
         let ranges = finest(l).as_array_mut().unwrap();
         ranges.push(ranges[0].clone());
     }),
-    ("that are not there", |l| {
+    ("missing tiles listed as available", |l| {
         l["available"][9] = json!([{"startX": 0, "startY": 0, "endX": 0, "endY": 0}]);
     }),
 ];
 
 const CHANGES_OF_FILES: [ChangeOfFiles; 6] = [
-    ("packed where most are not", |p| {
+    ("another compression than most", |p| {
         let (path, mut packed) = (tile(p), Vec::new());
         let mut packer = flate2::write::GzEncoder::new(&mut packed, flate2::Compression::fast());
         packer.write_all(&fs::read(&path).unwrap()).unwrap();
         packer.finish().unwrap();
         fs::write(path, packed).unwrap();
     }),
-    ("tiles that are not there and have samples", |p| fs::remove_file(tile(p)).unwrap()),
-    ("tiles that name others below them", |p| fs::remove_file(tile(p)).unwrap()),
-    ("roots that are not there", |p| fs::remove_file(p.path("t/0/0/0.terrain")).unwrap()),
-    ("tiles that are there and have no sample", |p| {
+    ("missing tiles with samples", |p| fs::remove_file(tile(p)).unwrap()),
+    ("wrong list of the tiles below them", |p| fs::remove_file(tile(p)).unwrap()),
+    ("missing roots", |p| fs::remove_file(p.path("t/0/0/0.terrain")).unwrap()),
+    ("tiles without samples", |p| {
         fs::create_dir(p.path("t/14/5")).unwrap();
         fs::copy(tile(p), p.path("t/14/5/5.terrain")).unwrap();
     }),
@@ -344,7 +344,7 @@ fn wrong_lists_of_what_is_below_are_named() {
     let at = bytes.windows(key.len()).position(|w| w == key).unwrap() + key.len();
     bytes[at] = if bytes[at] == b'1' { b'2' } else { b'1' };
     fs::write(&path, bytes).unwrap();
-    assert_eq!(unnamed(&place, "tiles that name others below them"), None);
+    assert_eq!(unnamed(&place, "wrong list of the tiles below them"), None);
 }
 
 #[test]
@@ -403,7 +403,7 @@ fn files_that_are_no_tiles_are_named_and_the_others_proved() {
     }
     // The same bytes, packed, are the same tile, and nothing else is wrong with it.
     fs::write(&path, sound).unwrap();
-    assert_eq!(unnamed(&place, "packed where most are not"), None);
+    assert_eq!(unnamed(&place, "another compression than most"), None);
     let told = parsed(&place.run(&["verify", "t", "dem.asc", "--json"]).out);
     assert_eq!(told["failures"].as_array().unwrap().len(), 1, "{told}");
     fs::write(&path, whole).unwrap();

@@ -12,16 +12,16 @@ use crate::tiles::{place, walk};
 /// What is told here and nowhere else.
 pub(crate) const NAMED: [&str; 11] = [
     "tiles that cannot be read",
-    "say their heights reach further than they do",
-    "larger bounding sphere than they and those below need",
-    "bounding sphere is not around their middle",
+    "stated height range is too large",
+    "larger bounding sphere than they and their children need",
+    "bounding sphere is not centred on them",
     "other geometric errors at its root than its tiles need",
     "horizon occlusion point is not the nearest above their middle",
     "bounds that reach beyond the raster",
-    "though positions tell their samples apart",
+    "though their positions resolve the samples",
     "larger error than any of their tiles records",
-    "another step of heights than such a level has",
-    "heights are counted from something else",
+    "an unexpected height step",
+    "states another vertical reference",
 ];
 
 /// Fields that were written wrong, and nobody told; and all that was told of others.

@@ -11,9 +11,9 @@ use crate::tiles_three::Glb;
 
 /// What may be wrong with skirts.
 pub(crate) const NAMED: [&str; 3] = [
-    "edges where a skirt is torn from the rim of its tile, or itself",
-    "vertices of skirts that are not as far straight below the rim as tileset.json says",
-    "levels whose skirts are less deep than borders of it and the coarser one may differ",
+    "open edges between a skirt and its tile, or within a skirt",
+    "vertices of skirts that are not vertically below the rim at the depth in tileset.json",
+    "levels whose skirts are shorter than the allowed gap to the coarser level",
 ];
 
 const MAKE: [&str; 6] = ["tiles", "dem.asc", "t", "--format", "3dtiles", "--skirts"];

@@ -152,8 +152,8 @@ pub(crate) fn named() -> impl Iterator<Item = &'static str> {
     CHANGES.into_iter().map(|(what, _)| what).chain([REGIONS, NESTED])
 }
 
-const REGIONS: &str = "regions that do not hold the tiles";
-const NESTED: &str = "sphere does not hold that";
+const REGIONS: &str = "regions that do not contain the tiles";
+const NESTED: &str = "sphere does not contain that";
 
 type Change = (&'static str, fn(&mut Glb));
 
@@ -170,11 +170,11 @@ const CHANGES: [Change; 15] = [
         let (at, _) = t.indices();
         (0..2).for_each(|k| t.buffer[at + 2 + k] = t.buffer[at + k]);
     }),
-    ("lists of the vertices of a side that are not those", |t| {
+    ("wrong lists of the vertices of a side", |t| {
         let (at, _) = t.edge("left");
         (0..2).for_each(|k| t.buffer[at + 2 + k] = t.buffer[at + k]);
     }),
-    ("that do not run around the tile", |t| {
+    ("vertices of a side in the wrong order", |t| {
         let (at, count) = t.edge("bottom");
         (0..2).for_each(|k| t.buffer.swap(at + k, at + 2 * (count - 1) + k));
     }),
@@ -188,16 +188,16 @@ const CHANGES: [Change; 15] = [
     ("without the edges that tileset.json announces", |t| {
         t.primitive().as_object_mut().unwrap().remove("extensions");
     }),
-    ("not where their place in the tile", |t| {
+    ("differs from that of their texture coordinates", |t| {
         let (at, _) = t.attribute("TEXCOORD_0");
         t.float(at, |u| (u + 0.25) % 1.0);
     }),
-    ("other ends than they say", |t| t.text["accessors"][0]["max"][0] = json!(1e6)),
-    ("no whole numbers of the lattice", |t| t.shift(1e-5)),
+    ("wrong minimum or maximum of positions", |t| t.text["accessors"][0]["max"][0] = json!(1e6)),
+    ("not multiples of the lattice", |t| t.shift(1e-5)),
     ("samples further from the surface", |t| t.shift(64.0)),
-    ("borders with other vertices or heights", |t| t.shift(0.25)),
-    ("vertices outside of the bounding sphere", |t| t.shift(1e4)),
-    ("triangles lower or higher than the tile says", |t| t.shift(4096.0)),
+    ("borders whose vertices or heights differ", |t| t.shift(0.25)),
+    ("vertices outside the bounding sphere", |t| t.shift(1e4)),
+    ("triangles outside the stated height range", |t| t.shift(4096.0)),
 ];
 
 /// The files of the finest level; the first has several triangles.
@@ -242,7 +242,7 @@ fn what_clients_of_terrain_do_not_take_is_refused_by_name() {
         ("baseColorFactor", |t| {
             t.text["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = json!([0, 0, 0, 0]);
         }),
-        ("uses the extension", |t| {
+        ("not listed as used", |t| {
             t.text.as_object_mut().unwrap().remove("extensionsUsed");
         }),
         ("KHR_draco_mesh_compression", |t| {
@@ -250,22 +250,22 @@ fn what_clients_of_terrain_do_not_take_is_refused_by_name() {
         }),
         ("targets", |t| t.primitive()["targets"] = json!([{"POSITION": 0}])),
         ("skins", |t| t.text["skins"] = json!([{}])),
-        ("for something else than what is in it", |t| {
+        ("wrong target", |t| {
             let accessor = t.primitive()["indices"].as_u64().unwrap() as usize;
             let view = t.text["accessors"][accessor]["bufferView"].as_u64().unwrap() as usize;
             t.text["bufferViews"][view]["target"] = json!(34962);
         }),
-        ("turned or scaled", |t| t.text["nodes"][0]["matrix"][0] = json!(2.0)),
+        ("uniform scale", |t| t.text["nodes"][0]["matrix"][0] = json!(2.0)),
         ("without a matrix", |t| {
             t.text["nodes"][0].as_object_mut().unwrap().remove("matrix");
         }),
         ("not one node", |t| t.text["scenes"][0]["nodes"] = json!([])),
-        ("needs the extension", |t| t.text["extensionsRequired"] = json!(["EXT_some"])),
-        ("outside of its buffer", |t| t.text["accessors"][0]["count"] = json!(99_999)),
-        ("another buffer", |t| t.text["buffers"][0]["byteLength"] = json!(8)),
-        ("with gaps", |t| t.text["bufferViews"][0]["byteStride"] = json!(16)),
-        ("of another version", |t| t.text["asset"]["version"] = json!("1.0")),
-        ("names vertex", |t| {
+        ("is required", |t| t.text["extensionsRequired"] = json!(["EXT_some"])),
+        ("exceeds its buffer view", |t| t.text["accessors"][0]["count"] = json!(99_999)),
+        ("buffer is not", |t| t.text["buffers"][0]["byteLength"] = json!(8)),
+        ("stride of accessor", |t| t.text["bufferViews"][0]["byteStride"] = json!(16)),
+        ("glTF version", |t| t.text["asset"]["version"] = json!("1.0")),
+        ("exceeds the", |t| {
             let (at, _) = t.indices();
             t.buffer[at..at + 2].copy_from_slice(&[0xfe, 0xff]);
         }),
@@ -277,9 +277,9 @@ fn what_clients_of_terrain_do_not_take_is_refused_by_name() {
         refused(&place, name, what);
     }
     for (what, bytes) in [
-        ("no binary glTF", Vec::new()),
-        ("says otherwise", whole[..whole.len() / 2].to_vec()),
-        ("says otherwise", [&whole[..], b"more"].concat()),
+        ("not a binary glTF", Vec::new()),
+        ("length in the header", whole[..whole.len() / 2].to_vec()),
+        ("length in the header", [&whole[..], b"more"].concat()),
     ] {
         fs::write(&path, bytes).unwrap();
         refused(&place, name, what);
@@ -304,7 +304,7 @@ fn every_change_of_the_tileset_is_named() {
             t["extras"]["terrane"]["levels"][14]["error"] = json!(0.001);
         }),
         ("another number of tiles", &|t| t["extras"]["terrane"]["levels"][2]["tiles"] = json!(77)),
-        ("bounds that do not hold all samples", &|t| {
+        ("bounds that do not contain all samples", &|t| {
             t["extras"]["terrane"]["bounds"][0] = json!(7.04);
         }),
         (REGIONS, &|t| {
@@ -348,7 +348,7 @@ fn every_change_of_the_tileset_is_named() {
         }),
         ("grow from the root on", &|t| t["geometricError"] = json!(5.0)),
         ("replacing", &|t| t["root"]["refine"] = json!("ADD")),
-        ("other addresses", &|t| {
+        ("addresses other than", &|t| {
             t["root"]["children"][0]["content"]["uri"] = json!("{level}.glb");
         }),
         ("TILE_HORIZON_OCCLUSION_POINT", &|t| {
@@ -407,12 +407,12 @@ fn every_change_of_a_subtree_is_named() {
     let path = place.path("t").join("east/0/0/0.subtree");
     let whole = fs::read(&path).unwrap();
     let wrong: [(&str, Vec<u8>); 6] = [
-        ("outside of the bounding sphere", with_number(&whole, "boundingSphere", |r| r / 2.0)),
+        ("outside the bounding sphere", with_number(&whole, "boundingSphere", |r| r / 2.0)),
         (NESTED, with_number(&whole, "boundingSphere", |r| r / 2.0)),
         ("tiles with a larger error", with_number(&whole, "geometricError", |_| 0.5)),
-        ("lower or higher than the tile", with_number(&whole, "minimumHeight", |_| 0.0)),
+        ("outside the stated height range", with_number(&whole, "minimumHeight", |_| 0.0)),
         ("record a larger error", with_number(&whole, "geometricError", |_| 1e6)),
-        ("that may be seen", with_number(&whole, "horizonOcclusionPoint", |x| x * 1e-6)),
+        ("visible where", with_number(&whole, "horizonOcclusionPoint", |x| x * 1e-6)),
     ];
     for (what, bytes) in wrong {
         fs::write(&path, bytes).unwrap();
@@ -425,15 +425,18 @@ fn every_change_of_a_subtree_is_named() {
                 t["propertyTables"][0]["properties"]["geometricError"]["scale"] = json!(0.5);
             }),
         ),
-        ("no subtree", b"no subtree".to_vec()),
-        ("two parts", whole[..whole.len() - 8].to_vec()),
+        ("not a subtree", b"no subtree".to_vec()),
+        ("lengths of JSON and buffer", whole[..whole.len() - 8].to_vec()),
         ("bits are set", with_text(&whole, |t| t["tileAvailability"]["availableCount"] = json!(2))),
         (
             "without content",
             with_text(&whole, |t| t["contentAvailability"] = json!([{"constant": 0}])),
         ),
-        ("tells of 3 tiles", with_text(&whole, |t| t["propertyTables"][0]["count"] = json!(3))),
-        ("nothing of its tiles", with_text(&whole, |t| t["tileMetadata"] = json!(4))),
+        (
+            "property table has 3 rows",
+            with_text(&whole, |t| t["propertyTables"][0]["count"] = json!(3)),
+        ),
+        ("property table is missing", with_text(&whole, |t| t["tileMetadata"] = json!(4))),
         ("east/7/", with_text(&whole, |t| t["childSubtreeAvailability"] = json!({"constant": 1}))),
     ];
     for (what, bytes) in unknown {
@@ -442,7 +445,7 @@ fn every_change_of_a_subtree_is_named() {
     }
     fs::write(&path, with_text(&whole, |t| t["childSubtreeAvailability"] = json!({"constant": 0})))
         .unwrap();
-    expect(&place, "tiles that tileset.json does not name as available");
+    expect(&place, "tiles not listed as available in tileset.json");
     expect(&place, "neither tileset.json nor a tile");
 }
 
@@ -451,9 +454,9 @@ type ChangeOfFiles<'a> = (&'a str, fn(&Place));
 #[test]
 fn every_change_of_the_files_is_named() {
     let changes: [ChangeOfFiles<'_>; 4] = [
-        ("tiles that are not there and have samples", |p| fs::remove_file(tile(p)).unwrap()),
-        ("names as available and that are not there", |p| fs::remove_file(tile(p)).unwrap()),
-        ("roots that are not there", |p| fs::remove_file(p.path("t/west/0/0/0.glb")).unwrap()),
+        ("missing tiles with samples", |p| fs::remove_file(tile(p)).unwrap()),
+        ("missing tiles listed as available", |p| fs::remove_file(tile(p)).unwrap()),
+        ("missing roots", |p| fs::remove_file(p.path("t/west/0/0/0.glb")).unwrap()),
         ("neither tileset.json nor a tile", |p| {
             fs::write(p.path("t/east/14/mine.txt"), "mine").unwrap();
         }),

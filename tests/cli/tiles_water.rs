@@ -10,8 +10,8 @@ use crate::tiles::{place as degrees, plain, walk};
 
 /// What may be wrong with masks.
 pub(crate) const NAMED: [&str; 2] = [
-    "pixels of masks that are land in a polygon, or water outside",
-    "tiles without the mask of water that layer.json announces",
+    "pixels of water masks that are land in a polygon, or water outside",
+    "tiles without the water mask that layer.json announces",
 ];
 
 const MAKE: [&str; 7] =
@@ -181,10 +181,10 @@ fn other_pixels_are_noticed() {
     notices(&turned, NAMED[0]);
     let mut moved = whole.clone();
     moved[at..at + length].rotate_left(3);
-    notices(&moved, "pixels of masks");
+    notices(&moved, "pixels of water masks");
     let mut grey = whole.clone();
     grey[at + length / 2] = 100;
-    notices(&grey, "1 pixels of masks");
+    notices(&grey, "1 pixels of water masks");
     let without = [&whole[..at - 5], &whole[at + length..]].concat();
     notices(&without, NAMED[1]);
     let short =

@@ -7,10 +7,12 @@ use terrane_base::error::Result;
 use terrane_files::lock;
 use terrane_proof::tiles::ProofTileId;
 
-/// Values by tile. Once half of the bytes are filled, entries unused since the last time go first.
+/// Values by tile, in two generations: when the young one fills half of the bytes, it becomes the old one, and entries
+/// unused since are dropped.
 pub(super) struct TileCache<T> {
-    half: usize,
-    kept: Mutex<CachedTiles<T>>,
+    /// Bytes of a generation.
+    max_bytes: usize,
+    cached: Mutex<CachedTiles<T>>,
 }
 
 struct CachedTiles<T> {
@@ -20,11 +22,11 @@ struct CachedTiles<T> {
 }
 
 impl<T> TileCache<T> {
-    /// One of about so many bytes.
+    /// A cache of about `bytes` bytes.
     pub(super) fn new(bytes: u64) -> Self {
-        let half = usize::try_from(bytes / 2).unwrap_or(usize::MAX);
-        let kept = CachedTiles { young: HashMap::new(), old: HashMap::new(), bytes: 0 };
-        Self { half, kept: Mutex::new(kept) }
+        let max_bytes = usize::try_from(bytes / 2).unwrap_or(usize::MAX);
+        let cached = CachedTiles { young: HashMap::new(), old: HashMap::new(), bytes: 0 };
+        Self { max_bytes, cached: Mutex::new(cached) }
     }
 
     /// The cached value of a tile, or else the result of `make`, with its bytes.
@@ -33,30 +35,30 @@ impl<T> TileCache<T> {
         id: ProofTileId,
         make: impl FnOnce() -> Result<(T, usize)>,
     ) -> Result<Arc<T>> {
-        if let Some(found) = lock(&self.kept).find(id, self.half) {
+        if let Some(found) = lock(&self.cached).find(id, self.max_bytes) {
             return Ok(found);
         }
         // Another thread may make the same meanwhile, which costs less than to wait.
         let (made, bytes) = make()?;
         let made = Arc::new(made);
-        lock(&self.kept).put(id, (Arc::clone(&made), bytes), self.half);
+        lock(&self.cached).put(id, (Arc::clone(&made), bytes), self.max_bytes);
         Ok(made)
     }
 }
 
 impl<T> CachedTiles<T> {
-    fn find(&mut self, id: ProofTileId, half: usize) -> Option<Arc<T>> {
+    fn find(&mut self, id: ProofTileId, max_bytes: usize) -> Option<Arc<T>> {
         if let Some((found, _)) = self.young.get(&id) {
             return Some(Arc::clone(found));
         }
         let found = self.old.remove(&id)?;
         let shared = Arc::clone(&found.0);
-        self.put(id, found, half);
+        self.put(id, found, max_bytes);
         Some(shared)
     }
 
-    fn put(&mut self, id: ProofTileId, made: (Arc<T>, usize), half: usize) {
-        if self.bytes + made.1 > half {
+    fn put(&mut self, id: ProofTileId, made: (Arc<T>, usize), max_bytes: usize) {
+        if self.bytes + made.1 > max_bytes {
             self.old = std::mem::take(&mut self.young);
             self.bytes = 0;
         }
@@ -72,22 +74,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_asked_for_stays_and_bytes_are_bounded() {
+    fn recently_used_tiles_stay_and_bytes_are_bounded() {
         let cache = TileCache::new(100);
-        let id = |x| ProofTileId { level: 5, y: 0, x };
-        let made = Mutex::new(0);
-        let get = |x: u32| {
+        let mut made = 0;
+        for x in (0..100).flat_map(|x| [0, x]) {
             let make = || {
-                *lock(&made) += 1;
+                made += 1;
                 Ok((x, 10))
             };
-            *cache.get(id(x), make).unwrap()
-        };
-        for x in 0..100 {
-            assert_eq!((get(0), get(x)), (0, x));
+            assert_eq!(*cache.get(ProofTileId { level: 5, y: 0, x }, make).unwrap(), x);
         }
-        assert_eq!(*lock(&made), 100, "the one that is asked for all the time is made once");
-        let kept = lock(&cache.kept);
-        assert!(kept.young.len() + kept.old.len() <= 10);
+        assert_eq!(made, 100, "a tile that is always in use is made once");
+        let cached = lock(&cache.cached);
+        assert!(cached.young.len() + cached.old.len() <= 10);
     }
 }

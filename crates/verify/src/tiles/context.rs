@@ -15,24 +15,24 @@ pub const ROUNDING: f64 = 1e-6;
 pub(super) struct TilesProofContext<'a> {
     pub(super) layer: &'a TilesetPromises,
     pub(super) tiles: &'a FolderTiles,
-    pub(super) places: GlobeRaster<'a>,
+    pub(super) raster: GlobeRaster<'a>,
     /// Reference polygons of water masks.
     pub(super) shore: Option<WaterShore>,
-    /// Metres that heights of steep ground are apart; none where it is not steep.
+    /// Metres between the lowest and the highest sample if the ground is steep, else 0.
     pub(super) steep: f64,
     pub(super) progress: &'a dyn Progress,
     pub(super) cancel: &'a Cancel,
-    pub(super) room: &'a DividedBudget,
+    pub(super) memory: &'a DividedBudget,
 }
 
 impl TilesProofContext<'_> {
     /// A tile, and whether its file is packed.
     pub(super) fn read(&self, id: ProofTileId) -> Result<(DecodedTile, bool)> {
         let folder = &self.layer.folder;
-        let fit = |vertices| self.room.fit(vertices);
-        match (self.layer.three(), self.layer.own(id.level)) {
-            (Some(three), Some(level)) => three.read(folder, id, level, fit),
-            _ => folder::read(folder, id, fit),
+        let check_vertices = |vertices| self.memory.check_vertices(vertices);
+        match (self.layer.three_tiles(), self.layer.stated(id.level)) {
+            (Some(three), Some(level)) => three.read(folder, id, level, check_vertices),
+            _ => folder::read(folder, id, check_vertices),
         }
     }
 
@@ -41,33 +41,35 @@ impl TilesProofContext<'_> {
         self.layer.tolerance(level) + ROUNDING
     }
 
-    /// The error that a tile of a level may record: of 3D Tiles also that of one below it.
+    /// The largest error that a tile of a level may record. In 3D Tiles it includes that of finer tiles.
     pub(super) fn max_recorded(&self, level: u8) -> f64 {
-        let finest = if self.layer.three().is_some() { self.layer.finest } else { level };
+        let finest = if self.layer.three_tiles().is_some() { self.layer.finest } else { level };
         (level..=finest).map(|level| self.limit(level)).fold(0.0, f64::max)
     }
 
     /// The largest gap allowed between borders of a level and the next coarser one. On steep ground, the rounding of
     /// positions adds to heights.
     pub(super) fn allowed_gap(&self, level: u8) -> f64 {
-        let of = |level: u8| {
-            let part = (4.0 * self.places.samples_of_step(level)).min(1.0);
-            if self.steep > 0.0 { self.steep * part } else { 0.0 }
-        };
-        self.assumed_gap(level) + of(level) + level.checked_sub(1).map_or(0.0, of) + ROUNDING
+        let coarser = level.checked_sub(1).map_or(0.0, |level| self.position_error(level));
+        self.assumed_gap(level) + self.position_error(level) + coarser + ROUNDING
     }
 
-    /// The errors together that clients assume of a level and the next coarser one.
+    /// Metres that the rounding of positions of a level moves heights by on steep ground.
+    fn position_error(&self, level: u8) -> f64 {
+        self.steep * (4.0 * self.raster.samples_of_step(level)).min(1.0)
+    }
+
+    /// Sum of the errors that clients assume of a level and the next coarser one.
     pub(super) fn assumed_gap(&self, level: u8) -> f64 {
-        let coarser = level.checked_sub(1).map_or(0.0, |level| self.layer.apart(level));
-        self.layer.apart(level) + coarser
+        let coarser = level.checked_sub(1).map_or(0.0, |level| self.layer.border_error(level));
+        self.layer.border_error(level) + coarser
     }
 }
 
 /// The error of a tile that cannot be decoded, in place of the tile; others end the proof.
 pub(super) fn decoded<T>(read: Result<T>) -> Result<std::result::Result<T, Error>> {
     match read {
-        Ok(found) => Ok(Ok(found)),
+        Ok(tile) => Ok(Ok(tile)),
         Err(e) => match e.kind() {
             ErrorKind::BadInput | ErrorKind::Unsupported | ErrorKind::Limit => Ok(Err(e)),
             _ => Err(e),

@@ -14,7 +14,10 @@ use terrane_base::limits;
 use terrane_proof::tiles::{ERROR_OF_ROOT, MAX_LEVEL, ProofTileId};
 use terrane_tiles::{AS_GIVEN, ON_ELLIPSOID, WITH_GEOID};
 
-/// A file as it is written.
+/// Supported address of tiles.
+const ADDRESS: &str = "{z}/{x}/{y}.terrain";
+
+/// The members of `layer.json`.
 #[derive(Debug, Deserialize)]
 struct StoredLayerJson {
     format: String,
@@ -27,13 +30,13 @@ struct StoredLayerJson {
     maxzoom: Option<u8>,
     available: Option<Vec<Vec<TileRange>>>,
     #[serde(rename = "metadataAvailability")]
-    told_every: Option<u8>,
+    metadata_interval: Option<u8>,
     #[serde(default)]
     extensions: Vec<String>,
     terrane: Option<TerraneLayerExtras>,
 }
 
-/// A rectangle of tiles that are there.
+/// A rectangle of available tiles.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, PartialOrd, Ord)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct TileRange {
@@ -66,16 +69,16 @@ pub(super) struct TilesetPromises {
     /// Tiles have masks of water.
     pub(super) has_water: bool,
     /// Levels between tiles with availability metadata, if the set has any.
-    pub(super) told_every: Option<u8>,
-    /// By level, where terrane made it.
+    pub(super) metadata_interval: Option<u8>,
+    /// terrane's own metadata, by level.
     pub(super) levels: Option<Vec<StatedLevel>>,
-    /// Metres that clients take level 0 to be off by.
+    /// Error of level 0 that clients assume, in metres.
     pub(super) assumed: f64,
     /// The ground beyond the raster falls to the ellipsoid.
     pub(super) tapers: bool,
-    /// The geoid was added to heights; where it is said.
+    /// The geoid was added to heights; `None` if the set does not state it.
     pub(super) has_geoid: Option<bool>,
-    /// Extensions that are named and not known here.
+    /// Unknown extensions.
     pub(super) unknown: Vec<String>,
     pub(super) kind: TilesetKind,
 }
@@ -90,16 +93,16 @@ pub(super) enum TilesetKind {
 impl TilesetPromises {
     /// The tolerance of a level in metres: the stated one, or else the assumption of clients.
     pub(super) fn tolerance(&self, level: u8) -> f64 {
-        self.own(level).map_or(self.assumed(level), |own| own.tolerance)
+        self.stated(level).map_or(self.assumed(level), |stated| stated.tolerance)
     }
 
     /// Metres that borders of a level may differ by: the assumption of clients, or a step of heights where that is
     /// larger.
-    pub(super) fn apart(&self, level: u8) -> f64 {
-        self.assumed(level).max(self.own(level).map_or(0.0, |own| own.step))
+    pub(super) fn border_error(&self, level: u8) -> f64 {
+        self.assumed(level).max(self.stated(level).map_or(0.0, |stated| stated.step))
     }
 
-    /// Metres that clients take a level to be off by.
+    /// Error of a level that clients assume, in metres.
     pub(super) fn assumed(&self, level: u8) -> f64 {
         self.assumed / 2_f64.powi(i32::from(level))
     }
@@ -113,7 +116,7 @@ impl TilesetPromises {
     }
 
     /// Metadata of 3D Tiles only.
-    pub(super) fn three(&self) -> Option<&ThreeTilesCheck> {
+    pub(super) fn three_tiles(&self) -> Option<&ThreeTilesCheck> {
         match &self.kind {
             TilesetKind::QuantizedMesh => None,
             TilesetKind::ThreeTiles(three) => Some(three),
@@ -121,11 +124,11 @@ impl TilesetPromises {
     }
 
     /// terrane's own metadata of a level.
-    pub(super) fn own(&self, level: u8) -> Option<StatedLevel> {
+    pub(super) fn stated(&self, level: u8) -> Option<StatedLevel> {
         self.levels.as_ref()?.get(usize::from(level)).copied()
     }
 
-    /// Tiles of a level that are said to be there, by rectangles; some may come twice.
+    /// Available tiles of a level, by rectangles; some may come twice.
     pub(super) fn available(&self, level: u8) -> impl Iterator<Item = ProofTileId> {
         let ranges = self.available.get(usize::from(level)).into_iter().flatten();
         tiles_of(level, ranges)
@@ -133,16 +136,26 @@ impl TilesetPromises {
 }
 
 impl TileRange {
-    /// One tile.
-    pub(super) fn one(id: ProofTileId) -> Self {
+    /// A rectangle of one tile.
+    pub(super) fn of_tile(id: ProofTileId) -> Self {
         Self { start_x: id.x, start_y: id.y, end_x: id.x, end_y: id.y }
     }
 
-    /// How many tiles it has; none where it ends before it begins.
+    /// Number of tiles.
     pub(super) fn count(&self) -> u64 {
-        let along = |start: u32, end: u32| (u64::from(end) + 1).saturating_sub(u64::from(start));
-        along(self.start_x, self.end_x).saturating_mul(along(self.start_y, self.end_y))
+        length(self.start_x, self.end_x).saturating_mul(length(self.start_y, self.end_y))
     }
+
+    /// Whether all its tiles exist in the tiling.
+    fn is_valid(&self, level: u8) -> bool {
+        let end = ProofTileId::new(level, self.end_x, self.end_y);
+        end.is_some() && self.start_x <= self.end_x && self.start_y <= self.end_y
+    }
+}
+
+/// Length of an inclusive range; 0 if it ends before it begins.
+fn length(start: u32, end: u32) -> u64 {
+    (u64::from(end) + 1).saturating_sub(u64::from(start))
 }
 
 /// The tiles of rectangles, in their order.
@@ -162,9 +175,9 @@ pub(super) fn tiles_of<'a>(
 pub(super) fn text_of(path: &Path) -> Result<Vec<u8>> {
     let file = File::open(path).map_err(|e| Error::read(path, e))?;
     let mut text = Vec::new();
-    let most = limits::MAX_HEADER_BYTES;
-    file.take(most + 1).read_to_end(&mut text).map_err(|e| Error::read(path, e))?;
-    limits::check("length of the file", text.len() as u64, most).map_err(|e| e.in_file(path))?;
+    let max = limits::MAX_HEADER_BYTES;
+    file.take(max + 1).read_to_end(&mut text).map_err(|e| Error::read(path, e))?;
+    limits::check("length of the file", text.len() as u64, max).map_err(|e| e.in_file(path))?;
     Ok(text)
 }
 
@@ -175,8 +188,8 @@ pub(super) fn text_of(path: &Path) -> Result<Vec<u8>> {
 pub(super) fn read(path: &Path) -> Result<TilesetPromises> {
     let text = text_of(path)?;
     let stored: StoredLayerJson = serde_json::from_slice(&text).map_err(|e| {
-        Error::bad_input(format!("does not describe a set of terrain tiles: {e}"))
-            .remedy("name the folder of a set, or its layer.json")
+        Error::bad_input(format!("not a description of terrain tiles: {e}"))
+            .remedy("pass the folder of a tileset, or its layer.json")
     })?;
     stored.layer(path)
 }
@@ -185,30 +198,31 @@ impl StoredLayerJson {
     fn layer(self, path: &Path) -> Result<TilesetPromises> {
         self.check_kind()?;
         let Some(available) = self.available else {
-            return Err(Error::bad_input("does not say which tiles are available"));
+            return Err(Error::bad_input("list of available tiles is missing"));
         };
         let listed = u8::try_from(available.len()).unwrap_or(u8::MAX).saturating_sub(1);
         let finest = self.maxzoom.unwrap_or(listed);
         limits::check("maxzoom", u64::from(finest), u64::from(MAX_LEVEL))?;
         if self.minzoom != 0 || usize::from(finest) + 1 != available.len() {
             let message = format!(
-                "has levels {} to {finest}, and tiles available of {} levels",
+                "levels {} to {finest} with available tiles of {} levels; expected all levels from 0",
                 self.minzoom,
                 available.len()
             );
-            return Err(Error::bad_input(message).remedy("levels begin with 0 and are all there"));
+            return Err(Error::bad_input(message));
         }
         (0..).zip(&available).try_for_each(|(level, ranges)| check_ranges(level, ranges))?;
-        let beyond = self.terrane.as_ref().and_then(|own| own.beyond.as_deref());
+        let beyond = self.terrane.as_ref().and_then(|extras| extras.beyond.as_deref());
         let tapers = check_beyond(beyond)?;
-        let heights = self.terrane.as_ref().and_then(|own| own.heights.as_deref());
+        let heights = self.terrane.as_ref().and_then(|extras| extras.heights.as_deref());
         let has_geoid = check_heights(heights)?;
-        let levels = self.terrane.map(|own| check_levels(own.levels, finest)).transpose()?;
-        if self.told_every == Some(0) {
-            return Err(Error::bad_input("has tiles tell of what is below them every 0 levels"));
+        let levels = self.terrane.map(|extras| check_levels(extras.levels, finest)).transpose()?;
+        if self.metadata_interval == Some(0) {
+            return Err(Error::bad_input("metadataAvailability is 0, expected at least 1"));
         }
         const KNOWN: [&str; 3] = ["octvertexnormals", "metadata", "watermask"];
-        let announces = |name: &str| self.extensions.iter().any(|own| own == name);
+        let [has_normals, has_metadata, has_water] =
+            KNOWN.map(|name| self.extensions.iter().any(|extension| extension == name));
         let unknown = self.extensions.iter().filter(|name| !KNOWN.contains(&name.as_str()));
         Ok(TilesetPromises {
             folder: path.parent().unwrap_or(Path::new("")).to_path_buf(),
@@ -216,10 +230,10 @@ impl StoredLayerJson {
             finest,
             available,
             unknown: unknown.cloned().collect(),
-            has_normals: announces(KNOWN[0]),
-            has_metadata: announces(KNOWN[1]),
-            has_water: announces(KNOWN[2]),
-            told_every: self.told_every,
+            has_normals,
+            has_metadata,
+            has_water,
+            metadata_interval: self.metadata_interval,
             levels,
             assumed: ERROR_OF_ROOT,
             tapers,
@@ -229,55 +243,49 @@ impl StoredLayerJson {
     }
 
     fn check_kind(&self) -> Result<()> {
-        let refuse = |what: &str, found: &str, known: &str| {
-            let message = format!("has the {what} \"{found}\", and only \"{known}\" can be proved");
-            Err(Error::unsupported(message))
+        check_value("format", &self.format, "quantized-mesh-1.0")?;
+        check_value("scheme", self.scheme.as_deref().unwrap_or("tms"), "tms")?;
+        let projection = self.projection.as_deref().unwrap_or("EPSG:4326");
+        check_value("projection", projection, "EPSG:4326")?;
+        let Some(address) = self.tiles.first() else {
+            return Err(Error::bad_input("address of tiles is missing"));
         };
-        let is = |found: &Option<String>, known| found.as_deref().unwrap_or(known) == known;
-        if self.format != "quantized-mesh-1.0" {
-            return refuse("format", &self.format, "quantized-mesh-1.0");
-        }
-        if !is(&self.scheme, "tms") {
-            return refuse("scheme", self.scheme.as_deref().unwrap_or_default(), "tms");
-        }
-        if !is(&self.projection, "EPSG:4326") {
-            let found = self.projection.as_deref().unwrap_or_default();
-            return refuse("projection", found, "EPSG:4326");
-        }
-        let known = "{z}/{x}/{y}.terrain";
-        match self.tiles.first().map(|all| all.split('?').next().unwrap_or_default()) {
-            Some(found) if found.trim_start_matches("./") == known => Ok(()),
-            Some(found) => refuse("address of tiles", found, known),
-            None => Err(Error::bad_input("does not say where tiles are")),
-        }
+        let address = address.split('?').next().unwrap_or_default();
+        check_value("address of tiles", address.trim_start_matches("./"), ADDRESS)
+    }
+}
+
+/// Fails for a value that is not supported.
+fn check_value(name: &str, value: &str, supported: &str) -> Result<()> {
+    match value == supported {
+        true => Ok(()),
+        false => Err(Error::unsupported(format!(
+            "unsupported {name} \"{value}\"; supported: \"{supported}\""
+        ))),
     }
 }
 
 fn check_ranges(level: u8, ranges: &[TileRange]) -> Result<()> {
-    let is_right = |range: &&TileRange| {
-        let end = ProofTileId::new(level, range.end_x, range.end_y);
-        end.is_some() && range.start_x <= range.end_x && range.start_y <= range.end_y
-    };
-    match ranges.iter().find(|range| !is_right(range)) {
+    match ranges.iter().find(|range| !range.is_valid(level)) {
         None => Ok(()),
         Some(range) => Err(Error::bad_input(format!(
-            "has columns {} to {} and rows {} to {} available, which level {level} does not have",
+            "available columns {} to {} and rows {} to {} exceed those of level {level}",
             range.start_x, range.end_x, range.start_y, range.end_y
         ))),
     }
 }
 
-/// Whether the ground beyond the raster falls, as terrane says it.
+/// Whether the ground beyond the raster falls to the ellipsoid, by terrane's own metadata.
 ///
 /// # Errors
-/// Another word than terrane has for it.
+/// An unknown value.
 pub(super) fn check_beyond(beyond: Option<&str>) -> Result<bool> {
     match beyond {
         None | Some("level") => Ok(false),
         Some("taper") => Ok(true),
         Some(other) => {
-            let message = format!("states {other:?} of the ground beyond the raster");
-            Err(Error::unsupported(message).remedy("taper and level are known"))
+            let message = format!("unsupported ground beyond the raster {other:?}");
+            Err(Error::unsupported(format!("{message}; supported: taper, level")))
         }
     }
 }
@@ -285,13 +293,13 @@ pub(super) fn check_beyond(beyond: Option<&str>) -> Result<bool> {
 /// Whether a geoid was added to the heights, by the stated vertical reference of the set.
 ///
 /// # Errors
-/// Another word than terrane has for it.
+/// An unknown value.
 pub(super) fn check_heights(heights: Option<&str>) -> Result<Option<bool>> {
     let known = [WITH_GEOID, ON_ELLIPSOID, AS_GIVEN];
     match heights {
         Some(other) if !known.contains(&other) => {
-            let message = format!("states {other:?} of what heights are counted from");
-            Err(Error::unsupported(message).remedy(format!("known are: {}", known.join("; "))))
+            let message = format!("unsupported vertical reference {other:?}");
+            Err(Error::unsupported(format!("{message}; supported: {}", known.join("; "))))
         }
         _ => Ok(heights.map(|heights| heights == WITH_GEOID)),
     }

@@ -4,7 +4,7 @@ use serde::Deserialize;
 
 use terrane_base::error::{Error, Result};
 
-/// A level as terrane says of its own sets.
+/// A level in terrane's own metadata.
 #[derive(Clone, Copy, Debug, Deserialize)]
 pub(super) struct StatedLevel {
     level: u8,
@@ -21,18 +21,24 @@ pub(super) fn check_levels(mut levels: Vec<StatedLevel>, finest: u8) -> Result<V
     levels.sort_by_key(|level| level.level);
     let is_each = levels.iter().map(|level| level.level).eq(0..=finest);
     if !is_each {
-        return Err(Error::bad_input("does not state each of its levels once"));
+        return Err(Error::bad_input(format!(
+            "levels are not stated once each from 0 to {finest}"
+        )));
     }
-    let numbers = |own: &StatedLevel| {
-        let [lattice, skirt] = [own.lattice, own.skirt].map(Option::unwrap_or_default);
-        [own.tolerance, own.step, lattice, skirt, own.error]
-    };
-    let is_bad = |value: &f64| !value.is_finite() || *value < 0.0;
-    match levels.iter().find(|own| numbers(own).iter().any(is_bad)) {
-        Some(own) => Err(Error::bad_input(format!(
-            "states a tolerance, step, skirt or error of level {} that is none",
-            own.level
+    match levels.iter().find(|level| !level.is_valid()) {
+        Some(level) => Err(Error::bad_input(format!(
+            "tolerance, step, lattice, skirt or error of level {} is not a finite non-negative number",
+            level.level
         ))),
         None => Ok(levels),
+    }
+}
+
+impl StatedLevel {
+    fn is_valid(&self) -> bool {
+        let Self { tolerance, step, error, .. } = *self;
+        let [lattice, skirt] = [self.lattice, self.skirt].map(Option::unwrap_or_default);
+        let all = [tolerance, step, lattice, skirt, error];
+        all.iter().all(|value| value.is_finite() && *value >= 0.0)
     }
 }

@@ -11,10 +11,10 @@ use terrane_proof::tiles::{BYTES_PER_VERTEX, WaterBank};
 /// Bytes of the record of each tile, with its metadata from subtrees.
 const TILE_BYTES: u64 = 256;
 
-/// Threads get so many times the bytes of a window, at least.
+/// Memory of a thread, at least, as a multiple of the bytes of a window.
 const WINDOWS: u64 = 8;
 
-/// Inverse share of a decoded tile in the memory left beside windows.
+/// Inverse share of a decoded tile in the memory left by windows.
 const SHARES: u64 = 4;
 
 /// Memory not yet allotted.
@@ -29,29 +29,28 @@ pub(super) struct TilesProofMemory {
 pub(super) struct DividedBudget {
     pub(super) threads: usize,
     /// Bytes for decoded tiles.
-    pub(super) memory: u64,
+    pub(super) bytes: u64,
     window: u64,
     taken: u64,
-    /// Requested threads.
-    wanted: u64,
+    requested_threads: u64,
 }
 
 /// Columns and rows of a window: fewer where the position of each sample is stored.
-pub(super) fn window(places: &GlobeRaster<'_>) -> u32 {
-    if places.sample_bytes() == 0 { 512 } else { 128 }
+pub(super) fn window(raster: &GlobeRaster<'_>) -> u32 {
+    if raster.sample_bytes() == 0 { 512 } else { 128 }
 }
 
 /// Bytes of a window and its decoded tiles.
-fn window_bytes(places: &GlobeRaster<'_>) -> u64 {
-    // Of samples whose places are kept, their numbers by tile are, too: twice at a border, in lists that grow.
-    let sample = match places.sample_bytes() {
+fn window_bytes(raster: &GlobeRaster<'_>) -> u64 {
+    // Stored positions come with lists of sample numbers by tile: twice at a border, and a list has up to twice the capacity.
+    let sample = match raster.sample_bytes() {
         0 => 8,
-        place => 8 + place + 4 * size_of::<usize>() as u64,
+        position => 8 + position + 4 * size_of::<usize>() as u64,
     };
-    u64::from(window(places)).pow(2) * sample + (1 << 20)
+    u64::from(window(raster)).pow(2) * sample + (1 << 20)
 }
 
-/// Bytes of memory in which so many are free.
+/// Memory budget that leaves `free` bytes.
 fn enough(free: u64) -> u64 {
     PROGRAM + 2 * free
 }
@@ -66,7 +65,7 @@ impl TilesProofMemory {
         self.taken += bytes;
     }
 
-    /// Number of tiles that fit.
+    /// Largest number of tiles.
     pub(super) fn tiles(&self) -> usize {
         usize::try_from(self.free / 2 / TILE_BYTES).unwrap_or(usize::MAX)
     }
@@ -75,63 +74,65 @@ impl TilesProofMemory {
         self.take(count as u64 * TILE_BYTES);
     }
 
-    /// Fails where there are more than `most` tiles.
-    pub(super) fn check(count: usize, most: usize) -> Result<()> {
-        match count <= most {
+    /// Fails for more than `max` tiles.
+    pub(super) fn check(count: usize, max: usize) -> Result<()> {
+        match count <= max {
             true => Ok(()),
             false => Err(short(
-                format!("there are {count} tiles, and {most} fit into memory"),
+                format!("{count} tiles exceed the limit of {max} by memory"),
                 enough(2 * count as u64 * TILE_BYTES),
             )),
         }
     }
 
-    /// Number of parts of sides of water polygons that fit.
-    pub(super) fn sides(&self) -> u64 {
+    /// Largest number of segments of water polygons.
+    pub(super) fn segments(&self) -> u64 {
         self.free / 2 / WaterBank::BYTES
     }
 
-    /// Fails where there are more than so many.
-    pub(super) fn check_sides(&self, count: u64) -> Result<()> {
-        let most = self.sides();
-        match count <= most {
+    /// Fails for more segments of water polygons than fit.
+    pub(super) fn check_segments(&self, count: u64) -> Result<()> {
+        let max = self.segments();
+        match count <= max {
             true => Ok(()),
             false => Err(short(
-                format!("its sides have {count} parts, and {most} fit into memory"),
+                format!("{count} segments of polygons exceed the limit of {max} by memory"),
                 enough(self.taken + 2 * count * WaterBank::BYTES),
             )),
         }
     }
 
     /// The remainder, for windows of the raster and decoded tiles.
-    pub(super) fn divided(self, places: &GlobeRaster<'_>, threads: usize) -> DividedBudget {
-        self.shared(window_bytes(places), threads)
+    pub(super) fn divided(self, raster: &GlobeRaster<'_>, threads: usize) -> DividedBudget {
+        self.shared(window_bytes(raster), threads)
     }
 
-    fn shared(self, window: u64, wanted: usize) -> DividedBudget {
-        let fitting = usize::try_from(self.free / (WINDOWS * window)).unwrap_or(usize::MAX);
-        let threads = wanted.clamp(1, fitting.max(1));
-        let memory = self.free.saturating_sub(threads as u64 * window);
-        DividedBudget { threads, memory, window, taken: self.taken, wanted: wanted.max(1) as u64 }
+    fn shared(self, window: u64, requested: usize) -> DividedBudget {
+        let max_threads = usize::try_from(self.free / (WINDOWS * window)).unwrap_or(usize::MAX);
+        let threads = requested.clamp(1, max_threads.max(1));
+        let bytes = self.free.saturating_sub(threads as u64 * window);
+        let requested_threads = requested.max(1) as u64;
+        DividedBudget { threads, bytes, window, taken: self.taken, requested_threads }
     }
 }
 
 impl DividedBudget {
-    /// Most vertices of a tile.
+    /// Largest number of vertices of a tile.
     fn vertices(&self) -> u64 {
-        self.memory / SHARES / self.threads as u64 / BYTES_PER_VERTEX as u64
+        self.bytes / SHARES / self.threads as u64 / BYTES_PER_VERTEX as u64
     }
 
-    /// Fails where a tile has more vertices than fit.
-    pub(super) fn fit(&self, vertices: usize) -> Result<()> {
-        let most = self.vertices();
-        if vertices as u64 <= most {
+    /// Fails for a tile with more vertices than fit.
+    pub(super) fn check_vertices(&self, vertices: usize) -> Result<()> {
+        let max = self.vertices();
+        if vertices as u64 <= max {
             return Ok(());
         }
         let tile = SHARES * vertices as u64 * BYTES_PER_VERTEX as u64;
         Err(short(
-            format!("has {vertices} vertices, and {most} fit into memory"),
-            enough(self.taken + self.wanted * (self.window + tile)),
+            format!("{vertices} vertices exceed the limit of {max} by memory"),
+            // More memory means more threads, up to the requested number, which share it.
+            enough(self.taken + self.requested_threads * (self.window + tile)),
         ))
     }
 }
@@ -143,8 +144,12 @@ mod tests {
 
     const WINDOW: u64 = 3 << 20;
 
-    fn room(memory: u64) -> TilesProofMemory {
-        TilesProofMemory::new(&Resources { threads: 1, memory, temp_dir: None })
+    /// A budget, less the records of tiles.
+    fn budget(memory: u64, tiles: usize) -> TilesProofMemory {
+        let resources = Resources { threads: 1, memory, temp_dir: None };
+        let mut budget = TilesProofMemory::new(&resources);
+        budget.take_tiles(tiles);
+        budget
     }
 
     /// The bytes that an error advises.
@@ -155,33 +160,23 @@ mod tests {
     }
 
     #[test]
-    fn memory_that_is_advised_is_enough() {
-        let least = room(32 << 20);
+    fn advised_memory_is_enough() {
+        let min = budget(32 << 20, 0).tiles();
         for count in [1 << 15, 1 << 20, 3_000_000, 1 << 28] {
-            let error = TilesProofMemory::check(count, least.tiles()).unwrap_err();
-            assert!(
-                TilesProofMemory::check(count, room(advised(&error)).tiles()).is_ok(),
-                "{count} tiles"
-            );
+            let error = TilesProofMemory::check(count, min).unwrap_err();
+            let max = budget(advised(&error), 0).tiles();
+            assert!(TilesProofMemory::check(count, max).is_ok(), "{count} tiles");
         }
         for (tiles, count) in [(0, 1 << 20), (10_000, 1 << 18), (1 << 20, 1 << 24)] {
-            let taken = |memory| {
-                let mut room = room(memory);
-                room.take_tiles(tiles);
-                room
-            };
-            let error = taken(32 << 20).check_sides(count).unwrap_err();
-            assert!(taken(advised(&error)).check_sides(count).is_ok(), "{tiles}, {count} sides");
+            let error = budget(32 << 20, tiles).check_segments(count).unwrap_err();
+            let fits = budget(advised(&error), tiles).check_segments(count);
+            assert!(fits.is_ok(), "{tiles}, {count} segments");
         }
         for (tiles, vertices) in [(0, 1 << 16), (10_000, 1 << 18), (100_000, 1 << 20)] {
             for threads in [1, 2, 7, 64] {
-                let divided = |memory| {
-                    let mut room = room(memory);
-                    room.take_tiles(tiles);
-                    room.shared(WINDOW, threads)
-                };
-                let error = divided(32 << 20).fit(vertices).unwrap_err();
-                let fits = divided(advised(&error)).fit(vertices);
+                let divided = |memory| budget(memory, tiles).shared(WINDOW, threads);
+                let error = divided(32 << 20).check_vertices(vertices).unwrap_err();
+                let fits = divided(advised(&error)).check_vertices(vertices);
                 assert!(fits.is_ok(), "{tiles}, {vertices} vertices, {threads} threads: {fits:?}");
             }
         }

@@ -13,26 +13,27 @@ use terrane_engine::proof::ProofVerdict;
 use terrane_engine::run_statistics::RunStatistics;
 use terrane_proof::tiles::{MaskPixels, ProofTileId, TilesetCheck, TilesetFault, TilesetFaults};
 
-/// Metres that a sphere may be larger than it has to be, and part that a tolerance may: rounding.
+/// Rounding of the radius of a sphere, in metres.
 const LOOSE: f64 = 1e-3;
+/// Relative rounding of tolerances and steps.
 const SHARE: f64 = 1e-6;
 /// Largest ratio of a tolerance to the measured error where that exceeds the assumption of clients.
 const MEASURED: f64 = 1.01;
-/// Steps of heights in the error that clients assume, at most.
+/// Largest number of height steps in the error that clients assume.
 const FINEST: f64 = 64.0 * (1.0 + 1e-6);
 
-/// Degrees by which bounds may miss a sample: they are written in decimals.
+/// Rounding of bounds in degrees: they are written in decimals.
 const DEGREES: f64 = 1e-9;
 
 /// Prefix of the fault for files outside the set, or unreadable ones.
 const STRAY: &str = "files that are neither";
 const UNREADABLE: &str = "tiles that cannot be read";
 
-/// Samples of a tile, about, from which on it need not be as near to rough ground as clients assume.
+/// Number of samples of a tile from which on its error may exceed the assumption of clients.
 const MANY: u64 = 1 << 17;
-/// Parts of the range of heights that a step of heights is at the most, in tiles with all of that range.
+/// Smallest number of height steps in the range of heights, in tiles with all of that range.
 const STEPS: f64 = 8192.0;
-/// Steps of heights from zero to the highest place, at least, where single precision asks for larger steps.
+/// Smallest number of height steps from zero to the highest vertex where single precision requires larger steps.
 const HIGHEST: f64 = 2e6;
 
 /// Report of a verification of tiles. Distances and heights are in metres; tiles are
@@ -44,7 +45,7 @@ pub struct TilesVerifyReport {
     pub tiles: String,
     /// The raster.
     pub raster: String,
-    /// Its reference system.
+    /// CRS of the raster.
     pub crs: String,
     /// Verdict of the proof.
     #[serde(flatten)]
@@ -69,9 +70,9 @@ pub struct TilesVerifyReport {
     pub bounds: Option<[f64; 4]>,
     /// Largest excess of a tile's recorded error over the measured one.
     pub max_overstated: Option<f64>,
-    /// One for each thing that is proved.
+    /// Results by check.
     pub checks: Vec<CheckReport>,
-    /// One for each level, the coarsest first.
+    /// Figures by level, the coarsest first.
     pub levels: Vec<LevelProofReport>,
     /// Samples measured a second.
     pub samples_per_second: f64,
@@ -85,7 +86,7 @@ pub struct TilesVerifyReport {
 pub struct CheckReport {
     /// Name: structure, samples, borders, levels, containment, water or index.
     pub check: &'static str,
-    /// Nothing wrong was found.
+    /// No faults.
     pub kept: bool,
     /// Scope of the check, in words.
     pub looked_at: String,
@@ -93,14 +94,14 @@ pub struct CheckReport {
     pub faults: Vec<TileFault>,
 }
 
-/// Something wrong.
+/// A kind of fault.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct TileFault {
     /// Description.
     pub what: String,
-    /// How often.
+    /// Number of faults.
     pub count: u64,
-    /// The first tile that has it.
+    /// The first faulty tile.
     pub first: Option<String>,
 }
 
@@ -141,20 +142,22 @@ pub struct LevelProofReport {
 /// Findings of all checks.
 pub(super) struct TilesProofFindings {
     pub(super) alone: tile_checks::SingleTileFindings,
+    /// By the number of the tile.
     pub(super) records: Vec<Option<TileRecord>>,
     pub(super) sweep: sweep::SampleFindings,
-    pub(super) under: Vec<TileSamples>,
+    /// By the number of the tile.
+    pub(super) samples: Vec<TileSamples>,
 }
 
-/// The findings, judged; without names of files and figures of the run.
+/// Judges the findings. The report lacks names of files and figures of the run.
 pub(super) fn report(
     context: &TilesProofContext<'_>,
-    found: &TilesProofFindings,
+    findings: &TilesProofFindings,
     crs: &Crs,
 ) -> TilesVerifyReport {
-    let mut faults = found.alone.faults.clone();
-    faults.merge(&found.sweep.faults);
-    let judge = TilesJudge { context, found };
+    let mut faults = findings.alone.faults.clone();
+    faults.merge(&findings.sweep.faults);
+    let judge = TilesJudge { context, findings };
     judge.tiles(&mut faults);
     judge.index(&mut faults);
     let levels: Vec<_> = (0..=context.layer.finest).map(|level| judge.level(level)).collect();
@@ -164,22 +167,22 @@ pub(super) fn report(
         .filter(|(check, _)| *check != TilesetCheck::Water || context.layer.has_water)
         .map(|(check, name)| {
             let looked_at = judge.looked_at(check, &levels);
-            CheckReport::new((check, name), &faults, context.layer, looked_at)
+            let faults = faults_of(check, &faults, context.layer);
+            CheckReport { check: name, kept: faults.is_empty(), looked_at, faults }
         })
         .collect();
-    let sum = |of: fn(&LevelProofReport) -> u64| levels.iter().map(of).sum();
     TilesVerifyReport {
         crs: crs.label(),
         verdict: ProofVerdict::of(judge.failures(&checks), judge.not_judged()),
         notes: judge.notes(),
         made_by_terrane: context.layer.levels.is_some(),
         files: context.tiles.all.len() as u64,
-        vertices: sum(|level| level.vertices),
-        triangles: sum(|level| level.triangles),
-        samples: found.sweep.valid,
-        measured: sum(|level| level.samples),
-        heights: found.sweep.heights,
-        bounds: found.sweep.bounds,
+        vertices: sum(&levels, |level| level.vertices),
+        triangles: sum(&levels, |level| level.triangles),
+        samples: findings.sweep.valid,
+        measured: sum(&levels, |level| level.samples),
+        heights: findings.sweep.heights,
+        bounds: findings.sweep.bounds,
         max_overstated: judge.max_overstated(),
         checks,
         levels,
@@ -187,53 +190,52 @@ pub(super) fn report(
     }
 }
 
-impl CheckReport {
-    fn new(
-        (check, name): (TilesetCheck, &'static str),
-        faults: &TilesetFaults,
-        layer: &TilesetPromises,
-        looked_at: String,
-    ) -> Self {
-        let told = |(_, what, count): (
-            TilesetFault,
-            &'static str,
-            terrane_proof::tiles::TilesetFaultCount,
-        )| {
-            let first = count.first.map(|id| id.to_string());
+/// The faults of a check.
+fn faults_of(
+    check: TilesetCheck,
+    faults: &TilesetFaults,
+    layer: &TilesetPromises,
+) -> Vec<TileFault> {
+    let found = faults.found(check);
+    found
+        .map(|(_, what, count)| TileFault {
             // Texts name the file of quantized-mesh.
-            let what = what.replace(folder::NAME, layer.name());
-            TileFault { what, count: count.count, first }
-        };
-        let faults: Vec<_> = faults.found(check).map(told).collect();
-        Self { check: name, kept: faults.is_empty(), looked_at, faults }
-    }
+            what: what.replace(folder::NAME, layer.name()),
+            count: count.count,
+            first: count.first.map(|id| id.to_string()),
+        })
+        .collect()
+}
+
+fn sum(levels: &[LevelProofReport], of: fn(&LevelProofReport) -> u64) -> u64 {
+    levels.iter().map(of).sum()
 }
 
 struct TilesJudge<'a> {
     context: &'a TilesProofContext<'a>,
-    found: &'a TilesProofFindings,
+    findings: &'a TilesProofFindings,
 }
 
 impl TilesJudge<'_> {
     /// Checks that need all samples and tiles.
     fn tiles(&self, faults: &mut TilesetFaults) {
         let layer = self.context.layer;
-        let numbered = self.context.tiles.all.iter().zip(&self.found.records);
-        let [lowest, highest] = self.reach();
-        for ((&id, record), under) in numbered.zip(&self.found.under) {
+        let numbered = self.context.tiles.all.iter().zip(&self.findings.records);
+        let [lowest, highest] = self.height_range();
+        for ((&id, record), samples) in numbered.zip(&self.findings.samples) {
             let Some(record) = record else { continue };
             self.sphere(id, record, faults);
-            let step = layer.own(id.level).map_or(0.0, |own| own.step);
+            let step = layer.stated(id.level).map_or(0.0, |stated| stated.step);
             let [low, high] = record.heights;
             let is_spike = low < lowest - step - ROUNDING || high > highest + step + ROUNDING;
             faults.add(TilesetFault::Spikes, u64::from(is_spike), id);
-            let is_vain = under.count == 0 && id.level > 0;
-            faults.add(TilesetFault::Superfluous, u64::from(is_vain), id);
+            let is_superfluous = samples.count == 0 && id.level > 0;
+            faults.add(TilesetFault::Superfluous, u64::from(is_superfluous), id);
             let Some(recorded) = record.error else {
                 faults.add(TilesetFault::NoError, u64::from(layer.levels.is_some()), id);
                 continue;
             };
-            let is_over = under.far.is_some_and(|far| far.ends[0] > recorded + ROUNDING);
+            let is_over = samples.far.is_some_and(|far| far.ends[0] > recorded + ROUNDING);
             faults.add(TilesetFault::OverRecorded, u64::from(is_over), id);
             let is_reckless = recorded > self.context.max_recorded(id.level);
             faults.add(TilesetFault::Reckless, u64::from(is_reckless), id);
@@ -241,31 +243,30 @@ impl TilesJudge<'_> {
     }
 
     /// The lowest and the highest height that tiles may have.
-    fn reach(&self) -> [f64; 2] {
-        let [low, high] = self.found.sweep.heights.unwrap_or_default();
+    fn height_range(&self) -> [f64; 2] {
+        let [low, high] = self.findings.sweep.heights.unwrap_or_default();
         if self.context.layer.tapers { [low.min(0.0), high.max(0.0)] } else { [low, high] }
     }
 
-    /// Holds the sphere of a tile of terrane's to be no larger than it and the spheres below it need.
+    /// Checks that the sphere of a tile of 3D Tiles is no larger than the tile and the spheres of its children need.
     fn sphere(&self, id: ProofTileId, record: &TileRecord, faults: &mut TilesetFaults) {
-        let Some(three) = self.context.layer.three() else { return };
-        let Some(about) = three.about(id) else { return };
-        let below = id.below().filter_map(|part| three.about(part));
-        let needed = below.map(|part| about.reach_of(part)).fold(record.radius, f64::max);
-        faults.add(TilesetFault::LooseSphere, u64::from(about.sphere.1 > needed + LOOSE), id);
+        let Some(three) = self.context.layer.three_tiles() else { return };
+        let Some(stated) = three.stated(id) else { return };
+        let children = id.below().filter_map(|child| three.stated(child));
+        let needed = children.map(|child| stated.radius_with(child)).fold(record.radius, f64::max);
+        faults.add(TilesetFault::LooseSphere, u64::from(stated.sphere.1 > needed + LOOSE), id);
     }
 
-    /// The error of a level that has to be allowed, as its positions and steps of heights cannot hold samples nearer, or
-    /// its tiles have too many of them.
+    /// The error of a level that its positions and height steps, or too many samples in a tile, make unavoidable.
     fn unavoidable(&self, level: u8) -> f64 {
-        let [low, high] = self.reach();
+        let [low, high] = self.height_range();
         let of_level = self.context.tiles.of_level(level);
-        let most = self.found.under[of_level].iter().map(|under| under.count).max();
-        let steps = match most.unwrap_or_default() > MANY {
+        let max = self.findings.samples[of_level].iter().map(|samples| samples.count).max();
+        let share = match max.unwrap_or_default() > MANY {
             true => 1.0,
-            false => (4.0 * self.context.places.samples_of_step(level) + 1.0 / STEPS).min(1.0),
+            false => (4.0 * self.context.raster.samples_of_step(level) + 1.0 / STEPS).min(1.0),
         };
-        self.context.layer.assumed(level) + (high - low) * steps
+        self.context.layer.assumed(level) + (high - low) * share
     }
 
     /// Checks the list of tiles against its metadata.
@@ -273,7 +274,7 @@ impl TilesJudge<'_> {
         let (layer, tiles) = (self.context.layer, self.context.tiles);
         for x in 0..2 {
             let root = ProofTileId { level: 0, y: 0, x };
-            faults.add(TilesetFault::NoRoot, u64::from(tiles.find_one(root).is_none()), root);
+            faults.add(TilesetFault::NoRoot, u64::from(tiles.number_of(root).is_none()), root);
         }
         for level in 0..=layer.finest {
             self.available(level, faults);
@@ -281,34 +282,41 @@ impl TilesJudge<'_> {
         let beyond = tiles.all.partition_point(|id| id.level <= layer.finest);
         tiles.all[beyond..].iter().for_each(|&id| faults.add(TilesetFault::NotAvailable, 1, id));
         faults.add(TilesetFault::Stray, tiles.strays, None);
-        let [plain, packed] = &self.found.alone.packed;
+        let [plain, packed] = &self.findings.alone.packed;
         let fewer = if plain.count < packed.count { plain } else { packed };
         faults.add(TilesetFault::Mixed, fewer.count, fewer.first);
-        if let Some(three) = layer.three() {
+        if let Some(three) = layer.three_tiles() {
             three.check(faults);
         }
-        let Some(data) = self.found.sweep.bounds else { return };
-        let holds = |[west, south, east, north]: [f64; 4]| {
-            let low = west <= data[0] + DEGREES && south <= data[1] + DEGREES;
-            low && east >= data[2] - DEGREES && north >= data[3] - DEGREES
-        };
-        faults.add(TilesetFault::Bounds, u64::from(!layer.bounds.is_some_and(holds)), None);
-        let spacing = self.context.places.spacing();
-        // Of one sample the bounds are widened, so that they have an area.
-        let slack = if spacing > 0.0 { DEGREES + spacing * spacing } else { 1e-8 };
-        let is_loose = |told: [f64; 4], whole: [f64; 4]| {
-            let far =
-                [whole[0] - told[0], whole[1] - told[1], told[2] - whole[2], told[3] - whole[3]];
-            far.iter().any(|far| *far > slack)
-        };
-        let both = layer.bounds.zip(self.found.sweep.whole).filter(|_| layer.levels.is_some());
-        let is_off = both.is_some_and(|(told, whole)| is_loose(told, whole));
-        faults.add(TilesetFault::LooseBounds, u64::from(is_off), None);
         faults.add(TilesetFault::OtherHeights, u64::from(self.has_other_heights()), None);
-        let is_beyond = |[west, south, east, north]: [f64; 4]| {
-            west < -180.0 || south < -90.0 || east > 180.0 || north > 90.0
+        self.bounds(faults);
+    }
+
+    /// Checks the stated bounds against those of the samples.
+    fn bounds(&self, faults: &mut TilesetFaults) {
+        let layer = self.context.layer;
+        let Some([west, south, east, north]) = layer.bounds else {
+            faults.add(TilesetFault::Bounds, 1, None);
+            return;
         };
-        faults.add(TilesetFault::BeyondWorld, u64::from(layer.bounds.is_some_and(is_beyond)), None);
+        let is_beyond = west < -180.0 || south < -90.0 || east > 180.0 || north > 90.0;
+        faults.add(TilesetFault::BeyondWorld, u64::from(is_beyond), None);
+        // Void samples count for the upper limit, but need not be within.
+        let (Some(valid), Some(all)) = (self.findings.sweep.bounds, self.findings.sweep.all_bounds)
+        else {
+            return;
+        };
+        let contains = west <= valid[0] + DEGREES
+            && south <= valid[1] + DEGREES
+            && east >= valid[2] - DEGREES
+            && north >= valid[3] - DEGREES;
+        faults.add(TilesetFault::Bounds, u64::from(!contains), None);
+        let spacing = self.context.raster.spacing();
+        // terrane widens the bounds of a single sample, so that they have an area.
+        let slack = if spacing > 0.0 { DEGREES + spacing * spacing } else { 1e-8 };
+        let excess = [all[0] - west, all[1] - south, east - all[2], north - all[3]];
+        let is_loose = layer.levels.is_some() && excess.iter().any(|excess| *excess > slack);
+        faults.add(TilesetFault::LooseBounds, u64::from(is_loose), None);
     }
 
     /// Compares the files of a level with its stated availability.
@@ -316,10 +324,10 @@ impl TilesJudge<'_> {
         let tiles = self.context.tiles;
         let of_level = tiles.of_level(level);
         let mut is_named = vec![false; of_level.len()];
-        // Rectangles may name far more than there is.
+        // Rectangles may name far more tiles than there are.
         let mut left = sweep::MAX_MISSING;
         for id in self.context.layer.available(level) {
-            let fault = match tiles.find_one(id) {
+            let fault = match tiles.number_of(id) {
                 None => TilesetFault::NotThere,
                 Some(number) if is_named[number - of_level.start] => TilesetFault::NamedTwice,
                 Some(number) => {
@@ -340,24 +348,24 @@ impl TilesJudge<'_> {
 
     fn level(&self, level: u8) -> LevelProofReport {
         let (layer, at) = (self.context.layer, usize::from(level));
-        let [vertices, triangles] = self.found.alone.sizes[at];
-        let [within, coarser] = self.found.alone.borders[at];
-        let samples = &self.found.sweep.levels[at];
+        let [vertices, triangles] = self.findings.alone.sizes[at];
+        let [within, coarser] = self.findings.alone.borders[at];
+        let samples = &self.findings.sweep.levels[at];
         let far = self.farthest(level);
-        let places = &self.context.places;
+        let raster = &self.context.raster;
         LevelProofReport {
             level,
             tiles: self.context.tiles.of_level(level).len() as u64,
             vertices,
             triangles,
             tolerance: layer.tolerance(level),
-            step: layer.own(level).map(|own| own.step),
+            step: layer.stated(level).map(|stated| stated.step),
             samples: samples.samples,
             over: samples.over,
             max_error: far.map(|(far, _)| far.distance),
             max_error_tile: far.map(|(_, id)| id.to_string()),
             max_error_at: far.and_then(|(FarthestSample { sample: [row, col], .. }, _)| {
-                places.place(col, row).ok()
+                raster.position(col, row).ok()
             }),
             rmse: samples.rmse(),
             borders: within.compared,
@@ -376,8 +384,9 @@ impl TilesJudge<'_> {
     /// The farthest sample of a level, and its tile.
     fn farthest(&self, level: u8) -> Option<(FarthestSample, ProofTileId)> {
         let of_level = self.context.tiles.of_level(level);
-        let all = self.context.tiles.all[of_level.clone()].iter().zip(&self.found.under[of_level]);
-        let fars = all.filter_map(|(&id, under)| Some((under.far?, id)));
+        let all =
+            self.context.tiles.all[of_level.clone()].iter().zip(&self.findings.samples[of_level]);
+        let fars = all.filter_map(|(&id, samples)| Some((samples.far?, id)));
         fars.reduce(|a, b| {
             let ends = [0, 1].map(|i| a.0.ends[i].max(b.0.ends[i]));
             let (far, id) = if b.0.distance > a.0.distance { b } else { a };
@@ -387,84 +396,85 @@ impl TilesJudge<'_> {
 
     /// Checks the metadata of levels.
     fn levels(&self, levels: &[LevelProofReport], faults: &mut TilesetFaults) {
-        for found in levels {
-            let id = self.context.tiles.all.get(self.context.tiles.of_level(found.level).start);
-            let assumed = self.context.layer.assumed(found.level);
-            // Steep triangles make distances of what is rounded.
-            let [error, most] = self.farthest(found.level).map_or([0.0; 2], |(far, _)| far.ends);
-            let needed = (most * MEASURED + LOOSE).max(assumed);
-            let is_lax = found.tolerance > needed * (1.0 + SHARE);
-            faults.add(TilesetFault::Assumed, u64::from(is_lax), id.copied());
-            let is_far = error > self.unavoidable(found.level);
-            faults.add(TilesetFault::Avoidable, u64::from(is_far), id.copied());
-            let Some(own) = self.context.layer.own(found.level) else { continue };
-            faults.add(
-                TilesetFault::LevelError,
-                u64::from(error > own.error + ROUNDING),
-                id.copied(),
-            );
-            let recorded = self.recorded(found.level);
-            let is_other = recorded.is_some_and(|recorded| own.error > recorded + ROUNDING);
-            faults.add(TilesetFault::OtherError, u64::from(is_other), id.copied());
-            let is_other = own.step < assumed / FINEST || own.step > self.coarsest(assumed, own);
-            faults.add(TilesetFault::OtherStep, u64::from(is_other), id.copied());
-            let allowed = self.context.assumed_gap(found.level) - ROUNDING;
-            let is_short = own.skirt.is_some_and(|skirt| skirt < allowed);
-            faults.add(TilesetFault::SkirtShort, u64::from(is_short), id.copied());
-            faults.add(TilesetFault::Counts, u64::from(own.tiles != found.tiles), id.copied());
+        let tiles = self.context.tiles;
+        for level in levels {
+            let id = tiles.all.get(tiles.of_level(level.level).start).copied();
+            let assumed = self.context.layer.assumed(level.level);
+            // On steep triangles the rounding of positions becomes distance: bounds of the error, not the error.
+            let [min, max] = self.farthest(level.level).map_or([0.0; 2], |(far, _)| far.ends);
+            let needed = (max * MEASURED + LOOSE).max(assumed);
+            let is_lax = level.tolerance > needed * (1.0 + SHARE);
+            faults.add(TilesetFault::Assumed, u64::from(is_lax), id);
+            let is_far = min > self.unavoidable(level.level);
+            faults.add(TilesetFault::Avoidable, u64::from(is_far), id);
+            let Some(stated) = self.context.layer.stated(level.level) else { continue };
+            let is_over = min > stated.error + ROUNDING;
+            faults.add(TilesetFault::LevelError, u64::from(is_over), id);
+            let recorded = self.recorded(level.level);
+            let is_other = recorded.is_some_and(|recorded| stated.error > recorded + ROUNDING);
+            faults.add(TilesetFault::OtherError, u64::from(is_other), id);
+            let is_other =
+                stated.step < assumed / FINEST || stated.step > self.coarsest(assumed, stated);
+            faults.add(TilesetFault::OtherStep, u64::from(is_other), id);
+            let allowed = self.context.assumed_gap(level.level) - ROUNDING;
+            let is_short = stated.skirt.is_some_and(|skirt| skirt < allowed);
+            faults.add(TilesetFault::SkirtShort, u64::from(is_short), id);
+            faults.add(TilesetFault::Counts, u64::from(stated.tiles != level.tiles), id);
         }
     }
 
     /// Whether a geoid was added only to the heights of the tiles, or only to those of the raster.
     fn has_other_heights(&self) -> bool {
-        let has_geoid = self.context.places.has_geoid();
-        self.context.layer.has_geoid.is_some_and(|said| said != has_geoid)
+        let has_geoid = self.context.raster.has_geoid();
+        self.context.layer.has_geoid.is_some_and(|stated| stated != has_geoid)
     }
 
-    /// The largest step of heights that a level needs: by the assumption of clients, the range of heights in a
+    /// The largest height step that a level needs: by the assumption of clients, the range of heights in a
     /// tile, single precision at the largest height, and the lattice.
-    fn coarsest(&self, assumed: f64, own: StatedLevel) -> f64 {
-        let [low, high] = self.reach();
+    fn coarsest(&self, assumed: f64, stated: StatedLevel) -> f64 {
+        let [low, high] = self.height_range();
         let (low, high) = (low.min(0.0), high.max(0.0));
         let of_range = ((high - low) / STEPS).max(high.max(-low) / HIGHEST);
-        (2.0 * assumed / FINEST).max(of_range).max(4.0 * own.lattice.unwrap_or_default())
+        (2.0 * assumed / FINEST).max(of_range).max(4.0 * stated.lattice.unwrap_or_default())
             * (1.0 + SHARE)
     }
 
-    /// The largest error that a tile of a level records, where all of them can be read.
+    /// The largest error that a tile of a level records; `None` if a tile cannot be read.
     fn recorded(&self, level: u8) -> Option<f64> {
-        let of_level = &self.found.records[self.context.tiles.of_level(level)];
+        let of_level = &self.findings.records[self.context.tiles.of_level(level)];
         let errors = of_level.iter().map(|record| Some(record.as_ref()?.error.unwrap_or_default()));
         errors.collect::<Option<Vec<_>>>().map(|all| all.into_iter().fold(0.0, f64::max))
     }
 
     fn max_overstated(&self) -> Option<f64> {
-        let both = self.found.records.iter().zip(&self.found.under);
-        let over = both.filter_map(|(record, under)| Some((*record)?.error? - under.far?.distance));
-        over.reduce(f64::max)
+        let tiles = self.findings.records.iter().zip(&self.findings.samples);
+        tiles
+            .filter_map(|(record, samples)| Some((*record)?.error? - samples.far?.distance))
+            .reduce(f64::max)
     }
 
     fn looked_at(&self, check: TilesetCheck, levels: &[LevelProofReport]) -> String {
-        let sum = |of: fn(&LevelProofReport) -> u64| levels.iter().map(of).sum::<u64>();
         let files = self.context.tiles.all.len();
         match check {
             TilesetCheck::Structure => format!("{files} tiles"),
             TilesetCheck::Samples => {
-                format!("{} samples on {} levels", self.found.sweep.valid, levels.len())
+                format!("{} samples on {} levels", self.findings.sweep.valid, levels.len())
             }
             TilesetCheck::Borders => format!(
                 "{} borders within levels, {} with no tile beside",
-                sum(|level| level.borders),
-                sum(|level| level.borders_alone)
+                sum(levels, |level| level.borders),
+                sum(levels, |level| level.borders_alone)
             ),
             TilesetCheck::Levels => format!(
                 "{} borders to coarser tiles, {} with no such tile beside",
-                sum(|level| level.coarser),
-                sum(|level| level.coarser_alone)
+                sum(levels, |level| level.coarser),
+                sum(levels, |level| level.coarser_alone)
             ),
-            TilesetCheck::Containment => format!("{} vertices", sum(|level| level.vertices)),
+            TilesetCheck::Containment => {
+                format!("{} vertices", sum(levels, |level| level.vertices))
+            }
             TilesetCheck::Water => {
-                let MaskPixels { judged, unclear, .. } = self.found.alone.pixels;
+                let MaskPixels { judged, unclear, .. } = self.findings.alone.pixels;
                 format!("{judged} pixels, {unclear} more too near to a bank to tell")
             }
             TilesetCheck::Index => format!("{}, {files} files", self.context.layer.name()),
@@ -472,63 +482,69 @@ impl TilesJudge<'_> {
     }
 
     fn failures(&self, checks: &[CheckReport]) -> Vec<String> {
-        let told = |fault: &TileFault| {
-            let first = match (&fault.first, &self.context.tiles.first_stray) {
-                (Some(tile), _) => format!(", first in tile {tile}"),
-                (None, Some(path)) if fault.what.starts_with(STRAY) => {
-                    format!(", first {}", path.display())
-                }
-                _ => String::new(),
-            };
-            let why = self.found.alone.unreadable.as_ref();
-            match (fault.what.strip_prefix(self.context.layer.name()), why) {
-                (Some(_), _) => fault.what.clone(),
-                (None, Some((_, why))) if fault.what == UNREADABLE => {
-                    format!("{} {}, first {why}", fault.count, fault.what)
-                }
-                (None, _) => format!("{} {}{first}", fault.count, fault.what),
+        checks.iter().flat_map(|check| &check.faults).map(|fault| self.failure(fault)).collect()
+    }
+
+    /// A fault on one line, with its count and the first tile or file.
+    fn failure(&self, fault: &TileFault) -> String {
+        let TileFault { what, count, first } = fault;
+        if what.starts_with(self.context.layer.name()) {
+            return what.clone();
+        }
+        let first = match (first, &self.findings.alone.unreadable, &self.context.tiles.first_stray)
+        {
+            (_, Some((_, error)), _) if what == UNREADABLE => format!(", first {error}"),
+            (Some(tile), ..) => format!(", first in tile {tile}"),
+            (None, _, Some(path)) if what.starts_with(STRAY) => {
+                format!(", first {}", path.display())
             }
+            _ => String::new(),
         };
-        checks.iter().flat_map(|check| &check.faults).map(told).collect()
+        format!("{count} {what}{first}")
+    }
+
+    /// Whether water masks are not checked.
+    fn lacks_water(&self) -> bool {
+        self.context.layer.has_water && self.context.shore.is_none()
     }
 
     fn not_judged(&self) -> Vec<String> {
-        let mut not = Vec::new();
-        if self.context.layer.has_water && self.context.shore.is_none() {
-            not.push("masks of water, as no file of it was named".to_owned());
+        let mut not_judged = Vec::new();
+        if self.lacks_water() {
+            not_judged.push("water masks, as no file of water features was passed".to_owned());
         }
         let unknown = &self.context.layer.unknown;
         if !unknown.is_empty() {
-            not.push(format!("the extensions {}, which are not known", unknown.join(", ")));
+            not_judged.push(format!("unknown extensions {}", unknown.join(", ")));
         }
         if self.context.layer.levels.is_none() {
-            not.push(
-                "whether heights are on one lattice, as layer.json states no steps".to_owned(),
-            );
-            let records = self.found.records.iter().flatten();
-            let none = records.filter(|record| record.error.is_none()).count();
-            not.extend((none > 0).then(|| format!("the errors of {none} tiles that record none")));
+            not_judged.push("lattice of heights, as layer.json states no steps".to_owned());
+            let records = self.findings.records.iter().flatten();
+            let count = records.filter(|record| record.error.is_none()).count();
+            if count > 0 {
+                not_judged.push(format!("errors of {count} tiles without a recorded error"));
+            }
         }
-        not
+        not_judged
     }
 
     fn notes(&self) -> Vec<String> {
-        let unknown = !self.context.places.knows_unit;
-        let note = "the raster does not say what its heights are in: they are taken for metres";
-        let is_dry = self.context.layer.has_water && self.context.shore.is_none();
-        let of_water =
-            "tiles tell of water, which is level in them: pass ‹water› with the file of it";
-        let has_geoid = self.context.places.has_geoid();
-        let is_other = self.has_other_heights();
-        let of_geoid = match has_geoid {
-            true => "the tiles say that no geoid was added to their heights: leave ‹geoid› out",
-            false => "the tiles say that a geoid was added to their heights: pass ‹geoid›",
-        };
-        let found = self.context.places.notes.iter().cloned();
-        found
-            .chain(is_other.then(|| of_geoid.to_owned()))
-            .chain(unknown.then(|| note.to_owned()))
-            .chain(is_dry.then(|| of_water.to_owned()))
-            .collect()
+        let mut notes = self.context.raster.notes.clone();
+        if self.has_other_heights() {
+            let note = match self.context.raster.has_geoid() {
+                true => "no geoid was added to the heights of the tiles: leave out ‹geoid›",
+                false => "a geoid was added to the heights of the tiles: pass ‹geoid›",
+            };
+            notes.push(note.to_owned());
+        }
+        if !self.context.raster.knows_unit {
+            let note = "the raster does not say what its heights are in: they are taken for metres";
+            notes.push(note.to_owned());
+        }
+        if self.lacks_water() {
+            let note = "the tiles have water masks, and water is level in them: pass ‹water›";
+            notes.push(note.to_owned());
+        }
+        notes
     }
 }

@@ -1,4 +1,4 @@
-//! Samples against the surfaces of all levels: the raster is read once, window by window, and decoded tiles
+//! Distances of samples from the surfaces of all levels: the raster is read once, window by window, and decoded tiles
 //! stay in a cache while neighbouring windows need them.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -19,10 +19,11 @@ use terrane_proof::tiles::{
     TilesetFaults,
 };
 
-/// Metres for a metre from which on ground is steep, and metres of a degree, about.
+/// Slope, rise over run, from which on ground is steep.
 const STEEP: f64 = 8.0;
+/// Metres of a degree, about.
 const DEGREE: f64 = 111_000.0;
-/// Most tiles that are counted as missing.
+/// Limit of the number of tiles that are counted as missing.
 pub(super) const MAX_MISSING: usize = 1 << 20;
 
 /// The farthest sample of a tile.
@@ -45,13 +46,13 @@ pub(super) struct TileSamples {
 
 /// Samples of a level.
 #[derive(Clone, Debug, Default)]
-pub(super) struct OfLevel {
+pub(super) struct LevelSamples {
     pub(super) samples: u64,
     pub(super) over: u64,
     squares: ExactSum,
 }
 
-impl OfLevel {
+impl LevelSamples {
     /// Root mean square of the distances.
     pub(super) fn rmse(&self) -> Option<f64> {
         (self.samples > 0).then(|| (self.squares.value() / self.samples as f64).sqrt())
@@ -62,23 +63,23 @@ impl OfLevel {
 #[derive(Debug, Default)]
 pub(super) struct SampleFindings {
     pub(super) faults: TilesetFaults,
-    pub(super) levels: Vec<OfLevel>,
+    pub(super) levels: Vec<LevelSamples>,
     /// Valid samples of the raster.
     pub(super) valid: u64,
-    /// Lowest and highest of them, in metres.
+    /// Lowest and highest valid sample, in metres.
     pub(super) heights: Option<[f64; 2]>,
-    /// West, south, east and north of them.
+    /// West, south, east and north of the valid samples.
     pub(super) bounds: Option<[f64; 4]>,
-    /// The same of all samples.
-    pub(super) whole: Option<[f64; 4]>,
-    /// Metres between the heights of neighbours, at the most.
-    jump: f64,
+    /// West, south, east and north of all samples.
+    pub(super) all_bounds: Option<[f64; 4]>,
+    /// Largest height difference of neighbours, in metres.
+    max_jump: f64,
     missing: BTreeSet<ProofTileId>,
 }
 
 impl SampleFindings {
     fn new(levels: usize) -> Self {
-        Self { levels: vec![OfLevel::default(); levels], ..Self::default() }
+        Self { levels: vec![LevelSamples::default(); levels], ..Self::default() }
     }
 
     fn merge(&mut self, other: Self) {
@@ -89,27 +90,27 @@ impl SampleFindings {
             mine.squares.merge(&theirs.squares);
         }
         self.valid += other.valid;
-        self.jump = self.jump.max(other.jump);
-        other.heights.into_iter().flatten().for_each(|height| self.reach(height));
+        self.max_jump = self.max_jump.max(other.max_jump);
+        other.heights.into_iter().flatten().for_each(|height| self.add_height(height));
         if let Some([west, south, east, north]) = other.bounds {
-            hold(&mut self.bounds, [west, south]);
-            hold(&mut self.bounds, [east, north]);
+            extend(&mut self.bounds, [west, south]);
+            extend(&mut self.bounds, [east, north]);
         }
-        if let Some([west, south, east, north]) = other.whole {
-            hold(&mut self.whole, [west, south]);
-            hold(&mut self.whole, [east, north]);
+        if let Some([west, south, east, north]) = other.all_bounds {
+            extend(&mut self.all_bounds, [west, south]);
+            extend(&mut self.all_bounds, [east, north]);
         }
         self.missing.extend(other.missing);
     }
 
-    /// Metres between the lowest and the highest sample, where neighbours are further apart in height than steep ground
-    /// is, their places being so many degrees apart; else none.
+    /// Metres between the lowest and the highest sample if the ground is steep, else 0. `spacing` is that of the
+    /// samples in degrees.
     pub(super) fn steep(&self, spacing: f64) -> f64 {
         let [low, high] = self.heights.unwrap_or_default();
-        if self.jump > STEEP * spacing * DEGREE { high - low } else { 0.0 }
+        if self.max_jump > STEEP * spacing * DEGREE { high - low } else { 0.0 }
     }
 
-    fn reach(&mut self, height: f64) {
+    fn add_height(&mut self, height: f64) {
         let [low, high] = self.heights.unwrap_or([height; 2]);
         self.heights = Some([low.min(height), high.max(height)]);
     }
@@ -121,87 +122,119 @@ impl SampleFindings {
     }
 }
 
-fn hold(bounds: &mut Option<[f64; 4]>, [x, y]: [f64; 2]) {
+fn extend(bounds: &mut Option<[f64; 4]>, [x, y]: [f64; 2]) {
     let [west, south, east, north] = bounds.unwrap_or([x, y, x, y]);
     *bounds = Some([west.min(x), south.min(y), east.max(x), north.max(y)]);
 }
 
-/// Measures all samples. Results are indexed by the number of the tile.
+/// Measures all samples. The samples of tiles are indexed by the number of the tile.
 pub(super) fn check(context: &TilesProofContext<'_>) -> Result<(SampleFindings, Vec<TileSamples>)> {
     let levels = usize::from(context.layer.finest) + 1;
-    let under = Mutex::new(vec![TileSamples::default(); context.tiles.all.len()]);
-    let found = Mutex::new(SampleFindings::new(levels));
-    let facets = TileCache::new(context.room.memory / 2);
-    let bounds = context.places.bounds();
-    let side = window(&context.places);
-    let across = u64::from(bounds.width.div_ceil(side));
-    let windows = across * u64::from(bounds.height.div_ceil(side));
-    context.progress.begin("samples", u64::from(bounds.width) * u64::from(bounds.height));
-    let work = |(found, heights): &mut (SampleFindings, Vec<f64>), number: u64| {
-        let [row, col] = [number / across, number % across].map(|at| at as u32 * side);
-        let rect = Rect::new(col, row, side, side).intersect(&bounds);
-        heights.resize(rect.len(), 0.0);
-        context.places.read(rect, heights)?;
-        let window = SweepWindow::new(context, rect, heights)?;
-        window.count(found);
-        (0..=context.layer.finest).try_for_each(|level| {
-            let mut level =
-                SweepLevel { window: &window, level, facets: &facets, under: &under, found };
-            level.measure()
-        })?;
-        context.progress.advance(rect.len() as u64);
-        Ok(())
+    let sweep = SampleSweep {
+        context,
+        bounds: context.raster.bounds(),
+        side: window(&context.raster),
+        facets: TileCache::new(context.memory.bytes / 2),
+        samples: Mutex::new(vec![TileSamples::default(); context.tiles.all.len()]),
     };
-    let finish = |(mine, _): (SampleFindings, Vec<f64>)| {
-        lock(&found).merge(mine);
-        Ok(())
-    };
-    let start = || (SampleFindings::new(levels), Vec::new());
-    workers::run(context.room.threads, windows, context.cancel, start, work, finish)?;
+    let Rect { width, height, .. } = sweep.bounds;
+    let windows = sweep.windows_across() * u64::from(height.div_ceil(sweep.side));
+    context.progress.begin("samples", u64::from(width) * u64::from(height));
+    let findings = Mutex::new(SampleFindings::new(levels));
+    workers::run(
+        context.memory.threads,
+        windows,
+        context.cancel,
+        || SweepThread { findings: SampleFindings::new(levels), heights: Vec::new() },
+        |thread, number| sweep.measure(thread, number),
+        |thread| {
+            lock(&findings).merge(thread.findings);
+            Ok(())
+        },
+    )?;
     context.progress.end();
-    let mut found = std::mem::take(&mut *lock(&found));
-    let missing = std::mem::take(&mut found.missing);
-    missing.into_iter().for_each(|id| found.faults.add(TilesetFault::Missing, 1, id));
-    Ok((found, std::mem::take(&mut *lock(&under))))
+    let mut findings = std::mem::take(&mut *lock(&findings));
+    let missing = std::mem::take(&mut findings.missing);
+    missing.into_iter().for_each(|id| findings.faults.add(TilesetFault::Missing, 1, id));
+    let samples = std::mem::take(&mut *lock(&sweep.samples));
+    Ok((findings, samples))
 }
 
-/// Samples that are looked at together.
-struct SweepWindow<'a> {
+/// State of one thread.
+struct SweepThread {
+    findings: SampleFindings,
+    /// Heights of the window, reused.
+    heights: Vec<f64>,
+}
+
+/// State shared by all threads.
+struct SampleSweep<'a> {
     context: &'a TilesProofContext<'a>,
-    rect: Rect,
-    heights: &'a [f64],
-    placed: WindowPositions,
+    /// The rectangle of all samples.
+    bounds: Rect,
+    /// Columns and rows of a window.
+    side: u32,
+    facets: TileCache<TileFacets>,
+    /// By the number of the tile.
+    samples: Mutex<Vec<TileSamples>>,
 }
 
-impl<'a> SweepWindow<'a> {
-    fn new(context: &'a TilesProofContext<'a>, rect: Rect, heights: &'a [f64]) -> Result<Self> {
-        Ok(Self { context, rect, heights, placed: context.places.window(rect)? })
+impl SampleSweep<'_> {
+    fn windows_across(&self) -> u64 {
+        u64::from(self.bounds.width.div_ceil(self.side))
     }
 
+    /// Measures the samples of a window on all levels.
+    fn measure(&self, thread: &mut SweepThread, number: u64) -> Result<()> {
+        let across = self.windows_across();
+        let [row, col] = [number / across, number % across].map(|at| at as u32 * self.side);
+        let rect = Rect::new(col, row, self.side, self.side).intersect(&self.bounds);
+        let SweepThread { findings, heights } = thread;
+        heights.resize(rect.len(), 0.0);
+        self.context.raster.read(rect, heights)?;
+        let positions = self.context.raster.window(rect)?;
+        let window = SweepWindow { rect, heights, positions };
+        window.count(findings);
+        for level in 0..=self.context.layer.finest {
+            SweepLevel { sweep: self, window: &window, level, findings }.measure()?;
+        }
+        self.context.progress.advance(rect.len() as u64);
+        Ok(())
+    }
+}
+
+/// Samples that are read together.
+struct SweepWindow<'a> {
+    rect: Rect,
+    heights: &'a [f64],
+    positions: WindowPositions,
+}
+
+impl SweepWindow<'_> {
     fn row(&self, row: usize, columns: &Range<usize>) -> &[f64] {
         &self.heights[row * self.rect.width as usize..][columns.clone()]
     }
 
     /// Counts the valid samples.
-    fn count(&self, found: &mut SampleFindings) {
+    fn count(&self, findings: &mut SampleFindings) {
         let width = self.rect.width as usize;
         for (number, &height) in self.heights.iter().enumerate() {
-            let place = match &self.placed {
+            let position = match &self.positions {
                 WindowPositions::Straight { longitudes, latitudes, .. } => {
                     [longitudes[number % width], latitudes[number / width]]
                 }
-                WindowPositions::Moved(places) => places[number],
+                WindowPositions::Moved(positions) => positions[number],
             };
-            hold(&mut found.whole, place);
+            extend(&mut findings.all_bounds, position);
             let left = (!number.is_multiple_of(width)).then(|| number - 1);
-            for beside in left.into_iter().chain(number.checked_sub(width)) {
-                // That of a void is no number, and less than any.
-                found.jump = found.jump.max((height - self.heights[beside]).abs());
+            for neighbour in left.into_iter().chain(number.checked_sub(width)) {
+                // `f64::max` drops the NaN of a void.
+                findings.max_jump = findings.max_jump.max((height - self.heights[neighbour]).abs());
             }
             if !height.is_nan() {
-                found.valid += 1;
-                found.reach(height);
-                hold(&mut found.bounds, place);
+                findings.valid += 1;
+                findings.add_height(height);
+                extend(&mut findings.bounds, position);
             }
         }
     }
@@ -210,7 +243,7 @@ impl<'a> SweepWindow<'a> {
         rows.clone().any(|row| self.row(row, columns).iter().any(|height| !height.is_nan()))
     }
 
-    /// Column and row of the raster, of a sample of the window.
+    /// Row and column in the raster of a sample of the window.
     fn sample(&self, row: usize, col: usize) -> [u32; 2] {
         [self.rect.row + row as u32, self.rect.col + col as u32]
     }
@@ -224,7 +257,7 @@ fn runs<I: Iterator<Item = u32>>(
     let mut runs: Vec<(u32, Range<usize>)> = Vec::new();
     for (index, &degrees) in at.iter().enumerate() {
         for tile in tiles_of(degrees) {
-            // Of those that go on, the last three at the most are not over.
+            // A border belongs to two tiles, so at most three runs are open.
             match runs.iter_mut().rev().take(3).find(|(known, _)| *known == tile) {
                 Some((_, run)) => run.end = index + 1,
                 None => runs.push((tile, index..index + 1)),
@@ -234,25 +267,24 @@ fn runs<I: Iterator<Item = u32>>(
     runs
 }
 
-/// A level above a window.
+/// The samples of a window against one level.
 struct SweepLevel<'a> {
+    sweep: &'a SampleSweep<'a>,
     window: &'a SweepWindow<'a>,
     level: u8,
-    facets: &'a TileCache<TileFacets>,
-    under: &'a Mutex<Vec<TileSamples>>,
-    found: &'a mut SampleFindings,
+    findings: &'a mut SampleFindings,
 }
 
 impl SweepLevel<'_> {
     fn measure(&mut self) -> Result<()> {
         let (window, level) = (self.window, self.level);
-        let (longitudes, latitudes) = match &window.placed {
+        let (longitudes, latitudes) = match &window.positions {
             WindowPositions::Straight { longitudes, latitudes, .. } => (longitudes, latitudes),
-            WindowPositions::Moved(places) => return self.scattered(places),
+            WindowPositions::Moved(positions) => return self.scattered(positions),
         };
         let columns = runs(longitudes, |at| ProofTileId::columns_of(level, at));
         for (y, rows) in runs(latitudes, |at| ProofTileId::rows_of(level, at)) {
-            window.context.cancel.check()?;
+            self.sweep.context.cancel.check()?;
             for (x, columns) in &columns {
                 let id = ProofTileId { level, y, x: *x };
                 if window.has_samples(&rows, columns) {
@@ -263,13 +295,14 @@ impl SweepLevel<'_> {
         Ok(())
     }
 
-    /// Samples outside rows and columns of tiles: those of each tile one by one.
-    fn scattered(&mut self, places: &[[f64; 2]]) -> Result<()> {
+    /// Measures a window whose columns are not meridians: the samples of each tile one by one.
+    fn scattered(&mut self, positions: &[[f64; 2]]) -> Result<()> {
         let level = self.level;
         let mut of_tiles: BTreeMap<ProofTileId, Vec<usize>> = BTreeMap::new();
-        let valid = |number: &usize| !self.window.heights[*number].is_nan();
-        for number in (0..places.len()).filter(valid) {
-            let [longitude, latitude] = places[number];
+        for (number, &[longitude, latitude]) in positions.iter().enumerate() {
+            if self.window.heights[number].is_nan() {
+                continue;
+            }
             for y in ProofTileId::rows_of(level, latitude) {
                 for x in ProofTileId::columns_of(level, longitude) {
                     of_tiles.entry(ProofTileId { level, y, x }).or_default().push(number);
@@ -277,8 +310,8 @@ impl SweepLevel<'_> {
             }
         }
         for (id, numbers) in of_tiles {
-            self.window.context.cancel.check()?;
-            self.tile(id, |level, facets| level.each(id, facets, (places, &numbers)))?;
+            self.sweep.context.cancel.check()?;
+            self.tile(id, |level, facets| level.each(id, facets, positions, &numbers))?;
         }
         Ok(())
     }
@@ -288,23 +321,23 @@ impl SweepLevel<'_> {
         id: ProofTileId,
         measure: impl FnOnce(&mut Self, &TileFacets) -> TileSamples,
     ) -> Result<()> {
-        let Some(number) = self.window.context.tiles.find_one(id) else {
-            self.found.miss(id);
+        let Some(number) = self.sweep.context.tiles.number_of(id) else {
+            self.findings.miss(id);
             return Ok(());
         };
-        // One that cannot be read is told of elsewhere.
+        // The pass over the tiles reports unreadable ones.
         let Ok(facets) = decoded(self.facets_of(id))? else { return Ok(()) };
-        let under = measure(self, &facets);
-        let mut all = lock(self.under);
+        let samples = measure(self, &facets);
+        let mut all = lock(&self.sweep.samples);
         let known = &mut all[number];
-        known.count += under.count;
-        known.far = farther(known.far, under.far);
+        known.count += samples.count;
+        known.far = farther(known.far, samples.far);
         Ok(())
     }
 
     fn facets_of(&self, id: ProofTileId) -> Result<Arc<TileFacets>> {
-        self.facets.get(id, || {
-            let (tile, _) = self.window.context.read(id)?;
+        self.sweep.facets.get(id, || {
+            let (tile, _) = self.sweep.context.read(id)?;
             let facets = TileFacets::new(&tile, &TileFacets::positions(id, &tile));
             let bytes = facets.bytes();
             Ok((facets, bytes))
@@ -319,15 +352,16 @@ impl SweepLevel<'_> {
         columns: &Range<usize>,
     ) -> TileSamples {
         let window = self.window;
-        let WindowPositions::Straight { meridians, parallels, .. } = &window.placed else {
+        let WindowPositions::Straight { meridians, parallels, .. } = &window.positions else {
             return TileSamples::default();
         };
         let meridians = &meridians[columns.clone()];
         let mut from = 0;
-        self.measured(id, rows.clone(), |row, limit| {
+        let (limit, rounded) = self.limits();
+        self.measured(id, rows.clone(), |row| {
             let heights = window.row(row, columns);
-            let seen = facets.row(&mut from, &parallels[row], meridians, heights, limit);
-            (seen, window.sample(row, columns.start + seen.most.map_or(0, |(_, index)| index)))
+            let errors = facets.row(&mut from, &parallels[row], meridians, heights, limit, rounded);
+            (errors, window.sample(row, columns.start + errors.max.map_or(0, |(_, index)| index)))
         })
     }
 
@@ -335,44 +369,54 @@ impl SweepLevel<'_> {
         &mut self,
         id: ProofTileId,
         facets: &TileFacets,
-        (places, numbers): (&[[f64; 2]], &[usize]),
+        positions: &[[f64; 2]],
+        numbers: &[usize],
     ) -> TileSamples {
         let window = self.window;
         let width = window.rect.width as usize;
         let mut from = 0;
-        self.measured(id, numbers.iter().copied(), |number, limit| {
-            let [longitude, latitude] = places[number];
+        let (limit, rounded) = self.limits();
+        self.measured(id, numbers.iter().copied(), |number| {
+            let [longitude, latitude] = positions[number];
             let (meridian, parallel) = (ProofMeridian::at(longitude), ProofParallel::at(latitude));
             let heights = &window.heights[number..=number];
-            let seen = facets.row(&mut from, &parallel, &[meridian], heights, limit);
-            (seen, window.sample(number / width, number % width))
+            let errors = facets.row(&mut from, &parallel, &[meridian], heights, limit, rounded);
+            (errors, window.sample(number / width, number % width))
         })
     }
 
-    /// Combines the results of parts of a tile, each with the row and column of its farthest sample.
+    /// The allowed distance of samples, and the rounding of their positions.
+    fn limits(&self) -> (f64, f64) {
+        let context = self.sweep.context;
+        (context.limit(self.level), context.raster.rounded())
+    }
+
+    /// Combines the errors of runs of samples of a tile, each with the row and column of its farthest sample.
     fn measured<T>(
         &mut self,
         id: ProofTileId,
-        parts: impl Iterator<Item = T>,
-        mut look: impl FnMut(T, [f64; 2]) -> (SampleRunErrors, [u32; 2]),
+        runs: impl Iterator<Item = T>,
+        mut measure: impl FnMut(T) -> (SampleRunErrors, [u32; 2]),
     ) -> TileSamples {
-        let limit = [self.window.context.limit(self.level), self.window.context.places.rounded()];
-        let (mut under, mut squares, mut over) = (TileSamples::default(), 0.0, 0);
-        for part in parts {
-            let (seen, sample) = look(part, limit);
-            under.count += seen.count;
-            over += seen.over;
-            squares += seen.squares;
-            let far =
-                seen.most.map(|(distance, _)| FarthestSample { distance, sample, ends: seen.ends });
-            under.far = farther(under.far, far);
+        let (mut samples, mut squares, mut over) = (TileSamples::default(), 0.0, 0);
+        for run in runs {
+            let (errors, sample) = measure(run);
+            samples.count += errors.count;
+            over += errors.over;
+            squares += errors.squares;
+            let far = errors.max.map(|(distance, _)| FarthestSample {
+                distance,
+                sample,
+                ends: errors.ends,
+            });
+            samples.far = farther(samples.far, far);
         }
-        let level = &mut self.found.levels[usize::from(self.level)];
-        level.samples += under.count;
+        let level = &mut self.findings.levels[usize::from(self.level)];
+        level.samples += samples.count;
         level.over += over;
         level.squares.add(squares);
-        self.found.faults.add(TilesetFault::OverTolerance, over, id);
-        under
+        self.findings.faults.add(TilesetFault::OverTolerance, over, id);
+        samples
     }
 }
 

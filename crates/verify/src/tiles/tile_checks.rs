@@ -1,4 +1,4 @@
-//! Tiles by themselves and beside others: each is read once for itself, and its sides again for its neighbours.
+//! Checks of single tiles and of their borders: each tile is read once for itself, and its sides again for its neighbours.
 
 use std::sync::{Arc, Mutex};
 
@@ -28,7 +28,7 @@ pub(super) struct TileRecord {
     pub(super) error: Option<f64>,
     /// Its lowest and highest vertex.
     pub(super) heights: [f64; 2],
-    /// The radius that a sphere around it has to have.
+    /// Radius of the smallest bounding sphere around its middle.
     pub(super) radius: f64,
 }
 
@@ -53,10 +53,9 @@ impl LevelBorders {
     }
 
     fn widen(&mut self, found: (f64, ProofTileId)) {
-        let is_less = |known: &(f64, ProofTileId)| {
-            found.0.total_cmp(&known.0).then(known.1.cmp(&found.1)).is_lt()
-        };
-        self.gap = Some(self.gap.filter(|known| is_less(known)).unwrap_or(found));
+        // The first tile of the largest gap, whatever the order of work.
+        let all = self.gap.into_iter().chain([found]);
+        self.gap = all.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
     }
 
     fn merge(&mut self, other: &Self) {
@@ -73,11 +72,11 @@ impl LevelBorders {
 #[derive(Clone, Debug, Default)]
 pub(super) struct SingleTileFindings {
     pub(super) faults: TilesetFaults,
-    /// By level: within it, and to the next coarser one.
+    /// By level: borders within it, and to the next coarser one.
     pub(super) borders: Vec<[LevelBorders; 2]>,
-    /// By level: vertices and triangles.
+    /// By level: numbers of vertices and triangles.
     pub(super) sizes: Vec<[u64; 2]>,
-    /// Of masks of water.
+    /// Pixels of water masks.
     pub(super) pixels: MaskPixels,
     /// Tiles that are not packed, and that are.
     pub(super) packed: [TileTally; 2],
@@ -85,7 +84,7 @@ pub(super) struct SingleTileFindings {
     pub(super) unreadable: Option<(ProofTileId, String)>,
 }
 
-/// How many tiles there are of a kind, and the first.
+/// Number of tiles of a kind, and the first.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct TileTally {
     pub(super) count: u64,
@@ -125,40 +124,46 @@ impl SingleTileFindings {
     }
 }
 
-/// Looks at all tiles. Records are by the number of the tile; there is none of one that cannot be read.
+/// Checks all tiles. Records are indexed by the number of the tile; unreadable tiles have none.
 pub(super) fn check(
     context: &TilesProofContext<'_>,
 ) -> Result<(SingleTileFindings, Vec<Option<TileRecord>>)> {
     let all = &context.tiles.all;
     let levels = usize::from(context.layer.finest) + 1;
     let records = Mutex::new(vec![None; all.len()]);
-    let found = Mutex::new(SingleTileFindings::new(levels));
-    let below = TileDescendants::of(context.layer, context.tiles);
-    let looker = TileInspector { context, sides: TileCache::new(context.room.memory / 4), below };
+    let findings = Mutex::new(SingleTileFindings::new(levels));
+    let inspector = TileInspector {
+        context,
+        sides: TileCache::new(context.memory.bytes / 4),
+        descendants: TileDescendants::of(context.layer, context.tiles),
+    };
     context.progress.begin("tiles", all.len() as u64);
-    let work = |found: &mut SingleTileFindings, run: u64| {
-        let first = (run * RUN) as usize;
-        for (number, &id) in all.iter().enumerate().skip(first).take(RUN as usize) {
-            context.cancel.check()?;
-            let record = looker.check(id, found)?;
-            lock(&records)[number] = record;
-            context.progress.advance(1);
-        }
-        Ok(())
-    };
-    let finish = |mine: SingleTileFindings| {
-        lock(&found).merge(&mine);
-        Ok(())
-    };
-    let runs = (all.len() as u64).div_ceil(RUN);
-    let start = || SingleTileFindings::new(levels);
-    workers::run(context.room.threads, runs, context.cancel, start, work, finish)?;
+    workers::run(
+        context.memory.threads,
+        (all.len() as u64).div_ceil(RUN),
+        context.cancel,
+        || SingleTileFindings::new(levels),
+        |findings, run| {
+            let first = (run * RUN) as usize;
+            for (number, &id) in all.iter().enumerate().skip(first).take(RUN as usize) {
+                context.cancel.check()?;
+                let record = inspector.check(id, findings)?;
+                lock(&records)[number] = record;
+                context.progress.advance(1);
+            }
+            Ok(())
+        },
+        |of_thread| {
+            lock(&findings).merge(&of_thread);
+            Ok(())
+        },
+    )?;
     context.progress.end();
-    let found = lock(&found).clone();
-    Ok((found, std::mem::take(&mut *lock(&records))))
+    let findings = lock(&findings).clone();
+    Ok((findings, std::mem::take(&mut *lock(&records))))
 }
 
-/// The metadata of a tile, as far as it is known.
+/// The supported members of the metadata of a tile.
 #[derive(Default, Deserialize)]
 struct CheckedTileMetadata {
     error: Option<f64>,
@@ -170,7 +175,7 @@ type Sides = [TileSideChain; 4];
 struct TileInspector<'a> {
     context: &'a TilesProofContext<'a>,
     sides: TileCache<Sides>,
-    below: Option<TileDescendants>,
+    descendants: Option<TileDescendants>,
 }
 
 impl TileInspector<'_> {
@@ -185,11 +190,11 @@ impl TileInspector<'_> {
         let (context, layer) = (self.context, &self.context.layer);
         let (tile, is_packed, CheckedTileMetadata { error, available }) =
             match decoded(self.read(id))? {
-                Ok(read) => read,
+                Ok(tile) => tile,
                 Err(e) => {
                     found.faults.add(TilesetFault::Unreadable, 1, id);
-                    let why = Some((id, e.to_string()));
-                    found.unreadable = found.unreadable.take().into_iter().chain(why).min();
+                    let reason = Some((id, e.to_string()));
+                    found.unreadable = found.unreadable.take().into_iter().chain(reason).min();
                     return Ok(None);
                 }
             };
@@ -197,30 +202,29 @@ impl TileInspector<'_> {
         let faults = &mut found.faults;
         structure(id, &tile, faults);
         let positions = TileFacets::positions(id, &tile);
-        let (about, radius) = self.contained(id, &tile, &positions, faults);
+        let (stated, radius) = self.check_extent(id, &tile, &positions, faults);
         tile.faults.iter().for_each(|(fault, count)| faults.add(*fault, *count, id));
-        if let Some(own) = layer.own(id.level) {
-            lattice(id, &tile, own.step, faults);
+        if let Some(level) = layer.stated(id.level) {
+            lattice(id, &tile, level.step, faults);
         }
-        let lacks = layer.has_normals && tile.normals.is_none();
-        faults.add(TilesetFault::NoNormals, u64::from(lacks), id);
-        let has_more = [
-            (tile.normals.is_some(), layer.has_normals),
-            (tile.metadata.is_some(), layer.has_metadata),
-            (tile.water.is_some(), layer.has_water),
+        let extensions = [
+            (tile.normals.is_some(), layer.has_normals, TilesetFault::NoNormals),
+            (tile.metadata.is_some(), layer.has_metadata, TilesetFault::NoMetadata),
+            (tile.water.is_some(), layer.has_water, TilesetFault::NoMask),
         ];
-        let has_more = has_more.iter().any(|(has, is_named)| *has && !is_named);
-        faults.add(TilesetFault::Unannounced, u64::from(has_more), id);
-        let lacks = layer.has_metadata && tile.metadata.is_none();
-        faults.add(TilesetFault::NoMetadata, u64::from(lacks), id);
-        faults.add(TilesetFault::NoMask, u64::from(layer.has_water && tile.water.is_none()), id);
-        if let (Some(shore), Some(mask)) = (&context.shore, &tile.water) {
-            let seen = shore.check(id, mask);
-            faults.add(TilesetFault::WrongMask, seen.wrong, id);
-            found.pixels.merge(&seen);
+        for (is_there, is_announced, fault) in extensions {
+            faults.add(fault, u64::from(is_announced && !is_there), id);
         }
-        let is_wrong = match &self.below {
-            Some(below) => !below.is_right(id, available.as_deref(), context.tiles),
+        let is_unannounced =
+            extensions.iter().any(|(is_there, is_announced, _)| *is_there && !is_announced);
+        faults.add(TilesetFault::Unannounced, u64::from(is_unannounced), id);
+        if let (Some(shore), Some(mask)) = (&context.shore, &tile.water) {
+            let pixels = shore.check(id, mask);
+            faults.add(TilesetFault::WrongMask, pixels.wrong, id);
+            found.pixels.merge(&pixels);
+        }
+        let is_wrong = match &self.descendants {
+            Some(expected) => !expected.is_right(id, available.as_deref(), context.tiles),
             None => available.is_some() && layer.levels.is_some(),
         };
         faults.add(TilesetFault::Below, u64::from(is_wrong), id);
@@ -232,13 +236,13 @@ impl TileInspector<'_> {
         let heights = heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], height| {
             [low.min(height), high.max(height)]
         });
-        let error = error.or(about.map(|about| about.error));
+        let error = error.or(stated.map(|stated| stated.error));
         Ok(Some(TileRecord { error, heights, radius }))
     }
 
-    /// Checks a tile against its metadata, including that of subtrees where present. Returns the required radius
-    /// of its bounding sphere.
-    fn contained(
+    /// Checks the bounding volumes of a tile: those of its header, or of its subtree in 3D Tiles. Returns the metadata of
+    /// the subtree, and the required radius of the bounding sphere.
+    fn check_extent(
         &self,
         id: ProofTileId,
         tile: &DecodedTile,
@@ -246,59 +250,63 @@ impl TileInspector<'_> {
         faults: &mut TilesetFaults,
     ) -> (Option<StatedTileMetadata>, f64) {
         let layer = &self.context.layer;
-        let Some(three) = layer.three() else {
-            let about = tile.about();
-            contain(id, &about, Some(tile.centre), positions, faults);
+        let Some(three) = layer.three_tiles() else {
+            let stated = tile.stated();
+            contain(id, &stated, Some(tile.centre), positions, faults);
             if layer.levels.is_none() {
                 return (None, f64::INFINITY);
             }
             lowest(id, tile, faults);
-            return (None, tight(id, &about, Some(tile.centre), positions, faults));
+            return (None, tight(id, &stated, Some(tile.centre), positions, faults));
         };
-        let Some(about) = three.about(id).copied() else { return (None, f64::INFINITY) };
+        let Some(stated) = three.stated(id).copied() else { return (None, f64::INFINITY) };
         let hanging = tile.skirt.triangles.as_flattened();
         let all = [positions, hanging].concat();
-        contain(id, &about, None, &all, faults);
-        let lattice = layer.own(id.level).and_then(|own| own.lattice).unwrap_or_default();
-        between(id, (&about, lattice), tile, positions, faults);
-        (Some(about), tight(id, &about, None, &all, faults))
+        contain(id, &stated, None, &all, faults);
+        let lattice = layer.stated(id.level).and_then(|level| level.lattice).unwrap_or_default();
+        between(id, &stated, lattice, tile, positions, faults);
+        (Some(stated), tight(id, &stated, None, &all, faults))
     }
 
     /// Checks the recorded error of a tile, and its availability metadata.
     fn metadata(&self, id: ProofTileId, tile: &DecodedTile) -> Result<CheckedTileMetadata> {
         let Some(text) = &tile.metadata else { return Ok(CheckedTileMetadata::default()) };
-        let bad = |what: String| {
-            let path = folder::path_of(&self.context.layer.folder, id);
-            Error::bad_input(what).in_file(&path).at("metadata")
-        };
-        let metadata: CheckedTileMetadata =
-            serde_json::from_slice(text).map_err(|e| bad(format!("is not understood: {e}")))?;
-        match metadata.error {
+        let metadata = serde_json::from_slice(text).map_err(|e| format!("invalid JSON: {e}"));
+        let checked = metadata.and_then(|metadata: CheckedTileMetadata| match metadata.error {
             Some(error) if !(0.0..f64::INFINITY).contains(&error) => {
-                Err(bad(format!("records {error}, which is no error")))
+                Err(format!("invalid error {error}"))
             }
             _ => Ok(metadata),
-        }
+        });
+        checked.map_err(|message| {
+            let path = folder::path_of(&self.context.layer.folder, id);
+            Error::bad_input(message).in_file(&path).at("metadata")
+        })
     }
 
-    /// Compares sides with those of the tiles to the east and north, and of coarser ones all around.
-    fn compare(&self, id: ProofTileId, own: &Sides, found: &mut SingleTileFindings) -> Result<()> {
+    /// Compares the sides of a tile with those of its eastern and northern neighbours, and of all coarser neighbours.
+    fn compare(
+        &self,
+        id: ProofTileId,
+        sides: &Sides,
+        found: &mut SingleTileFindings,
+    ) -> Result<()> {
         let level = usize::from(id.level);
         for side in [ProofTileSide::East, ProofTileSide::North] {
-            let Some(beside) = id.neighbour(side) else { continue };
+            let Some(neighbour) = id.neighbour(side) else { continue };
             let borders = &mut found.borders[level][0];
-            let Some(other) = self.sides_of(beside)? else {
+            let Some(other) = self.sides_of(neighbour)? else {
                 borders.alone += 1;
                 continue;
             };
-            let (mine, other) = (&own[side as usize], &other[side.opposite() as usize]);
-            let is_same = mine.is_same(other);
-            borders.add(if is_same { 0.0 } else { gap(mine, other) }, !is_same, id);
+            let (this, other) = (&sides[side as usize], &other[side.opposite() as usize]);
+            let is_same = this.is_same(other);
+            borders.add(if is_same { 0.0 } else { gap(this, other) }, !is_same, id);
             found.faults.add(TilesetFault::Differing, u64::from(!is_same), id);
         }
         for side in [ProofTileSide::West, ProofTileSide::South] {
             let is_alone =
-                id.neighbour(side).is_some_and(|at| self.context.tiles.find_one(at).is_none());
+                id.neighbour(side).is_some_and(|at| self.context.tiles.number_of(at).is_none());
             found.borders[level][0].alone += u64::from(is_alone);
         }
         for side in ProofTileSide::ALL {
@@ -308,7 +316,7 @@ impl TileInspector<'_> {
                 borders.alone += 1;
                 continue;
             };
-            let apart = gap(&own[side as usize], &other[side.opposite() as usize]);
+            let apart = gap(&sides[side as usize], &other[side.opposite() as usize]);
             let is_wide = apart > self.context.allowed_gap(id.level);
             borders.add(apart, is_wide, id);
             found.faults.add(TilesetFault::Gaps, u64::from(is_wide), id);
@@ -318,15 +326,15 @@ impl TileInspector<'_> {
 
     /// The sides of a tile, if it is there.
     fn sides_of(&self, id: ProofTileId) -> Result<Option<Arc<Sides>>> {
-        if self.context.tiles.find_one(id).is_none() {
+        if self.context.tiles.number_of(id).is_none() {
             return Ok(None);
         }
-        let make = || {
+        let sides = self.sides.get(id, || {
             let sides = sides(id, &self.context.read(id)?.0);
             let bytes = sides.iter().map(TileSideChain::bytes).sum();
             Ok((sides, bytes))
-        };
-        Ok(decoded(self.sides.get(id, make))?.ok())
+        });
+        Ok(decoded(sides)?.ok())
     }
 }
 

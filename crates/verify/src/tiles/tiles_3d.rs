@@ -21,31 +21,33 @@ pub(super) const HALVES: [&str; 2] = ["west", "east"];
 pub(super) const TILE: &str = ".glb";
 pub(super) const SUBTREE: &str = ".subtree";
 
-/// Metres that heights of regions may be off by, and parts that errors may: rounding.
+/// Rounding of heights of regions, in metres.
 const METRES: f64 = 1e-6;
+/// Relative rounding of geometric errors.
 const SHARE: f64 = 1e-6;
 
 /// Metadata of 3D Tiles only.
 #[derive(Debug)]
 pub(super) struct ThreeTilesCheck {
     /// Metadata of tiles from the subtrees.
-    pub(super) about: HashMap<ProofTileId, StatedTileMetadata>,
+    pub(super) metadata: HashMap<ProofTileId, StatedTileMetadata>,
     /// The tiles at the tops of subtrees.
     pub(super) subtrees: HashSet<ProofTileId>,
-    /// Lowest and highest of the regions of the whole and of its halves.
+    /// Lowest and highest height of the regions of the globe and of its halves.
     pub(super) regions: [[f64; 2]; 3],
-    /// Errors of the whole, its root and the halves.
+    /// Geometric errors of the tileset, its root and the halves.
     pub(super) errors: [f64; 3],
     pub(super) has_edges: bool,
 }
 
 impl ThreeTilesCheck {
-    /// Follows the subtrees from the roots on.
+    /// Reads all subtrees of `levels` levels, from the roots on.
     pub(super) fn collect(
         &mut self,
         folder: &Path,
-        (levels, schema): (u8, &MetadataSchema),
-        most: usize,
+        levels: u8,
+        schema: &MetadataSchema,
+        max_tiles: usize,
         cancel: &Cancel,
     ) -> Result<()> {
         let mut open: Vec<ProofTileId> = [0, 1].map(|x| ProofTileId { level: 0, y: 0, x }).into();
@@ -54,99 +56,102 @@ impl ThreeTilesCheck {
             cancel.check()?;
             let path = path_of(folder, top, SUBTREE);
             let (bytes, _) = folder::bytes(&path)?;
-            let found = Subtree::read(&bytes, top, levels, schema).map_err(|e| e.in_file(&path))?;
-            if top.level + levels > MAX_LEVEL && !found.below.is_empty() {
-                return Err(Error::bad_input("leads to levels beyond the last").in_file(&path));
+            let subtree =
+                Subtree::read(&bytes, top, levels, schema).map_err(|e| e.in_file(&path))?;
+            if top.level + levels > MAX_LEVEL && !subtree.below.is_empty() {
+                let message = format!("child subtrees exceed level {MAX_LEVEL}");
+                return Err(Error::bad_input(message).in_file(&path));
             }
-            open.extend(found.below);
-            // Of what does not fit all is counted.
-            count += found.tiles.len();
-            if count <= most {
+            open.extend(subtree.below);
+            // Beyond the limit, tiles are only counted, for the error.
+            count += subtree.tiles.len();
+            if count <= max_tiles {
                 self.subtrees.insert(top);
-                self.about.extend(found.tiles);
+                self.metadata.extend(subtree.tiles);
             }
         }
-        TilesProofMemory::check(count, most).map_err(|e| e.in_file(folder))
+        TilesProofMemory::check(count, max_tiles).map_err(|e| e.in_file(folder))
     }
 
     /// Metadata of a tile.
-    pub(super) fn about(&self, id: ProofTileId) -> Option<&StatedTileMetadata> {
-        self.about.get(&id)
+    pub(super) fn stated(&self, id: ProofTileId) -> Option<&StatedTileMetadata> {
+        self.metadata.get(&id)
     }
 
-    /// Reads a tile.
+    /// Reads a tile, and whether its file is packed. `check_vertices` is called with the number of vertices before memory is
+    /// allocated for them.
     pub(super) fn read(
         &self,
         folder: &Path,
         id: ProofTileId,
         level: StatedLevel,
-        fit: impl FnOnce(usize) -> Result<()>,
+        check_vertices: impl FnOnce(usize) -> Result<()>,
     ) -> Result<(DecodedTile, bool)> {
         let path = path_of(folder, id, TILE);
-        let said = StatedTileLevel {
+        let stated = StatedTileLevel {
             step: level.step,
             lattice: level.lattice.unwrap_or_default(),
             has_edges: self.has_edges,
             skirt: level.skirt,
         };
         let (bytes, is_packed) = folder::bytes(&path)?;
-        let read = || GlbTileContent::read(&bytes, fit)?.tile(id, said);
-        read().map(|tile| (tile, is_packed)).map_err(|e| e.in_file(&path))
+        let content = GlbTileContent::read(&bytes, check_vertices);
+        let tile = content.and_then(|content| content.tile(id, stated));
+        Ok((tile.map_err(|e| e.in_file(&path))?, is_packed))
     }
 
     /// Compares the metadata of each tile with that of its descendants, and checks that regions
     /// contain them.
     pub(super) fn check(&self, faults: &mut TilesetFaults) {
-        for (id, about) in &self.about {
-            let whole = id.parent().and_then(|parent| Some((parent, self.about(parent)?)));
-            if let Some((parent, _)) = whole.filter(|(_, whole)| !whole.holds(about)) {
+        for (id, metadata) in &self.metadata {
+            let parent = id.parent().and_then(|parent| Some((parent, self.stated(parent)?)));
+            if let Some((parent, _)) = parent.filter(|(_, stated)| !stated.holds(metadata)) {
                 faults.add(TilesetFault::Nested, 1, parent);
             }
         }
-        let [whole, west, east] = self.regions;
-        let both = |a: [f64; 2], b: [f64; 2]| [a[0].min(b[0]), a[1].max(b[1])];
-        let of_half = |x: u32| {
-            let tiles = self.about.iter().filter(|(id, _)| id.x >> id.level == x);
-            tiles.map(|(_, about)| about.heights).reduce(both)
-        };
-        let halves = [of_half(0), of_half(1)];
-        let needed = halves.into_iter().flatten().reduce(both);
-        let is_other = |(told, needed): ([f64; 2], Option<[f64; 2]>)| {
-            needed.is_some_and(|needed| (0..2).any(|end| (told[end] - needed[end]).abs() > METRES))
-        };
-        let is_off =
-            [(whole, needed), (west, halves[0]), (east, halves[1])].into_iter().any(is_other);
+        let [globe, west, east] = self.regions;
+        let halves = [self.heights_of_half(0), self.heights_of_half(1)];
+        let all = halves.into_iter().flatten().reduce(union);
+        let regions = [(globe, all), (west, halves[0]), (east, halves[1])];
+        let is_off = regions.into_iter().any(|(stated, needed)| differ(stated, needed));
         faults.add(TilesetFault::Regions, u64::from(is_off), None);
-        let worst = self.about.values().map(|about| about.error).fold(ERROR_OF_ROOT, f64::max);
+        let errors = self.metadata.values().map(|metadata| metadata.error);
+        let worst = errors.fold(ERROR_OF_ROOT, f64::max);
         let needed = [2.0 * worst, 2.0 * worst, worst];
-        let is_other = |(told, needed): (&f64, &f64)| (told / needed - 1.0).abs() > SHARE;
-        let is_off = self.errors.iter().zip(&needed).any(is_other);
+        let mut errors = self.errors.iter().zip(&needed);
+        let is_off = errors.any(|(stated, needed)| (stated / needed - 1.0).abs() > SHARE);
         faults.add(TilesetFault::RootErrors, u64::from(is_off), None);
     }
 
-    /// Looks through the folder of a set for its files.
+    /// Stated height range of all tiles of a half of the globe: 0 is the west.
+    fn heights_of_half(&self, half: u32) -> Option<[f64; 2]> {
+        let tiles = self.metadata.iter().filter(|(id, _)| id.x >> id.level == half);
+        tiles.map(|(_, metadata)| metadata.heights).reduce(union)
+    }
+
+    /// Lists the files of a set.
     pub(super) fn find(
         &self,
         top: &Path,
-        room: &TilesProofMemory,
+        memory: &TilesProofMemory,
         cancel: &Cancel,
     ) -> Result<FolderTiles> {
-        let mut found = FolderTiles::within(room);
+        let mut tiles = FolderTiles::within(memory);
         for half in entries(top)? {
             let path = half.path();
             let name = half.file_name();
             match HALVES.iter().position(|known| name == *known).filter(|_| path.is_dir()) {
-                Some(x) => self.find_half(&mut found, &path, x as u32, cancel)?,
+                Some(x) => self.find_half(&mut tiles, &path, x as u32, cancel)?,
                 None if name == NAME => (),
-                None => found.stray(path),
+                None => tiles.stray(path),
             }
         }
-        found.sorted(top)
+        tiles.sorted(top)
     }
 
     fn find_half(
         &self,
-        found: &mut FolderTiles,
+        tiles: &mut FolderTiles,
         folder: &Path,
         half: u32,
         cancel: &Cancel,
@@ -154,39 +159,49 @@ impl ThreeTilesCheck {
         for level in entries(folder)? {
             let known = number(&level, "").filter(|&level| level <= u32::from(MAX_LEVEL));
             let Some(z) = known.filter(|_| level.path().is_dir()) else {
-                found.stray(level.path());
+                tiles.stray(level.path());
                 continue;
             };
             for column in entries(&level.path())? {
                 cancel.check()?;
                 let known = number(&column, "").filter(|x| *x < 1 << z);
                 let Some(x) = known.filter(|_| column.path().is_dir()) else {
-                    found.stray(column.path());
+                    tiles.stray(column.path());
                     continue;
                 };
-                self.column(found, &column.path(), (z as u8, x + (half << z)))?;
+                self.column(tiles, &column.path(), z as u8, x + (half << z))?;
             }
         }
         Ok(())
     }
 
-    fn column(&self, found: &mut FolderTiles, folder: &Path, (level, x): (u8, u32)) -> Result<()> {
+    fn column(&self, tiles: &mut FolderTiles, folder: &Path, level: u8, x: u32) -> Result<()> {
         for row in entries(folder)? {
-            let id =
-                |ending: &str| number(&row, ending).and_then(|y| ProofTileId::new(level, x, y));
+            let [tile, subtree] = [TILE, SUBTREE]
+                .map(|ending| number(&row, ending).and_then(|y| ProofTileId::new(level, x, y)));
             let path = row.path();
-            let is_subtree = id(SUBTREE).is_some_and(|top| self.subtrees.contains(&top));
-            match id(TILE) {
-                Some(id) if path.is_file() => found.add(id),
+            let is_subtree = subtree.is_some_and(|top| self.subtrees.contains(&top));
+            match tile {
+                Some(id) if path.is_file() => tiles.add(id),
                 _ if is_subtree && path.is_file() => (),
-                _ => found.stray(path),
+                _ => tiles.stray(path),
             }
         }
         Ok(())
     }
 }
 
-/// Where a file of a tile is.
+/// Union of two height ranges.
+fn union(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0].min(b[0]), a[1].max(b[1])]
+}
+
+/// Whether a stated height range is not the needed one; a half without tiles needs none.
+fn differ(stated: [f64; 2], needed: Option<[f64; 2]>) -> bool {
+    needed.is_some_and(|needed| (0..2).any(|end| (stated[end] - needed[end]).abs() > METRES))
+}
+
+/// Path of a file of a tile.
 fn path_of(folder: &Path, id: ProofTileId, ending: &str) -> PathBuf {
     let ProofTileId { level, x, y } = id;
     let half = HALVES[(x >> level) as usize & 1];

@@ -18,11 +18,11 @@ use terrane_base::limits;
 use terrane_engine::Cancel;
 use terrane_proof::tiles::{ERROR_OF_ROOT, MAX_LEVEL, MAX_SUBTREE_LEVELS, MetadataSchema};
 
-/// Radians that the sides of a region may be off by.
+/// Rounding of the sides of a region, in radians.
 const RADIANS: f64 = 1e-12;
 
-/// Where the file of a set would be: the path itself, or in it where that is a folder.
-pub(super) fn place(path: &Path) -> PathBuf {
+/// Path of the file that describes a tileset: the path itself, or the file in it if it is a folder.
+pub(super) fn file_of(path: &Path) -> PathBuf {
     match path.is_dir() {
         true if path.join(tiles_3d::NAME).is_file() && !path.join(folder::NAME).exists() => {
             path.join(tiles_3d::NAME)
@@ -39,10 +39,10 @@ impl TilesetPromises {
     /// # Errors
     /// A file that cannot be read, is too long, is not JSON or lacks a required member; another format,
     /// scheme or projection; levels beyond the finest supported one.
-    pub(super) fn read(path: &Path, room: &TilesProofMemory, cancel: &Cancel) -> Result<Self> {
-        let path = place(path);
+    pub(super) fn read(path: &Path, memory: &TilesProofMemory, cancel: &Cancel) -> Result<Self> {
+        let path = file_of(path);
         if path.file_name().is_some_and(|name| name == tiles_3d::NAME) {
-            return read_tileset(&path, room, cancel);
+            return read_tileset(&path, memory, cancel);
         }
         layer::read(&path).map_err(|e| e.in_file(&path))
     }
@@ -124,68 +124,74 @@ struct ImplicitTiling {
 ///
 /// # Errors
 /// Files that cannot be read or are too long; another kind of tileset; inconsistent metadata.
-fn read_tileset(path: &Path, room: &TilesProofMemory, cancel: &Cancel) -> Result<TilesetPromises> {
+fn read_tileset(
+    path: &Path,
+    memory: &TilesProofMemory,
+    cancel: &Cancel,
+) -> Result<TilesetPromises> {
     let text = text_of(path)?;
     let stored: StoredTilesetJson = serde_json::from_slice(&text).map_err(|e| {
-        Error::bad_input(format!("does not describe a set of tiles as terrane makes it: {e}"))
-            .in_file(path)
+        Error::bad_input(format!("not a description of terrane's 3D Tiles: {e}")).in_file(path)
     })?;
-    stored.layer(path, room, cancel)
+    stored.layer(path, memory, cancel)
 }
 
 impl StoredTilesetJson {
     fn layer(
         self,
         path: &Path,
-        room: &TilesProofMemory,
+        memory: &TilesProofMemory,
         cancel: &Cancel,
     ) -> Result<TilesetPromises> {
-        let of_file = |e: Error| e.in_file(path);
-        self.check().map_err(of_file)?;
-        let (Some(schema), Some(own)) = (self.schema, self.extras.terrane) else {
-            let message = "does not say what terrane says of its own sets: schema and steps";
-            return Err(of_file(Error::unsupported(message)));
+        let in_file = |e: Error| e.in_file(path);
+        self.check().map_err(in_file)?;
+        let (Some(schema), Some(extras)) = (self.schema, self.extras.terrane) else {
+            let message = "terrane's own metadata (schema and extras) is missing";
+            return Err(in_file(Error::unsupported(message)));
         };
         let [west, east] = &self.root.children[..] else {
-            return Err(of_file(Error::bad_input("has not two halves of the globe")));
+            return Err(in_file(Error::bad_input("halves of the globe are missing")));
         };
         let tiling = &west.implicit_tiling;
         let finest = tiling.available_levels - 1;
-        let levels = check_levels(own.levels, finest).map_err(of_file)?;
-        if levels.iter().any(|own| own.lattice.is_none_or(|lattice| lattice <= 0.0)) {
-            return Err(of_file(Error::bad_input("states no lattice of a level")));
+        let levels = check_levels(extras.levels, finest).map_err(in_file)?;
+        if levels.iter().any(|level| level.lattice.is_none_or(|lattice| lattice <= 0.0)) {
+            return Err(in_file(Error::bad_input("lattice of a level is missing or 0")));
         }
         let regions = [&self.root.bounding_volume, &west.bounding_volume, &east.bounding_volume];
         let mut three = ThreeTilesCheck {
-            about: HashMap::new(),
+            metadata: HashMap::new(),
             subtrees: HashSet::new(),
             regions: regions.map(|volume| [volume.region[4], volume.region[5]]),
             errors: [self.geometric_error, self.root.geometric_error, west.geometric_error],
-            has_edges: own.edges,
+            has_edges: extras.edges,
         };
         let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
-        three.collect(&folder, (tiling.subtree_levels, &schema), room.tiles(), cancel)?;
+        three.collect(&folder, tiling.subtree_levels, &schema, memory.tiles(), cancel)?;
         let mut available = vec![Vec::new(); usize::from(finest) + 1];
-        for id in three.about.keys() {
-            let of_level = available.get_mut(usize::from(id.level)).ok_or_else(|| {
-                of_file(Error::bad_input(format!("has tile {id}, beyond level {finest}")))
-            })?;
-            of_level.push(TileRange::one(*id));
+        for id in three.metadata.keys() {
+            let Some(of_level) = available.get_mut(usize::from(id.level)) else {
+                return Err(in_file(Error::bad_input(format!(
+                    "tile {id} is beyond level {finest}"
+                ))));
+            };
+            of_level.push(TileRange::of_tile(*id));
         }
+        // Hash maps have no order of their own.
         available.iter_mut().for_each(|ranges| ranges.sort_unstable());
         Ok(TilesetPromises {
             folder,
-            bounds: Some(own.bounds),
+            bounds: Some(extras.bounds),
             finest,
             available,
-            has_normals: own.normals,
+            has_normals: extras.normals,
             has_metadata: false,
             has_water: false,
-            told_every: None,
+            metadata_interval: None,
             levels: Some(levels),
             assumed: ERROR_OF_ROOT,
-            tapers: check_beyond(own.beyond.as_deref()).map_err(of_file)?,
-            has_geoid: check_heights(own.heights.as_deref()).map_err(of_file)?,
+            tapers: check_beyond(extras.beyond.as_deref()).map_err(in_file)?,
+            has_geoid: check_heights(extras.heights.as_deref()).map_err(in_file)?,
             unknown: Vec::new(),
             kind: TilesetKind::ThreeTiles(three),
         })
@@ -195,64 +201,66 @@ impl StoredTilesetJson {
     fn check(&self) -> Result<()> {
         let Self { asset, geometric_error, root, .. } = self;
         if asset.version != "1.1" {
-            let found = &asset.version;
-            return Err(Error::unsupported(format!("is of 3D Tiles {found:?}, not 1.1")));
+            let message = format!("unsupported version {:?} of 3D Tiles, not 1.1", asset.version);
+            return Err(Error::unsupported(message));
         }
-        let is_replaced = |refine: &str| refine == "REPLACE";
         let [west, east] = &root.children[..] else {
             let count = root.children.len();
-            return Err(Error::unsupported(format!("has {count} roots, not west and east")));
+            return Err(Error::unsupported(format!("{count} roots, expected west and east")));
         };
-        let reaches = [
-            (&root.bounding_volume, [-PI, PI]),
-            (&west.bounding_volume, [-PI, 0.0]),
-            (&east.bounding_volume, [0.0, PI]),
-        ];
-        let is_off = |(volume, [from, to]): &(&BoundingVolume, [f64; 2])| {
-            let sides = [*from, -FRAC_PI_2, *to, FRAC_PI_2];
-            sides.iter().zip(volume.region).any(|(a, b)| (a - b).abs() > RADIANS)
-        };
-        if reaches.iter().any(is_off) {
-            return Err(Error::bad_input("has regions that are not the globe and its halves"));
+        let is_right = root.bounding_volume.reaches(-PI, PI)
+            && west.bounding_volume.reaches(-PI, 0.0)
+            && east.bounding_volume.reaches(0.0, PI);
+        if !is_right {
+            return Err(Error::bad_input("bounding regions are not the globe and its halves"));
         }
         let halves = [west, east];
         let errors = halves.map(|half| half.geometric_error);
         let grows = errors.iter().any(|error| *error > root.geometric_error);
         if grows || root.geometric_error > *geometric_error || errors[0] != errors[1] {
-            return Err(Error::bad_input("has geometric errors that grow from the root on"));
+            return Err(Error::bad_input("geometric errors grow from the root on"));
         }
         for (half, name) in halves.into_iter().zip(HALVES) {
             half.check(name)?;
         }
         let refines = halves.iter().filter_map(|half| half.refine.as_deref());
-        if !refines.chain([&*root.refine]).all(is_replaced) {
-            return Err(Error::unsupported("refines tiles other than by replacing them"));
+        if refines.chain([&*root.refine]).any(|refine| refine != "REPLACE") {
+            return Err(Error::unsupported("refinement other than by replacing (REPLACE)"));
         }
-        let of = |half: &HalfAxis| {
-            (half.implicit_tiling.subtree_levels, half.implicit_tiling.available_levels)
-        };
-        match of(west) == of(east) {
+        let [a, b] = halves.map(|half| &half.implicit_tiling);
+        match a.subtree_levels == b.subtree_levels && a.available_levels == b.available_levels {
             true => Ok(()),
-            false => Err(Error::bad_input("has halves of different levels")),
+            false => Err(Error::bad_input("the halves of the globe differ in their levels")),
         }
+    }
+}
+
+impl BoundingVolume {
+    /// Whether the region reaches from pole to pole between two longitudes, in radians.
+    fn reaches(&self, west: f64, east: f64) -> bool {
+        let sides = [west, -FRAC_PI_2, east, FRAC_PI_2];
+        sides.iter().zip(self.region).all(|(a, b)| (a - b).abs() <= RADIANS)
     }
 }
 
 impl HalfAxis {
     fn check(&self, name: &str) -> Result<()> {
         let tiling = &self.implicit_tiling;
-        let of = |ending: &str| format!("{name}/{{level}}/{{x}}/{{y}}{ending}");
-        let is_known = self.content.uri == of(TILE) && tiling.subtrees.uri == of(SUBTREE);
-        if !is_known || tiling.subdivision_scheme != "QUADTREE" {
-            let message = format!("has other addresses than {} or is no quadtree", of(TILE));
+        let [tile, subtree] =
+            [TILE, SUBTREE].map(|ending| format!("{name}/{{level}}/{{x}}/{{y}}{ending}"));
+        if self.content.uri != tile || tiling.subtrees.uri != subtree {
+            let message = format!("addresses other than {tile} and {subtree}");
             return Err(Error::unsupported(message));
         }
-        let most = u64::from(MAX_SUBTREE_LEVELS);
-        limits::check("subtreeLevels", tiling.subtree_levels.into(), most)?;
+        if tiling.subdivision_scheme != "QUADTREE" {
+            return Err(Error::unsupported("subdivision scheme is not QUADTREE"));
+        }
+        let max = u64::from(MAX_SUBTREE_LEVELS);
+        limits::check("subtreeLevels", tiling.subtree_levels.into(), max)?;
         limits::check("availableLevels", tiling.available_levels.into(), u64::from(MAX_LEVEL) + 1)?;
         match tiling.subtree_levels > 0 && tiling.available_levels > 0 {
             true => Ok(()),
-            false => Err(Error::bad_input("has no levels")),
+            false => Err(Error::bad_input("subtreeLevels or availableLevels is 0")),
         }
     }
 }

@@ -1,32 +1,38 @@
-//! Borders: the steps that heights are whole numbers of, the vertices of a side, and gaps between two sides.
+//! Borders: the height lattice of a level, the vertices of a side, and gaps between two sides.
 
 use super::decode::DecodedTile;
 use super::ellipsoid::{ProofMeridian, ProofParallel, Vector, dot, minus};
 use super::fault::{TilesetFault, TilesetFaults};
 use super::structure::along;
-use super::tiling::{LAST, ProofTileId, ProofTileSide};
+use super::tiling::{LAST, ProofTileId, ProofTileSide, coordinate};
 
 /// True for 2^k.
 fn is_power_of_two(value: f64) -> bool {
     value.is_normal() && value > 0.0 && value.to_bits() << 12 == 0
 }
 
-/// Holds the heights of a tile to be whole numbers of the level's `step` (a power of two): then they are exact as
+/// Checks that the heights of a tile are multiples of the level's `step` (a power of two): then they are exact as
 /// `f64`, and equal heights are equal numbers.
 ///
-/// The tile's own step is 1/32767 of what lies between its two heights, and has to be `step` / 2^j; the lower of
-/// the two is a whole number of it.
+/// The height step of the tile is 1/32767 of its height range, and has to be `step` / 2^j; its lower height is a multiple
+/// of it.
 pub fn lattice(id: ProofTileId, tile: &DecodedTile, step: f64, faults: &mut TilesetFaults) {
     let [low, high] = tile.heights.map(f64::from);
-    let own = (high - low) / f64::from(LAST);
-    let is_level = own == 0.0;
-    // Sums and multiples of so few bits are exact.
-    let is_exact = is_power_of_two(own) && own * f64::from(LAST) == high - low && own <= step;
-    let is_whole = |height: f64, step: f64| (height / step).fract() == 0.0;
-    let is_right = is_power_of_two(step) && (is_level || (is_exact && is_whole(low, own)));
+    let tile_step = (high - low) / f64::from(LAST);
+    let is_level = tile_step == 0.0;
+    // Exact: a power of two times 15 bits.
+    let is_exact = is_power_of_two(tile_step)
+        && tile_step * f64::from(LAST) == high - low
+        && tile_step <= step;
+    let is_right = is_power_of_two(step) && (is_level || (is_exact && is_multiple(low, tile_step)));
     faults.add(TilesetFault::WrongStep, u64::from(!is_right), id);
-    let off = tile.vertices.iter().filter(|&&vertex| !is_whole(tile.height(vertex), step)).count();
+    let heights = tile.vertices.iter().map(|&vertex| tile.height(vertex));
+    let off = heights.filter(|&height| !is_multiple(height, step)).count();
     faults.add(TilesetFault::OffLattice, off as u64, id);
+}
+
+fn is_multiple(height: f64, step: f64) -> bool {
+    (height / step).fract() == 0.0
 }
 
 /// The vertices of a side, from the west or south on.
@@ -34,14 +40,14 @@ pub fn lattice(id: ProofTileId, tile: &DecodedTile, step: f64, faults: &mut Tile
 pub struct TileSideChain {
     id: ProofTileId,
     side: ProofTileSide,
-    /// Where along the side, and the height.
+    /// Step along the side, and height in metres.
     stops: Vec<(u16, f64)>,
-    /// Where they are in space, where a tile says so.
+    /// Earth-centred positions, if the tile stores them.
     placed: Vec<Vector>,
 }
 
 impl TileSideChain {
-    /// That of a side of a tile.
+    /// The chain of a side of a tile.
     pub fn of(id: ProofTileId, tile: &DecodedTile, side: ProofTileSide) -> Self {
         let on_it = tile.vertices.iter().enumerate();
         let on_it = on_it.filter(|(_, vertex)| DecodedTile::is_on(**vertex, side));
@@ -55,18 +61,18 @@ impl TileSideChain {
         Self { id, side, stops, placed }
     }
 
-    /// Bytes that it takes.
+    /// Size in bytes.
     pub fn bytes(&self) -> usize {
         let placed = self.placed.len() * size_of::<Vector>();
         self.stops.len() * size_of::<(u16, f64)>() + placed + size_of::<Self>()
     }
 
-    /// True where both have the same vertices at the same heights, and at the same places, bit by bit.
+    /// True if both have the same vertices, heights and positions, bit by bit.
     pub fn is_same(&self, other: &Self) -> bool {
         self.stops == other.stops && self.placed == other.placed
     }
 
-    /// Longitude or latitude where it begins and ends.
+    /// Longitude or latitude of its ends.
     fn reach(&self) -> [f64; 2] {
         let [west, south, east, north] = self.id.bounds();
         if self.side.is_meridian() { [south, north] } else { [west, east] }
@@ -74,10 +80,10 @@ impl TileSideChain {
 
     fn degrees(&self, stop: u16) -> f64 {
         let [low, high] = self.reach();
-        if stop == LAST { high } else { low + f64::from(stop) / f64::from(LAST) * (high - low) }
+        coordinate(stop, low, high)
     }
 
-    /// The place of this longitude or latitude on the border.
+    /// Meridian and parallel at a longitude or latitude on the border.
     fn place(&self, degrees: f64) -> (ProofMeridian, ProofParallel) {
         let [west, south, east, north] = self.id.bounds();
         let [longitude, latitude] = match self.side {
@@ -107,15 +113,15 @@ impl TileSideChain {
         let on = if self.side.is_meridian() { parallel.north(meridian) } else { meridian.east() };
         let [from, to] = [begin, end].map(|stop| minus(self.position(stop), foot));
         let [before, after] = [from, to].map(|end| dot(end, on));
-        let part = before / (before - after);
+        let share = before / (before - after);
         let [low, high] = [from, to].map(|end| dot(end, parallel.normal(meridian)));
-        // At a pole all of a parallel is one place.
-        Some(if part.is_finite() { low + part * (high - low) } else { begin.1 })
+        // At a pole the whole parallel is one point.
+        Some(if share.is_finite() { low + share * (high - low) } else { begin.1 })
     }
 }
 
-/// The largest vertical distance of two chains along the part of one border that they have in common, measured at
-/// the vertices of both: between these both are straight.
+/// The largest vertical distance of two chains along their common part of a border. Both are straight between the vertices
+/// of either, so these suffice.
 pub fn gap(a: &TileSideChain, b: &TileSideChain) -> f64 {
     let reaches = [a.reach(), b.reach()];
     let common = reaches[0][0].max(reaches[1][0])..=reaches[0][1].min(reaches[1][1]);

@@ -1,12 +1,12 @@
-//! One tile from its bytes (quantized-mesh 1.0, little-endian, unpacked). What cannot be read so is an error with
-//! the byte where it is; whether what is read makes sense is for [`structure`](super::structure).
+//! Decodes a tile (quantized-mesh 1.0, little-endian, not compressed). Errors name the byte; the mesh itself is checked by
+//! [`structure`](super::structure).
 
 use super::fault::TilesetFault;
 use super::skirt::TileSkirt;
-use super::tiling::{LAST, ProofTileId, ProofTileSide};
+use super::tiling::{LAST, ProofTileId, ProofTileSide, coordinate};
 use terrane_base::error::{Error, Result};
 
-/// Most vertices with indices of 16 bits.
+/// Limit of the vertices with indices of 16 bits.
 const MAX_SHORT: usize = 1 << 16;
 
 /// A tile as it is stored.
@@ -34,27 +34,27 @@ pub struct DecodedTile {
     pub metadata: Option<Vec<u8>>,
     /// Earth-centred vertices, where a tile holds such.
     pub placed: Vec<[f64; 3]>,
-    /// What hangs from its sides.
+    /// Skirt below its sides.
     pub skirt: TileSkirt,
-    /// What was found wrong while it was read, and how often.
+    /// Faults found by the decoder, with their counts.
     pub faults: Vec<(TilesetFault, u64)>,
 }
 
 impl DecodedTile {
-    /// Reads a tile, whose number of vertices `fit` is asked about before there is room for them.
+    /// Reads a tile. `check_vertices` is called with the number of vertices before memory is allocated for them.
     ///
     /// # Errors
-    /// Bad input with the byte: counts that the bytes do not hold, indices of vertices that are not there,
-    /// coordinates out of their range, numbers that are not finite, extensions of a wrong length or there twice,
-    /// bytes left over. Those of `fit`.
-    pub fn read(bytes: &[u8], fit: impl FnOnce(usize) -> Result<()>) -> Result<Self> {
+    /// Bad input with the byte: counts beyond the end of the bytes, indices of missing vertices, coordinates out of range,
+    /// numbers that are not finite, duplicate extensions or ones of a wrong length, trailing bytes. Errors of
+    /// `check_vertices`.
+    pub fn read(bytes: &[u8], check_vertices: impl FnOnce(usize) -> Result<()>) -> Result<Self> {
         let mut from = TileByteCursor { bytes, at: 0 };
         let mut tile = Self { centre: from.point()?, ..Self::default() };
         tile.heights = [from.float()?, from.float()?];
         tile.sphere = (from.point()?, from.double()?);
         tile.horizon = from.point()?;
         let count = from.count(6, "vertices")?;
-        fit(count)?;
+        check_vertices(count)?;
         tile.vertices = from.vertices(count)?;
         from.skip_to(if count > MAX_SHORT { 4 } else { 2 })?;
         tile.triangles = from.triangles(count)?;
@@ -76,11 +76,7 @@ impl DecodedTile {
     /// Longitude and latitude of a vertex in degrees.
     pub fn place(id: ProofTileId, vertex: [u16; 3]) -> [f64; 2] {
         let [west, south, east, north] = id.bounds();
-        let part = |at: u16, low: f64, high: f64| match at {
-            LAST => high,
-            at => low + f64::from(at) / f64::from(LAST) * (high - low),
-        };
-        [part(vertex[0], west, east), part(vertex[1], south, north)]
+        [coordinate(vertex[0], west, east), coordinate(vertex[1], south, north)]
     }
 
     /// True where a vertex lies on a side.
@@ -92,9 +88,45 @@ impl DecodedTile {
             ProofTileSide::North => vertex[1] == LAST,
         }
     }
+
+    /// Adds an extension; unknown ones are ignored, as the format demands of readers.
+    fn extend(&mut self, id: u8, bytes: &[u8]) -> std::result::Result<(), String> {
+        let length = bytes.len();
+        let is_twice = match id {
+            1 if length != 2 * self.vertices.len() => {
+                let count = self.vertices.len();
+                return Err(format!("normals of {count} vertices have {length} bytes"));
+            }
+            1 => self.normals.replace(bytes.as_chunks().0.to_vec()).is_some(),
+            2 if length != 1 && length != 1 << 16 => {
+                return Err(format!("a water mask has {length} bytes, expected 1 or 65536"));
+            }
+            2 => self.water.replace(bytes.to_vec()).is_some(),
+            4 => {
+                let text = metadata(bytes).map_err(|e| e.to_string())?;
+                self.metadata.replace(text.to_vec()).is_some()
+            }
+            _ => false,
+        };
+        match is_twice {
+            true => Err(format!("duplicate extension {id}")),
+            false => Ok(()),
+        }
+    }
 }
 
-/// Bytes and how far they are read.
+/// The text of a metadata extension.
+fn metadata(bytes: &[u8]) -> Result<&[u8]> {
+    let mut from = TileByteCursor { bytes, at: 0 };
+    let length = from.count(1, "bytes of metadata")?;
+    let text = from.take(length, "metadata")?;
+    match from.at == bytes.len() {
+        true => Ok(text),
+        false => Err(from.bad("trailing bytes after metadata".to_owned())),
+    }
+}
+
+/// Bytes, and the position of the next one.
 struct TileByteCursor<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -105,8 +137,7 @@ impl<'a> TileByteCursor<'a> {
         let rest = &self.bytes[self.at..];
         let Some(taken) = rest.get(..length) else {
             let left = rest.len();
-            let message = format!("{what} would take {length} bytes, and {left} are left");
-            return Err(self.bad(message));
+            return Err(self.bad(format!("{what} of {length} bytes exceeds the {left} bytes left")));
         };
         self.at += length;
         Ok(taken)
@@ -125,7 +156,7 @@ impl<'a> TileByteCursor<'a> {
     fn finite(&self, value: f64) -> Result<f64> {
         match value.is_finite() {
             true => Ok(value),
-            false => Err(self.bad(format!("a number of the header is {value}"))),
+            false => Err(self.bad(format!("header contains {value}"))),
         }
     }
 
@@ -143,18 +174,18 @@ impl<'a> TileByteCursor<'a> {
         Ok([self.double()?, self.double()?, self.double()?])
     }
 
-    /// A count of things of so many bytes each that follow.
+    /// The count of the following items of `bytes` bytes each.
     fn count(&mut self, bytes: usize, what: &str) -> Result<usize> {
         let count = u32::from_le_bytes(self.array(what)?);
         let left = self.bytes.len() - self.at;
         let count = usize::try_from(count).unwrap_or(usize::MAX);
         match count.checked_mul(bytes) {
             Some(needed) if needed <= left => Ok(count),
-            _ => Err(self.bad(format!("{count} {what} do not fit into the {left} bytes left"))),
+            _ => Err(self.bad(format!("{count} {what} exceed the {left} bytes left"))),
         }
     }
 
-    /// Three runs of differences, zig-zag coded.
+    /// u, v and heights of vertices: three runs of zig-zag coded differences.
     fn vertices(&mut self, count: usize) -> Result<Vec<[u16; 3]>> {
         let mut vertices = vec![[0; 3]; count];
         for (axis, name) in ["u", "v", "height"].into_iter().enumerate() {
@@ -164,7 +195,7 @@ impl<'a> TileByteCursor<'a> {
                 value += (code >> 1) ^ -(code & 1);
                 let found = u16::try_from(value).ok().filter(|&found| found <= LAST);
                 vertex[axis] = found.ok_or_else(|| {
-                    self.bad(format!("{name} of vertex {number} is {value}, not 0 to {LAST}"))
+                    self.bad(format!("{name} of vertex {number} is {value}, expected 0 to {LAST}"))
                 })?;
             }
         }
@@ -176,7 +207,7 @@ impl<'a> TileByteCursor<'a> {
         self.take(padding, "the padding").map(drop)
     }
 
-    /// One index of `count` vertices, of 16 or 32 bits.
+    /// An index of `count` vertices, of 16 or 32 bits.
     fn code(&mut self, count: usize) -> Result<u32> {
         match count > MAX_SHORT {
             true => Ok(u32::from_le_bytes(self.array("an index")?)),
@@ -187,7 +218,7 @@ impl<'a> TileByteCursor<'a> {
     fn index_of(&self, index: u32, count: usize) -> Result<u32> {
         match (index as usize) < count {
             true => Ok(index),
-            false => Err(self.bad(format!("names vertex {index} of {count}"))),
+            false => Err(self.bad(format!("index {index} exceeds the {count} vertices"))),
         }
     }
 
@@ -199,7 +230,7 @@ impl<'a> TileByteCursor<'a> {
         for index in triangles.as_flattened_mut() {
             let code = self.code(count)?;
             let value = highest.checked_sub(code).ok_or_else(|| {
-                self.bad(format!("an index is {code} below the highest so far, {highest}"))
+                self.bad(format!("difference {code} exceeds the highest index so far, {highest}"))
             })?;
             *index = self.index_of(value, count)?;
             highest += u32::from(code == 0);
@@ -222,37 +253,7 @@ impl<'a> TileByteCursor<'a> {
         let [id] = self.array("an extension")?;
         let length = self.count(1, "bytes of an extension")?;
         let bytes = self.take(length, "an extension")?;
-        let fail = |message: String| Err(Error::bad_input(message).at(format!("byte {at}")));
-        let is_twice = match id {
-            1 if length != 2 * tile.vertices.len() => {
-                let count = tile.vertices.len();
-                return fail(format!("the normals of {count} vertices have {length} bytes"));
-            }
-            1 => tile.normals.replace(bytes.as_chunks().0.to_vec()).is_some(),
-            2 if length != 1 && length != 1 << 16 => {
-                return fail(format!("a water mask has {length} bytes, not 1 or 65536"));
-            }
-            2 => tile.water.replace(bytes.to_vec()).is_some(),
-            4 => {
-                let mut inner = TileByteCursor { bytes, at: 0 };
-                let text = inner.count(1, "bytes of metadata").and_then(|length| {
-                    let text = inner.take(length, "metadata")?;
-                    match inner.at == bytes.len() {
-                        true => Ok(text),
-                        false => Err(inner.bad("bytes are left over after metadata".to_owned())),
-                    }
-                });
-                match text {
-                    Ok(text) => tile.metadata.replace(text.to_vec()).is_some(),
-                    Err(e) => return Err(Error::bad_input(e.to_string()).at(format!("byte {at}"))),
-                }
-            }
-            // Readers pass over what they do not know.
-            _ => false,
-        };
-        if is_twice {
-            return fail(format!("extension {id} is there twice"));
-        }
-        Ok(())
+        let extended = tile.extend(id, bytes);
+        extended.map_err(|message| Error::bad_input(message).at(format!("byte {at}")))
     }
 }

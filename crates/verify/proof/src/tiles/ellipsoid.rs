@@ -1,10 +1,10 @@
 //! Arithmetic on the WGS 84 ellipsoid. Longitudes and latitudes in degrees, heights and positions in metres.
 
-/// Half the longer axis.
+/// Semi-major axis.
 pub(super) const A: f64 = 6_378_137.0;
 /// Flattening.
 const F: f64 = 1.0 / 298.257_223_563;
-/// Half the shorter axis.
+/// Semi-minor axis.
 pub(super) const B: f64 = A * (1.0 - F);
 /// Square of the first eccentricity.
 const E2: f64 = F * (2.0 - F);
@@ -20,7 +20,7 @@ pub struct ProofMeridian {
 }
 
 impl ProofMeridian {
-    /// Of a longitude in degrees.
+    /// The meridian of a longitude in degrees.
     pub fn at(longitude: f64) -> Self {
         let (sin, cos) = longitude.to_radians().sin_cos();
         Self { cos, sin }
@@ -32,19 +32,19 @@ impl ProofMeridian {
     }
 }
 
-/// What all places of a latitude have in common.
+/// Constants of a latitude.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ProofParallel {
     pub(super) cos: f64,
     pub(super) sin: f64,
-    /// From the ellipsoid along the normal to the axis.
+    /// Radius of curvature in the prime vertical: length of the normal from the ellipsoid to the axis.
     pub(super) radius: f64,
-    /// How far up that point of the axis is from the centre, downwards.
+    /// Distance of that point of the axis below the centre.
     pub(super) drop: f64,
 }
 
 impl ProofParallel {
-    /// Of a latitude in degrees.
+    /// The parallel of a latitude in degrees.
     pub fn at(latitude: f64) -> Self {
         let (sin, cos) = latitude.to_radians().sin_cos();
         let radius = A / (1.0 - E2 * sin * sin).sqrt();
@@ -104,7 +104,7 @@ pub(super) fn latitude(position: Vector) -> f64 {
     foot(position)[0]
 }
 
-/// Latitude and height, by nearing the foot of the normal: each round takes off some 150 times what is left.
+/// Latitude and height, by fixed-point iteration: each round divides the error by about 150.
 fn foot([x, y, z]: Vector) -> [f64; 2] {
     let out = x.hypot(y);
     let mut latitude = z.atan2(out * (1.0 - E2));
@@ -123,7 +123,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn heights_of_positions_are_those_they_were_made_of() {
+    fn heights_survive_a_round_trip() {
         for latitude in [-90.0, -45.5, 0.0, 0.1, 46.5, 89.9999, 90.0] {
             for up in [-30_000.0, -400.0, 0.0, 8848.0] {
                 let found = height(position(7.5, latitude, up));

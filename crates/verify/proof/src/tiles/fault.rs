@@ -9,15 +9,15 @@ pub enum TilesetCheck {
     Structure,
     /// Samples against surfaces.
     Samples,
-    /// Tiles beside each other on one level.
+    /// Borders of tiles of a level.
     Borders,
-    /// Tiles beside those of the next coarser level.
+    /// Borders to tiles of the next coarser level.
     Levels,
     /// Spheres, horizons and ranges of heights.
     Containment,
     /// Masks of water against polygons.
     Water,
-    /// Which tiles there are, and what `layer.json` says of them.
+    /// The list of tiles, and the metadata in `layer.json`.
     Index,
 }
 
@@ -36,7 +36,7 @@ impl TilesetCheck {
 
 macro_rules! faults {
     ($($name:ident $check:ident $what:literal;)*) => {
-        /// Something wrong with a set of tiles.
+        /// A kind of fault of a set of tiles.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[allow(missing_docs)]
         pub enum TilesetFault {
@@ -57,71 +57,71 @@ faults! {
     Flat Structure "triangles without area";
     Cracks Structure "edges of one triangle inside a tile (cracks, T-junctions)";
     Tangled Structure "edges of more than two triangles, or passed twice in one direction";
-    BrokenSides Structure "sides of tiles that edges do not follow from vertex to vertex, corner to corner";
-    Uncovered Structure "tiles whose triangles do not have the area of the tile";
-    Duplicates Structure "vertices beyond the first at one place";
-    Unused Structure "vertices of no triangle";
-    SideLists Structure "lists of the vertices of a side that are not those";
+    BrokenSides Structure "sides of tiles without edges from vertex to vertex, corner to corner";
+    Uncovered Structure "tiles whose triangles differ from the tile in area";
+    Duplicates Structure "duplicate vertices";
+    Unused Structure "unused vertices";
+    SideLists Structure "wrong lists of the vertices of a side";
     Normals Structure "normals that do not point outwards";
     NoNormals Structure "tiles without the normals that layer.json announces";
     NoMetadata Structure "tiles without the metadata that layer.json announces";
     NoEdges Structure "tiles without the edges that layer.json announces";
-    WalkedOtherwise Structure "lists of the vertices of a side that do not run around the tile";
-    SkirtTorn Structure "edges where a skirt is torn from the rim of its tile, or itself";
-    SkirtDepth Structure "vertices of skirts that are not as far straight below the rim as layer.json says";
-    OffPlace Structure "vertices that are not where their place in the tile and a height of the level put them";
-    Ends Structure "tiles whose positions have other ends than they say";
+    WalkedOtherwise Structure "lists of the vertices of a side in the wrong order";
+    SkirtTorn Structure "open edges between a skirt and its tile, or within a skirt";
+    SkirtDepth Structure "vertices of skirts that are not vertically below the rim at the depth in layer.json";
+    OffPlace Structure "vertices whose position differs from that of their texture coordinates and height";
+    Ends Structure "tiles with a wrong minimum or maximum of positions";
     OverTolerance Samples "samples further from the surface than the tolerance of the level";
     OverRecorded Samples "tiles with a larger error than they record";
     Reckless Samples "tiles that record a larger error than the tolerance of the level";
     LevelError Samples "levels with a larger error than layer.json states";
-    NoError Samples "tiles that record no error";
-    Differing Borders "borders with other vertices or heights on one side than on the other";
-    OffLattice Borders "vertices whose height is no whole number of the steps of the level";
-    OffCoordinates Borders "vertices whose coordinates are no whole numbers of the lattice of the level";
-    WrongStep Borders "tiles whose own step of heights is no part of the step of the level";
+    NoError Samples "tiles without a recorded error";
+    Differing Borders "borders whose vertices or heights differ between the two tiles";
+    OffLattice Borders "vertices whose height is not a multiple of the height step of the level";
+    OffCoordinates Borders "vertices whose coordinates are not multiples of the lattice of the level";
+    WrongStep Borders "tiles whose height step does not divide that of the level";
     Gaps Levels "borders with a larger gap to the next coarser level than both tolerances allow";
-    SkirtShort Levels "levels whose skirts are less deep than borders of it and the coarser one may differ";
-    Sphere Containment "vertices outside of the bounding sphere";
-    Range Containment "tiles whose least height is above the largest";
-    Heights Containment "triangles lower or higher than the tile says";
-    Nested Containment "tiles whose sphere does not hold that of a tile below, or whose error is smaller";
-    LooseHeights Containment "tiles that say their heights reach further than they do";
-    LooseSphere Containment "tiles with a larger bounding sphere than they and those below need";
-    OffSphere Containment "tiles whose bounding sphere is not around their middle";
-    Regions Containment "layer.json has regions that do not hold the tiles, or reach further";
+    SkirtShort Levels "levels whose skirts are shorter than the allowed gap to the coarser level";
+    Sphere Containment "vertices outside the bounding sphere";
+    Range Containment "tiles whose minimum height exceeds the maximum";
+    Heights Containment "triangles outside the stated height range of the tile";
+    Nested Containment "tiles whose sphere does not contain that of a child, or whose error is smaller";
+    LooseHeights Containment "tiles whose stated height range is too large";
+    LooseSphere Containment "tiles with a larger bounding sphere than they and their children need";
+    OffSphere Containment "tiles whose bounding sphere is not centred on them";
+    Regions Containment "layer.json has regions that do not contain the tiles, or are too large";
     RootErrors Containment "layer.json has other geometric errors at its root than its tiles need";
-    Centre Containment "tiles whose centre is not near them, or of ours not in their middle";
-    Horizon Containment "vertices that may be seen when the horizon occlusion point is not";
+    Centre Containment "tiles whose centre is far from them, or not in the middle of a tile of terrane";
+    Horizon Containment "vertices visible where the horizon occlusion point is hidden";
     FarHorizon Containment "tiles whose horizon occlusion point is not the nearest above their middle";
     Spikes Containment "tiles with vertices lower or higher than all samples";
-    NoMask Water "tiles without the mask of water that layer.json announces";
-    WrongMask Water "pixels of masks that are land in a polygon, or water outside";
-    Missing Index "tiles that are not there and have samples";
-    Superfluous Index "tiles that are there and have no sample";
-    NoRoot Index "roots that are not there";
-    NotAvailable Index "tiles that layer.json does not name as available";
-    NotThere Index "tiles that layer.json names as available and that are not there";
-    NamedTwice Index "tiles that layer.json names as available twice";
-    Below Index "tiles that name others below them than there are";
-    Bounds Index "layer.json has bounds that do not hold all samples";
+    NoMask Water "tiles without the water mask that layer.json announces";
+    WrongMask Water "pixels of water masks that are land in a polygon, or water outside";
+    Missing Index "missing tiles with samples";
+    Superfluous Index "tiles without samples";
+    NoRoot Index "missing roots";
+    NotAvailable Index "tiles not listed as available in layer.json";
+    NotThere Index "missing tiles listed as available in layer.json";
+    NamedTwice Index "tiles listed twice as available in layer.json";
+    Below Index "tiles with a wrong list of the tiles below them";
+    Bounds Index "layer.json has bounds that do not contain all samples";
     LooseBounds Index "layer.json has bounds that reach beyond the raster";
-    OtherHeights Index "layer.json says that heights are counted from something else";
+    OtherHeights Index "layer.json states another vertical reference";
     BeyondWorld Index "layer.json has bounds beyond the world";
     Assumed Index "levels with a larger tolerance than clients assume, and than their samples need";
-    Avoidable Index "levels further off than clients assume, though positions tell their samples apart";
+    Avoidable Index "levels with a larger error than clients assume, though their positions resolve the samples";
     OtherError Index "levels that state a larger error than any of their tiles records";
-    OtherStep Index "levels that state another step of heights than such a level has";
+    OtherStep Index "levels with an unexpected height step";
     Counts Index "levels with another number of tiles than layer.json states";
-    Unannounced Index "tiles with normals, metadata or a mask that layer.json does not name among its extensions";
-    Mixed Index "tiles that are packed where most are not, or are not where most are";
+    Unannounced Index "tiles with normals, metadata or a mask that layer.json does not list as extensions";
+    Mixed Index "tiles with another compression than most";
     Stray Index "files that are neither layer.json nor a tile";
 }
 
-/// How often something was found, and the first tile.
+/// Number of faults of a kind, and the first tile.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TilesetFaultCount {
-    /// How often.
+    /// Number of faults.
     pub count: u64,
     /// The first in the order of tiles.
     pub first: Option<ProofTileId>,
@@ -136,7 +136,7 @@ impl TilesetFaultCount {
     }
 }
 
-/// All that was found. The same whatever the order it was found in.
+/// All faults; independent of the order of work.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TilesetFaults(Vec<TilesetFaultCount>);
 
@@ -147,30 +147,30 @@ impl Default for TilesetFaults {
 }
 
 impl TilesetFaults {
-    /// Adds what was found `count` times in a tile.
+    /// Adds `count` faults of a tile.
     pub fn add(&mut self, fault: TilesetFault, count: u64, at: impl Into<Option<ProofTileId>>) {
         self.0[fault as usize].add(count, at.into());
     }
 
-    /// What was found of one kind.
+    /// The faults of a kind.
     pub fn of(&self, fault: TilesetFault) -> TilesetFaultCount {
         self.0[fault as usize]
     }
 
-    /// Adds what was found elsewhere.
+    /// Adds other faults.
     pub fn merge(&mut self, other: &Self) {
-        for (mine, theirs) in self.0.iter_mut().zip(&other.0) {
-            mine.add(theirs.count, theirs.first);
+        for (sum, count) in self.0.iter_mut().zip(&other.0) {
+            sum.add(count.count, count.first);
         }
     }
 
-    /// All that was found of a check, with its name.
+    /// The faults of a check, with their descriptions.
     pub fn found(
         &self,
         check: TilesetCheck,
     ) -> impl Iterator<Item = (TilesetFault, &'static str, TilesetFaultCount)> + '_ {
         let all = TilesetFault::ALL.iter().zip(&self.0);
-        all.filter(move |((_, own, _), count)| *own == check && count.count > 0)
+        all.filter(move |((_, of, _), count)| *of == check && count.count > 0)
             .map(|((fault, _, what), count)| (*fault, *what, *count))
     }
 }

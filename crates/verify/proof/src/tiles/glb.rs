@@ -1,5 +1,5 @@
-//! The file of a tile: binary glTF 2.0, and the numbers of its accessors, plain or compressed
-//! (EXT_meshopt_compression, KHR_mesh_quantization). What a client of terrain cannot take is refused.
+//! Reader of binary glTF 2.0, and of its accessors, plain or compressed (EXT_meshopt_compression,
+//! KHR_mesh_quantization). Content that terrain clients do not support is refused.
 
 use std::borrow::Cow;
 
@@ -20,8 +20,8 @@ const OF_VERTICES: u32 = 34_962;
 const OF_INDICES: u32 = 34_963;
 /// The extension that lists the vertices of sides.
 const EDGES: &str = "CESIUM_tile_edges";
-/// Extensions that a file may need.
-const KNOWN: [&str; 2] = ["EXT_meshopt_compression", "KHR_mesh_quantization"];
+const COMPRESSION: &str = "EXT_meshopt_compression";
+const QUANTIZATION: &str = "KHR_mesh_quantization";
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
@@ -88,7 +88,7 @@ pub(super) struct ProofGltfAttributes {
     pub(super) normal: Option<usize>,
 }
 
-/// How a tile is drawn: as it is, lit from outside, and with nothing behind it seen.
+/// A material: opaque, single-sided and without textures.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
 struct GltfMaterial {
@@ -158,7 +158,7 @@ struct OfView {
     packed: Option<ProofPackedView>,
 }
 
-/// What is said of a view that is compressed.
+/// The extension of a compressed view.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
 struct ProofPackedView {
@@ -197,23 +197,23 @@ struct GltfFallback {
 /// The numbers of an accessor.
 pub(super) struct ProofAccessorNumbers<const N: usize> {
     pub(super) stored: Vec<[f64; N]>,
-    /// The whole number that stands for 1, if one does.
-    pub(super) whole: Option<f64>,
+    /// The integer that stands for 1, for normalized components.
+    pub(super) unit: Option<f64>,
 }
 
 impl<const N: usize> ProofAccessorNumbers<N> {
     pub(super) fn into_values(self) -> Vec<[f64; N]> {
-        match self.whole {
-            Some(whole) => {
-                // The least signed number has no positive twin: glTF takes it for -1 as well.
-                self.stored.into_iter().map(|e| e.map(|value| (value / whole).max(-1.0))).collect()
+        match self.unit {
+            Some(unit) => {
+                // The lowest signed integer is beyond -1: glTF clamps it.
+                self.stored.into_iter().map(|e| e.map(|value| (value / unit).max(-1.0))).collect()
             }
             None => self.stored,
         }
     }
 }
 
-/// The two parts of a file, and what the first says of the second.
+/// The JSON and the buffer of a file.
 pub(super) struct ProofGlbFile<'a> {
     gltf: ProofGltf,
     bytes: &'a [u8],
@@ -221,30 +221,16 @@ pub(super) struct ProofGlbFile<'a> {
 
 impl<'a> ProofGlbFile<'a> {
     pub(super) fn of(bytes: &'a [u8]) -> Result<Self> {
-        let number = |at: usize| {
-            let found = bytes.get(at..at + 4).and_then(|bytes| bytes.try_into().ok());
-            found.map(|bytes| u32::from_le_bytes(bytes) as usize)
-        };
-        if bytes.get(..4) != Some(b"glTF") || number(4) != Some(2) {
-            return Err(bad("is no binary glTF 2.0".to_owned()));
+        if bytes.get(..4) != Some(b"glTF") || number(bytes, 4) != Some(2) {
+            return Err(bad("not a binary glTF 2.0".to_owned()));
         }
-        if number(8) != Some(bytes.len()) {
-            return Err(bad(format!("has {} bytes, and says otherwise", bytes.len())));
+        if number(bytes, 8) != Some(bytes.len()) {
+            return Err(bad(format!("{} bytes, unlike the length in the header", bytes.len())));
         }
-        let chunk = |at: usize, kind: &[u8]| {
-            let end = number(at)?.checked_add(at + 8)?;
-            let is_kind = bytes.get(at + 4..at + 8) == Some(kind);
-            bytes.get(at + 8..end).filter(|_| is_kind)
-        };
-        let torn = || bad("has not the two chunks that it should".to_owned());
-        let text = chunk(12, b"JSON").ok_or_else(torn)?;
-        let at = 20 + text.len();
-        let buffer = chunk(at, b"BIN\0").ok_or_else(torn)?;
-        if at + 8 + buffer.len() != bytes.len() || !text.len().is_multiple_of(4) {
-            return Err(torn());
-        }
-        let gltf: ProofGltf = serde_json::from_slice(text)
-            .map_err(|e| bad(format!("has a text that is not understood: {e}")))?;
+        let (text, buffer) =
+            chunks(bytes).ok_or_else(|| bad("JSON or BIN chunk is missing".to_owned()))?;
+        let gltf: ProofGltf =
+            serde_json::from_slice(text).map_err(|e| bad(format!("invalid JSON: {e}")))?;
         let file = Self { gltf, bytes: buffer };
         file.check()?;
         Ok(file)
@@ -252,69 +238,70 @@ impl<'a> ProofGlbFile<'a> {
 
     fn check(&self) -> Result<()> {
         if !self.gltf.asset.version.starts_with("2.") {
-            return Err(refuse("is of another version than 2"));
+            return Err(refuse("unsupported glTF version; supported: 2"));
         }
-        let is_other = |name: &&String| !KNOWN.contains(&&***name);
-        if let Some(name) = self.gltf.extensions_required.iter().find(is_other) {
-            return Err(refuse(&format!("needs the extension {name:?}")));
+        let mut required = self.gltf.extensions_required.iter();
+        if let Some(name) = required.find(|name| ![COMPRESSION, QUANTIZATION].contains(&&***name)) {
+            return Err(refuse(&format!("unsupported extension {name:?} is required")));
         }
         self.check_extensions()?;
         self.check_targets()?;
-        let is_here = |buffer: &ProofGltfBuffer| {
-            buffer.uri.is_none() && buffer.byte_length.next_multiple_of(4) == self.bytes.len()
-        };
-        let is_fallback = |buffer: &ProofGltfBuffer| {
-            let is_told = buffer.extensions.packed.as_ref().is_some_and(|packed| packed.fallback);
-            is_told && buffer.uri.is_none()
-        };
         match self.gltf.buffers.split_first() {
-            Some((first, others)) if is_here(first) && others.iter().all(is_fallback) => Ok(()),
-            _ => Err(bad("has another buffer than its second chunk".to_owned())),
+            Some((first, others))
+                if first.is_chunk(self.bytes)
+                    && others.iter().all(ProofGltfBuffer::is_fallback) =>
+            {
+                Ok(())
+            }
+            _ => Err(bad("buffer is not the BIN chunk".to_owned())),
         }
     }
 
-    /// Clients go by the lists of extensions.
+    fn primitives(&self) -> impl Iterator<Item = &ProofGltfPrimitive> {
+        self.gltf.meshes.iter().flat_map(|mesh| &mesh.primitives)
+    }
+
+    /// Clients rely on the lists of extensions.
     fn check_extensions(&self) -> Result<()> {
         let ProofGltf { extensions_used: used, extensions_required: required, .. } = &self.gltf;
         let is_packed = self.gltf.buffer_views.iter().any(|view| view.extensions.packed.is_some());
-        let primitives = || self.gltf.meshes.iter().flat_map(|mesh| &mesh.primitives);
-        let is_short = primitives().any(|primitive| {
+        let is_short = self.primitives().any(|primitive| {
             let position = self.gltf.accessors.get(primitive.attributes.position);
             position.is_some_and(|position| position.component_type != FLOAT)
         });
-        let has_edges = primitives().any(|primitive| primitive.extensions.edges.is_some());
-        let has = |list: &[String], name: &str| list.iter().any(|own| own == name);
-        let needs = [(is_packed, KNOWN[0]), (is_short, KNOWN[1])];
-        if let Some((_, name)) = needs.iter().find(|(is, name)| *is && !has(required, name)) {
-            return Err(refuse(&format!("does not say that it needs the extension {name:?}")));
-        }
-        let mut uses =
-            required.iter().map(|name| (true, name.as_str())).chain([(has_edges, EDGES)]);
-        match uses.find(|(is, name)| *is && !has(used, name)) {
-            Some((_, name)) => {
-                Err(refuse(&format!("does not say that it uses the extension {name:?}")))
+        for (is_needed, name) in [(is_packed, COMPRESSION), (is_short, QUANTIZATION)] {
+            if is_needed && !required.iter().any(|listed| listed == name) {
+                return Err(refuse(&format!("extension {name:?} is not listed as required")));
             }
+        }
+        let has_edges = self.primitives().any(|primitive| primitive.extensions.edges.is_some());
+        let edges = has_edges.then_some(EDGES);
+        let mut all = required.iter().map(String::as_str).chain(edges);
+        match all.find(|name| !used.iter().any(|listed| listed == name)) {
+            Some(name) => Err(refuse(&format!("extension {name:?} is not listed as used"))),
             None => Ok(()),
         }
     }
 
-    /// Clients put views where they are said to belong.
+    /// Clients upload views to the stated target.
     fn check_targets(&self) -> Result<()> {
-        let target = |number: usize| {
-            let view = self.gltf.accessors.get(number)?.buffer_view?;
-            self.gltf.buffer_views.get(view)?.target
-        };
-        let is_odd = |ProofGltfPrimitive { attributes, indices, .. }: &ProofGltfPrimitive| {
-            let ProofGltfAttributes { position, place, normal } = attributes;
-            let of_vertices = [Some(*position), *place, *normal].into_iter().flatten();
-            let is_other = |number, known| target(number).is_some_and(|target| target != known);
-            indices.is_some_and(|number| is_other(number, OF_INDICES))
-                || of_vertices.into_iter().any(|number| is_other(number, OF_VERTICES))
-        };
-        match self.gltf.meshes.iter().flat_map(|mesh| &mesh.primitives).any(is_odd) {
-            true => Err(refuse("has a buffer view for something else than what is in it")),
+        let is_wrong = self.primitives().any(|primitive| {
+            let ProofGltfAttributes { position, place, normal } = primitive.attributes;
+            let mut of_vertices = [Some(position), place, normal].into_iter().flatten();
+            primitive.indices.is_some_and(|number| self.is_for_another(number, OF_INDICES))
+                || of_vertices.any(|number| self.is_for_another(number, OF_VERTICES))
+        });
+        match is_wrong {
+            true => Err(refuse("buffer view has the wrong target")),
             false => Ok(()),
         }
+    }
+
+    /// Whether the view of an accessor states another target.
+    fn is_for_another(&self, accessor: usize, target: u32) -> bool {
+        let view = self.gltf.accessors.get(accessor).and_then(|accessor| accessor.buffer_view);
+        let view = view.and_then(|view| self.gltf.buffer_views.get(view));
+        view.and_then(|view| view.target).is_some_and(|stated| stated != target)
     }
 
     pub(super) fn node(&self) -> Result<&ProofGltfNode> {
@@ -323,7 +310,7 @@ impl<'a> ProofGlbFile<'a> {
         let is_shown = gltf.scenes.get(gltf.scene).is_some_and(|scene| scene.nodes == [0]);
         match is_one && is_shown {
             true => Ok(&gltf.nodes[0]),
-            false => Err(refuse("has not one node with one mesh")),
+            false => Err(refuse("scene is not one node with one mesh")),
         }
     }
 
@@ -331,67 +318,60 @@ impl<'a> ProofGlbFile<'a> {
         let mesh = node.mesh.and_then(|mesh| self.gltf.meshes.get(mesh));
         match mesh.map(|mesh| &mesh.primitives[..]) {
             Some([primitive]) if primitive.mode.is_none_or(|mode| mode == 4) => Ok(primitive),
-            _ => Err(refuse("has not one mesh of one set of triangles")),
+            _ => Err(refuse("mesh is not a single primitive of triangles")),
         }
     }
 
     pub(super) fn accessor(&self, number: usize) -> Result<&ProofGltfAccessor> {
-        let none = || bad(format!("names accessor {number} of {}", self.gltf.accessors.len()));
-        self.gltf.accessors.get(number).ok_or_else(none)
+        self.gltf.accessors.get(number).ok_or_else(|| {
+            bad(format!("accessor {number} exceeds the {} accessors", self.gltf.accessors.len()))
+        })
     }
 
     /// Bytes of the buffer.
-    fn part(&self, buffer: usize, at: usize, length: usize) -> Option<&[u8]> {
+    fn slice(&self, buffer: usize, at: usize, length: usize) -> Option<&[u8]> {
         self.bytes.get(at..at.checked_add(length)?).filter(|_| buffer == 0)
     }
 
-    /// The bytes of a view.
+    /// The bytes of a view, decompressed.
     fn view(&self, view: &ProofBufferView) -> Result<Cow<'_, [u8]>> {
-        let outside = || bad("has a buffer view outside of its buffer".to_owned());
-        match &view.extensions.packed {
-            None => {
-                let found = self.part(view.buffer, view.byte_offset, view.byte_length);
-                found.map(Cow::Borrowed).ok_or_else(outside)
-            }
-            Some(packed) => {
-                let ProofPackedView { buffer, byte_offset, byte_length, .. } = packed;
-                let found = self.part(*buffer, *byte_offset, *byte_length).ok_or_else(outside)?;
-                let unpacked = packed.unpack(found)?;
-                match unpacked.len() == view.byte_length {
-                    true => Ok(Cow::Owned(unpacked)),
-                    false => Err(bad("has a compressed view of another length".to_owned())),
-                }
-            }
+        let packed = view.extensions.packed.as_ref();
+        let stored = match packed {
+            Some(packed) => self.slice(packed.buffer, packed.byte_offset, packed.byte_length),
+            None => self.slice(view.buffer, view.byte_offset, view.byte_length),
+        };
+        let stored = stored.ok_or_else(|| bad("buffer view exceeds the buffer".to_owned()))?;
+        let Some(packed) = packed else { return Ok(Cow::Borrowed(stored)) };
+        let unpacked = packed.unpack(stored)?;
+        match unpacked.len() == view.byte_length {
+            true => Ok(Cow::Owned(unpacked)),
+            false => Err(bad("wrong length of a compressed view".to_owned())),
         }
     }
 
-    /// The bytes of elements of an accessor, each at the start of so many.
-    fn elements(
-        &self,
-        number: usize,
-        (kind, bytes): (&str, usize),
-    ) -> Result<(Cow<'_, [u8]>, usize)> {
+    /// The bytes of the elements of an accessor, and their stride; `size` is that of an element.
+    fn elements(&self, number: usize, kind: &str, size: usize) -> Result<(Cow<'_, [u8]>, usize)> {
         let accessor = self.accessor(number)?;
         if accessor.kind != kind || accessor.sparse.is_some() {
-            return Err(refuse(&format!("has an accessor {number} of another kind than {kind}")));
+            return Err(refuse(&format!("accessor {number} is sparse or not of type {kind}")));
         }
         let view = accessor.buffer_view.and_then(|view| self.gltf.buffer_views.get(view));
-        let view = view.ok_or_else(|| bad(format!("has accessor {number} in no buffer view")))?;
-        let stride = view.byte_stride.unwrap_or(bytes);
+        let view = view.ok_or_else(|| bad(format!("accessor {number} without buffer view")))?;
+        let stride = view.byte_stride.unwrap_or(size);
         let is_plain = view.extensions.packed.is_none();
-        if stride < bytes || is_plain && stride != bytes {
-            return Err(refuse(&format!("has an accessor {number} with gaps")));
+        if stride < size || is_plain && stride != size {
+            return Err(refuse(&format!("stride of accessor {number} is {stride}, not {size}")));
         }
-        let found = self.view(view)?;
-        let reach = accessor.count.checked_mul(stride).and_then(|length| {
+        let bytes = self.view(view)?;
+        let range = accessor.count.checked_mul(stride).and_then(|length| {
             let end = accessor.byte_offset.checked_add(length)?;
-            (end <= found.len()).then_some(accessor.byte_offset..end)
+            (end <= bytes.len()).then_some(accessor.byte_offset..end)
         });
-        let outside = || bad(format!("has accessor {number} outside of its buffer"));
-        let reach = reach.ok_or_else(outside)?;
-        Ok(match found {
-            Cow::Borrowed(found) => (Cow::Borrowed(&found[reach]), stride),
-            Cow::Owned(found) => (Cow::Owned(found[reach].to_vec()), stride),
+        let range =
+            range.ok_or_else(|| bad(format!("accessor {number} exceeds its buffer view")))?;
+        Ok(match bytes {
+            Cow::Borrowed(bytes) => (Cow::Borrowed(&bytes[range]), stride),
+            Cow::Owned(bytes) => (Cow::Owned(bytes[range].to_vec()), stride),
         })
     }
 
@@ -402,50 +382,45 @@ impl<'a> ProofGlbFile<'a> {
         count: usize,
     ) -> Result<ProofAccessorNumbers<N>> {
         let accessor = self.accessor(number)?;
-        let (width, most) = match (accessor.component_type, accessor.normalized) {
+        let (width, unit) = match (accessor.component_type, accessor.normalized) {
             (FLOAT, false) => (4, None),
             (U16, false) => (2, None),
             (U16, true) => (2, Some(f64::from(u16::MAX))),
             (I16, true) => (2, Some(f64::from(i16::MAX))),
             (I8, true) => (1, Some(f64::from(i8::MAX))),
-            _ => return Err(refuse(&format!("has numbers of another type in accessor {number}"))),
+            _ => return Err(refuse(&format!("unsupported component type in accessor {number}"))),
         };
         if accessor.count != count {
             let found = accessor.count;
-            return Err(bad(format!("has {found} elements in accessor {number}, not {count}")));
+            return Err(bad(format!("{found} elements in accessor {number}, expected {count}")));
         }
-        let (bytes, stride) = self.elements(number, (kind, width * N))?;
-        let value = |bytes: &[u8]| match (accessor.component_type, bytes) {
-            (I8, [a]) => f64::from(*a as i8),
-            (I16, [a, b]) => f64::from(i16::from_le_bytes([*a, *b])),
-            (_, [a, b]) => f64::from(u16::from_le_bytes([*a, *b])),
-            (_, [a, b, c, d]) => f64::from(f32::from_le_bytes([*a, *b, *c, *d])),
-            _ => f64::NAN,
-        };
-        let element = |bytes: &[u8]| {
-            std::array::from_fn(|axis| value(&bytes[axis * width..(axis + 1) * width]))
-        };
-        let stored: Vec<[f64; N]> = bytes.chunks_exact(stride).map(element).collect();
+        let (bytes, stride) = self.elements(number, kind, width * N)?;
+        let elements = bytes.chunks_exact(stride).map(|element| {
+            std::array::from_fn(|axis| {
+                component(accessor.component_type, &element[axis * width..(axis + 1) * width])
+            })
+        });
+        let stored: Vec<[f64; N]> = elements.collect();
         if stored.as_flattened().iter().any(|value| !value.is_finite()) {
-            return Err(bad(format!("has a number in accessor {number} that is not finite")));
+            return Err(bad(format!("accessor {number} contains a number that is not finite")));
         }
-        Ok(ProofAccessorNumbers { stored, whole: most })
+        Ok(ProofAccessorNumbers { stored, unit })
     }
 
     pub(super) fn indices(&self, number: usize, count: usize) -> Result<Vec<u32>> {
         let found: Vec<u32> = match self.accessor(number)?.component_type {
             U16 => {
-                let (bytes, _) = self.elements(number, ("SCALAR", 2))?;
+                let (bytes, _) = self.elements(number, "SCALAR", 2)?;
                 bytes.as_chunks().0.iter().map(|bytes| u16::from_le_bytes(*bytes).into()).collect()
             }
             U32 => {
-                let (bytes, _) = self.elements(number, ("SCALAR", 4))?;
+                let (bytes, _) = self.elements(number, "SCALAR", 4)?;
                 bytes.as_chunks().0.iter().map(|bytes| u32::from_le_bytes(*bytes)).collect()
             }
-            _ => return Err(refuse(&format!("has indices of another type in accessor {number}"))),
+            _ => return Err(refuse(&format!("unsupported index type in accessor {number}"))),
         };
         match found.iter().find(|&&index| index as usize >= count) {
-            Some(index) => Err(bad(format!("names vertex {index} of {count}"))),
+            Some(index) => Err(bad(format!("index {index} exceeds the {count} vertices"))),
             None => Ok(found),
         }
     }
@@ -454,40 +429,89 @@ impl<'a> ProofGlbFile<'a> {
 impl ProofPackedView {
     fn unpack(&self, bytes: &[u8]) -> Result<Vec<u8>> {
         let Self { byte_stride: stride, count, filter, mode, .. } = self;
-        let of_vertices = |found: Vec<u32>| {
-            let bytes =
-                found.iter().flat_map(|vertex| vertex.to_le_bytes().into_iter().take(*stride));
-            let fits = found.iter().all(|vertex| *stride == 4 || *vertex <= u16::MAX.into());
-            match [2, 4].contains(stride) && fits {
-                true => Ok(bytes.collect()),
-                false => Err(bad("has compressed numbers of vertices of another size".to_owned())),
-            }
-        };
         match (&mode[..], filter.as_deref().unwrap_or("NONE")) {
             ("ATTRIBUTES", "NONE") => meshopt::attributes(bytes, *stride, *count),
             ("ATTRIBUTES", "OCTAHEDRAL") if *stride == 4 => {
-                let mut found = meshopt::attributes(bytes, *stride, *count)?;
-                meshopt::directions(&mut found);
-                Ok(found)
+                let mut directions = meshopt::attributes(bytes, *stride, *count)?;
+                meshopt::directions(&mut directions);
+                Ok(directions)
             }
-            ("TRIANGLES", "NONE") => of_vertices(meshopt::triangles(bytes, *count)?),
-            ("INDICES", "NONE") => of_vertices(meshopt::list(bytes, *count)?),
-            _ => Err(refuse("is compressed in another way")),
+            ("TRIANGLES", "NONE") => index_bytes(&meshopt::triangles(bytes, *count)?, *stride),
+            ("INDICES", "NONE") => index_bytes(&meshopt::list(bytes, *count)?, *stride),
+            _ => Err(refuse("unsupported mode or filter of EXT_meshopt_compression")),
         }
     }
 }
 
+/// Indices as bytes, little-endian, of 2 or 4 bytes each.
+fn index_bytes(indices: &[u32], stride: usize) -> Result<Vec<u8>> {
+    let fits = indices.iter().all(|index| stride == 4 || *index <= u16::MAX.into());
+    match [2, 4].contains(&stride) && fits {
+        true => Ok(indices
+            .iter()
+            .flat_map(|index| index.to_le_bytes().into_iter().take(stride))
+            .collect()),
+        false => Err(bad(format!("compressed indices do not fit into {stride} bytes"))),
+    }
+}
+
+impl ProofGltfBuffer {
+    /// Whether it is the BIN chunk.
+    fn is_chunk(&self, chunk: &[u8]) -> bool {
+        self.uri.is_none() && self.byte_length.next_multiple_of(4) == chunk.len()
+    }
+
+    /// Whether it is a placeholder for decompressed views.
+    fn is_fallback(&self) -> bool {
+        self.uri.is_none() && self.extensions.packed.as_ref().is_some_and(|packed| packed.fallback)
+    }
+}
+
 impl ProofGltfAccessor {
-    /// Whether it says the ends of its elements.
+    /// Whether its minimum and maximum are those of its elements.
     pub(super) fn has_ends(&self, elements: &[Vector]) -> bool {
-        let along = |axis: usize| elements.iter().map(move |element| element[axis]);
-        let is = |said: &Option<Vec<f64>>, choose: fn(f64, f64) -> f64| {
-            let said = said.as_deref().unwrap_or_default();
-            let found = (0..3).map(|axis| along(axis).reduce(choose));
-            said.len() == 3
-                && found.zip(said).all(|(end, said)| end == Some(f64::from(*said as f32)))
-        };
-        is(&self.min, f64::min) && is(&self.max, f64::max)
+        is_end(self.min.as_deref(), elements, f64::min)
+            && is_end(self.max.as_deref(), elements, f64::max)
+    }
+}
+
+/// Whether a stated minimum or maximum, in single precision, is that of elements.
+fn is_end(stated: Option<&[f64]>, elements: &[Vector], choose: fn(f64, f64) -> f64) -> bool {
+    let Some(&[x, y, z]) = stated else { return false };
+    [x, y, z].into_iter().enumerate().all(|(axis, stated)| {
+        let end = elements.iter().map(|element| element[axis]).reduce(choose);
+        end == Some(f64::from(stated as f32))
+    })
+}
+
+/// The number stored at a byte.
+fn number(bytes: &[u8], at: usize) -> Option<usize> {
+    Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?) as usize)
+}
+
+/// The contents of the JSON and the BIN chunk, which are all chunks of the file.
+fn chunks(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let text = chunk(bytes, 12, b"JSON")?;
+    let at = 20 + text.len();
+    let buffer = chunk(bytes, at, b"BIN\0")?;
+    let is_end = at + 8 + buffer.len() == bytes.len();
+    (is_end && text.len().is_multiple_of(4)).then_some((text, buffer))
+}
+
+fn chunk<'a>(bytes: &'a [u8], at: usize, kind: &[u8]) -> Option<&'a [u8]> {
+    let end = number(bytes, at)?.checked_add(at + 8)?;
+    let is_kind = bytes.get(at + 4..at + 8) == Some(kind);
+    bytes.get(at + 8..end).filter(|_| is_kind)
+}
+
+/// A component of an element, by its type.
+fn component(component_type: u32, bytes: &[u8]) -> f64 {
+    match (component_type, bytes) {
+        (I8, [a]) => f64::from(*a as i8),
+        (I16, [a, b]) => f64::from(i16::from_le_bytes([*a, *b])),
+        (_, [a, b]) => f64::from(u16::from_le_bytes([*a, *b])),
+        (_, [a, b, c, d]) => f64::from(f32::from_le_bytes([*a, *b, *c, *d])),
+        _ => f64::NAN,
     }
 }
 

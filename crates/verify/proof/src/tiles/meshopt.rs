@@ -1,21 +1,21 @@
-//! Compressed parts of a tile (EXT_meshopt_compression, Khronos 2021), read whole by code that shares none with what
-//! wrote them: attributes (version 0), corners of triangles and lists of vertices (version 1), and directions on an
-//! octahedron.
+//! Decoder of EXT_meshopt_compression (Khronos 2021), independent of the encoder: attributes (version 0), triangles and
+//! index sequences (version 1), and the octahedral filter.
 
 use terrane_base::error::{Error, Result};
 
 /// Elements of a group, whose differences take the same number of bits.
 const GROUP: usize = 16;
-/// Bytes of a block of attributes, and its elements, at the most.
-const BLOCK: (usize, usize) = (8192, 256);
-/// Bytes that a stream of attributes ends with, at the least.
+/// Limits of a block of attributes.
+const MAX_BLOCK_BYTES: usize = 8192;
+const MAX_BLOCK_ELEMENTS: usize = 256;
+/// Minimum bytes at the end of a stream of attributes.
 const ATTRIBUTES_TAIL: usize = 32;
-/// Bytes that one of triangles ends with: the table of the commonest pairs.
+/// Bytes at the end of a stream of triangles: the table of the most frequent pairs.
 const TRIANGLES_TAIL: usize = 16;
-/// Bytes that a list of vertices ends with.
+/// Bytes at the end of an index sequence.
 const LIST_TAIL: usize = 4;
 
-/// What is left to be read.
+/// The bytes not yet read.
 struct ProofMeshoptBytes<'a>(&'a [u8]);
 
 impl<'a> ProofMeshoptBytes<'a> {
@@ -31,26 +31,31 @@ impl<'a> ProofMeshoptBytes<'a> {
 
     /// A number of seven bits a byte, the lowest first.
     fn number(&mut self) -> Result<u32> {
-        let mut found = 0;
+        let mut number = 0;
         for place in 0..5 {
             let byte = self.byte()?;
-            found |= u32::from(byte & 127) << (7 * place);
+            number |= u32::from(byte & 127) << (7 * place);
             if byte < 128 {
-                return Ok(found);
+                return Ok(number);
             }
         }
-        Err(bad("have a number of too many bytes"))
+        Err(bad("contain a number of more than 5 bytes"))
     }
 
     /// The number of a vertex, as its difference from another.
     fn vertex(&mut self, from: &mut u32) -> Result<u32> {
-        let found = self.number()?;
-        *from = from.wrapping_add(signed(found));
+        let number = self.number()?;
+        *from = from.wrapping_add(signed(number));
         Ok(*from)
     }
 
+    /// A known vertex, or else one that is stored as its difference from another.
+    fn known_or_vertex(&mut self, known: Option<u32>, from: &mut u32) -> Result<u32> {
+        known.map_or_else(|| self.vertex(from), Ok)
+    }
+
     fn end(&self) -> Result<()> {
-        if self.0.is_empty() { Ok(()) } else { Err(bad("go on behind their end")) }
+        if self.0.is_empty() { Ok(()) } else { Err(bad("are followed by further bytes")) }
     }
 }
 
@@ -67,33 +72,34 @@ pub(super) fn attributes(bytes: &[u8], stride: usize, count: usize) -> Result<Ve
     if !stride.is_multiple_of(4) || !(4..=256).contains(&stride) {
         return Err(bad("have elements of another size"));
     }
-    // Of each byte of the elements of four groups, one says how many bits they take.
-    if count.div_ceil(4 * GROUP).checked_mul(stride).is_none_or(|least| least > bytes.len()) {
+    // One byte is the head of four groups of one byte of the elements: no memory is allocated for absent elements.
+    if count.div_ceil(4 * GROUP).checked_mul(stride).is_none_or(|min| min > bytes.len()) {
         return Err(bad("are too few bytes"));
     }
     let tail = ATTRIBUTES_TAIL.max(stride);
     let body = bytes.len().checked_sub(tail).ok_or_else(|| bad("are too few bytes"))?;
-    let mut before = bytes[bytes.len() - stride..].to_vec();
+    let mut last = bytes[bytes.len() - stride..].to_vec();
     let mut left = ProofMeshoptBytes(&bytes[..body]);
     if left.byte()? != 0xa0 {
         return Err(bad("are of another version"));
     }
-    let most = (BLOCK.0 / stride / GROUP * GROUP).min(BLOCK.1);
+    let max = (MAX_BLOCK_BYTES / stride / GROUP * GROUP).min(MAX_BLOCK_ELEMENTS);
     let mut out = vec![0; count * stride];
-    for block in out.chunks_mut(most * stride) {
-        for (place, before) in before.iter_mut().enumerate() {
-            column(block, (place, stride), before, &mut left)?;
+    for block in out.chunks_mut(max * stride) {
+        for (offset, last) in last.iter_mut().enumerate() {
+            column(block, offset, stride, last, &mut left)?;
         }
     }
     left.end()?;
     Ok(out)
 }
 
-/// One byte of all elements of a block.
+/// Decodes the byte at an offset of all elements of a block, as differences from the last one.
 fn column(
     block: &mut [u8],
-    (place, stride): (usize, usize),
-    before: &mut u8,
+    offset: usize,
+    stride: usize,
+    last: &mut u8,
     left: &mut ProofMeshoptBytes<'_>,
 ) -> Result<()> {
     let groups = (block.len() / stride).div_ceil(GROUP);
@@ -102,14 +108,14 @@ fn column(
         let steps = steps(heads[group / 4] >> (group % 4 * 2) & 3, left)?;
         let of_group = block.chunks_exact_mut(stride).skip(group * GROUP);
         for (element, step) in of_group.zip(steps) {
-            *before = before.wrapping_add(signed(step.into()) as u8);
-            element[place] = *before;
+            *last = last.wrapping_add(signed(step.into()) as u8);
+            element[offset] = *last;
         }
     }
     Ok(())
 }
 
-/// The steps of a group: none, or of 2, 4 or 8 bits each; the largest of 2 or 4 says that the step follows.
+/// The steps of a group, of 0, 2, 4 or 8 bits each; the largest value of 2 or 4 bits is an escape for a full byte.
 fn steps(kind: u8, left: &mut ProofMeshoptBytes<'_>) -> Result<[u8; GROUP]> {
     let bits = match kind {
         0 => return Ok([0; GROUP]),
@@ -130,21 +136,29 @@ fn steps(kind: u8, left: &mut ProofMeshoptBytes<'_>) -> Result<[u8; GROUP]> {
     Ok(found)
 }
 
-/// The 16 things that were met last.
+/// The edges or vertices of earlier triangles, which codes refer to from the last one backwards.
 struct MeshoptRecent<T>(Vec<T>);
 
 impl<T: Copy> MeshoptRecent<T> {
-    fn met(&mut self, thing: T) {
-        self.0.push(thing);
+    fn push(&mut self, item: T) {
+        self.0.push(item);
     }
 
     fn ago(&self, count: usize) -> Result<T> {
-        let place = self.0.len().checked_sub(count + 1);
-        place.and_then(|place| self.0.get(place).copied()).ok_or_else(|| bad("name none before"))
+        let index = self.0.len().checked_sub(count + 1);
+        index
+            .and_then(|index| self.0.get(index).copied())
+            .ok_or_else(|| bad("refer to items before the first"))
     }
 }
 
-/// The corners of a stream of triangles, `count` of them.
+/// The next new vertex.
+fn next_vertex(next: &mut u32) -> u32 {
+    *next += 1;
+    *next - 1
+}
+
+/// Decodes the `count` corners of a stream of triangles.
 ///
 /// # Errors
 /// Bad input.
@@ -159,11 +173,6 @@ pub(super) fn triangles(bytes: &[u8], count: usize) -> Result<Vec<u32>> {
     let mut data = ProofMeshoptBytes(&bytes[number + 1..body]);
     let (mut edges, mut vertices) = (MeshoptRecent(Vec::new()), MeshoptRecent(Vec::new()));
     let [mut next, mut last] = [0_u32; 2];
-    let fresh = |next: &mut u32| {
-        let found = *next;
-        *next += 1;
-        found
-    };
     let mut out = Vec::with_capacity(count);
     for code in codes {
         let (high, low) = (usize::from(code >> 4), code & 15);
@@ -171,7 +180,7 @@ pub(super) fn triangles(bytes: &[u8], count: usize) -> Result<Vec<u32>> {
             let [a, b] = edges.ago(high)?;
             let is_known = (1..13).contains(&low);
             let c = match low {
-                0 => fresh(&mut next),
+                0 => next_vertex(&mut next),
                 13 | 14 => {
                     last = if low == 13 { last.wrapping_sub(1) } else { last.wrapping_add(1) };
                     last
@@ -180,10 +189,10 @@ pub(super) fn triangles(bytes: &[u8], count: usize) -> Result<Vec<u32>> {
                 known => vertices.ago(known.into())?,
             };
             if !is_known {
-                vertices.met(c);
+                vertices.push(c);
             }
-            edges.met([c, b]);
-            edges.met([a, c]);
+            edges.push([c, b]);
+            edges.push([a, c]);
             out.extend([a, b, c]);
             continue;
         }
@@ -191,35 +200,35 @@ pub(super) fn triangles(bytes: &[u8], count: usize) -> Result<Vec<u32>> {
         if low >= 14 && pair == 0 {
             next = 0;
         }
-        let a = if low == 15 { None } else { Some(fresh(&mut next)) };
-        // Those that come next are counted before those that are written out.
+        let a = if low == 15 { None } else { Some(next_vertex(&mut next)) };
+        // New vertices are numbered before the stored ones are read.
         let mut others = [None; 2];
         for (other, place) in others.iter_mut().zip([pair >> 4, pair & 15]) {
             *other = match place {
-                0 => Some(fresh(&mut next)),
+                0 => Some(next_vertex(&mut next)),
                 15 => None,
                 known => Some(vertices.ago(usize::from(known) - 1)?),
             };
         }
-        let mut or_written = |found: Option<u32>| found.map_or_else(|| data.vertex(&mut last), Ok);
-        let a = or_written(a)?;
-        let [b, c] = [or_written(others[0])?, or_written(others[1])?];
-        vertices.met(a);
+        let a = data.known_or_vertex(a, &mut last)?;
+        let b = data.known_or_vertex(others[0], &mut last)?;
+        let c = data.known_or_vertex(others[1], &mut last)?;
+        vertices.push(a);
         for (corner, place) in [(b, pair >> 4), (c, pair & 15)] {
             if matches!(place, 0 | 15) {
-                vertices.met(corner);
+                vertices.push(corner);
             }
         }
-        edges.met([b, a]);
-        edges.met([c, b]);
-        edges.met([a, c]);
+        edges.push([b, a]);
+        edges.push([c, b]);
+        edges.push([a, c]);
         out.extend([a, b, c]);
     }
     data.end()?;
     Ok(out)
 }
 
-/// The numbers of a stream of vertices in any order, `count` of them.
+/// Decodes the `count` vertices of an index sequence.
 ///
 /// # Errors
 /// Bad input.
@@ -230,30 +239,30 @@ pub(super) fn list(bytes: &[u8], count: usize) -> Result<Vec<u32>> {
     if left.byte()? != 0xd1 {
         return Err(bad("are of another version"));
     }
-    // Each is counted from one of two.
-    let mut from = [0_u32; 2];
-    let mut one = || -> Result<u32> {
+    // The lowest bit selects one of two baselines.
+    let mut baselines = [0_u32; 2];
+    let mut vertices = Vec::with_capacity(count);
+    for _ in 0..count {
         let number = left.number()?;
-        let from = &mut from[number as usize & 1];
-        *from = from.wrapping_add(signed(number >> 1));
-        Ok(*from)
-    };
-    let found = (0..count).map(|_| one()).collect::<Result<_>>()?;
+        let baseline = &mut baselines[number as usize & 1];
+        *baseline = baseline.wrapping_add(signed(number >> 1));
+        vertices.push(*baseline);
+    }
     left.end()?;
-    Ok(found)
+    Ok(vertices)
 }
 
-/// Unfolds directions in place: of four bytes each, the first two are a place on an octahedron, and the third what
+/// Decodes oct-encoded directions in place: of four bytes each, the first two are a point of the octahedron, and the third
 /// stands for 1.
 pub(super) fn directions(elements: &mut [u8]) {
     for element in elements.as_chunks_mut::<4>().0 {
-        let [x, y, one] = [0, 1, 2].map(|at: usize| f32::from(element[at] as i8));
-        let z = one - x.abs() - y.abs();
+        let [x, y, unit] = [0, 1, 2].map(|at: usize| f32::from(element[at] as i8));
+        let z = unit - x.abs() - y.abs();
         let fold = z.min(0.0);
         let [x, y] = [x, y].map(|value| if value >= 0.0 { value + fold } else { value - fold });
         let scale = f32::from(i8::MAX) / (x * x + y * y + z * z).sqrt();
-        let whole = [x, y, z].map(|value| (value * scale).round() as i8 as u8);
-        element[..3].copy_from_slice(&whole);
+        let bytes = [x, y, z].map(|value| (value * scale).round() as i8 as u8);
+        element[..3].copy_from_slice(&bytes);
     }
 }
 
@@ -276,19 +285,18 @@ mod tests {
     fn numbers() -> impl Strategy<Value = Vec<u32>> {
         let step = prop_oneof![8 => -3..4_i64, 1 => -300..300_i64, 1 => -70_000..70_000_i64];
         prop::collection::vec(step, 0..700).prop_map(|steps| {
-            let mut at = 0_i64;
-            let add = |step: i64| {
-                at = (at + step).clamp(0, 100_000);
-                at as u32
-            };
-            steps.into_iter().map(add).collect()
+            let sums = steps.into_iter().scan(0_i64, |at, step| {
+                *at = (*at + step).clamp(0, 100_000);
+                Some(*at as u32)
+            });
+            sums.collect()
         })
     }
 
     proptest! {
-        /// What the reference's port writes is what is read, and every shorter stream is refused.
+        /// Streams of a port of the reference encoder are decoded, and every shorter stream is refused.
         #[test]
-        fn what_others_wrote_comes_back(values in numbers(), stride in 1..5_usize, cut in 0.0..1.0) {
+        fn streams_of_the_reference_are_decoded(values in numbers(), stride in 1..5_usize, cut in 0.0..1.0) {
             let space = &mut Workspace::default();
             let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
             let (stride, count) = (4 * stride, bytes.len() / (4 * stride));
@@ -321,16 +329,16 @@ mod tests {
             for head in [0xa0, 0xe1, 0xd1] {
                 let bytes = [&[head], &bytes[..]].concat();
                 let _ = (attributes(&bytes, 8, count), triangles(&bytes, count), list(&bytes, count));
-                // Nothing is allocated for elements that cannot be there.
-                let many = usize::MAX / 1024 * (count + 1).min(9);
-                assert!(attributes(&bytes, 256, many).is_err());
-                assert!(triangles(&bytes, many / 3 * 3).is_err() && list(&bytes, many).is_err());
+                // No memory is allocated for elements that cannot be present.
+                let count = usize::MAX / 1024 * (count + 1).min(9);
+                assert!(attributes(&bytes, 256, count).is_err());
+                assert!(triangles(&bytes, count / 3 * 3).is_err() && list(&bytes, count).is_err());
             }
         }
 
-        /// As the reference's port unfolds them.
+        /// As a port of the reference decodes them.
         #[test]
-        fn directions_are_unfolded_alike(bytes in prop::collection::vec(-126..127_i8, 2..60)) {
+        fn directions_are_decoded_alike(bytes in prop::collection::vec(-126..127_i8, 2..60)) {
             let mut mine: Vec<u8> = bytes.chunks_exact(2).flat_map(|at| [at[0] as u8, at[1] as u8, 127, 0]).collect();
             let mut theirs = mine.clone();
             directions(&mut mine);

@@ -1,10 +1,10 @@
-//! Proof of terrain tiles (quantized-mesh 1.0 in a geodetic pyramid, or 3D Tiles 1.1 of the same): their structure, how far samples are from
-//! what a viewer makes of them, and how they fit together.
+//! Proof of terrain tiles (quantized-mesh 1.0 in a geodetic pyramid, or 3D Tiles 1.1 of the same): their structure, the
+//! distances of samples from the drawn surface, and their borders.
 //!
-//! A viewer places a vertex by its u, v and height on the WGS 84 ellipsoid and draws flat triangles between
-//! such places. The distance of a sample is measured along the normal of the ellipsoid at the sample: the
-//! triangle that this line meets need not be the one that has the sample in (u, v), as chords bow, and its
-//! height there is lower by the sag of the chord. [`TileFacets`] find both exactly as far as `f64` goes.
+//! A viewer places a vertex by its u, v and height on the WGS 84 ellipsoid and draws flat triangles between vertices. The
+//! distance of a sample is measured along the normal of the ellipsoid at the sample. The triangle that this line meets may
+//! be another than the one that contains the sample in (u, v), as chords bow, and its height there is lower by the sag of
+//! the chord. [`TileFacets`] find both within the precision of `f64`.
 
 mod border;
 mod contain;
@@ -34,10 +34,10 @@ pub use subtree::{MAX_SUBTREE_LEVELS, MetadataSchema, Subtree};
 pub use tiling::{LAST, MAX_LEVEL, ProofTileId, ProofTileSide, columns, rows};
 pub use water::{MaskPixels, UNCLEAR, WaterBank, WaterShore};
 
-/// What clients take for the error of level 0, in metres; each level has half of the one before.
+/// Error of level 0 that clients assume, in metres; each level has half of the previous one.
 pub const ERROR_OF_ROOT: f64 = 77_067.34;
 
-/// What clients take for the error of a level, in metres.
+/// Error of a level that clients assume, in metres.
 pub fn assumed_error(level: u8) -> f64 {
     ERROR_OF_ROOT / 2f64.powi(i32::from(level))
 }

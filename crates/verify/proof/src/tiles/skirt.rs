@@ -1,4 +1,4 @@
-//! Skirts of a tile: walls that hang straight down from its sides, told from its surface by lying upon a side.
+//! Skirts of a tile: vertical walls below its sides. A triangle whose corners lie on one side belongs to the skirt.
 
 use std::collections::HashMap;
 
@@ -6,7 +6,7 @@ use super::ellipsoid::Vector;
 use super::tiling::LAST;
 
 /// A vertex: steps from the west and the south, and its height in steps of the level.
-type Place = ([u16; 2], f64);
+pub(super) type Place = ([u16; 2], f64);
 
 /// Skirt of a tile.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -15,9 +15,9 @@ pub struct TileSkirt {
     pub triangles: Vec<[Vector; 3]>,
 }
 
-/// A tile, taken apart.
+/// The triangles of a tile, divided into surface and skirt.
 pub(super) struct SkirtSplit {
-    /// Triangles of the surface, by all vertices.
+    /// Triangles of the surface; indices are those of all vertices.
     pub(super) surface: Vec<[u32; 3]>,
     /// Triangles of the skirt.
     pub(super) hanging: Vec<[u32; 3]>,
@@ -26,53 +26,57 @@ pub(super) struct SkirtSplit {
 }
 
 impl SkirtSplit {
-    /// Of all triangles: those whose corners lie on one side of the tile have no area there, and hang.
+    /// Divides the triangles of a tile.
     pub(super) fn of(places: &[Place], triangles: &[[u32; 3]]) -> Self {
-        let is_hanging = |triangle: &&[u32; 3]| {
-            let corners = triangle.map(|corner| places[corner as usize].0);
-            let on_side = |axis: usize, side: u16| corners.iter().all(|at| at[axis] == side);
-            (0..2).any(|axis| on_side(axis, 0) || on_side(axis, LAST))
-        };
-        let (hanging, surface): (Vec<_>, Vec<_>) = triangles.iter().partition(is_hanging);
+        let (hanging, surface): (Vec<_>, Vec<_>) = triangles
+            .iter()
+            .partition(|triangle| is_on_side(triangle.map(|corner| places[corner as usize].0)));
         let mut is_low = vec![false; places.len()];
         hanging.as_flattened().iter().for_each(|corner| is_low[*corner as usize] = true);
         surface.as_flattened().iter().for_each(|corner| is_low[*corner as usize] = false);
         Self { surface, hanging, is_low }
     }
 
-    /// Vertices of the skirt that are not so many steps straight below one of the rim.
+    /// Vertices of the skirt that are not `depth` steps vertically below a vertex of the rim.
     pub(super) fn off_depth(&self, places: &[Place], depth: f64) -> u64 {
-        let rim =
-            || self.is_low.iter().zip(places).filter(|(low, _)| !**low).map(|(_, place)| *place);
-        let heights: HashMap<[u16; 2], f64> = rim().collect();
-        let is_off = |(low, (at, height)): &(&bool, &Place)| {
-            **low && heights.get(at).is_none_or(|above| above - height != depth)
-        };
-        self.is_low.iter().zip(places).filter(is_off).count() as u64
+        let (mut rim, mut low) = (HashMap::new(), Vec::new());
+        for (is_low, &(at, height)) in self.is_low.iter().zip(places) {
+            if *is_low {
+                low.push((at, height));
+            } else {
+                rim.insert(at, height);
+            }
+        }
+        low.retain(|(at, height)| rim.get(at).is_none_or(|above| above - height != depth));
+        low.len() as u64
     }
 
-    /// Edges where the skirt is torn from the rim, or itself: all of them are passed once in each direction, but for
-    /// those of its lower end, which are as many as those of the rim.
+    /// Edges where the skirt is not joined to the rim or to itself. All edges are passed once in each direction, except
+    /// the lower ones of the skirt, of which there are as many as of the rim.
     pub(super) fn torn(&self) -> u64 {
-        let edges = |&[a, b, c]: &[u32; 3]| [[a, b], [b, c], [c, a]];
-        let count = |all: &[&[[u32; 3]]]| {
-            let mut counts: HashMap<[u32; 2], u32> = HashMap::new();
-            for edge in all.iter().copied().flatten().flat_map(edges) {
-                *counts.entry(edge).or_default() += 1;
-            }
-            counts
-        };
-        let open = |counts: &HashMap<[u32; 2], u32>| -> Vec<[u32; 2]> {
-            let is_open =
-                |[a, b]: &[u32; 2]| counts[&[*a, *b]] != 1 || counts.get(&[*b, *a]) != Some(&1);
-            counts.keys().copied().filter(is_open).collect()
-        };
-        let rim = open(&count(&[&self.surface])).len() as u64;
-        let left = open(&count(&[&self.surface, &self.hanging]));
-        let is_end = |edge: &&[u32; 2]| edge.iter().all(|end| self.is_low[*end as usize]);
-        let ends = left.iter().filter(is_end).count() as u64;
-        left.len() as u64 - ends + rim.abs_diff(ends)
+        let rim = open_edges(&self.surface).len() as u64;
+        let open = open_edges(&[&self.surface[..], &self.hanging].concat());
+        let lower = open.iter().filter(|edge| edge.iter().all(|end| self.is_low[*end as usize]));
+        let lower = lower.count() as u64;
+        open.len() as u64 - lower + rim.abs_diff(lower)
     }
+}
+
+/// Whether three positions are on the same side of the tile.
+fn is_on_side(corners: [[u16; 2]; 3]) -> bool {
+    (0..2).any(|axis| [0, LAST].iter().any(|side| corners.iter().all(|at| at[axis] == *side)))
+}
+
+/// Directed edges that are not passed once in each direction.
+fn open_edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
+    let mut counts: HashMap<[u32; 2], u32> = HashMap::new();
+    for edge in triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]) {
+        *counts.entry(edge).or_default() += 1;
+    }
+    let all = counts.iter();
+    all.filter(|([a, b], count)| **count != 1 || counts.get(&[*b, *a]) != Some(&1))
+        .map(|(edge, _)| *edge)
+        .collect()
 }
 
 #[cfg(test)]
@@ -81,8 +85,8 @@ mod tests {
 
     const DEPTH: f64 = 3.0;
 
-    /// A square with a vertex in its middle, and a skirt: places and triangles.
-    fn square() -> (Vec<Place>, Vec<[u32; 3]>) {
+    /// A tile with a vertex in its middle, and a skirt: places and triangles.
+    fn tile() -> (Vec<Place>, Vec<[u32; 3]>) {
         let corners = [[0, 0], [LAST, 0], [LAST, LAST], [0, LAST]];
         let heights = [5.0, 7.0, 6.0, 9.0];
         let rim = corners.into_iter().zip(heights);
@@ -96,8 +100,8 @@ mod tests {
     }
 
     #[test]
-    fn a_skirt_is_told_from_the_surface() {
-        let (places, triangles) = square();
+    fn skirt_and_surface_are_divided() {
+        let (places, triangles) = tile();
         let apart = SkirtSplit::of(&places, &triangles);
         assert_eq!((apart.surface.len(), apart.hanging.len()), (4, 8));
         assert_eq!(apart.is_low, [false, false, false, false, false, true, true, true, true]);
@@ -106,8 +110,8 @@ mod tests {
     }
 
     #[test]
-    fn whatever_is_torn_off_or_moved_is_found() {
-        let (places, triangles) = square();
+    fn torn_and_moved_skirts_are_found() {
+        let (places, triangles) = tile();
         for gone in (0..triangles.len()).filter(|i| i % 3 > 0) {
             let mut left = triangles.clone();
             left.remove(gone);

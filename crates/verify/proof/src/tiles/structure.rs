@@ -1,15 +1,14 @@
-//! Whether the triangles of a tile cover its square once, and its lists say what they should.
+//! Checks that the triangles of a tile cover it once, and that its lists of vertices of sides are right.
 //!
-//! Triangles with area, each edge inside passed once in both directions, and open edges that are the four sides
-//! from vertex to vertex: such a mesh covers the square some whole number of times, and its area says that this
-//! is once.
+//! If triangles have area, each inner edge is passed once in both directions, and the open edges are the four sides from
+//! vertex to vertex, then the mesh covers the tile a whole number of times; the sum of areas proves that it is once.
 
 use super::decode::DecodedTile;
 use super::ellipsoid::{ProofMeridian, ProofParallel, dot};
 use super::fault::{TilesetFault, TilesetFaults};
 use super::tiling::{LAST, ProofTileId, ProofTileSide};
 
-/// Looks at a tile by itself. O(n log n).
+/// Checks the mesh of a tile. O(n log n).
 pub fn structure(id: ProofTileId, tile: &DecodedTile, faults: &mut TilesetFaults) {
     areas(id, tile, faults);
     let open = edges(id, tile, faults);
@@ -25,16 +24,16 @@ pub fn structure(id: ProofTileId, tile: &DecodedTile, faults: &mut TilesetFaults
 }
 
 fn areas(id: ProofTileId, tile: &DecodedTile, faults: &mut TilesetFaults) {
-    let mut whole = 0;
+    let mut sum = 0;
     for triangle in &tile.triangles {
         let [a, b, c] = triangle.map(|corner| tile.vertices[corner as usize].map(i64::from));
         let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
         faults.add(TilesetFault::Clockwise, u64::from(area < 0), id);
         faults.add(TilesetFault::Flat, u64::from(area == 0), id);
-        whole += i128::from(area);
+        sum += i128::from(area);
     }
-    let square = 2 * i128::from(LAST) * i128::from(LAST);
-    faults.add(TilesetFault::Uncovered, u64::from(whole != square), id);
+    let expected = 2 * i128::from(LAST) * i128::from(LAST);
+    faults.add(TilesetFault::Uncovered, u64::from(sum != expected), id);
 }
 
 /// An edge, with the lower vertex first, and whether it was passed the other way.
@@ -42,10 +41,13 @@ fn directed(from: u32, to: u32) -> ([u32; 2], bool) {
     ([from.min(to), from.max(to)], from > to)
 }
 
-/// The edges of one triangle alone.
+/// The edges of a single triangle.
 fn edges(id: ProofTileId, tile: &DecodedTile, faults: &mut TilesetFaults) -> Vec<[u32; 2]> {
-    let around = |&[a, b, c]: &[u32; 3]| [directed(a, b), directed(b, c), directed(c, a)];
-    let mut all: Vec<_> = tile.triangles.iter().flat_map(around).collect();
+    let mut all: Vec<_> = tile
+        .triangles
+        .iter()
+        .flat_map(|&[a, b, c]| [directed(a, b), directed(b, c), directed(c, a)])
+        .collect();
     all.sort_unstable();
     let mut open = Vec::new();
     for same in all.chunk_by(|a, b| a.0 == b.0) {
@@ -58,35 +60,31 @@ fn edges(id: ProofTileId, tile: &DecodedTile, faults: &mut TilesetFaults) -> Vec
     open
 }
 
-/// Where along a side a vertex is.
+/// Step of a vertex along a side.
 pub(super) fn along(vertex: [u16; 3], side: ProofTileSide) -> u16 {
     if side.is_meridian() { vertex[1] } else { vertex[0] }
 }
 
-/// Holds open edges to be those from each vertex of a side to the next.
+/// Checks that the open edges are those from each vertex of a side to the next.
 fn sides(id: ProofTileId, tile: &DecodedTile, open: &[[u32; 2]], faults: &mut TilesetFaults) {
-    let mut left = open.len();
+    let mut cracks = open.len();
     for side in ProofTileSide::ALL {
-        let ends = |edge: &[u32; 2]| {
-            let ends = edge.map(|end| tile.vertices[end as usize]);
-            ends.iter()
-                .all(|&end| DecodedTile::is_on(end, side))
-                .then(|| ends.map(|end| along(end, side)))
-        };
-        let mut found: Vec<[u16; 2]> = open.iter().filter_map(ends).collect();
-        left -= found.len().min(left);
-        found.iter_mut().for_each(|ends| ends.sort_unstable());
-        found.sort_unstable();
+        let ends = open.iter().map(|edge| edge.map(|end| tile.vertices[end as usize]));
+        let on_it = ends.filter(|ends| ends.iter().all(|&end| DecodedTile::is_on(end, side)));
+        let mut edges: Vec<[u16; 2]> = on_it.map(|ends| ends.map(|end| along(end, side))).collect();
+        cracks -= edges.len().min(cracks);
+        edges.iter_mut().for_each(|ends| ends.sort_unstable());
+        edges.sort_unstable();
         let on_it = tile.vertices.iter().filter(|&&vertex| DecodedTile::is_on(vertex, side));
         let mut stops: Vec<u16> = on_it.map(|&vertex| along(vertex, side)).collect();
         stops.sort_unstable();
         stops.dedup();
         let steps = stops.windows(2).map(|two| [two[0], two[1]]);
-        let is_whole = stops.first() == Some(&0) && stops.last() == Some(&LAST);
-        let is_followed = is_whole && steps.eq(found.iter().copied());
+        let has_corners = stops.first() == Some(&0) && stops.last() == Some(&LAST);
+        let is_followed = has_corners && steps.eq(edges.iter().copied());
         faults.add(TilesetFault::BrokenSides, u64::from(!is_followed), id);
     }
-    faults.add(TilesetFault::Cracks, left as u64, id);
+    faults.add(TilesetFault::Cracks, cracks as u64, id);
 }
 
 fn vertices(id: ProofTileId, tile: &DecodedTile, faults: &mut TilesetFaults) {
@@ -115,13 +113,12 @@ fn is_outward(id: ProofTileId, vertex: [u16; 3], normal: [u8; 2]) -> bool {
     dot(unpacked(normal), up) > 0.0
 }
 
-/// A direction from its place on an octahedron laid flat; of any length.
+/// Decodes an oct-encoded direction; it is not normalized.
 fn unpacked([x, y]: [u8; 2]) -> [f64; 3] {
-    let [x, y] = [x, y].map(|part| f64::from(part) / 255.0 * 2.0 - 1.0);
+    let [x, y] = [x, y].map(|byte| f64::from(byte) / 255.0 * 2.0 - 1.0);
     let z = 1.0 - x.abs() - y.abs();
-    let sign = |value: f64| if value < 0.0 { -1.0 } else { 1.0 };
     match z < 0.0 {
-        true => [(1.0 - y.abs()) * sign(x), (1.0 - x.abs()) * sign(y), z],
+        true => [(1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y), z],
         false => [x, y, z],
     }
 }

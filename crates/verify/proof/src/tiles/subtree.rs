@@ -1,4 +1,4 @@
-//! Subtrees of 3D Tiles 1.1: which tiles there are, and what is told of each.
+//! Subtrees of 3D Tiles 1.1: availability of tiles, and their metadata.
 
 use std::collections::{BTreeMap, HashSet};
 
@@ -9,10 +9,10 @@ use super::contain::StatedTileMetadata;
 use super::tiling::ProofTileId;
 use terrane_base::error::{Error, Result};
 
-/// Most levels of a subtree: bits of more would be larger than any file.
+/// Limit of the levels of a subtree: the bits of more exceed any file.
 pub const MAX_SUBTREE_LEVELS: u8 = 12;
 
-/// What has to be told of a tile, by its meaning, and how many numbers that are.
+/// Required metadata of a tile by semantic, with the count of numbers.
 const PROPERTIES: [(&str, usize); 5] = [
     ("TILE_MINIMUM_HEIGHT", 1),
     ("TILE_MAXIMUM_HEIGHT", 1),
@@ -21,8 +21,8 @@ const PROPERTIES: [(&str, usize); 5] = [
     ("TILE_GEOMETRIC_ERROR", 1),
 ];
 
-/// The classes of what is told: names of properties, and what they mean. Values are what is stored: whatever would
-/// make others of them is refused.
+/// Classes of metadata: names of properties, and their semantics. Members that modify stored values (offset, scale, noData)
+/// are refused.
 #[derive(Clone, Debug, Deserialize)]
 pub struct MetadataSchema {
     classes: BTreeMap<String, MetadataClass>,
@@ -60,8 +60,8 @@ impl MetadataProperty {
             "VEC3" => 3,
             _ => return None,
         };
-        let many = if self.array { self.count? } else { 1 };
-        (self.component_type.as_deref() == Some("FLOAT64")).then_some(each * many)
+        let count = if self.array { self.count? } else { 1 };
+        (self.component_type.as_deref() == Some("FLOAT64")).then_some(each * count)
     }
 }
 
@@ -120,18 +120,18 @@ struct SubtreePropertyColumn {
 /// A subtree as it is stored.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Subtree {
-    /// Tiles that there are, and what is told of each.
+    /// Available tiles, with their metadata.
     pub tiles: Vec<(ProofTileId, StatedTileMetadata)>,
-    /// The tiles at the tops of the subtrees below that there are.
+    /// Root tiles of the available child subtrees.
     pub below: Vec<ProofTileId>,
 }
 
 impl Subtree {
-    /// Reads a subtree of so many levels below `top`.
+    /// Reads a subtree of `levels` levels from the tile `top` on.
     ///
     /// # Errors
-    /// Bad input: bytes that are no subtree, counts that are not those of the bits, a table without what clients of
-    /// terrain need, or of another length.
+    /// Bad input: bytes of another format, counts that differ from the bits, a table without the required metadata, or of
+    /// another length.
     pub fn read(
         bytes: &[u8],
         top: ProofTileId,
@@ -139,37 +139,39 @@ impl Subtree {
         schema: &MetadataSchema,
     ) -> Result<Self> {
         let file = SubtreeFile::of(bytes)?;
-        let whole = first(levels);
-        let here = file.bits(&file.stored.tile_availability, whole)?;
+        let count = first(levels);
+        let available = file.bits(&file.stored.tile_availability, count)?;
         let contents = file.stored.content_availability.as_deref().unwrap_or_default();
         let [content] = contents else {
-            return Err(bad(format!("has {} contents a tile, not one", contents.len())));
+            return Err(bad(format!("{} contents of a tile, expected 1", contents.len())));
         };
-        if file.bits(content, whole)? != here {
-            return Err(bad("has tiles without content".to_owned()));
+        if file.bits(content, count)? != available {
+            return Err(bad("tiles without content".to_owned()));
         }
-        if !here[0] {
-            return Err(bad("has no tile at its top".to_owned()));
+        if !available[0] {
+            return Err(bad("root tile is missing".to_owned()));
         }
-        let id = |level: u8, number: usize| below(top, level, number);
-        let each = (0..levels).flat_map(|level| {
-            (first(level)..first(level + 1)).map(move |bit| (level, bit - first(level), bit))
-        });
-        let ids = each.filter(|(.., bit)| here[*bit]).map(|(level, number, _)| id(level, number));
-        let ids: Vec<ProofTileId> = ids.collect();
+        let mut ids = Vec::new();
+        for level in 0..levels {
+            let bits = &available[first(level)..first(level + 1)];
+            ids.extend(set(bits).map(|number| below(top, level, number)));
+        }
         let known: HashSet<ProofTileId> = ids.iter().copied().collect();
-        let is_alone = |id: &&ProofTileId| {
-            id.level > top.level && id.parent().is_none_or(|parent| !known.contains(&parent))
-        };
-        if let Some(id) = ids.iter().find(is_alone) {
-            return Err(bad(format!("has tile {id} without the one above it")));
+        for id in ids.iter().filter(|id| id.level > top.level) {
+            if id.parent().is_none_or(|parent| !known.contains(&parent)) {
+                return Err(bad(format!("tile {id} without its parent")));
+            }
         }
-        let under = file.bits(&file.stored.child_subtree_availability, 1 << (2 * levels))?;
-        let under = (0..).zip(under).filter(|(_, is_there)| *is_there);
-        let under: Vec<ProofTileId> = under.map(|(number, _)| id(levels, number)).collect();
+        let children = file.bits(&file.stored.child_subtree_availability, 1 << (2 * levels))?;
+        let children = set(&children).map(|number| below(top, levels, number)).collect();
         let tiles = ids.iter().copied().zip(file.table(schema, ids.len())?).collect();
-        Ok(Self { tiles, below: under })
+        Ok(Self { tiles, below: children })
     }
+}
+
+/// Numbers of the bits that are set.
+fn set(bits: &[bool]) -> impl Iterator<Item = usize> {
+    (0..).zip(bits).filter(|(_, is_set)| **is_set).map(|(number, _)| number)
 }
 
 /// The first bit of a level.
@@ -177,17 +179,15 @@ fn first(level: u8) -> usize {
     ((1 << (2 * level)) - 1) / 3
 }
 
-/// The tile of a number along the curve of a level below another: its bits are those of column and row in turn.
+/// The tile with a Morton index on a level below another tile.
 fn below(top: ProofTileId, level: u8, number: usize) -> ProofTileId {
-    let every_second = |from: usize| {
-        (0..level)
-            .fold(0, |at, bit| at | ((number >> (2 * usize::from(bit) + from) & 1) as u32) << bit)
-    };
-    ProofTileId {
-        level: top.level + level,
-        x: (top.x << level) + every_second(0),
-        y: (top.y << level) + every_second(1),
+    let [mut x, mut y] = [top.x << level, top.y << level];
+    for bit in 0..level {
+        let pair = (number >> (2 * bit)) as u32;
+        x += (pair & 1) << bit;
+        y += (pair >> 1 & 1) << bit;
     }
+    ProofTileId { level: top.level + level, x, y }
 }
 
 struct SubtreeFile<'a> {
@@ -197,44 +197,32 @@ struct SubtreeFile<'a> {
 
 impl<'a> SubtreeFile<'a> {
     fn of(bytes: &'a [u8]) -> Result<Self> {
-        let number = |at: usize| {
-            let found = bytes.get(at..at + 8).and_then(|bytes| bytes.try_into().ok());
-            found.and_then(|bytes| usize::try_from(u64::from_le_bytes(bytes)).ok())
-        };
         if bytes.get(..8) != Some(b"subt\x01\0\0\0") {
-            return Err(bad("is no subtree of version 1".to_owned()));
+            return Err(bad("not a subtree of version 1".to_owned()));
         }
-        let parts = || {
-            let [text, buffer] = [number(8)?, number(16)?];
-            let middle = text.checked_add(24)?;
-            let is_whole = middle.checked_add(buffer)? == bytes.len();
-            let is_even = text.is_multiple_of(8) && buffer.is_multiple_of(8);
-            (is_whole && is_even).then(|| (&bytes[24..middle], &bytes[middle..]))
-        };
-        let (text, bytes) =
-            parts().ok_or_else(|| bad("has not the two parts that it says".to_owned()))?;
-        let stored: StoredSubtree = serde_json::from_slice(text)
-            .map_err(|e| bad(format!("has a text that is not understood: {e}")))?;
+        let (text, bytes) = chunks(bytes)
+            .ok_or_else(|| bad("lengths of JSON and buffer differ from the header".to_owned()))?;
+        let stored: StoredSubtree =
+            serde_json::from_slice(text).map_err(|e| bad(format!("invalid JSON: {e}")))?;
         match &stored.buffers[..] {
             [SubtreeBufferLength { byte_length, uri: None }]
                 if byte_length.next_multiple_of(8) == bytes.len() =>
             {
                 Ok(Self { stored, bytes })
             }
-            _ => Err(bad("has another buffer than its second part".to_owned())),
+            _ => Err(bad("buffer is not the internal buffer".to_owned())),
         }
     }
 
+    /// Bytes of a buffer view that must have this length.
     fn view(&self, number: usize, length: usize) -> Result<&[u8]> {
-        let found = || {
-            let view = self.stored.buffer_views.get(number)?;
-            let is_right = view.buffer == 0 && view.byte_length == length;
-            let end = view.byte_offset.checked_add(view.byte_length)?;
-            // Doubles are read in place.
-            let is_even = view.byte_offset.is_multiple_of(8);
-            self.bytes.get(view.byte_offset..end).filter(|_| is_right && is_even)
-        };
-        found().ok_or_else(|| bad(format!("has no buffer view {number} of {length} bytes")))
+        let view = self.stored.buffer_views.get(number);
+        // Clients read doubles in place, so views are aligned.
+        let view = view.filter(|view| {
+            view.buffer == 0 && view.byte_length == length && view.byte_offset.is_multiple_of(8)
+        });
+        view.and_then(|view| self.bytes.get(view.byte_offset..)?.get(..length))
+            .ok_or_else(|| bad(format!("buffer view {number} of {length} bytes is missing")))
     }
 
     fn bits(&self, bits: &SubtreeAvailability, count: usize) -> Result<Vec<bool>> {
@@ -244,12 +232,12 @@ impl<'a> SubtreeFile<'a> {
                 (0..count).map(|bit| bytes[bit / 8] >> (bit % 8) & 1 == 1).collect()
             }
             (None, Some(constant @ 0..=1)) => vec![constant == 1; count],
-            _ => return Err(bad("has neither bits nor a constant where one is needed".to_owned())),
+            _ => return Err(bad("availability without bitstream or constant".to_owned())),
         };
-        let set = found.iter().filter(|bit| **bit).count();
+        let count = set(&found).count();
         match bits.available_count {
-            Some(said) if said != set => {
-                Err(bad(format!("says that {said} bits are set, and {set} are")))
+            Some(stated) if stated != count => {
+                Err(bad(format!("availableCount is {stated}, but {count} bits are set")))
             }
             _ => Ok(found),
         }
@@ -258,21 +246,23 @@ impl<'a> SubtreeFile<'a> {
     fn table(&self, schema: &MetadataSchema, count: usize) -> Result<Vec<StatedTileMetadata>> {
         let tables = self.stored.property_tables.as_deref().unwrap_or_default();
         let table = self.stored.tile_metadata.and_then(|number| tables.get(number));
-        let table = table.ok_or_else(|| bad("tells nothing of its tiles".to_owned()))?;
+        let table = table.ok_or_else(|| bad("property table is missing".to_owned()))?;
         if table.count != count {
-            return Err(bad(format!("tells of {} tiles, and there are {count}", table.count)));
+            let found = table.count;
+            return Err(bad(format!("property table has {found} rows, expected {count}")));
         }
         let columns =
             PROPERTIES.map(|(semantic, numbers)| self.column(schema, table, semantic, numbers));
         let [low, high, sphere, horizon, error] = columns;
         let (low, high, sphere, horizon, error) = (low?, high?, sphere?, horizon?, error?);
-        let about = |i: usize| StatedTileMetadata {
-            heights: [low[i], high[i]],
-            sphere: (std::array::from_fn(|k| sphere[4 * i + k]), sphere[4 * i + 3]),
-            horizon: std::array::from_fn(|k| horizon[3 * i + k]),
-            error: error[i],
-        };
-        Ok((0..count).map(about).collect())
+        Ok((0..count)
+            .map(|i| StatedTileMetadata {
+                heights: [low[i], high[i]],
+                sphere: (std::array::from_fn(|k| sphere[4 * i + k]), sphere[4 * i + 3]),
+                horizon: std::array::from_fn(|k| horizon[3 * i + k]),
+                error: error[i],
+            })
+            .collect())
     }
 
     fn column(
@@ -282,22 +272,36 @@ impl<'a> SubtreeFile<'a> {
         semantic: &str,
         numbers: usize,
     ) -> Result<Vec<f64>> {
-        let is_it = |(_, property): &(&String, &MetadataProperty)| {
-            property.semantic.as_deref() == Some(semantic) && property.numbers() == Some(numbers)
-        };
         let class = schema.classes.get(&table.class);
-        let name =
-            class.and_then(|class| class.properties.iter().find(is_it)).map(|(name, _)| name);
-        let column = name.and_then(|name| table.properties.get(name));
-        let column = column.ok_or_else(|| bad(format!("does not tell {semantic} of tiles")))?;
+        let mut properties = class.into_iter().flat_map(|class| &class.properties);
+        let property = properties.find(|(_, property)| {
+            property.semantic.as_deref() == Some(semantic) && property.numbers() == Some(numbers)
+        });
+        let column = property.and_then(|(name, _)| table.properties.get(name));
+        let column = column.ok_or_else(|| bad(format!("{semantic} of tiles is missing")))?;
         let bytes = self.view(column.values, 8 * numbers * table.count)?;
         let (all, _) = bytes.as_chunks::<8>();
         let all: Vec<f64> = all.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect();
         match all.iter().all(|value| value.is_finite()) {
             true => Ok(all),
-            false => Err(bad(format!("tells a {semantic} that is not finite"))),
+            false => Err(bad(format!("{semantic} is not finite"))),
         }
     }
+}
+
+/// JSON and buffer of a subtree file.
+fn chunks(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let [text, buffer] = [length(bytes, 8)?, length(bytes, 16)?];
+    let middle = text.checked_add(24)?;
+    let is_complete = middle.checked_add(buffer)? == bytes.len();
+    let is_aligned = text.is_multiple_of(8) && buffer.is_multiple_of(8);
+    (is_complete && is_aligned).then(|| (&bytes[24..middle], &bytes[middle..]))
+}
+
+/// The length stored at a byte.
+fn length(bytes: &[u8], at: usize) -> Option<usize> {
+    let length = u64::from_le_bytes(bytes.get(at..at + 8)?.try_into().ok()?);
+    usize::try_from(length).ok()
 }
 
 fn bad(message: String) -> Error {

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// The finest level there may be: all borders of tiles are exact in `f64`, and columns fit in 32 bits.
+/// The finest supported level: all borders of tiles are exact in `f64`, and columns fit in 32 bits.
 pub const MAX_LEVEL: u8 = 30;
 
 /// The largest u, v and height of a vertex.
@@ -33,7 +33,7 @@ impl ProofTileSide {
     /// All of them, in the order of the format.
     pub const ALL: [Self; 4] = [Self::West, Self::South, Self::East, Self::North];
 
-    /// The same border seen from the tile beside.
+    /// The same border as seen from the neighbour.
     pub fn opposite(self) -> Self {
         match self {
             Self::West => Self::East,
@@ -43,7 +43,7 @@ impl ProofTileSide {
         }
     }
 
-    /// True where longitude is the same all along.
+    /// True for a side of constant longitude.
     pub fn is_meridian(self) -> bool {
         matches!(self, Self::West | Self::East)
     }
@@ -70,7 +70,7 @@ impl ProofTileId {
         [west, south, west + side, south + side]
     }
 
-    /// The tile beside it on its level; none beyond the poles and the antimeridian.
+    /// The neighbour on its level; `None` beyond the poles and the antimeridian.
     pub fn neighbour(self, side: ProofTileSide) -> Option<Self> {
         let Self { level, x, y } = self;
         match side {
@@ -81,20 +81,19 @@ impl ProofTileId {
         }
     }
 
-    /// The tile of the next coarser level that it lies in.
+    /// The tile of the next coarser level that contains it.
     pub fn parent(self) -> Option<Self> {
         Self::new(self.level.checked_sub(1)?, self.x / 2, self.y / 2)
     }
 
-    /// The tiles of the next finer level that it is divided into.
+    /// Its four tiles of the next finer level.
     pub fn below(self) -> impl Iterator<Item = Self> {
         let Self { level, x, y } = self;
         let parts = [[0, 0], [1, 0], [0, 1], [1, 1]];
         parts.into_iter().filter_map(move |[i, j]| Self::new(level + 1, 2 * x + i, 2 * y + j))
     }
 
-    /// The tile of the next coarser level on the other side of a border, where that border is one of that
-    /// level, too.
+    /// The neighbour on the next coarser level; `None` where the side is not a border of that level.
     pub fn coarser_beside(self, side: ProofTileSide) -> Option<Self> {
         let parent = self.parent()?;
         let [is_east, is_north] = [self.x, self.y].map(|at| at % 2 == 1);
@@ -107,7 +106,7 @@ impl ProofTileId {
         parent.neighbour(side).filter(|_| is_outer)
     }
 
-    /// The rows of tiles of a level that have a latitude, borders included.
+    /// The rows of tiles of a level that contain a latitude, borders included.
     pub fn rows_of(level: u8, latitude: f64) -> impl Iterator<Item = u32> {
         around(level, latitude + 90.0).filter(move |&y| {
             let bounds = Self::new(level, 0, y).map(Self::bounds);
@@ -115,7 +114,7 @@ impl ProofTileId {
         })
     }
 
-    /// The columns of tiles of a level that have a longitude, borders included.
+    /// The columns of tiles of a level that contain a longitude, borders included.
     pub fn columns_of(level: u8, longitude: f64) -> impl Iterator<Item = u32> {
         around(level, longitude + 180.0).filter(move |&x| {
             let bounds = Self::new(level, x, 0).map(Self::bounds);
@@ -134,14 +133,22 @@ pub fn rows(level: u8) -> u32 {
     1 << level
 }
 
+/// Coordinate at a step of [`LAST`] between two ends; the ends are exact.
+pub(super) fn coordinate(step: u16, low: f64, high: f64) -> f64 {
+    match step {
+        LAST => high,
+        step => low + f64::from(step) / f64::from(LAST) * (high - low),
+    }
+}
+
 /// Degrees of a side of a tile, exact.
 fn side(level: u8) -> f64 {
     180.0 / f64::from(rows(level))
 }
 
-/// Numbers of tiles that may hold what is so many degrees from the first.
+/// Numbers of tiles that may contain a coordinate `degrees` from the first border.
 fn around(level: u8, degrees: f64) -> impl Iterator<Item = u32> {
-    // Rounds to nearest and saturates: what is next to it is looked at, too.
+    // The quotient rounds, so neighbours are candidates as well.
     let near = (degrees / side(level)) as u32;
     near.saturating_sub(1)..=near.saturating_add(1)
 }

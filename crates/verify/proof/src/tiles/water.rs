@@ -1,32 +1,36 @@
-//! Masks of water: pixels whose middle is clearly within a polygon have to be water, those clearly outside land.
+//! Water masks: a pixel must be water if its centre is clearly inside a polygon, and land if it is clearly outside.
 //!
-//! Each column of pixels lies on a meridian. Where sides of polygons cross it tells what is within, polygon by polygon
-//! (even-odd); what is as near to a side as its place is known is not judged.
+//! Each column of pixels is on a meridian; its crossings with the sides of polygons decide, polygon by polygon (even-odd).
+//! Centres within the accuracy of a side are not judged.
+
+use std::ops::Range;
 
 use super::tiling::ProofTileId;
 
 /// Pixels along a side of a mask.
 const SIDE: usize = 256;
-/// Parts of a pixel that a middle may be near a side and is not judged.
+/// Distance between the centre of a pixel and a side, in pixels, up to which the pixel is not judged.
 pub const UNCLEAR: f64 = 1.0 / 16.0;
-/// What a pixel of water is, and one of land.
-const KINDS: [u8; 2] = [255, 0];
-/// Most strips of sides, and how many of them a side is in on average, at most.
-const STRIPS: [f64; 2] = [65_536.0, 4.0];
+const WATER: u8 = 255;
+const LAND: u8 = 0;
+/// Limit of the number of strips.
+const MAX_STRIPS: f64 = 65_536.0;
+/// Limit of the average number of strips of a side.
+const STRIPS_OF_SIDE: f64 = 4.0;
 
 /// A side of a polygon, in longitudes and latitudes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WaterBank {
-    /// The western one first.
+    /// Western end first.
     ends: [[f64; 2]; 2],
     polygon: u32,
 }
 
 impl WaterBank {
-    /// Bytes that one takes, with the strips it is in.
+    /// Size in bytes, with its entries in strips.
     pub const BYTES: u64 = (size_of::<Self>() + 2 * 6 * size_of::<u32>()) as u64;
 
-    /// From one place to another, of a polygon by its number.
+    /// A side between two positions, of a polygon by its number.
     pub fn new(a: [f64; 2], b: [f64; 2], polygon: u32) -> Self {
         Self { ends: if a[0] <= b[0] { [a, b] } else { [b, a] }, polygon }
     }
@@ -47,7 +51,7 @@ pub struct WaterShore {
     strips: Vec<Vec<u32>>,
 }
 
-/// What was seen of the pixels of masks.
+/// Counts of pixels of water masks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[allow(missing_docs)]
 pub struct MaskPixels {
@@ -62,7 +66,7 @@ impl MaskPixels {
         self.wrong += u64::from(!is_right);
     }
 
-    /// Adds what was seen elsewhere.
+    /// Adds other counts.
     pub fn merge(&mut self, other: &Self) {
         self.judged += other.judged;
         self.unclear += other.unclear;
@@ -71,14 +75,14 @@ impl MaskPixels {
 }
 
 impl WaterShore {
-    /// Of all sides of all polygons, each of whose rings is closed.
+    /// Indexes all sides of all polygons. Rings must be closed.
     pub fn new(banks: Vec<WaterBank>) -> Self {
         let ends = banks.iter().flat_map(|bank| bank.ends.map(|end| end[0]));
         let [west, east] = ends
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
         let across: f64 = banks.iter().map(|bank| bank.ends[1][0] - bank.ends[0][0]).sum();
-        let fewest = across / (STRIPS[1] * banks.len().max(1) as f64);
-        let width = ((east - west) / STRIPS[0]).max(fewest).max(f64::MIN_POSITIVE);
+        let min_width = across / (STRIPS_OF_SIDE * banks.len().max(1) as f64);
+        let width = ((east - west) / MAX_STRIPS).max(min_width).max(f64::MIN_POSITIVE);
         let mut shore = Self { banks, west, width, strips: Vec::new() };
         let count = if shore.banks.is_empty() { 0 } else { shore.strip(east) + 1 };
         shore.strips.resize(count, Vec::new());
@@ -89,18 +93,18 @@ impl WaterShore {
         shore
     }
 
-    /// Bytes that they take.
+    /// Size in bytes.
     pub fn bytes(&self) -> u64 {
         self.banks.len() as u64 * WaterBank::BYTES
             + self.strips.len() as u64 * size_of::<Vec<u32>>() as u64
     }
 
     fn strip(&self, x: f64) -> usize {
-        // Rounds to nearest and saturates.
+        // Saturates beyond both ends.
         ((x - self.west) / self.width) as usize
     }
 
-    /// Looks at the mask of a tile: a byte for each pixel, row by row from the north, or one for all.
+    /// Checks the mask of a tile: a byte for each pixel, row by row from the north, or one byte for all.
     pub fn check(&self, id: ProofTileId, mask: &[u8]) -> MaskPixels {
         let [west, _, east, north] = id.bounds();
         let step = (east - west) / SIDE as f64;
@@ -112,7 +116,7 @@ impl WaterShore {
                 let pixel = mask.get(row * SIDE + col).or(mask.first());
                 match expected {
                     Some(kind) => pixels.judge(pixel == Some(&kind)),
-                    None if pixel.is_some_and(|pixel| KINDS.contains(pixel)) => pixels.unclear += 1,
+                    None if matches!(pixel, Some(&(WATER | LAND))) => pixels.unclear += 1,
                     None => pixels.judge(false),
                 }
             }
@@ -120,7 +124,7 @@ impl WaterShore {
         pixels
     }
 
-    /// The numbers of all sides that may meet meridians between two.
+    /// Collects the numbers of all sides that may meet meridians of a range.
     fn near(&self, [from, to]: [f64; 2], near: &mut Vec<u32>) {
         near.clear();
         let last = self.strips.len();
@@ -132,7 +136,7 @@ impl WaterShore {
         near.dedup();
     }
 
-    /// What the pixels of a column have to be; `None` where that is not clear.
+    /// Expected pixels of a column; `None` for pixels that are not judged.
     fn column(&self, x: f64, step: f64, north: f64, near: &[u32]) -> [Option<u8>; SIDE] {
         let off = step * UNCLEAR;
         let (mut crossings, mut unclear) = (Vec::new(), Vec::new());
@@ -148,18 +152,20 @@ impl WaterShore {
             }
         }
         crossings.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        let rows = |[south, to]: [f64; 2]| {
-            // Of middles of pixels; what is beyond the column saturates.
-            let row = |y: f64| ((north - y) / step + 0.5) as usize;
-            row(to).min(SIDE)..row(south).min(SIDE)
-        };
-        let mut expected = [Some(KINDS[1]); SIDE];
+        let mut expected = [Some(LAND); SIDE];
         for pair in crossings.chunks_exact(2) {
-            expected[rows([pair[0].1, pair[1].1])].fill(Some(KINDS[0]));
+            expected[rows([pair[0].1, pair[1].1], north, step)].fill(Some(WATER));
         }
-        unclear.into_iter().for_each(|range| expected[rows(range)].fill(None));
+        unclear.into_iter().for_each(|range| expected[rows(range, north, step)].fill(None));
         expected
     }
+}
+
+/// Rows of a column whose centres are in a range of latitudes.
+fn rows(latitudes: [f64; 2], north: f64, step: f64) -> Range<usize> {
+    // Saturates beyond both ends of the column.
+    let [end, start] = latitudes.map(|y| (((north - y) / step + 0.5) as usize).min(SIDE));
+    start..end
 }
 
 #[cfg(test)]
@@ -170,24 +176,24 @@ mod tests {
     const TILE: ProofTileId = ProofTileId { level: 9, y: 387, x: 532 };
 
     fn banks(polygons: &[Vec<[f64; 2]>]) -> Vec<WaterBank> {
-        let around = |(number, ring): (u32, &Vec<[f64; 2]>)| {
-            let nexts: Vec<_> = ring.iter().skip(1).chain(ring.first()).copied().collect();
-            let sides = ring.iter().copied().zip(nexts);
-            sides.map(|(a, b)| WaterBank::new(a, b, number)).collect::<Vec<_>>()
-        };
-        (0..).zip(polygons).flat_map(around).collect()
+        let mut banks = Vec::new();
+        for (number, ring) in (0..).zip(polygons) {
+            let sides = ring.iter().zip(ring.iter().skip(1).chain(ring.first()));
+            banks.extend(sides.map(|(a, b)| WaterBank::new(*a, *b, number)));
+        }
+        banks
     }
 
-    /// Even-odd by the sides east of a place, each polygon by itself; and how near the nearest side is.
+    /// Whether a position is in a polygon, by the sides east of it (even-odd), and the distance of the nearest side.
     fn is_in(polygons: &[Vec<[f64; 2]>], [x, y]: [f64; 2]) -> (bool, f64) {
         let (mut any, mut nearest) = (false, f64::INFINITY);
         for ring in polygons {
             let mut is_odd = false;
             for (a, b) in ring.iter().zip(ring.iter().skip(1).chain(ring.first())) {
                 let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
-                let part = ((x - a[0]) * dx + (y - a[1]) * dy) / (dx * dx + dy * dy).max(1e-300);
-                let part = part.clamp(0.0, 1.0);
-                nearest = nearest.min((a[0] + part * dx - x).hypot(a[1] + part * dy - y));
+                let share = ((x - a[0]) * dx + (y - a[1]) * dy) / (dx * dx + dy * dy).max(1e-300);
+                let share = share.clamp(0.0, 1.0);
+                nearest = nearest.min((a[0] + share * dx - x).hypot(a[1] + share * dy - y));
                 let crosses = (a[1] > y) != (b[1] > y);
                 is_odd ^= crosses && x < a[0] + (y - a[1]) / dy * dx;
             }
@@ -198,11 +204,11 @@ mod tests {
 
     fn places() -> impl Strategy<Value = Vec<Vec<[f64; 2]>>> {
         let [west, south, east, north] = TILE.bounds();
-        let by = east - west;
-        let place = (-0.5..1.5, -0.5..1.5).prop_map(move |(u, v)| {
-            // Some on the very meridians and parallels of middles of pixels.
-            let on = |part: f64, from: f64| from + ((part * 512.0).round() / 512.0) * by;
-            [on(u, west), if v > 1.0 { north } else { south + v * by }]
+        let width = east - west;
+        let place = (-0.5..1.5_f64, -0.5..1.5).prop_map(move |(u, v)| {
+            // Some longitudes are exactly those of centres of pixels.
+            let u = (u * 512.0).round() / 512.0;
+            [west + u * width, if v > 1.0 { north } else { south + v * width }]
         });
         prop::collection::vec(prop::collection::vec(place, 3..9), 1..5)
     }
@@ -211,20 +217,21 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(40))]
 
         #[test]
-        fn pixels_are_what_each_is_by_itself(polygons in places()) {
+        fn pixels_agree_with_a_test_of_each(polygons in places()) {
             let shore = WaterShore::new(banks(&polygons));
             let [west, _, east, north] = TILE.bounds();
             let step = (east - west) / SIDE as f64;
-            let of = |i: usize| {
+            let expected: Vec<(bool, f64)> = (0..SIDE * SIDE).map(|i| {
                 let [col, row] = [i % SIDE, i / SIDE].map(|at| at as f64 + 0.5);
                 is_in(&polygons, [west + col * step, north - row * step])
-            };
-            let mut mask: Vec<u8> = (0..SIDE * SIDE).map(|i| if of(i).0 { 255 } else { 0 }).collect();
-            let seen = shore.check(TILE, &mask);
-            prop_assert_eq!((seen.wrong, seen.judged + seen.unclear), (0, (SIDE * SIDE) as u64));
-            let clear = (0..SIDE * SIDE).filter(|i| of(*i).1 > 2.0 * step * UNCLEAR).count();
-            prop_assert!(seen.judged >= clear as u64 / 2);
-            let at = (0..SIDE * SIDE).max_by(|a, b| of(*a).1.total_cmp(&of(*b).1)).unwrap();
+            }).collect();
+            let mut mask: Vec<u8> = expected.iter().map(|at| if at.0 { 255 } else { 0 }).collect();
+            let pixels = shore.check(TILE, &mask);
+            prop_assert_eq!((pixels.wrong, pixels.judged + pixels.unclear), (0, (SIDE * SIDE) as u64));
+            let clear = expected.iter().filter(|at| at.1 > 2.0 * step * UNCLEAR).count();
+            prop_assert!(pixels.judged >= clear as u64 / 2);
+            let distances = expected.iter().map(|at| at.1).enumerate();
+            let (at, _) = distances.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
             mask[at] = 255 - mask[at];
             prop_assert_eq!(shore.check(TILE, &mask).wrong, 1);
             mask[at] = 7;
@@ -233,12 +240,12 @@ mod tests {
     }
 
     #[test]
-    fn one_byte_stands_for_all_and_no_shore_is_land() {
+    fn single_bytes_stand_for_all_pixels_and_no_shore_is_land() {
         let shore = WaterShore::new(Vec::new());
         assert_eq!((shore.check(TILE, &[0]).wrong, shore.check(TILE, &[255]).wrong), (0, 65_536));
         let around = vec![[-10.0, -80.0], [170.0, -80.0], [170.0, 80.0], [-10.0, 80.0]];
         let shore = WaterShore::new(banks(&[around]));
-        let seen = shore.check(TILE, &[255]);
-        assert_eq!((seen.wrong, seen.unclear, seen.judged), (0, 0, 65_536));
+        let pixels = shore.check(TILE, &[255]);
+        assert_eq!((pixels.wrong, pixels.unclear, pixels.judged), (0, 0, 65_536));
     }
 }

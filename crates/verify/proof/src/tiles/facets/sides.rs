@@ -1,5 +1,5 @@
-//! Sides of triangles, and which triangle lies beyond each: across degenerate ones, and at a pole, where many vertices are
-//! one place.
+//! Neighbours of triangles across their sides, over degenerate triangles, and at a pole, where many vertices are at one
+//! point.
 
 use super::super::ellipsoid::Vector;
 use super::NONE;
@@ -7,7 +7,7 @@ use super::NONE;
 /// Metres from the axis below which a vertex is at a pole: rounding.
 const POLAR: f64 = 1e-6;
 
-/// Of each half-edge, three to a triangle, the one on the other side; [`NONE`] at borders, and where more than two meet.
+/// Twin of each half-edge, three to a triangle; [`NONE`] at borders, and at edges of more than two triangles.
 pub(super) fn twins(triangles: &[[u32; 3]]) -> Vec<u32> {
     let corners = triangles.as_flattened();
     let mut all: Vec<([u32; 2], u32)> = (0..corners.len())
@@ -31,16 +31,16 @@ pub(super) fn twins(triangles: &[[u32; 3]]) -> Vec<u32> {
 pub(super) struct CollapsedSides(pub(super) Vec<Option<[bool; 3]>>);
 
 impl CollapsedSides {
-    pub(super) fn of(triangles: &[[u32; 3]], coincide: impl Fn(u32, u32) -> bool) -> Self {
-        let sides = |&[a, b, c]: &[u32; 3]| {
-            let sides = [coincide(a, b), coincide(b, c), coincide(c, a)];
+    pub(super) fn of(triangles: &[[u32; 3]], positions: &[Vector], poles: &[Vec<u32>; 2]) -> Self {
+        let sides = triangles.iter().map(|&[a, b, c]| {
+            let sides = [[a, b], [b, c], [c, a]].map(|ends| coincide(ends, positions, poles));
             sides.contains(&true).then_some(sides)
-        };
-        Self(triangles.iter().map(sides).collect())
+        });
+        Self(sides.collect())
     }
 
-    /// The first triangle with an area beyond a side: a triangle with one collapsed side is crossed from one of the other
-    /// two sides, which coincide, to the other.
+    /// The first triangle with area beyond a side. A triangle with one collapsed side is crossed between its other two
+    /// sides, which coincide.
     pub(super) fn beyond(&self, twins: &[u32], triangle: usize, side: usize) -> Option<usize> {
         let mut edge = twins[3 * triangle + side];
         while edge != NONE {
@@ -53,12 +53,21 @@ impl CollapsedSides {
     }
 }
 
+/// Whether two vertices have the same position, or are at the same pole.
+fn coincide([a, b]: [u32; 2], positions: &[Vector], poles: &[Vec<u32>; 2]) -> bool {
+    // A triangle of a broken tile that names a vertex twice is not degenerate by rounding: it is measured.
+    a != b
+        && (positions[a as usize] == positions[b as usize]
+            || poles.iter().any(|pole| pole.contains(&a) && pole.contains(&b)))
+}
+
 /// The vertices at the south pole and at the north pole.
 pub(super) fn poles(positions: &[Vector]) -> [Vec<u32>; 2] {
-    let is_pole = |[x, y, _]: &Vector| x.abs().max(y.abs()) < POLAR;
-    let at = |is_north: bool| {
-        let all = (0..).zip(positions).filter(|(_, at)| is_pole(at) && (at[2] > 0.0) == is_north);
-        all.map(|(vertex, _)| vertex).collect()
-    };
-    [false, true].map(at)
+    let mut poles = [Vec::new(), Vec::new()];
+    for (vertex, [x, y, z]) in (0..).zip(positions) {
+        if x.abs().max(y.abs()) < POLAR {
+            poles[usize::from(*z > 0.0)].push(vertex);
+        }
+    }
+    poles
 }

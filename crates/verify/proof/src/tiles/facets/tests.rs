@@ -2,15 +2,18 @@
 
 use proptest::prelude::*;
 
-use super::super::ellipsoid::position;
 use super::*;
 
-/// A lattice of vertices at these longitudes and latitudes, with a height for each place; equal ones are coinciding
-/// vertices. The bits of `diagonals` are the ways the cells are divided.
+/// A vertex of a rough surface.
+fn vertex(longitude: f64, latitude: f64) -> Vector {
+    let height = (longitude * 37e5 + latitude * 91e5).rem_euclid(29.0) * 0.1;
+    position(longitude, latitude, height)
+}
+
+/// A lattice of vertices at these longitudes and latitudes; equal ones are coinciding vertices. The bits of `diagonals`
+/// select the diagonals of the cells.
 fn lattice(columns: &[f64], rows: &[f64], diagonals: u64) -> TileFacets {
-    let height = |lon: f64, lat: f64| (lon * 37e5 + lat * 91e5).rem_euclid(29.0) * 0.1;
-    let place = |lat: f64, lon: f64| position(lon, lat, height(lon, lat));
-    let placed = rows.iter().flat_map(|&lat| columns.iter().map(move |&lon| place(lat, lon)));
+    let placed = rows.iter().flat_map(|&lat| columns.iter().map(move |&lon| vertex(lon, lat)));
     let placed: Vec<_> = placed.collect();
     let width = columns.len() as u32;
     let cells = (1..rows.len() as u32).flat_map(|row| (1..width).map(move |col| row * width + col));
@@ -29,7 +32,7 @@ fn lattice(columns: &[f64], rows: &[f64], diagonals: u64) -> TileFacets {
     TileFacets::new(&tile, &placed)
 }
 
-/// Places a hundred thousandth of a degree apart, each as often as told.
+/// Coordinates 1e-5 degrees apart, each repeated.
 fn repeated(from: f64, times: &[usize]) -> Vec<f64> {
     let all = times.iter().enumerate();
     all.flat_map(|(n, &times)| std::iter::repeat_n(from + n as f64 * 1e-5, times)).collect()
@@ -44,27 +47,25 @@ proptest! {
         places in prop::collection::vec((0.01..0.99_f64, 0.01..0.99_f64), 1..20),
         from in any::<u32>(),
     ) {
-        let of = |columns: &[usize], rows: &[usize]| {
-            lattice(&repeated(7.0, columns), &repeated(46.0, rows), 0)
-        };
-        let plain = of(&vec![1; columns.len()], &vec![1; rows.len()]);
-        let doubled = of(&columns, &rows);
+        let once = [vec![1; columns.len()], vec![1; rows.len()]];
+        let [width, height] = once.each_ref().map(|once| (once.len() - 1) as f64 * 1e-5);
+        let [plain, doubled] = [once, [columns, rows]]
+            .map(|[columns, rows]| lattice(&repeated(7.0, &columns), &repeated(46.0, &rows), 0));
         prop_assert_eq!(plain.facets.len(), doubled.facets.len());
-        let side = |count: usize| (count - 1) as f64 * 1e-5;
         for (x, y) in places {
-            let parallel = ProofParallel::at(46.0 + y * side(rows.len()));
-            let meridians = [ProofMeridian::at(7.0 + x * side(columns.len()))];
+            let parallel = ProofParallel::at(46.0 + y * height);
+            let meridians = [ProofMeridian::at(7.0 + x * width)];
             let [a, b] = [&plain, &doubled].map(|facets| {
                 let mut from = from % facets.facets.len() as u32;
-                facets.row(&mut from, &parallel, &meridians, &[1.0], [0.5, 1e-6])
+                facets.row(&mut from, &parallel, &meridians, &[1.0], 0.5, 1e-6)
             });
-            let [most, other] = [a, b].map(|seen| seen.most.unwrap().0);
-            prop_assert!((most - other).abs() < 1e-6 && a.over == b.over, "{:?} {:?}", a, b);
+            let [max, other] = [a, b].map(|errors| errors.max.unwrap().0);
+            prop_assert!((max - other).abs() < 1e-6 && a.over == b.over, "{:?} {:?}", a, b);
         }
     }
 }
 
-/// So many sorted places, from the first to the last, many of them near one of these.
+/// Sorted coordinates from one end to another, many of them near the ends.
 fn uneven(from: f64, width: f64) -> impl Strategy<Value = Vec<f64>> {
     let part = prop_oneof![0.0..1.0_f64, 0.0001..0.01_f64, 0.99..0.9999_f64];
     prop::collection::vec(part, 1..6).prop_map(move |mut parts| {
@@ -91,12 +92,13 @@ proptest! {
         let (parallel, at) =
             (ProofParallel::at(south + place.1 * width), ProofMeridian::at(7.0 + place.0 * width));
         let distance = |mut from: u32| {
-            facets.row(&mut from, &parallel, &[at], &[1.0], [0.5, 0.0]).most.unwrap().0
+            facets.row(&mut from, &parallel, &[at], &[1.0], 0.5, 0.0).max.unwrap().0
         };
-        // That by looking at every triangle, where one is met.
+        // The distance by testing every triangle, if one is met.
         let frame = ProofEastNorthUp::new(&parallel, at, 1.0);
-        let seen = facets.facets.iter().map(|facet| facets.seen_from(&frame, facet));
-        let met = seen.filter(|seen| is_met(*seen, 0.0).is_some()).map(|seen| plane(seen)[0].abs());
+        let all = facets.facets.iter().map(|facet| facets.corners_in(&frame, facet));
+        let met = all.filter(|corners| is_met(*corners, 0.0).is_some());
+        let met = met.map(|corners| plane(corners)[0].abs());
         let expected = met.reduce(f64::max).unwrap_or_else(|| distance(0));
         for from in 0..facets.facets.len() as u32 {
             let found = distance(from);
@@ -105,11 +107,11 @@ proptest! {
     }
 }
 
-/// A tile of degenerate triangles alone is looked at, and is infinitely far from all samples.
+/// A tile of degenerate triangles only is measured, and is infinitely far from all samples.
 #[test]
 fn a_surface_without_area_is_far_from_everything() {
     let facets = lattice(&[7.0; 2], &[46.0; 2], 0);
     let (parallel, meridians) = (ProofParallel::at(46.0), [ProofMeridian::at(7.0)]);
-    let seen = facets.row(&mut 0, &parallel, &meridians, &[0.0], [0.5, 1e-6]);
-    assert_eq!((seen.count, seen.over), (1, 1));
+    let errors = facets.row(&mut 0, &parallel, &meridians, &[0.0], 0.5, 1e-6);
+    assert_eq!((errors.count, errors.over), (1, 1));
 }
