@@ -75,7 +75,7 @@ pub(super) struct OpenedTinJob {
     notes: Vec<String>,
     pub(super) shares: MemoryShares,
     /// Samples that stay vertices, and breaklines.
-    pub(super) kept: GridConstraints,
+    pub(super) constraints: GridConstraints,
     /// Water to flatten.
     water: Option<Arc<Water>>,
     /// Attributes of vertices.
@@ -92,7 +92,7 @@ impl OpenedTinJob {
         let mut opened = Self::with(job, || open(job, &options, &features))?;
         opened.water = options.water;
         opened.spec.data_dependent = job.refinement.is_data_dependent();
-        opened.kept = features.on(opened.source.info())?;
+        opened.constraints = features.on(opened.source.info())?;
         Ok(opened)
     }
 
@@ -113,7 +113,7 @@ impl OpenedTinJob {
         let (placed, mut notes) =
             job.placing.place(&frame.crs, (frame.bounds, frame.steps), format)?;
         notes.extend(frame.notes().into_iter().chain(raster::cautions(info)));
-        let (kept, carried) = (GridConstraints::default(), VertexExtras::default());
+        let (constraints, carried) = (GridConstraints::default(), VertexExtras::default());
         let spec = job.refinement.spec(&info.transform)?;
         let water = None;
         let mut opened = Self {
@@ -124,7 +124,7 @@ impl OpenedTinJob {
             frame,
             notes,
             shares,
-            kept,
+            constraints,
             water,
             carried,
             spec,
@@ -357,19 +357,20 @@ impl TinMaker<'_> {
         let (layout, folder) = (self.layout()?, self.temp_dir());
         let settings = self.settings(self.spec(0.0), folder);
         let seeker = TinSeeker { source: &*self.opened.source, layout, settings };
-        let most = seeker.most();
+        let max_size = seeker.max_size();
         match self.job.goal {
             // Hardly any mesh keeps all samples.
             TinGoal::MaxError(tolerance) => {
-                self.check_size(most).or_else(|_| self.check_size(seeker.estimate(tolerance)?))?;
+                self.check_size(max_size)
+                    .or_else(|_| self.check_size(seeker.estimate(tolerance)?))?;
             }
-            TinGoal::MaxVertices(vertices) if vertices < most.vertices => {
+            TinGoal::MaxVertices(vertices) if vertices < max_size.vertices => {
                 self.check_size(MeshSize { vertices, triangles: vertices })?;
             }
-            TinGoal::MaxTriangles(triangles) if triangles < most.triangles => {
+            TinGoal::MaxTriangles(triangles) if triangles < max_size.triangles => {
                 self.check_size(MeshSize { vertices: triangles / 2, triangles })?;
             }
-            TinGoal::MaxVertices(_) | TinGoal::MaxTriangles(_) => self.check_size(most)?,
+            TinGoal::MaxVertices(_) | TinGoal::MaxTriangles(_) => self.check_size(max_size)?,
         }
         seeker.tolerance(self.job.goal)
     }
@@ -396,7 +397,7 @@ impl TinMaker<'_> {
         TinSettings {
             spec,
             tile: self.job.tile,
-            kept: &self.opened.kept,
+            kept: &self.opened.constraints,
             threads: self.opened.shares.threads,
             mesh_bytes: self.opened.shares.mesh,
             temp_dir,
@@ -456,8 +457,8 @@ impl TinMaker<'_> {
             vertices: outcome.vertices,
             triangles: outcome.triangles,
             kept: outcome.vertices as f64 / outcome.valid.max(1) as f64,
-            keep_points: self.opened.kept.report(outcome.kept, outcome.kept),
-            breaklines: self.opened.kept.lines().report(outcome.apart.count),
+            keep_points: self.opened.constraints.report(outcome.kept, outcome.kept),
+            breaklines: self.opened.constraints.lines().report(outcome.apart.count),
             water,
             apart: (outcome.apart.count > 0)
                 .then(|| FlawReport::of(outcome.apart, &info.transform)),
@@ -509,7 +510,7 @@ pub(super) fn header(
 
 /// Provenance and guarantees of a mesh; the bound holds at samples unless stated otherwise.
 fn promises(from: MeshOrigin<'_>, spec: &TinSpec, unit: Option<String>) -> Promises {
-    let [kept, lines] = from.refinement.files();
+    let [points, lines] = from.refinement.files();
     Promises {
         source: Some(from.input.to_owned()),
         max_error: Some(MaxError { value: spec.tolerance, unit }),
@@ -520,7 +521,7 @@ fn promises(from: MeshOrigin<'_>, spec: &TinSpec, unit: Option<String>) -> Promi
         min_angle: spec.min_angle.map(|least| least.degrees()),
         clip: from.clip,
         water: from.water,
-        keep_points: kept.map(feature_files::label_of),
+        keep_points: points.map(feature_files::label_of),
         breaklines: lines.map(feature_files::label_of),
         ..Promises::default()
     }

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use terrane_options::{OptionRange, OptionRule, Options, check};
 
 use super::angles::angle_bound;
+use super::cost::{line_bytes, worker_bytes};
 use super::goal::TinGoal;
 use super::names::TriangulationName;
-use super::worker::{line_bytes, worker_bytes};
 use terrane_base::bound::ErrorBound;
 use terrane_base::error::Result;
 use terrane_base::geom::Affine;
