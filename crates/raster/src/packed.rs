@@ -207,19 +207,25 @@ fn extract(archive: &mut Archive<'_>, name: &str, most: u64, target: &Path) -> R
     Ok(())
 }
 
+/// True if a file of an archive has the name of a grid that is not in turn packed or a VRT.
+fn is_grid(name: &str) -> bool {
+    let is_hidden = base(name).starts_with('.') || name.starts_with("__MACOSX/");
+    !is_hidden
+        && !is_header(name)
+        && FORMATS
+            .iter()
+            .filter(|format| ![GZIP.name, ZIP.name, vrt::FORMAT.name].contains(&format.name))
+            .any(|format| format.has_extension_of(Path::new(name)))
+}
+
+fn is_text(name: &str) -> bool {
+    ending(name) == "txt" || ending(name) == "csv"
+}
+
 /// The only grid of an archive, by extension.
 fn the_grid(names: &[String]) -> Result<&String> {
-    let is_grid = |name: &&String| {
-        let path = Path::new(name.as_str());
-        let other = [GZIP.name, ZIP.name, vrt::FORMAT.name];
-        let is_own = |f: &&RasterFormat| !other.contains(&f.name);
-        let is_hidden = base(name).starts_with('.') || name.starts_with("__MACOSX/");
-        let mut formats = FORMATS.iter().filter(is_own);
-        !is_hidden && !is_header(name) && formats.any(|format| format.has_extension_of(path))
-    };
+    let mut grids: Vec<&String> = names.iter().filter(|name| is_grid(name)).collect();
     // Licences and notes are .txt too, so grids with another extension come first.
-    let is_text = |name: &&String| ending(name) == "txt" || ending(name) == "csv";
-    let mut grids: Vec<&String> = names.iter().filter(is_grid).collect();
     if grids.iter().any(|name| !is_text(name)) {
         grids.retain(|name| !is_text(name));
     }

@@ -14,7 +14,7 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 pub use areas::PolygonEdgeIndex;
-pub(crate) use layer::{cache_beside, clipped};
+pub(crate) use layer::{clipped, remaining_cache};
 pub(crate) use scan::{Labelled, PolygonScan, join};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, plane};
@@ -71,12 +71,11 @@ impl ClipRings {
         }
         let feature = self.features;
         let nexts = ring.iter().skip(1).chain(ring.first());
-        let edge = |(a, b): (&Xy, &Xy)| match is_lower(a, b) {
+        // A degenerate edge is a border of one position.
+        self.edges.extend(ring.iter().zip(nexts).map(|(a, b)| match is_lower(a, b) {
             true => PolygonEdge { low: *a, high: *b, feature },
             false => PolygonEdge { low: *b, high: *a, feature },
-        };
-        // A degenerate edge is a border of one position.
-        self.edges.extend(ring.iter().zip(nexts).map(edge));
+        }));
         Ok(())
     }
 }

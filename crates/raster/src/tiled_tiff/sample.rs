@@ -167,8 +167,8 @@ impl SampleCodec {
         heights: &[H],
         fill: Option<T>,
     ) -> SampleMisfit {
-        let bad = |height: &H| !self.store::<T, H>(*height, fill).1;
-        let at = heights.iter().position(bad).unwrap_or_default();
+        let at = heights.iter().position(|height| !self.store::<T, H>(*height, fill).1);
+        let at = at.unwrap_or_default();
         let Some(height) = heights.get(at).filter(|height| !height.is_void()) else {
             return SampleMisfit::Void(at);
         };
@@ -183,7 +183,7 @@ impl SampleCodec {
 
     /// The error of a misfit in a run that begins at (`col`, `row`).
     pub(crate) fn refusal(&self, misfit: SampleMisfit, col: u32, row: u32) -> Error {
-        misfit.error(self.sample_type, self.nodata, (col, row))
+        misfit.error(self.sample_type, self.nodata, col, row)
     }
 }
 
