@@ -73,8 +73,8 @@ pub fn notes(info: &GridInfo) -> Vec<GridNote> {
 
 /// Notes on samples that other programs interpret differently, for reports of derived products.
 pub fn cautions(info: &GridInfo) -> Vec<String> {
-    let told = notes(info).into_iter().filter(|note| CAUTIONS.contains(&note.kind));
-    told.map(|note| note.text).collect()
+    let cautions = notes(info).into_iter().filter(|note| CAUTIONS.contains(&note.kind));
+    cautions.map(|note| note.text).collect()
 }
 
 /// Notes on the heights of a grid of `samples` samples, `valid` of which are not void and have the given

@@ -49,8 +49,8 @@ pub(super) fn plain(
 ) -> Result<Vec<LasPart>> {
     let record = u64::from(header.record);
     let there = (len - header.points_at) / record;
-    let room = header.points_end(len).saturating_sub(header.points_at) / record;
-    notes.extend(more(header.count, room, salvage)?);
+    let capacity = header.points_end(len).saturating_sub(header.points_at) / record;
+    notes.extend(more(header.count, capacity, salvage)?);
     let count = header.count.min(there);
     if count < header.count && !salvage {
         return Err(lacking(header.count, there));

@@ -64,8 +64,7 @@ fn parent([level, x, y, z]: &Key) -> Option<Key> {
     (*level > 0).then(|| [level - 1, x / 2, y / 2, z / 2])
 }
 
-/// The info VLR of a file whose first EVLR is the hierarchy.
-/// Its data begin behind the header of the EVLR at `evlr_at` and take `bytes`.
+/// The info VLR of a file whose first EVLR, at byte `evlr_at`, is the hierarchy of `bytes` bytes.
 pub(super) fn info(cube: &OctreeCube, tally: &PointTally, evlr_at: u64, bytes: u64) -> Vlr {
     let half = cube.side / 2.0;
     let middle = cube.low.map(|low| low + half);

@@ -46,8 +46,10 @@ impl ClipRings {
     /// # Errors
     /// More than 2^32 features.
     pub fn begin_feature(&mut self) -> Result<()> {
-        let too_many = || Error::limit("number of polygons", "above 2^32", u32::MAX);
-        self.features = self.features.checked_add(1).ok_or_else(too_many)?;
+        self.features = self
+            .features
+            .checked_add(1)
+            .ok_or_else(|| Error::limit("number of polygons", "above 2^32", u32::MAX))?;
         Ok(())
     }
 

@@ -103,8 +103,8 @@ fn read_tag(
         return Ok(Some((tag, TiffTagValues::Table { count, first: 0, step: 0 })));
     }
     let size = value_bytes(kind).and_then(|size| size.checked_mul(count));
-    let most = limits::MAX_HEADER_BYTES.min(length);
-    let Some(size) = size.filter(|size| *size <= most) else { return Ok(None) };
+    let max_bytes = limits::MAX_HEADER_BYTES.min(length);
+    let Some(size) = size.filter(|size| *size <= max_bytes) else { return Ok(None) };
     let mut bytes = entry.get(12..).unwrap_or_default().to_vec();
     bytes.resize(size as usize, 0);
     if size > 8 && !read_inside(file, place, length, &mut bytes)? {

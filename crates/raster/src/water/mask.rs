@@ -42,11 +42,11 @@ impl WaterMask {
         let mut inside = ClipRings::default();
         let mut bodies = vec![WaterBody::default(); water.bodies.len()];
         let mut sides = vec![Vec::new(); bodies.len()];
-        let mut begun = 0;
+        let mut features = 0;
         for (area, ring) in water.features.rings() {
-            while begun <= area {
+            while features <= area {
                 inside.begin_feature()?;
-                begun += 1;
+                features += 1;
             }
             let at: Vec<_> = ring.iter().map(|&[x, y]| grid.transform.invert(x, y)).collect();
             let body = water.body_of[area as usize] as usize;

@@ -189,11 +189,11 @@ impl XyzScan {
     }
 }
 
-/// Error of points that do not form a grid.
 fn off_grid(name: &str, at: f64, axis: &XyzAxis) -> Error {
     irregular(format!("{name} {at} is off the grid of spacing {}", axis.step))
 }
 
+/// Error of points that do not form a grid.
 fn irregular(message: impl Into<String>) -> Error {
     Error::unsupported(message).remedy("sort points of a regular grid row by row")
 }
