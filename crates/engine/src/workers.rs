@@ -132,7 +132,8 @@ impl<'a> UnitQueue<'a> {
     /// The next unit, as soon as the window admits it; `None` if none is left or a worker failed.
     fn next_unit(&self) -> Result<Option<u64>> {
         let mut progress = lock(&self.progress);
-        // The first open unit is always within the window, and whoever ends it, by whatever way, wakes all.
+        // No deadlock: the first open unit is always within the window, and its end, also by an error or a
+        // panic, wakes all. A cancelled run ends with that unit in any case.
         while !progress.is_stopped
             && progress.next < self.units
             && progress.next - progress.consumed >= self.window

@@ -64,11 +64,11 @@ pub(super) struct CoverageJob<'a> {
 }
 
 impl CoverageJob<'_> {
-    /// Simplifies all features together and writes them if the result is wanted; otherwise returns its size.
+    /// Simplifies all features together and writes them if the result meets the goal; otherwise returns its size.
     pub(super) fn run(
         &self,
         input: &mut CoverageInput<'_>,
-        wanted: Option<&TrialGoal>,
+        goal: Option<&TrialGoal>,
         report: &mut LineReport,
     ) -> Result<Option<u64>> {
         self.snap(input)?;
@@ -78,29 +78,29 @@ impl CoverageJob<'_> {
             let kept = self.retained_bits(&quadtree);
             let rounded = self.job.decimals.map(|_| self.retained_bits(&quadtree));
             let (quadtree, rounded) = (&quadtree, rounded.as_ref());
-            let now = FinishedTiles { quadtree, whole: &whole, kept: &kept, rounded };
-            let total = self.solve_all(input, &now, report)?;
+            let tiles = FinishedTiles { quadtree, whole: &whole, kept: &kept, rounded };
+            let total = self.solve_all(input, &tiles, report)?;
             // A finished file cannot be undone.
             let may_turn = quadtree.count() > 1 || self.rule.collapse == RingCollapse::Drop;
-            if wanted.is_some() || (input.all.len() > 1 && may_turn) {
-                let left = self.scan(input, &now)?;
-                if !left.turned.is_empty() {
-                    whole.extend(left.turned);
+            if goal.is_some() || (input.all.len() > 1 && may_turn) {
+                let assembled = self.scan(input, &tiles)?;
+                if !assembled.turned.is_empty() {
+                    whole.extend(assembled.turned);
                     continue;
                 }
-                let unwanted = match wanted {
-                    Some(wanted) => {
-                        let mut leaves = self.left(now);
-                        self.whole().unwanted(input, wanted, left.vertices, &mut leaves)?
+                let rejected_size = match goal {
+                    Some(goal) => {
+                        let mut leaves = self.assembled(tiles);
+                        self.opened().rejected_size(input, goal, assembled.vertices, &mut leaves)?
                     }
                     None => None,
                 };
-                if unwanted.is_some() {
-                    return Ok(unwanted);
+                if rejected_size.is_some() {
+                    return Ok(rejected_size);
                 }
             }
             let notes = self.notes(input, &total)?;
-            let turned = self.write(input, &now, report)?;
+            let turned = self.write(input, &tiles, report)?;
             if turned.is_empty() {
                 report.notes.extend(notes);
                 return Ok(None);
@@ -109,7 +109,7 @@ impl CoverageJob<'_> {
         }
     }
 
-    fn whole(&self) -> OpenedLineJob<'_> {
+    fn opened(&self) -> OpenedLineJob<'_> {
         let &Self { job, files, progress, cancel, .. } = self;
         OpenedLineJob { job, files, progress, cancel }
     }
@@ -172,7 +172,7 @@ impl CoverageJob<'_> {
         }
         let largest = (0..quadtree.count()).map(|tile| quadtree.vertices(tile)).max();
         let needed = largest.unwrap_or(0) * VERTEX + self.others(input);
-        if input.memory_use().is_some_and(|held| held + needed > self.memory()) {
+        if input.memory_use().is_some_and(|resident| resident + needed > self.memory()) {
             input.release();
         }
         if needed > self.memory() {
@@ -210,12 +210,12 @@ impl CoverageJob<'_> {
             (input.seen.harm.rings, "rings change orientation or lose their area"),
             (input.seen.harm.touching, "features have rings that touch themselves or each other"),
         ];
-        let told = harm.iter().filter(|(count, _)| *count > 0);
-        let told: Vec<_> = told.map(|(count, what)| format!("{count} {what}")).collect();
+        let changes = harm.iter().filter(|(count, _)| *count > 0);
+        let changes: Vec<_> = changes.map(|(count, what)| format!("{count} {what}")).collect();
         let snap = self.topology.snap;
-        if !told.is_empty() {
-            let told = told.join(", ");
-            notes.push(format!("new with ‹snap› {snap:?}: {told}; pass a smaller ‹snap›"));
+        if !changes.is_empty() {
+            let changes = changes.join(", ");
+            notes.push(format!("new with ‹snap› {snap:?}: {changes}; pass a smaller ‹snap›"));
         }
         let (looked, all) = (total.pairs.len() as u64, total.crossings);
         if snap > 0.0 && looked < all {
@@ -263,20 +263,20 @@ impl CoverageJob<'_> {
     fn solve_all(
         &self,
         input: &mut CoverageInput<'_>,
-        now: &FinishedTiles<'_>,
+        tiles: &FinishedTiles<'_>,
         report: &mut LineReport,
     ) -> Result<TileTotals> {
-        let quadtree = now.quadtree;
+        let quadtree = tiles.quadtree;
         let sides = match &self.topology.sides {
             Some(path) => by_tile(positions(path, &VectorOpenOptions::default())?, quadtree),
             None => Vec::new(),
         };
         self.progress.begin("simplify", quadtree.count() as u64);
-        let solver = TileSolver { job: self, tiles: now, sides, total: Mutex::default() };
+        let solver = TileSolver { job: self, tiles, sides, total: Mutex::default() };
         let solved = if quadtree.count() == 1 && input.memory_use().is_some() {
-            solver.solve(0, self.flat(input, now)?, self.memory_left(input))
+            solver.solve(0, self.flat(input, tiles)?, self.memory_left(input))
         } else {
-            let spool = self.spool(input, now)?;
+            let spool = self.spool(input, tiles)?;
             self.solve_spooled(input, &spool, &solver)
         };
         solved.map_err(|e| match e.kind() {
@@ -295,7 +295,11 @@ impl CoverageJob<'_> {
     }
 
     /// All held parts as one tile.
-    fn flat(&self, input: &mut CoverageInput<'_>, now: &FinishedTiles<'_>) -> Result<TileContent> {
+    fn flat(
+        &self,
+        input: &mut CoverageInput<'_>,
+        tiles: &FinishedTiles<'_>,
+    ) -> Result<TileContent> {
         let mut flat = FlatChains::default();
         input.visit_all(self.cancel, |feature| {
             feature.geometry.parts().try_for_each(|part| {
@@ -309,7 +313,7 @@ impl CoverageJob<'_> {
             })
         })?;
         // One tile holds fewer than 2^32 parts.
-        let whole = now.whole.iter().map(|part| *part as u32).collect();
+        let whole = tiles.whole.iter().map(|part| *part as u32).collect();
         Ok(TileContent { flat, whole, ..TileContent::default() })
     }
 
@@ -321,22 +325,22 @@ impl CoverageJob<'_> {
 
     /// Memory for tiles in progress and for data waiting for them.
     fn memory_left(&self, input: &CoverageInput<'_>) -> u64 {
-        let held = input.memory_use().unwrap_or(0) + input.moves.memory_use();
-        memory_for_features(self.memory()).saturating_sub(held + self.bits(input))
+        let resident = input.memory_use().unwrap_or(0) + input.moves.memory_use();
+        memory_for_features(self.memory()).saturating_sub(resident + self.bits(input))
     }
 
     /// Sorts all parts into tiles.
     fn spool<'s>(
         &self,
         input: &mut CoverageInput<'_>,
-        now: &FinishedTiles<'s>,
+        tiles: &FinishedTiles<'s>,
     ) -> Result<TileSpool<'s>> {
-        let quadtree = now.quadtree;
+        let quadtree = tiles.quadtree;
         let has_z = self.rule.measure == DistanceKind::Space;
-        let (room, largest) = (self.memory_left(input), self.max_bytes(quadtree));
-        let workers = self.workers(room / 8 * 7, largest) as u64;
+        let (available, largest) = (self.memory_left(input), self.max_bytes(quadtree));
+        let workers = self.workers(available / 8 * 7, largest) as u64;
         let memory =
-            room.saturating_sub(workers * largest).max(memory_for_features(self.memory()) / 8);
+            available.saturating_sub(workers * largest).max(memory_for_features(self.memory()) / 8);
         let bytes = input.vertices * if has_z { 24 } else { 16 };
         if bytes > memory {
             disk::check(&self.folder(), bytes)?;
@@ -347,14 +351,14 @@ impl CoverageJob<'_> {
             feature.geometry.parts().try_for_each(|part| {
                 check(&part, self.rule)?;
                 let number = parts.cut(&part);
-                spool.push(&part, &parts.runs, now.whole.contains(&number))
+                spool.push(&part, &parts.runs, tiles.whole.contains(&number))
             })
         })?;
         Ok(spool)
     }
 
-    fn workers(&self, room: u64, largest: u64) -> usize {
-        let fitting = usize::try_from(room / largest.max(1)).unwrap_or(usize::MAX);
+    fn workers(&self, available: u64, largest: u64) -> usize {
+        let fitting = usize::try_from(available / largest.max(1)).unwrap_or(usize::MAX);
         self.job.resources.threads.min(fitting).max(1)
     }
 
@@ -396,34 +400,34 @@ impl CoverageJob<'_> {
     }
 
     /// Results of all features, from the first.
-    fn left<'k>(&self, now: FinishedTiles<'k>) -> AssembledFeatures<'k> {
-        AssembledFeatures::new(now, self.rule.collapse, self.job.decimals)
+    fn assembled<'k>(&self, tiles: FinishedTiles<'k>) -> AssembledFeatures<'k> {
+        AssembledFeatures::new(tiles, self.rule.collapse, self.job.decimals)
     }
 
     /// Checks the results of all features.
     fn scan<'k>(
         &self,
         input: &mut CoverageInput<'_>,
-        now: &FinishedTiles<'k>,
+        tiles: &FinishedTiles<'k>,
     ) -> Result<AssembledFeatures<'k>> {
-        let mut left = self.left(*now);
-        input.visit_all(self.cancel, |feature| left.of(feature).map(|_| ()))?;
-        Ok(left)
+        let mut assembled = self.assembled(*tiles);
+        input.visit_all(self.cancel, |feature| assembled.of(feature).map(|_| ()))?;
+        Ok(assembled)
     }
 
     /// Writes the results of all features; if more rings have to stay whole, returns them and writes nothing.
     fn write(
         &self,
         input: &mut CoverageInput<'_>,
-        now: &FinishedTiles<'_>,
+        tiles: &FinishedTiles<'_>,
         report: &mut LineReport,
     ) -> Result<Parts> {
-        let mut left = self.left(*now);
-        let written = self.whole().write(input, &mut left, None)?;
-        self.whole().note(input, written, report);
-        (report.features, report.parts) = (left.features, left.parts.number);
-        (report.vertices, report.kept) = (input.vertices, left.vertices);
-        Ok(left.turned)
+        let mut assembled = self.assembled(*tiles);
+        let written = self.opened().write(input, &mut assembled, None)?;
+        self.opened().note(input, written, report);
+        (report.features, report.parts) = (assembled.features, assembled.parts.number);
+        (report.vertices, report.kept) = (input.vertices, assembled.vertices);
+        Ok(assembled.turned)
     }
 }
 
