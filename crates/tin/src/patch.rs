@@ -63,7 +63,7 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &TinSpec, scratch: &mut TileScra
         drop_seam(&judge, mesh, input, &fixed, drop);
     }
     adjust.reset(field, input.kept);
-    if spec.fit {
+    if spec.fit_heights {
         even_out(&judge, mesh, &border, &fixed, adjust, drop);
     }
     let left = judge.crossings.map(|crossings| rounds.left(&crossings, mesh)).unwrap_or_default();
@@ -93,7 +93,7 @@ pub fn reduce_patch(
     drop.settle(field, &fixed);
     drop::drop_redundant(&judge, mesh, drop);
     adjust.reset(field, input.kept);
-    if spec.fit {
+    if spec.fit_heights {
         adjust.examine(field, mesh, |_| true);
         for _ in 0..adjust::ROUNDS {
             if !adjust.sweep(&judge, mesh, spec.tolerance) {
@@ -112,7 +112,7 @@ pub fn reduce_patch(
 fn begin(input: &PatchInput<'_>, spec: &TinSpec, scratch: &mut TileScratch) -> Vec<TileTriangle> {
     let [width, height] = [input.heights.width, input.heights.height];
     scratch.field.load(&input.heights, [0, 0, width, height], [0; 4], spec.single_precision);
-    if spec.fit {
+    if spec.fit_heights {
         scratch.field.free_heights();
         input.vertices.iter().for_each(|&(at, height)| scratch.field.move_vertex(at, height));
     }
@@ -335,7 +335,9 @@ fn finish(
         patch.border.extend(border.neighbours(tri));
         // NONE as an index is beyond any list: triangles made here have no original.
         let original = sorted.get(tri.source as usize);
-        if let Some(&original) = original.filter(|_| !spec.fit || !adjust.has_moved(field, tri)) {
+        if let Some(&original) =
+            original.filter(|_| !spec.fit_heights || !adjust.has_moved(field, tri))
+        {
             patch.triangles.push(original);
             continue;
         }

@@ -37,7 +37,7 @@ pub struct TinSpec {
     /// [`reduce_patch`](crate::reduce_patch).
     pub data_dependent: bool,
     /// Allow vertices up to the tolerance above or below their samples, if that takes fewer vertices.
-    pub fit: bool,
+    pub fit_heights: bool,
     /// Rounding of vertex heights for formats that store f32; `None` for f64.
     pub single_precision: Option<HeightQuantization>,
     /// Minimum angle of triangles; `None` for any.

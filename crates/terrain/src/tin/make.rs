@@ -445,7 +445,7 @@ impl TinMaker<'_> {
             bands: Vec::new(),
             tolerance,
             bound: job.refinement.bound,
-            fit: job.refinement.fit_heights,
+            fit_heights: job.refinement.fit_heights,
             min_angle: job.refinement.min_angle,
             max_error: job.measure.then_some(outcome.max_error),
             rmse: job.measure.then_some(rmse),
@@ -515,7 +515,7 @@ fn promises(from: MeshOrigin<'_>, spec: &TinSpec, unit: Option<String>) -> Promi
         source: Some(from.input.to_owned()),
         max_error: Some(MaxError { value: spec.tolerance, unit }),
         bound: (spec.bound != ErrorBound::Samples).then_some(spec.bound),
-        fitted: spec.fit.then_some(FittedHeights),
+        fitted: spec.fit_heights.then_some(FittedHeights),
         triangulation: (spec.data_dependent)
             .then(|| TriangulationRule::DataDependent.name().to_owned()),
         min_angle: spec.min_angle.map(|least| least.degrees()),

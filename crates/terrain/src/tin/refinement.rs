@@ -65,7 +65,7 @@ impl TinMethod {
             bound: self.bound,
             strict: self.strict,
             drop: self.drop,
-            fit: self.fit_heights,
+            fit_heights: self.fit_heights,
             data_dependent: self.is_data_dependent(),
             min_angle: angle_bound(self.min_angle, map)?,
             single_precision: None,

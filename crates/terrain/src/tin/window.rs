@@ -161,7 +161,7 @@ mod tests {
             bound: ErrorBound::Samples,
             strict: false,
             drop: true,
-            fit: false,
+            fit_heights: false,
             data_dependent: false,
             min_angle: None,
             measure: false,

@@ -274,7 +274,7 @@ impl<'a> TinWorker<'a> {
     /// Brings the heights of all vertices in `rect`, where they are free.
     fn look_up_heights(&mut self, rect: Rect) -> Result<()> {
         self.vertices.clear();
-        if !self.job.settings.spec.fit {
+        if !self.job.settings.spec.fit_heights {
             return Ok(());
         }
         let layout = &self.job.layout;
