@@ -217,8 +217,7 @@ fn enough(
 
 /// Opens a grid for its metadata only, whatever the size of its blocks.
 pub fn open_for_estimate(input: &Inputs, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
-    // Readers refuse blocks larger than the cache. As none is decoded here, the cache may be claimed to be huge; the
-    // shift leaves room for sums with it.
+    // Readers refuse blocks larger than the cache, but none is decoded here.
     let options = GridOpenOptions { cache_bytes: usize::MAX >> 8, threads: 1, ..options.clone() };
     raster::open_all(input.names(), &options)
 }
