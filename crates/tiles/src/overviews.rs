@@ -76,7 +76,7 @@ impl ScannedGrid<'_> {
                         RectRelation::Within => {
                             shell.add_block(&corners, deviations, block.count, level.assumed)
                         }
-                        // Some samples belong to the neighbouring tile, so the block cannot count as a whole.
+                        // Some samples may lie outside, so the block cannot count as a whole.
                         RectRelation::Across => false,
                     };
                 if is_done {
