@@ -387,7 +387,7 @@ impl CoverageJob<'_> {
     ) -> Result<()> {
         let quadtree = solver.tiles.quadtree;
         let obstacle_bytes: Vec<u64> =
-            (0..quadtree.count()).map(|tile| spool.obstacles(tile) * OBSTACLE).collect();
+            (0..quadtree.count()).map(|tile| spool.obstacles(tile) * OBSTACLE_BYTES).collect();
         let sizes = obstacle_bytes.iter().enumerate();
         let sizes = sizes.map(|(tile, bytes)| quadtree.vertices(tile) * KEPT_VERTEX + bytes);
         let mut order: Vec<_> = sizes.map(Reverse).zip(0..).collect();
