@@ -35,7 +35,7 @@ fn spec(tolerance: f64, drop: bool) -> TinSpec {
         bound: ErrorBound::Samples,
         strict: false,
         drop,
-        fit: false,
+        fit_heights: false,
         data_dependent: false,
         min_angle: None,
         single_precision: None,

@@ -41,7 +41,7 @@
 //!
 //! # Where to look
 //!
-//! | data | door | what can be made of it |
+//! | data | entry point | operations |
 //! |---|---|---|
 //! | heights in memory | [`Tin::from_array`] | a [`Tin`] |
 //! | grids in files, or in memory | [`open`], [`open_array`] | [`tin`](Grid::tin), [`contour`](Grid::contour), [`convert`](Grid::convert), [`slope`](Grid::slope), [`hillshade`](Grid::hillshade) and others, [`picture`](Grid::picture), [`page`](Grid::page), [`inspect`](Grid::inspect), [`verify`](Grid::verify) |
@@ -50,7 +50,7 @@
 //! | lines and polygons | [`open_features`] | [`simplify`](Features::simplify), [`page`](Features::page), [`inspect`](Features::inspect), [`verify`](Features::verify) |
 //! | meshes in files | [`open_mesh`] | [`picture`](Mesh::picture), [`page`](Mesh::page), [`inspect`](Mesh::inspect) |
 //! | a line in memory | [`simplify`] | fewer vertices |
-//! | a folder with a plan | [`open_plan`] | what the plan says, by any number of machines |
+//! | a folder with a plan | [`open_plan`] | its output, on any number of machines |
 //!
 //! Options are setters of the job: one trait for each options struct, imported by `use terrane::prelude::*`. A
 //! job has a goal, optional resources (`memory`, `threads`), optional [`Progress`] and [`Cancel`], and ends in
@@ -62,12 +62,12 @@
 
 //! # Features
 //!
-//! | feature | what it is |
+//! | feature | contents |
 //! |---|---|
-//! | `cli` (default) | the program `terrane`, with all of the others |
+//! | `cli` (default) | the program `terrane`, with all other features |
 //! | `lidar` | operations on point clouds: meshes, grids, files of points |
-//! | `tiles` | terrain tiles, and their proofs; with `lidar` |
-//! | `viewer` | pictures, pages, and what is known of data |
+//! | `tiles` | terrain tiles and their verification; includes `lidar` |
+//! | `viewer` | pictures, pages, and properties of data |
 
 #[cfg(feature = "cli")]
 mod cli;

@@ -1,4 +1,4 @@
-//! The `terrane` binary: the command line, which the library has.
+//! The `terrane` binary: calls the command line of the library.
 
 fn main() -> std::process::ExitCode {
     terrane::command_line(std::env::args_os())

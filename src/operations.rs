@@ -1,4 +1,4 @@
-//! All operations. A new one is a file with its options and its work, and a line here.
+//! All operations. A new one is a file with its options and code, and a line here.
 
 use terrane_engine::operation::AnyOperation;
 #[cfg(feature = "lidar")]

@@ -2,7 +2,7 @@
 
 use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{report, text};
-use terrane_lidar::grid::{self, GridReport};
+use terrane_lidar::grid::GridReport;
 
 impl Summarize for GridReport {
     fn summary(&self) -> String {
@@ -26,8 +26,8 @@ impl Summarize for GridReport {
             "file",
             format!("{}, {}, {}", text::bytes(self.output_bytes), self.format, self.sample_type),
         ));
-        let stage = |s: &grid::GridStage| format!("{} {}", s.name, text::seconds(s.seconds));
-        let stages = self.stages.iter().map(stage).collect::<Vec<_>>().join(", ");
+        let stages = self.stages.iter().map(|s| format!("{} {}", s.name, text::seconds(s.seconds)));
+        let stages = stages.collect::<Vec<_>>().join(", ");
         let rate = text::rate(self.points_per_second, "points");
         rows.extend(report::took(&self.run, Some(rate), &stages));
         rows.extend(report::notes(&self.notes));
@@ -59,14 +59,17 @@ fn points(r: &GridReport) -> String {
 }
 
 fn bands(r: &GridReport) -> String {
-    let share = |valid: u64| text::percent(valid as f64 / r.cells.max(1) as f64);
-    let band = |b: &grid::GridBandReport| format!("{} ({} of the cells)", b.name, share(b.valid));
-    r.bands.iter().map(band).collect::<Vec<_>>().join(", ")
+    let bands = r.bands.iter().map(|band| {
+        let share = band.valid as f64 / r.cells.max(1) as f64;
+        format!("{} ({} of the cells)", band.name, text::percent(share))
+    });
+    bands.collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use terrane_lidar::grid::GridBandReport;
 
     #[test]
     fn a_summary_tells_what_became_of_the_points() {
@@ -74,7 +77,7 @@ mod tests {
         report.points =
             terrane_cloud::ReturnCounts { read: 1234, kept: 1200, withheld: 34, ..report.points };
         report.outside_grid = 7;
-        report.bands = vec![grid::GridBandReport { name: "mean".into(), valid: 5 }];
+        report.bands = vec![GridBandReport { name: "mean".into(), valid: 5 }];
         report.cells = 10;
         (report.run.spilled_bytes, report.run.peak_memory) = (Some(2048), Some(1));
         let told = report.summary();

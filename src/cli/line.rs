@@ -109,11 +109,11 @@ fn run(args: &SimplifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     check_report(&job, args.report.as_deref(), &[names, read_beside(options)?].concat())?;
     let report = terrane_simplify::run(&job, args.show.progress().as_ref(), cancel)?;
     stdout.as_ref().map_or(Ok(()), pipes::StdoutFile::pour)?;
-    let told = report::WithSkipped { report: &report, skipped: &skipped };
+    let with_skipped = report::WithSkipped { report: &report, skipped: &skipped };
     if let Some(path) = &args.report {
-        report::write(path, options.file.replacing.overwrite, &told)?;
+        report::write(path, options.file.replacing.overwrite, &with_skipped)?;
     }
-    args.show.with_pipe(stdout.is_some()).print(&told, || summary(&report))?;
+    args.show.with_pipe(stdout.is_some()).print(&with_skipped, || summary(&report))?;
     Ok(VerbOutcome::Kept)
 }
 
@@ -124,13 +124,13 @@ fn check_files(
     output: &Path,
     report: Option<&Path>,
 ) -> Result<()> {
-    let beside = read_beside(options)?;
-    check::check_sidecars(&beside)?;
+    let auxiliary = read_beside(options)?;
+    check::check_sidecars(&auxiliary)?;
     let outputs: Vec<&Path> = std::iter::once(output).chain(options.hierarchy.as_deref()).collect();
-    check::not_among(&[input, &beside].concat(), &outputs)?;
+    check::not_among(&[input, &auxiliary].concat(), &outputs)?;
     if let Some(report) = report {
         check::new_file(report, options.file.replacing.overwrite)?;
-        check::not_among(&beside, &[report])?;
+        check::not_among(&auxiliary, &[report])?;
     }
     match options.hierarchy.as_deref().filter(|path| !path.exists()) {
         Some(hierarchy) => check::new_file(hierarchy, false),
@@ -169,7 +169,7 @@ fn summary(r: &LineReport) -> String {
         rows.push(("topology", format!("{arcs} arcs, {refined} pieces refined")));
         rows.push(("crossings", format!("{found} in the input")));
     }
-    rows.extend(r.hierarchy.as_ref().map(|own| ("hierarchy", hierarchy(own))));
+    rows.extend(r.hierarchy.as_ref().map(|report| ("hierarchy", hierarchy(report))));
     rows.push(("files", format!("{}, {}", text::bytes(r.output_bytes), r.outputs.join(", "))));
     rows.extend(report::transformed(r.transformed.as_ref()));
     rows.extend(report::took(&r.run, None, ""));
@@ -178,8 +178,8 @@ fn summary(r: &LineReport) -> String {
 }
 
 /// Summary of a hierarchy file.
-fn hierarchy(own: &HierarchyReport) -> String {
-    let done = if own.made { "made" } else { "checked" };
-    let [prepared, asked] = [own.prepare_seconds, own.query_seconds].map(text::seconds);
-    format!("{}, {}, {done} in {prepared}, queried in {asked}", own.file, text::bytes(own.bytes))
+fn hierarchy(r: &HierarchyReport) -> String {
+    let done = if r.made { "made" } else { "checked" };
+    let [prepared, queried] = [r.prepare_seconds, r.query_seconds].map(text::seconds);
+    format!("{}, {}, {done} in {prepared}, queried in {queried}", r.file, text::bytes(r.bytes))
 }

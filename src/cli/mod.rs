@@ -99,7 +99,7 @@ fn command_of(verbs: &[VerbEntry]) -> Command {
 }
 
 /// The command line with only the given verb: options of all verbs take a millisecond and a megabyte.
-/// The whole one, where no verb comes first.
+/// With all verbs if the command line does not start with one.
 fn command_for(args: &[OsString]) -> Command {
     let first = args.get(1).and_then(|word| VERBS.iter().position(|verb| verb.is_called(word)));
     command_of(first.map_or(VERBS, |place| &VERBS[place..=place]))
@@ -108,11 +108,11 @@ fn command_for(args: &[OsString]) -> Command {
 /// The requested verb with its arguments.
 fn parse(args: &[OsString], command: Command) -> Result<Job, clap::Error> {
     let matches = command.try_get_matches_from(args)?;
-    let asked = matches.subcommand().and_then(|(name, found)| {
+    let verb = matches.subcommand().and_then(|(name, found)| {
         VERBS.iter().find(|verb| verb.name == name).map(|verb| (verb.parse)(found))
     });
-    // Clap has asked for one of the verbs already.
-    asked.unwrap_or_else(|| Err(clap::Error::new(clap::error::ErrorKind::MissingSubcommand)))
+    // Clap rejects unknown verbs before.
+    verb.unwrap_or_else(|| Err(clap::Error::new(clap::error::ErrorKind::MissingSubcommand)))
 }
 
 /// Runs the command line and returns the process exit code.

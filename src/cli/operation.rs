@@ -59,7 +59,8 @@ pub(super) trait OperationInput: InputOptions {
 
 /// Files selected by inputs without stdin, for the given options.
 pub(super) fn take<O: HasGroup<I> + HasGroup<Resources>, I: OperationInput>(
-    (options, given): (&mut O, &[&'static str]),
+    options: &mut O,
+    given: &[&'static str],
     input: Vec<String>,
     many: &InputSelection,
 ) -> Result<ReadableFiles> {
@@ -67,9 +68,9 @@ pub(super) fn take<O: HasGroup<I> + HasGroup<Resources>, I: OperationInput>(
     let opening = opening.of_colours(given.contains(&"bands"));
     let input = many.find(&input, opening.kind())?;
     input.iter().try_for_each(|name| I::check(name, many, given))?;
-    let sifted = many.check_files(input, opening.kind(), options.part())?;
+    let readable = many.check_files(input, opening.kind(), options.part())?;
     skip_bad::<I>(options, many);
-    Ok(sifted)
+    Ok(readable)
 }
 
 /// Tolerates damage if bad files are skipped.
@@ -247,8 +248,8 @@ impl<O: Operation<Input: OperationInput, Report: Summarize> + HasGroup<Replacing
             Writes::Mesh => vec![lists::meshes()],
             Writes::Tiles | Writes::Points | Writes::Picture | Writes::Page => Vec::new(),
         };
-        let own = lists::of_options(O::TABLE).collect();
-        [O::Input::lists(), own, written, vec![lists::EXIT_CODES.to_owned()]].concat()
+        let of_options = lists::of_options(O::TABLE).collect();
+        [O::Input::lists(), of_options, written, vec![lists::EXIT_CODES.to_owned()]].concat()
     }
 
     fn names(&mut self) -> Option<(&mut Vec<String>, &mut PathBuf)> {
@@ -294,11 +295,11 @@ where
     O: Operation<Input: OperationInput, Report: Summarize> + HasGroup<Replacing>,
 {
     let made = make(&mut options, &frame, call)?;
-    let told = report::WithSkipped { report: &made.report, skipped: &made.skipped };
+    let report = report::WithSkipped { report: &made.report, skipped: &made.skipped };
     if let Some(path) = frame.report {
-        report::write(path, is_replacing(&options), &told)?;
+        report::write(path, is_replacing(&options), &report)?;
     }
-    frame.show.with_pipe(made.is_poured).print(&told, || made.report.summary())?;
+    frame.show.with_pipe(made.is_poured).print(&report, || made.report.summary())?;
     Ok(VerbOutcome::Kept)
 }
 
@@ -410,16 +411,14 @@ fn take_positional<O: Operation>(options: &mut O, input: &mut Vec<String>) -> Re
 
 /// Required alternatives of options, for the usage line.
 pub(super) fn needed(table: &'static OptionTable) -> String {
-    let argument = |name: &&str| {
-        let field = table.find(name);
-        let value = field.and_then(|field| field.value).unwrap_or("VALUE");
-        format!("--{} <{value}>", name.replace('_', "-"))
-    };
     let rules = table.rules().into_iter();
     rules.fold(String::new(), |text, rule| match rule {
         OptionRule::OneOf(names, _) => {
-            let names: Vec<String> = names.iter().map(argument).collect();
-            format!("{text}<{}> ", names.join("|"))
+            let arguments = names.iter().map(|name| {
+                let value = table.find(name).and_then(|field| field.value).unwrap_or("VALUE");
+                format!("--{} <{value}>", name.replace('_', "-"))
+            });
+            format!("{text}<{}> ", arguments.collect::<Vec<_>>().join("|"))
         }
         OptionRule::NotWith(..) | OptionRule::Needs(..) => text,
     })
@@ -436,12 +435,12 @@ fn check_files<O: Operation + HasGroup<Replacing>>(
     check::check_sidecars(&read_beside(options)?)?;
     let workdir = named(options, "workdir").map(|name| path_of(&name).into_owned());
     // An existing output may belong to an earlier run in the folder.
-    let goes_on = workdir.as_ref().is_some_and(|folder| folder.exists());
+    let resumes = workdir.as_ref().is_some_and(|folder| folder.exists());
     let outputs: Vec<&Path> = std::iter::once(output).chain(workdir.as_deref()).collect();
     check::not_among(files, &outputs)?;
     match options.is_folder() {
         true => check::folder(output)?,
-        false => check::new_file(output, overwrite || goes_on)?,
+        false => check::new_file(output, overwrite || resumes)?,
     }
     check::report(report, files, &outputs, overwrite)
 }

@@ -16,19 +16,19 @@ const MANY: usize = 4;
 fn verbs() -> Vec<(String, Command)> {
     let mut command = super::command();
     command.build();
-    let mut found = Vec::new();
+    let mut verbs = Vec::new();
     for verb in
         command.get_subcommands().filter(|verb| verb.get_name() != "help" && !verb.is_hide_set())
     {
         let name = verb.get_name().to_owned();
         let below: Vec<_> = verb.get_subcommands().filter(|c| c.get_name() != "help").collect();
         if below.is_empty() {
-            found.push((name.clone(), verb.clone()));
+            verbs.push((name.clone(), verb.clone()));
         }
-        found.extend(below.iter().map(|c| (format!("{name} {}", c.get_name()), (*c).clone())));
+        verbs.extend(below.iter().map(|c| (format!("{name} {}", c.get_name()), (*c).clone())));
     }
-    found.sort_by(|(a, _), (b, _)| a.cmp(b));
-    found
+    verbs.sort_by(|(a, _), (b, _)| a.cmp(b));
+    verbs
 }
 
 fn verbs_page() -> String {
@@ -83,8 +83,8 @@ fn table(what: &str, rows: impl Iterator<Item = String>) -> String {
 }
 
 fn options(verb: &Command) -> impl Iterator<Item = &Arg> {
-    let own = |arg: &&Arg| !["help", "version"].contains(&arg.get_id().as_str());
-    verb.get_arguments().filter(|arg| !arg.is_positional() && !arg.is_hide_set()).filter(own)
+    let options = verb.get_arguments().filter(|arg| !arg.is_positional() && !arg.is_hide_set());
+    options.filter(|arg| !["help", "version"].contains(&arg.get_id().as_str()))
 }
 
 /// `| option | means |`.
@@ -111,13 +111,13 @@ fn meaning(arg: &Arg) -> String {
         return text;
     }
     let values: Vec<_> = arg.get_possible_values();
-    let told = values.iter().filter(|v| !v.is_hide_set()).map(|v| match v.get_help() {
+    let values = values.iter().filter(|v| !v.is_hide_set()).map(|v| match v.get_help() {
         Some(help) => format!("`{}`: {}", v.get_name(), escaped(&help.to_string())),
         None => format!("`{}`", v.get_name()),
     });
-    let told: Vec<_> = told.collect();
-    if !told.is_empty() {
-        write!(text, ". {}", told.join("; ")).unwrap();
+    let values: Vec<_> = values.collect();
+    if !values.is_empty() {
+        write!(text, ". {}", values.join("; ")).unwrap();
     }
     let default: Vec<_> = arg.get_default_values().iter().map(|v| v.to_string_lossy()).collect();
     if !default.is_empty() {
@@ -132,12 +132,12 @@ fn meaning(arg: &Arg) -> String {
 fn names_page() -> String {
     let mut page = format!("# Names\n\n<!-- Written by the code: {RENEW} -->\n");
     page += "\nNames of formats, statistics, methods, terrain characters and parameters.\n";
-    let mut told = BTreeSet::new();
+    let mut titles = BTreeSet::new();
     for (_, verb) in verbs() {
         let lists = verb.get_after_help().map(ToString::to_string).unwrap_or_default();
-        for list in lists.split("\n\n").filter_map(|list| list.split_once(":\n")) {
-            if told.insert(list.0.to_owned()) {
-                page += &listed(list);
+        for (title, rows) in lists.split("\n\n").filter_map(|list| list.split_once(":\n")) {
+            if titles.insert(title.to_owned()) {
+                page += &listed(title, rows);
             }
         }
     }
@@ -145,16 +145,16 @@ fn names_page() -> String {
 }
 
 /// A help list as a table; its columns are two spaces apart.
-fn listed((title, rows): (&str, &str)) -> String {
+fn listed(title: &str, rows: &str) -> String {
     let rows = rows.lines().map(|row| row.split("  ").map(str::trim).filter(|c| !c.is_empty()));
     let rows: Vec<Vec<&str>> = rows.map(Iterator::collect).collect();
     let has_middle = rows.iter().any(|row| row.len() > 2);
-    let row = |row: &Vec<&str>| {
+    let rows = rows.iter().map(|row| {
         let middle = if row.len() > 2 { escaped(row[1]) } else { String::new() };
         let middle = if has_middle { format!(" {middle} |") } else { String::new() };
         format!("| `{}` |{middle} {} |", row[0], escaped(row[row.len() - 1]))
-    };
-    let rows: Vec<_> = rows.iter().map(row).collect();
+    });
+    let rows: Vec<_> = rows.collect();
     let head =
         if has_middle { "| name | | what |\n|---|---|---|" } else { "| name | what |\n|---|---|" };
     let title = title.split(", ").next().unwrap_or(title);

@@ -24,9 +24,9 @@ fn listen(on_signal: impl Fn() + Send + 'static) {
     // If ignored signals are unknown, SIGHUP is left to the system.
     let known: &[i32] =
         if ignored.is_some() { &[SIGINT, SIGTERM, SIGHUP] } else { &[SIGINT, SIGTERM] };
-    let is_wanted = |&&signal: &&i32| ignored.unwrap_or(0) >> (signal - 1) & 1 == 0;
-    let wanted: Vec<i32> = known.iter().filter(is_wanted).copied().collect();
-    if let Ok(mut signals) = signal_hook::iterator::Signals::new(wanted) {
+    let ignored = ignored.unwrap_or(0);
+    let handled = known.iter().filter(|signal| ignored >> (**signal - 1) & 1 == 0);
+    if let Ok(mut signals) = signal_hook::iterator::Signals::new(handled) {
         std::thread::spawn(move || signals.forever().for_each(|_| on_signal()));
     }
 }

@@ -9,7 +9,7 @@ use crate::cli::shared::union::{InputKindOptions, InputKinds, InputUnion};
 use crate::cli::shared::verb::{Verb, VerbCall};
 use crate::cli::shared::{VerbOutcome, args, batch, lists, names, report, text};
 use terrane_base::error::Result;
-use terrane_tiles::{CloudTilesOptions, TilesOptions, TilesReport};
+use terrane_tiles::{CloudTilesOptions, TileLevelReport, TilesOptions, TilesReport};
 
 /// Make terrain tiles of a grid or a point cloud for globe viewers, at every level of detail
 ///
@@ -96,17 +96,18 @@ impl Summarize for TilesReport {
         rows.extend(report::took(&self.run, None, ""));
         rows.extend(report::notes(&self.notes));
         let heading = "level     tiles  triangles       bytes   error, m  allowed, m";
-        let level = |l: &terrane_tiles::TileLevelReport| {
-            format!(
-                "{:>5} {:>9} {:>10} {:>11} {:>10.3} {:>11.3}",
-                l.level, l.tiles, l.triangles, l.bytes, l.error, l.tolerance
-            )
-        };
         let sets = self.levels.chunk_by(|a, b| a.format == b.format).map(|of_set| {
-            let levels: Vec<String> = of_set.iter().map(level).collect();
+            let levels: Vec<String> = of_set.iter().map(level_row).collect();
             format!("{}\n{heading}\n{}", of_set[0].format, levels.join("\n"))
         });
         let sets: Vec<String> = sets.collect();
         format!("{} -> {}\n{}\n{}", self.input, self.output, text::table(&rows), sets.join("\n"))
     }
+}
+
+fn level_row(l: &TileLevelReport) -> String {
+    format!(
+        "{:>5} {:>9} {:>10} {:>11} {:>10.3} {:>11.3}",
+        l.level, l.tiles, l.triangles, l.bytes, l.error, l.tolerance
+    )
 }

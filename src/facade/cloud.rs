@@ -24,7 +24,7 @@ pub struct Cloud {
     pub(super) reading: CloudInput,
     info: CloudInfo,
     /// Releases memory when the last copy is dropped.
-    held: Option<Arc<InMemoryCloud>>,
+    memory: Option<Arc<InMemoryCloud>>,
 }
 
 /// Opens a point cloud: LAS, LAZ, COPC or text, or a synthetic one by name. Several files (a `Vec<String>`), a
@@ -98,9 +98,9 @@ pub fn open_points(
     marks: Option<&[PointFlags]>,
     crs: Crs,
 ) -> Result<Cloud> {
-    let held = InMemoryCloud::new(positions, marks, crs)?;
-    let cloud = Cloud::open(vec![held.name().to_owned()], CloudInput::default())?;
-    Ok(Cloud { held: Some(Arc::new(held)), ..cloud })
+    let memory = InMemoryCloud::new(positions, marks, crs)?;
+    let cloud = Cloud::open(vec![memory.name().to_owned()], CloudInput::default())?;
+    Ok(Cloud { memory: Some(Arc::new(memory)), ..cloud })
 }
 
 impl Cloud {
@@ -109,7 +109,7 @@ impl Cloud {
         // Jobs report what they do not support.
         let any = CloudOpenOptions { any_extent: true, ..options };
         let info = cloud::source(&inputs, &any)?.info().clone();
-        Ok(Self { inputs, reading, info, held: None })
+        Ok(Self { inputs, reading, info, memory: None })
     }
 
     /// The same point cloud with other input options (bounds, polygons, classes, a condition and others), which
@@ -129,8 +129,8 @@ impl Cloud {
     /// # }
     /// ```
     pub fn read_as(self, reading: CloudInput) -> Result<Self> {
-        let Self { inputs, held, .. } = self;
-        Ok(Self { held, ..Self::open(inputs, reading)? })
+        let Self { inputs, memory, .. } = self;
+        Ok(Self { memory, ..Self::open(inputs, reading)? })
     }
 
     /// The points inside the polygons of a vector file.
@@ -145,7 +145,7 @@ impl Cloud {
     /// let (areas, path) = (folder.path().join("areas.wkt"), folder.path().join("count.tif"));
     /// std::fs::write(&areas, "POLYGON ((500000 4750000, 500010 4750000, 500010 4750010, 500000 4750010))").unwrap();
     /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=7")?.clip(&areas);
-    /// assert!(cloud.is_err()); // which system that is, is not said
+    /// assert!(cloud.is_err()); // the polygons lack a CRS
     /// std::fs::write(areas.with_extension("prj"), "EPSG:32631").unwrap();
     /// let cloud = terrane::open_cloud("synth:cloud,size=60,density=2,seed=7")?.clip(&areas)?;
     /// let made = cloud.grid(10.0).stat("count").write(&path)?;

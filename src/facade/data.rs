@@ -20,8 +20,8 @@ use terrane_raster::Inputs;
 /// let dem = terrane::open("synth:smooth,size=129,seed=7")?;
 /// let slope = terrane::OPERATIONS.iter().find(|operation| operation.name == "slope").unwrap();
 /// let options = serde_json::json!({ "percent": true, "threads": 1 });
-/// let at: (&dyn terrane::Progress, _) = (&terrane::Silent, &terrane::Cancel::default());
-/// let report = dem.run(slope, &path, options.as_object().unwrap(), at)?;
+/// let (options, cancel) = (options.as_object().unwrap(), terrane::Cancel::default());
+/// let report = dem.run(slope, &path, options, &terrane::Silent, &cancel)?;
 /// assert_eq!(report["width"], 129);
 /// # Ok(())
 /// # }
@@ -42,7 +42,8 @@ pub trait Data {
         operation: &AnyOperation,
         output: &Path,
         options: &Map<String, Json>,
-        (progress, cancel): (&dyn Progress, &Cancel),
+        progress: &dyn Progress,
+        cancel: &Cancel,
     ) -> Result<Json> {
         let (inputs, reading) = (&self.inputs(), self.reading());
         let request =
@@ -60,7 +61,8 @@ pub trait Data {
         folder: &Path,
         options: &Map<String, Json>,
         task_size: Option<u32>,
-        (progress, cancel): (&dyn Progress, &Cancel),
+        progress: &dyn Progress,
+        cancel: &Cancel,
     ) -> Result<Plan> {
         let (inputs, reading) = (&self.inputs(), self.reading());
         let request = RunRequest {

@@ -37,7 +37,7 @@ pub struct Grid {
     pub(super) reading: GridInput,
     source: Box<dyn GridSource>,
     /// Releases memory when the last copy is dropped.
-    held: Option<Arc<InMemoryGrid>>,
+    memory: Option<Arc<InMemoryGrid>>,
 }
 
 /// Opens a grid of heights: a GeoTIFF, SRTM, ASCII, DTED, NumPy or any other
@@ -85,16 +85,16 @@ pub fn open(input: impl Into<Inputs>) -> Result<Grid> {
 /// # }
 /// ```
 pub fn open_array(grid: ArrayGrid<'static>) -> Result<Grid> {
-    let held = InMemoryGrid::new(grid);
-    let inputs = Inputs::labelled(vec![held.name().to_owned()], "array".to_owned());
+    let memory = InMemoryGrid::new(grid);
+    let inputs = Inputs::labelled(vec![memory.name().to_owned()], "array".to_owned());
     let grid = Grid::open(inputs, GridInput::default())?;
-    Ok(Grid { held: Some(Arc::new(held)), ..grid })
+    Ok(Grid { memory: Some(Arc::new(memory)), ..grid })
 }
 
 impl Grid {
     fn open(inputs: Inputs, reading: GridInput) -> Result<Self> {
-        let usual = GridOpenOptions::default().cache_bytes;
-        let options = reading.options(&Resources::default(), usual)?;
+        let cache_bytes = GridOpenOptions::default().cache_bytes;
+        let options = reading.options(&Resources::default(), cache_bytes)?;
         let source = match raster::open_all(inputs.names(), &options) {
             // A block is larger than the default cache.
             Err(error) if error.kind() == ErrorKind::Resource => {
@@ -104,14 +104,14 @@ impl Grid {
             }
             opened => opened?,
         };
-        Ok(Self { inputs, reading, source, held: None })
+        Ok(Self { inputs, reading, source, memory: None })
     }
 
     /// The same grid with other input options.
     fn read_as(self, change: impl FnOnce(&mut GridInput)) -> Result<Self> {
-        let Self { inputs, held, mut reading, .. } = self;
+        let Self { inputs, memory, mut reading, .. } = self;
         change(&mut reading);
-        Ok(Self { held, ..Self::open(inputs, reading)? })
+        Ok(Self { memory, ..Self::open(inputs, reading)? })
     }
 
     /// Selects another band of the files, counted from 1.

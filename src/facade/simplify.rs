@@ -127,19 +127,19 @@ impl<C: Coordinates> Simplify<'_, C> {
     pub fn indices(&self) -> Vec<usize> {
         let keeps_all = self.tolerance.is_nan() || self.tolerance < 0.0;
         let is_finite = self.coords.iter().all(sealed::SealedCoordinates::is_finite);
-        let different = self.coords.len() - usize::from(self.is_ring && !self.coords.is_empty());
-        let is_too_long = self.is_ring && self.coords.len() > MOST;
+        let distinct = self.coords.len() - usize::from(self.is_ring && !self.coords.is_empty());
+        let is_too_long = self.is_ring && self.coords.len() > MAX_VERTICES;
         if keeps_all || is_too_long || (self.is_ring && !is_finite) {
-            return (0..different).collect();
+            return (0..distinct).collect();
         }
-        let mut kept = Vec::new();
+        let mut indices = Vec::new();
         match self.is_ring {
-            true => kept.extend(self.of_ring(&mut SimplifyScratch::default())),
-            false => {
-                self.each_run(|from, found| kept.extend(found.iter().map(|i| from + *i as usize)))
-            }
+            true => indices.extend(self.of_ring(&mut SimplifyScratch::default())),
+            false => self.each_run(|from, kept| {
+                indices.extend(kept.iter().map(|index| from + *index as usize));
+            }),
         }
-        kept
+        indices
     }
 
     /// The kept vertices.
@@ -154,9 +154,9 @@ impl<C: Coordinates> Simplify<'_, C> {
     fn each_run(&self, mut each: impl FnMut(usize, &[u32])) {
         let (mut scratch, mut kept) = (SimplifyScratch::default(), Vec::new());
         let run = C::run(self.method.entry());
-        let same = |a: &C, b: &C| a.is_finite() == b.is_finite();
         let mut from = 0;
-        for piece in self.coords.chunk_by(same).flat_map(|run| run.chunks(MOST)) {
+        let runs = self.coords.chunk_by(|a, b| a.is_finite() == b.is_finite());
+        for piece in runs.flat_map(|run| run.chunks(MAX_VERTICES)) {
             kept.clear();
             match piece[0].is_finite() {
                 true => run(&C::METRIC, piece, self.tolerance, &mut scratch, &mut kept),
@@ -175,16 +175,13 @@ impl<C: Coordinates> Simplify<'_, C> {
                 ring::visvalingam(&C::METRIC, self.coords, tolerance, weight, &mut kept);
             }
             None => {
-                let choose = |points: &[C], scratch: &mut SimplifyScratch, kept: &mut Vec<u32>| {
-                    run(&C::METRIC, points, tolerance, scratch, kept);
-                };
                 let can_move = !method.splits;
                 ring::simplify(
                     &C::METRIC,
                     self.coords,
                     tolerance,
                     can_move,
-                    choose,
+                    |points, scratch, kept| run(&C::METRIC, points, tolerance, scratch, kept),
                     scratch,
                     &mut kept,
                 );
@@ -194,8 +191,8 @@ impl<C: Coordinates> Simplify<'_, C> {
     }
 }
 
-/// Largest number of vertices of a run (32-bit indices).
-const MOST: usize = 1 << 31;
+/// Maximum number of vertices of a run (32-bit indices).
+const MAX_VERTICES: usize = 1 << 31;
 
 #[cfg(test)]
 mod tests {

@@ -1,6 +1,7 @@
 //! Interpolation of heights on a mesh.
 
 use std::cmp::Ordering;
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use terrane_base::geom::plane::orient;
@@ -55,14 +56,16 @@ impl Surface {
 
     fn filled(mut self) -> Self {
         let mut starts = vec![0; self.size[0] * self.size[1] + 1];
-        let all = || self.tin.triangles().iter().map(|triangle| self.cells_of(triangle));
-        all().flatten().for_each(|cell| starts[cell + 1] += 1);
+        // Two passes: counts give the starts of all lists in one array.
+        for cell in self.tin.triangles().iter().flat_map(|triangle| self.cells_of(triangle)) {
+            starts[cell + 1] += 1;
+        }
         for cell in 1..starts.len() {
             starts[cell] += starts[cell - 1];
         }
         let (mut next, mut listed) = (starts.clone(), vec![0; starts[starts.len() - 1]]);
-        for (number, cells) in (0..).zip(all()) {
-            for cell in cells {
+        for (number, triangle) in (0..).zip(self.tin.triangles()) {
+            for cell in self.cells_of(triangle) {
                 listed[next[cell]] = number;
                 next[cell] += 1;
             }
@@ -98,50 +101,60 @@ impl Surface {
 
     /// Cell of a position within the bounds of the mesh.
     fn cell_at(&self, place: [f64; 2]) -> Option<[usize; 2]> {
-        let along = |axis: usize| {
-            let cells = (place[axis] - self.low[axis]) / self.cell[axis];
-            // Cells of a mesh without triangles have no size.
-            let inside = cells >= 0.0 && cells <= self.size[axis] as f64 * (1.0 + f64::EPSILON);
-            inside.then(|| (cells as usize).min(self.size[axis] - 1))
-        };
-        Some([along(0)?, along(1)?])
+        Some([self.index_at(0, place[0])?, self.index_at(1, place[1])?])
+    }
+
+    /// Column (axis 0) or row (axis 1) of a coordinate.
+    #[inline]
+    fn index_at(&self, axis: usize, coordinate: f64) -> Option<usize> {
+        let cells = (coordinate - self.low[axis]) / self.cell[axis];
+        // Cells of a mesh without triangles have no size.
+        let inside = cells >= 0.0 && cells <= self.size[axis] as f64 * (1.0 + f64::EPSILON);
+        inside.then(|| (cells as usize).min(self.size[axis] - 1))
     }
 
     /// Cells that the bounding box of a triangle touches. Positions use the same monotone arithmetic, so a
     /// position in the box is in one of these cells.
     fn cells_of(&self, triangle: &[u32; 3]) -> impl Iterator<Item = usize> + use<> {
         let corners = self.corners(triangle);
-        let range = |axis: usize| {
-            let cells = corners.map(|corner| (corner[axis] - self.low[axis]) / self.cell[axis]);
-            let within = |cell: f64| (cell.max(0.0) as usize).min(self.size[axis] - 1);
-            let [low, high] = [f64::min, f64::max]
-                .map(|pick: fn(f64, f64) -> f64| within(pick(pick(cells[0], cells[1]), cells[2])));
-            low..=high
-        };
-        let (cols, rows, width) = (range(0), range(1), self.size[0]);
+        let [cols, rows] = [0, 1].map(|axis| self.range(axis, corners.map(|corner| corner[axis])));
+        let width = self.size[0];
         rows.flat_map(move |row| cols.clone().map(move |col| row * width + col))
+    }
+
+    /// Columns or rows from the lowest to the highest of three coordinates.
+    fn range(&self, axis: usize, coordinates: [f64; 3]) -> RangeInclusive<usize> {
+        let [a, b, c] = coordinates.map(|value| (value - self.low[axis]) / self.cell[axis]);
+        let [low, high] = [a.min(b).min(c), a.max(b).max(c)]
+            .map(|cells| (cells.max(0.0) as usize).min(self.size[axis] - 1));
+        low..=high
     }
 }
 
 /// Height of a counter-clockwise triangle at a position in it or on its border.
 fn height_in(corners: [[f64; 3]; 3], place: [f64; 2]) -> Option<f64> {
     let [a, b, c] = corners.map(|[x, y, _]| [x, y]);
-    let is_right = |from, to| orient(from, to, place) == Ordering::Less;
-    if is_right(a, b) || is_right(b, c) || is_right(c, a) {
+    if [(a, b), (b, c), (c, a)].iter().any(|(p, q)| orient(*p, *q, place) == Ordering::Less) {
         return None;
     }
-    let cross = |from: [f64; 2], to: [f64; 2]| from[0] * to[1] - from[1] * to[0];
-    let beside = |corner: [f64; 2]| [corner[0] - a[0], corner[1] - a[1]];
-    let (ab, ac, ap) = (beside(b), beside(c), beside(place));
-    let whole = cross(ab, ac);
-    let (of_b, of_c) = (cross(ap, ac) / whole, cross(ab, ap) / whole);
-    let parts = [1.0 - of_b - of_c, of_b, of_c];
+    let [ab, ac, ap] = [b, c, place].map(|point| [point[0] - a[0], point[1] - a[1]]);
+    let area = cross(ab, ac);
+    let (of_b, of_c) = (cross(ap, ac) / area, cross(ab, ap) / area);
+    let weights = [1.0 - of_b - of_c, of_b, of_c];
     // From the corner with the largest weight: exact at corners, and where all heights are equal.
-    let most =
-        if parts[0] >= parts[1].max(parts[2]) { 0 } else { 1 + usize::from(parts[2] > parts[1]) };
-    let base = corners[most][2];
-    let more = |corner: usize| (corners[corner][2] - base) * parts[corner];
-    Some(base + (more((most + 1) % 3) + more((most + 2) % 3)))
+    let nearest = match weights[0] >= weights[1].max(weights[2]) {
+        true => 0,
+        false => 1 + usize::from(weights[2] > weights[1]),
+    };
+    let base = corners[nearest][2];
+    let [next, last] = [(nearest + 1) % 3, (nearest + 2) % 3]
+        .map(|corner| (corners[corner][2] - base) * weights[corner]);
+    Some(base + (next + last))
+}
+
+#[inline]
+fn cross(u: [f64; 2], v: [f64; 2]) -> f64 {
+    u[0] * v[1] - u[1] * v[0]
 }
 
 #[cfg(test)]

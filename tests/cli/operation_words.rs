@@ -1,7 +1,7 @@
 //! What is told of values and names that are given, at each door.
 
 use serde_json::{Value as Json, json};
-use terrane::{Cancel, Data, OPERATIONS, Progress, Silent};
+use terrane::{Cancel, Data, OPERATIONS, Silent};
 
 use crate::operations::{TERRAIN, lines, place, verb};
 
@@ -46,8 +46,8 @@ fn names_that_are_none_suggest_the_nearest() {
     let slope = OPERATIONS.iter().find(|operation| operation.name == "slope").unwrap();
     let given = json!({ "percnt": true });
     let given = given.as_object().unwrap();
-    let at: (&dyn Progress, _) = (&Silent, &Cancel::default());
-    let error = grid.run(slope, &place_of("a.tif"), given, at);
+    let cancel = &Cancel::default();
+    let error = grid.run(slope, &place_of("a.tif"), given, &Silent, cancel);
     assert!(error.unwrap_err().to_string().ends_with("did you mean ‹percent›?"));
     place.fails(&["slope", TERRAIN, "a.tif", "--percnt"], 2, &["--percent"]);
     place.fails(&["slpoe", TERRAIN, "a.tif"], 2, &["'slope'"]);
@@ -80,8 +80,8 @@ fn what_was_given_counts_whatever_its_value() {
     let given = json!({ "cell": 2, "ground": "auto" });
     let given = given.as_object().unwrap();
     let output = place.path("o.tif");
-    let at: (&dyn Progress, _) = (&Silent, &Cancel::default());
-    let error = cloud.run(grid, &output, given, at).unwrap_err();
+    let cancel = &Cancel::default();
+    let error = cloud.run(grid, &output, given, &Silent, cancel).unwrap_err();
     assert!(error.to_string().starts_with("‹ground› requires"), "{error}");
 }
 

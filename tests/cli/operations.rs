@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use serde_json::{Map, Value as Json, json};
-use terrane::{AnyOperation, Cancel, Data, OPERATIONS, Progress, Reads, Silent, Writes};
+use terrane::{AnyOperation, Cancel, Data, OPERATIONS, Reads, Silent, Writes};
 use terrane_base::frontend::Frontend;
 use terrane_options::{OptionArity, OptionField, OptionKind, OptionRole, OptionRule, texts_of};
 
@@ -325,21 +325,23 @@ fn by_library(
     output: &Path,
     options: &Map<String, Json>,
 ) -> terrane::Result<Json> {
-    let at: (&dyn Progress, _) = (&Silent, &Cancel::default());
+    let cancel = &Cancel::default();
     let path = place.path(input.trim_start_matches("cloud:"));
     match operation.reads {
         Reads::Cloud => {
             let is_text = if input.starts_with("cloud:") { "cloud:" } else { "" };
             let cloud = terrane::open_cloud(format!("{is_text}{}", path.display()))?;
-            cloud.run(operation, output, options, at)
+            cloud.run(operation, output, options, &Silent, cancel)
         }
-        Reads::Features => terrane::open_features(path)?.run(operation, output, options, at),
+        Reads::Features => {
+            terrane::open_features(path)?.run(operation, output, options, &Silent, cancel)
+        }
         Reads::Grid if input == "mesh.ply" => {
-            terrane::open_mesh(path)?.run(operation, output, options, at)
+            terrane::open_mesh(path)?.run(operation, output, options, &Silent, cancel)
         }
         Reads::Grid => {
             let name = if input == TERRAIN { input } else { path.to_str().unwrap() };
-            terrane::open(name)?.run(operation, output, options, at)
+            terrane::open(name)?.run(operation, output, options, &Silent, cancel)
         }
     }
 }

@@ -59,7 +59,7 @@ impl Run {
                 bound: self.bound,
                 strict: false,
                 drop: true,
-                fit: self.fit,
+                fit_heights: self.fit,
                 data_dependent: self.data_dependent,
                 min_angle: self
                     .min_angle

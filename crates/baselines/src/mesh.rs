@@ -190,16 +190,16 @@ impl BaselineMesh {
         }
     }
 
-    /// Replaces the triangles `gone` by `filling`; `ring` are the edges around both, in any order.
+    /// Replaces the triangles `removed` by `filling`; `ring` are the edges around both, in any order.
     /// Returns the new triangles in the order of `filling`. Time quadratic in the triangles, which are few.
     pub(crate) fn replace(
         &mut self,
-        gone: &[u32],
+        removed: &[u32],
         filling: &[[PackedSample; 3]],
         ring: &[RingEdge],
     ) -> Vec<u32> {
-        let state = self.tris[gone[0] as usize].state;
-        for &id in gone {
+        let state = self.tris[removed[0] as usize].state;
+        for &id in removed {
             self.tris[id as usize].state = TriangleState::Free;
             self.free.push(id);
         }

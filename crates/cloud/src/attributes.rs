@@ -70,22 +70,31 @@ pub(crate) fn readers(names: &[String], columns: &[PointColumn]) -> Result<Vec<A
 ///
 /// # Errors
 /// An unknown attribute; the message lists the known ones.
-pub(crate) fn reader(asked: &str, columns: &[PointColumn]) -> Result<AttributeReader> {
-    let own = |name: &str| {
-        let is_it = |own: &str| own.trim().eq_ignore_ascii_case(name.trim());
-        let common = COMMON.iter().find(|(own, _)| is_it(own)).map(|(_, reader)| reader.clone());
-        let field = || columns.iter().find(|column| is_it(&column.name)).cloned();
-        common.or_else(|| field().map(AttributeReader::Field))
-    };
-    let known = || own(attribute::known(asked.trim())?.name);
-    own(asked).or_else(known).ok_or_else(|| {
+pub(crate) fn reader(name: &str, columns: &[PointColumn]) -> Result<AttributeReader> {
+    // Names of the file come before aliases, which may hide one of them.
+    let by_name = reader_by_name(name, columns);
+    let reader = by_name.or_else(|| reader_by_name(attribute::known(name.trim())?.name, columns));
+    reader.ok_or_else(|| {
         let common = COMMON.iter().map(|(name, _)| *name);
-        let own = columns.iter().map(|column| column.name.as_str());
-        let own = own.filter(|name| COMMON.iter().all(|(common, _)| common != name));
-        let all: Vec<&str> = common.chain(own).collect();
-        Error::usage(format!("the points have no attribute \"{asked}\""))
+        let fields = columns.iter().map(|column| column.name.as_str());
+        let fields = fields.filter(|name| COMMON.iter().all(|(common, _)| common != name));
+        let all: Vec<&str> = common.chain(fields).collect();
+        Error::usage(format!("the points have no attribute \"{name}\""))
             .remedy(format!("available attributes: {}", all.join(", ")))
     })
+}
+
+/// As [`reader`], without aliases.
+fn reader_by_name(name: &str, columns: &[PointColumn]) -> Option<AttributeReader> {
+    if let Some((_, reader)) = COMMON.iter().find(|(common, _)| is_same_name(common, name)) {
+        return Some(reader.clone());
+    }
+    let column = columns.iter().find(|column| is_same_name(&column.name, name))?;
+    Some(AttributeReader::Field(column.clone()))
+}
+
+fn is_same_name(a: &str, b: &str) -> bool {
+    a.trim().eq_ignore_ascii_case(b.trim())
 }
 
 /// A batch of points with their columns.

@@ -64,14 +64,7 @@ const NEW: [(&str, usize, ColumnEncoding); 13] = [
 /// Columns of the records of a point format, except coordinates; extra bytes are last.
 pub(crate) fn columns(format: PointFormat, extra: &[PointColumn]) -> Vec<PointColumn> {
     let places = format.places();
-    let column = |(name, at, value): (&str, usize, ColumnEncoding)| PointColumn {
-        name: name.into(),
-        at,
-        value,
-        scale: None,
-        none: None,
-    };
-    let (own, source): (&[_], _) = if format.is_new() { (&NEW, 20) } else { (&OLD, 18) };
+    let (common, source): (&[_], _) = if format.is_new() { (&NEW, 20) } else { (&OLD, 18) };
     let colours = ["red", "green", "blue"].into_iter().enumerate();
     let colours = places.colour.into_iter().flat_map(|at| {
         colours.clone().map(move |(i, name)| (name, at + 2 * i, ColumnEncoding::Unsigned(2)))
@@ -81,7 +74,14 @@ pub(crate) fn columns(format: PointFormat, extra: &[PointColumn]) -> Vec<PointCo
         .chain(places.time.map(|at| (TIME, at, ColumnEncoding::Float(8))))
         .chain(colours)
         .chain(places.infrared.map(|at| ("infrared", at, ColumnEncoding::Unsigned(2))));
-    own.iter().copied().chain(more).map(column).chain(extra.iter().cloned()).collect()
+    let plain = common.iter().copied().chain(more).map(|(name, at, value)| PointColumn {
+        name: name.into(),
+        at,
+        value,
+        scale: None,
+        none: None,
+    });
+    plain.chain(extra.iter().cloned()).collect()
 }
 
 /// Formatter of records as text lines.
@@ -183,12 +183,11 @@ impl PointColumn {
 
     /// Decimal lattice of the values, for scaled integers.
     pub fn ruler(&self) -> Option<Ruler> {
-        let is_whole =
+        let is_integer =
             matches!(self.value, ColumnEncoding::Signed(_) | ColumnEncoding::Unsigned(1..8));
-        let is_ruler = |[scale, offset]: &[f64; 2]| {
-            *scale > 0.0 && scale.is_finite() && offset.is_finite() && is_whole
-        };
-        self.scale.filter(is_ruler).map(|[scale, offset]| Ruler::new(scale, offset))
+        let [scale, offset] = self.scale?;
+        let is_valid = scale > 0.0 && scale.is_finite() && offset.is_finite();
+        (is_integer && is_valid).then(|| Ruler::new(scale, offset))
     }
 
     /// Value of a record as a step of its [`ruler`](Self::ruler); NaN for nodata.

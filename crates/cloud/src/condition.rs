@@ -63,15 +63,8 @@ impl Condition {
         columns: &[PointColumn],
         frame: &PointFrame,
     ) -> Result<CompiledCondition> {
-        let source = |name: &str| {
-            if let Some(axis) = AXES.iter().position(|axis| name.eq_ignore_ascii_case(axis)) {
-                return Ok(ConditionOperand::Axis(axis, frame.ruler(axis)));
-            }
-            let found = reader(name, columns)?;
-            let ruler = found.column().and_then(PointColumn::ruler);
-            Ok(ConditionOperand::Attribute(found, ruler))
-        };
-        Ok(CompiledCondition(self.formula.resolve(source)?))
+        let formula = self.formula.resolve(|name| ConditionOperand::of(name, columns, frame))?;
+        Ok(CompiledCondition(formula))
     }
 }
 
@@ -81,6 +74,26 @@ enum ConditionOperand {
     Axis(usize, Ruler),
     /// An attribute, with its decimal lattice if it is a scaled integer.
     Attribute(AttributeReader, Option<Ruler>),
+}
+
+impl ConditionOperand {
+    /// The coordinate or attribute called `name`.
+    fn of(name: &str, columns: &[PointColumn], frame: &PointFrame) -> Result<Self> {
+        if let Some(axis) = AXES.iter().position(|axis| name.eq_ignore_ascii_case(axis)) {
+            return Ok(Self::Axis(axis, frame.ruler(axis)));
+        }
+        let reader = reader(name, columns)?;
+        let ruler = reader.column().and_then(PointColumn::ruler);
+        Ok(Self::Attribute(reader, ruler))
+    }
+
+    #[inline]
+    fn value<R: RawPoint>(&self, point: Point, raw: R, record: &[u8]) -> f64 {
+        match self {
+            Self::Axis(axis, ruler) => ruler.at([point.x, point.y, point.z][*axis].into()),
+            Self::Attribute(reader, ruler) => reader.decimal(raw, record, ruler.as_ref()),
+        }
+    }
 }
 
 /// A condition compiled for the records of one file.
@@ -93,14 +106,8 @@ impl CompiledCondition {
         thread_local! {
             static STACK: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
         }
-        let value = |source: &ConditionOperand| match source {
-            ConditionOperand::Axis(axis, ruler) => {
-                ruler.at([point.x, point.y, point.z][*axis].into())
-            }
-            ConditionOperand::Attribute(reader, ruler) => {
-                reader.decimal(raw, record, ruler.as_ref())
-            }
-        };
-        STACK.with_borrow_mut(|stack| self.0.holds(stack, value))
+        STACK.with_borrow_mut(|stack| {
+            self.0.holds(stack, |operand: &ConditionOperand| operand.value(point, raw, record))
+        })
     }
 }

@@ -16,15 +16,14 @@ pub(super) fn crs(
     files: &[CloudFile],
     given: Option<&Crs>,
 ) -> Result<(Crs, Option<String>)> {
-    let of = |file: &CloudFile| match (file.crs(), given) {
-        (crs, Some(given)) if !crs.is_named() => given.clone(),
-        (crs, _) => crs.clone(),
-    };
-    let says =
-        |crs: &Crs| crs.vertical_unit.is_some() || crs.heights() != VerticalReference::Unknown;
+    // The first file, or the first one with a vertical CRS; and the first one without.
     let (mut known, mut silent): (Option<(&str, Crs)>, Option<&str>) = (None, None);
-    for (name, other) in names.iter().zip(files.iter().map(of)) {
-        let is_silent = !says(&other);
+    for (name, file) in names.iter().zip(files) {
+        let other = match (file.crs(), given) {
+            (crs, Some(given)) if !crs.is_named() => given.clone(),
+            (crs, _) => crs.clone(),
+        };
+        let is_silent = !states_heights(&other);
         if is_silent {
             silent = silent.or(Some(name));
         }
@@ -40,12 +39,12 @@ pub(super) fn crs(
         {
             return Err(differ_in_units((first, system), (name, &other)));
         }
-        if !is_silent && !says(system) {
+        if !is_silent && !states_heights(system) {
             known = Some((name, other));
         }
     }
     let Some((name, system)) = known else { return Ok(Default::default()) };
-    let silent = silent.filter(|_| says(&system));
+    let silent = silent.filter(|_| states_heights(&system));
     let note = silent.map(|silent| {
         let (silent, name) = (shown(silent), shown(name));
         format!("{silent} has no vertical CRS; that of {name} is assumed")
@@ -64,13 +63,16 @@ fn differ(first: (&str, &Crs), other: (&str, &Crs)) -> Error {
         .remedy(remedy)
 }
 
+fn states_heights(crs: &Crs) -> bool {
+    crs.vertical_unit.is_some() || crs.heights() != VerticalReference::Unknown
+}
+
 fn differ_in_units(first: (&str, &Crs), other: (&str, &Crs)) -> Error {
-    let unit = |crs: &Crs| crs.vertical_unit.clone().unwrap_or_else(|| "unknown".to_owned());
+    let [first_unit, unit] =
+        [first.1, other.1].map(|crs| crs.vertical_unit.as_deref().unwrap_or("unknown"));
     Error::bad_input(format!(
-        "its vertical unit is {}, the vertical unit of {} is {}",
-        unit(other.1),
-        shown(first.0),
-        unit(first.1)
+        "its vertical unit is {unit}, the vertical unit of {} is {first_unit}",
+        shown(first.0)
     ))
     .in_file(&path_of(other.0))
     .remedy("convert the heights of one of them")

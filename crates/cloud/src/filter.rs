@@ -10,6 +10,7 @@ use terrane_base::error::Result;
 use terrane_base::geom::{Crs, Point, PointFrame};
 
 use super::condition::Condition;
+use super::frame::clip;
 use super::polygon::FilterPolygon;
 use super::raw::Flags;
 
@@ -107,11 +108,10 @@ impl CompiledFilter {
     pub fn new(filter: &CloudFilter, frame: &PointFrame) -> Self {
         let [west, south, east, north] = filter.area();
         let heights = filter.z_range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
-        let asked = [[west, east], [south, north], heights];
-        let clip = |step: i64| step.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
-        let limits = [0, 1, 2].map(|axis| {
-            let ruler = frame.ruler(axis);
-            [clip(ruler.first(asked[axis][0])), clip(ruler.last(asked[axis][1]))]
+        let ranges = [[west, east], [south, north], heights];
+        let limits = std::array::from_fn(|axis| {
+            let (ruler, [low, high]) = (frame.ruler(axis), ranges[axis]);
+            [clip(ruler.first(low)), clip(ruler.last(high))]
         });
         let polygon = filter.polygon.as_ref().map(|polygon| Arc::new(polygon.in_steps(frame)));
         Self { filter: filter.clone(), limits, polygon }
@@ -144,14 +144,14 @@ impl CompiledFilter {
 
     fn accepts(&self, record: &FilterRecord) -> bool {
         let (filter, Point { x, y, z }) = (&self.filter, record.point);
-        let within = |[low, high]: [i32; 2], step: i32| low <= step && step <= high;
+        let [[west, east], [south, north], [bottom, top]] = self.limits;
         filter.every.is_none_or(|n| record.index.is_multiple_of(u64::from(n.get())))
             && filter.classes.as_ref().is_none_or(|classes| classes.contains(&record.class))
             && filter.returns.is_none_or(|wanted| wanted.is(record.number, record.returns))
             && !record.flags.meets(filter.drop)
-            && within(self.limits[0], x)
-            && within(self.limits[1], y)
-            && within(self.limits[2], z)
+            && (west..=east).contains(&x)
+            && (south..=north).contains(&y)
+            && (bottom..=top).contains(&z)
             && self.polygon.as_ref().is_none_or(|polygon| polygon.contains(x.into(), y.into()))
     }
 }

@@ -36,6 +36,23 @@ pub(crate) struct LasFieldOffsets {
     pub(crate) size: usize,
 }
 
+impl LasFieldOffsets {
+    /// Whether all fields of `other` are there.
+    fn includes(&self, other: &Self) -> bool {
+        self.time.is_some() >= other.time.is_some()
+            && self.colour.is_some() >= other.colour.is_some()
+            && self.infrared.is_some() >= other.infrared.is_some()
+            && self.wave.is_some() >= other.wave.is_some()
+    }
+
+    /// Appends a field of `bytes`, if it is there; returns its offset.
+    fn append(&mut self, is_there: bool, bytes: usize) -> Option<usize> {
+        let at = self.size;
+        self.size += if is_there { bytes } else { 0 };
+        is_there.then_some(at)
+    }
+}
+
 impl PointFormat {
     /// Number of point formats.
     pub const COUNT: u8 = 11;
@@ -131,18 +148,12 @@ impl PointFormat {
     /// The first format with all fields of both; a LAS 1.4 format if one of them is.
     pub(crate) fn holding(self, other: Self) -> Self {
         let is_new = self.is_new() || other.is_new();
-        let has = |field: fn(LasFieldOffsets) -> Option<usize>| {
-            field(self.places()).is_some() || field(other.places()).is_some()
-        };
-        let fits = |format: &Self| {
-            let own = format.places();
-            format.is_new() == is_new
-                && own.time.is_some() >= has(|p| p.time)
-                && own.colour.is_some() >= has(|p| p.colour)
-                && own.infrared.is_some() >= has(|p| p.infrared)
-                && own.wave.is_some() >= has(|p| p.wave)
-        };
-        (0..Self::COUNT).map(Self).find(fits).unwrap_or(Self(10))
+        let mut formats = (0..Self::COUNT).map(Self).filter(|format| format.is_new() == is_new);
+        let common = formats.find(|format| {
+            let fields = format.places();
+            fields.includes(&self.places()) && fields.includes(&other.places())
+        });
+        common.unwrap_or(Self(10))
     }
 
     pub(crate) fn places(self) -> LasFieldOffsets {
@@ -150,17 +161,13 @@ impl PointFormat {
             size: if self.is_new() { Self::NEW } else { Self::OLD },
             ..LasFieldOffsets::default()
         };
-        let mut field = |is_there: bool, bytes: usize| {
-            let at = places.size;
-            places.size += if is_there { bytes } else { 0 };
-            is_there.then_some(at)
-        };
-        let time = field(matches!(self.0, 1 | 3..=5), TIME);
-        let colour = field(matches!(self.0, 2 | 3 | 5 | 7 | 8 | 10), COLOUR);
-        let infrared = field(matches!(self.0, 8 | 10), INFRARED);
-        let wave = field(self.has_waves(), WAVE);
-        let time = if self.is_new() { Some(Self::NEW - TIME) } else { time };
-        LasFieldOffsets { time, colour, infrared, wave, ..places }
+        let time = places.append(matches!(self.0, 1 | 3..=5), TIME);
+        // LAS 1.4 formats have the time in their fixed part.
+        places.time = if self.is_new() { Some(Self::NEW - TIME) } else { time };
+        places.colour = places.append(matches!(self.0, 2 | 3 | 5 | 7 | 8 | 10), COLOUR);
+        places.infrared = places.append(matches!(self.0, 8 | 10), INFRARED);
+        places.wave = places.append(self.has_waves(), WAVE);
+        places
     }
 }
 

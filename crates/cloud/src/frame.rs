@@ -50,16 +50,12 @@ impl ClaimedExtent {
     pub(super) fn within(&self, filter: &CloudFilter) -> Option<Self> {
         let [west, south, east, north] = filter.area();
         let [bottom, top] = filter.z_range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
-        let asked = [[west, east], [south, north], [bottom, top]];
-        let steps = |axis: usize| Ruler::new(self.scale[axis], self.offset[axis]);
-        let clip = |step: i64| step.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
-        let low = std::array::from_fn(|axis| {
-            self.low[axis].max(clip(steps(axis).first(asked[axis][0]) - 1))
-        });
-        let high = std::array::from_fn(|axis| {
-            self.high[axis].min(clip(steps(axis).last(asked[axis][1]) + 1))
-        });
-        let cut = Self { low, high, ..*self };
+        let mut cut = *self;
+        for (axis, range) in [[west, east], [south, north], [bottom, top]].iter().enumerate() {
+            let ruler = Ruler::new(self.scale[axis], self.offset[axis]);
+            cut.low[axis] = cut.low[axis].max(clip(ruler.first(range[0]) - 1));
+            cut.high[axis] = cut.high[axis].min(clip(ruler.last(range[1]) + 1));
+        }
         (0..3).all(|axis| cut.low[axis] <= cut.high[axis]).then_some(cut)
     }
 }
@@ -144,16 +140,14 @@ impl SharedLatticeAxis {
 
     /// The base if all points are within range of it, else a step near their middle.
     fn origin(&self, claims: &[ClaimedExtent], axis: usize, steps: [i64; 2]) -> Result<i64> {
-        let ends = |pick: fn(&ClaimedExtent) -> [i32; 3]| {
-            let of =
-                move |(claim, steps): (&ClaimedExtent, &i64)| i64::from(pick(claim)[axis]) + steps;
-            claims.iter().zip(&self.steps).map(of)
-        };
-        let low = ends(|claim| claim.low).min().unwrap_or(0);
-        let high = ends(|claim| claim.high).max().unwrap_or(0);
-        let world = |step: i64| Ruler::new(self.scale, self.base).at(step);
-        let wide = || too_wide(axis, self.scale, [world(low), world(high)], steps);
-        origin([low, high], steps).ok_or_else(wide)
+        let files = claims.iter().zip(&self.steps);
+        let low = files.clone().map(|(claim, steps)| i64::from(claim.low[axis]) + steps).min();
+        let high = files.map(|(claim, steps)| i64::from(claim.high[axis]) + steps).max();
+        let range = [low.unwrap_or(0), high.unwrap_or(0)];
+        origin(range, steps).ok_or_else(|| {
+            let ruler = Ruler::new(self.scale, self.base);
+            too_wide(axis, self.scale, range.map(|step| ruler.at(step)), steps)
+        })
     }
 }
 
@@ -188,19 +182,19 @@ fn shifted(
     for (axis, lattice) in axes.iter().enumerate() {
         origins[axis] = lattice.origin(claims, axis, steps)?;
     }
-    let map = |file: usize| {
-        // Wraps modulo 2^32 on purpose.
-        FrameTransform::Shift(std::array::from_fn(|axis| {
-            (origins[axis] - axes[axis].steps[file]) as i32
-        }))
-    };
     let frame = PointFrame {
         scale: std::array::from_fn(|axis| axes[axis].scale),
         offset: std::array::from_fn(|axis| {
             Ruler::new(axes[axis].scale, axes[axis].base).at(origins[axis])
         }),
     };
-    Ok(CommonFrame { frame, maps: (0..claims.len()).map(map).collect(), moved: [0.0; 3] })
+    let maps = (0..claims.len()).map(|file| {
+        // Wraps modulo 2^32 on purpose.
+        FrameTransform::Shift(std::array::from_fn(|axis| {
+            (origins[axis] - axes[axis].steps[file]) as i32
+        }))
+    });
+    Ok(CommonFrame { frame, maps: maps.collect(), moved: [0.0; 3] })
 }
 
 fn rounded(claims: &[ClaimedExtent], steps: [i64; 2]) -> Result<CommonFrame> {
@@ -218,7 +212,7 @@ fn rounded(claims: &[ClaimedExtent], steps: [i64; 2]) -> Result<CommonFrame> {
         let origin = origin([first as i64, last as i64], steps).ok_or_else(wide)?;
         let offset = Ruler::new(scale, 0.0).at(origin);
         (frame.scale[axis], frame.offset[axis]) = (scale, offset);
-        if !claims.iter().all(|claim| is_within(claim, axis, (scale, offset))) {
+        if !claims.iter().all(|claim| is_within(claim, axis, scale, offset)) {
             *moved = scale / 2.0;
         }
     }
@@ -226,12 +220,17 @@ fn rounded(claims: &[ClaimedExtent], steps: [i64; 2]) -> Result<CommonFrame> {
     Ok(CommonFrame { frame, maps, moved })
 }
 
+/// The nearest step that a point can have.
+pub(super) fn clip(step: i64) -> i32 {
+    step.clamp(i32::MIN.into(), i32::MAX.into()) as i32
+}
+
 /// Whether all steps of a file are also steps of another lattice.
-fn is_within(claim: &ClaimedExtent, axis: usize, (scale, offset): (f64, f64)) -> bool {
-    let times = claim.scale[axis] / scale;
+fn is_within(claim: &ClaimedExtent, axis: usize, scale: f64, offset: f64) -> bool {
+    let ratio = claim.scale[axis] / scale;
     let steps = (claim.offset[axis] - offset) / scale;
-    let is_whole = |value: f64, slack: f64| (value - value.round()).abs() <= slack;
-    is_whole(times, 4.0 * f64::EPSILON * times) && is_whole(steps, SLACK)
+    (ratio - ratio.round()).abs() <= 4.0 * f64::EPSILON * ratio
+        && (steps - steps.round()).abs() <= SLACK
 }
 
 #[cfg(test)]

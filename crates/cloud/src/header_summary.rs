@@ -10,13 +10,12 @@ const MAX_VLRS: usize = 12;
 impl PointCloud {
     /// Common file format.
     pub fn format(&self) -> &'static str {
-        let kind = |file: &CloudFile| match file {
+        let mut kinds = self.kinds().map(|file| match file {
             CloudFile::Las(file) if file.is_copc => "COPC",
             CloudFile::Las(file) if file.header.is_compressed => "LAZ",
             CloudFile::Las(_) => "LAS",
             CloudFile::Text(_) => "text",
-        };
-        let mut kinds = self.kinds().map(kind);
+        });
         let first = kinds.next().unwrap_or("none");
         if kinds.all(|kind| kind == first) { first } else { "mixed" }
     }

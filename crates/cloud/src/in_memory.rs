@@ -87,11 +87,11 @@ impl InMemoryCloud {
             span.add(*world, found);
         }
         let placed = PointLattice::of(&span)?;
-        let point = |(number, world): (usize, &[f64; 3])| InMemoryPoint {
+        let points = positions.iter().enumerate().map(|(number, world)| InMemoryPoint {
             xyz: placed.quantize(*world),
             marks: marks.map_or(PointFlags::default(), |marks| marks[number]),
-        };
-        let points = positions.iter().enumerate().map(point).collect();
+        });
+        let points = points.collect();
         Ok(Self(CLOUDS.register(InMemoryPoints { points, placed, span, crs })))
     }
 
@@ -103,38 +103,37 @@ impl InMemoryCloud {
 
 /// A point cloud in memory as a source; each part is a batch.
 struct InMemoryCloudSource {
-    stock: Arc<InMemoryPoints>,
-    sieve: Option<PointFilterPass>,
+    cloud: Arc<InMemoryPoints>,
+    pass: Option<PointFilterPass>,
     info: CloudInfo,
     notes: Vec<String>,
 }
 
 /// Opens the cloud called `name`.
 pub(super) fn open(name: &str, options: &CloudOpenOptions) -> Result<Box<dyn PointSource>> {
-    let stock = CLOUDS.get(name)?;
-    let frame = stock.placed.lattice();
+    let cloud = CLOUDS.get(name)?;
+    let frame = cloud.placed.lattice();
     let gate = CompiledFilter::new(&options.filter, &frame);
     // Nothing is read if the bounds do not intersect, as for a file.
-    let claim = stock.placed.claim(&stock.span).filter(|all| all.within(&options.filter).is_some());
+    let claim = cloud.placed.claim(&cloud.span).filter(|all| all.within(&options.filter).is_some());
     let bounds = claim
         .and_then(|claim| gate.cut([claim.low, claim.high].map(|[x, y, z]| Point::new(x, y, z))));
-    let known = stock.crs.clone();
+    let known = cloud.crs.clone();
     let crs = if known == Crs::default() { options.crs.clone().unwrap_or(known) } else { known };
     let condition = options.filter.condition.as_ref();
     let test = condition.map(|condition| condition.bind(&[], &frame)).transpose()?;
-    let gates = (gate, test);
-    let sieve = claim.map(|claim| {
-        PointFilterPass::new(gates, claim, FrameTransform::Shift([0; 3]), options.salvage)
+    let pass = claim.map(|claim| {
+        PointFilterPass::new(gate, test, claim, FrameTransform::Shift([0; 3]), options.salvage)
     });
-    let count = if sieve.is_some() { stock.points.len() as u64 } else { 0 };
+    let count = if pass.is_some() { cloud.points.len() as u64 } else { 0 };
     let info = CloudInfo { frame, bounds, count, crs };
-    let notes = stock.placed.note.iter().cloned().collect();
-    Ok(Box::new(InMemoryCloudSource { stock, sieve, info, notes }))
+    let notes = cloud.placed.note.iter().cloned().collect();
+    Ok(Box::new(InMemoryCloudSource { cloud, pass, info, notes }))
 }
 
 impl InMemoryCloudSource {
     fn part(&self, part: usize) -> &[InMemoryPoint] {
-        self.stock.points.chunks(BATCH).nth(part).unwrap_or_default()
+        self.cloud.points.chunks(BATCH).nth(part).unwrap_or_default()
     }
 }
 
@@ -157,15 +156,15 @@ impl PointSource for InMemoryCloudSource {
         each: &mut dyn FnMut(&[Point]) -> Result<()>,
     ) -> Result<ReturnCounts> {
         let (mut census, mut points) = (ReturnCounts::default(), Vec::new());
-        if let Some(sieve) = &self.sieve {
+        if let Some(pass) = &self.pass {
             let first = (part * BATCH) as u64;
             let records = self.part(part).iter().copied();
-            if sieve.needs_records() {
+            if pass.needs_records() {
                 for (index, record) in (first..).zip(records) {
-                    points.extend(sieve.pick((record, &[]), index, &mut census)?);
+                    points.extend(pass.pick(record, &[], index, &mut census)?);
                 }
             } else {
-                sieve.filter(records, first, &mut points, &mut census)?;
+                pass.filter(records, first, &mut points, &mut census)?;
             }
             each(&points)?;
         }
@@ -190,10 +189,10 @@ struct InMemoryAttributes<'a> {
 impl AttributeSource for InMemoryAttributes<'_> {
     fn read(&self, part: usize, each: &mut Each<'_>) -> Result<ReturnCounts> {
         let (mut census, mut table) = (ReturnCounts::default(), AttributeTable::new(&self.readers));
-        let Some(sieve) = &self.open.sieve else { return Ok(census) };
+        let Some(pass) = &self.open.pass else { return Ok(census) };
         let first = (part * BATCH) as u64;
         for (index, point) in (first..).zip(self.open.part(part)) {
-            if let Some(place) = sieve.pick((*point, &[]), index, &mut census)? {
+            if let Some(place) = pass.pick(*point, &[], index, &mut census)? {
                 table.push(place, *point, &[]);
             }
         }
@@ -237,12 +236,11 @@ mod tests {
                 .iter()
                 .map(|(.., class, number)| PointFlags { class: *class, returns: [*number, 3], ..PointFlags::default() })
                 .collect();
-            let line = |(world, marks): (&[f64; 3], &PointFlags)| {
-                let [x, y, z] = world;
-                // With the minimum number of decimals, which is that of the lattice.
+            // With the minimum number of decimals, which is that of the lattice.
+            let lines = positions.iter().zip(&marks).map(|([x, y, z], marks)| {
                 format!("{x},{y},{z},{},{},3\n", marks.class, marks.returns[0])
-            };
-            let text: String = positions.iter().zip(&marks).map(line).collect();
+            });
+            let text: String = lines.collect();
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("points.csv");
             std::fs::write(&path, format!("x,y,z,class,return_number,number_of_returns\n{text}")).unwrap();

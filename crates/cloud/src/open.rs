@@ -3,6 +3,7 @@
 //! No index of headers is kept on disk: 10,000 LAS files are opened in 0.33 s with two threads, of 0.75 s for
 //! gridding their 7.9 million points, and an index would have to check the size and time of each file anyway.
 
+use std::cmp::Ordering;
 use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Mutex;
@@ -114,11 +115,13 @@ impl PointCloud {
     /// and false.
     pub(super) fn as_stored(&self) -> (CloudInfo, bool) {
         let Some((frame, by)) = self.lattice else { return (self.info.clone(), false) };
-        let back = |Point { x, y, z }: Point| {
-            let [x, y, z] = [x.wrapping_add(by[0]), y.wrapping_add(by[1]), z.wrapping_add(by[2])];
-            Point { x, y, z }
-        };
-        let bounds = self.info.bounds.map(|ends| ends.map(back));
+        let bounds = self.info.bounds.map(|ends| {
+            ends.map(|Point { x, y, z }| Point {
+                x: x.wrapping_add(by[0]),
+                y: y.wrapping_add(by[1]),
+                z: z.wrapping_add(by[2]),
+            })
+        });
         (CloudInfo { frame, bounds, ..self.info.clone() }, true)
     }
 
@@ -174,12 +177,12 @@ impl PointSource for PointCloud {
         let Some([from, to]) = cube else { return Some([low, high]) };
         // One step more on each side: bounds of a cube are rounded to steps.
         let frame = &self.info.frame;
-        let lower = |axis: usize| (frame.steps(axis, from[axis]).floor() as i32).saturating_sub(1);
-        let upper = |axis: usize| (frame.steps(axis, to[axis]).ceil() as i32).saturating_add(1);
-        let from = |axis: usize, least: i32| least.max(lower(axis));
-        let to = |axis: usize, most: i32| most.min(upper(axis));
-        let low = Point::new(from(0, low.x), from(1, low.y), low.z);
-        let high = Point::new(to(0, high.x), to(1, high.y), high.z);
+        let [west, south] =
+            [0, 1].map(|axis| (frame.steps(axis, from[axis]).floor() as i32).saturating_sub(1));
+        let [east, north] =
+            [0, 1].map(|axis| (frame.steps(axis, to[axis]).ceil() as i32).saturating_add(1));
+        let low = Point::new(low.x.max(west), low.y.max(south), low.z);
+        let high = Point::new(high.x.min(east), high.y.min(north), high.z);
         (low.x <= high.x && low.y <= high.y).then_some([low, high])
     }
 
@@ -189,7 +192,7 @@ impl PointSource for PointCloud {
         each: &mut dyn FnMut(&[Point]) -> Result<()>,
     ) -> Result<ReturnCounts> {
         let (_, member, inner) = self.part(part)?;
-        with_buffers(|room| member.read(inner, room, each))
+        with_buffers(|buffers| member.read(inner, buffers, each))
     }
 
     fn columns(&self, names: &[String]) -> Result<Box<dyn AttributeSource + '_>> {
@@ -199,8 +202,9 @@ impl PointSource for PointCloud {
             let found = attributes::readers(names, &origin.columns());
             readers.push(found.map_err(|e| e.in_file(&path_of(origin.name)))?);
         }
-        let is_time = |reader: &AttributeReader| matches!(reader, AttributeReader::Field(column) if column.name == TIME);
-        if readers.iter().flatten().any(is_time) {
+        let mut columns = readers.iter().flatten().filter_map(AttributeReader::column);
+        // Times of the files must have one epoch.
+        if columns.any(|column| column.name == TIME) {
             GpsTimeEpoch::of_all(&origins)?;
         }
         Ok(Box::new(CloudAttributeSource { cloud: self, readers }))
@@ -217,7 +221,7 @@ struct CloudAttributeSource<'a> {
 impl AttributeSource for CloudAttributeSource<'_> {
     fn read(&self, part: usize, each: &mut Each<'_>) -> Result<ReturnCounts> {
         let (number, member, inner) = self.cloud.part(part)?;
-        with_buffers(|room| member.columns(inner, &self.readers[number], room, each))
+        with_buffers(|buffers| member.columns(inner, &self.readers[number], buffers, each))
     }
 }
 
@@ -228,8 +232,11 @@ pub fn is_cloud(input: &str) -> bool {
     if is_named || is_cloud_file(&path_of(input)) {
         return true;
     }
-    let first = || CLOUDS.files(&[input.to_owned()]).ok()?.into_iter().next();
-    CLOUDS.is_collection(input) && first().is_some_and(|file| is_cloud_file(&path_of(&file)))
+    if !CLOUDS.is_collection(input) {
+        return false;
+    }
+    let files = CLOUDS.files(&[input.to_owned()]).unwrap_or_default();
+    files.first().is_some_and(|file| is_cloud_file(&path_of(file)))
 }
 
 /// As [`is_cloud`], including subfolders of a folder.
@@ -261,20 +268,20 @@ pub fn files_below(inputs: &[String]) -> Result<Vec<String>> {
 
 /// Inputs without the prefix of clouds.
 fn plain(inputs: &[String]) -> Vec<String> {
-    let plain = |input: &String| input.strip_prefix(CLOUD_PREFIX).unwrap_or(input).to_owned();
-    inputs.iter().map(plain).collect()
+    let names = inputs.iter().map(|input| input.strip_prefix(CLOUD_PREFIX).unwrap_or(input));
+    names.map(str::to_owned).collect()
 }
 
 fn distinct(mut files: Vec<String>) -> Vec<String> {
     // Absolute paths, as in plans, are valid in any working directory.
-    let whole = |name: &String| std::path::absolute(path_of(name)).unwrap_or_default();
-    files.sort_by_cached_key(|name| whole(name).into_os_string());
+    files.sort_by_cached_key(|name| {
+        std::path::absolute(path_of(name)).unwrap_or_default().into_os_string()
+    });
     let mut seen = HashSet::new();
-    let real = |name: &String| {
+    files.retain(|name| {
         let path = path_of(name);
-        std::fs::canonicalize(&path).unwrap_or_else(|_| path.into_owned())
-    };
-    files.retain(|name| seen.insert(real(name)));
+        seen.insert(std::fs::canonicalize(&path).unwrap_or_else(|_| path.into_owned()))
+    });
     files
 }
 
@@ -320,7 +327,7 @@ fn join(
     let common = match wanted.is_empty() {
         true => nowhere(&files),
         false => frame::common(&wanted, options.any_extent)
-            .map_err(|e| named(e, (&names, &touching), options.any_extent))?,
+            .map_err(|e| named(e, &names, &touching, options.any_extent))?,
     };
     let gate = CompiledFilter::new(&options.filter, &common.frame);
     let lattice = shared(&wanted, &common);
@@ -329,14 +336,16 @@ fn join(
     for ((file, claim), touching) in files.into_iter().zip(claims).zip(touching) {
         let map = touching.and_then(|_| maps.next().copied());
         ends.push(touching.zip(map).and_then(|(claim, map)| gate.cut(placed(&claim, &map))));
-        let of = |(claim, map)| {
-            let test = test(&names[members.len()], &file, (&options.filter, &common.frame))?;
-            Ok(PointFilterPass::new((gate.clone(), test), claim, map, options.salvage))
+        let pass = match claim.zip(map) {
+            Some((claim, map)) => {
+                let test = test(&names[members.len()], &file, &options.filter, &common.frame)?;
+                Some(PointFilterPass::new(gate.clone(), test, claim, map, options.salvage))
+            }
+            None => None,
         };
-        let sieve = claim.zip(map).map(of).transpose()?;
         members.push(CloudSourceFile {
             file,
-            sieve,
+            pass,
             salvage: options.salvage,
             lost: Mutex::default(),
         });
@@ -345,7 +354,7 @@ fn join(
     let parts = parts(&members, &options.filter);
     let count = parts.iter().map(|(m, p)| members[*m as usize].points_of(*p as usize)).sum();
     let info = CloudInfo { frame: common.frame, bounds, count, crs };
-    let notes = notes(&names, &members, &info, (common.moved, heights));
+    let notes = notes(&names, &members, &info, common.moved, heights);
     Ok(PointCloud { info, names, members, claims: ends, parts, notes, lattice })
 }
 
@@ -353,7 +362,8 @@ fn join(
 fn test(
     name: &str,
     file: &CloudFile,
-    (filter, frame): (&CloudFilter, &PointFrame),
+    filter: &CloudFilter,
+    frame: &PointFrame,
 ) -> Result<Option<CompiledCondition>> {
     let Some(condition) = &filter.condition else { return Ok(None) };
     let columns = CloudFileOrigin::new(name, file)?.columns();
@@ -365,21 +375,25 @@ fn shared(claims: &[ClaimedExtent], common: &CommonFrame) -> Option<(PointFrame,
     let (first, FrameTransform::Shift(by)) = (claims.first()?, *common.maps.first()?) else {
         return None;
     };
-    let is_it = |claim: &ClaimedExtent| (claim.scale, claim.offset) == (first.scale, first.offset);
     let frame = PointFrame { scale: first.scale, offset: first.offset };
-    claims.iter().all(is_it).then_some((frame, by))
+    let is_common =
+        claims.iter().all(|claim| claim.scale == first.scale && claim.offset == first.offset);
+    is_common.then_some((frame, by))
 }
 
 /// Names the first file that exceeds the range on its own in the error.
 fn named(
     error: Error,
-    (names, claims): (&[String], &[Option<ClaimedExtent>]),
+    names: &[String],
+    claims: &[Option<ClaimedExtent>],
     any_extent: bool,
 ) -> Error {
-    let is_wide = |claim: ClaimedExtent| frame::common(&[claim], any_extent).is_err();
-    let is_it = |claim: &Option<ClaimedExtent>| claim.is_some_and(is_wide);
-    match claims.iter().position(is_it) {
-        Some(file) => error.in_file(&path_of(&names[file])),
+    let too_wide = names
+        .iter()
+        .zip(claims)
+        .find(|(_, claim)| claim.is_some_and(|claim| frame::common(&[claim], any_extent).is_err()));
+    match too_wide {
+        Some((name, _)) => error.in_file(&path_of(name)),
         None => error,
     }
 }
@@ -387,13 +401,9 @@ fn named(
 /// The frame of a cloud without points.
 fn nowhere(files: &[CloudFile]) -> CommonFrame {
     let frame = files.iter().map(CloudFile::lattice).min_by(|a, b| {
-        let key = |frame: &PointFrame| [frame.scale, frame.offset].concat();
-        let (a, b) = (key(a), key(b));
-        a.iter()
-            .zip(&b)
-            .map(|(a, b)| a.total_cmp(b))
-            .find(|o| o.is_ne())
-            .unwrap_or(a.len().cmp(&b.len()))
+        let (a, b) = ([a.scale, a.offset], [b.scale, b.offset]);
+        let orders = a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| a.total_cmp(b));
+        orders.fold(Ordering::Equal, Ordering::then)
     });
     let frame = frame.unwrap_or(PointFrame { scale: [1.0; 3], offset: [0.0; 3] });
     CommonFrame { frame, maps: Vec::new(), moved: [0.0; 3] }
@@ -412,28 +422,28 @@ fn around([a, b]: [Point; 2], [c, d]: [Point; 2]) -> [Point; 2] {
 
 /// The parts that may have points, file by file.
 fn parts(members: &[CloudSourceFile], filter: &CloudFilter) -> Vec<(u32, u32)> {
-    let of = |(number, member): (usize, &CloudSourceFile)| {
-        let touches = |part: &usize| member.touches(*part, filter);
-        let parts = (0..member.parts()).filter(touches).collect::<Vec<_>>();
-        parts.into_iter().map(move |part| (number as u32, part as u32))
-    };
-    members.iter().enumerate().flat_map(of).collect()
+    let mut parts = Vec::new();
+    for (number, member) in members.iter().enumerate() {
+        let touching = (0..member.parts()).filter(|part| member.touches(*part, filter));
+        parts.extend(touching.map(|part| (number as u32, part as u32)));
+    }
+    parts
 }
 
 fn notes(
     names: &[String],
     members: &[CloudSourceFile],
     info: &CloudInfo,
-    (moved, heights): ([f64; 3], Option<String>),
+    moved: [f64; 3],
+    heights: Option<String>,
 ) -> Vec<String> {
-    let of = |(name, member): (&String, &CloudSourceFile)| {
-        let tell = |note: &String| match names.len() {
+    let mut notes = Vec::new();
+    for (name, member) in names.iter().zip(members) {
+        notes.extend(member.file.notes().iter().map(|note| match names.len() {
             1 => note.clone(),
             _ => format!("{}: {note}", shown(name)),
-        };
-        member.file.notes().iter().map(tell).collect::<Vec<_>>()
-    };
-    let mut notes: Vec<String> = names.iter().zip(members).flat_map(of).collect();
+        }));
+    }
     if notes.len() > MAX_NOTES {
         let more = notes.len() - MAX_NOTES;
         notes.truncate(MAX_NOTES);

@@ -34,7 +34,8 @@ struct FilterCounts {
 impl PointFilterPass {
     /// For the points of one file.
     pub(super) fn new(
-        (gate, test): (CompiledFilter, Option<CompiledCondition>),
+        gate: CompiledFilter,
+        test: Option<CompiledCondition>,
         claim: ClaimedExtent,
         map: FrameTransform,
         salvage: bool,
@@ -60,10 +61,14 @@ impl PointFilterPass {
         bytes: &[u8],
         record: &FilterRecord,
     ) -> FilterVerdict {
-        let holds = |test: &CompiledCondition| test.holds(record.point, raw, bytes);
-        match self.gate.judge(record) {
-            FilterVerdict::Keep if !self.test.as_ref().is_none_or(holds) => FilterVerdict::Filtered,
-            verdict => verdict,
+        let verdict = self.gate.judge(record);
+        match &self.test {
+            Some(test)
+                if verdict == FilterVerdict::Keep && !test.holds(record.point, raw, bytes) =>
+            {
+                FilterVerdict::Filtered
+            }
+            _ => verdict,
         }
     }
 
@@ -155,7 +160,8 @@ impl PointFilterPass {
     /// Errors of [`filter`](Self::filter).
     pub(super) fn pick<R: RawPoint>(
         &self,
-        (raw, bytes): (R, &[u8]),
+        raw: R,
+        bytes: &[u8],
         index: u64,
         census: &mut ReturnCounts,
     ) -> Result<Option<Point>> {
@@ -189,11 +195,11 @@ impl PointFilterPass {
 
     /// The error for the first point outside the bounds.
     fn outside<R: RawPoint>(&self, records: impl Iterator<Item = R>, first: u64) -> Error {
-        let is_it = |(index, record): &(u64, R)| {
-            let wanted = self.gate.judge(&self.record(*record, *index)) == FilterVerdict::Keep;
-            wanted && !self.claim.holds(record.xyz())
-        };
-        let Some((index, record)) = (first..).zip(records).find(is_it) else {
+        let outside = (first..).zip(records).find(|(index, record)| {
+            self.gate.judge(&self.record(*record, *index)) == FilterVerdict::Keep
+                && !self.claim.holds(record.xyz())
+        });
+        let Some((index, record)) = outside else {
             return Error::bad_input("points lie outside the bounds of the header");
         };
         let [x, y, z] = self.claim.world(record.xyz());

@@ -1,8 +1,6 @@
 //! Conversion of records between point formats (ASPRS LAS 1.4 R15, tables 7 to 18). Values that the target cannot
 //! store are errors; fields that it does not have are dropped.
 
-use std::ops::Range;
-
 use crate::format::{ANGLES, COLOUR, INFRARED, PointFormat, TIME, WAVE};
 use crate::las::{ExtraBytes, OVERLAP_CLASS, RecordByteCopy};
 use terrane_base::geom::Point;
@@ -27,28 +25,31 @@ pub(crate) struct PointFormatConversion {
 
 impl PointFormatConversion {
     pub(crate) fn new(
-        (from, own): (PointFormat, &ExtraBytes),
-        (to, all): (PointFormat, &ExtraBytes),
+        from: PointFormat,
+        from_extra: &ExtraBytes,
+        to: PointFormat,
+        to_extra: &ExtraBytes,
     ) -> Self {
         let (a, b) = (from.places(), to.places());
-        let field = |from: Option<usize>, to: Option<usize>, bytes| {
-            from.zip(to).map(|(from, to)| RecordByteCopy { from, to, bytes })
-        };
         let fields = [
-            field(a.time, b.time, TIME),
-            field(a.colour, b.colour, COLOUR),
-            field(a.infrared, b.infrared, INFRARED),
-            field(a.wave, b.wave, WAVE),
+            (a.time.zip(b.time), TIME),
+            (a.colour.zip(b.colour), COLOUR),
+            (a.infrared.zip(b.infrared), INFRARED),
+            (a.wave.zip(b.wave), WAVE),
         ];
-        let extra = all.moves(own);
-        let is_same = from == to && own == all;
+        let fields = fields.into_iter().filter_map(|(offsets, bytes)| {
+            let (from, to) = offsets?;
+            Some(RecordByteCopy { from, to, bytes })
+        });
+        let extra = to_extra.moves(from_extra);
+        let is_same = from == to && from_extra == to_extra;
         let extra = extra.into_iter().map(|RecordByteCopy { from, to, bytes }| RecordByteCopy {
             from: a.size + from,
             to: b.size + to,
             bytes,
         });
-        let moves = fields.into_iter().flatten().chain(extra).collect();
-        let blank = [vec![0; b.size], all.filling()].concat();
+        let moves = fields.chain(extra).collect();
+        let blank = [vec![0; b.size], to_extra.filling()].concat();
         Self { is_new: [from.is_new(), to.is_new()], moves, blank, is_same }
     }
 
@@ -78,20 +79,16 @@ impl PointFormatConversion {
     }
 
     fn fill(&self, record: &[u8], out: &mut [u8]) -> Result<(), String> {
-        let same = |bytes: Range<usize>, out: &mut [u8]| {
-            out[bytes.clone()].copy_from_slice(&record[bytes])
+        let unchanged = match self.is_new {
+            [true, true] => PointFormat::NEW,
+            [false, false] => PointFormat::OLD,
+            _ => COMMON,
         };
+        out[..unchanged].copy_from_slice(&record[..unchanged]);
         match self.is_new {
-            [true, true] => same(0..PointFormat::NEW, out),
-            [false, false] => same(0..PointFormat::OLD, out),
-            [false, true] => {
-                same(0..COMMON, out);
-                out[COMMON..22].copy_from_slice(&newer(record));
-            }
-            [true, false] => {
-                same(0..COMMON, out);
-                out[COMMON..PointFormat::OLD].copy_from_slice(&older(record)?);
-            }
+            [false, true] => out[COMMON..22].copy_from_slice(&newer(record)),
+            [true, false] => out[COMMON..PointFormat::OLD].copy_from_slice(&older(record)?),
+            _ => (),
         }
         for RecordByteCopy { from, to, bytes } in &self.moves {
             out[*to..to + bytes].copy_from_slice(&record[*from..from + bytes]);
@@ -157,13 +154,13 @@ mod tests {
 
     fn conversion(from: u8, to: u8) -> PointFormatConversion {
         let [from, to] = [from, to].map(|number| PointFormat::new(number).unwrap());
-        PointFormatConversion::new((from, &ExtraBytes::default()), (to, &ExtraBytes::default()))
+        PointFormatConversion::new(from, &ExtraBytes::default(), to, &ExtraBytes::default())
     }
 
-    fn push(recast: &PointFormatConversion, record: &[u8]) -> Result<Vec<u8>, String> {
+    fn push(conversion: &PointFormatConversion, record: &[u8]) -> Result<Vec<u8>, String> {
         let mut out = Vec::new();
         let at = Point { x: 1, y: -2, z: 3 };
-        recast.push(record, Some(at), &mut out).map(|()| out)
+        conversion.push(record, Some(at), &mut out).map(|()| out)
     }
 
     fn record(format: u8) -> Vec<u8> {

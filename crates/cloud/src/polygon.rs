@@ -35,12 +35,12 @@ fn wherever<S: Serializer>(
     from: &Option<(PathBuf, Crs)>,
     out: S,
 ) -> std::result::Result<S::Ok, S::Error> {
-    let absolute = |path: &Path| match is_made(&path.to_string_lossy()) {
-        true => Ok(path.to_path_buf()),
-        false => std::path::absolute(path).map_err(S::Error::custom),
+    let Some((path, crs)) = from else { return None::<(PathBuf, Crs)>.serialize(out) };
+    let path = match is_made(&path.to_string_lossy()) {
+        true => path.clone(),
+        false => std::path::absolute(path).map_err(S::Error::custom)?,
     };
-    let from = from.as_ref().map(|(path, crs)| absolute(path).map(|path| (path, crs)));
-    from.transpose()?.serialize(out)
+    Some((path, crs)).serialize(out)
 }
 
 /// Maximum number of bands. Fewer are used where long edges would be in many lists: an edge is in at most two lists
@@ -68,8 +68,10 @@ impl PolygonRings {
     /// # Errors
     /// More than 2^32 features.
     pub fn begin_feature(&mut self) -> Result<()> {
-        let too_many = || Error::limit("number of polygons", "above 2^32", u32::MAX);
-        self.begun = self.begun.checked_add(1).ok_or_else(too_many)?;
+        self.begun = self
+            .begun
+            .checked_add(1)
+            .ok_or_else(|| Error::limit("number of polygons", "above 2^32", u32::MAX))?;
         Ok(())
     }
 
@@ -100,11 +102,11 @@ impl FilterPolygon {
     /// The same polygons in steps of a frame, in which the corners on its points are integers.
     pub fn in_steps(&self, frame: &PointFrame) -> Self {
         let rulers = [frame.ruler(0), frame.ruler(1)];
-        let place = |corner: [f64; 2]| [0, 1].map(|axis| rulers[axis].place(corner[axis]));
         let (mut edges, mut features) =
             (Vec::with_capacity(self.edges.len()), Vec::with_capacity(self.edges.len()));
         for (edge, feature) in self.edges.iter().zip(&self.features) {
-            let [low, high] = edge.map(place);
+            let [low, high] =
+                edge.map(|corner| [0, 1].map(|axis| rulers[axis].place(corner[axis])));
             if low[1] < high[1] {
                 edges.push([low, high]);
                 features.push(*feature);

@@ -42,12 +42,12 @@ impl PositionSpan {
 /// The decimals of a number, up to rounding errors of a sum and product; at most [`MAX_DECIMALS`]. At least `least`
 /// are assumed.
 pub(super) fn decimals(value: f64, least: u8) -> u8 {
-    let is_told = |decimals: &u8| {
+    let fitting = (least..MAX_DECIMALS).find(|decimals| {
         let per_unit = 10_f64.powi((*decimals).into());
-        let told = (value * per_unit).round() / per_unit;
-        (told - value).abs() <= 4.0 * f64::EPSILON * value.abs()
-    };
-    (least..MAX_DECIMALS).find(is_told).unwrap_or(MAX_DECIMALS)
+        let rounded = (value * per_unit).round() / per_unit;
+        (rounded - value).abs() <= 4.0 * f64::EPSILON * value.abs()
+    });
+    fitting.unwrap_or(MAX_DECIMALS)
 }
 
 /// A lattice for points.
@@ -67,8 +67,8 @@ impl PointLattice {
         }
         let across = all.decimals[0].max(all.decimals[1]);
         let found = [across, across, all.decimals[2]];
-        let most = |axis: usize| (0..=found[axis]).rev().find(|d| origin(all, axis, *d).is_some());
-        let fitting = [0, 1, 2].map(most);
+        let fitting =
+            [0, 1, 2].map(|axis| (0..=found[axis]).rev().find(|d| origin(all, axis, *d).is_some()));
         let across = fitting[0].zip(fitting[1]).map(|(x, y)| x.min(y));
         for (axis, fits) in [across, across, fitting[2]].into_iter().enumerate() {
             let origin = fits.and_then(|d| Some((d, origin(all, axis, d)?)));
@@ -116,8 +116,8 @@ impl PointLattice {
 
 /// Origin of a lattice with this number of decimals that keeps all points within range.
 fn origin(all: &PositionSpan, axis: usize, decimals: u8) -> Option<i64> {
-    let steps = |world: f64| (world * 10_f64.powi(decimals.into())).round();
-    let (low, high) = (steps(all.low[axis]), steps(all.high[axis]));
+    let [low, high] =
+        [all.low, all.high].map(|world| (world[axis] * 10_f64.powi(decimals.into())).round());
     let reach = f64::from(REACH);
     if low >= -reach && high <= reach {
         return Some(0);

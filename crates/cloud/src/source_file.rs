@@ -29,7 +29,7 @@ pub(super) enum CloudFile {
 pub(super) struct CloudSourceFile {
     pub(super) file: CloudFile,
     /// `None` if no point passes the filter.
-    pub(super) sieve: Option<PointFilterPass>,
+    pub(super) pass: Option<PointFilterPass>,
     pub(super) salvage: bool,
     /// Lost points by part.
     pub(super) lost: Mutex<BTreeMap<usize, u64>>,
@@ -76,11 +76,11 @@ pub(super) struct SourceFileBuffers {
 /// Runs `work` with the buffers of the thread; nested calls get new buffers.
 pub(super) fn with_buffers<T>(work: impl FnOnce(&mut SourceFileBuffers) -> T) -> T {
     thread_local! {
-        static ROOM: Cell<Option<Box<SourceFileBuffers>>> = const { Cell::new(None) };
+        static BUFFERS: Cell<Option<Box<SourceFileBuffers>>> = const { Cell::new(None) };
     }
-    let mut room = ROOM.take().unwrap_or_default();
-    let result = work(&mut room);
-    ROOM.set(Some(room));
+    let mut buffers = BUFFERS.take().unwrap_or_default();
+    let result = work(&mut buffers);
+    BUFFERS.set(Some(buffers));
     result
 }
 
@@ -98,7 +98,7 @@ trait RecordBlockVisitor {
 
 /// Filters records into points.
 struct RecordFilter<'a, 'b> {
-    sieve: &'a PointFilterPass,
+    pass: &'a PointFilterPass,
     points: &'a mut Vec<Point>,
     census: ReturnCounts,
     each: &'a mut Each<'b>,
@@ -112,7 +112,7 @@ impl RecordVisitor for RecordFilter<'_, '_> {
     ) -> Result<()> {
         self.points.clear();
         for (index, (bytes, raw)) in (first..).zip(records) {
-            self.points.extend(self.sieve.pick((raw, bytes), index, &mut self.census)?);
+            self.points.extend(self.pass.pick(raw, bytes, index, &mut self.census)?);
         }
         self.points.chunks(BATCH).try_for_each(&mut *self.each)
     }
@@ -124,14 +124,14 @@ impl RecordBlockVisitor for RecordFilter<'_, '_> {
         first: u64,
         records: impl ExactSizeIterator<Item = R> + Clone,
     ) -> Result<()> {
-        self.sieve.filter(records, first, self.points, &mut self.census)?;
+        self.pass.filter(records, first, self.points, &mut self.census)?;
         self.points.chunks(BATCH).try_for_each(&mut *self.each)
     }
 }
 
 /// Visitor of filtered records.
 struct FilteredRecordVisitor<'a> {
-    sieve: &'a PointFilterPass,
+    pass: &'a PointFilterPass,
     census: ReturnCounts,
     each: &'a mut dyn FnMut(&FilterRecord),
 }
@@ -153,9 +153,9 @@ impl RecordVisitor for FilteredRecordVisitor<'_> {
         records: impl Iterator<Item = (&'r [u8], R)>,
     ) -> Result<()> {
         for (index, (bytes, raw)) in (first..).zip(records) {
-            let record = self.sieve.record(raw, index);
+            let record = self.pass.record(raw, index);
             self.census.read += 1;
-            match self.sieve.judge(raw, bytes, &record) {
+            match self.pass.judge(raw, bytes, &record) {
                 FilterVerdict::Withheld => self.census.withheld += 1,
                 FilterVerdict::Filtered => self.census.filtered += 1,
                 FilterVerdict::Keep => {
@@ -179,7 +179,7 @@ trait RecordVisitor {
 
 /// Passes on filtered points with attributes.
 struct AttributeVisitor<'a, 'b> {
-    sieve: &'a PointFilterPass,
+    pass: &'a PointFilterPass,
     table: AttributeTable<'a>,
     census: ReturnCounts,
     each: &'a mut source::Each<'b>,
@@ -192,7 +192,7 @@ impl RecordVisitor for AttributeVisitor<'_, '_> {
         records: impl Iterator<Item = (&'r [u8], R)>,
     ) -> Result<()> {
         for (index, (record, raw)) in (first..).zip(records) {
-            if let Some(point) = self.sieve.pick((raw, record), index, &mut self.census)? {
+            if let Some(point) = self.pass.pick(raw, record, index, &mut self.census)? {
                 self.table.push(point, raw, record);
             }
         }
@@ -212,8 +212,8 @@ impl RecordBlockVisitor for AttributeVisitor<'_, '_> {
 
 /// Passes on filtered records in another point format.
 struct RecordConverter<'a, 'b> {
-    sieve: &'a PointFilterPass,
-    recast: &'a PointFormatConversion,
+    pass: &'a PointFilterPass,
+    conversion: &'a PointFormatConversion,
     /// Whether positions stay as stored.
     as_stored: bool,
     census: ReturnCounts,
@@ -229,11 +229,11 @@ impl RecordVisitor for RecordConverter<'_, '_> {
     ) -> Result<()> {
         self.out.clear();
         for (index, (record, raw)) in (first..).zip(records) {
-            let Some(place) = self.sieve.pick((raw, record), index, &mut self.census)? else {
+            let Some(place) = self.pass.pick(raw, record, index, &mut self.census)? else {
                 continue;
             };
             let place = (!self.as_stored).then_some(place);
-            self.recast.push(record, place, &mut self.out).map_err(|what| {
+            self.conversion.push(record, place, &mut self.out).map_err(|what| {
                 Error::unsupported(format!("the point format cannot store {what}"))
                     .at(format_args!("point {index}"))
                     .remedy("choose ‹point_format› 6 or higher")
@@ -264,8 +264,7 @@ impl CloudSourceFile {
 
     /// Whether a part may have points that pass the filter.
     pub(super) fn touches(&self, part: usize, filter: &CloudFilter) -> bool {
-        let within = |[low, high]: [[f64; 3]; 2]| filter.touches(low, high);
-        self.sieve.is_some() && self.cube(part).is_none_or(within)
+        self.pass.is_some() && self.cube(part).is_none_or(|[low, high]| filter.touches(low, high))
     }
 
     /// World bounds of the points of a part, if the file states them.
@@ -295,17 +294,17 @@ impl CloudSourceFile {
     pub(super) fn read(
         &self,
         part: usize,
-        room: &mut SourceFileBuffers,
+        buffers: &mut SourceFileBuffers,
         each: &mut Each<'_>,
     ) -> Result<ReturnCounts> {
-        let Some(sieve) = &self.sieve else { return Ok(ReturnCounts::default()) };
-        let SourceFileBuffers { records, points } = room;
-        let mut sift = RecordFilter { sieve, points, census: ReturnCounts::default(), each };
-        let lost = match sieve.needs_records() {
-            true => self.take(part, records, &mut sift),
-            false => self.visit(part, sieve.needed_fields(), records, &mut sift),
+        let Some(pass) = &self.pass else { return Ok(ReturnCounts::default()) };
+        let SourceFileBuffers { records, points } = buffers;
+        let mut filter = RecordFilter { pass, points, census: ReturnCounts::default(), each };
+        let lost = match pass.needs_records() {
+            true => self.take(part, records, &mut filter),
+            false => self.visit(part, pass.needed_fields(), records, &mut filter),
         }?;
-        Ok(self.with_lost(part, sift.census, lost))
+        Ok(self.with_lost(part, filter.census, lost))
     }
 
     /// Passes on whole filtered points of a part.
@@ -314,34 +313,35 @@ impl CloudSourceFile {
         part: usize,
         each: &mut dyn FnMut(&FilterRecord),
     ) -> Result<ReturnCounts> {
-        let Some(sieve) = &self.sieve else { return Ok(ReturnCounts::default()) };
-        let mut look = FilteredRecordVisitor { sieve, census: ReturnCounts::default(), each };
-        let lost = with_buffers(|room| match sieve.needs_records() {
-            true => self.take(part, &mut room.records, &mut look),
-            false => self.visit(part, FieldSelection::ALL, &mut room.records, &mut look),
+        let Some(pass) = &self.pass else { return Ok(ReturnCounts::default()) };
+        let mut visitor = FilteredRecordVisitor { pass, census: ReturnCounts::default(), each };
+        let lost = with_buffers(|buffers| match pass.needs_records() {
+            true => self.take(part, &mut buffers.records, &mut visitor),
+            false => self.visit(part, FieldSelection::ALL, &mut buffers.records, &mut visitor),
         })?;
-        Ok(self.with_lost(part, look.census, lost))
+        Ok(self.with_lost(part, visitor.census, lost))
     }
 
     /// Passes on the filtered records of a part, converted.
     pub(super) fn convert_records(
         &self,
         part: usize,
-        (recast, as_stored): (&PointFormatConversion, bool),
-        room: &mut SourceFileBuffers,
+        conversion: &PointFormatConversion,
+        as_stored: bool,
+        buffers: &mut SourceFileBuffers,
         each: &mut dyn FnMut(&[u8]) -> Result<()>,
     ) -> Result<ReturnCounts> {
-        let Some(sieve) = &self.sieve else { return Ok(ReturnCounts::default()) };
-        let mut carry = RecordConverter {
-            sieve,
-            recast,
+        let Some(pass) = &self.pass else { return Ok(ReturnCounts::default()) };
+        let mut converter = RecordConverter {
+            pass,
+            conversion,
             as_stored,
             census: ReturnCounts::default(),
             out: Vec::new(),
             each,
         };
-        let lost = self.take(part, &mut room.records, &mut carry)?;
-        Ok(self.with_lost(part, carry.census, lost))
+        let lost = self.take(part, &mut buffers.records, &mut converter)?;
+        Ok(self.with_lost(part, converter.census, lost))
     }
 
     /// Passes on the filtered points of a part with attributes.
@@ -349,33 +349,33 @@ impl CloudSourceFile {
         &self,
         part: usize,
         readers: &[AttributeReader],
-        room: &mut SourceFileBuffers,
+        buffers: &mut SourceFileBuffers,
         each: &mut source::Each<'_>,
     ) -> Result<ReturnCounts> {
-        let Some(sieve) = &self.sieve else { return Ok(ReturnCounts::default()) };
-        let mut tell = AttributeVisitor {
-            sieve,
+        let Some(pass) = &self.pass else { return Ok(ReturnCounts::default()) };
+        let mut visitor = AttributeVisitor {
+            pass,
             table: AttributeTable::new(readers),
             census: ReturnCounts::default(),
             each,
         };
         let needs_records =
-            sieve.needs_records() || readers.iter().any(AttributeReader::needs_record);
+            pass.needs_records() || readers.iter().any(AttributeReader::needs_record);
         let lost = match needs_records {
-            true => self.take(part, &mut room.records, &mut tell),
+            true => self.take(part, &mut buffers.records, &mut visitor),
             false => {
-                let wanted = FieldSelection { class: true, ..sieve.needed_fields() };
-                self.visit(part, wanted, &mut room.records, &mut tell)
+                let wanted = FieldSelection { class: true, ..pass.needed_fields() };
+                self.visit(part, wanted, &mut buffers.records, &mut visitor)
             }
         }?;
-        Ok(self.with_lost(part, tell.census, lost))
+        Ok(self.with_lost(part, visitor.census, lost))
     }
 
     /// Passes the whole records of a part to `taker`, block by block; returns the number of lost points.
     fn take(
         &self,
         part: usize,
-        room: &mut las::LasReadBuffers,
+        buffers: &mut las::LasReadBuffers,
         taker: &mut impl RecordVisitor,
     ) -> Result<u64> {
         match &self.file {
@@ -385,7 +385,7 @@ impl CloudSourceFile {
                     part,
                     FieldSelection::RECORDS,
                     self.salvage,
-                    room,
+                    buffers,
                     &mut |first, block| {
                         let LasPointBlock::Records(records) = block else {
                             return Err(no_records());
@@ -418,14 +418,14 @@ impl CloudSourceFile {
         &self,
         part: usize,
         wanted: FieldSelection,
-        room: &mut las::LasReadBuffers,
+        buffers: &mut las::LasReadBuffers,
         visitor: &mut impl RecordBlockVisitor,
     ) -> Result<u64> {
         match &self.file {
             CloudFile::Las(file) => {
                 let in_file = |e: Error| e.in_file(&file.path);
                 let (record, is_new) = (usize::from(file.header.record), file.header.is_new());
-                file.records(part, wanted, self.salvage, room, &mut |first, block| {
+                file.records(part, wanted, self.salvage, buffers, &mut |first, block| {
                     match (block, is_new) {
                         (LasPointBlock::Fields(f), true) => {
                             visitor.visit(first, unpacked::<true>(f))
@@ -445,8 +445,8 @@ impl CloudSourceFile {
             }
             CloudFile::Text(file) => {
                 file.records(part, self.salvage, &mut |first, records: &[text::TextPoint]| {
-                    let found = visitor.visit(first, records.iter().copied());
-                    found.map_err(|e| e.in_file(&file.path))
+                    let visited = visitor.visit(first, records.iter().copied());
+                    visited.map_err(|e| e.in_file(&file.path))
                 })
             }
         }

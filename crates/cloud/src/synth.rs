@@ -2,7 +2,7 @@
 
 use super::attributes::{AttributeReader, AttributeTable, readers};
 use super::column;
-use super::condition::{CompiledCondition, Condition};
+use super::condition::CompiledCondition;
 use super::filter::{CloudFilter, CompiledFilter, FilterRecord, FilterVerdict};
 use super::las::ModernLasRecord;
 use super::raw::Flags;
@@ -78,8 +78,8 @@ impl SyntheticCloud {
         let frame = frame(&survey);
         let gate = CompiledFilter::new(&filter, &frame);
         let columns = column::columns(full()?, &[]);
-        let bind = |condition: &Condition| condition.bind(&columns, &frame);
-        let test = filter.condition.as_ref().map(bind).transpose()?;
+        let test = filter.condition.as_ref().map(|condition| condition.bind(&columns, &frame));
+        let test = test.transpose()?;
         let info = info(&survey, &gate);
         Ok(Self { survey, gate, test, info })
     }
@@ -95,6 +95,19 @@ impl SyntheticCloud {
         let [west, south, east, north] = self.survey.area(part);
         let [x, y, _] = ORIGIN;
         [x + west, y + south, x + east, y + north]
+    }
+
+    /// Whether a return meets the condition, which is judged on its LAS record; `bytes` is a buffer.
+    fn meets_condition(
+        &self,
+        echo: &SimulatedReturn,
+        format: write::PointFormat,
+        bytes: &mut Vec<u8>,
+    ) -> bool {
+        let Some(test) = &self.test else { return true };
+        bytes.clear();
+        format.encode(&[echo.into()], bytes);
+        test.holds(echo.point, ModernLasRecord::of(bytes), bytes)
     }
 
     /// Passes on the filtered returns of a part.
@@ -113,16 +126,9 @@ impl SyntheticCloud {
         self.survey.fill(part, &mut echoes);
         let mut census = ReturnCounts { read: echoes.len() as u64, ..ReturnCounts::default() };
         let (format, mut bytes) = (full()?, Vec::new());
-        let mut meets = |test: &CompiledCondition, echo: &SimulatedReturn| {
-            bytes.clear();
-            format.encode(&[echo.into()], &mut bytes);
-            test.holds(echo.point, ModernLasRecord::of(&bytes), &bytes)
-        };
         for (index, echo) in echoes.iter().enumerate() {
             match self.gate.judge(&self.record(echo, index)) {
-                FilterVerdict::Keep
-                    if self.test.as_ref().is_some_and(|test| !meets(test, echo)) =>
-                {
+                FilterVerdict::Keep if !self.meets_condition(echo, format, &mut bytes) => {
                     census.filtered += 1;
                 }
                 FilterVerdict::Keep => {
@@ -171,9 +177,11 @@ impl PointSource for SyntheticCloud {
     fn bounds_of(&self, part: usize) -> Option<[Point; 2]> {
         let [low, high] = self.info.bounds?;
         let [west, south, east, north] = self.area(part);
-        let steps = |axis: usize, world: f64| self.info.frame.steps(axis, world);
-        let [west, south] = [steps(0, west), steps(1, south)].map(|v| v.floor() as i32 - 1);
-        let [east, north] = [steps(0, east), steps(1, north)].map(|v| v.ceil() as i32 + 1);
+        let frame = &self.info.frame;
+        let [west, south] =
+            [frame.steps(0, west), frame.steps(1, south)].map(|v| v.floor() as i32 - 1);
+        let [east, north] =
+            [frame.steps(0, east), frame.steps(1, north)].map(|v| v.ceil() as i32 + 1);
         let low = Point::new(low.x.max(west), low.y.max(south), low.z);
         let high = Point::new(high.x.min(east), high.y.min(north), high.z);
         (low.x <= high.x && low.y <= high.y).then_some([low, high])
@@ -227,8 +235,7 @@ impl AttributeSource for SyntheticAttributeSource<'_> {
 
 /// Flags of a return, with the bits of LAS 1.4.
 fn flags(echo: &SimulatedReturn) -> u8 {
-    let mark = |is: bool, flag: Flags| if is { flag.0 } else { 0 };
-    mark(echo.withheld, Flags::WITHHELD) | mark(echo.overlap, Flags::OVERLAP)
+    (u8::from(echo.withheld) * Flags::WITHHELD.0) | (u8::from(echo.overlap) * Flags::OVERLAP.0)
 }
 
 /// Red, green, blue and near infrared by class.
@@ -244,8 +251,8 @@ fn colours(class: u8) -> [u16; 4] {
 /// A return as a record of a file, coloured by class and strength.
 impl From<&SimulatedReturn> for write::PointRecord {
     fn from(echo: &SimulatedReturn) -> Self {
-        let shade = |colour: u16| colour * 200 + echo.intensity;
-        let [red, green, blue, infrared] = colours(echo.class).map(shade);
+        let [red, green, blue, infrared] =
+            colours(echo.class).map(|colour| colour * 200 + echo.intensity);
         Self {
             point: echo.point,
             time: echo.time,

@@ -59,15 +59,15 @@ impl CoordinateOperation {
     /// and data across the edge of the target's map; each by name.
     pub fn between(from: &Crs, to: &Crs, options: &CoordinateOperationOptions) -> Result<Self> {
         let target = to.with_heights_of(from);
-        let [own, others] = [from.conversion()?, to.conversion()?];
-        let [source, sink] =
-            [Projection::new(&own, from.label())?, Projection::new(&others, to.label())?];
+        let (of_source, of_target) = (from.conversion()?, to.conversion()?);
+        let source = Projection::new(&of_source, from.label())?;
+        let sink = Projection::new(&of_target, to.label())?;
         let area = options.extent.map(|extent| area(&source, extent)).transpose()?;
         if let Some(area) = &area {
             check_edge(&sink, area, &to.label())?;
         }
         let mut notes = Vec::new();
-        let datums = [&own.datum, &others.datum];
+        let datums = [&of_source.datum, &of_target.datum];
         check_bodies(datums)?;
         let DatumShiftPath { legs, accuracy, name } = match &options.shift_grid {
             Some(grid) => {

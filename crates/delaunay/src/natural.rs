@@ -111,12 +111,12 @@ impl<'a, S: PointIndex> Natural<'a, S> {
     }
 
     fn point_at(&self, q: FixedPosition) -> Option<Point> {
-        let mut found = None;
+        let mut point = None;
         let window = SiteWindow { low: q.floor(), high: q.floor() };
         self.space.visit(&window, |run| {
-            found = found.or(run.iter().find(|p| FixedPosition::of(site(p)) == q).copied());
+            point = point.or(run.iter().find(|p| FixedPosition::of(site(p)) == q).copied());
         });
-        found
+        point
     }
 
     fn point(&self, s: u32) -> Option<Point> {
@@ -190,13 +190,21 @@ struct NaturalNeighborCavity {
     border: Vec<(Point, f64)>,
     /// Centres of the circles of the position and each edge of the border, from each neighbour on.
     centres: Vec<[f64; 2]>,
-    /// Voronoi edges inside: from one centre to the other, with the neighbour on the left, and that
-    /// on the right.
-    edges: Vec<([f64; 2], [f64; 2], Point, Point)>,
+    /// Voronoi edges inside.
+    edges: Vec<VoronoiEdge>,
     /// An edge of the hull that the position lies on.
     on: Option<[Point; 2]>,
     /// Sides to cross, each with the centre on this side of it.
     open: Vec<(u32, [f64; 2])>,
+}
+
+/// An edge between the Voronoi cells of two neighbours, from one centre to the other.
+#[derive(Clone, Copy, Debug)]
+struct VoronoiEdge {
+    from: [f64; 2],
+    to: [f64; 2],
+    left: Point,
+    right: Point,
 }
 
 impl NaturalNeighborCavity {
@@ -228,7 +236,7 @@ impl NaturalNeighborCavity {
             }
             match beyond {
                 Some(other) => {
-                    self.edges.push((centre, other, v, u));
+                    self.edges.push(VoronoiEdge { from: centre, to: other, left: v, right: u });
                     self.open.extend([(prev(twin), other), (next(twin), other)]);
                 }
                 None => self.close(centre, u, v),
@@ -242,7 +250,7 @@ impl NaturalNeighborCavity {
         let arms = [u, v].map(|p| self.q.to(site(&p)));
         match centre_with(arms) {
             Some(other) => {
-                self.edges.push((centre, other, v, u));
+                self.edges.push(VoronoiEdge { from: centre, to: other, left: v, right: u });
                 self.centres.push(other);
             }
             None => self.on = Some([u, v]),
@@ -274,7 +282,7 @@ impl NaturalNeighborCavity {
             let (before, after) = (self.centres[(i + count - 1) % count], self.centres[i]);
             self.border[i].1 += cross(before, after);
         }
-        for (from, to, left, right) in &self.edges {
+        for VoronoiEdge { from, to, left, right } in &self.edges {
             let area = cross(*from, *to);
             for (point, taken) in &mut self.border {
                 if point == left {

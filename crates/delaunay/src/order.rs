@@ -64,9 +64,9 @@ impl MortonSites {
     /// Which of several entries at one position stands for all.
     fn choose(&mut self, points: &[Point], same: &[MortonSite]) -> u32 {
         let ids = same.iter().map(|entry| entry.id);
-        let kept = ids.clone().min_by_key(|&id| (points[id as usize], id)).unwrap_or_default();
-        self.duplicates.extend(ids.filter(|&id| id != kept).map(|id| [id, kept]));
-        kept
+        let chosen = ids.clone().min_by_key(|&id| (points[id as usize], id)).unwrap_or_default();
+        self.duplicates.extend(ids.filter(|&id| id != chosen).map(|id| [id, chosen]));
+        chosen
     }
 }
 

@@ -81,26 +81,26 @@ impl PointBins {
 
     /// Puts each bin into order and drops all but the lowest point of each position.
     fn settle(&mut self) {
-        let (mut kept, mut from) = (0, 0);
+        let (mut count, mut from) = (0, 0);
         for bin in 0..self.starts.len() - 1 {
             // Read here, as settling the next bin writes it.
             let to = self.starts[bin + 1] as usize;
             self.points[from..to].sort_unstable();
-            self.starts[bin] = kept as u32;
+            self.starts[bin] = count as u32;
             for i in from..to {
                 let point = self.points[i];
-                let last = self.points[self.starts[bin] as usize..kept].last();
+                let last = self.points[self.starts[bin] as usize..count].last();
                 if last.is_none_or(|last| [last.x, last.y] != [point.x, point.y]) {
-                    self.points[kept] = point;
-                    kept += 1;
+                    self.points[count] = point;
+                    count += 1;
                 }
             }
             from = to;
         }
         if let Some(end) = self.starts.last_mut() {
-            *end = kept as u32;
+            *end = count as u32;
         }
-        self.points.truncate(kept);
+        self.points.truncate(count);
     }
 
     #[inline(always)]
@@ -198,8 +198,8 @@ fn bins_along(window: &SiteWindow, axis: usize, size: i32) -> u64 {
 fn even_size(window: &SiteWindow, points: usize) -> i32 {
     let (width, height, points) = (length(window, 0), length(window, 1), points as u64);
     let even = ((width as f64) * (height as f64) * PER_BIN as f64 / points as f64).sqrt() as u64;
-    let least = width.max(height).div_ceil(points);
-    even.max(least).clamp(1, 1 << 30) as i32
+    let min_size = width.max(height).div_ceil(points);
+    even.max(min_size).clamp(1, 1 << 30) as i32
 }
 
 #[cfg(test)]

@@ -84,13 +84,13 @@ impl<'a, S: PointIndex> TriangleFinder<'a, S> {
         q: FixedPosition,
         is_small: impl Fn(&[Point; 3]) -> bool,
     ) -> Result<Location, NeededWindow> {
-        let found = self.find(q)?;
-        match found {
+        let location = self.find(q)?;
+        match location {
             Location::Triangle(corners) if !is_small(&corners) && is_on_side(&corners, q) => {
                 let behind = self.behind(q)?.filter(is_small);
-                Ok(behind.map_or(found, Location::Triangle))
+                Ok(behind.map_or(location, Location::Triangle))
             }
-            _ => Ok(found),
+            _ => Ok(location),
         }
     }
 
@@ -154,20 +154,20 @@ impl<'a, S: PointIndex> TriangleFinder<'a, S> {
         loop {
             let disc = CircumscribedDisc::around(basis.corners.map(|p| site(&p)));
             let narrow = disc.radius() * 2.0 < (WIDE * i64::from(pitch)) as f64;
-            let whole = match narrow {
+            let searched = match narrow {
                 true => SiteWindow::ALL,
                 false => match disc.clip(&extent) {
                     None => return disc,
-                    Some(part) => part,
+                    Some(clipped) => clipped,
                 },
             };
             let near = SiteWindow { low: at, high: at }.grown(reach);
-            let window = if narrow { whole } else { near };
+            let window = if narrow { searched } else { near };
             match deepest(self.space, &disc, &window) {
                 // Each pivot lowers the sum that the programme minimises, ties broken as in `in_circle`: no triangle
                 // comes twice, and the loop ends.
                 Some(point) => basis.pivot(point),
-                None if window.covers(&whole) => return disc,
+                None if window.covers(&searched) => return disc,
                 None => reach = reach.saturating_mul(2),
             }
         }

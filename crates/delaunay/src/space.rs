@@ -44,7 +44,7 @@ pub struct OccupancyGrid {
 }
 
 /// Maximum number of cells of an [`OccupancyGrid`].
-const MAX_SQUARES: usize = 1 << 24;
+const MAX_CELLS: usize = 1 << 24;
 
 impl OccupancyGrid {
     /// An empty map of `window` in squares of `size` steps, or larger ones where those would be more
@@ -54,7 +54,7 @@ impl OccupancyGrid {
         let mut size = size.max(1);
         loop {
             let [columns, rows] = lengths.map(|length| (length / i64::from(size)) as usize + 1);
-            if columns * rows <= MAX_SQUARES {
+            if columns * rows <= MAX_CELLS {
                 return Self { window, size, columns, holds: vec![false; columns * rows] };
             }
             size = size.saturating_mul(2);
@@ -63,7 +63,7 @@ impl OccupancyGrid {
 
     /// Notes that there is a point at `p`, which lies in the window.
     pub fn add(&mut self, p: Site) {
-        let [column, row] = self.square(p);
+        let [column, row] = self.cell(p);
         self.holds[row * self.columns + column] = true;
     }
 
@@ -72,36 +72,32 @@ impl OccupancyGrid {
         self.holds.iter_mut().zip(&other.holds).for_each(|(here, there)| *here |= there);
     }
 
-    fn square(&self, p: Site) -> [usize; 2] {
+    fn cell(&self, p: Site) -> [usize; 2] {
         [0, 1].map(|i| ((p[i] - self.window.low[i]) / self.size) as usize)
     }
 
     /// The smallest window of occupied cells that touch the disc and do not lie in `known`.
     fn unknown(&self, disc: &CircumscribedDisc, known: &SiteWindow) -> Option<SiteWindow> {
-        let part = disc.clip(&self.window)?;
-        let rows = self.square(part.low)[1]..=self.square(part.high)[1];
-        let mut found: Option<SiteWindow> = None;
+        let clipped = disc.clip(&self.window)?;
+        let rows = self.cell(clipped.low)[1]..=self.cell(clipped.high)[1];
+        let mut unknown: Option<SiteWindow> = None;
         for row in rows {
-            for square in self.row_squares(disc, row).filter(|square| !known.covers(square)) {
-                found = Some(found.map_or(square, |all| all.union(&square)));
+            for cell in self.row_cells(disc, row).filter(|cell| !known.covers(cell)) {
+                unknown = Some(unknown.map_or(cell, |all| all.union(&cell)));
             }
         }
-        found
+        unknown
     }
 
     /// The occupied cells of a row that touch the disc.
-    fn row_squares(
-        &self,
-        disc: &CircumscribedDisc,
-        row: usize,
-    ) -> impl Iterator<Item = SiteWindow> {
+    fn row_cells(&self, disc: &CircumscribedDisc, row: usize) -> impl Iterator<Item = SiteWindow> {
         let low = self.window.low[1] + row as i32 * self.size;
         let strip = SiteWindow {
             low: [self.window.low[0], low],
             high: [self.window.high[0], low.saturating_add(self.size - 1).min(self.window.high[1])],
         };
-        let part = disc.clip(&strip);
-        let columns = part.map(|part| self.square(part.low)[0]..=self.square(part.high)[0]);
+        let clipped = disc.clip(&strip);
+        let columns = clipped.map(|clipped| self.cell(clipped.low)[0]..=self.cell(clipped.high)[0]);
         let columns = columns.into_iter().flatten();
         columns.filter(move |column| self.holds[row * self.columns + column]).map(move |column| {
             let left = strip.low[0] + column as i32 * self.size;

@@ -46,12 +46,12 @@ pub fn stars(
     points.extend_from_slice(far);
     loop {
         let triangulation = Triangulation::new(&points)?;
-        let mut round = StarRound { space, window: &window, block, found: vec![], needs: None };
+        let mut round = StarRound { space, window: &window, block, missing: vec![], needs: None };
         let owned = round.collect(&triangulation, &points);
-        match (round.found.is_empty(), round.needs) {
+        match (round.missing.is_empty(), round.needs) {
             (true, None) => return Ok(Ok(owned)),
             (true, Some(needs)) => return Ok(Err(NeededWindow(needs))),
-            _ => points.append(&mut round.found),
+            _ => points.append(&mut round.missing),
         }
     }
 }
@@ -70,7 +70,7 @@ struct StarRound<'a, S> {
     window: &'a SiteWindow,
     block: &'a SiteWindow,
     /// Points found in discs of triangles.
-    found: Vec<Point>,
+    missing: Vec<Point>,
     /// The regions required for triangles whose discs contain no known point.
     needs: Option<SiteWindow>,
 }
@@ -100,7 +100,7 @@ impl<S: PointIndex> StarRound<'_, S> {
         if !disc.lies_in(self.window)
             && let Some(point) = deepest(self.space, &disc, &SiteWindow::ALL)
         {
-            return self.found.push(point);
+            return self.missing.push(point);
         }
         if let Err(NeededWindow(more)) = self.space.certify(&disc) {
             self.needs = Some(self.needs.map_or(more, |all| all.union(&more)));

@@ -140,7 +140,7 @@ impl<'a> UnitQueue<'a> {
     fn next_unit(&self) -> Result<Option<u64>> {
         let mut progress = lock(&self.progress);
         // No deadlock: the window holds the first open unit, so some thread is working on it, and its end (a result, an
-        // error or a panic) wakes all waiting threads.
+        // error or a panic) wakes all waiting threads. A cancelled run ends with that unit at the latest.
         while !progress.is_stopped
             && progress.next < self.units
             && progress.next - progress.consumed >= self.window

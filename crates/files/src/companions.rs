@@ -54,9 +54,8 @@ pub fn companions(path: &Path) -> Vec<PathBuf> {
 
 /// `path` with each of the extensions in place of its own, in lower and upper case.
 fn with_endings(path: &Path, endings: &[&str]) -> Vec<PathBuf> {
-    let both =
-        |ending: &&str| [path.with_extension(ending), path.with_extension(ending.to_uppercase())];
-    endings.iter().flat_map(both).collect()
+    let endings = endings.iter().flat_map(|ending| [(*ending).to_owned(), ending.to_uppercase()]);
+    endings.map(|ending| path.with_extension(ending)).collect()
 }
 
 fn behind(path: &Path, ending: &str) -> PathBuf {

@@ -28,12 +28,12 @@ pub fn point(point: FaultPoint) -> io::Result<()> {
 
     /// The requested point, and the number of passes left before it fails.
     static ORDER: OnceLock<Option<(String, AtomicU64)>> = OnceLock::new();
-    let read = || {
+    let order = ORDER.get_or_init(|| {
         let order = std::env::var("TERRANE_FAULT").ok()?;
         let (name, count) = order.split_once(':')?;
         Some((name.to_owned(), AtomicU64::new(count.parse().ok()?)))
-    };
-    let Some((name, left)) = ORDER.get_or_init(read) else { return Ok(()) };
+    });
+    let Some((name, left)) = order else { return Ok(()) };
     let is_it = format!("{point:?}").eq_ignore_ascii_case(name);
     // The count wraps after the fault, so that what cleans up after it goes through.
     if !is_it || left.fetch_sub(1, Ordering::Relaxed) != 1 {

@@ -13,9 +13,8 @@ pub trait FileFormat: RegistryEntry {
     /// True if `path` has one of the extensions, in any case.
     fn has_extension_of(&self, path: &Path) -> bool {
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-        let is_it =
-            |ending: &&str| name.strip_suffix(ending).is_some_and(|stem| stem.ends_with('.'));
-        self.extensions().iter().any(is_it)
+        let mut stems = self.extensions().iter().filter_map(|ending| name.strip_suffix(ending));
+        stems.any(|stem| stem.ends_with('.'))
     }
 
     /// Error of a file name with another extension.

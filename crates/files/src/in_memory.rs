@@ -66,8 +66,10 @@ impl<T> InMemoryRegistry<T> {
     /// # Errors
     /// Usage: no such dataset.
     pub fn get(&self, name: &str) -> Result<Arc<T>> {
-        let nothing = || Error::usage(format!("no dataset {name:?} of this kind is in memory"));
-        lock(&self.0).get(name).cloned().ok_or_else(nothing)
+        lock(&self.0)
+            .get(name)
+            .cloned()
+            .ok_or_else(|| Error::usage(format!("no dataset {name:?} of this kind is in memory")))
     }
 }
 

@@ -126,21 +126,21 @@ impl FileKind {
     /// The matching files of a folder (not of its subfolders), sorted by name.
     fn folder(&self, folder: &Path) -> Result<Vec<PathBuf>> {
         let fail = |e| Error::read(folder, e);
-        let mut found = Vec::new();
+        let mut files = Vec::new();
         for entry in std::fs::read_dir(folder).map_err(fail)? {
             let path = entry.map_err(fail)?.path();
             if (self.is_member)(&path) && path.is_file() {
-                found.push(path);
+                files.push(path);
                 limits::check(
                     "number of files of one input",
-                    found.len() as u64,
+                    files.len() as u64,
                     limits::MAX_MEMBERS,
                 )
                 .map_err(|e| e.in_file(folder))?;
             }
         }
-        found.sort();
-        Ok(found)
+        files.sort();
+        Ok(files)
     }
 }
 
@@ -205,17 +205,21 @@ fn resolve(list: &Path, line: &str) -> PathBuf {
     if beside.exists() { beside } else { line.into_owned() }
 }
 
-/// The files of a text list, one per line.
-fn listed(list: &Path) -> Result<Vec<String>> {
-    let fail = |e: std::io::Error| match e.kind() {
+/// Error of a list that cannot be read.
+fn unreadable(list: &Path, error: std::io::Error) -> Error {
+    match error.kind() {
         std::io::ErrorKind::InvalidData => {
             Error::bad_input("is not a list of files: not a text file").in_file(list)
         }
-        _ => Error::read(list, e),
-    };
-    let mut lines = BufReader::new(std::fs::File::open(list).map_err(fail)?);
+        _ => Error::read(list, error),
+    }
+}
+
+/// The files of a text list, one per line.
+fn listed(list: &Path) -> Result<Vec<String>> {
+    let mut lines = BufReader::new(std::fs::File::open(list).map_err(|e| unreadable(list, e))?);
     let (mut files, mut number) = (Vec::new(), 0_u64);
-    while let Some(line) = next_line(&mut lines).map_err(fail)? {
+    while let Some(line) = next_line(&mut lines).map_err(|e| unreadable(list, e))? {
         number += 1;
         if !is_entry(&line) {
             continue;

@@ -34,8 +34,9 @@ pub fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Se
         return work();
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1)).build();
-    let no_threads = |e| Error::new(ErrorKind::Resource, format!("cannot start threads: {e}"));
-    pool.map_err(no_threads)?.install(work)
+    let pool =
+        pool.map_err(|e| Error::new(ErrorKind::Resource, format!("cannot start threads: {e}")))?;
+    pool.install(work)
 }
 
 #[cfg(test)]

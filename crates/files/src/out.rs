@@ -43,8 +43,10 @@ impl AppendWriter {
 
     /// Writes to an unnamed file in `folder`, which errors name.
     pub fn spool(folder: &Path) -> Result<Self> {
-        let fail = |folder: &Path, e| spool::failure(folder, "write to", e);
-        Ok(Self { fail, ..Self::new(nameless(folder)?, folder) })
+        Ok(Self {
+            fail: |folder, e| spool::failure(folder, "write to", e),
+            ..Self::new(nameless(folder)?, folder)
+        })
     }
 
     /// Path named in errors.

@@ -239,29 +239,23 @@ impl<'a> XmlAttributes<'a> {
     #[inline]
     fn next(&mut self) -> Result<Option<XmlAttribute<'a>>> {
         let bytes = self.bytes;
-        let past = |kind: u8, mut at: usize| {
-            while at < bytes.len() && has(bytes[at], kind) {
-                at += 1;
-            }
-            at
-        };
-        let start = past(SPACE, self.at);
+        let start = skip(bytes, SPACE, self.at);
         if start == bytes.len() {
             return Ok(None);
         }
-        let end = past(NAME, start);
-        let equals = past(SPACE, end);
-        let quote = past(SPACE, equals + 1);
-        let is_begun = start > self.at && has(bytes[start], NAME_START);
+        let end = skip(bytes, NAME, start);
+        let equals = skip(bytes, SPACE, end);
+        let quote = skip(bytes, SPACE, equals + 1);
+        let has_name = start > self.at && has(bytes[start], NAME_START);
         let mark = match bytes.get(quote) {
-            Some(mark @ (b'"' | b'\'')) if is_begun && bytes[equals] == b'=' => *mark,
+            Some(mark @ (b'"' | b'\'')) if has_name && bytes[equals] == b'=' => *mark,
             _ => return Err(damaged_tag()),
         };
-        let mut at = past(IN_VALUE, quote + 1);
+        let mut at = skip(bytes, IN_VALUE, quote + 1);
         let mut has_reference = false;
         while let Some(&c) = bytes.get(at).filter(|c| **c != mark && **c != b'<') {
             has_reference |= c == b'&';
-            at = past(IN_VALUE, at + 1);
+            at = skip(bytes, IN_VALUE, at + 1);
         }
         if bytes.get(at) != Some(&mark) {
             return Err(damaged_tag());
@@ -331,21 +325,30 @@ fn damaged_tag() -> Error {
     not_xml(&"malformed tag")
 }
 
+/// The first place at or after `at` whose byte is not of this kind.
+#[inline]
+fn skip(bytes: &[u8], kind: u8, mut at: usize) -> usize {
+    while at < bytes.len() && has(bytes[at], kind) {
+        at += 1;
+    }
+    at
+}
+
 /// Fails for characters that are not allowed in XML.
 fn check_text(text: &str) -> Result<()> {
     // Branch-free, so that the loop is vectorised; 0xef is the first byte of the two other forbidden
     // characters.
-    let is_odd = |c: u8| (c < b' ' && !matches!(c, b'\t' | b'\n' | b'\r')) | (c == 0xef);
-    if !text.bytes().fold(false, |odd, c| odd | is_odd(c)) {
-        return Ok(());
-    }
-    let is_none = |c: char| {
-        c < ' ' && !matches!(c, '\t' | '\n' | '\r') || matches!(c, '\u{fffe}' | '\u{ffff}')
-    };
-    match text.contains(is_none) {
+    let may_be_forbidden = text.bytes().fold(false, |odd, c| {
+        odd | ((c < b' ' && !matches!(c, b'\t' | b'\n' | b'\r')) | (c == 0xef))
+    });
+    match may_be_forbidden && text.contains(is_forbidden) {
         true => Err(not_xml(&"control characters are not allowed")),
         false => Ok(()),
     }
+}
+
+fn is_forbidden(c: char) -> bool {
+    c < ' ' && !matches!(c, '\t' | '\n' | '\r') || matches!(c, '\u{fffe}' | '\u{ffff}')
 }
 
 /// The text of `&name;`.

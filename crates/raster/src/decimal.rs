@@ -24,8 +24,10 @@ pub(super) fn leading(text: &[u8]) -> Option<(f64, usize)> {
 
 /// The number in all of `text`; `None` if it is not a number, or if its digits overflow `f64`.
 pub(super) fn whole(text: &str) -> Option<f64> {
-    let is_said = |value: &f64| value.is_finite() || !text.contains(|c: char| c.is_ascii_digit());
-    text.parse().ok().filter(is_said)
+    let value: f64 = text.parse().ok()?;
+    // "inf" is a number, but digits that parse as infinity have overflowed.
+    let has_overflowed = !value.is_finite() && text.contains(|c: char| c.is_ascii_digit());
+    (!has_overflowed).then_some(value)
 }
 
 #[cfg(test)]

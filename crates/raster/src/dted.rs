@@ -156,9 +156,9 @@ impl DtedText<'_> {
     /// A coordinate in degrees, stored as DDDMMSSH.
     fn degrees(&self, offset: usize) -> Option<f64> {
         let text = self.at(offset, 8);
-        let part = |from: usize, to: usize| text.get(from..to)?.trim().parse::<u32>().ok();
-        let (degrees, minutes, seconds) = (part(0, 3)?, part(3, 5)?, part(5, 7)?);
-        let size = f64::from(degrees) + f64::from(minutes) / 60.0 + f64::from(seconds) / 3600.0;
+        let [degrees, minutes, seconds] = [0..3, 3..5, 5..7]
+            .map(|digits| text.get(digits)?.trim().parse::<u32>().ok().map(f64::from));
+        let size = degrees? + minutes? / 60.0 + seconds? / 3600.0;
         match text.get(7..)? {
             "N" | "E" => Some(size),
             "S" | "W" => Some(-size),
@@ -174,9 +174,8 @@ impl DtedText<'_> {
 }
 
 fn transform(label: &DtedText<'_>, width: u32, height: u32) -> Result<Affine> {
-    let bad = |what: &str| Error::bad_input(format!("invalid {what}"));
-    let west = label.degrees(4).ok_or_else(|| bad("origin longitude"))?;
-    let south = label.degrees(12).ok_or_else(|| bad("origin latitude"))?;
+    let west = label.degrees(4).ok_or_else(|| Error::bad_input("invalid origin longitude"))?;
+    let south = label.degrees(12).ok_or_else(|| Error::bad_input("invalid origin latitude"))?;
     // Where intervals are left out, a cell is one degree.
     let dx = label.interval(20).unwrap_or(1.0 / f64::from(width - 1));
     let dy = label.interval(24).unwrap_or(1.0 / f64::from(height - 1));

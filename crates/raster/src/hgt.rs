@@ -116,11 +116,14 @@ fn describe(bytes: u64, name: &str, options: &GridOpenOptions) -> Result<GridInf
     })
 }
 
+fn file_bytes(width: u32, height: u32) -> u64 {
+    u64::from(width) * u64::from(height) * SAMPLE_BYTES
+}
+
 /// Columns and rows of a tile with a file size of `bytes`.
 fn shape(bytes: u64) -> Result<(u32, u32)> {
-    let of = |(w, h): &(u32, u32)| u64::from(*w) * u64::from(*h) * SAMPLE_BYTES;
-    SHAPES.iter().find(|shape| of(shape) == bytes).copied().ok_or_else(|| {
-        let known = SHAPES.iter().map(|s| format!("{} ({} x {})", of(s), s.0, s.1));
+    SHAPES.iter().find(|(w, h)| file_bytes(*w, *h) == bytes).copied().ok_or_else(|| {
+        let known = SHAPES.iter().map(|&(w, h)| format!("{} ({w} x {h})", file_bytes(w, h)));
         let known: Vec<String> = known.collect();
         Error::bad_input(format!(
             "file size of {bytes} bytes does not match an SRTM tile; expected one of {}",

@@ -66,20 +66,32 @@ pub use water::{Water, WaterFeatures, WaterReport};
 /// Errors of [`open`]; inconsistent files; clip polygons with another CRS, without a sample, or larger than
 /// the cache; a box without a cell.
 pub fn open_all(inputs: &[String], options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
-    let open = |options: &GridOpenOptions| match inputs {
-        [one] if !is_collection(one) => open(one, options),
-        _ => mosaic::open(inputs, options),
-    };
-    let open = |options: &GridOpenOptions| match &options.water {
-        Some(water) => water::levelled(water, options, open),
-        None => open(options),
-    };
-    let open = |options: &GridOpenOptions| match &options.clip {
-        Some(clip) => clip::clipped(clip, options, open),
-        None => open(options),
-    };
     match options.bbox {
-        Some(bbox) => subset::part(bbox, options, open),
-        None => open(options),
+        Some(bbox) => subset::part(bbox, options, |options| open_clipped(inputs, options)),
+        None => open_clipped(inputs, options),
+    }
+}
+
+/// The grid within the clip polygons, if any.
+fn open_clipped(inputs: &[String], options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
+    match &options.clip {
+        Some(clip) => clip::clipped(clip, options, |options| open_levelled(inputs, options)),
+        None => open_levelled(inputs, options),
+    }
+}
+
+/// The grid with level water, if any.
+fn open_levelled(inputs: &[String], options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
+    match &options.water {
+        Some(water) => water::levelled(water, options, |options| open_files(inputs, options)),
+        None => open_files(inputs, options),
+    }
+}
+
+/// A single grid as it is, or else a mosaic.
+fn open_files(inputs: &[String], options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
+    match inputs {
+        [input] if !is_collection(input) => open(input, options),
+        _ => mosaic::open(inputs, options),
     }
 }

@@ -16,9 +16,9 @@ pub(crate) fn is_no_height(stored: f64) -> bool {
 /// The stored value to pass as `--nodata` if `lowest`, the lowest valid height of a grid or window, looks
 /// like an undeclared nodata value. Exact for grids with scale and offset, if the scale is positive.
 pub fn looks_like_nodata(lowest: f64, info: &GridInfo) -> Option<f64> {
-    let height = |stored: f64| stored * info.scale + info.offset;
     let absurd = (lowest < ABSURD && lowest.is_finite()).then_some(lowest);
-    USUAL.into_iter().find(|stored| height(*stored) == lowest).or(absurd)
+    let usual = USUAL.into_iter().find(|stored| stored * info.scale + info.offset == lowest);
+    usual.or(absurd)
 }
 
 /// Note on `samples` such samples.

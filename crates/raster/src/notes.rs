@@ -73,8 +73,8 @@ pub fn notes(info: &GridInfo) -> Vec<GridNote> {
 
 /// Notes on samples that other programs interpret differently, for reports of derived products.
 pub fn cautions(info: &GridInfo) -> Vec<String> {
-    let told = notes(info).into_iter().filter(|note| CAUTIONS.contains(&note.kind));
-    told.map(|note| note.text).collect()
+    let cautions = notes(info).into_iter().filter(|note| CAUTIONS.contains(&note.kind));
+    cautions.map(|note| note.text).collect()
 }
 
 /// Notes on the heights of a grid of `samples` samples, `valid` of which are not void and have the given
@@ -261,22 +261,24 @@ fn nodata_values_differ(info: &GridInfo) -> Option<String> {
     Some(format!("{text}: {values}"))
 }
 
+/// The values of the details called `name`.
+fn details<'a>(info: &'a GridInfo, name: &str) -> Vec<&'a str> {
+    let details = info.details.iter().filter(|(key, _)| key == name);
+    details.map(|(_, value)| value.as_str()).collect()
+}
+
 /// Note on a mask beside the nodata value, or on unused masks of VRT sources.
 fn masks(info: &GridInfo) -> Option<String> {
-    let named = |kind: &str| {
-        let own = info.details.iter().filter(|(name, _)| name == kind);
-        own.map(|(_, value)| value.as_str()).collect::<Vec<_>>()
-    };
-    let (own, unused) = (named(MASK), named(UNUSED_MASKS));
-    if let [count, ..] = unused[..] {
+    if let Some(count) = details(info, UNUSED_MASKS).first() {
         return Some(format!(
             "sources with masks that the VRT does not use: {count}; masked samples are void, GDAL reads heights there"
         ));
     }
-    (info.nodata.is_some() && !own.is_empty()).then(|| {
+    let masks = details(info, MASK);
+    (info.nodata.is_some() && !masks.is_empty()).then(|| {
         format!(
             "nodata value and mask ({}) both make samples void; GDAL applies only one of them",
-            own.join(", ")
+            masks.join(", ")
         )
     })
 }
@@ -294,9 +296,9 @@ const THIN_STRIP: u32 = 64;
 /// Uncompressed strips are not affected: they are read in parts.
 fn thin_strips(info: &GridInfo) -> Option<String> {
     let (width, rows) = info.block;
-    let packed = |(name, value): &(String, String)| name == "compression" && value != "none";
     let is_long = width >= LONG_STRIP && rows < THIN_STRIP.min(info.height);
-    (is_long && info.details.iter().any(packed)).then(|| {
+    let is_compressed = details(info, "compression").iter().any(|name| *name != "none");
+    (is_long && is_compressed).then(|| {
         let lines = if rows == 1 { "1 row".to_owned() } else { format!("{rows} rows") };
         format!(
             "compressed strips of {lines} across {width} columns: any window decodes whole rows; \

@@ -143,14 +143,18 @@ fn sample_type(descr: &str) -> Result<(SampleType, bool)> {
     Ok((kind, big_endian))
 }
 
-/// Rows and columns of "(3, 4)...".
-fn shape(text: &str) -> Result<(u32, u32)> {
-    let bad = || Error::bad_input("shape in the header is not a list of numbers");
-    let inside = text.strip_prefix('(').and_then(|t| t.split_once(')')).ok_or_else(bad)?.0;
+/// The numbers of "(3, 4)...".
+fn sides(text: &str) -> Option<Vec<u64>> {
+    let (inside, _) = text.strip_prefix('(')?.split_once(')')?;
     let sides = inside.split(',').map(str::trim).filter(|side| !side.is_empty());
     // Python 2 wrote long integers with an L.
-    let sides = sides.map(|side| side.trim_end_matches('L').parse().map_err(|_| bad()));
-    let sides: Vec<u64> = sides.collect::<Result<_>>()?;
+    sides.map(|side| side.trim_end_matches('L').parse().ok()).collect()
+}
+
+/// Rows and columns of "(3, 4)...".
+fn shape(text: &str) -> Result<(u32, u32)> {
+    let sides = sides(text)
+        .ok_or_else(|| Error::bad_input("shape in the header is not a list of numbers"))?;
     let &[height, width] = sides.as_slice() else {
         return Err(Error::unsupported(format!(
             "arrays of {} dimensions are not supported",

@@ -131,11 +131,11 @@ fn unpack_gzip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
         _ => name.as_ref(),
     };
     let target = folder.join(stem);
-    let most = limits::MAX_UNPACKED_BYTES;
+    let max_bytes = limits::MAX_UNPACKED_BYTES;
     // One byte beyond the limit tells a file of just that size from a longer one, without unpacking all
     // of it.
-    let bytes = copy(&mut decoder, most.saturating_add(1), &target, "gzip file")?;
-    limits::check("unpacked size in bytes", bytes, most)?;
+    let bytes = copy(&mut decoder, max_bytes.saturating_add(1), &target, "gzip file")?;
+    limits::check("unpacked size in bytes", bytes, max_bytes)?;
     copy_sidecars(file.path(), &target)?;
     Ok(target)
 }
@@ -182,10 +182,10 @@ fn unpack_zip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
     let sidecars = names.iter().filter(|name| !is_large(name) && is_sidecar(name, stem));
     let sidecars = sidecars.take(SIDECARS.len()).chain(names.iter().filter(|n| large.contains(n)));
     for name in sidecars.chain([grid]) {
-        let most =
+        let max_bytes =
             if is_large(name) { limits::MAX_UNPACKED_BYTES } else { limits::MAX_HEADER_BYTES };
         // The folders in a name are ignored: "../" in an archive would write outside the folder.
-        extract(&mut archive, name, most, &folder.join(base(name)))?;
+        extract(&mut archive, name, max_bytes, &folder.join(base(name)))?;
     }
     Ok(target)
 }
@@ -193,10 +193,10 @@ fn unpack_zip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
 type Archive<'a> = ZipArchive<BufReader<file::RawFileReader<'a>>>;
 
 /// Decompresses the entry `name` to `target`, and checks its declared size.
-fn extract(archive: &mut Archive<'_>, name: &str, most: u64, target: &Path) -> Result<()> {
+fn extract(archive: &mut Archive<'_>, name: &str, max_bytes: u64, target: &Path) -> Result<()> {
     let mut entry = archive.by_name(name).map_err(damaged_zip)?;
     let declared = entry.size();
-    limits::check(&format!("unpacked size of {name} in bytes"), declared, most)?;
+    limits::check(&format!("unpacked size of {name} in bytes"), declared, max_bytes)?;
     // An entry that goes on behind its declared size is as damaged as a shorter one.
     let copied = copy(&mut entry, declared + 1, target, "zip archive")?;
     if copied != declared {
@@ -207,19 +207,25 @@ fn extract(archive: &mut Archive<'_>, name: &str, most: u64, target: &Path) -> R
     Ok(())
 }
 
+/// True if a file of an archive has the name of a grid that is not in turn packed or a VRT.
+fn is_grid(name: &str) -> bool {
+    let is_hidden = base(name).starts_with('.') || name.starts_with("__MACOSX/");
+    !is_hidden
+        && !is_header(name)
+        && FORMATS
+            .iter()
+            .filter(|format| ![GZIP.name, ZIP.name, vrt::FORMAT.name].contains(&format.name))
+            .any(|format| format.has_extension_of(Path::new(name)))
+}
+
+fn is_text(name: &str) -> bool {
+    ending(name) == "txt" || ending(name) == "csv"
+}
+
 /// The only grid of an archive, by extension.
 fn the_grid(names: &[String]) -> Result<&String> {
-    let is_grid = |name: &&String| {
-        let path = Path::new(name.as_str());
-        let other = [GZIP.name, ZIP.name, vrt::FORMAT.name];
-        let is_own = |f: &&RasterFormat| !other.contains(&f.name);
-        let is_hidden = base(name).starts_with('.') || name.starts_with("__MACOSX/");
-        let mut formats = FORMATS.iter().filter(is_own);
-        !is_hidden && !is_header(name) && formats.any(|format| format.has_extension_of(path))
-    };
+    let mut grids: Vec<&String> = names.iter().filter(|name| is_grid(name)).collect();
     // Licences and notes are .txt too, so grids with another extension come first.
-    let is_text = |name: &&String| ending(name) == "txt" || ending(name) == "csv";
-    let mut grids: Vec<&String> = names.iter().filter(is_grid).collect();
     if grids.iter().any(|name| !is_text(name)) {
         grids.retain(|name| !is_text(name));
     }
@@ -258,10 +264,10 @@ fn ending(name: &str) -> String {
     base(name).rsplit_once('.').map(|pair| pair.1.to_lowercase()).unwrap_or_default()
 }
 
-/// Copies up to `most` bytes into a new file; returns the number of bytes.
-fn copy(from: &mut dyn Read, most: u64, target: &Path, what: &str) -> Result<u64> {
+/// Copies up to `max_bytes` bytes into a new file; returns the number of bytes.
+fn copy(from: &mut dyn Read, max_bytes: u64, target: &Path, what: &str) -> Result<u64> {
     let mut out = File::create(target).map_err(cannot_unpack)?;
-    io::copy(&mut from.take(most), &mut out).map_err(|e| {
+    io::copy(&mut from.take(max_bytes), &mut out).map_err(|e| {
         // A full disk has a system error code; errors of the decoder have none.
         if e.raw_os_error().is_some() {
             cannot_unpack(e)

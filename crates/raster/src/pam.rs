@@ -105,20 +105,25 @@ pub(super) fn open(
     let sidecar = sidecars::pam(path);
     let rules = RULES.iter().find(|(name, _)| *name == format.name).map(|(_, rules)| rules);
     let Some(rules) = rules.filter(|_| sidecar.is_file()) else { return open(options) };
-    let said = read(&sidecar, options.band).map_err(|e| e.in_file(&sidecar))?;
-    let with = |nodata: Option<f64>| {
-        open(&GridOpenOptions { nodata: options.nodata.or(nodata), ..options.clone() })
-    };
-    let mut grid = with(rules.nodata.pick(said.nodata, false))?;
+    let metadata = read(&sidecar, options.band).map_err(|e| e.in_file(&sidecar))?;
+    let mut grid = open(&with_nodata(options, rules.nodata.pick(metadata.nodata, false)))?;
     // Scale and offset of the sidecar refer to stored values, not to heights encoded in colours.
     let is_packed = format.name == png::FORMAT.name && !is_plain(grid.info());
-    let missed = rules.nodata.pick(said.nodata, true).filter(|_| !is_packed);
+    let missed = rules.nodata.pick(metadata.nodata, true).filter(|_| !is_packed);
     if grid.info().nodata.is_none() && missed.is_some() {
-        grid = with(missed)?;
+        grid = open(&with_nodata(options, missed))?;
     }
-    let said = if is_packed { PamMetadata { scale: None, offset: None, ..said } } else { said };
-    let info = said.amend(rules, grid.info(), &sidecar).map_err(|e| e.in_file(&sidecar))?;
+    let metadata = match is_packed {
+        true => PamMetadata { scale: None, offset: None, ..metadata },
+        false => metadata,
+    };
+    let info = metadata.amend(rules, grid.info(), &sidecar).map_err(|e| e.in_file(&sidecar))?;
     Ok(Box::new(GridWithSidecar { grid, info }))
+}
+
+/// The options with the nodata value of the sidecar, unless the caller has set one.
+fn with_nodata(options: &GridOpenOptions, nodata: Option<f64>) -> GridOpenOptions {
+    GridOpenOptions { nodata: options.nodata.or(nodata), ..options.clone() }
 }
 
 /// Fails if a sidecar of an earlier file at `path` would apply to a new one.

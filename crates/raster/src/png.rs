@@ -73,10 +73,10 @@ impl RgbHeightEncoding {
 
     /// The encoding implied by the name of the file, or else of a parent folder.
     pub(super) fn named(path: &Path) -> Option<&'static Self> {
-        let parts = path.iter().rev().map(|part| part.to_string_lossy().to_lowercase());
-        let tells =
-            |part: String| PACKINGS.iter().find(|p| p.marks.iter().any(|mark| part.contains(mark)));
-        parts.filter_map(tells).next()
+        path.iter().rev().find_map(|name| {
+            let name = name.to_string_lossy().to_lowercase();
+            PACKINGS.iter().find(|packing| packing.marks.iter().any(|mark| name.contains(mark)))
+        })
     }
 }
 
@@ -287,7 +287,7 @@ fn describe(
     content: &PngSampleLayout,
     picture: &Picture<'_>,
 ) -> Result<GridInfo> {
-    let (map, crs) = place(path, size)?;
+    let (map, crs) = place(path, size.0, size.1)?;
     let nodata = if content.has_alpha() { Some(f64::from(TRANSPARENT)) } else { content.nodata };
     let packing = content.packing;
     let plain = if content.channel.is_some() { "none: colours" } else { "gray" };
@@ -313,7 +313,7 @@ fn describe(
 }
 
 /// Transform from a world file, or else from a z/x/y tile address.
-fn place(path: &Path, (width, height): (u32, u32)) -> Result<(Option<Affine>, Crs)> {
+fn place(path: &Path, width: u32, height: u32) -> Result<(Option<Affine>, Crs)> {
     if let Some(map) = world::sidecar_transform(path, &["pgw", "pngw", "wld"])? {
         return Ok((Some(map), prj::sidecar_crs(path)?));
     }

@@ -94,8 +94,9 @@ fn refuse_mask(path: &Path, format: &RasterFormat) -> Result<()> {
 pub(crate) fn format_of(path: &Path, head: &[u8]) -> Option<&'static RasterFormat> {
     let is_header = raw::is_header_name(path);
     let by_content = FORMATS.iter().find(|format| !is_header && (format.sniff)(head));
-    let by_name = || by_extension(FORMATS, path);
-    by_content.or_else(by_name).or_else(|| has_header(path).then_some(&raw::FORMAT))
+    by_content
+        .or_else(|| by_extension(FORMATS, path))
+        .or_else(|| has_header(path).then_some(&raw::FORMAT))
 }
 
 /// True if `path` has an ESRI or ENVI header sidecar and is therefore a raw grid, unless its extension
@@ -120,8 +121,8 @@ pub(crate) fn head_of(path: &Path) -> Result<Vec<u8>> {
 }
 
 fn unknown_format(path: &Path) -> Error {
-    let known = |f: &RasterFormat| format!("{} (.{})", f.name, f.extensions.join(", ."));
-    let known: Vec<String> = FORMATS.iter().map(known).collect();
+    let known = FORMATS.iter().map(|f| format!("{} (.{})", f.name, f.extensions.join(", .")));
+    let known: Vec<String> = known.collect();
     Error::bad_input("is not a raster file of a known format")
         .in_file(path)
         .remedy(format!("terrane reads {}", known.join(", ")))

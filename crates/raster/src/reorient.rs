@@ -24,10 +24,11 @@ impl<'a, S: Deref<Target = dyn GridSource + 'a>> NorthUpGrid<S> {
         let info = inner.info().clone();
         let Affine { a, b, d, e, .. } = info.transform;
         let flips = [a < 0.0 && a.abs() > b.abs(), e > 0.0 && e.abs() > d.abs()];
-        let last = |flip: bool, side: u32| if flip { f64::from(side - 1) } else { 0.0 };
-        let sign = |flip: bool| if flip { -1.0 } else { 1.0 };
-        let from = info.transform.shifted(last(flips[0], info.width), last(flips[1], info.height));
-        let [across, down] = flips.map(sign);
+        // The last column and row of a flipped axis become the first ones.
+        let first_col = if flips[0] { f64::from(info.width - 1) } else { 0.0 };
+        let first_row = if flips[1] { f64::from(info.height - 1) } else { 0.0 };
+        let from = info.transform.shifted(first_col, first_row);
+        let [across, down] = flips.map(|flip| if flip { -1.0 } else { 1.0 });
         let transform = Affine { a: across * a, d: across * d, b: down * b, e: down * e, ..from };
         Self { info: GridInfo { transform, ..info }, inner, flips }
     }

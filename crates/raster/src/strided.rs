@@ -130,16 +130,13 @@ impl StridedGrid {
 
     /// Columns and rows of the parts in which `rect` is read.
     fn part_size(&self, rect: Rect) -> (u32, u32) {
-        let of = |pitch: u64, most: u32| {
-            (PART_BYTES / pitch.max(1)).clamp(1, u64::from(most.max(1))) as u32
-        };
         let size = self.info.sample_type.bytes() as u64;
         if self.is_by_row() {
-            let width = of(self.layout.col_pitch, rect.width);
-            (width, of(u64::from(width) * size, rect.height))
+            let width = count_in_part(self.layout.col_pitch, rect.width);
+            (width, count_in_part(u64::from(width) * size, rect.height))
         } else {
-            let height = of(self.layout.row_pitch, rect.height);
-            (of(u64::from(height) * size, rect.width), height)
+            let height = count_in_part(self.layout.row_pitch, rect.height);
+            (count_in_part(u64::from(height) * size, rect.width), height)
         }
     }
 
@@ -184,6 +181,11 @@ impl StridedGrid {
 
 impl GridSource for StridedGrid {
     reads_alike!();
+}
+
+/// How many columns or rows, `pitch` bytes apart, fit into a part; at least 1 and at most `side`.
+fn count_in_part(pitch: u64, side: u32) -> u32 {
+    (PART_BYTES / pitch.max(1)).clamp(1, u64::from(side.max(1))) as u32
 }
 
 #[cfg(test)]

@@ -103,11 +103,10 @@ fn extent(info: &GridInfo) -> [[f64; 2]; 2] {
     let (right, down) = (f64::from(info.width) - 0.5, f64::from(info.height) - 0.5);
     let corners = [[-0.5, -0.5], [right, -0.5], [-0.5, down], [right, down]];
     let corners = corners.map(|[col, row]| info.transform.apply(col, row));
-    let fold = |pick: fn(f64, f64) -> f64| {
-        let [a, b, c, d] = corners;
-        [0, 1].map(|axis| pick(pick(a[axis], b[axis]), pick(c[axis], d[axis])))
-    };
-    [fold(f64::min), fold(f64::max)]
+    [
+        [0, 1].map(|axis| corners.iter().map(|at| at[axis]).fold(f64::INFINITY, f64::min)),
+        [0, 1].map(|axis| corners.iter().map(|at| at[axis]).fold(f64::NEG_INFINITY, f64::max)),
+    ]
 }
 
 #[cfg(test)]

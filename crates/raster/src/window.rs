@@ -14,10 +14,10 @@ pub(crate) struct SampleWindow<'a, H> {
 impl<'a, H> SampleWindow<'a, H> {
     /// Checks that `rect` is inside the grid and that `out` has its size.
     pub(crate) fn new(info: &GridInfo, rect: Rect, out: &'a mut [H]) -> Result<Self> {
-        let ends_inside =
-            |first: u32, count: u32, of: u32| first.checked_add(count).is_some_and(|end| end <= of);
-        let inside = ends_inside(rect.col, rect.width, info.width)
-            && ends_inside(rect.row, rect.height, info.height);
+        let end_col = rect.col.checked_add(rect.width);
+        let end_row = rect.row.checked_add(rect.height);
+        let inside = end_col.is_some_and(|end| end <= info.width)
+            && end_row.is_some_and(|end| end <= info.height);
         if !inside || rect.len() != out.len() {
             return Err(Error::usage(format!(
                 "window of {} x {} samples at column {}, row {} does not fit the grid of {} x {} \

@@ -30,15 +30,16 @@ pub(super) struct RasterXmlElement {
 
 impl RasterXmlTag {
     fn of(tag: &xml::XmlStartTag) -> Result<Self> {
-        let owned = |(name, value): (&str, String)| (name.to_owned(), value);
-        let attributes = tag.attributes()?.into_iter().map(owned).collect();
+        let attributes = tag.attributes()?.into_iter();
+        let attributes = attributes.map(|(name, value)| (name.to_owned(), value)).collect();
         Ok(Self { name: tag.name().to_owned(), attributes })
     }
 
     /// The attribute `name`, in any case.
     pub(super) fn attribute(&self, name: &str) -> Option<&str> {
-        let is_it = |(found, _): &&(String, String)| found.eq_ignore_ascii_case(name);
-        self.attributes.iter().find(is_it).map(|(_, value)| value.as_str())
+        let mut attributes = self.attributes.iter();
+        let (_, value) = attributes.find(|(other, _)| other.eq_ignore_ascii_case(name))?;
+        Some(value)
     }
 
     /// True when the element is called `name`, in any case.

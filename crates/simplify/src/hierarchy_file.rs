@@ -166,8 +166,8 @@ impl HierarchyReader {
 
     /// Next bytes; the caller has limited their number.
     fn take(&mut self, bytes: u64) -> Result<&[u8]> {
-        let held = (self.buffer.len() - self.taken) as u64;
-        if held < bytes {
+        let buffered = (self.buffer.len() - self.taken) as u64;
+        if buffered < bytes {
             let rest = self.file.size().saturating_sub(self.at);
             // What is left of the buffer is read again, which is less than a feature.
             self.buffer = self.file.read_vec(self.at, RUN.min(rest).max(bytes))?;

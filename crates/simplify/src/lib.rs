@@ -75,7 +75,8 @@ fn check_files(job: &LineJob) -> Result<()> {
     written.extend(job.hierarchy.clone());
     let sides = job.topology.as_ref().and_then(|topology| topology.sides.clone());
     let read = job.input.iter().cloned().chain(sides);
-    let beside = job.transform.iter().flat_map(|own| own.files().map(Path::to_path_buf));
-    let read = read.chain(beside).map(name_of).collect::<Result<Vec<_>>>()?;
+    let transform_files =
+        job.transform.iter().flat_map(|transform| transform.files().map(Path::to_path_buf));
+    let read = read.chain(transform_files).map(name_of).collect::<Result<Vec<_>>>()?;
     not_among(&read, &written.iter().map(PathBuf::as_path).collect::<Vec<_>>())
 }

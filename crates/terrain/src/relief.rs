@@ -84,9 +84,9 @@ struct DerivativeRequest<'a> {
 ///
 /// # Errors
 /// Those of [`crate::convert::run`]; unknown vertical units or ellipsoids; latitudes beyond a pole.
-fn run(asked: &DerivativeRequest<'_>, request: RunRequest<'_>) -> Result<ConvertReport> {
+fn run(options: &DerivativeRequest<'_>, request: RunRequest<'_>) -> Result<ConvertReport> {
     let RunRequest { inputs, output, progress, cancel, .. } = request;
-    let DerivativeRequest { derivative, scale, common } = asked;
+    let DerivativeRequest { derivative, scale, common } = options;
     let copy = common.copy(inputs, output);
     let picture = picture(&copy)?;
     let copy = picture.as_ref().unwrap_or(&copy);
@@ -159,7 +159,7 @@ struct ReliefPiece {
 
 impl DerivativeGrid {
     /// Hands on each row of a rectangle, piece by piece, with its first column and its row.
-    fn each(&self, rect: Rect, found: &mut dyn FnMut([u32; 2], &[f64])) -> Result<()> {
+    fn each(&self, rect: Rect, visit: &mut dyn FnMut([u32; 2], &[f64])) -> Result<()> {
         let (mut out, mut heights) = (vec![0.0; PIECE[0] as usize], ReliefPiece::default());
         for row in (rect.row..rect.end_row()).step_by(PIECE[1] as usize) {
             for col in (rect.col..rect.end_col()).step_by(PIECE[0] as usize) {
@@ -168,7 +168,7 @@ impl DerivativeGrid {
                 for row in piece.row..piece.end_row() {
                     let out = &mut out[..piece.width as usize];
                     self.row(piece, &heights.heights, row, out);
-                    found([piece.col, row], out);
+                    visit([piece.col, row], out);
                 }
             }
         }

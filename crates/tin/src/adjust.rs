@@ -80,13 +80,13 @@ pub(super) struct AdjustScratch {
 #[derive(Clone, Copy)]
 struct OffsetEnvelope {
     /// Maximum offsets above and below the samples.
-    most: [f32; 2],
+    max: [f32; 2],
     step: f32,
 }
 
 impl OffsetEnvelope {
     fn largest(self) -> f32 {
-        self.most[0].max(self.most[1])
+        self.max[0].max(self.max[1])
     }
 }
 
@@ -272,17 +272,17 @@ impl AdjustScratch {
 
     fn envelope(&self, step: f32) -> OffsetEnvelope {
         const LANES: usize = 16;
-        let mut most = [[f32::NEG_INFINITY; LANES]; 2];
+        let mut max = [[f32::NEG_INFINITY; LANES]; 2];
         let (offsets, shares) = (self.offsets.chunks(LANES), self.shares.chunks(LANES));
         for (offsets, shares) in offsets.zip(shares) {
             for ((lane, &offset), &share) in offsets.iter().enumerate().zip(shares) {
                 let error = offset + step * share;
-                most[0][lane] = most[0][lane].max(error);
-                most[1][lane] = most[1][lane].max(-error);
+                max[0][lane] = max[0][lane].max(error);
+                max[1][lane] = max[1][lane].max(-error);
             }
         }
-        let most = most.map(|lanes| lanes.into_iter().fold(f32::NEG_INFINITY, f32::max));
-        OffsetEnvelope { most, step }
+        let max = max.map(|lanes| lanes.into_iter().fold(f32::NEG_INFINITY, f32::max));
+        OffsetEnvelope { max, step }
     }
 
     /// The sample with the maximum offset after a move, above (0) or below (1).
@@ -290,7 +290,7 @@ impl AdjustScratch {
         let sign = [1.0, -1.0][side];
         let mut samples = self.offsets.iter().zip(&self.shares);
         let extreme = samples.position(|(&offset, &share)| {
-            sign * (offset + envelope.step * share) == envelope.most[side]
+            sign * (offset + envelope.step * share) == envelope.max[side]
         });
         extreme.unwrap_or(0)
     }
@@ -302,7 +302,7 @@ impl AdjustScratch {
         let (mut at, mut best) = (first, first);
         let mut between = [f32::NEG_INFINITY, f32::INFINITY];
         for _ in 0..steps {
-            let is_high = at.most[0] > at.most[1];
+            let is_high = at.max[0] > at.max[1];
             between[usize::from(is_high)] = at.step;
             // The lines furthest out now may meet outside of what is left of the interval, as others take over.
             let step = self.meeting(at).filter(|step| between[0] < *step && *step < between[1]);
@@ -314,7 +314,7 @@ impl AdjustScratch {
             if at.largest() < best.largest() {
                 best = at;
             }
-            if (at.most[0] - at.most[1]).abs() <= EVEN * at.largest() {
+            if (at.max[0] - at.max[1]).abs() <= EVEN * at.largest() {
                 break;
             }
         }

@@ -72,8 +72,16 @@ pub(super) struct PathEdges {
     on: BitSet,
     vertices: BitSet,
     width: usize,
-    /// Start, end and half-edge, sorted.
-    all: Vec<(TilePosition, TilePosition, u32)>,
+    /// Sorted.
+    all: Vec<PathEdge>,
+}
+
+/// A half-edge that begins on a path. Fields are in the order of sorting.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct PathEdge {
+    from: TilePosition,
+    to: TilePosition,
+    half_edge: u32,
 }
 
 /// Two neighbouring vertices on a path without a common edge.
@@ -138,14 +146,14 @@ pub(super) fn vertices(
     out: &mut Vec<TilePosition>,
 ) {
     edges.find(lines, field, mesh);
-    out.extend(edges.all.chunk_by(|a, b| a.0 == b.0).map(|chunk| chunk[0].0));
+    out.extend(edges.all.chunk_by(|a, b| a.from == b.from).map(|edges| edges[0].from));
 }
 
 impl PathEdges {
     /// Maximum bytes for a tile or patch of `samples` samples.
     pub(super) fn bytes(samples: u64) -> u64 {
         // Six begin at a vertex.
-        samples * (6 * size_of::<(TilePosition, TilePosition, u32)>() as u64 + 1)
+        samples * (6 * size_of::<PathEdge>() as u64 + 1)
     }
 
     /// Lists the edges of the surface that begin on a path.
@@ -168,7 +176,7 @@ impl PathEdges {
                 let from = mesh.origin(half_edge);
                 if self.on.contains(self.index(from)) {
                     self.vertices.insert(self.index(from));
-                    self.all.push((from, mesh.end(half_edge), half_edge));
+                    self.all.push(PathEdge { from, to: mesh.end(half_edge), half_edge });
                 }
             }
         }
@@ -181,8 +189,9 @@ impl PathEdges {
 
     /// The half-edges from a sample: none if it is not a vertex.
     fn from(&self, from: TilePosition) -> impl Iterator<Item = u32> + '_ {
-        let place = self.all.partition_point(|edge| edge.0 < from);
-        self.all[place..].iter().take_while(move |edge| edge.0 == from).map(|edge| edge.2)
+        let first = self.all.partition_point(|edge| edge.from < from);
+        let edges = self.all[first..].iter().take_while(move |edge| edge.from == from);
+        edges.map(|edge| edge.half_edge)
     }
 
     /// The triangle that contains a sample in a gap, if it is visible from a triangle at the gap's ends; near voids and
@@ -204,7 +213,7 @@ impl PathEdges {
     }
 
     fn has(&self, from: TilePosition, to: TilePosition) -> bool {
-        self.all.binary_search_by_key(&(from, to), |edge| (edge.0, edge.1)).is_ok()
+        self.all.binary_search_by_key(&(from, to), |edge| (edge.from, edge.to)).is_ok()
     }
 
     /// Appends the gaps of a stretch. Single steps are never gaps: if both samples are vertices, they are joined by an

@@ -88,23 +88,23 @@ impl<'a> CrossingJudge<'a> {
         let walk = EdgeWalk::new(lines.place(from), lines.place(to));
         let [line_stride, stride] = lines.strides(self.field.width() as usize);
         let ends = [self.field.vertex(from), self.field.vertex(to)];
-        let part = 1.0 / f64::from(walk.n);
-        let slope = (ends[1] - ends[0]) * part;
-        let mut least = self.tolerance - self.hair;
+        let share = 1.0 / f64::from(walk.n);
+        let slope = (ends[1] - ends[0]) * share;
+        let mut threshold = self.tolerance - self.hair;
         let mut worst = None;
         for EdgeCut { k, line, along, rest } in walk {
             let at = line as usize * line_stride + along as usize * stride;
             let line_ends = [self.field.at(at), self.field.at(at + stride)];
-            let grid = line_ends[0] + (line_ends[1] - line_ends[0]) * (f64::from(rest) * part);
+            let grid = line_ends[0] + (line_ends[1] - line_ends[0]) * (f64::from(rest) * share);
             let error = (ends[0] + slope * f64::from(k) - grid).abs();
-            if error <= least || self.is_within(error, [k, rest, walk.n], ends, line_ends) {
+            if error <= threshold || self.is_within(error, [k, rest, walk.n], ends, line_ends) {
                 continue;
             }
             let near = along + i32::from(2 * rest > walk.n);
             let far = 2 * along + 1 - near;
             worst =
                 Some(EdgeCrossing { error, samples: [near, far].map(|at| lines.local(line, at)) });
-            least = error;
+            threshold = error;
         }
         worst
     }

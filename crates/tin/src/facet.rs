@@ -102,10 +102,10 @@ fn decimated([first, last]: [i32; 2], shift: u32, bounds: [i32; 2]) -> [i32; 2] 
 impl RowBounds {
     /// True if one of the tested edges, other than edges along a row, passes through a sample.
     #[inline(always)]
-    pub(super) fn any_through(&self, asked: &[bool; 3], col: i32, row: i32) -> bool {
+    pub(super) fn any_through(&self, tested: &[bool; 3], col: i32, row: i32) -> bool {
         let through = |i: usize| {
             let off = self.offsets[i] + self.slopes[i] * f64::from(row) - f64::from(col);
-            asked[i] & (self.sides[i] != EdgeSide::Level) & (off.abs() <= SLACK)
+            tested[i] & (self.sides[i] != EdgeSide::Level) & (off.abs() <= SLACK)
         };
         through(0) | through(1) | through(2)
     }

@@ -49,7 +49,7 @@ pub(super) struct WorkLists {
     /// The bucket being emptied.
     batch: Vec<u32>,
     /// The last candidate found for a triangle.
-    found: Vec<InsertionCandidate>,
+    candidates: Vec<InsertionCandidate>,
     passed: Vec<(u32, u8)>,
     star: Vec<u32>,
 }
@@ -131,10 +131,10 @@ impl WorkLists {
                 self.scan(judge, mesh, id, level, bucket)
             }
             TriangleScanState::Waiting => {
-                let found = self.found[id as usize];
+                let candidate = self.candidates[id as usize];
                 // Lists are not cleaned when a triangle goes, and its slot may hold another by now. What is not
                 // of this bucket has an entry elsewhere.
-                (bucket_of(found.error, judge.tolerance) == bucket).then_some(found.at)
+                (bucket_of(candidate.error, judge.tolerance) == bucket).then_some(candidate.at)
             }
             _ => None,
         }
@@ -150,27 +150,27 @@ impl WorkLists {
         bucket: usize,
     ) -> Option<TilePosition> {
         let tri = &mut mesh.tris[id as usize];
-        let Some(found) = judge.candidate(tri.corners, level) else {
+        let Some(candidate) = judge.candidate(tri.corners, level) else {
             tri.state = TriangleScanState::Passed(level);
             if level > 0 {
                 self.passed.push((id, level));
             }
             return None;
         };
-        let own = bucket_of(found.error, judge.tolerance);
-        if own >= bucket {
-            return Some(found.at);
+        let candidate_bucket = bucket_of(candidate.error, judge.tolerance);
+        if candidate_bucket >= bucket {
+            return Some(candidate.at);
         }
         tri.state = TriangleScanState::Waiting;
-        self.put(id, found, own);
+        self.put(id, candidate, candidate_bucket);
         None
     }
 
-    fn put(&mut self, id: u32, found: InsertionCandidate, bucket: usize) {
-        if self.found.len() <= id as usize {
-            self.found.resize(id as usize + 1, found);
+    fn put(&mut self, id: u32, candidate: InsertionCandidate, bucket: usize) {
+        if self.candidates.len() <= id as usize {
+            self.candidates.resize(id as usize + 1, candidate);
         }
-        self.found[id as usize] = found;
+        self.candidates[id as usize] = candidate;
         self.buckets[bucket].push(id);
         self.top = self.top.max(bucket);
     }

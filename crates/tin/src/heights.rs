@@ -143,7 +143,7 @@ impl HeightField {
     }
 
     /// All samples at full resolution, the rim included.
-    pub(super) fn whole(&self) -> FieldLevel<'_> {
+    pub(super) fn full(&self) -> FieldLevel<'_> {
         let [last_col, last_row] = [self.width, self.height].map(|count| count as i32 - 1);
         FieldLevel { bounds: [0, last_col, 0, last_row], ..self.level(0) }
     }

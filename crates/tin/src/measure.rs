@@ -35,25 +35,25 @@ impl MeasuredTriangle<'_> {
     fn over<H: Copy + Into<f64>>(&self, samples: &[H]) -> (f32, f32) {
         let &Self { field, p, owned, tolerance } = self;
         let facet = PlaneFacet::new(p, field.vertices(p));
-        let whole = field.whole();
+        let level = field.full();
         let mut total = TriangleTotals::default();
-        let [left, right] = facet.column_range(&whole);
+        let [left, right] = facet.column_range(&level);
         if right - left < WIDTH {
             for first in (left..=right).step_by(LANES) {
-                total.add_strip(samples, whole.pitch, &facet, owned, first);
+                total.add_strip(samples, level.pitch, &facet, owned, first);
             }
             return total.finish(tolerance, |largest| doubt(&facet, p, field.vertices(p), largest));
         }
         let others = owned.map(|owned| !owned);
         let edges = facet.edges();
-        let [first, last] = facet.row_range(&whole);
+        let [first, last] = facet.row_range(&level);
         for row in first..=last {
-            let [low, high] = edges.columns(&whole, row);
+            let [low, high] = edges.columns(&level, row);
             if low > high {
                 continue;
             }
             let start = facet.base + facet.gy * f64::from(row);
-            let samples = &samples[row as usize * whole.pitch..];
+            let samples = &samples[row as usize * level.pitch..];
             if has_level_edge(p, row) {
                 for col in low..=high {
                     let height: f64 = samples[col as usize].into();

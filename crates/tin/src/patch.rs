@@ -54,17 +54,17 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &TinSpec, scratch: &mut TileScra
         thin = angles::thin(bound, mesh).len() as u64;
     }
     let apart = breaklines::follow(input.lines, field, mesh, edges, may, settle);
-    let mut stays = input.kept.to_vec();
-    breaklines::vertices(input.lines, field, mesh, edges, &mut stays);
-    stays.sort_unstable();
+    let mut fixed = input.kept.to_vec();
+    breaklines::vertices(input.lines, field, mesh, edges, &mut fixed);
+    fixed.sort_unstable();
     drop.limit_angles(spec.min_angle);
     if spec.drop {
         drop.limit_circles(spec.spacing(input.spacing));
-        drop_seam(&judge, mesh, input, &stays, drop);
+        drop_seam(&judge, mesh, input, &fixed, drop);
     }
     adjust.reset(field, input.kept);
-    if spec.fit {
-        even_out(&judge, mesh, &border, &stays, adjust, drop);
+    if spec.fit_heights {
+        even_out(&judge, mesh, &border, &fixed, adjust, drop);
     }
     let left = judge.crossings.map(|crossings| rounds.left(&crossings, mesh)).unwrap_or_default();
     PatchMesh { left, thin, apart, ..finish(mesh, &border, &sorted, spec, adjust, used) }
@@ -86,20 +86,20 @@ pub fn reduce_patch(
     if spec.bound == ErrorBound::Surface {
         judge = judge.and_between(CrossingJudge::new(field, spec.tolerance));
     }
-    let mut stays = input.kept.to_vec();
-    breaklines::vertices(input.lines, field, mesh, edges, &mut stays);
+    let mut fixed = input.kept.to_vec();
+    breaklines::vertices(input.lines, field, mesh, edges, &mut fixed);
     drop.limit_angles(spec.min_angle);
     drop.allow_any(true);
-    drop.settle(field, &stays);
+    drop.settle(field, &fixed);
     drop::drop_redundant(&judge, mesh, drop);
     adjust.reset(field, input.kept);
-    if spec.fit {
+    if spec.fit_heights {
         adjust.examine(field, mesh, |_| true);
         for _ in 0..adjust::ROUNDS {
             if !adjust.sweep(&judge, mesh, spec.tolerance) {
                 break;
             }
-            drop.settle(field, &stays);
+            drop.settle(field, &fixed);
             drop::drop_redundant(&judge, mesh, drop);
             adjust.look_at_changes(field, mesh);
         }
@@ -112,7 +112,7 @@ pub fn reduce_patch(
 fn begin(input: &PatchInput<'_>, spec: &TinSpec, scratch: &mut TileScratch) -> Vec<TileTriangle> {
     let [width, height] = [input.heights.width, input.heights.height];
     scratch.field.load(&input.heights, [0, 0, width, height], [0; 4], spec.single_precision);
-    if spec.fit {
+    if spec.fit_heights {
         scratch.field.free_heights();
         input.vertices.iter().for_each(|&(at, height)| scratch.field.move_vertex(at, height));
     }
@@ -248,7 +248,7 @@ fn changes_beside(
 ) -> bool {
     // The triangles whose circles hold the sample are those that an insertion would replace. They are
     // collected without inserting, as an insertion cannot be taken back.
-    let (mut open, mut seen) = (vec![holder], vec![holder]);
+    let (mut open, mut visited) = (vec![holder], vec![holder]);
     while let Some(id) = open.pop() {
         let tri = &mesh.tris[id as usize];
         if (0..3).any(|edge| tri.twins[edge as usize] == NONE && is_frozen(tri, edge)) {
@@ -256,8 +256,8 @@ fn changes_beside(
         }
         for other in tri.twins.into_iter().filter(|&twin| twin != NONE).map(|twin| twin >> 2) {
             let [a, b, c] = mesh.tris[other as usize].corners.map(TilePosition::lattice);
-            if in_circle(a, b, c, at.lattice()) > 0 && !seen.contains(&other) {
-                seen.push(other);
+            if in_circle(a, b, c, at.lattice()) > 0 && !visited.contains(&other) {
+                visited.push(other);
                 open.push(other);
             }
         }
@@ -270,14 +270,14 @@ fn drop_seam(
     judge: &InsertionCriteria<'_>,
     mesh: &mut LatticeMesh,
     input: &PatchInput<'_>,
-    stays: &[TilePosition],
+    fixed: &[TilePosition],
     scratch: &mut drop::DropScratch,
 ) {
     let mut seam: Vec<(TilePosition, u32)> = Vec::new();
     for id in mesh.ids() {
         let half_edges = (4 * id..4 * id + 3).map(|half_edge| (mesh.origin(half_edge), half_edge));
         seam.extend(
-            half_edges.filter(|(p, _)| input.is_on_seam(*p) && stays.binary_search(p).is_err()),
+            half_edges.filter(|(p, _)| input.is_on_seam(*p) && fixed.binary_search(p).is_err()),
         );
     }
     seam.sort_unstable();
@@ -298,7 +298,7 @@ fn even_out(
     judge: &InsertionCriteria<'_>,
     mesh: &mut LatticeMesh,
     border: &PatchBorder<'_>,
-    stays: &[TilePosition],
+    fixed: &[TilePosition],
     adjust: &mut adjust::AdjustScratch,
     drop: &mut drop::DropScratch,
 ) {
@@ -309,8 +309,8 @@ fn even_out(
         if !adjust.sweep(judge, mesh, judge.tolerance) {
             return;
         }
-        let fixed = [border.frozen(mesh), stays.to_vec()].concat();
-        drop.settle(judge.field, &fixed);
+        let all_fixed = [border.frozen(mesh), fixed.to_vec()].concat();
+        drop.settle(judge.field, &all_fixed);
         drop::drop_redundant(judge, mesh, drop);
         adjust.look_at_changes(judge.field, mesh);
     }
@@ -335,7 +335,9 @@ fn finish(
         patch.border.extend(border.neighbours(tri));
         // NONE as an index is beyond any list: triangles made here have no original.
         let original = sorted.get(tri.source as usize);
-        if let Some(&original) = original.filter(|_| !spec.fit || !adjust.has_moved(field, tri)) {
+        if let Some(&original) =
+            original.filter(|_| !spec.fit_heights || !adjust.has_moved(field, tri))
+        {
             patch.triangles.push(original);
             continue;
         }

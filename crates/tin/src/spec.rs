@@ -37,7 +37,7 @@ pub struct TinSpec {
     /// [`reduce_patch`](crate::reduce_patch).
     pub data_dependent: bool,
     /// Allow vertices up to the tolerance above or below their samples, if that takes fewer vertices.
-    pub fit: bool,
+    pub fit_heights: bool,
     /// Rounding of vertex heights for formats that store f32; `None` for f64.
     pub single_precision: Option<HeightQuantization>,
     /// Minimum angle of triangles; `None` for any.
@@ -51,8 +51,8 @@ impl TinSpec {
     /// distance doubles the number of triangles within a patch. The distance is a power of two: its squares have a
     /// sample at their centre, and so do their quarters, down to the cell. With a distance of 3 one triangle in 100
     /// stayed thin, with 6 one in 5,000.
-    pub(super) fn spacing(&self, most: u32) -> u32 {
-        if self.min_angle.is_some() { 1 << (most / 2).max(1).ilog2() } else { most }
+    pub(super) fn spacing(&self, max: u32) -> u32 {
+        if self.min_angle.is_some() { 1 << (max / 2).max(1).ilog2() } else { max }
     }
 }
 

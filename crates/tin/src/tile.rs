@@ -107,11 +107,11 @@ pub fn triangulate_tile(
     // Small angles are mended at the end, so drops before need not avoid them. The buffers may come
     // from a patch that set a bound.
     scratch.drop.limit_angles(None);
-    if spec.fit {
+    if spec.fit_heights {
         loosen(scratch, spec, &fixed, input.kept);
     }
     refine(scratch, spec, &fixed);
-    if spec.fit {
+    if spec.fit_heights {
         even_out(scratch, spec, &fixed);
     }
     if let Some(bound) = &spec.min_angle {
@@ -462,7 +462,7 @@ mod tests {
             strict: false,
             drop: false,
             data_dependent: false,
-            fit: false,
+            fit_heights: false,
             single_precision: None,
             min_angle: None,
             measure: true,

@@ -34,7 +34,7 @@ fn no_mesh_holds_more_than_one_that_keeps_all_samples() {
         bound: ErrorBound::Samples,
         strict: false,
         drop: true,
-        fit: false,
+        fit_heights: false,
         data_dependent: false,
         min_angle: None,
         single_precision: None,

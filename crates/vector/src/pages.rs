@@ -50,10 +50,10 @@ impl PagedFile {
         let end = self.base.saturating_add(self.buffer.len() as u64);
         // A chunk where the file is read on; after a jump most of a chunk would be read in vain.
         let least = if (self.base..=end).contains(&offset) { CHUNK_BYTES } else { PAGE_BYTES };
-        let wanted = bytes.max(least).min(self.file.size() - offset);
+        let window = bytes.max(least).min(self.file.size() - offset);
         // The buffer is valid only after a complete read.
         self.base = u64::MAX;
-        self.buffer.resize(wanted as usize, 0);
+        self.buffer.resize(window as usize, 0);
         self.file.read_at(offset, &mut self.buffer)?;
         self.base = offset;
         Ok(())

@@ -5,7 +5,7 @@ use super::tree::{Bounds, NOTHING, PackedRTree, around, hilbert_order};
 use terrane_base::error::{Error, Result};
 
 /// Limit of edges and rectangles examined to find the nesting of rings: some seconds.
-const MAX_LOOKS: u64 = 1 << 30;
+const MAX_VISITED: u64 = 1 << 30;
 /// Largest relative difference of the areas of identical rings with different start vertices.
 const ROUNDING: f64 = 1e-9;
 /// Number of edges from which a ring gets its own tree, so that a point is tested only against edges at its
@@ -46,7 +46,7 @@ struct NestedRings<'a> {
     edges: Vec<Option<PackedRTree>>,
     /// Scratch: edges at the height of a point.
     found: Vec<u32>,
-    looks: u64,
+    visited: u64,
 }
 
 impl<'a> NestedRings<'a> {
@@ -60,7 +60,7 @@ impl<'a> NestedRings<'a> {
         let tree =
             PackedRTree::new(&order.iter().map(|&at| bounds[at as usize]).collect::<Vec<_>>());
         let edges = bounds.iter().map(|_| None).collect();
-        Self { coordinates, areas, bounds, tree, order, edges, found: Vec::new(), looks: 0 }
+        Self { coordinates, areas, bounds, tree, order, edges, found: Vec::new(), visited: 0 }
     }
 
     /// Which rings are outer rings: clockwise ones except holes with reversed orientation.
@@ -130,8 +130,8 @@ impl<'a> NestedRings<'a> {
         counts: impl Fn(usize) -> bool,
     ) -> Result<(usize, Option<usize>)> {
         let mut found = Vec::new();
-        let looks = self.tree.containing(&self.bounds[inner], &mut found);
-        self.scan(looks)?;
+        let visited = self.tree.containing(&self.bounds[inner], &mut found);
+        self.scan(visited)?;
         found.iter_mut().for_each(|at| *at = self.order[*at as usize]);
         // Of rings of one size the first in the file counts, whatever order the tree finds them in.
         found.sort_unstable();
@@ -158,17 +158,17 @@ impl<'a> NestedRings<'a> {
             return Ok(contains(ring.windows(2), place));
         }
         let tree = self.edges[at].get_or_insert_with(|| heights(ring));
-        let looks = tree.containing(&[0.0, place[1], 0.0, place[1]], &mut self.found);
+        let visited = tree.containing(&[0.0, place[1], 0.0, place[1]], &mut self.found);
         let edges = self.found.iter().map(|&edge| &ring[edge as usize..edge as usize + 2]);
         let is_inside = contains(edges, place);
-        self.scan(looks)?;
+        self.scan(visited)?;
         Ok(is_inside)
     }
 
     /// Counts examined edges or rectangles against the limit.
     fn scan(&mut self, times: usize) -> Result<()> {
-        self.looks += times as u64;
-        if self.looks <= MAX_LOOKS {
+        self.visited += times as u64;
+        if self.visited <= MAX_VISITED {
             return Ok(());
         }
         Err(Error::bad_input("rings are too complex to distinguish holes from islands")
@@ -379,7 +379,7 @@ mod tests {
             let mut rings = NestedRings::new(&all);
             let is_outer = rings.outer().unwrap();
             rings.owners(&is_outer).unwrap().unwrap();
-            assert!(rings.looks < 60_000 * 200, "{turn}: {}", rings.looks);
+            assert!(rings.visited < 60_000 * 200, "{turn}: {}", rings.visited);
             let hash =
                 |[x, y]: [f64; 2]| (x * 7919.0 + y).to_bits().wrapping_mul(0x9e37_79b9_7f4a_7c15);
             squares.sort_by_key(|(at, _, is_island)| hash(*at) ^ u64::from(*is_island) << 40);

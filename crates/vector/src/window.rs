@@ -61,13 +61,13 @@ impl FileWindow {
         self.buffer.copy_within(self.start..self.end, 0);
         (self.start, self.end) = (0, unread);
         // Doubles the buffer, so that long features are moved only a few times.
-        let wanted = (unread.max(CHUNK_BYTES) as u64).min(left) as usize;
-        if self.buffer.len() < unread + wanted {
-            self.buffer.resize(unread + wanted, 0);
+        let chunk = (unread.max(CHUNK_BYTES) as u64).min(left) as usize;
+        if self.buffer.len() < unread + chunk {
+            self.buffer.resize(unread + chunk, 0);
         }
-        self.file.read_at(self.read, &mut self.buffer[unread..unread + wanted])?;
-        self.end += wanted;
-        self.read += wanted as u64;
+        self.file.read_at(self.read, &mut self.buffer[unread..unread + chunk])?;
+        self.end += chunk;
+        self.read += chunk as u64;
         Ok(true)
     }
 

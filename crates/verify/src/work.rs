@@ -77,6 +77,7 @@ impl<'a> ProofResources<'a> {
     /// The error for an allocation of `need` bytes beyond the budget.
     pub(super) fn short(&self, what: &str, need: u64) -> Error {
         let message = format!("{what}: {} MiB needed", need.div_ceil(1 << 20));
+        // The inverse of the shares that `new` takes of the budget.
         let half = (need + self.aside).div_ceil(7) * 8;
         short(message, PROGRAM + 2 * half)
     }

@@ -34,7 +34,7 @@ const fn textbook(name: &'static str, file: &'static str) -> DemoMethod {
 }
 
 /// Compared methods, in the order of the picture.
-const WAYS: [DemoMethod; 6] = [
+const COMPARED: [DemoMethod; 6] = [
     DemoMethod { label: "greedy", file: "greedy.ply", method: None, fit: false },
     DemoMethod { label: "greedy --fit-heights", file: "greedy-fit.ply", method: None, fit: true },
     textbook("collapse", "collapse.ply"),
@@ -78,18 +78,18 @@ struct MethodComparison {
 pub(super) fn run(args: &DemoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let folder = args.dir.join("methods");
     atomic::create_folders(&folder)?;
-    let [grid, drawn, told] =
+    let [grid, drawn, report_file] =
         ["terrain.tif", "methods.png", "report.json"].map(|name| folder.join(name));
     let (resources, progress) = (args.resources.0.clone(), args.show.progress());
     let progress = progress.as_ref();
     let copied = convert::run(&terrain(TERRAIN, &grid, &resources), progress, cancel)?;
-    let made = |way: &DemoMethod| {
-        let mut job = mesh(&grid, &folder.join(way.file), &resources)?;
-        job.refinement.fit_heights = way.fit;
+    let mut methods = Vec::new();
+    for method in &COMPARED {
+        let mut job = mesh(&grid, &folder.join(method.file), &resources)?;
+        job.refinement.fit_heights = method.fit;
         let job = TinJob { goal: TinGoal::MaxError(TOLERANCE), ..job };
-        row(way, &job, progress, cancel)
-    };
-    let methods = WAYS.iter().map(made).collect::<Result<Vec<DemoMeshRow>>>()?;
+        methods.push(row(method, &job, progress, cancel)?);
+    }
     run_contact_sheet(&contact_sheet(&methods, &drawn, &resources), progress, cancel)?;
     let comparison = MethodComparison {
         terrain: name_of(&grid)?,
@@ -100,30 +100,31 @@ pub(super) fn run(args: &DemoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
         picture: name_of(&drawn)?,
         methods,
     };
-    report::write(&told, true, &comparison)?;
+    report::write(&report_file, true, &comparison)?;
     if args.show.json {
         output::json(&comparison)?;
     } else if !args.show.quiet {
-        output::result(&summary(&comparison, [&grid, &drawn, &told])?)?;
+        output::result(&summary(&comparison, [&grid, &drawn, &report_file])?)?;
     }
-    let verdicts = || comparison.methods.iter().map(|row| &row.verdict);
-    Ok(VerbOutcome::of(verdicts().all(|v| v.passed), verdicts().all(|v| v.judged)))
+    let passed = comparison.methods.iter().all(|row| row.verdict.passed);
+    let judged = comparison.methods.iter().all(|row| row.verdict.judged);
+    Ok(VerbOutcome::of(passed, judged))
 }
 
 /// Makes and verifies a mesh.
 fn row(
-    way: &DemoMethod,
+    method: &DemoMethod,
     job: &TinJob,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<DemoMeshRow> {
-    let made = match way.method {
+    let made = match method.method {
         None => terrane_terrain::tin::run(job, progress, cancel)?,
         Some(name) => terrane_terrain::tin::run_by(job, &by_name(name)?, progress, cancel)?,
     };
     let checked = prove(job, &made, progress, cancel)?;
     Ok(DemoMeshRow {
-        method: way.label,
+        method: method.label,
         mesh: made.output,
         vertices: made.vertices,
         triangles: made.triangles,
@@ -136,34 +137,35 @@ fn row(
 }
 
 fn by_name(name: &str) -> Result<TextbookMethod> {
-    let found = METHODS.iter().find(|method| method.name == name);
-    let method = found
+    let method = METHODS
+        .iter()
+        .find(|method| method.name == name)
         .ok_or_else(|| Error::usage(format!("unknown method {name}")).remedy("report this bug"));
     Ok(TextbookMethod { method: method?, triangulation: TriangulationRule::default() })
 }
 
 fn contact_sheet(rows: &[DemoMeshRow], output: &Path, resources: &Resources) -> ContactSheetJob {
-    let panel = |row: &DemoMeshRow| PicturePanel {
+    let panels = rows.iter().map(|row| PicturePanel {
         mesh: row.mesh.clone(),
         lines: vec![
             row.method.to_owned(),
             format!("{} vertices, error {}", text::count(row.vertices), error(row)),
         ],
-    };
+    });
     let mut each = picture(Path::new(""), output, resources);
     each.options.width = PANEL;
-    ContactSheetJob { panels: rows.iter().map(panel).collect(), columns: COLUMNS, each }
+    ContactSheetJob { panels: panels.collect(), columns: COLUMNS, each }
 }
 
 fn error(row: &DemoMeshRow) -> String {
     row.max_error.map_or("-".to_owned(), text::bound)
 }
 
-fn summary(told: &MethodComparison, [grid, drawn, report]: [&PathBuf; 3]) -> Result<String> {
-    let MethodComparison { tolerance, vertical_unit: unit, methods, .. } = told;
+fn summary(comparison: &MethodComparison, [grid, drawn, report]: [&PathBuf; 3]) -> Result<String> {
+    let MethodComparison { tolerance, vertical_unit: unit, methods, .. } = comparison;
     let all_proved = methods.iter().all(|row| row.verdict.passed);
     let verdict = if all_proved { "proved for every mesh" } else { "NOT kept by every mesh" };
-    let samples = u64::from(told.width) * u64::from(told.height);
+    let samples = u64::from(comparison.width) * u64::from(comparison.height);
     let files = text::table(&[
         ("terrain", format!("{}, {} samples", size(grid)?, text::count(samples))),
         ("picture", size(drawn)?),
@@ -171,7 +173,8 @@ fn summary(told: &MethodComparison, [grid, drawn, report]: [&PathBuf; 3]) -> Res
         ("bound", format!("at most {} {unit}, {verdict}", text::number(*tolerance))),
     ]);
     let heading = ["method", "vertices", "of samples", "triangles", "largest error", "time"];
-    let cells = |row: &DemoMeshRow| {
+    let mut rows = vec![heading.map(str::to_owned)];
+    rows.extend(methods.iter().map(|row| {
         [
             row.method.to_owned(),
             text::count(row.vertices),
@@ -180,20 +183,22 @@ fn summary(told: &MethodComparison, [grid, drawn, report]: [&PathBuf; 3]) -> Res
             error(row),
             text::seconds(row.wall_seconds),
         ]
-    };
-    let rows: Vec<_> =
-        [heading.map(str::to_owned)].into_iter().chain(methods.iter().map(cells)).collect();
+    }));
     Ok(format!("{files}\n{}", columns(&rows)))
 }
 
 /// Aligned rows of cells: the first column left, the others right.
 fn columns<const N: usize>(rows: &[[String; N]]) -> String {
-    let width = |col: usize| rows.iter().map(|row| row[col].chars().count()).max().unwrap_or(0);
-    let widths: [usize; N] = std::array::from_fn(width);
-    let line = |row: &[String; N]| {
-        let first = format!("  {:w$}", row[0], w = widths[0]);
-        let cell = |col: usize| format!("  {:>w$}", row[col], w = widths[col]);
-        first + &(1..N).map(cell).collect::<String>() + "\n"
-    };
-    rows.iter().map(line).collect()
+    let widths: [usize; N] = std::array::from_fn(|col| {
+        rows.iter().map(|row| row[col].chars().count()).max().unwrap_or(0)
+    });
+    let mut text = String::new();
+    for row in rows {
+        text += &format!("  {:w$}", row[0], w = widths[0]);
+        for (cell, width) in row.iter().zip(widths).skip(1) {
+            text += &format!("  {cell:>width$}");
+        }
+        text += "\n";
+    }
+    text
 }

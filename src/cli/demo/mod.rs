@@ -48,12 +48,11 @@ struct DemoFiles {
 
 impl DemoFiles {
     fn within(folder: &Path) -> Self {
-        let file = |name: &str| folder.join(name);
         Self {
-            grid: file("terrain.tif"),
-            mesh: file("terrain.ply"),
-            picture: file("preview.png"),
-            report: file("report.json"),
+            grid: folder.join("terrain.tif"),
+            mesh: folder.join("terrain.ply"),
+            picture: folder.join("preview.png"),
+            report: folder.join("report.json"),
         }
     }
 }

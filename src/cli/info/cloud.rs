@@ -1,6 +1,9 @@
 //! Summary of `terrane info` for point clouds.
 
-use super::picture;
+use std::collections::BTreeMap;
+use std::fmt::Display;
+
+use super::{details, picture};
 use crate::cli::shared::text;
 use terrane_base::geom::Point3;
 use terrane_viewer::cloud_stats::CloudStats;
@@ -32,11 +35,13 @@ pub(crate) fn rows(cloud: &CloudInfoReport) -> Vec<(String, String)> {
         let [low, high] = corners(cloud, ends);
         [("lowest corner", low), ("highest corner", high)]
     }));
-    let density = |density: f64| format!("{} points per square {unit}", text::number(density));
-    rows.extend(cloud.density.map(|d| ("density", density(d))));
+    rows.extend(
+        cloud.density.map(|density| {
+            ("density", format!("{} points per square {unit}", text::number(density)))
+        }),
+    );
     let mut rows: Vec<_> = rows.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
-    let value = |v: &serde_json::Value| v.as_str().unwrap_or_default().to_owned();
-    rows.extend(cloud.details.iter().map(|(k, v)| (k.clone(), value(v))));
+    rows.extend(details::rows(&cloud.details));
     rows.extend(cloud.stats.iter().flat_map(|stats| stats_rows(cloud, stats)));
     let heights = cloud.stats.iter().filter_map(|stats| stats.heights.as_ref());
     rows.extend(heights.flat_map(heights_rows));
@@ -52,18 +57,12 @@ fn corners(cloud: &CloudInfoReport, ends: &[Point3; 2]) -> [String; 2] {
 }
 
 fn stats_rows(cloud: &CloudInfoReport, stats: &CloudStats) -> Vec<(String, String)> {
-    let counts = |all: &mut dyn Iterator<Item = (String, u64)>| {
-        all.map(|(name, n)| format!("{name}: {}", text::count(n))).collect::<Vec<_>>().join(", ")
-    };
-    let mut of_returns = stats.returns.iter().map(|(k, n)| (k.to_string(), *n));
-    let mut of_classes = stats.classes.iter().map(|(k, n)| (k.to_string(), *n));
-    let mut of_flags = stats.flags.iter().map(|(k, n)| ((*k).to_owned(), *n));
     let census = &stats.census;
     let mut rows = vec![
         ("read", format!("{}, {} kept", text::count(census.read), text::count(census.kept))),
-        ("classes", counts(&mut of_classes)),
-        ("returns", format!("{}, last: {}", counts(&mut of_returns), text::count(stats.last))),
-        ("marks", counts(&mut of_flags)),
+        ("classes", counts(&stats.classes)),
+        ("returns", format!("{}, last: {}", counts(&stats.returns), text::count(stats.last))),
+        ("marks", counts(&stats.flags)),
     ];
     if census.lost > 0 {
         rows.push(("lost", text::count(census.lost)));
@@ -75,22 +74,30 @@ fn stats_rows(cloud: &CloudInfoReport, stats: &CloudStats) -> Vec<(String, Strin
     rows.into_iter().filter(|(_, v)| !v.is_empty()).map(|(k, v)| (k.to_owned(), v)).collect()
 }
 
+fn counts<K: Display>(counts: &BTreeMap<K, u64>) -> String {
+    let counts = counts.iter().map(|(name, count)| format!("{name}: {}", text::count(*count)));
+    counts.collect::<Vec<_>>().join(", ")
+}
+
 /// Characters of the longest bar.
 const LONGEST: u64 = 40;
 
 /// Mean, percentiles, and a bar per step.
 fn heights_rows(heights: &HeightDistribution) -> Vec<(String, String)> {
     let percentiles = heights.percentiles.iter();
-    let told = percentiles.map(|(percent, z)| format!("{percent} %: {}", text::number(*z)));
-    let told = told.collect::<Vec<_>>().join(", ");
+    let percentiles = percentiles.map(|(percent, z)| format!("{percent} %: {}", text::number(*z)));
+    let percentiles = percentiles.collect::<Vec<_>>().join(", ");
     let mut rows = vec![
         ("mean height".to_owned(), text::number(heights.mean)),
-        ("percentiles".to_owned(), format!("{told} (within {})", text::number(heights.within))),
+        (
+            "percentiles".to_owned(),
+            format!("{percentiles} (within {})", text::number(heights.within)),
+        ),
     ];
-    let most = heights.histogram.iter().map(|bar| bar.points).max().unwrap_or(1).max(1);
+    let max_points = heights.histogram.iter().map(|bar| bar.points).max().unwrap_or(1).max(1);
     rows.extend(heights.histogram.iter().map(|bar| {
         // Non-empty bins get at least one character.
-        let long = (bar.points as f64 / most as f64 * LONGEST as f64).ceil() as usize;
+        let long = (bar.points as f64 / max_points as f64 * LONGEST as f64).ceil() as usize;
         let name = format!("{} to {}", text::number(bar.low), text::number(bar.high));
         let gap = if long > 0 { " " } else { "" };
         (name, format!("{}{gap}{}", "#".repeat(long), text::count(bar.points)))

@@ -4,55 +4,59 @@ use crate::cli::shared::text;
 use terrane_viewer::info::{FeaturesInfoReport, FieldStats};
 
 /// Names and values.
-pub(crate) fn rows(own: &FeaturesInfoReport) -> Vec<(String, String)> {
-    let join = |values: &[f64]| {
-        values.iter().map(|value| text::position(*value)).collect::<Vec<_>>().join(", ")
-    };
-    let kinds = own.geometries.iter();
+pub(crate) fn rows(report: &FeaturesInfoReport) -> Vec<(String, String)> {
+    let kinds = report.geometries.iter();
     let kinds = kinds.map(|(kind, n)| format!("{}: {}", kind.name(), text::count(*n)));
-    let range = |ends: &[f64; 2]| ends.map(text::position).join(" to ");
-    let mut rows = vec![("format", own.format.to_owned())];
-    rows.extend(own.layer.clone().map(|layer| ("layer", layer)));
+    let mut rows = vec![("format", report.format.to_owned())];
+    rows.extend(report.layer.clone().map(|layer| ("layer", layer)));
     rows.extend([
-        ("crs", own.crs.clone()),
-        ("unit", if own.crs == "unknown" { "unknown" } else { own.horizontal_unit }.to_owned()),
-        ("features", format!("{}{}", text::count(own.features), with_ids(own))),
+        ("crs", report.crs.clone()),
+        (
+            "unit",
+            if report.crs == "unknown" { "unknown" } else { report.horizontal_unit }.to_owned(),
+        ),
+        ("features", format!("{}{}", text::count(report.features), with_ids(report))),
         ("geometries", kinds.collect::<Vec<_>>().join(", ")),
-        ("parts", parts(own)),
-        ("vertices", text::count(own.vertices)),
+        ("parts", parts(report)),
+        ("vertices", text::count(report.vertices)),
     ]);
-    rows.extend(own.bounds.map(|bounds| ("bounds", join(&bounds))));
-    rows.extend(own.heights.as_ref().map(|ends| ("heights", range(ends))));
-    let times = if own.measures_are_times { ", seconds since 1970 (UTC)" } else { "" };
-    rows.extend(own.measures.as_ref().map(|ends| ("measures", range(ends) + times)));
+    rows.extend(report.bounds.map(|bounds| ("bounds", bounds.map(text::position).join(", "))));
+    rows.extend(report.heights.map(|ends| ("heights", range(ends))));
+    let times = if report.measures_are_times { ", seconds since 1970 (UTC)" } else { "" };
+    rows.extend(report.measures.map(|ends| ("measures", range(ends) + times)));
     let rows = rows.into_iter().filter(|(_, value)| !value.is_empty());
     let mut rows: Vec<_> = rows.map(|(k, v)| (k.to_owned(), v)).collect();
-    rows.extend(own.fields.iter().map(|field| ("field".to_owned(), described(own, field))));
-    rows.extend(own.notes.iter().map(|note| ("note".to_owned(), note.clone())));
+    rows.extend(report.fields.iter().map(|field| ("field".to_owned(), described(report, field))));
+    rows.extend(report.notes.iter().map(|note| ("note".to_owned(), note.clone())));
     rows
 }
 
-fn with_ids(own: &FeaturesInfoReport) -> String {
-    match own.ids {
+fn range(ends: [f64; 2]) -> String {
+    ends.map(text::position).join(" to ")
+}
+
+fn with_ids(report: &FeaturesInfoReport) -> String {
+    match report.ids {
         0 => String::new(),
-        ids if ids == own.features => ", each with an id".to_owned(),
+        ids if ids == report.features => ", each with an id".to_owned(),
         ids => format!(", {} with an id", text::count(ids)),
     }
 }
 
 /// Lines and rings, if any.
-fn parts(own: &FeaturesInfoReport) -> String {
-    let counts = [("lines", own.lines), ("outer rings", own.outer_rings), ("holes", own.holes)];
-    let some = counts.into_iter().filter(|(_, n)| *n > 0);
-    some.map(|(name, n)| format!("{name}: {}", text::count(n))).collect::<Vec<_>>().join(", ")
+fn parts(report: &FeaturesInfoReport) -> String {
+    let counts =
+        [("lines", report.lines), ("outer rings", report.outer_rings), ("holes", report.holes)];
+    let present = counts.into_iter().filter(|(_, n)| *n > 0);
+    present.map(|(name, n)| format!("{name}: {}", text::count(n))).collect::<Vec<_>>().join(", ")
 }
 
 /// "NAME: text of 32 bytes, null in 3 features".
-fn described(own: &FeaturesInfoReport, field: &FieldStats) -> String {
-    let mut told = format!("{}: {}", field.name.escape_debug(), field.kind);
-    told.extend(field.width.map(|width| format!(" of {width} bytes")));
-    told.extend(field.decimals.filter(|n| *n > 0).map(|n| format!(" with {n} decimals")));
-    let nulls = own.features.saturating_sub(field.values);
-    told.extend((nulls > 0).then(|| format!(", null in {} features", text::count(nulls))));
-    told
+fn described(report: &FeaturesInfoReport, field: &FieldStats) -> String {
+    let mut text = format!("{}: {}", field.name.escape_debug(), field.kind);
+    text.extend(field.width.map(|width| format!(" of {width} bytes")));
+    text.extend(field.decimals.filter(|n| *n > 0).map(|n| format!(" with {n} decimals")));
+    let nulls = report.features.saturating_sub(field.values);
+    text.extend((nulls > 0).then(|| format!(", null in {} features", text::count(nulls))));
+    text
 }

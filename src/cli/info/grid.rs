@@ -42,9 +42,9 @@ fn cost_rows(plan: &TinCost) -> Vec<(String, String)> {
         .map(|(rate, kept)| format!("{} ns at {} kept", text::number(rate), text::percent(kept)))
         .collect();
     let threads = if plan.threads == 1 { "thread" } else { "threads" };
-    let [least, memory] = [plan.least_memory, plan.memory].map(text::bytes);
+    let [min_memory, memory] = [plan.least_memory, plan.memory].map(text::bytes);
     let mut rows = vec![
-        ("tin memory", format!("at least {least}, {memory} allowed (--memory)")),
+        ("tin memory", format!("at least {min_memory}, {memory} allowed (--memory)")),
         (
             "tin time",
             format!(

@@ -80,7 +80,7 @@ impl Verb for InfoArgs {
 /// Describes each file, independent of bad ones.
 fn run(args: &InfoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let progress = args.show.progress();
-    let (mut is_any_told, mut failures) = (false, Vec::new());
+    let (mut is_any_described, mut failures) = (false, Vec::new());
     let at_once = if args.mosaic { args.files.len() } else { 1 };
     if args.options.given().contains(&"picture") && args.files.len() > at_once {
         return Err(Error::usage("‹picture› is not supported for several inputs")
@@ -89,7 +89,7 @@ fn run(args: &InfoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     for files in args.files.chunks(at_once.max(1)) {
         match args.describe(files, progress.as_ref(), cancel) {
             Ok((facts, skipped)) => {
-                is_any_told = true;
+                is_any_described = true;
                 match args.show.json {
                     true => output::json_line(&report::WithSkipped {
                         report: &facts,
@@ -104,8 +104,8 @@ fn run(args: &InfoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
             }
         }
     }
-    let may_skip = |(_, error): &(String, Error)| error.is_about_a_file();
-    if args.many.skip_bad && is_any_told && failures.iter().all(may_skip) {
+    let may_skip = failures.iter().all(|(_, error)| error.is_about_a_file());
+    if args.many.skip_bad && is_any_described && may_skip {
         return skip(&failures, args);
     }
     let last = failures.pop();
@@ -160,9 +160,8 @@ impl InfoArgs {
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<Known> {
-        let at = (progress, cancel);
         if files.iter().any(|file| batch::are_features(file)) {
-            let (facts, skipped) = self.features(files, at)?;
+            let (facts, skipped) = self.features(files, progress, cancel)?;
             return Ok((InfoReport::Features(Box::new(facts)), skipped));
         }
         let are_clouds = files.iter().map(|file| self.many.is_cloud(file));
@@ -171,10 +170,11 @@ impl InfoArgs {
             if let Some(picture) = &options.picture {
                 check::new_file(picture, options.replacing.overwrite)?;
             }
-            let (facts, skipped) = self.inspect::<_, CloudInput>(options, files, at)?;
+            let (facts, skipped) =
+                self.inspect::<_, CloudInput>(options, files, progress, cancel)?;
             return Ok((InfoReport::Cloud(Box::new(facts)), skipped));
         }
-        let as_grid = match self.surface(files, at) {
+        let as_grid = match self.surface(files, progress, cancel) {
             Err(error) if error.kind() == ErrorKind::BadInput => error,
             other => return other,
         };
@@ -182,7 +182,7 @@ impl InfoArgs {
         if !files.iter().any(|file| batch::are_lines(&path_of(file))) {
             return Err(as_grid);
         }
-        match self.features(files, at) {
+        match self.features(files, progress, cancel) {
             Ok((mut facts, skipped)) if facts.is_more_than_positions() => {
                 facts.notes.push(format!("read as features; not a grid: {as_grid}"));
                 Ok((InfoReport::Features(Box::new(facts)), skipped))
@@ -194,37 +194,39 @@ impl InfoArgs {
     fn features(
         &self,
         files: &[String],
-        at: (&dyn Progress, &Cancel),
+        progress: &dyn Progress,
+        cancel: &Cancel,
     ) -> Result<Known<FeaturesInfoReport>> {
         if files.len() > 1 {
             return Err(Error::usage("--mosaic is not supported for feature files")
                 .remedy("leave --mosaic out"));
         }
-        self.inspect::<FeaturesInfoOptions, FeatureInput>(self.of(files)?, files, at)
+        self.inspect::<FeaturesInfoOptions, FeatureInput>(self.of(files)?, files, progress, cancel)
     }
 
     /// Properties of grids or of a mesh.
-    fn surface(&self, files: &[String], at: (&dyn Progress, &Cancel)) -> Result<Known> {
-        if let [one] = files {
-            check::input(one)?;
+    fn surface(&self, files: &[String], progress: &dyn Progress, cancel: &Cancel) -> Result<Known> {
+        if let [file] = files {
+            check::input(file)?;
         }
         match files {
-            [one] if is_mesh(one)? => {
+            [file] if is_mesh(file)? => {
                 let given = self.options.given();
                 if !given.contains(&"against") {
-                    GridInput::check(one, &self.many, given)?;
+                    GridInput::check(file, &self.many, given)?;
                 }
                 let options: MeshInfoOptions = self.of(files)?;
                 if let Some(grid) = &options.against {
                     check::input(grid)?;
                     GridInput::check(grid, &self.many, given)?;
                 }
-                let (facts, skipped) = (options.inspect(&one.clone().into(), at.0, at.1)?, vec![]);
-                Ok((InfoReport::Mesh(Box::new(facts)), skipped))
+                let facts = options.inspect(&file.clone().into(), progress, cancel)?;
+                Ok((InfoReport::Mesh(Box::new(facts)), Vec::new()))
             }
             _ => {
                 let options: GridInfoOptions = self.of(files)?;
-                let (facts, skipped) = self.inspect::<_, GridInput>(options, files, at)?;
+                let (facts, skipped) =
+                    self.inspect::<_, GridInput>(options, files, progress, cancel)?;
                 Ok((InfoReport::Grid(Box::new(facts)), skipped))
             }
         }
@@ -241,11 +243,12 @@ impl InfoArgs {
         &self,
         mut options: O,
         files: &[String],
-        (progress, cancel): (&dyn Progress, &Cancel),
+        progress: &dyn Progress,
+        cancel: &Cancel,
     ) -> Result<Known<O::Report>> {
         let given = self.options.given();
         let ReadableFiles { names, skipped } =
-            take::<O, I>((&mut options, given), files.to_vec(), &self.many)?;
+            take::<O, I>(&mut options, given, files.to_vec(), &self.many)?;
         Ok((options.inspect(&names.into(), progress, cancel)?, skipped))
     }
 }

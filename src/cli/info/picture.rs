@@ -14,17 +14,16 @@ pub(super) fn rows(report: &PictureReport, unit: &str) -> Vec<(String, String)> 
         text::number(report.cell),
         text::count(report.filled)
     );
-    let area = |area: f64| format!("{} square {unit}", text::number(area));
     let voids = &report.voids;
-    let mut told = format!(
+    let mut void = format!(
         "{} cells, {:.1} % of the hull, {}",
         text::count(voids.cells),
         100.0 * voids.share,
-        area(voids.area)
+        area(voids.area, unit)
     );
     if let Some(bounds) = voids.largest_bounds {
         let bounds = bounds.map(text::number).join(", ");
-        told += &format!("; the largest {} within {bounds}", area(voids.largest_area));
+        void += &format!("; the largest {} within {bounds}", area(voids.largest_area, unit));
     }
     let (what, bytes) = (report.shows.name(), text::bytes(report.output_bytes));
     let picture = format!("{}, {what}, {bytes}", report.output);
@@ -32,7 +31,11 @@ pub(super) fn rows(report: &PictureReport, unit: &str) -> Vec<(String, String)> 
         ("picture", picture),
         ("cells", cells),
         ("densest", format!("{} points per square {unit}", text::number(report.densest))),
-        ("voids", told),
+        ("voids", void),
     ];
     rows.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+}
+
+fn area(area: f64, unit: &str) -> String {
+    format!("{} square {unit}", text::number(area))
 }

@@ -21,14 +21,16 @@ pub(crate) fn rows(quality: &QualityReport) -> Vec<(String, String)> {
         rows.push(("slopes", slopes(slope)));
         rows.extend(slope.notes.iter().map(|note| ("note", note.clone())));
     }
-    rows.into_iter().map(|(what, told)| (what.to_owned(), told)).collect()
+    rows.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
 fn edges(q: &QualityReport) -> String {
     let [all, inside, border] = [q.edges, q.interior_edges, q.border_edges].map(text::count);
-    let [least, most] = [q.shortest_edge, q.longest_edge].map(text::height);
+    let [shortest, longest] = [q.shortest_edge, q.longest_edge].map(text::height);
     let sum = text::number(q.edge_length_sum);
-    format!("{all}: {inside} inner, {border} on the border; length {least} to {most}, total {sum}")
+    format!(
+        "{all}: {inside} inner, {border} on the border; length {shortest} to {longest}, total {sum}"
+    )
 }
 
 fn delaunay(q: &QualityReport) -> String {
@@ -42,8 +44,8 @@ fn delaunay(q: &QualityReport) -> String {
 }
 
 fn degrees(d: &DegreeReport) -> String {
-    let [least, most] = [d.min, d.max].map(|n| n.map_or("-".to_owned(), text::count));
-    format!("{least} to {most} edges per vertex, mean {}", text::height(d.mean))
+    let [min, max] = [d.min, d.max].map(|n| n.map_or("-".to_owned(), text::count));
+    format!("{min} to {max} edges per vertex, mean {}", text::height(d.mean))
 }
 
 fn angles(a: &AngleReport) -> String {
@@ -71,9 +73,10 @@ fn odd(q: &QualityReport) -> Option<String> {
         (q.folded_edges, "folded edges"),
         (q.non_manifold_edges, "non-manifold edges"),
     ];
-    let told = counts.into_iter().filter(|(count, _)| *count > 0);
-    let told: Vec<String> = told.map(|(n, what)| format!("{} {what}", text::count(n))).collect();
-    (!told.is_empty()).then(|| told.join(", "))
+    let defects = counts.into_iter().filter(|(count, _)| *count > 0);
+    let defects = defects.map(|(count, what)| format!("{} {what}", text::count(count)));
+    let defects: Vec<String> = defects.collect();
+    (!defects.is_empty()).then(|| defects.join(", "))
 }
 
 fn slopes(s: &SlopeReport) -> String {

@@ -162,8 +162,8 @@ fn plan<O: Divisible<Input: OperationInput>>(
 ) -> Result<VerbOutcome> {
     let RunArguments { input, output, given, many, show, .. } = *frame;
     check_planned(&options, given)?;
-    let sifted = take::<O, O::Input>((&mut options, given), input.to_vec(), many)?;
-    let (inputs, skipped) = (&Inputs::from(sifted.names), sifted.skipped.as_slice());
+    let readable = take::<O, O::Input>(&mut options, given, input.to_vec(), many)?;
+    let (inputs, skipped) = (&Inputs::from(readable.names), readable.skipped.as_slice());
     let (progress, is_measured) = (show.progress(), false);
     let progress = progress.as_ref();
     let request = RunRequest { inputs, output, skipped, is_measured, progress, cancel };

@@ -163,9 +163,9 @@ impl InputSelection {
         if !self.skips_bad(&names) {
             return Ok(ReadableFiles { names, skipped: Vec::new() });
         }
-        let sifted = kind.check_files(&names, resources)?;
-        sifted.skipped.iter().for_each(print_skipped);
-        Ok(sifted)
+        let readable = kind.check_files(&names, resources)?;
+        readable.skipped.iter().for_each(print_skipped);
+        Ok(readable)
     }
 
     fn skips_bad(&self, names: &[String]) -> bool {

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::cli::shared::pipes;
 use terrane_base::error::{Error, ErrorKind, Result, all, is_address};
@@ -20,8 +20,8 @@ pub(crate) fn inputs(inputs: &[String]) -> Result<()> {
 
 /// The same for features.
 pub(crate) fn features(inputs: &[String]) -> Result<()> {
-    let input = |name: &String| there(name, Some("name a file of lines"));
-    all(inputs.iter().map(input).collect()).map(drop)
+    let checks = inputs.iter().map(|name| there(name, Some("name a file of lines")));
+    all(checks.collect()).map(drop)
 }
 
 /// Fails if `input` is neither existing files nor the name of a synthetic terrain.
@@ -54,8 +54,14 @@ fn there(input: &str, or: Option<&str>) -> Result<()> {
 /// Fails for a missing auxiliary file.
 pub(crate) fn check_sidecars(files: &[String]) -> Result<()> {
     files.iter().try_for_each(|name| pipes::refuse_input(name))?;
-    let missing = |file: &&String| !is_made(file) && !path_of(raster::file_name(file)).exists();
-    files.iter().find(missing).map_or(Ok(()), |file| Err(Error::missing(&path_of(file))))
+    match files.iter().find(|file| is_missing(file)) {
+        Some(file) => Err(Error::missing(&path_of(file))),
+        None => Ok(()),
+    }
+}
+
+fn is_missing(file: &str) -> bool {
+    !is_made(file) && !path_of(raster::file_name(file)).exists()
 }
 
 /// True for a missing path; false for other errors, such as missing permissions.
@@ -108,22 +114,25 @@ pub(crate) fn report(
     overwrite: bool,
 ) -> Result<()> {
     let Some(report) = report else { return Ok(()) };
-    let report_place = place(report);
-    let is_part = |file: &Path| {
-        // Resolving every possible name would take far longer.
-        let may_be =
-            |path: &PathBuf| path.file_name() == report_place.file_name() || path.is_symlink();
-        report_place.starts_with(place(file))
-            || companions(file).iter().filter(|path| may_be(path)).any(|path| is_same(path, report))
-    };
+    let resolved = place(report);
     let read = read.iter().map(|name| path_of(raster::file_name(name)));
     let mut files = results.iter().map(|&path| Cow::Borrowed(path)).chain(read);
-    if let Some(file) = files.find(|file| is_part(file)) {
+    if let Some(file) = files.find(|file| is_part_of(report, &resolved, file)) {
         return Err(Error::usage(format!("is {} itself or a part of it", file.display()))
             .in_file(report)
             .remedy("choose another name for the report"));
     }
     new_file(report, overwrite)
+}
+
+/// True if a report, at the place `resolved`, is `file`, a sidecar file of it, or in it.
+fn is_part_of(report: &Path, resolved: &Path, file: &Path) -> bool {
+    resolved.starts_with(place(file))
+        || companions(file)
+            .iter()
+            // Resolving every possible name would take far longer.
+            .filter(|path| path.file_name() == resolved.file_name() || path.is_symlink())
+            .any(|path| is_same(path, report))
 }
 
 #[cfg(test)]

@@ -24,28 +24,24 @@ pub(crate) const ENGINE: &str = "greedy";
 
 pub(crate) fn grids() -> String {
     let formats = raster::FORMATS.iter();
-    let mut rows: Vec<_> = formats.map(|f| (f.name, endings(f.extensions), f.about)).collect();
-    rows.push((
-        "synthetic",
-        "synth:...".to_owned(),
-        "synthetic terrain, see `terrane synth --help`",
-    ));
-    list("Grids read", &rows)
+    let rows = formats.map(|f| (f.name, endings(f.extensions), f.about));
+    let synthetic =
+        ("synthetic", "synth:...".to_owned(), "synthetic terrain, see `terrane synth --help`");
+    list("Grids read", rows.chain([synthetic]))
 }
 
 pub(crate) fn grids_written() -> String {
     let formats = raster::write::FORMATS.iter();
-    let rows: Vec<_> = formats.map(|f| (f.name, endings(f.extensions), f.about)).collect();
-    list("Grids written, by --format or ending", &rows)
+    let rows = formats.map(|f| (f.name, endings(f.extensions), f.about));
+    list("Grids written, by --format or ending", rows)
 }
 
 pub(crate) fn features_written() -> String {
-    let lines = |f: &&vector::VectorFormat| {
-        f.create.is_some() && f.holds.kinds.contains(&vector::GeometryType::LineString)
-    };
-    let formats = vector::FORMATS.iter().filter(lines);
-    let rows: Vec<_> = formats.map(|f| (f.name, endings(f.extensions), f.about)).collect();
-    list("Lines written, by --format or ending", &rows)
+    let formats = vector::FORMATS.iter().filter(|format| {
+        format.create.is_some() && format.holds.kinds.contains(&vector::GeometryType::LineString)
+    });
+    let rows = formats.map(|f| (f.name, endings(f.extensions), f.about));
+    list("Lines written, by --format or ending", rows)
 }
 
 /// Function that makes a list.
@@ -62,13 +58,13 @@ const OF_OPTIONS: &[(&str, List)] = &[
 
 /// Lists for the options of a table.
 pub(crate) fn of_options(table: &'static OptionTable) -> impl Iterator<Item = String> {
-    let own = OF_OPTIONS.iter().filter(|(name, _)| table.find(name).is_some());
-    own.map(|(_, list)| list())
+    let lists = OF_OPTIONS.iter().filter(|(name, _)| table.find(name).is_some());
+    lists.map(|(_, list)| list())
 }
 
 fn thinned() -> String {
     let rows = KEPT.map(|(name, about)| (name, String::new(), about));
-    list("Point kept in each cell, as in ‹thin=2:lowest›", &rows)
+    list("Point kept in each cell, as in ‹thin=2:lowest›", rows)
 }
 
 pub(crate) fn clouds() -> String {
@@ -78,77 +74,90 @@ pub(crate) fn clouds() -> String {
         ("text", "cloud:NAME".to_owned(), "one point per line"),
         ("synthetic", "synth:cloud,...".to_owned(), "synthetic point cloud"),
     ];
-    list("Point clouds read", &rows)
+    list("Point clouds read", rows)
 }
 
 fn statistics() -> String {
-    let row = |m: &gridding::StatisticMethod| (m.name, other_names(m), m.about);
-    let methods = list("Statistics", &gridding::METHODS.iter().map(row).collect::<Vec<_>>());
-    let own = gridding::METHODS.iter().flat_map(|m| m.parameters.iter().map(move |p| (m, p)));
-    let row = |(m, p): (&gridding::StatisticMethod, &gridding::StatisticParameter)| {
-        (m.name, format!("{}=", p.key), p.about)
-    };
+    let rows = gridding::METHODS.iter().map(|m| (m.name, m.aliases.join(" "), m.about));
+    let methods = list("Statistics", rows);
+    let of_methods = gridding::METHODS
+        .iter()
+        .flat_map(|m| m.parameters.iter().map(|p| (m.name, format!("{}=", p.key), p.about)));
     let of_points = gridding::OF_POINTS.map(|p| ("any", format!("{}=", p.key), p.about));
-    let rows: Vec<_> = own.map(row).chain(of_points).collect();
-    let parameters = list("Parameters, as in idw:radius=2,power=1", &rows);
+    let parameters = list("Parameters, as in idw:radius=2,power=1", of_methods.chain(of_points));
     format!("{methods}\n\n{parameters}\n\n{}", attributes())
 }
 
 fn attributes() -> String {
-    let row = |a: &attribute::PointAttribute| (a.name, a.aliases.join(" "), a.about);
-    let rows: Vec<_> = attribute::ATTRIBUTES.iter().map(row).collect();
-    list("Attributes of points, in addition to extra bytes", &rows)
+    let rows = attribute::ATTRIBUTES.iter().map(|a| (a.name, a.aliases.join(" "), a.about));
+    list("Attributes of points, in addition to extra bytes", rows)
 }
 
 fn grounds() -> String {
-    let all = terrane_ground::METHODS;
-    let rows = all.iter().map(|m| (m.name, m.source, m.about, m.parameters));
-    with_parameters("--ground", "csf:rigidness=2,cloth=0.5", rows)
+    let methods = terrane_ground::METHODS.iter().map(|m| ListedMethod {
+        name: m.name,
+        source: m.source,
+        about: m.about,
+        parameters: m.parameters,
+    });
+    with_parameters("--ground", "csf:rigidness=2,cloth=0.5", methods)
 }
 
 fn noises() -> String {
-    let rows = noise::METHODS.iter().map(|m| (m.name, m.source, m.about, m.parameters));
-    with_parameters("--classify noise", "noise:statistical:k=12,m=3", rows)
+    let methods = noise::METHODS.iter().map(|m| ListedMethod {
+        name: m.name,
+        source: m.source,
+        about: m.about,
+        parameters: m.parameters,
+    });
+    with_parameters("--classify noise", "noise:statistical:k=12,m=3", methods)
 }
 
 fn canopies() -> String {
-    let all = gridding::canopy::METHODS;
-    let rows = all.iter().map(|m| (m.name, m.source, m.about, m.parameters));
-    with_parameters("--canopy", "spike-free:freeze=1.5", rows)
+    let methods = gridding::canopy::METHODS.iter().map(|m| ListedMethod {
+        name: m.name,
+        source: m.source,
+        about: m.about,
+        parameters: m.parameters,
+    });
+    with_parameters("--canopy", "spike-free:freeze=1.5", methods)
 }
 
-/// Methods of an option (name, source, summary, parameters) and their parameters, with an example.
+/// Registry entry of a method with parameters.
+struct ListedMethod {
+    name: &'static str,
+    source: &'static str,
+    about: &'static str,
+    parameters: &'static [Parameter],
+}
+
+/// Methods of an option and their parameters, with an example.
 fn with_parameters(
     option: &str,
     example: &str,
-    methods: impl Iterator<Item = (&'static str, &'static str, &'static str, &'static [Parameter])>
-    + Clone,
+    methods: impl Iterator<Item = ListedMethod> + Clone,
 ) -> String {
-    let rows = methods.clone().map(|(name, source, about, _)| (name, source.to_owned(), about));
-    let all = list(&format!("Methods of {option}"), &rows.collect::<Vec<_>>());
-    let own =
-        methods.flat_map(|(name, .., own)| own.iter().map(move |p| (name, p.usual(), p.about)));
+    let rows = methods.clone().map(|m| (m.name, m.source.to_owned(), m.about));
+    let all = list(&format!("Methods of {option}"), rows);
+    let parameters =
+        methods.flat_map(|m| m.parameters.iter().map(move |p| (m.name, p.usual(), p.about)));
     let heading = format!("Parameters, as in {example}, with defaults");
-    format!("{all}\n\n{}", list(&heading, &own.collect::<Vec<_>>()))
-}
-
-fn other_names(method: &gridding::StatisticMethod) -> String {
-    method.aliases.join(" ")
+    format!("{all}\n\n{}", list(&heading, parameters))
 }
 
 pub(crate) fn creation_options() -> String {
-    let of = |f: &raster::write::GridFormat| {
-        let row = |o: &raster::write::CreationOption| (o.key, o.accepts.text(), o.about);
-        list(&format!("--co of {}", f.name), &f.options.iter().map(row).collect::<Vec<_>>())
-    };
     let formats = raster::write::FORMATS.iter().filter(|f| !f.options.is_empty());
-    formats.map(of).collect::<Vec<_>>().join("\n\n")
+    let lists = formats.map(|f| {
+        let rows = f.options.iter().map(|o| (o.key, o.accepts.text(), o.about));
+        list(&format!("--co of {}", f.name), rows)
+    });
+    lists.collect::<Vec<_>>().join("\n\n")
 }
 
 pub(crate) fn meshes() -> String {
     let formats = mesh::FORMATS.iter();
-    let rows: Vec<_> = formats.map(|f| (f.name, endings(f.extensions), f.about)).collect();
-    list("Meshes read and written", &rows)
+    let rows = formats.map(|f| (f.name, endings(f.extensions), f.about));
+    list("Meshes read and written", rows)
 }
 
 pub(crate) fn meshers() -> String {
@@ -157,69 +166,65 @@ pub(crate) fn meshers() -> String {
         "Garland & Heckbert 1995".to_owned(),
         "out-of-core greedy insertion: any size, all cores, fewest vertices",
     );
-    let row = |m: &methods::BaselineMethod| (m.name, m.source.to_owned(), m.about);
-    let rows: Vec<_> = std::iter::once(engine).chain(methods::METHODS.iter().map(row)).collect();
-    list("Methods for grids", &rows)
+    let baselines = methods::METHODS.iter().map(|m| (m.name, m.source.to_owned(), m.about));
+    list("Methods for grids", std::iter::once(engine).chain(baselines))
 }
 
 pub(crate) fn simplifiers() -> String {
-    let row = |m: &line::SimplifyMethod| (m.name, String::new(), m.summary);
-    list("Methods", &line::METHODS.iter().map(row).collect::<Vec<_>>())
+    list("Methods", line::METHODS.iter().map(|m| (m.name, String::new(), m.summary)))
 }
 
 pub(crate) fn features() -> String {
     let formats = vector::FORMATS.iter();
-    let rows: Vec<_> = formats.map(|f| (f.name, endings(f.extensions), f.about)).collect();
-    list("Feature files", &rows)
+    let rows = formats.map(|f| (f.name, endings(f.extensions), f.about));
+    list("Feature files", rows)
 }
 
 pub(crate) fn characters() -> String {
-    let row = |c: &synth::TerrainKind| (c.name, String::new(), c.about);
-    list("Terrains", &synth::CHARACTERS.iter().map(row).collect::<Vec<_>>())
+    list("Terrains", synth::CHARACTERS.iter().map(|c| (c.name, String::new(), c.about)))
 }
 
 pub(crate) fn parameters() -> String {
-    let own = synth::CHARACTERS.iter().filter_map(|c| Some((c.own.as_ref()?, c.name)));
-    let all = synth::PARAMETERS.iter().map(|p| (p, "")).chain(own);
-    let value = |p: &synth::SynthParameter, of: &str| match of {
-        "" => format!("{}", p.default),
-        of => format!("{} ({of} only)", p.default),
-    };
-    let rows: Vec<_> = all.map(|(p, of)| (p.key, value(p, of), p.about)).collect();
-    list("Parameters of terrains, as key=value, with their defaults", &rows)
+    let of_one = synth::CHARACTERS.iter().filter_map(|character| {
+        let p = character.own.as_ref()?;
+        Some((p.key, format!("{} ({} only)", p.default, character.name), p.about))
+    });
+    let rows = rows(synth::PARAMETERS).chain(of_one);
+    list("Parameters of terrains, as key=value, with their defaults", rows)
 }
 
 pub(crate) fn cloud_parameters() -> String {
-    list(
-        "Parameters of a cloud, as key=value, with their defaults",
-        &rows(synth::cloud::PARAMETERS),
-    )
+    list("Parameters of a cloud, as key=value, with their defaults", rows(synth::cloud::PARAMETERS))
 }
 
 pub(crate) fn shapes() -> String {
-    let row = |s: &synth::lines::LineFamily| (s.name, String::new(), s.about);
-    list("Lines", &synth::lines::SHAPES.iter().map(row).collect::<Vec<_>>())
+    list("Lines", synth::lines::SHAPES.iter().map(|s| (s.name, String::new(), s.about)))
 }
 
 pub(crate) fn line_parameters() -> String {
-    list("Parameters of lines, as key=value, with their defaults", &rows(synth::lines::PARAMETERS))
+    list("Parameters of lines, as key=value, with their defaults", rows(synth::lines::PARAMETERS))
 }
 
-fn rows(parameters: &[synth::SynthParameter]) -> Vec<(&'static str, String, &'static str)> {
-    parameters.iter().map(|p| (p.key, format!("{}", p.default), p.about)).collect()
+fn rows(parameters: &'static [synth::SynthParameter]) -> impl Iterator<Item = ListRow> {
+    parameters.iter().map(|p| (p.key, format!("{}", p.default), p.about))
 }
 
 fn endings(extensions: &[&str]) -> String {
     extensions.iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(" ")
 }
 
+/// Name, extensions or default or source, and summary.
+type ListRow = (&'static str, String, &'static str);
+
 /// A titled list in aligned columns.
-fn list(title: &str, rows: &[(&str, String, &str)]) -> String {
+fn list(title: &str, rows: impl IntoIterator<Item = ListRow>) -> String {
+    let rows: Vec<ListRow> = rows.into_iter().collect();
     let name = rows.iter().map(|r| r.0.len()).max().unwrap_or(0);
     let ending = rows.iter().map(|r| r.1.len()).max().unwrap_or(0);
     let gap = if ending > 0 { ending + 2 } else { 0 };
-    let line = |(n, e, about): &(&str, String, &str)| format!("\n  {n:name$}  {e:gap$}{about}");
-    rows.iter().fold(format!("{title}:"), |text, row| text + &line(row))
+    rows.iter().fold(format!("{title}:"), |text, (n, e, about)| {
+        text + &format!("\n  {n:name$}  {e:gap$}{about}")
+    })
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! What verbs share: arguments, checks before the work, and ways to tell.
+//! Shared code of verbs: arguments, checks before the work, reports and messages.
 
 pub(crate) mod args;
 pub(crate) mod batch;

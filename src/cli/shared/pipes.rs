@@ -2,7 +2,7 @@
 //!
 //! Input is collected in a temporary file, because readers need random access, and output is complete before
 //! its first byte is written: a failed run writes nothing. These files have arbitrary names, so all messages go
-//! through [`told`].
+//! through [`display`].
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -44,6 +44,13 @@ pub(crate) enum PipeContent<'a> {
     Features(Option<&'a str>),
 }
 
+impl PipeContent<'_> {
+    /// True for a name of stdin with this content.
+    fn is_named(self, name: &str) -> bool {
+        name == STDIN || (self == PipeContent::Points && name == CLOUD)
+    }
+}
+
 /// Stdin as a temporary file.
 pub(crate) struct StdinFile<'a> {
     file: Option<GatheredStdin>,
@@ -64,11 +71,10 @@ impl<'a> StdinFile<'a> {
         holds: PipeContent<'a>,
         resources: &Resources,
     ) -> Result<Self> {
-        let dash = |name: &String| name == STDIN || (holds == PipeContent::Points && name == CLOUD);
-        if names.iter().filter(|name| dash(name)).count() > 1 {
+        if names.iter().filter(|name| holds.is_named(name)).count() > 1 {
             return Err(Error::usage("stdin can be read only once").remedy("name - once"));
         }
-        let Some(name) = names.iter_mut().find(|name| dash(name)) else {
+        let Some(name) = names.iter_mut().find(|name| holds.is_named(name)) else {
             return Ok(Self { file: None, holds });
         };
         let (folder, mut path) = place(resources, "stdin")?;
@@ -137,8 +143,7 @@ impl<'a> StdinFile<'a> {
 
 /// Writes stdin to the file at `path`; returns the size.
 fn fill(path: &Path, cancel: &Cancel) -> Result<u64> {
-    let fail = |e| Error::write(path, e);
-    let mut file = File::create(path).map_err(fail)?;
+    let mut file = File::create(path).map_err(|e| Error::write(path, e))?;
     let (chunks, mut bytes) = (chunks_of_stdin(), 0);
     loop {
         cancel.check()?;
@@ -152,7 +157,7 @@ fn fill(path: &Path, cancel: &Cancel) -> Result<u64> {
         if chunk.is_empty() {
             return Ok(bytes);
         }
-        file.write_all(&chunk).map_err(fail)?;
+        file.write_all(&chunk).map_err(|e| Error::write(path, e))?;
         bytes += chunk.len() as u64;
     }
 }
@@ -252,13 +257,12 @@ pub(crate) fn display(text: &str) -> Cow<'_, str> {
 
 /// Replaces each path `place` with an extension by a dash.
 fn without(place: &str, text: &str) -> String {
-    let ending = |rest: &str| {
-        let behind = rest.strip_prefix('.').unwrap_or(rest);
-        behind.trim_start_matches(|c: char| c.is_ascii_alphanumeric()).len()
-    };
     let mut parts = text.split(place);
     let first = parts.next().unwrap_or_default().to_owned();
-    parts.fold(first, |told, rest| told + atomic::STDOUT + &rest[rest.len() - ending(rest)..])
+    parts.fold(first, |text, rest| {
+        let rest = rest.strip_prefix('.').unwrap_or(rest);
+        text + atomic::STDOUT + rest.trim_start_matches(|c: char| c.is_ascii_alphanumeric())
+    })
 }
 
 /// Fails when an input is stdin.

@@ -3,7 +3,7 @@
 use crate::cli::shared::text;
 use terrane_cloud::ReturnCounts;
 
-/// What became of the points, for people.
+/// Numbers of points read and left out, as text.
 pub(crate) fn census(census: &ReturnCounts) -> String {
     let left_out = [
         (census.withheld, "withheld"),

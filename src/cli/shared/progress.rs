@@ -117,8 +117,8 @@ struct LoggedStage {
     total: u64,
     done: u64,
     file: Option<InFile>,
-    begun: Instant,
-    told: Instant,
+    started: Instant,
+    printed: Instant,
 }
 
 /// Contents of a line.
@@ -158,16 +158,16 @@ impl fmt::Display for InFile {
 
 impl LoggedStage {
     fn status(&self) -> StageStatus<'_> {
-        let seconds = self.begun.elapsed().as_secs_f64();
+        let seconds = self.started.elapsed().as_secs_f64();
         let left = self.total.saturating_sub(self.done) as f64 / self.done as f64 * seconds;
-        let told = self.done > 0 && seconds > 0.0;
+        let is_known = self.done > 0 && seconds > 0.0;
         StageStatus {
             stage: &self.name,
             done: self.done,
             total: self.total,
             seconds,
-            per_second: told.then_some(self.done as f64 / seconds),
-            seconds_left: told.then_some(left),
+            per_second: is_known.then_some(self.done as f64 / seconds),
+            seconds_left: is_known.then_some(left),
             file: self.file.as_ref(),
         }
     }
@@ -195,8 +195,8 @@ impl Progress for ProgressLines {
             total,
             done: 0,
             file: None,
-            begun: now,
-            told: now,
+            started: now,
+            printed: now,
         };
         self.print(&stage);
         self.with(|slot| *slot = Some(stage));
@@ -206,8 +206,8 @@ impl Progress for ProgressLines {
         self.with(|slot| {
             let Some(stage) = slot else { return };
             stage.done = stage.done.saturating_add(units);
-            if stage.told.elapsed() >= LINE_INTERVAL {
-                stage.told = Instant::now();
+            if stage.printed.elapsed() >= LINE_INTERVAL {
+                stage.printed = Instant::now();
                 self.print(stage);
             }
         });
@@ -258,8 +258,8 @@ mod tests {
             total: 100,
             done: 25,
             file: None,
-            begun: Instant::now(),
-            told: Instant::now(),
+            started: Instant::now(),
+            printed: Instant::now(),
         };
         let value: serde_json::Value = serde_json::from_str(&json(&stage.status())).unwrap();
         assert_eq!(
@@ -275,8 +275,14 @@ mod tests {
     fn a_status_tells_the_file_where_there_are_several() {
         let now = Instant::now();
         let file = Some(FileAt { name: "b.laz", number: 2, of: 3 }.into());
-        let stage =
-            LoggedStage { name: "read".into(), total: 9, done: 3, file, begun: now, told: now };
+        let stage = LoggedStage {
+            name: "read".into(),
+            total: 9,
+            done: 3,
+            file,
+            started: now,
+            printed: now,
+        };
         let value: serde_json::Value = serde_json::from_str(&json(&stage.status())).unwrap();
         assert_eq!(
             (&value["file"], &value["file_number"], &value["files"]),

@@ -68,17 +68,17 @@ pub(crate) fn notes(notes: &[String]) -> impl Iterator<Item = Row> {
 
 /// All plain values of a report as text: a title and a table.
 pub(crate) fn plain(report: &impl Serialize) -> String {
-    let told = json::to_value(report).unwrap_or_default();
-    let name = |key: &str| told[key].as_str().unwrap_or_default().to_owned();
-    let title = format!("{} -> {}", name("input"), name("output"));
-    let mut rows = text::rows(&told);
+    let report = json::to_value(report).unwrap_or_default();
+    let [input, output] = ["input", "output"].map(|key| report[key].as_str().unwrap_or_default());
+    let title = format!("{input} -> {output}");
+    let mut rows = text::rows(&report);
     rows.retain(|(key, _)| key != "input" && key != "output");
-    if let Ok(water) = serde_json::from_value(told["water"].clone()) {
+    if let Ok(water) = serde_json::from_value(report["water"].clone()) {
         rows.push(("water".to_owned(), text::water(&water)));
     }
-    let done = serde_json::from_value::<Transformed>(told["transformed"].clone()).ok();
+    let done = serde_json::from_value::<Transformed>(report["transformed"].clone()).ok();
     rows.extend(transformed(done.as_ref()).map(|(key, value)| (key.to_owned(), value)));
-    let notes = told["notes"].as_array().into_iter().flatten();
+    let notes = report["notes"].as_array().into_iter().flatten();
     rows.extend(
         notes.map(|note| ("note".to_owned(), note.as_str().unwrap_or_default().to_owned())),
     );

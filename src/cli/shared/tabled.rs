@@ -185,8 +185,8 @@ fn help(field: &OptionField, default: &serde_json::Value, about: &str) -> String
         }
         (None, OptionArity::One, _) if default == &serde_json::json!([]) => return about,
         (None, OptionArity::One, _) => {
-            let whole = default.as_f64().map(|number| number.to_string());
-            whole.or(default.as_str().map(str::to_owned)).unwrap_or_else(|| default.to_string())
+            let number = default.as_f64().map(|number| number.to_string());
+            number.or(default.as_str().map(str::to_owned)).unwrap_or_else(|| default.to_string())
         }
     };
     format!("{about} [default: {default}]")

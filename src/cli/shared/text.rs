@@ -95,11 +95,11 @@ pub(crate) fn seconds(s: f64) -> String {
     if s < 10.0 {
         return format!("{s:.2} s");
     }
-    let whole = s.round() as u64;
-    match whole {
+    let rounded = s.round() as u64;
+    match rounded {
         0..=59 => format!("{s:.1} s"),
-        60..=3599 => format!("{} min {:02} s", whole / 60, whole % 60),
-        _ => format!("{} h {:02} min", whole / 3600, whole % 3600 / 60),
+        60..=3599 => format!("{} min {:02} s", rounded / 60, rounded % 60),
+        _ => format!("{} h {:02} min", rounded / 3600, rounded % 3600 / 60),
     }
 }
 
@@ -158,20 +158,21 @@ fn plain(key: &str, value: &Value) -> Option<String> {
 
 /// Summary of kept points: "1,230 vertices at 1,240 points of a.csv; 4 points are outside of the grid".
 pub(crate) fn required_points(kept: &RequiredPointsReport, of: &str) -> String {
-    let more = |n: u64, what: &str| match n {
-        0 => String::new(),
-        n => format!("; {} {what}", count(n)),
-    };
     let [vertices, points] = [kept.vertices, kept.points].map(count);
-    let outside = more(kept.outside, &format!("points are outside of the {of}"));
-    let void = more(kept.without_surface, "samples have no surface");
+    let outside = also(kept.outside, &format!("points are outside of the {of}"));
+    let void = also(kept.without_surface, "samples have no surface");
     format!("{vertices} vertices at {points} points of {}{outside}{void}", kept.file)
+}
+
+/// "; 4 points are outside of the grid", or nothing for none.
+fn also(n: u64, what: &str) -> String {
+    if n == 0 { String::new() } else { format!("; {} {what}", count(n)) }
 }
 
 /// The error in a band: "2 (weight 0.5): at most 19.5, RMSE 4.1".
 pub(crate) fn band(r: &MeshBandReport) -> String {
-    let [most, rmse] = [r.max_error.map(bound), r.rmse.map(number)].map(Option::unwrap_or_default);
-    format!("{} (weight {}): at most {most}, RMSE {rmse}", r.band, number(r.weight))
+    let [max, rmse] = [r.max_error.map(bound), r.rmse.map(number)].map(Option::unwrap_or_default);
+    format!("{} (weight {}): at most {max}, RMSE {rmse}", r.band, number(r.weight))
 }
 
 /// Summary of breaklines: "1,230 segments of a.shp, followed; 4 are outside of the grid".
@@ -185,8 +186,8 @@ pub(crate) fn breaklines(lines: &BreaklinesReport, of: &str) -> String {
 }
 
 /// "1 lake", "1,200 lakes".
-fn plural(n: u64, one: &str) -> String {
-    format!("{} {one}{}", count(n), if n == 1 { "" } else { "s" })
+fn plural(n: u64, noun: &str) -> String {
+    format!("{} {noun}{}", count(n), if n == 1 { "" } else { "s" })
 }
 
 /// Summary of water: "3 lakes and 1 river of a.shp, level from 10.5 to 84".

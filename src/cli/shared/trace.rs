@@ -1,4 +1,4 @@
-//! What the scheduler does, on stderr, as far as `RUST_LOG` asks for it: with the feature `tracing`.
+//! Trace of the scheduler on stderr, filtered by `RUST_LOG`: with the feature `tracing`.
 
 use std::io::stderr;
 
@@ -10,7 +10,7 @@ use terrane_engine::{FileAt, Progress};
 /// Prints stages at level info and each unit of work, with the time it took, at level debug.
 pub(crate) fn start() {
     let printed = tracing_subscriber::fmt().with_env_filter(EnvFilter::from_default_env());
-    // A second call in one process finds the first one's subscriber, which is the same.
+    // A second call in a process finds the subscriber of the first, which is the same.
     let _ = printed.with_span_events(FmtSpan::CLOSE).with_writer(stderr).try_init();
 }
 

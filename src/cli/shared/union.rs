@@ -41,34 +41,37 @@ pub(crate) struct InputUnion<K, const PLANNED: bool = false> {
 
 /// Options of all kinds, each from the first kind that has it, with the number of that kind.
 fn fields<K: InputKinds, const PLANNED: bool>() -> Vec<(usize, &'static OptionField)> {
-    let mut found: Vec<(usize, &OptionField)> = Vec::new();
+    let mut fields: Vec<(usize, &OptionField)> = Vec::new();
     for (number, kind) in K::ALL.iter().enumerate() {
-        let known = |field: &&OptionField| found.iter().any(|(_, own)| own.name == field.name);
-        let new = kind.table.fields().into_iter().filter(|field| !known(field));
-        let new: Vec<_> = new.filter(|field| !(PLANNED && field.role == OptionRole::Run)).collect();
-        found.extend(new.into_iter().map(|field| (number, field)));
+        for field in kind.table.fields() {
+            let is_known = fields.iter().any(|(_, known)| known.name == field.name);
+            let is_left_out = PLANNED && field.role == OptionRole::Run;
+            if !is_known && !is_left_out {
+                fields.push((number, field));
+            }
+        }
     }
-    found
+    fields
 }
 
 /// Help of an option: its kinds if not all have it, and its differences between kinds; `all` are the options of
 /// each kind.
 fn about<K: InputKinds>(field: &OptionField, all: &[Vec<&'static OptionField>]) -> String {
-    let mut told = vec![field.off.unwrap_or(field.about)];
+    let mut texts = vec![field.off.unwrap_or(field.about)];
     let of_each = K::ALL.iter().zip(all);
     let of_each = of_each
         .filter_map(|(kind, own)| Some((kind, own.iter().find(|own| own.name == field.name)?)));
     let of_each: Vec<_> = of_each.collect();
     let having: Vec<&str> = of_each.iter().map(|(kind, _)| kind.of).collect();
     let mut about = match having.len() < K::ALL.len() {
-        true => format!("{} ({})", told[0], having.join(", ")),
-        false => told[0].to_owned(),
+        true => format!("{} ({})", texts[0], having.join(", ")),
+        false => texts[0].to_owned(),
     };
     for (kind, own) in of_each {
         let other = own.off.unwrap_or(own.about);
-        if !told.contains(&other) {
+        if !texts.contains(&other) {
             about += &format!(". For {}: {}", kind.of, uncapitalized(other));
-            told.push(other);
+            texts.push(other);
         }
     }
     about
@@ -76,9 +79,13 @@ fn about<K: InputKinds>(field: &OptionField, all: &[Vec<&'static OptionField>]) 
 
 /// True for an option required by a plan: the only target of several that plans support.
 fn is_only_one(table: &'static OptionTable, name: &str) -> bool {
-    let is_planned = |name: &&&str| table.find(name).is_some_and(|own| own.role != OptionRole::Run);
     table.rules().into_iter().any(|rule| match rule {
-        OptionRule::OneOf(names, _) => names.iter().filter(is_planned).eq([&name]),
+        OptionRule::OneOf(names, _) => {
+            let planned = names
+                .iter()
+                .filter(|name| table.find(name).is_some_and(|field| field.role != OptionRole::Run));
+            planned.eq([&name])
+        }
         OptionRule::NotWith(..) | OptionRule::Needs(..) => false,
     })
 }

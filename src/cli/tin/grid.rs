@@ -33,10 +33,10 @@ impl Summarize for TinReport {
         ];
         rows.extend(self.bands.iter().map(|band| ("band", text::band(band))));
         rows.extend(method(self).map(|method| ("method", method)));
-        rows.extend(self.min_angle.zip(self.thin_triangles).map(|(least, thin)| {
-            let held =
+        rows.extend(self.min_angle.zip(self.thin_triangles).map(|(min_angle, thin)| {
+            let verdict =
                 if thin.count == 0 { "met by all triangles" } else { "not met by all triangles" };
-            ("min angle", format!("{least} degrees, {held}"))
+            ("min angle", format!("{min_angle} degrees, {verdict}"))
         }));
         rows.extend(
             self.keep_points.as_ref().map(|kept| ("kept", text::required_points(kept, "grid"))),

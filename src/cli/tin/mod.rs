@@ -13,11 +13,9 @@ use crate::cli::shared::batch::InputSelection;
 use crate::cli::shared::report::Summarize;
 use crate::cli::shared::union::{InputKindOptions, InputKinds, InputUnion};
 use crate::cli::shared::verb::{Verb, VerbCall};
-use crate::cli::shared::{VerbOutcome, args, batch, lists, names};
+use crate::cli::shared::{self, VerbOutcome, args, batch, lists, names};
 use crate::cli::verify;
 use terrane_base::error::{Error, Result};
-use terrane_engine::operation::HasGroup;
-use terrane_engine::options::Replacing;
 use terrane_engine::proof::{OutputProof, WrittenOutput};
 use terrane_lidar::cloud_tin::CloudTinOptions;
 use terrane_terrain::tin::TinOptions;
@@ -110,7 +108,7 @@ impl TinVerbArgs {
         proof.bands = options.bands.clone();
         proof.weights = options.weights.clone();
         proof.resources = options.resources.clone();
-        self.print((&options, &made), &proof, verify::summary, call)
+        self.print(is_replacing(&options), &made, &proof, verify::summary, call)
     }
 
     fn of_cloud(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
@@ -121,13 +119,14 @@ impl TinVerbArgs {
         proof.constraints = options.constraints.clone();
         proof.cloud = options.cloud.clone();
         proof.resources = options.resources.clone();
-        self.print((&options, &made), &proof, verify::cloud::summary, call)
+        self.print(is_replacing(&options), &made, &proof, verify::cloud::summary, call)
     }
 
-    /// Verifies the mesh if requested, and prints both reports.
+    /// Verifies the mesh if requested, and writes and prints both reports.
     fn print<R: Summarize, O: MeshOriginal, P: OutputProof<Report = MeshReport<O>>>(
         &self,
-        (options, made): (&impl HasGroup<Replacing>, &FinishedRun<R>),
+        is_replacing: bool,
+        made: &FinishedRun<R>,
         proof: &P,
         summary: fn(&MeshReport<O>) -> String,
         call: &VerbCall<'_>,
@@ -137,14 +136,16 @@ impl TinVerbArgs {
         let progress = self.show.progress();
         let checked = self.verify.then(|| proof.prove(&written, progress.as_ref(), call.cancel));
         let checked = checked.transpose()?;
-        let told = MadeMeshReport {
+        let both = MadeMeshReport {
             made: report,
             checked: checked.as_ref(),
             skipped,
             shortfall: report.shortfall(),
         };
-        let file = self.report.as_deref().map(|path| (path, is_replacing(options)));
-        told.print((&self.show, file), || report.summary(), summary)
+        if let Some(path) = &self.report {
+            shared::report::write(path, is_replacing, &both)?;
+        }
+        both.print(&self.show, || report.summary(), summary)
     }
 }
 

@@ -1,10 +1,8 @@
 //! Reports of meshes of any input.
 
-use std::path::Path;
-
 use serde::Serialize;
 
-use crate::cli::shared::{VerbOutcome, args, output, report, text};
+use crate::cli::shared::{VerbOutcome, args, output, text};
 use crate::cli::verify;
 use terrane_base::error::Result;
 use terrane_engine::skip_bad::Skipped;
@@ -27,24 +25,22 @@ pub(crate) struct MadeMeshReport<'a, T, O: MeshOriginal> {
 }
 
 impl<T: Serialize, O: MeshOriginal> MadeMeshReport<'_, T, O> {
-    /// Prints the report of both steps, and writes it to a file if requested.
+    /// Prints the report of both steps.
     pub(super) fn print(
         &self,
-        (show, file): (&args::ReportDisplay, Option<(&Path, bool)>),
+        show: &args::ReportDisplay,
         made: impl FnOnce() -> String,
         checked: impl FnOnce(&MeshReport<O>) -> String,
     ) -> Result<VerbOutcome> {
-        if let Some((path, is_replaced)) = file {
-            report::write(path, is_replaced, self)?;
-        }
-        let is_told = show.print(self, || made() + &self.checked.map_or(String::new(), checked))?;
+        let is_printed =
+            show.print(self, || made() + &self.checked.map_or(String::new(), checked))?;
         if let Some(shortfall) = &self.shortfall {
             output::failure(shortfall);
         }
         let Some(proof) = self.checked else {
             return Ok(VerbOutcome::of(self.shortfall.is_none(), true));
         };
-        if !is_told {
+        if !is_printed {
             verify::print(&proof.verdict);
         }
         Ok(verify::outcome(&proof.verdict))
@@ -52,15 +48,15 @@ impl<T: Serialize, O: MeshOriginal> MadeMeshReport<'_, T, O> {
 }
 
 /// Largest error, error bound, and RMSE.
-pub(super) fn errors(most: Option<f64>, allowed: f64, rmse: Option<f64>, unit: &str) -> String {
-    let found = most.map(|e| format!("{} {unit}, ", text::bound(e)));
+pub(super) fn errors(max: Option<f64>, allowed: f64, rmse: Option<f64>, unit: &str) -> String {
+    let max = max.map(|e| format!("{} {unit}, ", text::bound(e)));
     let allowed = format!("{} {unit} allowed", text::number(allowed));
     let rmse = rmse.map(|e| format!(", RMSE {} {unit}", text::number(e)));
-    found.unwrap_or_default() + &allowed + &rmse.unwrap_or_default()
+    max.unwrap_or_default() + &allowed + &rmse.unwrap_or_default()
 }
 
 /// Stages with their times.
 pub(crate) fn stages(stages: &[StageReport]) -> String {
-    let stage = |s: &StageReport| format!("{} {}", s.name, text::seconds(s.thread_seconds));
-    stages.iter().map(stage).collect::<Vec<_>>().join(", ")
+    let stages = stages.iter().map(|s| format!("{} {}", s.name, text::seconds(s.thread_seconds)));
+    stages.collect::<Vec<_>>().join(", ")
 }

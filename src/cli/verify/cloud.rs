@@ -6,9 +6,9 @@ use terrane_verify::{CloudProofFindings, CloudVerifyReport};
 
 /// Summary of a verification.
 pub(crate) fn summary(r: &CloudVerifyReport) -> String {
-    let whole =
+    let original =
         if r.of.breaklines.is_some() { "cloud, or anchor vertices of breaklines" } else { "cloud" };
-    let (mut rows, off) = (vec![("points", points(&r.of))], verdict::off_vertices(r, whole));
+    let (mut rows, off) = (vec![("points", points(&r.of))], verdict::off_vertices(r, original));
     rows.extend(
         r.of.keep_points.as_ref().map(|kept| ("kept", text::required_points(kept, "cloud"))),
     );

@@ -23,13 +23,13 @@ pub(crate) fn summary(r: &VerifyReport) -> String {
 
 /// Error in a band.
 fn band(r: &BandProof) -> String {
-    let most = r.max_error.map_or("-".to_owned(), text::bound);
+    let max = r.max_error.map_or("-".to_owned(), text::bound);
     let over = text::count(r.over);
     let allowed = r.tolerance.map_or(String::new(), |e| {
         format!(", {} allowed, {over} samples above it", text::number(e))
     });
     let rmse = r.rmse.map_or(String::new(), |e| format!("; RMSE {}", text::number(e)));
-    format!("{} (weight {}): at most {most}{allowed}{rmse}", r.band, text::number(r.weight))
+    format!("{} (weight {}): at most {max}{allowed}{rmse}", r.band, text::number(r.weight))
 }
 
 /// Error on the lines between samples.
@@ -40,9 +40,9 @@ fn surface(r: &VerifyReport) -> String {
         (ErrorBound::Surface, None) => "; not judged",
         (ErrorBound::Surface, Some(_)) => "",
     };
-    let most = r.of.surface_error.map_or("-".to_owned(), text::bound);
+    let max = r.of.surface_error.map_or("-".to_owned(), text::bound);
     let over = r.tolerance.map_or(String::new(), |_| format!(", {over} above the bound"));
-    format!("error at most {most}, {breaks} breaks between samples{over}{judged}")
+    format!("error at most {max}, {breaks} breaks between samples{over}{judged}")
 }
 
 fn samples(r: &OfGrid) -> String {

@@ -120,11 +120,12 @@ fn run(args: &VerifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
         return args.prove::<CloudMeshProof, CloudInput>(cancel, cloud::summary);
     }
     // A missing file among several may be skipped.
-    let is_skipped =
-        |name: &String| args.many.skip_bad && args.source.len() > 1 && check::input(name).is_err();
-    for grid in args.source.iter().filter(|name| !is_skipped(name)) {
-        check::input(grid)?;
-        check_kinds(&args.mesh, grid)?;
+    let may_skip = args.many.skip_bad && args.source.len() > 1;
+    for grid in &args.source {
+        match check::input(grid) {
+            Err(_) if may_skip => {}
+            checked => checked.and_then(|()| check_kinds(&args.mesh, grid))?,
+        }
     }
     args.prove::<MeshProof, GridInput>(cancel, grid::summary)
 }
@@ -150,7 +151,7 @@ impl VerifyArgs {
         let mut options: P = self.of()?;
         let (given, many) = (self.options.given(), &self.many);
         let ReadableFiles { names, skipped } =
-            take::<P, I>((&mut options, given), self.source.clone(), many)?;
+            take::<P, I>(&mut options, given, self.source.clone(), many)?;
         self.check_files(&options, I::files(&names)?)?;
         self.print(&options, names, &skipped, cancel, summary)
     }
@@ -170,9 +171,9 @@ impl VerifyArgs {
 
     /// Fails for a missing auxiliary file, or a report that is also an input.
     fn check_files(&self, options: &impl Options, originals: Vec<String>) -> Result<()> {
-        let beside = read_beside(options)?;
-        check::check_sidecars(&beside)?;
-        let read = [originals, beside, vec![name_of(self.mesh.clone())?]].concat();
+        let auxiliary = read_beside(options)?;
+        check::check_sidecars(&auxiliary)?;
+        let read = [originals, auxiliary, vec![name_of(self.mesh.clone())?]].concat();
         check::report(self.report.as_deref(), &read, &[], self.overwrite)
     }
 
@@ -186,13 +187,13 @@ impl VerifyArgs {
         summary: fn(&P::Report) -> String,
     ) -> Result<VerbOutcome> {
         let written = WrittenOutput { file: self.mesh.clone(), original: originals.into() };
-        let found = options.prove(&written, self.show.progress().as_ref(), cancel)?;
-        let proof = report::WithSkipped { report: &found, skipped };
+        let report = options.prove(&written, self.show.progress().as_ref(), cancel)?;
+        let proof = report::WithSkipped { report: &report, skipped };
         if let Some(path) = &self.report {
             report::write(path, self.overwrite, &proof)?;
         }
-        let verdict = P::verdict(&found);
-        if !self.show.print(&proof, || summary(&found))? {
+        let verdict = P::verdict(&report);
+        if !self.show.print(&proof, || summary(&report))? {
             print(verdict);
         }
         Ok(outcome(verdict))

@@ -53,10 +53,10 @@ pub(super) fn summary<O: MeshOriginal>(
 }
 
 fn errors<O: MeshOriginal>(r: &MeshReport<O>) -> String {
-    let most = r.max_error.map_or("-".to_owned(), text::bound);
+    let max = r.max_error.map_or("-".to_owned(), text::bound);
     let allowed = match r.tolerance {
-        Some(tolerance) => format!("at most {most}, {} allowed", text::number(tolerance)),
-        None => format!("at most {most}; not judged (pass --max-error)"),
+        Some(tolerance) => format!("at most {max}, {} allowed", text::number(tolerance)),
+        None => format!("at most {max}; not judged (pass --max-error)"),
     };
     let [rmse, mean] = [r.rmse, r.mean_error].map(text::height);
     format!("{allowed}; measured: RMSE {rmse}, mean {mean}")
@@ -64,14 +64,16 @@ fn errors<O: MeshOriginal>(r: &MeshReport<O>) -> String {
 
 /// Smallest angle of a mesh; a guaranteed angle is judged separately.
 fn angles<O: MeshOriginal>(r: &MeshReport<O>) -> String {
-    let told = |a: f64| format!("at least {} degrees {} (measured)", text::number(a), O::PLANE);
-    r.smallest_angle.map_or("none".to_owned(), told)
+    match r.smallest_angle {
+        Some(angle) => format!("at least {} degrees {} (measured)", text::number(angle), O::PLANE),
+        None => "none".to_owned(),
+    }
 }
 
 /// Summary of vertices that are not points of the original: a failure only for meshes of terrane.
 pub(super) fn off_vertices<O: MeshOriginal>(r: &MeshReport<O>, of: &str) -> Row {
     let (source, off) = (O::POINTS, r.of.off_vertices().count);
-    let told = match (text::count(off), r.made_by_terrane) {
+    let vertices = match (text::count(off), r.made_by_terrane) {
         _ if off == 0 && r.of.is_fitted() => {
             format!("all lie at {source} of the {of}, heights fitted")
         }
@@ -84,7 +86,7 @@ pub(super) fn off_vertices<O: MeshOriginal>(r: &MeshReport<O>, of: &str) -> Row 
             format!("{off} off the {source} (not a failure: not written by terrane)")
         }
     };
-    ("vertices", told)
+    ("vertices", vertices)
 }
 
 /// Summary of edges: the Delaunay property is judged only if the mesh guarantees it.

@@ -92,12 +92,11 @@ impl Verb for ViewArgs {
         }
         let input = &self.input;
         input.iter().try_for_each(|name| pipes::refuse_input(name))?;
-        if matches!(input.as_slice(), [one] if is_tiles(&path_of(one))) {
+        if matches!(input.as_slice(), [only] if is_tiles(&path_of(only))) {
             return self.tiles(call);
         }
         let is_page = self.html.is_some() || self.serve;
-        let are_lines = |name: &String| batch::are_features(name) || batch::are_made_lines(name);
-        if is_page && input.iter().any(are_lines) {
+        if is_page && input.iter().any(|name| are_lines(name)) {
             self.refuse_many("lines")?;
             return self.page::<LinePageOptions>(call);
         }
@@ -114,6 +113,11 @@ impl Verb for ViewArgs {
             }
         }
     }
+}
+
+/// True for a vector file, or synthetic lines by name.
+fn are_lines(name: &str) -> bool {
+    batch::are_features(name) || batch::are_made_lines(name)
 }
 
 impl ViewArgs {

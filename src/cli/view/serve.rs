@@ -33,20 +33,20 @@ impl ViewArgs {
         call: &VerbCall<'_>,
         make: impl FnOnce(&Path) -> Result<(PageReport, Vec<Skipped>)>,
     ) -> Result<VerbOutcome> {
-        let beside = std::env::temp_dir().join("page");
-        let place = folder_for(&beside, temp_dir);
-        let place = tempfile::tempdir_in(place).map_err(|e| Error::write(place, e))?;
-        let file = place.path().join("page.html");
+        let default = std::env::temp_dir().join("page");
+        let parent = folder_for(&default, temp_dir);
+        let temp = tempfile::tempdir_in(parent).map_err(|e| Error::write(parent, e))?;
+        let file = temp.path().join("page.html");
         let (mut made, skipped) = make(&file)?;
         let server = Server::open(&ServedSite { page: file, folder }, self.port)?;
         let url = server.url();
         made.output.clone_from(&url);
-        let told = ServeReport {
+        let report = ServeReport {
             url: &url,
             port: server.port(),
             page: report::WithSkipped { report: &made, skipped: &skipped },
         };
-        self.show.print(&told, || {
+        self.show.print(&report, || {
             format!("{}{}", made.summary(), text::table(&[("until", "Ctrl-C".to_owned())]))
         })?;
         server.run(call.cancel);

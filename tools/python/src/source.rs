@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use terrane::{Cancel, Data, Progress, Reads};
+use terrane::{Data, Reads};
 use terrane_files::name_of;
 
 use crate::cloud::Cloud;
@@ -64,8 +64,7 @@ pub(crate) fn run_operation<'py>(
     let operation = named(operation)?;
     let options = to_python(py, options_of(operation.table, options)?)?;
     let report = source.run(py, operation.reads, settings, |data, machine| {
-        let watched: (&dyn Progress, &Cancel) = (&machine.progress, &machine.cancel);
-        data.run(operation, &path, &options, watched)
+        data.run(operation, &path, &options, &machine.progress, &machine.cancel)
     })?;
     dictionary(py, &report)
 }
@@ -84,8 +83,8 @@ pub(crate) fn plan_operation(
     let operation = named(operation)?;
     let options = to_python(py, options_of(operation.table, options)?)?;
     let planned = source.run(py, operation.reads, settings, |data, machine| {
-        let watched: (&dyn Progress, &Cancel) = (&machine.progress, &machine.cancel);
-        data.plan(operation, &folder, &options, task_size, watched)
+        let (progress, cancel) = (&machine.progress, &machine.cancel);
+        data.plan(operation, &folder, &options, task_size, progress, cancel)
     })?;
     Ok(Plan(planned))
 }

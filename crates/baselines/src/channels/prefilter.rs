@@ -43,7 +43,7 @@ impl<'a> ChannelSlopeFilter<'a> {
         let start = self.height + self.slopes[1] * dy + self.slopes[0] * dx;
         let limit = limit - self.doubt;
         // No branch in the loop, and NaN counts as far.
-        !(0..).zip(values).fold(true, |all, (column, value): (i32, &f64)| {
+        !(0_i32..).zip(values).fold(true, |all, (column, value)| {
             let plane = start + self.slopes[0] * f64::from(column);
             all & ((plane - value).abs() + 2.0 * DOUBT * value.abs() < limit)
         })

@@ -36,14 +36,14 @@ impl Picture {
             return None;
         }
         let place = |at: PackedSample| (at.row() * self.size[0] + at.col()) as usize;
-        let of = |(plane, halves): (&Vec<f64>, &i64)| {
+        let channels = self.planes.iter().zip(&self.halves).map(|(plane, halves)| {
             let value = |at: PackedSample| plane[place(at)] as i64;
             let sum: i64 = weights.iter().zip(corners).map(|(w, z)| w * value(z)).sum();
             let (off, area) = ((sum - orient(a, b, c) * value(at)).abs(), orient(a, b, c));
             let weight = *halves as f64 / 2.0;
-            (weight * (off as f64 / area as f64), is_beyond((off, area), tolerance / weight))
-        };
-        let all: Vec<(f64, bool)> = self.planes.iter().zip(&self.halves).map(of).collect();
+            (weight * (off as f64 / area as f64), is_beyond(off, area, tolerance / weight))
+        });
+        let all: Vec<(f64, bool)> = channels.collect();
         let most = all.iter().map(|(error, _)| *error).fold(0.0, f64::max);
         all.iter().any(|(_, is_beyond)| *is_beyond).then_some(most)
     }
@@ -66,9 +66,9 @@ fn pictures() -> impl Strategy<Value = Picture> {
 }
 
 /// True when a fraction is above a double of 0 or above 2^-8, exactly.
-fn is_beyond((off, of): (i64, i64), most: f64) -> bool {
+fn is_beyond(off: i64, of: i64, limit: f64) -> bool {
     let parts = 2_f64.powi(60);
-    i128::from(off) * parts as i128 > (most * parts) as i128 * i128::from(of)
+    i128::from(off) * parts as i128 > (limit * parts) as i128 * i128::from(of)
 }
 
 /// The twin: of all samples the one with the largest error, and the first of equals, again and again.

@@ -5,7 +5,8 @@
 //! CMU-CS-95-181 (1995). Their algorithms I, II and III are the versions 1, 2 and 4 here, and IV is version 4
 //! with the data-dependent triangulation. Before them: Fowler & Little 1979, De Floriani et al. 1985.
 //!
-//! Ties: the sample with the largest error goes first, and for equal errors the lowest (row, column). Errors are those of [`crate::plane`], which depend on the triangle alone.
+//! Ties: the sample with the largest error goes first, and for equal errors the lowest (row, column).
+//! Errors are those of [`crate::plane`], which depend on the triangle only.
 
 mod all_points;
 mod by_triangle;

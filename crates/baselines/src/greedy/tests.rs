@@ -127,7 +127,7 @@ fn by_engine(heights: &[f32], tolerance: f64) -> Vec<[[u32; 2]; 3]> {
         bound: terrane_base::bound::ErrorBound::Samples,
         strict: true,
         drop: false,
-        fit: false,
+        fit_heights: false,
         data_dependent: false,
         min_angle: None,
         single_precision: None,

@@ -36,7 +36,7 @@ pub struct AppearanceReader<'a> {
     cloud: &'a PointCloud,
     format: PointFormat,
     /// One per file.
-    recasts: Vec<PointFormatConversion>,
+    conversions: Vec<PointFormatConversion>,
 }
 
 impl<'a> AppearanceReader<'a> {
@@ -46,14 +46,15 @@ impl<'a> AppearanceReader<'a> {
     /// Unknown point formats.
     pub fn new(cloud: &'a PointCloud) -> Result<Self> {
         let (format, none) = (PointFormat::new(FORMAT)?, ExtraBytes::default());
-        let recast = |file: &CloudFile| {
-            let own = match file {
+        let conversions = cloud.kinds().map(|file| {
+            let source = match file {
                 CloudFile::Las(file) => PointFormat::new(file.header.format)?,
                 CloudFile::Text(file) => file.format(),
             };
-            Ok(PointFormatConversion::new((own, &none), (format, &none)))
-        };
-        Ok(Self { cloud, format, recasts: cloud.kinds().map(recast).collect::<Result<_>>()? })
+            Ok(PointFormatConversion::new(source, &none, format, &none))
+        });
+        let conversions = conversions.collect::<Result<_>>()?;
+        Ok(Self { cloud, format, conversions })
     }
 
     /// Passes on the filtered points of a part in batches. Each lies within the bounds of the cloud.
@@ -67,16 +68,15 @@ impl<'a> AppearanceReader<'a> {
     ) -> Result<ReturnCounts> {
         let (number, member, inner) = self.cloud.part(part)?;
         let (size, colour) = (self.format.size(), self.format.places().colour.unwrap_or(0));
-        let mut seen = Vec::new();
-        let mut take = |records: &[u8]| {
-            seen.clear();
-            seen.extend(
-                records.chunks_exact(size).map(|record| PointAppearance::of(record, colour)),
-            );
-            each(&seen)
-        };
-        with_buffers(|room| {
-            member.convert_records(inner, (&self.recasts[number], false), room, &mut take)
+        let mut points = Vec::new();
+        with_buffers(|buffers| {
+            let conversion = &self.conversions[number];
+            member.convert_records(inner, conversion, false, buffers, &mut |records| {
+                points.clear();
+                let records = records.chunks_exact(size);
+                points.extend(records.map(|record| PointAppearance::of(record, colour)));
+                each(&points)
+            })
         })
     }
 }
@@ -84,15 +84,16 @@ impl<'a> AppearanceReader<'a> {
 impl PointAppearance {
     /// From a LAS 1.4 record with the offset of its colour.
     fn of(record: &[u8], colour: usize) -> Self {
-        let four = |at: usize| i32::from_le_bytes(std::array::from_fn(|i| record[at + i]));
-        let two = |at: usize| u16::from_le_bytes([record[at], record[at + 1]]);
+        let [x, y, z] =
+            [0, 4, 8].map(|at| i32::from_le_bytes(std::array::from_fn(|i| record[at + i])));
         Self {
-            point: Point::new(four(0), four(4), four(8)),
-            intensity: two(12),
+            point: Point::new(x, y, z),
+            intensity: u16::from_le_bytes([record[12], record[13]]),
             returns: [record[14] & 15, record[14] >> 4],
             flags: Flags(record[15] & 15),
             class: record[16],
-            colour: [0, 2, 4].map(|i| two(colour + i)),
+            colour: [colour, colour + 2, colour + 4]
+                .map(|at| u16::from_le_bytes([record[at], record[at + 1]])),
         }
     }
 }

@@ -74,7 +74,7 @@ pub struct PointFormatConverter<'a> {
     extra: ExtraBytes,
     carried: CopiedMetadata,
     /// One per file.
-    recasts: Vec<PointFormatConversion>,
+    conversions: Vec<PointFormatConversion>,
     /// Offset of the height above ground in a record.
     heights: Option<usize>,
     notes: Vec<String>,
@@ -92,21 +92,21 @@ impl<'a> PointFormatConverter<'a> {
     /// format and packing.
     pub fn new(cloud: &'a PointCloud, target: LasOutputFormat, has_heights: bool) -> Result<Self> {
         let origins = cloud.origins().collect::<Result<Vec<_>>>()?;
-        let held = origins.iter().map(|origin| origin.format).reduce(PointFormat::holding);
-        let (format, version) = target.choose_format(held.unwrap_or_default())?;
+        let common = origins.iter().map(|origin| origin.format).reduce(PointFormat::holding);
+        let (format, version) = target.choose_format(common.unwrap_or_default())?;
         let packing = target.packing;
         let (info, as_stored) = cloud.as_stored();
         let mut extra = ExtraBytes::of_all(&origins)?;
-        // Before the recasts, which move extra bytes to where they are among all of them.
+        // Before the conversions, which move extra bytes to where they are among all of them.
         let heights = has_heights.then(|| {
             let (name, about) = HEIGHTS;
             format.size() + extra.put_steps(name, about, info.frame.scale[2])
         });
         let (vlrs, mut notes) = records(&origins, format)?;
-        let recast = |origin: &CloudFileOrigin<'_>| {
-            PointFormatConversion::new((origin.format, &origin.extra), (format, &extra))
-        };
-        let recasts = origins.iter().map(recast).collect();
+        let conversions = origins
+            .iter()
+            .map(|origin| PointFormatConversion::new(origin.format, &origin.extra, format, &extra));
+        let conversions = conversions.collect();
         let only = match origins.as_slice() {
             [CloudFileOrigin { las: Some(file), .. }] => Some(&file.header),
             _ => None,
@@ -138,7 +138,7 @@ impl<'a> PointFormatConverter<'a> {
             version,
             extra,
             carried,
-            recasts,
+            conversions,
             heights,
             notes,
         })
@@ -206,8 +206,10 @@ impl<'a> PointFormatConverter<'a> {
         each: &mut dyn FnMut(&[u8]) -> Result<()>,
     ) -> Result<ReturnCounts> {
         let (number, member, inner) = self.cloud.part(part)?;
-        let recast = &self.recasts[number];
-        with_buffers(|room| member.convert_records(inner, (recast, self.as_stored), room, each))
+        let conversion = &self.conversions[number];
+        with_buffers(|buffers| {
+            member.convert_records(inner, conversion, self.as_stored, buffers, each)
+        })
     }
 }
 
@@ -281,45 +283,46 @@ fn records(
     else {
         return Ok(Default::default());
     };
-    let mut parted = HashSet::new();
+    let mut differing = HashSet::new();
     for other in others {
-        let is_there = |record: &Vlr, all: &[Vlr]| all.contains(record);
-        parted.extend(other.iter().filter(|r| !is_there(r, &shared)).map(Vlr::name));
-        parted.extend(shared.iter().filter(|r| !is_there(r, other)).map(Vlr::name));
-        shared.retain(|record| is_there(record, other));
+        differing.extend(other.iter().filter(|record| !shared.contains(record)).map(Vlr::name));
+        differing.extend(shared.iter().filter(|record| !other.contains(record)).map(Vlr::name));
+        shared.retain(|record| other.contains(record));
     }
     // A hash set has another order in each run, which the note would show.
-    let mut parted: Vec<_> = parted.into_iter().collect();
-    parted.sort();
-    if parted
+    let mut differing: Vec<_> = differing.into_iter().collect();
+    differing.sort();
+    if differing
         .iter()
         .any(|name| WAVES.clone().any(|number| *name == format!("{} {number}", extra::USER)))
     {
         return Err(Error::unsupported("the waveform packet descriptors of the files differ")
             .remedy("process the files separately, or drop waveforms with ‹point_format› 6"));
     }
-    let note = (!parted.is_empty())
-        .then(|| format!("VLRs that differ between files are left out: {}", parted.join(", ")));
+    let note = (!differing.is_empty())
+        .then(|| format!("VLRs that differ between files are left out: {}", differing.join(", ")));
     Ok((shared, note.into_iter().collect()))
 }
 
 /// The VLRs of a file, except those that are written anew.
 fn of_file(file: &LasFile, format: PointFormat) -> Result<Vec<Vlr>> {
-    let is_wave = |vlr: &VlrHeader| vlr.user == extra::USER && WAVES.contains(&vlr.id);
-    let is_carried = |vlr: &VlrHeader| {
-        let is_data = vlr.is(extra::USER, WAVE_DATA) || vlr.is(extra::USER, SUPERSEDED);
-        let is_ours =
-            vlr.is(LASZIP.0, LASZIP.1) || vlr.is(extra::USER, extra::NUMBER) || vlr.user == OCTREE;
-        !is_data && !is_ours && vlr.user != PROJECTION && (format.has_waves() || !is_wave(vlr))
-    };
     if format.has_waves() && file.header.encoding & WAVES_INSIDE > 0 {
         return Err(Error::unsupported("writing internal waveform data is not supported")
             .remedy("drop waveforms with ‹point_format› 6, or 7 with colours"));
     }
     let mut left = MAX_BYTES;
-    let carried = file.vlrs.iter().filter(|vlr| is_carried(vlr));
+    let copied = file.vlrs.iter().filter(|vlr| is_copied(vlr, format));
     let raw = file.reopen()?;
-    carried.map(|vlr| data(vlr, &raw, &mut left)).collect()
+    copied.map(|vlr| data(vlr, &raw, &mut left)).collect()
+}
+
+/// Whether a VLR is copied to files of a format.
+fn is_copied(vlr: &VlrHeader, format: PointFormat) -> bool {
+    let is_wave = vlr.user == extra::USER && WAVES.contains(&vlr.id);
+    let is_data = vlr.is(extra::USER, WAVE_DATA) || vlr.is(extra::USER, SUPERSEDED);
+    let is_rewritten =
+        vlr.is(LASZIP.0, LASZIP.1) || vlr.is(extra::USER, extra::NUMBER) || vlr.user == OCTREE;
+    !is_data && !is_rewritten && vlr.user != PROJECTION && (format.has_waves() || !is_wave)
 }
 
 fn data(vlr: &VlrHeader, file: &RawFile, left: &mut u64) -> Result<Vlr> {
@@ -332,33 +335,34 @@ fn data(vlr: &VlrHeader, file: &RawFile, left: &mut u64) -> Result<Vlr> {
     Ok(Vlr { user: vlr.user.clone(), number: vlr.id, about: vlr.description.clone(), data })
 }
 
+/// The fields of any file that the format does not have.
+fn lost_fields(
+    origins: &[CloudFileOrigin<'_>],
+    format: PointFormat,
+    packing: PointPacking,
+) -> Vec<&'static str> {
+    let target = format.places();
+    let has_no_waves = target.wave.is_none() || packing == PointPacking::Text;
+    let mut lost = [false; 5];
+    for origin in origins {
+        let source = origin.format.places();
+        lost[0] |= origin.has_time() && target.time.is_none();
+        lost[1] |= source.colour.is_some() && target.colour.is_none();
+        lost[2] |= source.infrared.is_some() && target.infrared.is_none();
+        lost[3] |= source.wave.is_some() && has_no_waves;
+        lost[4] |= origin.las.is_some() && origin.format.is_new() && !format.is_new();
+    }
+    let names = ["times", "colours", "infrared", "waveforms", "fractions of scan angles"];
+    names.into_iter().zip(lost).filter(|(_, is_lost)| *is_lost).map(|(name, _)| name).collect()
+}
+
 /// Notes on fields that the format does not have.
 fn left_out(
     origins: &[CloudFileOrigin<'_>],
     format: PointFormat,
     packing: PointPacking,
 ) -> Vec<String> {
-    let own = format.places();
-    let fields = |origin: &CloudFileOrigin<'_>| {
-        let places = origin.format.places();
-        [
-            ("times", origin.has_time() && own.time.is_none()),
-            ("colours", places.colour > own.colour && own.colour.is_none()),
-            ("infrared", places.infrared.is_some() && own.infrared.is_none()),
-            (
-                "waveforms",
-                places.wave.is_some() && (own.wave.is_none() || packing == PointPacking::Text),
-            ),
-            (
-                "fractions of scan angles",
-                origin.las.is_some() && origin.format.is_new() && !format.is_new(),
-            ),
-        ]
-    };
-    let all: Vec<_> = origins.iter().map(fields).collect();
-    let is_lost = |i: &usize| all.iter().any(|fields| fields[*i].1);
-    let lost: Vec<_> = (0..5).filter(is_lost).map(|i| all[0][i].0).collect();
-    let lost = lost.join(", ");
+    let lost = lost_fields(origins, format, packing).join(", ");
     let note = match packing {
         PointPacking::Text => format!("{lost} are left out"),
         _ => {

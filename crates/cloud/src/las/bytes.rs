@@ -39,8 +39,10 @@ impl LasHeaderBytes<'_> {
         let rest = self.0.get(offset..).unwrap_or_default();
         let field = &rest[..rest.len().min(bytes)];
         let end = field.iter().position(|b| *b == 0).unwrap_or(field.len());
-        let latin = || field[..end].iter().map(|byte| char::from(*byte)).collect();
-        let text = str::from_utf8(&field[..end]).map_or_else(|_| latin(), str::to_owned);
+        let text = match str::from_utf8(&field[..end]) {
+            Ok(text) => text.to_owned(),
+            Err(_) => field[..end].iter().map(|byte| char::from(*byte)).collect(),
+        };
         text.trim().to_owned()
     }
 }

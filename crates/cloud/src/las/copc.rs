@@ -126,8 +126,8 @@ fn cube(root: &CopcRootCube, [level, key @ ..]: [i32; 4]) -> Result<[[f64; 3]; 2
         return Err(damaged(format!("node {key:?} on level {level}")));
     }
     let size = root.size / (1_i64 << level) as f64;
-    let corner = |by: f64| std::array::from_fn(|i| root.low[i] + (f64::from(key[i]) + by) * size);
-    Ok([corner(0.0), corner(1.0)])
+    Ok([0.0, 1.0]
+        .map(|by| std::array::from_fn(|axis| root.low[axis] + (f64::from(key[axis]) + by) * size)))
 }
 
 /// Checks that nodes do not overlap, lie between the first point and the end of the file, and hold every point.

@@ -117,23 +117,27 @@ impl ExtraBytesDimension {
 
     /// A column for each value; none if the type is not numeric.
     fn columns(&self, at: usize) -> Vec<PointColumn> {
-        let (kind, options) = (usize::from(self.about[KIND]), self.about[OPTIONS]);
-        let Some(kind) = kind.checked_sub(1) else { return Vec::new() };
+        let Some(kind) = usize::from(self.about[KIND]).checked_sub(1) else { return Vec::new() };
         let (size, count) = (SIZES[kind % 10], 1 + kind / 10);
         let value = match kind % 10 {
             8 | 9 => ColumnEncoding::Float(size),
             kind if kind % 2 == 0 => ColumnEncoding::Unsigned(size),
             _ => ColumnEncoding::Signed(size),
         };
-        let number = |at: usize| LasHeaderBytes(&self.about).f64(at);
-        let column = |i: usize| {
-            let scale = if options & HAS_SCALE > 0 { number(SCALE + 8 * i) } else { 1.0 };
-            let offset = if options & HAS_OFFSET > 0 { number(OFFSET + 8 * i) } else { 0.0 };
+        let columns = (0..count).map(|i| {
             let name = if count == 1 { self.name() } else { format!("{}[{i}]", self.name()) };
-            let scale = (options & (HAS_SCALE | HAS_OFFSET) > 0).then_some([scale, offset]);
-            PointColumn { name, at: at + size * i, value, scale, none: self.none(i, value) }
-        };
-        (0..count).map(column).collect()
+            let (scale, none) = (self.scale_and_offset(i), self.none(i, value));
+            PointColumn { name, at: at + size * i, value, scale, none }
+        });
+        columns.collect()
+    }
+
+    /// Scale and offset of one of its values.
+    fn scale_and_offset(&self, i: usize) -> Option<[f64; 2]> {
+        let (about, options) = (LasHeaderBytes(&self.about), self.about[OPTIONS]);
+        let scale = if options & HAS_SCALE > 0 { about.f64(SCALE + 8 * i) } else { 1.0 };
+        let offset = if options & HAS_OFFSET > 0 { about.f64(OFFSET + 8 * i) } else { 0.0 };
+        (options & (HAS_SCALE | HAS_OFFSET) > 0).then_some([scale, offset])
     }
 
     /// Nodata of one of its values: a 64-bit integer or a double.
@@ -154,14 +158,14 @@ impl ExtraBytesDimension {
         }
         // Each value takes 8 bytes; 32-bit floats are stored as doubles.
         let (each, kind) = (SIZES[usize::from(self.about[KIND] - 1) % 10], self.about[KIND] % 10);
-        let none = |i: usize| {
-            let eight = &self.about[NONE + 8 * i..][..8];
+        let values = (0..self.size / each).flat_map(|i| {
+            let stored = &self.about[NONE + 8 * i..][..8];
             match kind == SINGLES {
-                true => (LasHeaderBytes(eight).f64(0) as f32).to_le_bytes().to_vec(),
-                false => eight[..each].to_vec(),
+                true => (LasHeaderBytes(stored).f64(0) as f32).to_le_bytes().to_vec(),
+                false => stored[..each].to_vec(),
             }
-        };
-        (0..self.size / each).flat_map(none).collect()
+        });
+        values.collect()
     }
 }
 
@@ -270,24 +274,17 @@ impl ExtraBytes {
     /// extra byte.
     pub(crate) fn moves(&self, from: &Self) -> Vec<RecordByteCopy> {
         let mut moves: Vec<RecordByteCopy> = Vec::new();
-        let mut add = |new: RecordByteCopy| match moves.last_mut() {
-            Some(last) if last.from + last.bytes == new.from && last.to + last.bytes == new.to => {
-                last.bytes += new.bytes;
-            }
-            _ => moves.push(new),
-        };
         let mut at = 0;
         for dimension in &from.dimensions {
-            let is_it = |known: &ExtraBytesDimension| {
-                known.is_named(dimension) && known.is_alike(dimension)
-            };
-            if let Some(to) = self.place(is_it) {
-                add(RecordByteCopy { from: at, to, bytes: dimension.size });
+            let place = self.place(|known| known.is_named(dimension) && known.is_alike(dimension));
+            if let Some(to) = place {
+                push_joined(&mut moves, RecordByteCopy { from: at, to, bytes: dimension.size });
             }
             at += dimension.size;
         }
         if from.plain > 0 {
-            add(RecordByteCopy { from: at, to: self.bytes() - self.plain, bytes: from.plain });
+            let to = self.bytes() - self.plain;
+            push_joined(&mut moves, RecordByteCopy { from: at, to, bytes: from.plain });
         }
         moves
     }
@@ -328,6 +325,16 @@ impl ExtraBytes {
     pub(crate) fn described(&self) -> Option<Vec<u8>> {
         let data: Vec<u8> = self.dimensions.iter().flat_map(|d| d.about).collect();
         (!data.is_empty()).then_some(data)
+    }
+}
+
+/// Appends a byte range, as one with the last range if it continues it.
+fn push_joined(moves: &mut Vec<RecordByteCopy>, new: RecordByteCopy) {
+    match moves.last_mut() {
+        Some(last) if last.from + last.bytes == new.from && last.to + last.bytes == new.to => {
+            last.bytes += new.bytes;
+        }
+        _ => moves.push(new),
     }
 }
 

@@ -71,7 +71,6 @@ impl LasHeader {
     }
 
     fn read(b: LasHeaderBytes<'_>) -> Self {
-        let triple = |at: usize, step: usize| [0, 1, 2].map(|axis| b.f64(at + step * axis));
         let version = [b.u8(24), b.u8(25)];
         let is_long = version >= [1, 4];
         let (count, notes) = count(b, is_long);
@@ -85,10 +84,11 @@ impl LasHeader {
             is_compressed: b.u8(104) & 0x80 != 0,
             record: b.u16(105),
             count,
-            scale: triple(131, 8),
-            offset: triple(155, 8),
-            high: triple(179, 16),
-            low: triple(187, 16),
+            scale: [131, 139, 147].map(|at| b.f64(at)),
+            offset: [155, 163, 171].map(|at| b.f64(at)),
+            // Maximum and minimum of each axis follow each other.
+            high: [179, 195, 211].map(|at| b.f64(at)),
+            low: [187, 203, 219].map(|at| b.f64(at)),
             evlrs_at: if is_long { b.u64(235) } else { 0 },
             evlrs: if is_long { b.u32(243) } else { 0 },
             waves_at: if version >= [1, 3] { b.u64(227) } else { 0 },
@@ -118,8 +118,6 @@ impl LasHeader {
         limits::check("number of points", self.count, limits::MAX_POINTS)
             .map_err(|e| e.remedy("copy the file again"))?;
         let size = SIZES[usize::from(self.version[1].saturating_sub(2))];
-        let damaged =
-            |message: String| Err(Error::bad_input(message).remedy("copy the file again"));
         if self.size < size {
             return damaged(format!(
                 "the header is {} bytes long, version 1.{} requires {size}",
@@ -209,4 +207,8 @@ fn count(b: LasHeaderBytes<'_>, is_long: bool) -> (u64, Vec<String>) {
         }
         _ => (wide, Vec::new()),
     }
+}
+
+fn damaged(message: String) -> Result<()> {
+    Err(Error::bad_input(message).remedy("copy the file again"))
 }

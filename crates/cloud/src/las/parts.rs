@@ -49,19 +49,18 @@ pub(super) fn plain(
 ) -> Result<Vec<LasPart>> {
     let record = u64::from(header.record);
     let there = (len - header.points_at) / record;
-    let room = header.points_end(len).saturating_sub(header.points_at) / record;
-    notes.extend(more(header.count, room, salvage)?);
+    let capacity = header.points_end(len).saturating_sub(header.points_at) / record;
+    notes.extend(more(header.count, capacity, salvage)?);
     let count = header.count.min(there);
     if count < header.count && !salvage {
         return Err(lacking(header.count, there));
     }
-    let part = |first: u64| {
+    let parts = (0..count).step_by(PLAIN_POINTS as usize).map(|first| {
         let points = PLAIN_POINTS.min(count - first);
         let (at, bytes) = (header.points_at + first * record, points * record);
         LasPart::new(LasPartKind::Plain, first, LazChunk { at, bytes, points })
-    };
-    let parts = (0..count).step_by(PLAIN_POINTS as usize).map(part).collect();
-    Ok(with_lost(parts, header.count))
+    });
+    Ok(with_lost(parts.collect(), header.count))
 }
 
 fn lacking(claimed: u64, there: u64) -> Error {
@@ -93,15 +92,12 @@ fn more(claimed: u64, there: u64, salvage: bool) -> Result<Option<String>> {
 /// The nodes of an octree.
 pub(super) fn octree(nodes: Vec<CopcNode>) -> Vec<LasPart> {
     let mut first = 0;
-    let part = |node: CopcNode| {
-        let part = LasPart {
-            cube: Some(node.cube),
-            ..LasPart::new(LasPartKind::Chunk, first, node.chunk)
-        };
-        first += node.chunk.points;
-        part
-    };
-    nodes.into_iter().map(part).collect()
+    let parts = nodes.into_iter().map(|CopcNode { cube, chunk }| {
+        let part = LasPart::new(LasPartKind::Chunk, first, chunk);
+        first += chunk.points;
+        LasPart { cube: Some(cube), ..part }
+    });
+    parts.collect()
 }
 
 /// Compressed chunks, or one stream.
@@ -120,12 +116,12 @@ pub(super) fn packed(
         LazChunkTable::Stream(chunk) => vec![LasPart::new(LasPartKind::Stream, 0, chunk)],
         LazChunkTable::Chunks(chunks) => {
             let mut first = 0;
-            let part = |chunk: LazChunk| {
+            let parts = chunks.into_iter().map(|chunk| {
                 let part = LasPart::new(LasPartKind::Chunk, first, chunk);
                 first += chunk.points;
                 part
-            };
-            chunks.into_iter().map(part).collect()
+            });
+            parts.collect()
         }
     };
     let there = parts.iter().map(|part| part.points).sum();

@@ -1,11 +1,12 @@
 //! Reading the points of a part, block by block.
 
 use super::LasFile;
-use super::laz::ChunkDecoder;
+use super::laz::{ChunkDecoder, LazLayout};
 use super::parts::{LasPart, LasPartKind};
 use crate::frame::ClaimedExtent;
 use crate::lazip::{DecodedFields, FieldSelection};
 use terrane_base::error::{Error, Result};
+use terrane_files::RawFile;
 
 /// Bytes of records per block; they and their points stay in the cache.
 const BLOCK_BYTES: u64 = 1 << 18;
@@ -16,6 +17,27 @@ pub(crate) struct LasReadBuffers {
     /// Raw bytes of the file.
     bytes: Vec<u8>,
     unpacker: ChunkDecoder,
+}
+
+impl LasReadBuffers {
+    /// Decodes a chunk, whose bytes have been read, or a stream.
+    fn unpack(
+        &mut self,
+        layout: &LazLayout,
+        file: &RawFile,
+        part: &LasPart,
+        wanted: FieldSelection,
+        each: &mut dyn FnMut(&DecodedFields) -> Result<()>,
+    ) -> Result<std::result::Result<(), String>> {
+        let Self { bytes, unpacker } = self;
+        match part.kind {
+            LasPartKind::Stream => {
+                let decoded = unpacker.stream(layout, file, part.at, part.points, wanted, each)?;
+                Ok(decoded.map(drop))
+            }
+            _ => unpacker.chunk(layout, bytes, part.points, wanted, each),
+        }
+    }
 }
 
 /// A block of points.
@@ -52,13 +74,13 @@ impl LasFile {
         part: usize,
         wanted: FieldSelection,
         salvage: bool,
-        room: &mut LasReadBuffers,
+        buffers: &mut LasReadBuffers,
         each: &mut Each<'_>,
     ) -> Result<u64> {
         let found = &self.parts[part];
         let lost = match found.kind {
-            LasPartKind::Plain => self.read_plain(found, room, each).map(|()| 0),
-            _ => self.read_packed(part, wanted, salvage, room, each),
+            LasPartKind::Plain => self.read_plain(found, buffers, each).map(|()| 0),
+            _ => self.read_packed(part, wanted, salvage, buffers, each),
         };
         Ok(lost.map_err(|e| e.in_file(&self.path))? + found.lost)
     }
@@ -66,15 +88,15 @@ impl LasFile {
     fn read_plain(
         &self,
         part: &LasPart,
-        room: &mut LasReadBuffers,
+        buffers: &mut LasReadBuffers,
         each: &mut Each<'_>,
     ) -> Result<()> {
         let (file, record) = (self.reopen()?, u64::from(self.header.record));
         let step = (BLOCK_BYTES / record).max(1);
         for first in (0..part.points).step_by(step as usize) {
             let bytes = step.min(part.points - first) * record;
-            room.bytes.resize(room.bytes.len().max(bytes as usize), 0);
-            let block = &mut room.bytes[..bytes as usize];
+            buffers.bytes.resize(buffers.bytes.len().max(bytes as usize), 0);
+            let block = &mut buffers.bytes[..bytes as usize];
             file.read_at(part.at + first * record, block)?;
             each(part.first + first, LasPointBlock::Records(block))?;
         }
@@ -86,34 +108,28 @@ impl LasFile {
         number: usize,
         wanted: FieldSelection,
         salvage: bool,
-        room: &mut LasReadBuffers,
+        buffers: &mut LasReadBuffers,
         each: &mut Each<'_>,
     ) -> Result<u64> {
         let (Some(layout), part) = (&self.layout, self.parts[number]) else { return Ok(0) };
-        let (file, LasReadBuffers { bytes, unpacker }) = (self.reopen()?, room);
+        let file = self.reopen()?;
         if part.kind == LasPartKind::Chunk {
-            bytes.resize(terrane_files::to_usize("chunk", part.bytes)?, 0);
-            file.read_at(part.at, bytes)?;
+            buffers.bytes.resize(terrane_files::to_usize("chunk", part.bytes)?, 0);
+            file.read_at(part.at, &mut buffers.bytes)?;
         }
-        let mut unpack = |each: &mut dyn FnMut(&DecodedFields) -> Result<()>| match part.kind {
-            LasPartKind::Stream => {
-                let found = unpacker.stream(layout, (&file, part.at), part.points, wanted, each)?;
-                Ok(found.map(drop))
-            }
-            _ => unpacker.chunk(layout, bytes, part.points, wanted, each),
-        };
+        // To be passed on as a whole or not at all, a chunk is decoded twice.
         if salvage {
             let (reach, mut is_sound) = (self.reach(&part), true);
-            let whole = unpack(&mut |fields| {
-                is_sound &= can_be(fields, &reach);
+            let decoded = buffers.unpack(layout, &file, &part, wanted, &mut |fields| {
+                is_sound &= is_plausible(fields, &reach);
                 Ok(())
             })?;
-            if whole.is_err() || !is_sound {
+            if decoded.is_err() || !is_sound {
                 return Ok(part.points);
             }
         }
         let mut next = part.first;
-        let decoded = unpack(&mut |fields| {
+        let decoded = buffers.unpack(layout, &file, &part, wanted, &mut |fields| {
             let first = next;
             next += fields.len() as u64;
             each(first, LasPointBlock::new(fields, wanted))
@@ -138,10 +154,10 @@ impl LasFile {
 }
 
 /// Whether all points are plausible: within `reach`, and with valid return numbers.
-fn can_be(fields: &DecodedFields, reach: &Option<ClaimedExtent>) -> bool {
-    let within = |place: &[i32; 3]| reach.is_some_and(|reach| reach.holds(*place));
-    let returned = |bits: &u8| bits >> 4 == 0 || bits & 15 <= bits >> 4;
-    fields.places.iter().all(within) && fields.returns.iter().all(returned)
+fn is_plausible(fields: &DecodedFields, reach: &Option<ClaimedExtent>) -> bool {
+    let (mut places, mut returns) = (fields.places.iter(), fields.returns.iter());
+    places.all(|place| reach.is_some_and(|reach| reach.holds(*place)))
+        && returns.all(|bits| bits >> 4 == 0 || bits & 15 <= bits >> 4)
 }
 
 #[cfg(test)]

@@ -27,13 +27,13 @@ impl<'a> LayeredChunk<'a> {
         chunk: CompressedChunk<'a>,
         layers: &LayeredSchema,
     ) -> Result<Self, ChunkDamage> {
-        let split = |bytes: &'a [u8], at| bytes.split_at_checked(at).ok_or(ChunkDamage::Short);
         let (record, rest) = split(chunk.bytes, RECORD + layers.bytes)?;
-        let (held, rest) = rest.split_first_chunk().ok_or(ChunkDamage::Short)?;
-        let held = u32::from_le_bytes(*held);
-        if (held as usize) < chunk.count {
-            return Err(ChunkDamage::Count(held));
+        let (count, rest) = rest.split_first_chunk().ok_or(ChunkDamage::Short)?;
+        let count = u32::from_le_bytes(*count);
+        if (count as usize) < chunk.count {
+            return Err(ChunkDamage::Count(count));
         }
+        // Four bytes for the size of each layer.
         let (sizes, bytes) = split(rest, 4 * (SHARED + layers.layers.len()))?;
         let (mut layers, mut shared) = (LayerSplitter { sizes, bytes }, [&[][..]; SHARED]);
         for layer in &mut shared {
@@ -47,16 +47,21 @@ impl<'a> LayeredChunk<'a> {
         &self,
         wanted: FieldSelection,
     ) -> Result<Streams<'a, PortableInstructions>, ChunkDamage> {
-        let open = |layer, is_wanted| match is_wanted || wanted.records {
-            true => self.open(layer),
-            false => Ok(None),
-        };
+        let places = self.open(LazLayer::Places)?;
         Ok(Streams {
-            places: open(LazLayer::Places, true)?.ok_or(ChunkDamage::Layer(LazLayer::Places))?,
-            heights: open(LazLayer::Heights, wanted.z)?,
-            classes: open(LazLayer::Classes, wanted.class)?,
-            flags: open(LazLayer::Flags, wanted.flags)?,
+            places: places.ok_or(ChunkDamage::Layer(LazLayer::Places))?,
+            heights: self.open_if(wanted.z || wanted.records, LazLayer::Heights)?,
+            classes: self.open_if(wanted.class || wanted.records, LazLayer::Classes)?,
+            flags: self.open_if(wanted.flags || wanted.records, LazLayer::Flags)?,
         })
+    }
+
+    fn open_if(
+        &self,
+        is_wanted: bool,
+        layer: LazLayer,
+    ) -> Result<Option<RangeDecoder<'a, PortableInstructions>>, ChunkDamage> {
+        if is_wanted { self.open(layer) } else { Ok(None) }
     }
 
     /// The streams that only whole records need.
@@ -84,6 +89,10 @@ impl<'a> LayeredChunk<'a> {
     ) -> Result<Option<RangeDecoder<'a, PortableInstructions>>, ChunkDamage> {
         open(layer, self.shared[layer as usize])
     }
+}
+
+fn split(bytes: &[u8], at: usize) -> Result<(&[u8], &[u8]), ChunkDamage> {
+    bytes.split_at_checked(at).ok_or(ChunkDamage::Short)
 }
 
 /// The stream of a layer. An empty layer means that the field is that of the first point.

@@ -67,23 +67,40 @@ impl RgbColor {
     ) {
         let changes = coder.symbol(self.changes.ready(128));
         let last = colour.map(i32::from);
-        let mut read = |byte: usize, expected: i32| match changes >> byte & 1 {
-            0 => last[byte] as u8,
-            _ => {
-                let symbol = coder.symbol(self.bytes[byte].ready(256));
-                (expected.clamp(0, 255) as u8).wrapping_add(symbol as u8)
-            }
-        };
-        let red = [read(0, last[0]), read(1, last[1])];
+        let red = [
+            self.byte(coder, changes, 0, &last, last[0]),
+            self.byte(coder, changes, 1, &last, last[1]),
+        ];
         *colour = [red[0], red[1], red[0], red[1], red[0], red[1]];
         if changes & Self::COLOURED != 0 {
             // Lower bytes, then upper ones: green is predicted from red, blue from both.
             for half in 0..2 {
                 let red_step = i32::from(red[half]) - last[half];
-                let green = read(2 + half, last[2 + half] + red_step);
+                let expected = last[2 + half] + red_step;
+                let green = self.byte(coder, changes, 2 + half, &last, expected);
                 let step = (red_step + i32::from(green) - last[2 + half]) / 2;
+                let expected = last[4 + half] + step;
                 colour[2 + half] = green;
-                colour[4 + half] = read(4 + half, last[4 + half] + step);
+                colour[4 + half] = self.byte(coder, changes, 4 + half, &last, expected);
+            }
+        }
+    }
+
+    /// The next byte `number` of a colour: that of the last colour, or a difference from the expected one.
+    #[inline(always)]
+    fn byte<M: InstructionSet>(
+        &mut self,
+        coder: &mut RangeDecoder<M>,
+        changes: usize,
+        number: usize,
+        last: &[i32; 6],
+        expected: i32,
+    ) -> u8 {
+        match changes >> number & 1 {
+            0 => last[number] as u8,
+            _ => {
+                let symbol = coder.symbol(self.bytes[number].ready(256));
+                (expected.clamp(0, 255) as u8).wrapping_add(symbol as u8)
             }
         }
     }

@@ -77,8 +77,8 @@ impl<'d, 'a> LayeredChunkDecoder<'d, 'a> {
         columns.begin(channel, &first);
         let rest = match wanted.records {
             true => {
-                let room = layered.rest.get_or_insert_with(record_layers::RestContext::new);
-                Some(Box::new(RestLayers::new(room, body, layers, channel)?))
+                let context = layered.rest.get_or_insert_with(record_layers::RestContext::new);
+                Some(Box::new(RestLayers::new(context, body, layers, channel)?))
             }
             false => None,
         };

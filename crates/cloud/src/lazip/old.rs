@@ -36,9 +36,8 @@ pub(super) struct Point10Fields {
 impl Point10Fields {
     /// The fields of a record.
     pub(super) fn new(record: &[u8; OLD_RECORD]) -> Self {
-        let axis = |at: usize| i32::from_le_bytes(std::array::from_fn(|i| record[at + i]));
         Self {
-            place: [axis(0), axis(4), axis(8)],
+            place: [0, 4, 8].map(|at| i32::from_le_bytes(std::array::from_fn(|i| record[at + i]))),
             intensity: u16::from_le_bytes([record[12], record[13]]),
             bits: record[14],
             class: record[15],
@@ -243,11 +242,11 @@ impl Point10Context {
     #[inline(always)]
     fn go(&mut self, difference: [i32; 3]) {
         let [a, b, c] = self.recent;
-        let middle = |axis: usize| {
+        let step = [0, 1].map(|axis| {
             let [a, b, c] = [a[axis], b[axis], c[axis]];
-            a.min(b).max(a.max(b).min(c))
-        };
-        let step = [0, 1].map(|axis| middle(axis).wrapping_add(difference[axis]));
+            let median = a.min(b).max(a.max(b).min(c));
+            median.wrapping_add(difference[axis])
+        });
         self.recent[self.oldest] = step;
         self.oldest = (self.oldest + 1) % 3;
         let [x, y, z] = self.last.place;

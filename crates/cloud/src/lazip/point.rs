@@ -18,10 +18,9 @@ pub(super) struct LazPoint {
 impl LazPoint {
     /// The point and the scanner channel of a record.
     pub(super) fn new(record: &[u8; RECORD]) -> (Self, usize) {
-        let axis = |at: usize| i32::from_le_bytes(std::array::from_fn(|i| record[at + i]));
         let flags = record[15];
         let point = Self {
-            place: [axis(0), axis(4), axis(8)],
+            place: [0, 4, 8].map(|at| i32::from_le_bytes(std::array::from_fn(|i| record[at + i]))),
             returns: ReturnNumbers(record[14]),
             class: record[16],
             flags: flags & 15 | flags >> 2 & 0x30,

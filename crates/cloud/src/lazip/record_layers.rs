@@ -27,7 +27,7 @@ impl RestContext {
 
 /// The layers, being decoded in batches.
 pub(super) struct RestLayers<'d, 'a> {
-    room: &'d mut RestContext,
+    context: &'d mut RestContext,
     streams: RestStreams<'a, PortableInstructions>,
     /// Bytes of a record.
     size: usize,
@@ -36,15 +36,15 @@ pub(super) struct RestLayers<'d, 'a> {
 impl<'d, 'a> RestLayers<'d, 'a> {
     /// Begins a chunk with a first point in `channel`.
     pub(super) fn new(
-        room: &'d mut RestContext,
+        context: &'d mut RestContext,
         body: LayeredChunk<'a>,
         layers: &LayeredSchema,
         channel: usize,
     ) -> Result<Self, ChunkDamage> {
         let (head, tail) = body.record.split_first_chunk().ok_or(ChunkDamage::Short)?;
-        room.heads.begin(channel, head);
-        room.tails.begin(layers, channel, tail);
-        Ok(Self { room, size: body.record.len(), streams: body.rest(layers)? })
+        context.heads.begin(channel, head);
+        context.tails.begin(layers, channel, tail);
+        Ok(Self { context, size: body.record.len(), streams: body.rest(layers)? })
     }
 
     /// Appends the records of the last points of `fields`, with their changes.
@@ -72,14 +72,14 @@ impl SimdTask for RestBatch<'_, '_, '_> {
 
     #[inline(always)]
     fn work<M: InstructionSet>(self, _: M) {
-        let Self(RestLayers { room, streams, .. }, traces, fields) = self;
+        let Self(RestLayers { context, streams, .. }, traces, fields) = self;
         let mut coders = streams.on::<M>();
         let first = fields.len() - traces.len();
         for (index, &trace) in (first..).zip(traces) {
             let mut head = head(fields, index, trace);
-            room.heads.next(&mut coders, trace, ReturnNumbers(fields.returns[index]), &mut head);
+            context.heads.next(&mut coders, trace, ReturnNumbers(fields.returns[index]), &mut head);
             fields.records.extend_from_slice(&head);
-            fields.records.extend_from_slice(room.tails.next(&mut coders, trace));
+            fields.records.extend_from_slice(context.tails.next(&mut coders, trace));
         }
         *streams = coders.on();
     }

@@ -47,16 +47,14 @@ pub(super) struct RestStreams<'a, M> {
 impl<'a, M: InstructionSet> RestStreams<'a, M> {
     /// The same for another instruction set.
     pub(super) fn on<N: InstructionSet>(&self) -> RestStreams<'a, N> {
-        let on = |(layer, coder): &(LazLayer, Option<RangeDecoder<'a, M>>)| {
-            (*layer, coder.map(RangeDecoder::on))
-        };
+        let tails = self.tails.iter().map(|(layer, coder)| (*layer, coder.map(RangeDecoder::on)));
         RestStreams {
             intensities: self.intensities.map(RangeDecoder::on),
             angles: self.angles.map(RangeDecoder::on),
             user_data: self.user_data.map(RangeDecoder::on),
             sources: self.sources.map(RangeDecoder::on),
             times: self.times.map(RangeDecoder::on),
-            tails: self.tails.iter().map(on).collect(),
+            tails: tails.collect(),
         }
     }
 

@@ -112,6 +112,23 @@ enum PointTextSeparator {
     Semicolon,
 }
 
+impl PointTextSeparator {
+    #[inline]
+    fn splits_at(self, c: u8) -> bool {
+        match self {
+            // Other white space within a line is damage.
+            Self::Space => is_space(c),
+            Self::Comma => c == b',',
+            Self::Semicolon => c == b';',
+        }
+    }
+}
+
+#[inline]
+fn is_space(c: u8) -> bool {
+    matches!(c, b' ' | b'\t')
+}
+
 /// Values of a line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct TextPointValues {
@@ -145,12 +162,10 @@ impl PointLineGrammar {
             count: 0,
         };
         plain.count = plain.fields(line).count();
-        let is_word = |c: &u8| c.is_ascii_alphabetic() || *c == b'"';
-        if !line.first().is_some_and(is_word) {
+        if !line.first().is_some_and(|c| c.is_ascii_alphabetic() || *c == b'"') {
             return Ok(plain);
         }
-        let names: Vec<String> = plain.fields(line).map(column_name).collect();
-        let mut names = names;
+        let mut names: Vec<String> = plain.fields(line).map(column_name).collect();
         // With columns g and b, r is red and not the return number.
         if COLOURS.iter().all(|(short, _)| names.iter().any(|name| name == short)) {
             for (short, colour) in COLOURS {
@@ -161,29 +176,30 @@ impl PointLineGrammar {
         match columns[..NEEDED].iter().position(Option::is_none) {
             Some(missing) => Err(format!("the header line has no column {}", NAMES[missing][0])),
             None => {
-                let told = plain.fields(line).map(|name| String::from_utf8_lossy(name).into());
-                let told: Vec<String> = told.collect();
-                Ok(Self { columns, has_heading: true, ..plain }.with_fields(&names, &told))
+                let texts = plain.fields(line).map(|name| String::from_utf8_lossy(name).into());
+                let texts: Vec<String> = texts.collect();
+                Ok(Self { columns, has_heading: true, ..plain }.with_fields(&names, &texts))
             }
         }
     }
 
     /// Assigns fields to columns by name; the first column of a name counts.
-    fn with_fields(mut self, names: &[String], told: &[String]) -> Self {
+    fn with_fields(mut self, names: &[String], texts: &[String]) -> Self {
         let all = PointFormat::new(WIDEST).map_or_else(|_| Vec::new(), |f| column::columns(f, &[]));
-        for (number, (name, told)) in names.iter().zip(told).enumerate() {
+        for (number, (name, text)) in names.iter().zip(texts).enumerate() {
             if self.columns.contains(&Some(number)) {
                 continue;
             }
             let alias = ALIASES.iter().find(|(alias, _)| alias == name);
             let name = alias.map_or(name.as_str(), |(_, name)| name);
-            let is_new = |field: &&PointColumn| self.fields.iter().all(|(_, own)| own != *field);
-            let found = all.iter().find(|field| column_name(field.name().as_bytes()) == name);
             // Class and return numbers have their own columns.
-            let found = found.filter(|_| !NAMES[NEEDED..].iter().any(|own| own.contains(&name)));
-            match found.filter(is_new) {
-                Some(field) => self.fields.push((number, field.clone())),
-                None => self.others.push(told.clone()),
+            let has_column = NAMES[NEEDED..].iter().any(|known| known.contains(&name));
+            let field = all.iter().find(|field| column_name(field.name().as_bytes()) == name);
+            match field.filter(|_| !has_column) {
+                Some(field) if self.fields.iter().all(|(_, other)| other != field) => {
+                    self.fields.push((number, field.clone()));
+                }
+                _ => self.others.push(text.clone()),
             }
         }
         self
@@ -259,19 +275,9 @@ impl PointLineGrammar {
             })?;
             (values.world[axis], values.decimals[axis]) = (value, decimals);
         }
-        let small = |field: Option<&[u8]>, default: u8, most: u8| match field {
-            None => Ok(default),
-            Some(field) => {
-                let text = String::from_utf8_lossy(&field[..field.len().min(40)]);
-                let value = text.parse::<f64>().ok().filter(|v| v.fract() == 0.0);
-                let value = value.filter(|v| (0.0..=f64::from(most)).contains(v)).map(|v| v as u8);
-                let what = if most == MAX_RETURNS { "return number" } else { "class" };
-                value.ok_or_else(|| format!("{text:?} is not a {what} from 0 to {most}"))
-            }
-        };
-        values.class = small(found[3], 0, u8::MAX)?;
-        values.returns[0] = small(found[4], 1, MAX_RETURNS)?;
-        values.returns[1] = small(found[5], values.returns[0], MAX_RETURNS)?;
+        values.class = small_integer(found[3], 0, u8::MAX)?;
+        values.returns[0] = small_integer(found[4], 1, MAX_RETURNS)?;
+        values.returns[1] = small_integer(found[5], values.returns[0], MAX_RETURNS)?;
         self.set_fields(line, &mut values.fields)?;
         Ok(values)
     }
@@ -304,22 +310,28 @@ impl PointLineGrammar {
 
     fn fields<'a>(&self, line: &'a [u8]) -> impl Iterator<Item = &'a [u8]> {
         let separator = self.separator;
-        let is_end = move |c: &u8| match separator {
-            // Other white space within a line is damage.
-            PointTextSeparator::Space => matches!(c, b' ' | b'\t'),
-            PointTextSeparator::Comma => *c == b',',
-            PointTextSeparator::Semicolon => *c == b';',
-        };
-        let fields = line.split(is_end).map(trimmed);
+        let fields = line.split(move |c| separator.splits_at(*c)).map(trimmed);
         fields.filter(move |field| separator != PointTextSeparator::Space || !field.is_empty())
     }
 }
 
+/// A class or return number of at most `max`; `default` without a column.
+#[inline]
+fn small_integer(field: Option<&[u8]>, default: u8, max: u8) -> Result<u8, String> {
+    let Some(field) = field else { return Ok(default) };
+    let text = String::from_utf8_lossy(&field[..field.len().min(40)]);
+    let value = text.parse::<f64>().ok().filter(|value| value.fract() == 0.0);
+    let value = value.filter(|value| (0.0..=f64::from(max)).contains(value));
+    value.map(|value| value as u8).ok_or_else(|| {
+        let what = if max == MAX_RETURNS { "return number" } else { "class" };
+        format!("{text:?} is not a {what} from 0 to {max}")
+    })
+}
+
 /// Trims white space.
 fn trimmed(field: &[u8]) -> &[u8] {
-    let is_space = |c: &u8| matches!(c, b' ' | b'\t');
-    let start = field.iter().position(|c| !is_space(c)).unwrap_or(field.len());
-    let end = field.iter().rposition(|c| !is_space(c)).map_or(start, |last| last + 1);
+    let start = field.iter().position(|c| !is_space(*c)).unwrap_or(field.len());
+    let end = field.iter().rposition(|c| !is_space(*c)).map_or(start, |last| last + 1);
     &field[start..end]
 }
 
@@ -378,9 +390,9 @@ fn any_number(field: &[u8], comma: bool) -> Option<(f64, u8)> {
         true => text.replace(',', ".").parse().ok()?,
         false => text.parse().ok()?,
     };
-    let is_whole = |decimals: &u8| (value * POWERS[usize::from(*decimals)]).fract() == 0.0;
-    let decimals = (0..MAX_DECIMALS).find(is_whole).unwrap_or(MAX_DECIMALS);
-    value.is_finite().then_some((value, decimals))
+    let decimals =
+        (0..MAX_DECIMALS).find(|decimals| (value * POWERS[usize::from(*decimals)]).fract() == 0.0);
+    value.is_finite().then_some((value, decimals.unwrap_or(MAX_DECIMALS)))
 }
 
 #[cfg(test)]

@@ -124,8 +124,8 @@ const OFFSET: usize = 8;
 
 /// Compresses one chunk with the `laz` writer, which makes a whole stream: offset, chunk, and table.
 fn compress(raw: &[u8], vlr: &LazVlr) -> laz::Result<Vec<u8>> {
-    let room = Vec::with_capacity(raw.len() / 2);
-    let mut compressor = LasZipCompressor::new(Cursor::new(room), vlr.clone())?;
+    let packed = Vec::with_capacity(raw.len() / 2);
+    let mut compressor = LasZipCompressor::new(Cursor::new(packed), vlr.clone())?;
     compressor.compress_many(raw)?;
     compressor.done()?;
     let mut bytes = compressor.into_inner().into_inner();

@@ -45,24 +45,26 @@ fn keys(crs: &Crs) -> Vec<Vlr> {
         (34_737, "GeoAsciiParamsTag", ascii),
     ];
     let present = parts.into_iter().filter(|(_, _, data)| !data.is_empty());
-    let vlr = |(number, about, data): (u16, &str, Vec<u8>)| Vlr {
-        user: PROJECTION.into(),
-        number,
-        about: about.into(),
-        data,
-    };
-    present.map(vlr).collect()
+    present
+        .map(|(number, about, data)| Vlr {
+            user: PROJECTION.into(),
+            number,
+            about: about.into(),
+            data,
+        })
+        .collect()
 }
 
 fn made(crs: &Crs) -> Vec<u16> {
-    let short = |code: Option<u32>| code.and_then(|code| u16::try_from(code).ok());
-    let Some(code) = short(crs.epsg) else { return Vec::new() };
+    let [code, vertical] =
+        [crs.epsg, crs.vertical_epsg].map(|code| code.and_then(|code| u16::try_from(code).ok()));
+    let Some(code) = code else { return Vec::new() };
     let (model, system) = match crs.horizontal_unit() {
         "degree" => (key::GEOGRAPHIC, key::GEODETIC_CRS),
         _ => (key::PROJECTED, key::PROJECTED_CRS),
     };
     let mut entries = vec![[key::MODEL_TYPE, 0, 1, model], [system, 0, 1, code]];
-    entries.extend(short(crs.vertical_epsg).map(|code| [key::VERTICAL_CRS, 0, 1, code]));
+    entries.extend(vertical.map(|code| [key::VERTICAL_CRS, 0, 1, code]));
     let is_high = crs.vertical_epsg.is_some();
     let mut directory = vec![1, 1, is_high.into(), entries.len() as u16];
     directory.extend(entries.concat());

@@ -47,7 +47,7 @@ impl LasHeaderDraft {
         }
         // Readers expect it to be the first.
         let info =
-            options.cube.as_ref().map(|cube| octree::info(cube, &PointTally::default(), (0, 0)));
+            options.cube.as_ref().map(|cube| octree::info(cube, &PointTally::default(), 0, 0));
         let all =
             info.into_iter().chain(systems).chain(laz(layout)?).chain(carried.vlrs.iter().cloned());
         let (behind, before): (Vec<_>, Vec<_>) = all.partition(Vlr::is_long);
@@ -147,12 +147,13 @@ impl LasHeaderDraft {
     /// Scale, offset, and bounds of all points, maximum before minimum; zeros without points.
     fn extent(&self, tally: &PointTally, bytes: &mut Vec<u8>) {
         let PointFrame { scale, offset } = self.frame;
-        let world = |axis: usize, step: i32| match tally.count() {
-            0 => 0.0,
-            _ => f64::from(step) * scale[axis] + offset[axis],
-        };
-        let ends = |axis: usize| [world(axis, tally.high[axis]), world(axis, tally.low[axis])];
-        let all = scale.into_iter().chain(offset).chain((0..3).flat_map(ends));
+        let ends = (0..3).flat_map(|axis| {
+            [tally.high[axis], tally.low[axis]].map(|step| match tally.count() {
+                0 => 0.0,
+                _ => f64::from(step) * scale[axis] + offset[axis],
+            })
+        });
+        let all = scale.into_iter().chain(offset).chain(ends);
         bytes.extend(all.flat_map(f64::to_le_bytes));
     }
 
@@ -184,8 +185,8 @@ fn too_long(vlr: &Vlr) -> Error {
 fn laz(layout: &PointLayout) -> Result<Option<Vlr>> {
     let Some(laz) = layout.vlr() else { return Ok(None) };
     let mut data = Vec::new();
-    let fault = |e| Error::new(ErrorKind::Internal, format!("cannot make the LASzip VLR: {e}"));
-    laz.write_to(&mut data).map_err(fault)?;
+    laz.write_to(&mut data)
+        .map_err(|e| Error::new(ErrorKind::Internal, format!("cannot make the LASzip VLR: {e}")))?;
     let (user, number) = (laz::LazVlr::USER_ID, laz::LazVlr::RECORD_ID);
     Ok(Some(Vlr { user: user.into(), number, about: laz::LazVlr::DESCRIPTION.into(), data }))
 }

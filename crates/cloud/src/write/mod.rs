@@ -151,7 +151,8 @@ impl CloudWriter {
         self.put_behind()?;
         if let Some((cube, _)) = &self.octree {
             let bytes = self.header.behind.first().map_or(0, |vlr| vlr.data.len() as u64);
-            self.header.set_info(&octree::info(cube, &self.tally, (self.header.behind_at, bytes)));
+            let info = octree::info(cube, &self.tally, self.header.behind_at, bytes);
+            self.header.set_info(&info);
         }
         self.seek(SeekFrom::Start(0))?;
         self.write(&self.header.bytes(&self.tally))?;

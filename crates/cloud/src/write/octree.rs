@@ -45,31 +45,33 @@ impl OctreeNodes {
         for above in self.0.iter().flat_map(|(key, _)| above(*key)) {
             nodes.entry(above).or_default();
         }
-        let entry = |(key, [at, bytes, points]): (Key, [u64; 3])| {
-            let mut entry = key.map(i32::to_le_bytes).concat();
-            entry.extend_from_slice(&at.to_le_bytes());
-            entry.extend([bytes, points].iter().flat_map(|count| (*count as i32).to_le_bytes()));
-            entry
-        };
-        let data = nodes.into_iter().flat_map(entry).collect();
+        let mut data = Vec::new();
+        for (key, [at, bytes, points]) in nodes {
+            data.extend(key.map(i32::to_le_bytes).concat());
+            data.extend(at.to_le_bytes());
+            data.extend([bytes, points].iter().flat_map(|count| (*count as i32).to_le_bytes()));
+        }
         Vlr { user: OCTREE.into(), number: HIERARCHY, about: "EPT hierarchy".into(), data }
     }
 }
 
 /// The ancestors of a node, up to the root.
 fn above(key: Key) -> impl Iterator<Item = Key> {
-    let parent = |[level, x, y, z]: &Key| (*level > 0).then(|| [level - 1, x / 2, y / 2, z / 2]);
     std::iter::successors(parent(&key), parent)
 }
 
-/// The info VLR of a file whose first EVLR is the hierarchy.
-pub(super) fn info(cube: &OctreeCube, tally: &PointTally, (behind_at, bytes): (u64, u64)) -> Vlr {
+fn parent([level, x, y, z]: &Key) -> Option<Key> {
+    (*level > 0).then(|| [level - 1, x / 2, y / 2, z / 2])
+}
+
+/// The info VLR of a file whose first EVLR, at byte `evlr_at`, is the hierarchy of `bytes` bytes.
+pub(super) fn info(cube: &OctreeCube, tally: &PointTally, evlr_at: u64, bytes: u64) -> Vlr {
     let half = cube.side / 2.0;
     let middle = cube.low.map(|low| low + half);
     let spacing = cube.side / f64::from(cube.cells);
     let mut data: Vec<u8> =
         middle.into_iter().chain([half, spacing]).flat_map(f64::to_le_bytes).collect();
-    data.extend([behind_at + HEAD, bytes].iter().flat_map(|number| number.to_le_bytes()));
+    data.extend([evlr_at + HEAD, bytes].iter().flat_map(|number| number.to_le_bytes()));
     data.extend(tally.times().iter().flat_map(|time| time.to_le_bytes()));
     data.resize(data.len() + RESERVED * 8, 0);
     Vlr { user: OCTREE.into(), number: INFO, about: "COPC info VLR".into(), data }

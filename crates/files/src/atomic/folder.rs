@@ -96,9 +96,10 @@ fn temporary(folder: &Path) -> io::Result<(TempDir, Option<File>)> {
     loop {
         let temp = builder.tempdir_in(folder)?;
         let lock = File::open(temp.path()).ok();
-        let is_taken = |file: &File| matches!(file.try_lock(), Err(TryLockError::WouldBlock));
+        let lock_result = lock.as_ref().map(File::try_lock);
+        let is_taken = matches!(lock_result, Some(Err(TryLockError::WouldBlock)));
         // Another run may have removed the folder as a leftover before it was locked.
-        if !lock.as_ref().is_some_and(is_taken) && temp.path().exists() {
+        if !is_taken && temp.path().exists() {
             return Ok((temp, lock));
         }
     }

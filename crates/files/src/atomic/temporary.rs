@@ -86,10 +86,11 @@ fn nameless(folder: &Path) -> Option<File> {
     use rustix::fs::{CWD, Mode, OFlags, openat};
     let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
     // A sandbox without /proc could open the file and never name it.
-    let can_be_named = Path::new(OPEN_FILES).exists();
+    if !Path::new(OPEN_FILES).exists() {
+        return None;
+    }
     // 0666 less the umask, as any new file. The 0600 of temporary files would stay on the output.
-    let open = || openat(CWD, folder, flags, Mode::from_raw_mode(0o666)).ok().map(File::from);
-    can_be_named.then(open).flatten()
+    openat(CWD, folder, flags, Mode::from_raw_mode(0o666)).ok().map(File::from)
 }
 
 /// Links an open file to an unused name.

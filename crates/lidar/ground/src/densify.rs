@@ -68,10 +68,11 @@ impl<'a> GroundDensifier<'a> {
         let tin = GroundTin::new(vertices, all - ground).filter(|_| ground > 0)?;
         let waiting = waiting(cells, seeds, &tin);
         let stale = vec![true; tin.numbers()];
-        let mut made =
+        let mut densifier =
             Self { cells, limits, frame, tin, ground, waiting, stale, outer: Vec::new() };
-        made.outer = (0..made.tin.numbers() as u32).map(|t| made.is_outer(t)).collect();
-        Some(made)
+        densifier.outer =
+            (0..densifier.tin.numbers() as u32).map(|t| densifier.is_outer(t)).collect();
+        Some(densifier)
     }
 
     fn run(&mut self) {

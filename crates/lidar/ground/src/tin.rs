@@ -16,8 +16,8 @@ impl GroundTin {
         let mut triangulation = Triangulation::new(&points).ok()?;
         points.reserve_exact(more);
         triangulation.reserve(more);
-        let found = Self { points, triangulation };
-        (!found.triangulation.is_flat()).then_some(found)
+        let tin = Self { points, triangulation };
+        (!tin.triangulation.is_flat()).then_some(tin)
     }
 
     /// Upper bound of the numbers of triangles.

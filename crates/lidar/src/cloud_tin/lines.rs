@@ -132,17 +132,22 @@ impl<'a> CloudLines<'a> {
         let mut pieces = Vec::new();
         for line in 0..self.lines.len() {
             let (segment, first) = (self.segment(line), pieces.len());
-            let window = |square: usize| regions.all[regions.of(square)].window(tiling);
-            self.each_window(line, tiling, window, |square, steps| {
-                pieces.extend(self.ends_inside(&segment, steps).map(|[from, to]| CloudLinePiece {
-                    region: regions.of(square) as u32,
-                    line: line as u32,
-                    from,
-                    to,
-                    next: NONE,
-                    last: NONE,
-                }));
-            });
+            self.each_window(
+                line,
+                tiling,
+                |square| regions.all[regions.of(square)].window(tiling),
+                |square, steps| {
+                    let ends = self.ends_inside(&segment, steps);
+                    pieces.extend(ends.map(|[from, to]| CloudLinePiece {
+                        region: regions.of(square) as u32,
+                        line: line as u32,
+                        from,
+                        to,
+                        next: NONE,
+                        last: NONE,
+                    }));
+                },
+            );
             let (mut next, last) =
                 (NONE, pieces.last().map_or(NONE, |piece: &CloudLinePiece| piece.to));
             for piece in pieces[first..].iter_mut().rev() {
@@ -364,9 +369,9 @@ impl RegionLines<'_> {
         let Some(around) = &mut self.around else { return Ok(()) };
         let (mut rest, before) = (sites.iter(), posts.len());
         let positions = sites.iter().map(|&site| FixedPosition::of(site));
-        around.find_all(&self.lines.hull, positions, |position, found| {
+        around.find_all(&self.lines.hull, positions, |position, location| {
             let Some(&[x, y]) = rest.next() else { return };
-            let height = match found {
+            let height = match location {
                 Location::At(point) => Some(point.z),
                 Location::Triangle(corners) => {
                     Some((interpolate(&corners, position) + 0.5).floor() as i32)

@@ -80,7 +80,7 @@ pub fn make(
     let keep_points = constraints.constraints(nearest.beyond, count, count)?;
     let resident_bytes = constraints.bytes() + lines.bytes();
     let work = ready.work(&points, &regions, &lines, resident_bytes, at)?;
-    let made = triangulate(
+    let outcome = triangulate(
         &work,
         ready.tolerance(),
         &hull.corners(),
@@ -89,9 +89,9 @@ pub fn make(
         || ready.sink(),
         &mut clock,
     )?;
-    let apart = made.apart.len() as u64;
+    let apart = outcome.apart.len() as u64;
     let breaklines = followed.map(|followed| BreaklinesReport { apart, ..followed });
-    let report = report(&ready, &work, *points.census(), &made, clock)?;
+    let report = report(&ready, &work, *points.census(), &outcome, clock)?;
     Ok(CloudTinReport { keep_points, breaklines, ..report })
 }
 
@@ -175,11 +175,11 @@ pub(super) fn report(
     ready: &PreparedCloudTin<'_>,
     work: &CloudTinContext<'_>,
     points: ReturnCounts,
-    made: &CloudTinOutcome,
+    outcome: &CloudTinOutcome,
     clock: CloudTinClock,
 ) -> Result<CloudTinReport> {
     let PreparedCloudTin { job, info, format, .. } = ready;
-    let CloudTinOutcome { written, errors, .. } = made;
+    let CloudTinOutcome { written, errors, .. } = outcome;
     let prj = write_prj(&job.output, &info.crs, job.overwrite)?;
     let rmse = (errors.squares / errors.points.max(1) as f64).sqrt();
     let [max_error, rmse] =
@@ -195,7 +195,7 @@ pub(super) fn report(
         max_error,
         rmse,
         points,
-        stacked_points: made.stacked,
+        stacked_points: outcome.stacked,
         vertices: written.vertices,
         triangles: written.triangles,
         kept: written.vertices as f64 / points.kept.max(1) as f64,
@@ -205,11 +205,11 @@ pub(super) fn report(
         regions: work.regions.all.len() as u64,
         run: RunStatistics::since(Instant::now(), &job.resources)
             .with_threads(work.threads)
-            .with_spilled(made.spilled),
+            .with_spilled(outcome.spilled),
         stages: clock.stages,
-        apart: made.apart.first().map(|&[x, y]| {
+        apart: outcome.apart.first().map(|&[x, y]| {
             let [x, y, _] = info.frame.world(Point::new(x, y, 0));
-            FlawReport { count: made.apart.len() as u64, first: Some([x, y]) }
+            FlawReport { count: outcome.apart.len() as u64, first: Some([x, y]) }
         }),
         notes: ready.notes.clone(),
         ..CloudTinReport::default()

@@ -26,20 +26,20 @@ pub(super) fn nearest(
     hull: &ConvexHull,
     positions: &[[i32; 2]],
 ) -> Result<ConstraintPoints> {
-    let (mut found, mut search) =
+    let (mut constraints, mut search) =
         (ConstraintPoints::default(), NearestPointSearch { store, loaded: HashMap::new() });
     let mut inside: Vec<_> = positions.to_vec();
     inside.retain(|&at| hull.locate(FixedPosition::of(at)) != HullLocation::Outside);
-    found.beyond = (positions.len() - inside.len()) as u64;
+    constraints.beyond = (positions.len() - inside.len()) as u64;
     inside.dedup();
     let tiling = store.tiling();
     inside.sort_by_key(|&[x, y]| tiling.square_of(Point::new(x, y, 0)));
     for at in inside {
-        found.points.extend(search.nearest(at)?);
+        constraints.points.extend(search.nearest(at)?);
     }
-    found.points.sort_unstable();
-    found.points.dedup();
-    Ok(found)
+    constraints.points.sort_unstable();
+    constraints.points.dedup();
+    Ok(constraints)
 }
 
 struct NearestPointSearch<'a> {
@@ -55,9 +55,9 @@ impl NearestPointSearch<'_> {
         let [col, row] = tiling.tile_of(at).map(i64::from);
         let mut best: Option<(i64, Point)> = None;
         for ring in 0..counts[0].max(counts[1]) {
-            // What is so many squares away is so many sides less one away, at least.
-            let least = (ring - 1).max(0) * i64::from(tiling.side());
-            if best.is_some_and(|(far, _)| least * least > far) {
+            // The position may lie anywhere in its tile: a ring is at least one side less away than its number.
+            let min_distance = (ring - 1).max(0) * i64::from(tiling.side());
+            if best.is_some_and(|(far, _)| min_distance * min_distance > far) {
                 break;
             }
             for (dx, dy) in around(ring) {

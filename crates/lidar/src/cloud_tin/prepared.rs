@@ -55,7 +55,7 @@ impl CloudTinMemory {
     }
 
     /// Least memory for one worker, with `resident_bytes` throughout.
-    pub(super) fn least(&self, worker: u64, resident_bytes: u64) -> u64 {
+    pub(super) fn min_memory(&self, worker: u64, resident_bytes: u64) -> u64 {
         let eighth = (worker + PROGRAM).div_ceil(self.workers);
         8 * eighth.max(MIN_SHARED.div_ceil(self.points)) + resident_bytes
     }
@@ -65,7 +65,7 @@ impl CloudTinMemory {
         let eighth = memory.saturating_sub(resident_bytes) / 8;
         let fitting = (eighth * self.workers).saturating_sub(PROGRAM) / worker;
         if fitting == 0 || eighth * self.points < MIN_SHARED {
-            return Err(too_little(memory, self.least(worker, resident_bytes)));
+            return Err(too_little(memory, self.min_memory(worker, resident_bytes)));
         }
         Ok(usize::try_from(fitting).unwrap_or(usize::MAX))
     }

@@ -118,17 +118,17 @@ fn part(
 
 /// The number of a vertex.
 fn id(local: &mut RegionMesh<'_>, firsts: &[u64], vertex: Point, square: usize) -> Result<u64> {
-    let found = local.vertices_of(square)?.binary_search(&vertex);
-    let rank = found.map_err(|_| Error::new(ErrorKind::Internal, "a vertex is not in its tile"))?;
+    let rank = local.vertices_of(square)?.binary_search(&vertex);
+    let rank = rank.map_err(|_| Error::new(ErrorKind::Internal, "a vertex is not in its tile"))?;
     Ok(firsts[square] + rank as u64)
 }
 
 /// Rotates each triangle to start with its lowest vertex, and sorts them.
 fn sort(part: &mut RegionMeshPart, with_corners: bool) {
     for (ids, corners) in part.triangles.iter_mut().zip(&mut part.corners) {
-        let least = (0..3).min_by_key(|&k| ids[k]).unwrap_or(0);
-        ids.rotate_left(least);
-        corners.rotate_left(least);
+        let lowest = (0..3).min_by_key(|&k| ids[k]).unwrap_or(0);
+        ids.rotate_left(lowest);
+        corners.rotate_left(lowest);
     }
     if !with_corners {
         part.corners = Vec::new();

@@ -99,7 +99,7 @@ impl GridBudget {
         let memory = all - surface_share;
         let mut threads = (1..=threads.max(1) as u64).rev();
         let threads = threads.find(|threads| work.left(memory, *threads, MAX_SHIFT).is_some());
-        let threads = threads.ok_or_else(|| too_small(all, Self::least(work)))?;
+        let threads = threads.ok_or_else(|| too_small(all, Self::min_memory(work)))?;
         let cell = work.recipe.bytes_per_cell() as u64
             + work.recipe.bytes_per_point() as u64 * points.div_ceil(work.cells());
         let mut shifts = (MIN_SHIFT..=MAX_SHIFT).rev();
@@ -117,7 +117,7 @@ impl GridBudget {
 
     /// Least memory for one thread in both [`divide`](Self::divide), if half of it goes to triangulated points,
     /// and [`writing`](Self::writing).
-    pub(super) fn least(work: GridWorkload<'_>) -> u64 {
+    pub(super) fn min_memory(work: GridWorkload<'_>) -> u64 {
         let least = PROGRAM + work.table(MAX_SHIFT) + LEAST + work.worker();
         if work.recipe.triangulates() { 2 * least } else { least }
     }
@@ -125,7 +125,7 @@ impl GridBudget {
     /// Fails if an earlier step exceeds the memory; the advised budget suffices for all steps.
     pub(super) fn check(resources: &Resources, work: GridWorkload<'_>, before: u64) -> Result<()> {
         match before > resources.memory {
-            true => Err(too_small(resources.memory, before.max(Self::least(work)))),
+            true => Err(too_small(resources.memory, before.max(Self::min_memory(work)))),
             false => Ok(()),
         }
     }

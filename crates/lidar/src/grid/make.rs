@@ -109,7 +109,7 @@ impl<'a> GridMaker<'a> {
         let count = parts.iter().map(|part| self.points.points_of(*part)).sum();
         let work = GridWorkload { format, sink: sink.as_ref(), extent, recipe: &recipe };
         if job.preset.is_some() {
-            let least = surface_model::least(job, self.points.info(), self.seen);
+            let least = surface_model::min_memory(job, self.points.info(), self.seen);
             GridBudget::check(&job.resources, work, least)?;
         }
         let budget = GridBudget::divide(&job.resources, work, count)?;

@@ -76,8 +76,8 @@ impl CloudSurfaces {
         let Some(window) = SiteWindow::of(sites.clone()) else { return Ok(()) };
         let mut around = SurroundingPoints::new(&self.store, window)?;
         let positions = sites.map(FixedPosition::of);
-        around.find_all(&self.hull, positions, |position, found| {
-            let height = match found {
+        around.find_all(&self.hull, positions, |position, location| {
+            let height = match location {
                 Location::At(point) => Some(f64::from(point.z)),
                 Location::Triangle(corners) => Some(interpolate(&corners, position)),
                 Location::Outside => None,

@@ -111,8 +111,9 @@ impl InterpolatedSurface<'_> {
         match self.shape {
             SurfaceInterpolation::Linear { max_edge } => {
                 let is_surface = |corners: &[Point; 3]| self.is_surface(corners, max_edge);
-                let take = |position: FixedPosition, found: Location| {
-                    out[places.next().unwrap_or_default()] = self.height(position, found, max_edge);
+                let take = |position: FixedPosition, location: Location| {
+                    out[places.next().unwrap_or_default()] =
+                        self.height(position, location, max_edge);
                 };
                 match self.longest() {
                     None => around.find_all_small(self.hull, positions, is_surface, take),
@@ -149,8 +150,8 @@ impl InterpolatedSurface<'_> {
         steps * self.frame.scale[2] + self.frame.offset[2]
     }
 
-    fn height(&self, position: FixedPosition, found: Location, max_edge: Option<f64>) -> f64 {
-        match found {
+    fn height(&self, position: FixedPosition, location: Location, max_edge: Option<f64>) -> f64 {
+        match location {
             Location::At(point) => self.world(f64::from(point.z)),
             Location::Triangle(corners) if self.is_surface(&corners, max_edge) => {
                 self.world(interpolate(&corners, position))

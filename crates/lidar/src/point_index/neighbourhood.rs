@@ -57,11 +57,11 @@ impl<'a> SurroundingPoints<'a> {
         while left.peek().is_some() {
             let mut finder = TriangleFinder::new(&*self, hull);
             while let Some(&position) = left.peek() {
-                let Ok(found) = finder.find_small(position, &is_small) else { break };
+                let Ok(location) = finder.find_small(position, &is_small) else { break };
                 if let Some(limits) = &self.store.limits {
                     limits.note_position(hull, position);
                 }
-                each(position, found);
+                each(position, location);
                 left.next();
             }
             // At least one square is new in each round, so this ends.
@@ -90,11 +90,11 @@ impl<'a> SurroundingPoints<'a> {
             let known = KnownPoints(self);
             let mut finder = TriangleFinder::new(&known, hull);
             while let Some(&position) = left.peek() {
-                let found = match self.is_near(position, reach) {
+                let location = match self.is_near(position, reach) {
                     true => finder.find_small(position, &is_small).unwrap_or(Location::Outside),
                     false => Location::Outside,
                 };
-                if let Location::Triangle(corners) = &found
+                if let Location::Triangle(corners) = &location
                     && is_small(corners)
                     && self
                         .certify(&CircumscribedDisc::around(corners.map(|p| [p.x, p.y])))
@@ -102,7 +102,7 @@ impl<'a> SurroundingPoints<'a> {
                 {
                     break;
                 }
-                each(position, found);
+                each(position, location);
                 left.next();
             }
             self.load_missing()?;

@@ -92,9 +92,9 @@ impl TranslateContext<'_> {
         self.select(records, &thinning::ThinningCells::new(thin, &self.input_info.frame)?, "cells")
     }
 
-    pub(super) fn discs(&self, least: f64) -> PoissonDiscs<'_> {
+    pub(super) fn discs(&self, distance: f64) -> PoissonDiscs<'_> {
         PoissonDiscs {
-            apart: DistancePredicate::new(self.input_info.frame.scale, least),
+            apart: DistancePredicate::new(self.input_info.frame.scale, distance),
             info: self.input_info,
             format: self.options.format,
             flow: self.shares.flow,

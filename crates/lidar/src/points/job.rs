@@ -141,8 +141,8 @@ impl TranslateJob {
     ) -> Result<()> {
         self.above.check(format)?;
         self.above.noise().map_or(Ok(0.0), |request| noise::reach(request, info))?;
-        if let Some(least) = self.distance {
-            discs::check(least, info)?;
+        if let Some(distance) = self.distance {
+            discs::check(distance, info)?;
         }
         match self.sort {
             Some(_) if packing == PointPacking::Nodes => {

@@ -33,7 +33,7 @@ impl TranslateMemory {
         [needed, thread_needed]: [u64; 2],
     ) -> Result<Self> {
         let chunk = (CHUNK * record) as u64;
-        let [least, worker] = Self::least(record, extra, [needed, thread_needed]);
+        let [least, worker] = Self::min_memory(record, extra, [needed, thread_needed]);
         let Some(rest) = resources.memory.checked_sub(least) else {
             return Err(too_little(resources.memory, least));
         };
@@ -44,7 +44,7 @@ impl TranslateMemory {
     }
 
     /// Least memory, and its part for a thread.
-    pub(super) fn least(
+    pub(super) fn min_memory(
         record: usize,
         extra: usize,
         [needed, thread_needed]: [u64; 2],

@@ -113,7 +113,7 @@ impl Prepared<'_> {
 
     /// Writes the output and reports on it; the work began at `start`.
     pub(super) fn report(&self, start: Instant) -> Result<TranslateReport> {
-        let (made, found) = self.make()?;
+        let (files, notes) = self.make()?;
         let TranslateContext { job, info, reprojection, converter, shares, .. } = &self.work;
         let run = RunStatistics::since(start, &job.resources).with_threads(shares.threads);
         let census = self.source.census();
@@ -122,14 +122,14 @@ impl Prepared<'_> {
             output: job.output.display().to_string(),
             point_format: converter.format().number(),
             census: Some(census),
-            files: made.files,
-            points: made.points,
+            files: files.files,
+            points: files.points,
             crs: info.crs.label(),
-            output_bytes: made.bytes,
+            output_bytes: files.bytes,
             points_per_second: Some(run.rate(census.read)),
             run,
             transformed: reprojection.map(|reprojection| Transformed::of(&reprojection.operation)),
-            notes: [self.notes(), LostPoints::of(self.source.cloud()).notes().collect(), found]
+            notes: [self.notes(), LostPoints::of(self.source.cloud()).notes().collect(), notes]
                 .concat(),
         })
     }
@@ -194,12 +194,13 @@ impl TranslateContext<'_> {
         let records = over(&lines, records);
         let thinned = job.thin.map(|thin| self.thin(records, thin)).transpose()?;
         let records = over(&thinned, records);
-        let apart = job.distance.map(|least| self.discs(least).select(records)).transpose()?;
+        let apart =
+            job.distance.map(|distance| self.discs(distance).select(records)).transpose()?;
         let records = over(&apart, records);
         let reprojected = self.reprojection.map(|to| MovedRecords { records, to, record });
         let records = over(&reprojected, records);
         let sorted = job.sort.map(|by| self.sort(records, by)).transpose()?;
-        let made = self.write(over(&sorted, records))?;
+        let files = self.write(over(&sorted, records))?;
         let note = lines.iter().zip(job.overlap).map(|(lines, overlap)| {
             let (side, left_out) = (overlap.side(self.input_info), lines.left_out());
             format!("overlap: {left_out} points of other flight lines dropped, in cells of {side}")
@@ -209,7 +210,7 @@ impl TranslateContext<'_> {
         let mut notes: Vec<_> = noise.chain(ground).cloned().chain(note).collect();
         // Both may say that the unit is a guess.
         notes.dedup();
-        Ok((made, notes))
+        Ok((files, notes))
     }
 }
 
@@ -225,8 +226,8 @@ pub(super) fn converter<'a>(
 }
 
 /// Least memory for a part of a job with `points` points, and its part for a thread.
-pub(super) fn least(job: &TranslateJob, cloud: &PointCloud, points: u64) -> Result<[u64; 2]> {
+pub(super) fn min_memory(job: &TranslateJob, cloud: &PointCloud, points: u64) -> Result<[u64; 2]> {
     let converter = converter(job, cloud)?;
     let needed = job.needed(job.packing()?, converter.info(), points, true);
-    Ok(TranslateMemory::least(converter.size(), converter.extra_bytes(), needed))
+    Ok(TranslateMemory::min_memory(converter.size(), converter.extra_bytes(), needed))
 }

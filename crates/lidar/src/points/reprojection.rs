@@ -56,8 +56,8 @@ impl CloudReprojection {
 
 /// A scale with which `i32` covers the extent of an axis: the finest, or a power of ten.
 fn covering(finest: f64, extent: f64) -> f64 {
-    let least = extent / f64::from(REACH);
-    if finest < least { power_of_ten(least.log10().ceil() as i32) } else { finest }
+    let required = extent / f64::from(REACH);
+    if finest < required { power_of_ten(required.log10().ceil() as i32) } else { finest }
 }
 
 /// A position in steps, with `margin` steps added along each axis.

@@ -165,9 +165,9 @@ impl SortedRecords {
         Ok(())
     }
 
-    /// Adds a piece to a run, if it has at least `least` bytes.
-    fn put(&self, piece: &mut Vec<u8>, least: usize, run: &mut Run) -> Result<()> {
-        if piece.len() >= least {
+    /// Adds a piece to a run, if it has at least `min_bytes`.
+    fn put(&self, piece: &mut Vec<u8>, min_bytes: usize, run: &mut Run) -> Result<()> {
+        if piece.len() >= min_bytes {
             run.push(SortedRunPiece { extent: self.spool.put(&[piece])?, bytes: piece.len() });
             piece.clear();
         }

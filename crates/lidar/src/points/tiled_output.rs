@@ -1,6 +1,6 @@
 //! Writes records into a folder of files, one for each tile with points.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use terrane_options::Choice;
@@ -155,10 +155,8 @@ impl<'a> PointTileSplitter<'a> {
         })?;
         at.progress.end();
         let count = self.axes[0].reaches.len() * self.axes[1].reaches.len();
-        let ending = ending(self.options.packing);
         let all = FilledBuckets { buckets: &self.buckets, count, options: self.options };
-        let path = |square| folder.join(format!("{}.{ending}", self.name(square)));
-        all.write(flow.record, threads, path, at)
+        all.write(flow.record, threads, folder, |square| self.name(square), at)
     }
 
     fn take(&self, record: &[u8], copy: &mut Vec<u8>) -> Result<()> {
@@ -197,7 +195,7 @@ impl<'a> PointTileSplitter<'a> {
 }
 
 /// Extension of the files of a folder.
-pub(super) fn ending(packing: PointPacking) -> &'static str {
+fn ending(packing: PointPacking) -> &'static str {
     if packing == PointPacking::Plain { "las" } else { "laz" }
 }
 
@@ -210,23 +208,25 @@ pub(super) struct FilledBuckets<'a> {
 }
 
 impl FilledBuckets<'_> {
-    /// Writes a file for each bucket with records.
+    /// Writes a file for each bucket with records, under its name with the extension of the packing.
     pub(super) fn write(
         &self,
         record: usize,
         threads: usize,
-        path: impl Fn(usize) -> PathBuf + Sync,
+        folder: &Path,
+        name: impl Fn(usize) -> String + Sync,
         at: RunControl<'_>,
     ) -> Result<SplitFiles> {
         at.progress.begin("files", self.count as u64);
-        let mut written = SplitFiles::default();
+        let (ending, mut written) = (ending(self.options.packing), SplitFiles::default());
         workers::in_order(
             threads,
             self.count as u64,
             at.cancel,
             || (),
             |(), bucket| {
-                let file = self.file(bucket as usize, record, &path(bucket as usize))?;
+                let path = folder.join(format!("{}.{ending}", name(bucket as usize)));
+                let file = self.file(bucket as usize, record, &path)?;
                 at.progress.advance(1);
                 Ok(file)
             },

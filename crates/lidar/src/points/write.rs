@@ -9,9 +9,7 @@ use super::context::TranslateContext;
 use super::octree::{Octree, OctreePlacement};
 use super::split::{MAX_FILES, SplitColumn};
 use super::tile_subset::TileSubset;
-use super::tiled_output::{
-    self, FilledBuckets, PointTileSplitter, PointTiling, Spans, SplitFiles, ending,
-};
+use super::tiled_output::{self, FilledBuckets, PointTileSplitter, PointTiling, Spans, SplitFiles};
 use crate::records::{PointRecords, RecordPacker, total};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::write::{CloudWriteOptions, CloudWriter, PointPacking};
@@ -102,10 +100,14 @@ impl TranslateContext<'_> {
         let (flow, threads) = (self.shares.flow, self.shares.threads);
         let buckets = Buckets::new(self.folder(), MAX_FILES, self.shares.marks / 2);
         let names = split.distribute(records, flow, &buckets, self.at)?;
-        let ending = ending(self.options.packing);
         let all = FilledBuckets { buckets: &buckets, count: names.len(), options: &self.options };
-        let path = |number: usize| folder.inside().join(format!("{}.{ending}", names[number]));
-        let written = all.write(flow.record, threads, path, self.at)?;
+        let written = all.write(
+            flow.record,
+            threads,
+            folder.inside(),
+            |number| names[number].clone(),
+            self.at,
+        )?;
         folder.commit()?;
         Ok(written)
     }

@@ -55,7 +55,7 @@ pub(crate) struct RecordFlow {
     pub(crate) round: u64,
 }
 
-/// Units that are made together.
+/// Units that are produced together.
 enum RecordRound {
     /// These, by all threads.
     Many(std::ops::Range<usize>),
@@ -71,24 +71,24 @@ impl RecordFlow {
         at: RunControl<'_>,
         take: &mut Take<'_>,
     ) -> Result<()> {
-        let mut made = Vec::new();
+        let mut produced = Vec::new();
         for round in self.rounds(records) {
             at.cancel.check()?;
             match round {
                 RecordRound::Many(units) => {
                     let (taken, next) = rayon::join(
-                        || pass(&made, take),
+                        || pass(&produced, take),
                         || {
                             let units = units.clone().into_par_iter();
                             units.map(|unit| read_unit(records, unit, at)).collect::<Result<_>>()
                         },
                     );
                     taken?;
-                    made = next?;
+                    produced = next?;
                     at.progress.advance(units.map(|unit| records.unit(unit).points).sum());
                 }
                 RecordRound::Large(unit) => {
-                    pass(&std::mem::take(&mut made), take)?;
+                    pass(&std::mem::take(&mut produced), take)?;
                     report_unit(records, unit, at);
                     records.read(unit, &mut |bytes| {
                         at.cancel.check()?;
@@ -98,7 +98,7 @@ impl RecordFlow {
                 }
             }
         }
-        pass(&made, take)
+        pass(&produced, take)
     }
 
     fn rounds(self, records: &dyn PointRecords) -> Vec<RecordRound> {
@@ -122,8 +122,8 @@ impl RecordFlow {
     }
 }
 
-fn pass(made: &[Vec<u8>], take: &mut Take<'_>) -> Result<()> {
-    made.iter().try_for_each(|bytes| take(bytes))
+fn pass(produced: &[Vec<u8>], take: &mut Take<'_>) -> Result<()> {
+    produced.iter().try_for_each(|bytes| take(bytes))
 }
 
 fn report_unit(records: &dyn PointRecords, unit: usize, at: RunControl<'_>) {
@@ -145,10 +145,10 @@ fn read_unit(records: &dyn PointRecords, unit: usize, at: RunControl<'_>) -> Res
 
 /// The derived records, if there are any, or else these.
 pub(crate) fn over<'r>(
-    made: &'r Option<impl PointRecords>,
+    derived: &'r Option<impl PointRecords>,
     others: &'r dyn PointRecords,
 ) -> &'r dyn PointRecords {
-    made.as_ref().map_or(others, |made| made)
+    derived.as_ref().map_or(others, |derived| derived)
 }
 
 /// Upper bound of the number of records.

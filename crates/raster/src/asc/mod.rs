@@ -198,13 +198,16 @@ impl AscValueRange {
     /// The narrowest type that holds all values; decimals are read as `float32`, as in GDAL, unless out of
     /// range.
     fn sample_type(&self) -> SampleType {
-        let within = |low: f64, high: f64| low <= self.low && self.high <= high;
         match self.whole {
-            false if within(f32::MIN.into(), f32::MAX.into()) => SampleType::F32,
+            false if self.is_within(f32::MIN.into(), f32::MAX.into()) => SampleType::F32,
             false => SampleType::F64,
-            true if within(f64::from(i16::MIN), f64::from(i16::MAX)) => SampleType::I16,
+            true if self.is_within(i16::MIN.into(), i16::MAX.into()) => SampleType::I16,
             true => SampleType::I32,
         }
+    }
+
+    fn is_within(&self, low: f64, high: f64) -> bool {
+        low <= self.low && self.high <= high
     }
 }
 

@@ -59,8 +59,10 @@ impl PolygonEdgeIndex {
             match [edge.low[0], edge.high[0]] {
                 [a, b] if a.max(b) < west => {
                     // An edge includes its lower end and excludes its upper end.
-                    let within = |y: f64| if y > north { above } else { y.max(south) };
-                    ends.extend([edge.low, edge.high].map(|end| (edge.feature, within(end[1]))));
+                    ends.extend(
+                        [edge.low[1], edge.high[1]]
+                            .map(|y| (edge.feature, if y > north { above } else { y.max(south) })),
+                    );
                 }
                 [a, b] if a.min(b) > east => (),
                 _ => edges.push(edge),
@@ -69,11 +71,10 @@ impl PolygonEdgeIndex {
         ends.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
         let odd = ends.chunk_by(|a, b| a.0 == b.0 && a.1 == b.1).filter(|same| same.len() % 2 == 1);
         let odd: Vec<_> = odd.map(|same| same[0]).collect();
-        let upright = |pair: &[(u32, f64)]| {
+        edges.extend(odd.chunks_exact(2).map(|pair| {
             let [low, high] = [pair[0].1, pair[1].1].map(|y| [beside, y]);
             PolygonEdge { low, high, feature: pair[0].0 }
-        };
-        edges.extend(odd.chunks_exact(2).map(upright));
+        }));
         Self::of_edges(edges)
     }
 
@@ -134,14 +135,16 @@ impl PolygonEdgeIndex {
 }
 
 fn tops(edges: &[PolygonEdge]) -> Vec<Vec<f64>> {
-    let highest = |ends: &[f64]| ends.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let of_edges =
-        |block: &[PolygonEdge]| block.iter().map(|e| e.high[1]).fold(f64::NEG_INFINITY, f64::max);
-    let mut levels = vec![edges.chunks(BLOCK).map(of_edges).collect::<Vec<_>>()];
+    let blocks = edges.chunks(BLOCK).map(|block| maximum(block.iter().map(|edge| edge.high[1])));
+    let mut levels = vec![blocks.collect::<Vec<_>>()];
     while let Some(below) = levels.last().filter(|level| level.len() > 1) {
-        levels.push(below.chunks(BLOCK).map(highest).collect());
+        levels.push(below.chunks(BLOCK).map(|block| maximum(block.iter().copied())).collect());
     }
     levels
+}
+
+fn maximum(values: impl Iterator<Item = f64>) -> f64 {
+    values.fold(f64::NEG_INFINITY, f64::max)
 }
 
 /// Maximum number of `edges`, sorted by lower end, that overlap at one height.

@@ -29,7 +29,7 @@ pub(crate) fn clipped(
     open: impl FnOnce(&GridOpenOptions) -> Result<Box<dyn GridSource>>,
 ) -> Result<Box<dyn GridSource>> {
     let cache_bytes =
-        cache_beside(clip.memory_use(options.threads), options, ("polygons", &clip.path))?;
+        remaining_cache(options, clip.memory_use(options.threads), "polygons", &clip.path)?;
     let inner = open(&GridOpenOptions { cache_bytes, clip: None, ..options.clone() })?;
     let mut info = inner.info().clone();
     info.crs.check_same(&clip.crs, "polygons").map_err(|e| e.in_file(&clip.path))?;
@@ -45,19 +45,20 @@ pub(crate) fn clipped(
     }
 }
 
-/// Bytes left for the block cache besides `held` bytes of `what`, of a file.
-pub(crate) fn cache_beside(
-    held: u64,
+/// Bytes left for the block cache if `what`, from the file `path`, takes `bytes`.
+pub(crate) fn remaining_cache(
     options: &GridOpenOptions,
-    (what, path): (&str, &Path),
+    bytes: u64,
+    what: &str,
+    path: &Path,
 ) -> Result<usize> {
-    let too_large = || {
-        let mib = held.div_ceil(1 << 20);
+    let Some(remaining) = (options.cache_bytes as u64).checked_sub(bytes) else {
+        let mib = bytes.div_ceil(1 << 20);
         let message = format!("{what} take {mib} MiB, more than the memory available");
-        too_large_for_cache(message, held).or("simplify them with ‹terrane simplify›").in_file(path)
+        let error = too_large_for_cache(message, bytes).or("simplify them with ‹terrane simplify›");
+        return Err(error.in_file(path));
     };
-    let room = (options.cache_bytes as u64).checked_sub(held).ok_or_else(too_large)?;
-    Ok(usize::try_from(room).unwrap_or(usize::MAX))
+    Ok(usize::try_from(remaining).unwrap_or(usize::MAX))
 }
 
 impl Clipped {
@@ -67,11 +68,11 @@ impl Clipped {
 
     /// True if a sample of `rect` is inside.
     fn holds_any(&self, rect: Rect) -> bool {
-        let see = |_, inside: &[Labelled]| match inside {
+        let scan = self.scan(rect).rows(|_, inside: &[Labelled]| match inside {
             [] => ControlFlow::Continue(()),
             _ => ControlFlow::Break(()),
-        };
-        self.scan(rect).rows(see).is_break()
+        });
+        scan.is_break()
     }
 
     fn read<H: GridHeight>(&self, rect: Rect, out: &mut [H]) -> Result<()> {

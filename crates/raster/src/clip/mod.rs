@@ -14,7 +14,7 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 pub use areas::PolygonEdgeIndex;
-pub(crate) use layer::{cache_beside, clipped};
+pub(crate) use layer::{clipped, remaining_cache};
 pub(crate) use scan::{Labelled, PolygonScan, join};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, plane};
@@ -46,8 +46,10 @@ impl ClipRings {
     /// # Errors
     /// More than 2^32 features.
     pub fn begin_feature(&mut self) -> Result<()> {
-        let too_many = || Error::limit("number of polygons", "above 2^32", u32::MAX);
-        self.features = self.features.checked_add(1).ok_or_else(too_many)?;
+        self.features = self
+            .features
+            .checked_add(1)
+            .ok_or_else(|| Error::limit("number of polygons", "above 2^32", u32::MAX))?;
         Ok(())
     }
 
@@ -71,12 +73,11 @@ impl ClipRings {
         }
         let feature = self.features;
         let nexts = ring.iter().skip(1).chain(ring.first());
-        let edge = |(a, b): (&Xy, &Xy)| match is_lower(a, b) {
+        // A degenerate edge is a border of one position.
+        self.edges.extend(ring.iter().zip(nexts).map(|(a, b)| match is_lower(a, b) {
             true => PolygonEdge { low: *a, high: *b, feature },
             false => PolygonEdge { low: *b, high: *a, feature },
-        };
-        // A degenerate edge is a border of one position.
-        self.edges.extend(ring.iter().zip(nexts).map(edge));
+        }));
         Ok(())
     }
 }

@@ -78,49 +78,51 @@ impl<'a> PolygonScan<'a> {
         }
         self.turns.clear();
         for at in 0..self.active.len() {
-            self.look_at_edge(&edges[self.active[at] as usize], (row, y));
+            self.add_crossing(&edges[self.active[at] as usize], row, y);
         }
         self.turns.sort_unstable();
         for of_feature in self.turns.chunk_by(|a, b| a.0 == b.0) {
-            let end = |pair: &[(u32, u32)]| pair.get(1).map_or(self.rect.width, |turn| turn.1);
             let label = label(self.labels, of_feature[0].0);
-            let ranges = of_feature.chunks(2).map(|pair| (label, pair[0].1..end(pair)));
+            let ranges = of_feature.chunks(2).map(|pair| {
+                // Without a second crossing, the rest of the row is inside.
+                let end = pair.get(1).map_or(self.rect.width, |turn| turn.1);
+                (label, pair[0].1..end)
+            });
             self.inside.extend(ranges.filter(|(_, range)| !range.is_empty()));
         }
         join(&mut self.inside);
     }
 
     /// Records the crossing of an edge with a row at height `y`.
-    fn look_at_edge(&mut self, edge: &PolygonEdge, (row, y): (u32, f64)) {
+    fn add_crossing(&mut self, edge: &PolygonEdge, row: u32, y: f64) {
         let PolygonEdge { low, high, feature } = *edge;
         let border = if low[1] == high[1] {
-            self.columns((low[0], high[0]), row)
+            self.columns(low[0], high[0], row)
         } else if high[1] == y {
             // The end of an edge is the start of the next one; at a peak it belongs to none.
-            self.columns((high[0], high[0]), row)
+            self.columns(high[0], high[0], row)
         } else {
-            let (before, after) = self.crossing((low, high), (row, y));
-            if after < self.rect.width {
-                self.turns.push((feature, after));
+            let crossing = self.crossing(low, high, row, y);
+            if crossing.end < self.rect.width {
+                self.turns.push((feature, crossing.end));
             }
-            before..after
+            crossing
         };
         let label = label(self.labels, feature);
         self.inside.extend((!border.is_empty()).then_some((label, border)));
     }
 
-    /// The first column of a row that is not before a crossing edge, and the first one after it.
-    fn crossing(&self, (low, high): (Xy, Xy), (row, y): (u32, f64)) -> (u32, u32) {
+    /// The columns of a row, at `y`, that lie on a crossing edge; empty between two samples.
+    fn crossing(&self, low: Xy, high: Xy, row: u32, y: f64) -> Range<u32> {
         let x = low[0] + (y - low[1]) / (high[1] - low[1]) * (high[0] - low[0]);
         // Positions west of an upward edge are on its left.
         let before = if self.map.a > 0.0 { Ordering::Greater } else { Ordering::Less };
         let side = |col| plane::orient(low, high, self.position(col, row));
-        let first = self.seek(x, |col| side(col) == before);
-        (first, self.seek(x, |col| side(col) != before.reverse()))
+        self.seek(x, |col| side(col) == before)..self.seek(x, |col| side(col) != before.reverse())
     }
 
     /// The columns of a row from one x to another.
-    fn columns(&self, (west, east): (f64, f64), row: u32) -> Range<u32> {
+    fn columns(&self, west: f64, east: f64, row: u32) -> Range<u32> {
         let x = |col| self.position(col, row)[0];
         match self.map.a > 0.0 {
             true => self.seek(west, |col| x(col) < west)..self.seek(east, |col| x(col) <= east),

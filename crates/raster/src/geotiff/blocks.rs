@@ -310,7 +310,7 @@ impl GeoTiffBlocks {
     /// `part`.
     pub(super) fn read_raw(
         &self,
-        (bx, by): (u32, u32),
+        [bx, by]: [u32; 2],
         place: GeoTiffBlockExtent,
         part: Rect,
         file: &RawFile,
@@ -350,8 +350,9 @@ fn array_tags(directory: &GeoTiffDirectory<'_>, tiled: bool) -> (u16, u16) {
     let tiles = (tags::TILE_OFFSETS, tags::TILE_BYTE_COUNTS);
     let strips = (tags::STRIP_OFFSETS, tags::STRIP_BYTE_COUNTS);
     let (own, other) = if tiled { (tiles, strips) } else { (strips, tiles) };
-    let pick = |own, other| if directory.has(own) || !directory.has(other) { own } else { other };
-    (pick(own.0, other.0), pick(own.1, other.1))
+    let [offsets, counts] = [(own.0, other.0), (own.1, other.1)]
+        .map(|(own, other)| if directory.has(own) || !directory.has(other) { own } else { other });
+    (offsets, counts)
 }
 
 /// The first `bytes` bytes of `buffer`, which grows if necessary.

@@ -109,6 +109,12 @@ pub(super) enum DecompressionFault {
     Corrupt(String),
 }
 
+impl DecompressionFault {
+    fn corrupt(error: std::io::Error) -> Self {
+        Self::Corrupt(error.to_string())
+    }
+}
+
 /// Buffers and decoders of one thread, reused between blocks.
 pub(super) struct GeoTiffScratch {
     /// Compressed bytes.
@@ -203,15 +209,16 @@ impl BlockDecoders {
         packed: &[u8],
         out: &mut [u8],
     ) -> std::result::Result<usize, DecompressionFault> {
-        let corrupt = |e: std::io::Error| DecompressionFault::Corrupt(e.to_string());
         let decoder = match &mut self.zstd {
             Some(decoder) => decoder,
-            none => none.insert(zstd::bulk::Decompressor::new().map_err(corrupt)?),
+            none => {
+                none.insert(zstd::bulk::Decompressor::new().map_err(DecompressionFault::corrupt)?)
+            }
         };
         decoder.decompress_to_buffer(packed, out).map_err(|e| match e.to_string().as_str() {
             // The binding replaces zstd's error code by its name.
             "Destination buffer is too small" => DecompressionFault::TooLong,
-            _ => corrupt(e),
+            _ => DecompressionFault::corrupt(e),
         })
     }
     fn unlzw(

@@ -28,12 +28,15 @@ impl ByteOrder {
 
     /// The unsigned integer in up to 8 `bytes`.
     fn uint(self, bytes: &[u8]) -> u64 {
-        let shift = |value: u64, byte: &u8| value << 8 | u64::from(*byte);
         match self {
-            Self::Little => bytes.iter().rev().fold(0, shift),
-            Self::Big => bytes.iter().fold(0, shift),
+            Self::Little => bytes.iter().rev().fold(0, append_byte),
+            Self::Big => bytes.iter().fold(0, append_byte),
         }
     }
+}
+
+fn append_byte(value: u64, byte: &u8) -> u64 {
+    value << 8 | u64::from(*byte)
 }
 
 /// Type of the values of an entry.

@@ -49,10 +49,11 @@ impl GeoTiffImage {
             match self.blocks.place(bx, by, &self.file)? {
                 None => (0..part.height).for_each(|row| each(part, row, None)),
                 Some(place) if layout.is_read_by_rows() => {
-                    let each = |row, samples: &[u8]| each(part, row as u32, Some(samples));
-                    self.blocks.read_raw((bx, by), place, part, &self.file, each)?;
+                    self.blocks.read_raw([bx, by], place, part, &self.file, |row, samples| {
+                        each(part, row as u32, Some(samples));
+                    })?;
                 }
-                Some(place) => self.each_decoded((bx, by), place, part, cache, &mut each)?,
+                Some(place) => self.each_decoded([bx, by], place, part, cache, &mut each)?,
             }
         }
         Ok(())
@@ -60,14 +61,14 @@ impl GeoTiffImage {
 
     fn each_decoded(
         &self,
-        (bx, by): (u32, u32),
+        [bx, by]: [u32; 2],
         place: GeoTiffBlockExtent,
         part: Rect,
         cache: &BlockCache,
         each: &mut impl FnMut(Rect, u32, Option<&[u8]>),
     ) -> Result<()> {
-        let decode = || self.blocks.decode(bx, by, place, &self.file);
-        let samples = cache.get(self.key(bx, by), decode)?;
+        let samples =
+            cache.get(self.key(bx, by), || self.blocks.decode(bx, by, place, &self.file))?;
         let block = self.blocks.layout.block_rect(bx, by);
         let size = self.blocks.layout.sample_type.bytes();
         let pitch = self.blocks.layout.block_width as usize * size;

@@ -160,10 +160,7 @@ impl MosaicPoolState {
 
     /// Closes files until `files` more with `bytes` bytes fit, or none is left.
     fn evict(&mut self, files: usize, bytes: usize, max_files: usize, max_bytes: usize) {
-        let is_full = |state: &Self| {
-            state.order.len() + files > max_files || state.bytes.saturating_add(bytes) > max_bytes
-        };
-        while is_full(self) {
+        while self.order.len() + files > max_files || self.bytes.saturating_add(bytes) > max_bytes {
             let Some((_, oldest)) = self.order.pop_first() else { return };
             if let Some(MosaicPoolSlot::Ready { bytes, .. }) = self.slots.remove(&oldest) {
                 self.bytes -= bytes;

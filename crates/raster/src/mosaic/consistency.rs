@@ -2,7 +2,7 @@
 
 use crate::grid::GridInfo;
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Affine, Crs};
+use terrane_base::geom::Affine;
 use terrane_files::path_of;
 
 use super::layout::{GridShape, LatticeMisfit, SLACK};
@@ -23,14 +23,11 @@ pub(super) fn check(first: NamedGrid<'_>, other: NamedGrid<'_>) -> Result<()> {
     let scales = [first, other].map(|file| (file.info.scale, file.info.offset));
     if scales[0] != scales[1] {
         let [a, b] = scales.map(|(scale, offset)| format!("x {scale} + {offset}"));
-        let call = |name: &str| {
+        let commands = [first.name, other.name].map(|name| {
             format!("gdal_translate -unscale -ot Float32 {name} {}", renamed(name, "unscaled"))
-        };
-        return Err(differ(other.name, "scale and offset", &b, &a, first.name).remedy(format!(
-            "unscale both: {}; {}",
-            call(first.name),
-            call(other.name)
-        )));
+        });
+        return Err(differ(other.name, "scale and offset", &b, &a, first.name)
+            .remedy(format!("unscale both: {}", commands.join("; "))));
     }
     Ok(())
 }
@@ -60,11 +57,11 @@ fn check_crs(first: NamedGrid<'_>, other: NamedGrid<'_>) -> Result<()> {
     if a.agrees(b) {
         return Ok(());
     }
-    let target = |crs: &Crs| {
-        let vertical = crs.vertical_epsg.map(|code| format!("+{code}")).unwrap_or_default();
-        Some(format!("EPSG:{}{vertical}", crs.epsg?))
-    };
-    let remedy = match (target(a), !b.is_named()) {
+    let target = a.epsg.map(|code| {
+        let vertical = a.vertical_epsg.map(|code| format!("+{code}")).unwrap_or_default();
+        format!("EPSG:{code}{vertical}")
+    });
+    let remedy = match (target, !b.is_named()) {
         (Some(code), true) => {
             format!("declare the CRS if it is the same: gdal_edit.py -a_srs {code} {}", other.name)
         }
@@ -83,11 +80,12 @@ fn check_crs(first: NamedGrid<'_>, other: NamedGrid<'_>) -> Result<()> {
 
 /// Error of a file off the lattice of the first one.
 pub(super) fn misplaced(
-    (first, first_shape): (&str, &GridShape),
-    (other, shape): (&str, &GridShape),
+    first: &str,
+    first_shape: &GridShape,
+    other: &str,
+    shape: &GridShape,
     misfit: LatticeMisfit,
 ) -> Error {
-    let pair = |[x, y]: [f64; 2]| format!("{x} x {y}");
     let error = match misfit {
         LatticeMisfit::Cell(theirs, ours) => {
             differ(other, "cell size", &pair(theirs), &pair(ours), first)
@@ -95,19 +93,16 @@ pub(super) fn misplaced(
         LatticeMisfit::Rotation(theirs, ours) => {
             differ(other, "rotation of the transform", &pair(theirs), &pair(ours), first)
         }
-        LatticeMisfit::Offset([x, y]) => {
-            let origin = |shape: &GridShape| pair([shape.transform.x0, shape.transform.y0]);
-            Error::bad_input(format!(
-                "samples are {x:.6} x {y:.6} cells off the lattice of {first} (tolerance {SLACK}): first sample at {}, that of {first} at {}",
-                origin(shape),
-                origin(first_shape)
-            ))
-            .in_file(&path_of(other))
-        }
+        LatticeMisfit::Offset([x, y]) => Error::bad_input(format!(
+            "samples are {x:.6} x {y:.6} cells off the lattice of {first} (tolerance {SLACK}): first sample at {}, that of {first} at {}",
+            first_sample(shape),
+            first_sample(first_shape)
+        ))
+        .in_file(&path_of(other)),
         LatticeMisfit::Far => Error::bad_input(format!(
             "too far from {first} for one mosaic: first sample at {}, that of {first} at {}",
-            pair([shape.transform.x0, shape.transform.y0]),
-            pair([first_shape.transform.x0, first_shape.transform.y0])
+            first_sample(shape),
+            first_sample(first_shape)
         ))
         .in_file(&path_of(other)),
     };
@@ -115,6 +110,15 @@ pub(super) fn misplaced(
         LatticeMisfit::Far => "omit one of the files".to_owned(),
         _ => warp(&first_shape.transform, other, shape),
     })
+}
+
+fn pair([x, y]: [f64; 2]) -> String {
+    format!("{x} x {y}")
+}
+
+/// Coordinates of the first sample.
+fn first_sample(shape: &GridShape) -> String {
+    pair([shape.transform.x0, shape.transform.y0])
 }
 
 /// The gdalwarp command that aligns `shape` with the lattice of `target`.
@@ -132,10 +136,10 @@ fn warp(target: &Affine, name: &str, shape: &GridShape) -> String {
         // Corners of cells lie half a cell before the samples.
         target.invert(x, y).map(|v| v + 0.5)
     });
-    let low = |axis: usize| at.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min).floor() - 0.5;
+    let low = [0, 1].map(|axis| at.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min).floor());
     let high =
-        |axis: usize| at.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max).ceil() - 0.5;
-    let ends = [target.apply(low(0), low(1)), target.apply(high(0), high(1))];
+        [0, 1].map(|axis| at.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max).ceil());
+    let ends = [low, high].map(|[col, row]| target.apply(col - 0.5, row - 0.5));
     let [west, south] = [0, 1].map(|axis| ends[0][axis].min(ends[1][axis]));
     let [east, north] = [0, 1].map(|axis| ends[0][axis].max(ends[1][axis]));
     format!(
@@ -161,6 +165,7 @@ fn renamed(name: &str, word: &str) -> String {
 mod tests {
     use super::*;
     use crate::SampleType;
+    use terrane_base::geom::Crs;
 
     fn info() -> GridInfo {
         let crs = Crs { epsg: Some(32_631), ..Crs::default() };
@@ -214,7 +219,7 @@ mod tests {
         let map = |x0, y0, cell| Affine { x0, a: cell, b: 0.0, y0, d: 0.0, e: -cell };
         let first = GridShape { transform: map(5.0, -5.0, 10.0), width: 10, height: 10 };
         let other = GridShape { transform: map(108.0, -5.0, 10.0), width: 10, height: 10 };
-        let error = misplaced(("a", &first), ("b.tif", &other), LatticeMisfit::Offset([0.3, 0.0]));
+        let error = misplaced("a", &first, "b.tif", &other, LatticeMisfit::Offset([0.3, 0.0]));
         let text = error.to_string();
         assert!(
             text.contains("samples are 0.300000 x 0.000000 cells off the lattice of a"),

@@ -169,21 +169,30 @@ fn open_file(
     nodata: Option<f64>,
 ) -> Result<(OpenMosaicFile, GridInfo)> {
     let pool = &family.pool;
-    let with = |cache_bytes| {
-        let temp_dir = family.temp_dir.clone();
-        let colours = family.colours;
-        let alone = GridOpenOptions { threads: 1, colours, ..GridOpenOptions::default() };
-        let options = GridOpenOptions { band, nodata, cache_bytes, temp_dir, ..alone };
-        let grid = open(name, &options)?;
-        let info = grid.info().clone();
-        let bytes = block_bytes(&info).min(cache_bytes as u64) as usize;
-        Ok((OpenMosaicFile { grid: grid.into(), bytes }, info))
+    let options = GridOpenOptions {
+        band,
+        nodata,
+        cache_bytes: pool.share(),
+        temp_dir: family.temp_dir.clone(),
+        threads: 1,
+        colours: family.colours,
+        ..GridOpenOptions::default()
     };
-    let opened: Result<_> = with(pool.share()).or_else(|e: Error| match e.kind() {
-        ErrorKind::Resource => with(pool.max_bytes()),
+    let opened = open_with(name, &options).or_else(|e| match e.kind() {
+        ErrorKind::Resource => {
+            open_with(name, &GridOpenOptions { cache_bytes: pool.max_bytes(), ..options })
+        }
         _ => Err(e),
     });
     opened.map_err(|e| e.in_file(&path_of(file_name(name))))
+}
+
+/// Opens a file and counts the blocks that its cache holds.
+fn open_with(name: &str, options: &GridOpenOptions) -> Result<(OpenMosaicFile, GridInfo)> {
+    let grid = open(name, options)?;
+    let info = grid.info().clone();
+    let bytes = block_bytes(&info).min(options.cache_bytes as u64) as usize;
+    Ok((OpenMosaicFile { grid: grid.into(), bytes }, info))
 }
 
 /// Error of a file that changed while the mosaic was open.
@@ -195,9 +204,9 @@ fn changed(name: &str) -> Error {
 
 /// Total size of all decoded blocks of a file in bytes.
 fn block_bytes(info: &GridInfo) -> u64 {
-    let blocks =
-        |size: u32, block: u32| u64::from(size.div_ceil(block.max(1))) * u64::from(block.max(1));
-    let samples =
-        blocks(info.width, info.block.0).saturating_mul(blocks(info.height, info.block.1));
+    // Blocks at the border are decoded as a whole.
+    let [cols, rows] = [(info.width, info.block.0), (info.height, info.block.1)]
+        .map(|(size, block)| u64::from(size.div_ceil(block.max(1))) * u64::from(block.max(1)));
+    let samples = cols.saturating_mul(rows);
     samples.saturating_mul(info.sample_type.bytes() as u64).saturating_mul(info.bands.max(1).into())
 }

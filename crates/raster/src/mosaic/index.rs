@@ -47,11 +47,12 @@ impl MosaicRTree {
     pub(super) fn new(rects: &[Rect]) -> Self {
         let bounds: Vec<MosaicTreeBox> = rects.iter().map(MosaicTreeBox::of).collect();
         let mut ids: Vec<u32> = (0..rects.len() as u32).collect();
-        let middle = |id: &u32, axis| bounds[*id as usize].middle(axis);
-        ids.sort_unstable_by_key(|id| (middle(id, 1), *id));
+        ids.sort_unstable_by_key(|id| (bounds[*id as usize].middle(1), *id));
         let leaves = rects.len().div_ceil(FANOUT);
         let band = FANOUT * (leaves as f64).sqrt().ceil().max(1.0) as usize;
-        ids.chunks_mut(band).for_each(|b| b.sort_unstable_by_key(|id| (middle(id, 0), *id)));
+        for band in ids.chunks_mut(band) {
+            band.sort_unstable_by_key(|id| (bounds[*id as usize].middle(0), *id));
+        }
         let mut levels = vec![ids.iter().map(|id| bounds[*id as usize]).collect::<Vec<_>>()];
         while let Some(below) = levels.last().filter(|level| level.len() > 1) {
             levels.push(below.chunks(FANOUT).map(MosaicTreeBox::around).collect());

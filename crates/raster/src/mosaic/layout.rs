@@ -57,11 +57,11 @@ pub(super) fn lay_out(
         }
     }
     let low = [0, 1].map(|axis| places.iter().map(|p| p[axis]).min().unwrap_or(0));
-    let side = |axis: usize, size: fn(&GridShape) -> u32| {
-        let ends = places.iter().zip(shapes).map(|(p, s)| p[axis] + i64::from(size(s)));
-        (ends.max().unwrap_or(0) - low[axis]) as u64
-    };
-    let (width, height) = (side(0, |s| s.width), side(1, |s| s.height));
+    let ends = places.iter().zip(shapes);
+    let ends = ends.map(|(p, s)| [p[0] + i64::from(s.width), p[1] + i64::from(s.height)]);
+    let [width, height] = ends
+        .reduce(|a, b| [a[0].max(b[0]), a[1].max(b[1])])
+        .map_or([0; 2], |high| [0, 1].map(|axis| (high[axis] - low[axis]) as u64));
     limits::check("number of columns of the mosaic", width, limits::MAX_SIDE)?;
     limits::check("number of rows of the mosaic", height, limits::MAX_SIDE)?;
     Ok(Ok(MosaicLayout {
@@ -95,11 +95,11 @@ fn check_steps(first: &Affine, shape: &GridShape) -> std::result::Result<(), Lat
     let map = &shape.transform;
     let (right, down) = (step_of(first, map.a, map.d), step_of(first, map.b, map.e));
     let (cols, rows) = (f64::from(shape.width), f64::from(shape.height));
-    let drift = |value: f64, expected: f64, count: f64| (value - expected).abs() * count;
-    if !(drift(right[1], 0.0, cols) <= SLACK && drift(down[0], 0.0, rows) <= SLACK) {
+    // Negated, so that NaN is a misfit.
+    if !(right[1].abs() * cols <= SLACK && down[0].abs() * rows <= SLACK) {
         return Err(LatticeMisfit::Rotation([map.b, map.d], [first.b, first.d]));
     }
-    if !(drift(right[0], 1.0, cols) <= SLACK && drift(down[1], 1.0, rows) <= SLACK) {
+    if !((right[0] - 1.0).abs() * cols <= SLACK && (down[1] - 1.0).abs() * rows <= SLACK) {
         return Err(LatticeMisfit::Cell([map.a, map.e], [first.a, first.e]));
     }
     Ok(())
@@ -120,9 +120,9 @@ fn origin(shapes: &[GridShape], places: &[[i64; 2]], low: [i64; 2]) -> Affine {
         return shifted;
     }
     // An origin computed from the first grid is off by the rounding of its header, times the distance.
-    let at = |axis: usize| places.iter().position(|p| p[axis] == low[axis]);
-    let x0 = at(0).map_or(shifted.x0, |i| shapes[i].transform.x0);
-    let y0 = at(1).map_or(shifted.y0, |i| shapes[i].transform.y0);
+    let [west, north] = [0, 1].map(|axis| places.iter().position(|p| p[axis] == low[axis]));
+    let x0 = west.map_or(shifted.x0, |i| shapes[i].transform.x0);
+    let y0 = north.map_or(shifted.y0, |i| shapes[i].transform.y0);
     Affine { x0, y0, ..shifted }
 }
 

@@ -92,8 +92,8 @@ impl From<&String> for Inputs {
 impl From<&Path> for Inputs {
     fn from(path: &Path) -> Self {
         // A name that must be text and is not names no file.
-        let lossy = |_| path.to_string_lossy().into_owned();
-        Self::from(name_of(path.to_owned()).unwrap_or_else(lossy))
+        let name = name_of(path.to_owned());
+        Self::from(name.unwrap_or_else(|_| path.to_string_lossy().into_owned()))
     }
 }
 
@@ -152,15 +152,13 @@ pub fn files_below(inputs: &[String]) -> Result<Vec<String>> {
 
 /// True for names that only grids have: not lists, archives of unknown content, raw headers or hidden files.
 fn is_grid_name(path: &Path) -> bool {
-    let ending = |path: &Path| {
-        path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
-    };
+    let extension =
+        path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
-    let last = ending(path);
-    if hidden || AMBIGUOUS_ENDINGS.contains(&last.as_str()) || raw::is_header_name(path) {
+    if hidden || AMBIGUOUS_ENDINGS.contains(&extension.as_str()) || raw::is_header_name(path) {
         return false;
     }
-    if PACKED_ENDINGS.contains(&last.as_str()) {
+    if PACKED_ENDINGS.contains(&extension.as_str()) {
         return is_grid_name(&path.with_extension(""));
     }
     by_extension(FORMATS, path).is_some()

@@ -162,19 +162,19 @@ impl GridSource for Mosaic {
     reads_alike!();
 
     fn block_bytes(&self) -> u64 {
-        let of = |part: &MosaicPart| match &part.source {
+        let bytes = self.parts.iter().map(|part| match &part.source {
             MosaicSource::Nested { grid, .. } => grid.block_bytes(),
             MosaicSource::File(file) => file.block_bytes,
-        };
-        self.parts.iter().map(of).max().unwrap_or(0)
+        });
+        bytes.max().unwrap_or(0)
     }
 
     fn members(&self) -> Vec<PathBuf> {
-        let of = |part: &MosaicPart| match &part.source {
+        let members = self.parts.iter().flat_map(|part| match &part.source {
             MosaicSource::Nested { grid, path } => [vec![path.clone()], grid.members()].concat(),
             MosaicSource::File(file) => vec![path_of(file.name()).into_owned()],
-        };
-        let mut members: Vec<PathBuf> = self.parts.iter().flat_map(of).collect();
+        });
+        let mut members: Vec<PathBuf> = members.collect();
         members.sort();
         members.dedup();
         members

@@ -58,28 +58,38 @@ fn nothing() -> Error {
     Error::usage("no input").remedy("pass a grid file")
 }
 
+/// Finds a file and checks that it agrees with the first one, if that could be opened.
+fn member(
+    name: &str,
+    first: Option<NamedGrid<'_>>,
+    options: &GridOpenOptions,
+    nest: &MosaicNesting,
+) -> Result<MosaicMember> {
+    let entry = find(name, options.band, options.nodata, nest)?;
+    if let Some(first) = first {
+        consistency::check(first, NamedGrid { name, info: &entry.info })?;
+    }
+    Ok(MosaicMember::of(entry))
+}
+
 fn mosaic(names: &[String], options: &GridOpenOptions) -> Result<Mosaic> {
     let family = MosaicFamily::new(names.len(), options);
     family.count_members(names.len() as u64)?;
     let nest = MosaicNesting { family, around: Vec::new() };
-    let look = |name: &str| find(name, options.band, options.nodata, &nest);
-    let first = look(&names[0]).and_then(|found| match found.info.georeferenced {
-        true => Ok(found),
+    let first = find(&names[0], options.band, options.nodata, &nest);
+    let first = first.and_then(|grid| match grid.info.georeferenced {
+        true => Ok(grid),
         false => Err(consistency::nowhere(&names[0])),
     });
     let info = first.as_ref().ok().map(|first| first.info.clone());
-    let member = |name: &String| {
-        let found = look(name)?;
-        if let Some(info) = &info {
-            let reference = NamedGrid { name: &names[0], info };
-            consistency::check(reference, NamedGrid { name, info: &found.info })?;
-        }
-        Ok(MosaicMember::of(found))
-    };
-    let rest = || Ok(names[1..].par_iter().map(member).collect::<Vec<Result<MosaicMember>>>());
-    let mut looked = vec![first.map(MosaicMember::of)];
-    looked.extend(on_threads(options.threads.min(names.len() - 1), rest)?);
-    let members = all(looked)?;
+    let reference = info.as_ref().map(|info| NamedGrid { name: &names[0], info });
+    // A failure of the first file does not end the search: `all` reports all failures together.
+    let mut members = vec![first.map(MosaicMember::of)];
+    members.extend(on_threads(options.threads.min(names.len() - 1), || {
+        let rest = names[1..].par_iter();
+        Ok(rest.map(|name| member(name, reference, options, &nest)).collect::<Vec<_>>())
+    })?);
+    let members = all(members)?;
     let info = info.ok_or_else(nothing)?;
     let unit = unit(names, &members)?;
     let layout = laid_out(names, &members)?;
@@ -101,7 +111,7 @@ fn unit(names: &[String], members: &[MosaicMember]) -> Result<Option<String>> {
 fn laid_out(names: &[String], members: &[MosaicMember]) -> Result<MosaicLayout> {
     let shapes: Vec<GridShape> = members.iter().map(|member| member.shape).collect();
     lay_out(&shapes).map_err(|e| e.in_file(&path_of(&names[0])))?.map_err(|(i, misfit)| {
-        consistency::misplaced((&names[0], &shapes[0]), (&names[i], &shapes[i]), misfit)
+        consistency::misplaced(&names[0], &shapes[0], &names[i], &shapes[i], misfit)
     })
 }
 
@@ -134,14 +144,15 @@ fn describe(
 
 fn parts(members: Vec<MosaicMember>, layout: &MosaicLayout, info: &GridInfo) -> Vec<MosaicPart> {
     let placed = members.into_iter().zip(&layout.places);
-    let part = |(member, place): (MosaicMember, &[u32; 2])| MosaicPart {
-        recode: recode(member.nodata, info),
-        source: member.source,
-        rect: Rect::new(place[0], place[1], member.shape.width, member.shape.height),
-        from: [0, 0],
-        transparent: true,
-    };
-    placed.map(part).collect()
+    placed
+        .map(|(member, place)| MosaicPart {
+            recode: recode(member.nodata, info),
+            source: member.source,
+            rect: Rect::new(place[0], place[1], member.shape.width, member.shape.height),
+            from: [0, 0],
+            transparent: true,
+        })
+        .collect()
 }
 
 /// The nodata value of the mosaic: the common declared one, or else the first candidate that is not a terrain
@@ -152,8 +163,9 @@ fn nodata(members: &[MosaicMember], kind: SampleType) -> Option<f64> {
         [] => None,
         [only] if members.iter().all(|member| member.nodata.is_some()) => Some(*only),
         all => {
-            let is_usable = |v: &f64| is_no_height(*v) && stored_nodata(kind, *v).is_some();
-            Some(all.iter().copied().find(is_usable).unwrap_or(last_resort(kind)))
+            let mut all = all.iter().copied();
+            let usable = all.find(|v| is_no_height(*v) && stored_nodata(kind, *v).is_some());
+            Some(usable.unwrap_or(last_resort(kind)))
         }
     }
 }
@@ -186,8 +198,7 @@ fn recode(own: Option<f64>, info: &GridInfo) -> Option<HeightRecoding> {
     let nodata = info.nodata.filter(|value| own.is_none() && is_no_height(*value))?;
     let (low, high) = void_range(info.sample_type, nodata)?;
     // Heights of all files have the same scale.
-    let height = |stored: f64| stored * info.scale + info.offset;
-    let (low, high) = (height(low), height(high));
+    let [low, high] = [low, high].map(|stored| stored * info.scale + info.offset);
     Some(HeightRecoding { void: Some((low.min(high), low.max(high))), ..HeightRecoding::NONE })
 }
 

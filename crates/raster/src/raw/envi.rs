@@ -129,11 +129,12 @@ impl MapInfo {
         let [projection, col, row, x, y, dx, dy, rest @ ..] = items.as_slice() else {
             return Err(Error::bad_input("map info has fewer than 7 items"));
         };
-        let place = |value: &str| number("map info", value);
-        let (col, row, dx, dy) = (place(col)?, place(row)?, place(dx)?, place(dy)?);
+        let numbers = [col, row, dx, dy, x, y].map(|value| number("map info", value));
+        let [col, row, dx, dy, x, y] = numbers;
+        let (col, row, dx, dy) = (col?, row?, dx?, dy?);
         // The reference pixel counts from 1 at the outer corner of the first sample.
-        let west = place(x)? - (col - 1.0) * dx;
-        let north = place(y)? + (row - 1.0) * dy;
+        let west = x? - (col - 1.0) * dx;
+        let north = y? + (row - 1.0) * dy;
         let transform = Affine::from_gdal([west, dx, 0.0, north, 0.0, -dy]);
         if dx <= 0.0 || dy <= 0.0 || !transform.is_valid() {
             return Err(Error::bad_input("invalid cell size or position in map info"));
@@ -150,17 +151,31 @@ fn check_rotation(items: &[&str]) -> Result<()> {
     if rotated { Err(Error::unsupported("rotated ENVI map info is not supported")) } else { Ok(()) }
 }
 
+/// EPSG codes of a datum: that of its geographic CRS, and those of its UTM zones less the zone; 0 if it has none.
+struct DatumCodes {
+    geographic: u32,
+    utm_north: u32,
+    utm_south: u32,
+}
+
+impl DatumCodes {
+    /// The codes of a datum that `map info` names.
+    fn of(name: &str) -> Option<Self> {
+        let (geographic, utm_north, utm_south) = match name.to_ascii_lowercase().as_str() {
+            "wgs-84" | "wgs84" | "wgs 84" => (4326, 32600, 32700),
+            "north america 1983" | "nad83" => (4269, 26900, 0),
+            "north america 1927" | "nad27" => (4267, 26700, 0),
+            _ => return None,
+        };
+        Some(Self { geographic, utm_north, utm_south })
+    }
+}
+
 /// CRS named by `map info` alone.
 fn crs(projection: &str, rest: &[&str]) -> Crs {
-    let datum = |name: &&&str| !name.contains('=') && name.parse::<f64>().is_err();
-    let named = |datum: Option<&&str>| match datum.map(|d| d.to_ascii_lowercase()).as_deref() {
-        Some("wgs-84" | "wgs84" | "wgs 84") => Some((4326, 32600, 32700)),
-        Some("north america 1983" | "nad83") => Some((4269, 26900, 0)),
-        Some("north america 1927" | "nad27") => Some((4267, 26700, 0)),
-        _ => None,
-    };
     if projection.to_ascii_lowercase().starts_with("geographic") {
-        let epsg = named(rest.iter().find(datum)).map(|codes| codes.0);
+        let datum = rest.iter().find(|item| !item.contains('=') && item.parse::<f64>().is_err());
+        let epsg = datum.and_then(|name| DatumCodes::of(name)).map(|codes| codes.geographic);
         let citation = Some(projection.to_owned());
         return Crs { epsg, citation, geographic: Some(true), ..Crs::default() };
     }
@@ -168,8 +183,11 @@ fn crs(projection: &str, rest: &[&str]) -> Crs {
     if !projection.eq_ignore_ascii_case("utm") {
         return Crs { citation: Some(projection.to_owned()), ..Crs::default() };
     }
-    let base = named(rest.get(2))
-        .map(|codes| if half.eq_ignore_ascii_case("south") { codes.2 } else { codes.1 });
+    let base = rest.get(2).and_then(|name| DatumCodes::of(name));
+    let base = base.map(|codes| match half.eq_ignore_ascii_case("south") {
+        true => codes.utm_south,
+        false => codes.utm_north,
+    });
     let number = zone.parse().ok().filter(|zone: &u32| (1..=60).contains(zone));
     let epsg = base.filter(|base| *base > 0).zip(number).map(|(base, zone)| base + zone);
     let citation = Some(format!("UTM zone {zone} {half}"));

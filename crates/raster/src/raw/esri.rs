@@ -13,11 +13,11 @@ struct EsriHeaderValues<'a>(HashMap<String, &'a str>);
 
 impl<'a> EsriHeaderValues<'a> {
     fn of(text: &'a str) -> Result<Self> {
-        let pair = |line: &'a str| {
+        let pairs = text.lines().filter_map(|line| {
             let mut words = line.split_whitespace();
             Some((words.next()?.to_lowercase(), words.next()?))
-        };
-        once(text.lines().filter_map(pair)).map(Self)
+        });
+        once(pairs).map(Self)
     }
 
     /// The value of the first of `keys` that is present, with the key.

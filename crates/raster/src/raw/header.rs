@@ -142,12 +142,14 @@ pub(super) fn count(key: &str, value: &str, most: u64) -> Result<u32> {
 
 /// An integer of a header, also in decimal notation ("20.0").
 pub(super) fn whole(key: &str, value: &str) -> Result<u64> {
-    let bad = || Error::bad_input(format!("{key} is {value:?}, expected an integer"));
-    value.parse().or_else(|_| {
-        let number: f64 = value.parse().map_err(|_| bad())?;
-        let is_whole = number >= 0.0 && number.fract() == 0.0 && number < 1e15;
-        if is_whole { Ok(number as u64) } else { Err(bad()) }
-    })
+    if let Ok(integer) = value.parse() {
+        return Ok(integer);
+    }
+    match value.parse::<f64>() {
+        // Below 1e15 the conversion is exact.
+        Ok(number) if number >= 0.0 && number.fract() == 0.0 && number < 1e15 => Ok(number as u64),
+        _ => Err(Error::bad_input(format!("{key} is {value:?}, expected an integer"))),
+    }
 }
 
 /// Values by key; conflicting duplicates are rejected, because programs disagree on which one applies.

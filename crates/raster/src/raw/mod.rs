@@ -103,8 +103,8 @@ pub(super) fn header_beside(path: &Path) -> Option<PathBuf> {
 fn is_header(path: &Path) -> Error {
     let stem = path.with_extension("");
     let endings = ["bil", "flt", "bip", "bsq", "dat", "img", "raw", "bin", "dem"].iter();
-    let upper = |e: &&str| [(*e).to_owned(), e.to_uppercase()];
-    let mut names = endings.flat_map(upper).map(|e| stem.with_extension(e)).chain([stem.clone()]);
+    let endings = endings.flat_map(|ending| [(*ending).to_owned(), ending.to_uppercase()]);
+    let mut names = endings.map(|ending| stem.with_extension(ending)).chain([stem.clone()]);
     let remedy = match names.find(|data| data.is_file()) {
         Some(data) => format!("open {}", data.display()),
         None => format!("open the data file beside it ({}.bil, .flt, ...)", stem.display()),

@@ -101,22 +101,20 @@ impl TiledTiffHeader {
         let layout = &self.layout;
         let (bits, format) = sample_tags(layout.sample_type);
         let (count, step) = (layout.tiles(), layout.tile_bytes());
-        let short = |value| TiffTagValues::Short(vec![value]);
-        let long = |value| TiffTagValues::Long(vec![value]);
         let mut tags = vec![
-            (tag::WIDTH, long(layout.width)),
-            (tag::HEIGHT, long(layout.height)),
-            (tag::BITS, short(bits)),
-            (tag::COMPRESSION, short(1)),
-            (tag::PHOTOMETRIC, short(1)),
-            (tag::SAMPLES_PER_PIXEL, short(1)),
-            (tag::PLANAR, short(1)),
+            (tag::WIDTH, TiffTagValues::long(layout.width)),
+            (tag::HEIGHT, TiffTagValues::long(layout.height)),
+            (tag::BITS, TiffTagValues::short(bits)),
+            (tag::COMPRESSION, TiffTagValues::short(1)),
+            (tag::PHOTOMETRIC, TiffTagValues::short(1)),
+            (tag::SAMPLES_PER_PIXEL, TiffTagValues::short(1)),
+            (tag::PLANAR, TiffTagValues::short(1)),
             (tag::SOFTWARE, TiffTagValues::Ascii(MARK.to_owned())),
-            (tag::TILE_WIDTH, long(layout.tile_width)),
-            (tag::TILE_HEIGHT, long(layout.tile_height)),
+            (tag::TILE_WIDTH, TiffTagValues::long(layout.tile_width)),
+            (tag::TILE_HEIGHT, TiffTagValues::long(layout.tile_height)),
             (tag::TILE_OFFSETS, TiffTagValues::Table { count, first: data, step }),
             (tag::TILE_BYTES, TiffTagValues::Table { count, first: step, step: 0 }),
-            (tag::SAMPLE_FORMAT, short(format)),
+            (tag::SAMPLE_FORMAT, TiffTagValues::short(format)),
         ];
         tags.extend(self.position.tags(self.keys.is_point()));
         tags.extend(self.keys.tags());

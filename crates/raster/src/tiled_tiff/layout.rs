@@ -34,8 +34,9 @@ impl TiledTiffLayout {
         if width == 0 || height == 0 {
             return Err(Error::usage("grid has no samples"));
         }
-        let fit = |length: u32| side.min(length.next_multiple_of(SIDE_STEP));
-        let (tile_width, tile_height) = (fit(width.min(side)), fit(height.min(side)));
+        // The minimum comes first: the next multiple of a large length would overflow.
+        let [tile_width, tile_height] =
+            [width, height].map(|length| side.min(length.min(side).next_multiple_of(SIDE_STEP)));
         let layout = Self { width, height, tile_width, tile_height, sample_type };
         layout.check()?;
         Ok(layout)
@@ -46,9 +47,10 @@ impl TiledTiffLayout {
         limits::check("width", u64::from(self.width), limits::MAX_SIDE)?;
         limits::check("height", u64::from(self.height), limits::MAX_SIDE)?;
         let largest = TILE_SIDES.last().copied().unwrap_or(DEFAULT_TILE);
-        let sound = |side: u32| (1..=largest).contains(&side) && side.is_multiple_of(SIDE_STEP);
-        let empty = self.width == 0 || self.height == 0;
-        if empty || !sound(self.tile_width) || !sound(self.tile_height) {
+        let are_sides_valid = [self.tile_width, self.tile_height]
+            .iter()
+            .all(|side| (1..=largest).contains(side) && side.is_multiple_of(SIDE_STEP));
+        if self.width == 0 || self.height == 0 || !are_sides_valid {
             return Err(Error::new(ErrorKind::BadInput, "invalid layout of a store"));
         }
         limits::check("number of tiles", self.tiles(), limits::MAX_BLOCKS)

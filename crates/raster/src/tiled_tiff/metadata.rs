@@ -172,8 +172,9 @@ fn escape(text: &str) -> String {
 }
 
 fn unescape(text: &str) -> String {
-    let back = |text: String, (plain, name): &(char, &str)| text.replace(name, &plain.to_string());
-    ESCAPES.iter().rev().fold(text.to_owned(), back)
+    // "&amp;" last: "&amp;lt;" stands for "&lt;" and not for "<".
+    let escapes = ESCAPES.iter().rev();
+    escapes.fold(text.to_owned(), |text, (plain, name)| text.replace(name, &plain.to_string()))
 }
 
 /// The shortest text that round-trips, in GDAL's notation ("-9999", "nan").

@@ -23,12 +23,13 @@ const CHOOSE_TYPE: &str = "choose a wider type with ‹type›";
 const ROUND: &str = "pass ‹round› to store the nearest value, or choose another type with ‹type›";
 
 impl SampleMisfit {
-    /// The error, for a run that begins at (`col`, `row`).
+    /// The error, for a run that begins at column `col` of row `row`.
     pub(super) fn error(
         self,
         sample_type: SampleType,
         nodata: Option<f64>,
-        (col, row): (u32, u32),
+        col: u32,
+        row: u32,
     ) -> Error {
         let name = sample_type.name();
         let (at, message, remedy) = match (self, nodata) {

@@ -93,19 +93,18 @@ fn read_tag(
     length: u64,
     entry: &[u8],
 ) -> io::Result<Option<(u16, TiffTagValues)>> {
-    let number = |range: Range<usize>| {
+    let [tag, kind, count, place] = [0..2, 2..4, 4..12, 12..20].map(|range| {
         let bytes = entry.get(range).unwrap_or_default();
         bytes.iter().rev().fold(0_u64, |sum, byte| sum << 8 | u64::from(*byte))
-    };
-    let (tag, kind, count, place) = (number(0..2), number(2..4), number(4..12), number(12..20));
+    });
     let (tag, kind) = (tag as u16, kind as u16);
     if [tag::TILE_OFFSETS, tag::TILE_BYTES].contains(&tag) {
         // Not read: they have an entry for each tile, which follows from the layout.
         return Ok(Some((tag, TiffTagValues::Table { count, first: 0, step: 0 })));
     }
     let size = value_bytes(kind).and_then(|size| size.checked_mul(count));
-    let most = limits::MAX_HEADER_BYTES.min(length);
-    let Some(size) = size.filter(|size| *size <= most) else { return Ok(None) };
+    let max_bytes = limits::MAX_HEADER_BYTES.min(length);
+    let Some(size) = size.filter(|size| *size <= max_bytes) else { return Ok(None) };
     let mut bytes = entry.get(12..).unwrap_or_default().to_vec();
     bytes.resize(size as usize, 0);
     if size > 8 && !read_inside(file, place, length, &mut bytes)? {
@@ -126,48 +125,63 @@ fn read_inside(file: &mut File, place: u64, length: u64, bytes: &mut [u8]) -> io
 
 /// The metadata in the tags of a store; `None` if one is missing or invalid.
 fn parse(tags: &[(u16, TiffTagValues)]) -> Option<TiledTiffHeader> {
-    let get = |tag| tags.iter().find(|(found, _)| *found == tag).map(|(_, values)| values);
-    let long = |tag| match get(tag) {
-        Some(TiffTagValues::Long(values)) => values.first().copied(),
-        _ => None,
-    };
-    let short = |tag| match get(tag) {
-        Some(TiffTagValues::Short(values)) => values.clone(),
-        _ => Vec::new(),
-    };
-    let doubles = |tag| match get(tag) {
-        Some(TiffTagValues::Double(values)) => values.clone(),
-        _ => Vec::new(),
-    };
-    let text = |tag| match get(tag) {
-        Some(TiffTagValues::Ascii(text)) => Some(text.clone()),
-        _ => None,
-    };
-    if text(tag::SOFTWARE)? != MARK {
+    if text(tags, tag::SOFTWARE)? != MARK {
         return None;
     }
-    let (bits, format) = (short(tag::BITS), short(tag::SAMPLE_FORMAT));
+    let (bits, format) = (shorts(tags, tag::BITS), shorts(tags, tag::SAMPLE_FORMAT));
     let layout = TiledTiffLayout {
-        width: long(tag::WIDTH)?,
-        height: long(tag::HEIGHT)?,
-        tile_width: long(tag::TILE_WIDTH)?,
-        tile_height: long(tag::TILE_HEIGHT)?,
+        width: long(tags, tag::WIDTH)?,
+        height: long(tags, tag::HEIGHT)?,
+        tile_width: long(tags, tag::TILE_WIDTH)?,
+        tile_height: long(tags, tag::TILE_HEIGHT)?,
         sample_type: sample_type(*bits.first()?, *format.first()?)?,
     };
     layout.check().ok()?;
-    let place = [tag::PIXEL_SCALE, tag::TIEPOINT, tag::MATRIX].map(doubles);
-    let metadata = text(tag::GDAL_METADATA).map(|xml| GdalMetadata::from_xml(&xml));
+    let georeference = [tag::PIXEL_SCALE, tag::TIEPOINT, tag::MATRIX].map(|tag| doubles(tags, tag));
+    let metadata = text(tags, tag::GDAL_METADATA).map(|xml| GdalMetadata::from_xml(&xml));
     Some(TiledTiffHeader {
         layout,
-        position: position(place)?,
+        position: position(georeference)?,
         keys: GeoKeyTags {
-            directory: short(tag::GEO_KEYS),
-            doubles: doubles(tag::GEO_DOUBLES),
-            ascii: text(tag::GEO_ASCII).unwrap_or_default(),
+            directory: shorts(tags, tag::GEO_KEYS),
+            doubles: doubles(tags, tag::GEO_DOUBLES),
+            ascii: text(tags, tag::GEO_ASCII).unwrap_or_default(),
         },
         metadata: metadata.unwrap_or(Some(GdalMetadata::default()))?,
-        nodata: text(tag::GDAL_NODATA),
+        nodata: text(tags, tag::GDAL_NODATA),
     })
+}
+
+fn values(tags: &[(u16, TiffTagValues)], tag: u16) -> Option<&TiffTagValues> {
+    tags.iter().find(|(other, _)| *other == tag).map(|(_, values)| values)
+}
+
+fn long(tags: &[(u16, TiffTagValues)], tag: u16) -> Option<u32> {
+    match values(tags, tag) {
+        Some(TiffTagValues::Long(values)) => values.first().copied(),
+        _ => None,
+    }
+}
+
+fn shorts(tags: &[(u16, TiffTagValues)], tag: u16) -> Vec<u16> {
+    match values(tags, tag) {
+        Some(TiffTagValues::Short(values)) => values.clone(),
+        _ => Vec::new(),
+    }
+}
+
+fn doubles(tags: &[(u16, TiffTagValues)], tag: u16) -> Vec<f64> {
+    match values(tags, tag) {
+        Some(TiffTagValues::Double(values)) => values.clone(),
+        _ => Vec::new(),
+    }
+}
+
+fn text(tags: &[(u16, TiffTagValues)], tag: u16) -> Option<String> {
+    match values(tags, tag) {
+        Some(TiffTagValues::Ascii(text)) => Some(text.clone()),
+        _ => None,
+    }
 }
 
 fn position([scale, tiepoint, matrix]: [Vec<f64>; 3]) -> Option<TiledTiffGeoreference> {
@@ -201,11 +215,10 @@ impl MappedTiledTiff {
     }
 
     fn check(&self, rect: Rect, values: usize) -> Result<()> {
-        let fits = |from: u32, length: u32, side: u32| {
-            from.checked_add(length).is_some_and(|end| end <= side)
-        };
-        let inside = fits(rect.col, rect.width, self.info.width)
-            && fits(rect.row, rect.height, self.info.height);
+        let end_col = rect.col.checked_add(rect.width);
+        let end_row = rect.row.checked_add(rect.height);
+        let inside = end_col.is_some_and(|end| end <= self.info.width)
+            && end_row.is_some_and(|end| end <= self.info.height);
         if inside && values == rect.len() {
             return Ok(());
         }

@@ -132,13 +132,13 @@ impl SampleCodec {
             return (fill.unwrap_or(T::ZERO), fill.is_some());
         }
         let wanted = self.wanted::<T>(height.to_f64());
-        let (value, held) = T::nearest(wanted);
+        let (value, fits) = T::nearest(wanted);
         let meets = fill.is_some_and(|fill| value.meets(fill));
         match self.rounding {
             // `&`, not `&&`: no branch in the loop over all samples.
-            SampleRounding::Exact => (value, held & self.is_close(value, wanted) & !meets),
-            SampleRounding::Nearest => (value, held & !meets),
-            SampleRounding::Aside => (if meets { value.aside() } else { value }, held),
+            SampleRounding::Exact => (value, fits & self.is_close(value, wanted) & !meets),
+            SampleRounding::Nearest => (value, fits & !meets),
+            SampleRounding::Aside => (if meets { value.aside() } else { value }, fits),
         }
     }
 
@@ -167,14 +167,14 @@ impl SampleCodec {
         heights: &[H],
         fill: Option<T>,
     ) -> SampleMisfit {
-        let bad = |height: &H| !self.store::<T, H>(*height, fill).1;
-        let at = heights.iter().position(bad).unwrap_or_default();
+        let at = heights.iter().position(|height| !self.store::<T, H>(*height, fill).1);
+        let at = at.unwrap_or_default();
         let Some(height) = heights.get(at).filter(|height| !height.is_void()) else {
             return SampleMisfit::Void(at);
         };
         let height = height.to_f64();
-        let (value, held) = T::nearest(self.wanted::<T>(height));
-        match (held, fill.is_some_and(|fill| value.meets(fill))) {
+        let (value, fits) = T::nearest(self.wanted::<T>(height));
+        match (fits, fill.is_some_and(|fill| value.meets(fill))) {
             (false, _) => SampleMisfit::Beyond(at, height),
             (true, true) => SampleMisfit::Nodata(at, height),
             (true, false) => SampleMisfit::Between(at, height),
@@ -183,7 +183,7 @@ impl SampleCodec {
 
     /// The error of a misfit in a run that begins at (`col`, `row`).
     pub(crate) fn refusal(&self, misfit: SampleMisfit, col: u32, row: u32) -> Error {
-        misfit.error(self.sample_type, self.nodata, (col, row))
+        misfit.error(self.sample_type, self.nodata, col, row)
     }
 }
 

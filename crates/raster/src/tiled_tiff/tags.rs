@@ -52,6 +52,14 @@ pub(crate) enum TiffTagValues {
 }
 
 impl TiffTagValues {
+    pub(crate) fn short(value: u16) -> Self {
+        Self::Short(vec![value])
+    }
+
+    pub(crate) fn long(value: u32) -> Self {
+        Self::Long(vec![value])
+    }
+
     pub(crate) fn kind(&self) -> u16 {
         match self {
             Self::Ascii(_) => 2,

@@ -156,22 +156,24 @@ fn first_x(file: &RawFile, data: u64) -> Result<f64> {
 
 /// Offset of the first profile, and the record length unless the file has the old form.
 fn data_start(file: &RawFile) -> Result<(u64, Option<u64>)> {
-    let starts_at = |offset: u64| {
-        if offset >= file.size() {
-            return false;
-        }
-        let mut fields = UsgsDemFieldReader::new(file, offset);
-        matches!((fields.integer(), fields.integer()), (Ok(1), Ok(1)))
-    };
-    if starts_at(RECORD) {
+    if has_first_profile(file, RECORD) {
         let after = file.read_vec(RECORD, 2.min(file.size() - RECORD))?;
         let newline = after.iter().take_while(|byte| matches!(byte, b'\n' | b'\r')).count() as u64;
         return Ok((RECORD + newline, Some(RECORD + newline)));
     }
-    if starts_at(OLD_START) {
+    if has_first_profile(file, OLD_START) {
         return Ok((OLD_START, None));
     }
     Err(Error::bad_input("is not a USGS DEM: no profile at byte 1024 or 893"))
+}
+
+/// True if the first profile of a file begins at `offset`, with row 1 and column 1.
+fn has_first_profile(file: &RawFile, offset: u64) -> bool {
+    if offset >= file.size() {
+        return false;
+    }
+    let mut fields = UsgsDemFieldReader::new(file, offset);
+    matches!((fields.integer(), fields.integer()), (Ok(1), Ok(1)))
 }
 
 /// EPSG code and name of the CRS.
@@ -183,21 +185,23 @@ fn system(system: i64, zone: i64, datum: &str) -> (Option<u32>, String) {
         "4" => ("NAD83", 4269, 26900, 0),
         _ => ("NAD27", 4267, 26700, 0),
     };
-    let utm = |zone: i64| {
-        let base = if zone > 0 { north } else { south };
-        let most = if base < 30_000 { 23 } else { 60 };
-        let number = u32::try_from(zone.abs()).ok().filter(|z| (1..=most).contains(z))?;
-        (base > 0).then_some(base + number)
-    };
     match system {
         0 => (Some(geographic), name.to_owned()),
         1 => (
-            utm(zone),
+            utm_code(if zone > 0 { north } else { south }, zone),
             format!("{name} / UTM zone {}{}", zone.abs(), if zone < 0 { "S" } else { "N" }),
         ),
         2 => (None, format!("{name} / state plane zone {zone}")),
         other => (None, format!("{name} / reference system {other}")),
     }
+}
+
+/// EPSG code of a UTM zone, negative in the south; `base` is the code less the zone, or 0 if there is none.
+fn utm_code(base: u32, zone: i64) -> Option<u32> {
+    // The zones of NAD27 and NAD83 with codes end at 23.
+    let max_zone = if base < 30_000 { 23 } else { 60 };
+    let number = u32::try_from(zone.abs()).ok().filter(|z| (1..=max_zone).contains(z))?;
+    (base > 0).then_some(base + number)
 }
 
 /// Bytes of the record.

@@ -161,9 +161,10 @@ fn height(fields: &mut UsgsDemFieldReader<'_>, header: &UsgsDemHeader, datum: f6
     match header.sample_type() {
         SampleType::I16 => {
             let whole = height.round();
-            let fits = (f64::from(i16::MIN)..=f64::from(i16::MAX)).contains(&whole);
-            let bad = || Error::bad_input(format!("height {height} is out of range"));
-            if fits { Ok(whole) } else { Err(bad()) }
+            match (f64::from(i16::MIN)..=f64::from(i16::MAX)).contains(&whole) {
+                true => Ok(whole),
+                false => Err(Error::bad_input(format!("height {height} is out of range"))),
+            }
         }
         _ => Ok(height),
     }

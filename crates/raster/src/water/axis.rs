@@ -95,14 +95,14 @@ fn distance(a: Xy, b: Xy) -> f64 {
 }
 
 fn bounds(segments: &[RiverReach]) -> [Xy; 2] {
-    let all = || segments.iter().flat_map(|segment| segment.ends);
-    let least = |axis: usize| all().map(|at| at[axis]).fold(f64::INFINITY, f64::min);
-    let most = |axis: usize| all().map(|at| at[axis]).fold(f64::NEG_INFINITY, f64::max);
-    [[least(0), least(1)], [most(0), most(1)]]
+    let ends = segments.iter().flat_map(|segment| segment.ends);
+    ends.fold([[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]], |[low, high], at| {
+        [[0, 1].map(|axis| low[axis].min(at[axis])), [0, 1].map(|axis| high[axis].max(at[axis]))]
+    })
 }
 
 /// Distance of a position from a bounding box.
 fn beyond(at: Xy, [low, high]: &[Xy; 2]) -> f64 {
-    let off = |axis: usize| (low[axis] - at[axis]).max(at[axis] - high[axis]).max(0.0);
-    off(0).hypot(off(1))
+    let [x, y] = [0, 1].map(|axis| (low[axis] - at[axis]).max(at[axis] - high[axis]).max(0.0));
+    x.hypot(y)
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::Water;
 use super::levels::WaterLevels;
-use crate::clip::cache_beside;
+use crate::clip::remaining_cache;
 use crate::window::{GridHeight, SampleWindow};
 use crate::{GridInfo, GridOpenOptions, GridSource};
 use terrane_base::error::Result;
@@ -27,7 +27,7 @@ pub(crate) fn levelled(
     options: &GridOpenOptions,
     open: impl FnOnce(&GridOpenOptions) -> Result<Box<dyn GridSource>>,
 ) -> Result<Box<dyn GridSource>> {
-    let cache_bytes = cache_beside(water.memory_use(), options, ("water", water.path()))?;
+    let cache_bytes = remaining_cache(options, water.memory_use(), "water", water.path())?;
     let inner = open(&GridOpenOptions { cache_bytes, water: None, ..options.clone() })?;
     let mut info = inner.info().clone();
     super::mask::WaterMask::new(water, &info)?;

@@ -36,7 +36,7 @@ pub(super) struct WaterLevels {
     /// Centre lines of each body that is a river.
     axes: Vec<Option<RiverAxis>>,
     profiles: Vec<RiverProfile>,
-    found: BankLevels,
+    banks: BankLevels,
 }
 
 /// Collected bank heights.
@@ -64,17 +64,17 @@ impl WaterLevels {
         let mask = WaterMask::new(water, info)?;
         let lines: Vec<_> = water.features.lines().collect();
         let station = station(info, &lines);
-        let axis = |numbers: &Vec<u32>| {
+        let axes = water.bodies.iter().map(|numbers| {
             let of_body = numbers.iter().map(|&number| (number, lines[number as usize]));
             (!numbers.is_empty()).then(|| RiverAxis::new(of_body, station))
-        };
-        let axes: Vec<_> = water.bodies.iter().map(axis).collect();
-        let found = BankLevels::new(grid, &mask, &axes, lines.len())?;
+        });
+        let axes: Vec<_> = axes.collect();
+        let banks = BankLevels::new(grid, &mask, &axes, lines.len())?;
         let network = RiverNetwork::new(water, &mask, info, &lines, station);
         let (lakes, profiles) =
-            network.solve(&found.lowest, &found.stations).map_err(|e| e.in_file(&water.path))?;
+            network.solve(&banks.lowest, &banks.stations).map_err(|e| e.in_file(&water.path))?;
         let rounding = LevelRounding::of(info);
-        let levels = Self { mask, rounding, lakes, axes, profiles, found };
+        let levels = Self { mask, rounding, lakes, axes, profiles, banks };
         levels.check(water).map_err(|e| e.in_file(&water.path))?;
         Ok(levels)
     }
@@ -85,15 +85,16 @@ impl WaterLevels {
             [] => self.lakes[body as usize].is_finite(),
             ref lines => lines.iter().all(|&line| {
                 let line = line as usize;
-                self.found.reaches[line].is_none() || !self.profiles[line].is_unknown()
+                self.banks.reaches[line].is_none() || !self.profiles[line].is_unknown()
             }),
         }
     }
 
     /// Fails if water samples with heights belong to bodies of unknown level.
     fn check(&self, water: &Water) -> Result<()> {
-        let is_left = |bodies: &&Vec<u32>| !bodies.iter().any(|&body| self.is_known(water, body));
-        let Some(bodies) = self.found.valid.iter().find(is_left) else { return Ok(()) };
+        let mut samples = self.banks.valid.iter();
+        let unknown = samples.find(|bodies| !bodies.iter().any(|&body| self.is_known(water, body)));
+        let Some(bodies) = unknown else { return Ok(()) };
         let area = water.body_of.iter().position(|of| *of == bodies[0]).unwrap_or_default();
         Err(Error::bad_input("water body without a bank: no valid sample is adjacent")
             .at(format_args!("polygon {}", area + 1))
@@ -119,13 +120,12 @@ impl WaterLevels {
 
     /// Summary of the flattening.
     pub(super) fn report(&self, water: &Water) -> WaterReport {
-        let BankLevels { is_there, stations, reaches, .. } = &self.found;
-        let there = |body: &u32| is_there[*body as usize];
-        let bodies = water.bodies.len() as u32;
-        let rivers = (0..bodies).filter(there).filter(|&body| water.is_river(body)).count() as u64;
-        let all = (0..bodies).filter(there).count() as u64;
-        let lakes = (0..bodies).filter(there).filter(|&body| !water.is_river(body));
-        let of_lakes = lakes.map(|body| self.lakes[body as usize]);
+        let BankLevels { is_there, stations, reaches, .. } = &self.banks;
+        let bodies = 0..water.bodies.len() as u32;
+        let present: Vec<u32> = bodies.filter(|body| is_there[*body as usize]).collect();
+        let (rivers, lakes): (Vec<u32>, Vec<u32>) =
+            present.iter().partition(|&&body| water.is_river(body));
+        let of_lakes = lakes.iter().map(|&body| self.lakes[body as usize]);
         let reaches = reaches.iter().zip(&self.profiles);
         let of_rivers = reaches
             .flat_map(|(reach, profile)| reach.iter().flatten().map(|&along| profile.at(along)));
@@ -140,10 +140,10 @@ impl WaterLevels {
         let rising = (1..).zip(stations).filter(|(_, stations)| rises(stations));
         WaterReport {
             file: water.path.display().to_string(),
-            lakes: all - rivers,
-            rivers,
-            outside: u64::from(bodies) - all,
-            without_bank: (0..bodies).filter(there).filter(|&b| !self.is_known(water, b)).count()
+            lakes: lakes.len() as u64,
+            rivers: rivers.len() as u64,
+            outside: (water.bodies.len() - present.len()) as u64,
+            without_bank: present.iter().filter(|&&body| !self.is_known(water, body)).count()
                 as u64,
             levels: (low <= high).then_some([low, high]),
             dug: dug.fold(0.0, f64::max),
@@ -168,7 +168,7 @@ impl BankLevels {
         lines: usize,
     ) -> Result<Self> {
         let bodies = axes.len();
-        let mut found = Self {
+        let mut banks = Self {
             lowest: vec![f64::INFINITY; bodies],
             is_there: vec![false; bodies],
             valid: BTreeSet::new(),
@@ -181,17 +181,19 @@ impl BankLevels {
             for col in (0..width).step_by(SIDE as usize) {
                 let core = Rect::new(col, row, SIDE.min(width - col), SIDE.min(height - row));
                 if mask.may_be_in(core) {
-                    found.examine((grid, mask, axes), core, &mut heights)?;
+                    banks.add_window(grid, mask, axes, core, &mut heights)?;
                 }
             }
         }
-        Ok(found)
+        Ok(banks)
     }
 
-    /// Collects the banks of the water in `core` from the samples in and around it.
-    fn examine(
+    /// Adds the banks of the water in `core`, from the samples in and around it.
+    fn add_window(
         &mut self,
-        (grid, mask, axes): (&dyn GridSource, &WaterMask, &[Option<RiverAxis>]),
+        grid: &dyn GridSource,
+        mask: &WaterMask,
+        axes: &[Option<RiverAxis>],
         core: Rect,
         heights: &mut Vec<f64>,
     ) -> Result<()> {
@@ -216,20 +218,14 @@ impl BankLevels {
                 is_water.insert(row * width + col as usize);
             }
         }
-        let lowest_beside = |col: u32, row: u32| {
-            let (cols, rows) = (col.saturating_sub(1)..=col + 1, row.saturating_sub(1)..=row + 1);
-            let beside = rows.flat_map(|row| cols.clone().map(move |col| (col, row)));
-            let beside = beside.filter(|&(col, row)| col < rect.width && row < rect.height);
-            let number = beside.map(|(col, row)| row as usize * width + col as usize);
-            let banks = number.filter(|&number| !is_water.contains(number));
-            banks.map(|number| heights[number]).fold(f64::INFINITY, f64::min)
-        };
         let (mut here, mut before) = (Vec::new(), Vec::new());
         for (row, runs) in (0..rect.height).zip(&rows) {
-            let heights = &heights[row as usize * width..][..width];
-            let is_wet = |col: &u32| is_water.contains(row as usize * width + *col as usize);
-            for col in (0..rect.width).filter(is_wet).filter(|col| !heights[*col as usize].is_nan())
-            {
+            let first = row as usize * width;
+            for col in 0..rect.width {
+                let sample = first + col as usize;
+                if !is_water.contains(sample) || heights[sample].is_nan() {
+                    continue;
+                }
                 here.clear();
                 let of_sample = runs.iter().filter(|(_, cols)| cols.contains(&col));
                 here.extend(of_sample.map(|(body, _)| *body));
@@ -247,7 +243,8 @@ impl BankLevels {
                     let at = [rect.col + col, rect.row + row].map(f64::from);
                     let at = info.transform.apply(at[0], at[1]);
                     let axis = axes[body as usize].as_ref();
-                    self.note((body, axis), at, lowest_beside(col, row), &mut last);
+                    let bank = lowest_bank(col, row, rect, &is_water, heights);
+                    self.add_sample(body, axis, at, bank, &mut last);
                 }
             }
         }
@@ -255,9 +252,10 @@ impl BankLevels {
     }
 
     /// Records a sample of a body, and its lowest bank.
-    fn note(
+    fn add_sample(
         &mut self,
-        (body, axis): (u32, Option<&RiverAxis>),
+        body: u32,
+        axis: Option<&RiverAxis>,
         at: Xy,
         bank: f64,
         last: &mut usize,
@@ -275,6 +273,26 @@ impl BankLevels {
             *lowest = lowest.min(bank);
         }
     }
+}
+
+/// The lowest height of the samples around one of a window that are not water; infinite if there is none.
+#[inline]
+fn lowest_bank(col: u32, row: u32, window: Rect, is_water: &BitSet, heights: &[f64]) -> f64 {
+    let cols = col.saturating_sub(1)..(col + 2).min(window.width);
+    let rows = row.saturating_sub(1)..(row + 2).min(window.height);
+    let around = rows.flat_map(|row| cols.clone().map(move |col| (col, row)));
+    let samples = around.map(|(col, row)| row as usize * window.width as usize + col as usize);
+    let banks = samples.filter(|&sample| !is_water.contains(sample));
+    banks.map(|sample| heights[sample]).fold(f64::INFINITY, f64::min)
+}
+
+/// The lake at the sample nearest to a position.
+fn lake_at(at: Xy, water: &Water, mask: &WaterMask, info: &GridInfo) -> Option<usize> {
+    let [col, row] = info.transform.invert(at[0], at[1]).map(|c| (c + 0.5).floor());
+    let is_on_grid =
+        (0.0..f64::from(info.width)).contains(&col) && (0.0..f64::from(info.height)).contains(&row);
+    let bodies = if is_on_grid { mask.at([col as u32, row as u32]) } else { Vec::new() };
+    bodies.into_iter().find(|&body| !water.is_river(body)).map(|lake| lake as usize)
 }
 
 /// Graph of centre lines: nodes are lakes and line ends.
@@ -296,21 +314,17 @@ impl RiverNetwork {
     ) -> Self {
         let bodies = water.bodies.len();
         let mut numbers: HashMap<[u64; 2], usize> = HashMap::new();
-        let mut node = |at: Xy| {
-            let [col, row] = info.transform.invert(at[0], at[1]).map(|c| (c + 0.5).floor());
-            let is_on = (0.0..f64::from(info.width)).contains(&col)
-                && (0.0..f64::from(info.height)).contains(&row);
-            let here = if is_on { mask.at([col as u32, row as u32]) } else { Vec::new() };
-            if let Some(lake) = here.into_iter().find(|&body| !water.is_river(body)) {
-                return lake as usize;
-            }
-            let next = bodies + numbers.len();
-            *numbers.entry(at.map(|c| (c + 0.0).to_bits())).or_insert(next)
-        };
-        let lines: Vec<_> = lines
-            .iter()
-            .map(|line| ([line[0], line[line.len() - 1]].map(&mut node), length(line, station)))
-            .collect();
+        let lines = lines.iter().map(|line| {
+            let nodes = [line[0], line[line.len() - 1]].map(|end| {
+                lake_at(end, water, mask, info).unwrap_or_else(|| {
+                    let next = bodies + numbers.len();
+                    // Adding 0.0 turns -0.0 into 0.0: both are one place, but differ in their bits.
+                    *numbers.entry(end.map(|c| (c + 0.0).to_bits())).or_insert(next)
+                })
+            });
+            (nodes, length(line, station))
+        });
+        let lines: Vec<_> = lines.collect();
         Self { lines, nodes: bodies + numbers.len(), bodies }
     }
 
@@ -325,8 +339,8 @@ impl RiverNetwork {
         // Nodes of rivers have no lines.
         levels[..self.bodies].copy_from_slice(lowest);
         // A line from a lake to itself has the level of the lake.
-        let of_lake = |&line: &usize| self.is_of_lake(line);
-        let side_lines: Vec<_> = (0..self.lines.len()).filter(of_lake).collect();
+        let side_lines: Vec<_> =
+            (0..self.lines.len()).filter(|&line| self.is_of_lake(line)).collect();
         for &line in &side_lines {
             let lake = &mut levels[self.lines[line].0[0]];
             *lake = stations[line].values().copied().fold(*lake, f64::min);

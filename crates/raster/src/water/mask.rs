@@ -42,11 +42,11 @@ impl WaterMask {
         let mut inside = ClipRings::default();
         let mut bodies = vec![WaterBody::default(); water.bodies.len()];
         let mut sides = vec![Vec::new(); bodies.len()];
-        let mut begun = 0;
+        let mut features = 0;
         for (area, ring) in water.features.rings() {
-            while begun <= area {
+            while features <= area {
                 inside.begin_feature()?;
-                begun += 1;
+                features += 1;
             }
             let at: Vec<_> = ring.iter().map(|&[x, y]| grid.transform.invert(x, y)).collect();
             let body = water.body_of[area as usize] as usize;
@@ -118,14 +118,9 @@ impl WaterMask {
 
 impl WaterBody {
     fn grow(&mut self, corners: &[Xy], size: [u32; 2]) {
-        let axis = |axis: usize| {
-            let all = || corners.iter().map(|at| at[axis]);
-            let (least, most) =
-                (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max));
-            let last = f64::from(size[axis] - 1);
-            (least <= last && most >= 0.0).then(|| [least.max(0.0) as u32, most.min(last) as u32])
-        };
-        let (Some(cols), Some(rows)) = (axis(0), axis(1)) else { return };
+        let cols = covered(corners.iter().map(|at| at[0]), size[0]);
+        let rows = covered(corners.iter().map(|at| at[1]), size[1]);
+        let (Some(cols), Some(rows)) = (cols, rows) else { return };
         let [low, high] = self.bounds.unwrap_or([[cols[0], rows[0]], [cols[1], rows[1]]]);
         self.bounds = Some([
             [low[0].min(cols[0]), low[1].min(rows[0])],
@@ -142,6 +137,14 @@ impl WaterBody {
                 && high[1] >= rect.row
         })
     }
+}
+
+/// First and last column or row of `side` in the range of coordinates; `None` if all are outside.
+fn covered(coordinates: impl Iterator<Item = f64>, side: u32) -> Option<[u32; 2]> {
+    let [low, high] = coordinates
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)]);
+    let last = f64::from(side - 1);
+    (low <= last && high >= 0.0).then(|| [low.max(0.0) as u32, high.min(last) as u32])
 }
 
 /// Corners of a ring with its edge ends snapped to samples, clipped to the neighbourhood of the grid; appends

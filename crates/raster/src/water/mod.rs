@@ -74,8 +74,8 @@ impl WaterFeatures {
     /// # Errors
     /// As [`ClipRings::push`]; no current polygon.
     pub fn push_ring(&mut self, ring: &[Xy]) -> Result<()> {
-        let none = || Error::usage("ring without a polygon");
-        let area = self.areas.checked_sub(1).ok_or_else(none)?;
+        let area =
+            self.areas.checked_sub(1).ok_or_else(|| Error::usage("ring without a polygon"))?;
         self.rings.push(ring)?;
         self.at[0].extend_from_slice(ring);
         self.ends.push((area, self.at[0].len()));
@@ -153,13 +153,13 @@ pub struct WaterReport {
 impl WaterReport {
     /// Notes on unusual results.
     pub fn notes(&self) -> Vec<String> {
-        let told = |number: &u64| {
-            let file = &self.file;
+        let notes = self.rising.iter().map(|number| {
             format!(
-                "line {number} of {file}: bank heights rise along the line; check that it is drawn downstream"
+                "line {number} of {}: bank heights rise along the line; check that it is drawn downstream",
+                self.file
             )
-        };
-        self.rising.iter().map(told).collect()
+        });
+        notes.collect()
     }
 }
 
@@ -169,9 +169,8 @@ impl Water {
     pub fn new(mut features: WaterFeatures, path: &Path, crs: Crs) -> Self {
         let world = PolygonEdgeIndex::new(std::mem::take(&mut features.rings));
         let lines_of = lines_of(&features, &world);
-        let is_river = |area: u32| !lines_of[area as usize].is_empty();
-        let body_of = bodies(&features, is_river);
-        let count = body_of.iter().max().map_or(0, |most| *most as usize + 1);
+        let body_of = bodies(&features, |area| !lines_of[area as usize].is_empty());
+        let count = body_of.iter().max().map_or(0, |last| *last as usize + 1);
         let mut bodies = vec![Vec::new(); count];
         for (lines, &body) in lines_of.into_iter().zip(&body_of) {
             bodies[body as usize].extend(lines);
@@ -263,14 +262,14 @@ fn bodies(features: &WaterFeatures, is_river: impl Fn(u32) -> bool) -> Vec<u32> 
     }
     let mut numbers = vec![u32::MAX; with.len()];
     let mut next = 0;
-    let number = |area| {
+    let bodies = (0..features.areas).map(|area| {
         let first = first_of(&mut with, area) as usize;
         if numbers[first] == u32::MAX {
             (numbers[first], next) = (next, next + 1);
         }
         numbers[first]
-    };
-    (0..features.areas).map(number).collect()
+    });
+    bodies.collect()
 }
 
 /// The first polygon of the body that a polygon belongs to so far.

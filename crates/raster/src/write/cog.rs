@@ -4,6 +4,7 @@
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
+use std::path::Path;
 use std::sync::Mutex;
 
 use super::compress::TiffCompression;
@@ -90,6 +91,14 @@ struct CogLevel {
     heights: Vec<OverviewLevel>,
 }
 
+impl CogLevel {
+    /// A level whose blocks are kept in an unnamed file in `folder`.
+    fn new(image: TiffImage, heights: Vec<OverviewLevel>, folder: &Path) -> Result<Self> {
+        let blocks = Mutex::new(PackedBlocks::new(AppendWriter::spool(folder)?));
+        Ok(Self { image, blocks, heights })
+    }
+}
+
 impl CogSink {
     fn new(order: &GridWriteRequest<'_>) -> Result<Self> {
         let info = order.stored()?;
@@ -114,13 +123,13 @@ impl CogSink {
             sizes.iter().map(|&(width, height)| TiffImage { width, height, ..image }).collect();
         check_free_space(path, target.file(), reserved_bytes(&image, &below, folder.is_some()))?;
         let spools = temporary_path(path, folder)?;
-        let spool = || Ok::<_, Error>(Mutex::new(PackedBlocks::new(AppendWriter::spool(&spools)?)));
-        let mut layers = vec![CogLevel { image, blocks: spool()?, heights: Vec::new() }];
+        let mut layers = vec![CogLevel::new(image, Vec::new(), &spools)?];
         for image in below {
-            let size = (image.width, image.height);
-            let level = || OverviewLevel::new(path, folder, size, order.info.exact_in_f32());
-            let heights = (0..image.bands).map(|_| level()).collect::<Result<_>>()?;
-            layers.push(CogLevel { image, blocks: spool()?, heights });
+            let heights = (0..image.bands).map(|_| {
+                let single = order.info.exact_in_f32();
+                OverviewLevel::new(path, folder, image.width, image.height, single)
+            });
+            layers.push(CogLevel::new(image, heights.collect::<Result<_>>()?, &spools)?);
         }
         let (codec, how) = (order.codec(&info), resampling(&creation));
         let bands = order.options.bands.clone();
@@ -225,11 +234,12 @@ impl GridSink for CogSink {
         let directories = self.directories()?;
         let Self { target, creation, layers, .. } = *self;
         let bytes: u64 = layers.iter().map(|layer| lock(&layer.blocks).bytes()).sum();
-        let exact = |form| front(&directories, form).saturating_add(bytes);
+        let exact = front(&directories, TiffVariant::Classic).saturating_add(bytes);
         let plain: u64 = layers.iter().map(|layer| layer.image.plain_bytes()).sum();
-        let form = tiff::form(&creation, Some(exact(TiffVariant::Classic)), plain)?;
-        let finished = |layer: CogLevel| unlocked(layer.blocks).finish(layer.image.blocks());
-        let spools = layers.into_iter().map(finished).collect::<Result<Vec<_>>>()?;
+        let form = tiff::form(&creation, Some(exact), plain)?;
+        let spools = layers.into_iter();
+        let spools = spools.map(|layer| unlocked(layer.blocks).finish(layer.image.blocks()));
+        let spools = spools.collect::<Result<Vec<_>>>()?;
         let sizes: Vec<&[u32]> = spools.iter().map(|(_, sizes)| &sizes[..]).collect();
         write_directories(target.file(), form, &directories, &sizes)
             .map_err(|e| Error::write(target.path(), e))?;

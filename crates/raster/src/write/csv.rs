@@ -144,12 +144,13 @@ impl CsvSink {
 
 /// Header row, quoted where necessary.
 fn heading(options: &GridWriteOptions) -> String {
-    let quoted = |name: &str| match name.contains([',', '"', '\n', '\r']) {
-        true => format!("\"{}\"", name.replace('"', "\"\"")),
-        false => name.to_owned(),
-    };
     let mut names = vec!["x".to_owned(), "y".to_owned()];
-    names.extend(options.bands.iter().map(|band| quoted(&band.name)));
+    names.extend(options.bands.iter().map(
+        |band| match band.name.contains([',', '"', '\n', '\r']) {
+            true => format!("\"{}\"", band.name.replace('"', "\"\"")),
+            false => band.name.clone(),
+        },
+    ));
     if options.bands.is_empty() {
         names.push("z".to_owned());
     }

@@ -43,7 +43,8 @@ impl OverviewLevel {
     pub(super) fn new(
         path: &Path,
         folder: Option<&Path>,
-        (width, height): (u32, u32),
+        width: u32,
+        height: u32,
         single: bool,
     ) -> Result<Self> {
         let kind = if single { SampleType::F32 } else { SampleType::F64 };
@@ -146,7 +147,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.tif");
         for single in [true, false] {
-            let level = OverviewLevel::new(&path, None, (3, 2), single).unwrap();
+            let level = OverviewLevel::new(&path, None, 3, 2, single).unwrap();
             level
                 .put(
                     Rect::new(4, 0, 2, 3),

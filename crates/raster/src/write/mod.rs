@@ -130,8 +130,8 @@ pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static GridFormat> {
 /// # Errors
 /// As [`by_path`]; a format without colours.
 pub fn of_colours(path: &Path, name: Option<&str>) -> Result<&'static GridFormat> {
-    let with = |format: &&GridFormat| format.holds_colours && format.has_extension_of(path);
-    let name = name.or_else(|| FORMATS.iter().find(with).map(|format| format.name));
+    let mut of_colours = FORMATS.iter().filter(|format| format.holds_colours);
+    let name = name.or_else(|| Some(of_colours.find(|f| f.has_extension_of(path))?.name));
     let format = by_path(path, name)?;
     format.check_colours().map_err(|e| e.in_file(path))?;
     Ok(format)

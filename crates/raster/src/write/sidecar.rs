@@ -27,8 +27,7 @@ impl Sidecars {
 
     /// Adds the sidecar with extension `ending`; an equivalent existing one is kept.
     pub(super) fn add(&mut self, ending: &str, text: &str) -> Result<()> {
-        let says_so = |found: &str| found.trim() == text.trim();
-        self.push(ending, Some(text.to_owned()), says_so)
+        self.push(ending, Some(text.to_owned()), |existing: &str| existing.trim() == text.trim())
     }
 
     /// Adds the CRS as a .prj sidecar.

@@ -13,12 +13,11 @@ impl GridWriteRequest<'_> {
     /// For formats that store stored values: scale and offset are kept.
     pub(super) fn stored(&self) -> Result<GridInfo> {
         let sample_type = self.options.sample_type.unwrap_or(self.info.sample_type);
-        let kept = |value| {
+        let nodata = self.info.nodata.and_then(|value| {
             // A nodata value outside the type of the input matches no sample, and is kept unchanged.
             let as_is = (sample_type == self.info.sample_type).then_some(value);
             stored_nodata(sample_type, value).or(as_is)
-        };
-        let nodata = self.info.nodata.and_then(kept);
+        });
         let info = GridInfo { sample_type, nodata, ..self.info.clone() };
         self.with_nodata(info)
     }

@@ -142,19 +142,19 @@ impl TiffImage {
         is_overview: bool,
     ) -> TiffDirectoryBuilder {
         let (bits, format) = sample_tags(self.sample_type);
-        let short = |value| TiffTagValues::Short(vec![value]);
-        let long = |value| TiffTagValues::Long(vec![value]);
-        let by_band = |value| TiffTagValues::Short(vec![value; self.bands as usize]);
+        let count = self.bands as usize;
+        let photometric = if self.are_colours { RGB } else { GRAY };
+        let planar = if self.bands == 1 { CHUNKY } else { PLANAR };
         let mut tags = facts;
         tags.extend([
-            (tag::WIDTH, long(self.width)),
-            (tag::HEIGHT, long(self.height)),
-            (tag::BITS, by_band(bits)),
-            (tag::COMPRESSION, short(self.coding.compression.code())),
-            (tag::PHOTOMETRIC, short(if self.are_colours { RGB } else { GRAY })),
-            (tag::SAMPLES_PER_PIXEL, short(self.bands as u16)),
-            (tag::PLANAR, short(if self.bands == 1 { CHUNKY } else { PLANAR })),
-            (tag::SAMPLE_FORMAT, by_band(format)),
+            (tag::WIDTH, TiffTagValues::long(self.width)),
+            (tag::HEIGHT, TiffTagValues::long(self.height)),
+            (tag::BITS, TiffTagValues::Short(vec![bits; count])),
+            (tag::COMPRESSION, TiffTagValues::short(self.coding.compression.code())),
+            (tag::PHOTOMETRIC, TiffTagValues::short(photometric)),
+            (tag::SAMPLES_PER_PIXEL, TiffTagValues::short(self.bands as u16)),
+            (tag::PLANAR, TiffTagValues::short(planar)),
+            (tag::SAMPLE_FORMAT, TiffTagValues::Short(vec![format; count])),
         ]);
         let (own, extra) = if self.are_colours { (3, OPACITY) } else { (1, UNSPECIFIED) };
         if self.bands > own {
@@ -164,18 +164,21 @@ impl TiffImage {
             ));
         }
         if is_overview {
-            tags.push((SUBFILE_TYPE, long(1)));
+            tags.push((SUBFILE_TYPE, TiffTagValues::long(1)));
         }
         if self.coding.predictor != 1 {
-            tags.push((PREDICTOR_TAG, short(self.coding.predictor)));
+            tags.push((PREDICTOR_TAG, TiffTagValues::short(self.coding.predictor)));
         }
         let (block_width, block_height) = self.block;
         if !self.tiled {
-            tags.push((ROWS_PER_STRIP, long(block_height)));
+            tags.push((ROWS_PER_STRIP, TiffTagValues::long(block_height)));
             let tables = [STRIP_OFFSETS, STRIP_BYTES];
             return TiffDirectoryBuilder::new(tags, tables, self.blocks(), self.bands);
         }
-        tags.extend([(tag::TILE_WIDTH, long(block_width)), (tag::TILE_HEIGHT, long(block_height))]);
+        tags.extend([
+            (tag::TILE_WIDTH, TiffTagValues::long(block_width)),
+            (tag::TILE_HEIGHT, TiffTagValues::long(block_height)),
+        ]);
         let tables = [tag::TILE_OFFSETS, tag::TILE_BYTES];
         TiffDirectoryBuilder::new(tags, tables, self.blocks(), self.bands)
     }

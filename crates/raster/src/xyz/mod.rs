@@ -170,8 +170,8 @@ impl XyzScan {
     }
 
     fn grid(&self, file_bytes: u64) -> Result<XyzGrid> {
-        let axis = |name: &str, i: usize| XyzAxis::of(name, self.spans[i], self.steps[i]);
-        let (x, y) = (axis("x", 0)?, axis("y", 1)?);
+        let x = XyzAxis::of("x", self.spans[0], self.steps[0])?;
+        let y = XyzAxis::of("y", self.spans[1], self.steps[1])?;
         let samples = u64::from(x.count) * u64::from(y.count);
         if samples / MAX_SPARSE > self.points {
             return Err(irregular(format!(
@@ -187,6 +187,10 @@ impl XyzScan {
         let sample_type = if wide { SampleType::F64 } else { SampleType::F32 };
         Ok(XyzGrid { x, y, by_column: self.by_column, northward: self.northward, sample_type })
     }
+}
+
+fn off_grid(name: &str, at: f64, axis: &XyzAxis) -> Error {
+    irregular(format!("{name} {at} is off the grid of spacing {}", axis.step))
 }
 
 /// Error of points that do not form a grid.
@@ -247,11 +251,8 @@ impl XyzGrid {
 
     /// Column and row of a point.
     fn cell(&self, [x, y, _]: [f64; 3]) -> Result<(u32, u32)> {
-        let off = |axis: &XyzAxis, name: &str, at: f64| {
-            irregular(format!("{name} {at} is off the grid of spacing {}", axis.step))
-        };
-        let col = self.x.index(x).ok_or_else(|| off(&self.x, "x", x))?;
-        let up = self.y.index(y).ok_or_else(|| off(&self.y, "y", y))?;
+        let col = self.x.index(x).ok_or_else(|| off_grid("x", x, &self.x))?;
+        let up = self.y.index(y).ok_or_else(|| off_grid("y", y, &self.y))?;
         Ok((col, if self.northward { up } else { self.y.count - 1 - up }))
     }
 

@@ -147,13 +147,18 @@ impl XyzSeparator {
         }
     }
 
-    fn words(self, line: &str) -> impl Iterator<Item = &str> {
-        let splits = move |c: char| match self {
+    #[inline]
+    fn splits_at(self, c: char) -> bool {
+        match self {
             Self::Space => matches!(c, ' ' | '\t'),
             Self::Comma => c == ',',
             Self::Semicolon => c == ';',
-        };
-        let words = line.split(splits).filter(move |w| self != Self::Space || !w.is_empty());
+        }
+    }
+
+    fn words(self, line: &str) -> impl Iterator<Item = &str> {
+        let words = line.split(move |c| self.splits_at(c));
+        let words = words.filter(move |word| self != Self::Space || !word.is_empty());
         words.map(|word| unquoted(trimmed(word)))
     }
 
@@ -220,16 +225,15 @@ fn plain_point(text: &[u8], separator: XyzSeparator) -> Option<([f64; 3], usize)
 
 fn is_heading(line: &str) -> bool {
     let separator = XyzSeparator::of(line);
-    let is_name = |word: &str| word.starts_with(|c: char| c.is_alphabetic() || c == '_');
-    separator.words(line).take(3).all(is_name)
+    let mut words = separator.words(line).take(3);
+    words.all(|word| word.starts_with(|c: char| c.is_alphabetic() || c == '_'))
 }
 
 /// Columns of x, y and z in a header; the first three if the names are unknown.
 fn columns(heading: &str) -> Result<[usize; 3]> {
     let names: Vec<String> =
         XyzSeparator::of(heading).words(heading).map(str::to_lowercase).collect();
-    let find = |known: &[&str]| names.iter().position(|name| known.contains(&name.as_str()));
-    match NAMES.map(find) {
+    match NAMES.map(|known| names.iter().position(|name| known.contains(&name.as_str()))) {
         [Some(x), Some(y), Some(z)] => Ok([x, y, z]),
         [None, None, None] if names.len() >= 3 => Ok([0, 1, 2]),
         _ => {

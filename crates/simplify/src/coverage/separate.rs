@@ -13,12 +13,12 @@ use terrane_files::on_threads;
 use terrane_vector::{Feature, Geometry};
 
 impl OpenedLineJob<'_> {
-    /// Simplifies all features and writes them if the result is wanted; otherwise returns its size.
+    /// Simplifies all features and writes them if the result meets the goal; otherwise returns its size.
     pub(super) fn alone(
         &self,
         input: &mut CoverageInput<'_>,
         rule: &SimplifyRule,
-        wanted: &TrialGoal,
+        goal: &TrialGoal,
         report: &mut LineReport,
     ) -> Result<Option<u64>> {
         self.progress.begin("simplify", 0);
@@ -31,9 +31,10 @@ impl OpenedLineJob<'_> {
         })?;
         self.progress.end();
         let kept = made.iter().map(|(_, tally)| tally.kept).sum();
-        let unwanted = self.unwanted(input, wanted, kept, &mut SimplifiedInOrder(made.iter()))?;
-        if unwanted.is_some() {
-            return Ok(unwanted);
+        let rejected_size =
+            self.rejected_size(input, goal, kept, &mut SimplifiedInOrder(made.iter()))?;
+        if rejected_size.is_some() {
+            return Ok(rejected_size);
         }
         let written = self.write(input, &mut SimplifiedInOrder(made.iter()), None)?;
         made.iter().for_each(|(_, tally)| report.add(tally));

@@ -100,8 +100,8 @@ impl<'a> TileSpool<'a> {
 
     /// Takes the contents of a tile.
     pub(super) fn take(&self, tile: usize) -> Result<TileContent> {
-        let mut world = TileContent::default();
-        let flat = &mut world.flat;
+        let mut content = TileContent::default();
+        let flat = &mut content.flat;
         flat.points.reserve_exact(self.quadtree.vertices(tile) as usize);
         self.points.read(tile, |run| flat.points.extend_from_slice(run))?;
         self.points.forget(tile);
@@ -115,19 +115,19 @@ impl<'a> TileSpool<'a> {
                 let [is_ring, is_cut, is_whole] = [RING, CUT, WHOLE].map(|flag| word & flag != 0);
                 flat.end_part(count, is_ring && !is_cut);
                 if is_cut {
-                    world.cut.push(flat.closed.len() as u32 - 1);
+                    content.cut.push(flat.closed.len() as u32 - 1);
                 }
                 if is_whole {
-                    world.whole.push(flat.closed.len() as u32 - 1);
+                    content.whole.push(flat.closed.len() as u32 - 1);
                 }
             }
         })?;
         self.runs.forget(tile);
-        self.obstacles.read(tile, |all| world.obstacles.extend(all.iter().map(in_order)))?;
+        self.obstacles.read(tile, |all| content.obstacles.extend(all.iter().map(in_order)))?;
         self.obstacles.forget(tile);
-        world.obstacles.sort_unstable_by(by_place);
-        world.obstacles.dedup();
-        Ok(world)
+        content.obstacles.sort_unstable_by(by_place);
+        content.obstacles.dedup();
+        Ok(content)
     }
 }
 

@@ -18,19 +18,19 @@ use terrane_line::topology::RingCollapse;
 use terrane_vector::{Geometry, GeometryPart};
 
 impl OpenedLineJob<'_> {
-    /// Simplifies all features by a rule and writes them if the result is wanted; otherwise returns its size.
+    /// Simplifies all features by a rule and writes them if the result meets the goal; otherwise returns its size.
     pub(super) fn make(
         &self,
         input: &mut CoverageInput<'_>,
         rule: &SimplifyRule,
-        wanted: Option<&TrialGoal>,
+        goal: Option<&TrialGoal>,
         report: &mut LineReport,
     ) -> Result<Option<u64>> {
         let &Self { job, files, progress, cancel } = self;
-        match (&job.topology, wanted) {
+        match (&job.topology, goal) {
             (Some(topology), _) => CoverageJob { job, files, topology, rule, progress, cancel }
-                .run(input, wanted, report),
-            (None, Some(wanted)) => self.alone(input, rule, wanted, report),
+                .run(input, goal, report),
+            (None, Some(goal)) => self.alone(input, rule, goal, report),
             (None, None) => Err(Error::new(ErrorKind::Internal, "the search has no goal")),
         }
     }

@@ -110,6 +110,12 @@ pub(super) struct TileRounding<'a> {
     pub(super) holds: &'a dyn Fn(Xy) -> bool,
 }
 
+impl TileRounding<'_> {
+    fn position(&self, at: Xy) -> Xy {
+        at.map(|c| vector::rounded(c, self.decimals))
+    }
+}
+
 /// Settings for a tile.
 pub(super) struct TileSettings<'a> {
     pub(super) strategy: Strategy,
@@ -118,27 +124,34 @@ pub(super) struct TileSettings<'a> {
 }
 
 /// Simplifies the contents of a tile. A ring of several arcs that changes orientation keeps all vertices, and
-/// the tile is processed again. Fails if `room` bytes are too few.
+/// the tile is processed again. Fails if `memory` bytes are too few.
 pub(super) fn solve(
-    world: &TileContent,
+    content: &TileContent,
     how: &TileSettings<'_>,
-    room: u64,
+    memory: u64,
     cancel: &Cancel,
 ) -> Result<SolvedTile> {
     let &TileSettings { strategy, rule, .. } = how;
-    let left = room.saturating_sub(VERTEX * world.flat.points.len() as u64);
+    let left = memory.saturating_sub(VERTEX * content.flat.points.len() as u64);
     let pieces = usize::try_from(left / PIECE_BYTES).unwrap_or(usize::MAX);
-    let mut whole = world.whole.clone();
+    let mut whole = content.whole.clone();
     loop {
         cancel.check()?;
-        let arcs = with_obstacles(world)?;
-        let made =
-            rule.apply(SharedArcs { arcs, world, whole: &whole, strategy, rule, pieces, cancel })?;
-        let mut solved = made.solved(world);
-        let spoiled = made.own_bits(world, &whole, rule, &mut solved.bits);
+        let arcs = with_obstacles(content)?;
+        let made = rule.apply(SharedArcs {
+            arcs,
+            content,
+            whole: &whole,
+            strategy,
+            rule,
+            pieces,
+            cancel,
+        })?;
+        let mut solved = made.solved(content);
+        let spoiled = made.own_bits(content, &whole, rule, &mut solved.bits);
         if spoiled.is_empty() {
             if let Some(rounding) = &how.rounding {
-                made.round(world, rounding, &mut solved, cancel)?;
+                made.round(content, rounding, &mut solved, cancel)?;
             }
             return Ok(solved);
         }
@@ -149,9 +162,9 @@ pub(super) fn solve(
 }
 
 /// The arcs of all runs, and each obstacle as one more.
-fn with_obstacles(world: &TileContent) -> Result<CoverageArcs> {
-    let mut arcs = CoverageArcs::new(&world.flat.chains(), 0.0)?;
-    for segment in &world.obstacles {
+fn with_obstacles(content: &TileContent) -> Result<CoverageArcs> {
+    let mut arcs = CoverageArcs::new(&content.flat.chains(), 0.0)?;
+    for segment in &content.obstacles {
         arcs.points.extend(segment);
         // Heights are not needed: obstacles are never simplified.
         arcs.sources.extend([0, 0]);
@@ -165,7 +178,7 @@ fn with_obstacles(world: &TileContent) -> Result<CoverageArcs> {
 /// Arcs simplified together.
 struct SharedArcs<'a> {
     arcs: CoverageArcs,
-    world: &'a TileContent,
+    content: &'a TileContent,
     /// Runs of which all vertices stay, ascending.
     whole: &'a [u32],
     strategy: Strategy,
@@ -185,8 +198,8 @@ struct TileOutcome {
 
 impl TileOutcome {
     /// Statistics.
-    fn solved(&self, world: &TileContent) -> SolvedTile {
-        let own = self.arcs.closed.len() - world.obstacles.len();
+    fn solved(&self, content: &TileContent) -> SolvedTile {
+        let own = self.arcs.closed.len() - content.obstacles.len();
         let first = self.arcs.starts[own] as u32;
         let mut solved = SolvedTile {
             arcs: own as u64,
@@ -213,12 +226,12 @@ impl TileOutcome {
     /// Sets the bits of kept vertices of all runs; returns rings that have to stay whole but were simplified.
     fn own_bits(
         &self,
-        world: &TileContent,
+        content: &TileContent,
         whole: &[u32],
         rule: &SimplifyRule,
         bits: &mut BitSet,
     ) -> Vec<u32> {
-        let flat = &world.flat;
+        let flat = &content.flat;
         *bits = BitSet::new(flat.points.len());
         let (mut left, mut spoiled) = (Vec::new(), Vec::new());
         for run in 0..flat.closed.len() {
@@ -244,33 +257,39 @@ impl TileOutcome {
     /// Sets the bits of rounded vertices. Ends of segments that cross tile borders are not rounded.
     fn round(
         &self,
-        world: &TileContent,
+        content: &TileContent,
         rounding: &TileRounding<'_>,
         solved: &mut SolvedTile,
         cancel: &Cancel,
     ) -> Result<()> {
-        let mut fixed: Vec<_> = world.obstacles.as_flattened().iter().map(|at| key(*at)).collect();
+        let mut fixed: Vec<_> =
+            content.obstacles.as_flattened().iter().map(|at| key(*at)).collect();
         fixed.sort_unstable();
-        let wanted = |at: Xy| at.map(|c| vector::rounded(c, rounding.decimals));
-        let place = |at: Xy| {
-            let to = wanted(at);
-            let stays = !(rounding.holds)(to) || fixed.binary_search(&key(at)).is_ok();
-            if stays { at } else { to }
-        };
         let (arcs, kept) = (self.arcs.chains(), &self.outcome.kept);
-        let rounded = round(&arcs, kept, &world.sides, place, Some(cancel))?;
-        solved.rounded = BitSet::new(world.flat.points.len());
-        for (run, is_ring) in world.flat.closed.iter().enumerate() {
-            let own = world.flat.starts[run]..world.flat.starts[run + 1];
+        let rounded = round(
+            &arcs,
+            kept,
+            &content.sides,
+            |at| {
+                let to = rounding.position(at);
+                // A position in another tile could meet segments that this tile does not know.
+                let stays = !(rounding.holds)(to) || fixed.binary_search(&key(at)).is_ok();
+                if stays { at } else { to }
+            },
+            Some(cancel),
+        )?;
+        solved.rounded = BitSet::new(content.flat.points.len());
+        for (run, is_ring) in content.flat.closed.iter().enumerate() {
+            let own = content.flat.starts[run]..content.flat.starts[run + 1];
             let last = own.end - 1;
             for vertex in own.filter(|vertex| solved.bits.contains(*vertex)) {
-                let at = world.flat.points[vertex];
-                let is_wanted = rounded.of(at) == wanted(at);
-                if is_wanted {
+                let at = content.flat.points[vertex];
+                let is_rounded = rounded.of(at) == rounding.position(at);
+                if is_rounded {
                     solved.rounded.insert(vertex);
                 }
                 let is_again = *is_ring && vertex == last;
-                solved.unrounded += u64::from(!is_wanted && !is_again);
+                solved.unrounded += u64::from(!is_rounded && !is_again);
             }
         }
         Ok(())
@@ -295,7 +314,7 @@ impl MetricTask for SharedArcs<'_> {
             loops: &loops,
             cancel: Some(self.cancel),
         };
-        let (chains, sides) = (self.arcs.chains(), &self.world.sides);
+        let (chains, sides) = (self.arcs.chains(), &self.content.sides);
         let refine = &mut refining(&vertices, |line, kept| tool.line(line, &mut scratch, kept));
         let outcome = untangle_within(&chains, &kept, sides, &options, self.pieces, refine)?;
         let distance2 = largest(tool, &vertices, &outcome.kept);
@@ -357,7 +376,7 @@ impl SharedArcs<'_> {
     /// Arcs that are loops of a run: of a line, or of a ring that touches itself.
     fn loops(&self) -> Vec<bool> {
         let mut loops = vec![false; self.arcs.closed.len()];
-        for (run, is_ring) in self.world.flat.closed.iter().enumerate() {
+        for (run, is_ring) in self.content.flat.closed.iter().enumerate() {
             let first = self.arcs_of(run).next();
             if !is_ring || self.arcs_of(run).any(|arc| Some(arc) != first) {
                 self.arcs_of(run).for_each(|arc| loops[arc] = true);
@@ -368,7 +387,7 @@ impl SharedArcs<'_> {
 
     fn vertex<V: MetricVertex>(&self, vertex: usize) -> V {
         let source = self.arcs.sources[vertex] as usize;
-        V::of(self.arcs.points[vertex], self.world.flat.z.get(source).copied().unwrap_or(0.0))
+        V::of(self.arcs.points[vertex], self.content.flat.z.get(source).copied().unwrap_or(0.0))
     }
 
     fn vertices<V: MetricVertex>(&self) -> Vec<V> {

@@ -80,30 +80,35 @@ impl CoverageJob<'_> {
             let kept = self.retained_bits(&quadtree);
             let rounded = self.job.decimals.map(|_| self.retained_bits(&quadtree));
             let (quadtree, rounded) = (&quadtree, rounded.as_ref());
-            let finished = FinishedTiles { quadtree, whole: &kept_whole, kept: &kept, rounded };
-            let total = self.solve_all(input, &finished, report)?;
+            let tiles = FinishedTiles { quadtree, whole: &kept_whole, kept: &kept, rounded };
+            let total = self.solve_all(input, &tiles, report)?;
             // If there are several output files, or the size decides, rings are checked before anything is written: a
             // finished file cannot be undone.
             let may_change_rings = quadtree.count() > 1 || self.rule.collapse == RingCollapse::Drop;
             if goal.is_some() || (input.all.len() > 1 && may_change_rings) {
-                let results = self.scan(input, &finished)?;
+                let results = self.scan(input, &tiles)?;
                 if !results.turned.is_empty() {
                     kept_whole.extend(results.turned);
                     continue;
                 }
-                let unwanted = match goal {
+                let rejected_size = match goal {
                     Some(goal) => {
-                        let mut assembled = self.assembled(finished);
-                        self.opened_job().unwanted(input, goal, results.vertices, &mut assembled)?
+                        let mut assembled = self.assembled(tiles);
+                        self.opened().rejected_size(
+                            input,
+                            goal,
+                            results.vertices,
+                            &mut assembled,
+                        )?
                     }
                     None => None,
                 };
-                if unwanted.is_some() {
-                    return Ok(unwanted);
+                if rejected_size.is_some() {
+                    return Ok(rejected_size);
                 }
             }
             let notes = self.notes(input, &total)?;
-            let turned = self.write(input, &finished, report)?;
+            let turned = self.write(input, &tiles, report)?;
             if turned.is_empty() {
                 report.notes.extend(notes);
                 return Ok(None);
@@ -112,7 +117,7 @@ impl CoverageJob<'_> {
         }
     }
 
-    fn opened_job(&self) -> OpenedLineJob<'_> {
+    fn opened(&self) -> OpenedLineJob<'_> {
         let &Self { job, files, progress, cancel, .. } = self;
         OpenedLineJob { job, files, progress, cancel }
     }
@@ -179,7 +184,7 @@ impl CoverageJob<'_> {
         }
         let largest = (0..quadtree.count()).map(|tile| quadtree.vertices(tile)).max();
         let needed = largest.unwrap_or(0) * VERTEX + self.other_bytes(input);
-        if input.memory_use().is_some_and(|held| held + needed > self.memory()) {
+        if input.memory_use().is_some_and(|resident| resident + needed > self.memory()) {
             input.release();
         }
         if needed > self.memory() {
@@ -271,24 +276,24 @@ impl CoverageJob<'_> {
         Ok(were_apart.count() as u64)
     }
 
-    /// Simplifies all tiles: stores the bits of kept vertices in `finished`, and the totals in the report.
+    /// Simplifies all tiles: stores the bits of kept vertices in `tiles`, and the totals in the report.
     fn solve_all(
         &self,
         input: &mut CoverageInput<'_>,
-        finished: &FinishedTiles<'_>,
+        tiles: &FinishedTiles<'_>,
         report: &mut LineReport,
     ) -> Result<TileTotals> {
-        let quadtree = finished.quadtree;
+        let quadtree = tiles.quadtree;
         let sides = match &self.topology.sides {
             Some(path) => by_tile(positions(path, &VectorOpenOptions::default())?, quadtree),
             None => Vec::new(),
         };
         self.progress.begin("simplify", quadtree.count() as u64);
-        let solver = TileSolver { job: self, tiles: finished, sides, total: Mutex::default() };
+        let solver = TileSolver { job: self, tiles, sides, total: Mutex::default() };
         let solved = if quadtree.count() == 1 && input.memory_use().is_some() {
-            solver.solve(0, self.single_tile(input, finished)?, self.memory_left(input))
+            solver.solve(0, self.single_tile(input, tiles)?, self.memory_left(input))
         } else {
-            let spool = self.spool(input, finished)?;
+            let spool = self.spool(input, tiles)?;
             self.solve_spooled(input, &spool, &solver)
         };
         solved.map_err(|e| match e.kind() {
@@ -310,7 +315,7 @@ impl CoverageJob<'_> {
     fn single_tile(
         &self,
         input: &mut CoverageInput<'_>,
-        finished: &FinishedTiles<'_>,
+        tiles: &FinishedTiles<'_>,
     ) -> Result<TileContent> {
         let mut flat = FlatChains::default();
         input.visit_all(self.cancel, |feature| {
@@ -325,7 +330,7 @@ impl CoverageJob<'_> {
             })
         })?;
         // A single tile has fewer than 2^32 vertices, so part numbers fit.
-        let whole = finished.whole.iter().map(|part| *part as u32).collect();
+        let whole = tiles.whole.iter().map(|part| *part as u32).collect();
         Ok(TileContent { flat, whole, ..TileContent::default() })
     }
 
@@ -337,17 +342,17 @@ impl CoverageJob<'_> {
 
     /// Memory in bytes for tiles in progress and for the data of tiles that wait.
     fn memory_left(&self, input: &CoverageInput<'_>) -> u64 {
-        let held = input.memory_use().unwrap_or(0) + input.moves.memory_use();
-        memory_for_features(self.memory()).saturating_sub(held + self.bit_bytes(input))
+        let resident = input.memory_use().unwrap_or(0) + input.moves.memory_use();
+        memory_for_features(self.memory()).saturating_sub(resident + self.bit_bytes(input))
     }
 
     /// Cuts all parts into runs, sorted by tile, in memory or in a temporary file.
     fn spool<'s>(
         &self,
         input: &mut CoverageInput<'_>,
-        finished: &FinishedTiles<'s>,
+        tiles: &FinishedTiles<'s>,
     ) -> Result<TileSpool<'s>> {
-        let quadtree = finished.quadtree;
+        let quadtree = tiles.quadtree;
         let has_z = self.rule.measure == DistanceKind::Space;
         let (available, largest) = (self.memory_left(input), self.max_tile_bytes(quadtree));
         // Waiting data get at least an eighth, and whatever the workers cannot use.
@@ -365,7 +370,7 @@ impl CoverageJob<'_> {
             feature.geometry.parts().try_for_each(|part| {
                 check(&part, self.rule)?;
                 let number = parts.cut(&part);
-                spool.push(&part, &parts.runs, finished.whole.contains(&number))
+                spool.push(&part, &parts.runs, tiles.whole.contains(&number))
             })
         })?;
         Ok(spool)
@@ -417,17 +422,17 @@ impl CoverageJob<'_> {
     }
 
     /// The simplified features, assembled from the first on as they are read again.
-    fn assembled<'k>(&self, finished: FinishedTiles<'k>) -> AssembledFeatures<'k> {
-        AssembledFeatures::new(finished, self.rule.collapse, self.job.decimals)
+    fn assembled<'k>(&self, tiles: FinishedTiles<'k>) -> AssembledFeatures<'k> {
+        AssembledFeatures::new(tiles, self.rule.collapse, self.job.decimals)
     }
 
     /// Assembles all features without writing them: finds the rings that have to be kept whole, and counts vertices.
     fn scan<'k>(
         &self,
         input: &mut CoverageInput<'_>,
-        finished: &FinishedTiles<'k>,
+        tiles: &FinishedTiles<'k>,
     ) -> Result<AssembledFeatures<'k>> {
-        let mut results = self.assembled(*finished);
+        let mut results = self.assembled(*tiles);
         input.visit_all(self.cancel, |feature| results.of(feature).map(|_| ()))?;
         Ok(results)
     }
@@ -436,12 +441,12 @@ impl CoverageJob<'_> {
     fn write(
         &self,
         input: &mut CoverageInput<'_>,
-        finished: &FinishedTiles<'_>,
+        tiles: &FinishedTiles<'_>,
         report: &mut LineReport,
     ) -> Result<Parts> {
-        let mut results = self.assembled(*finished);
-        let written = self.opened_job().write(input, &mut results, None)?;
-        self.opened_job().note(input, written, report);
+        let mut results = self.assembled(*tiles);
+        let written = self.opened().write(input, &mut results, None)?;
+        self.opened().note(input, written, report);
         (report.features, report.parts) = (results.features, results.parts.number);
         (report.vertices, report.kept) = (input.vertices, results.vertices);
         Ok(results.turned)

@@ -39,18 +39,18 @@ pub(super) trait SimplifiedSource {
 
 impl OpenedLineJob<'_> {
     /// Size of the result of a threshold if it is rejected: `vertices`, or the bytes of `leaves`.
-    pub(super) fn unwanted(
+    pub(super) fn rejected_size(
         &self,
         input: &mut CoverageInput<'_>,
-        wanted: &TrialGoal,
+        goal: &TrialGoal,
         vertices: u64,
         leaves: &mut dyn SimplifiedSource,
     ) -> Result<Option<u64>> {
-        let came = match wanted.unit {
+        let size = match goal.unit {
             GoalUnit::Vertices => vertices,
             GoalUnit::Bytes => self.size(input, leaves)?,
         };
-        Ok(Some(came).filter(|came| !wanted.range.contains(came)))
+        Ok(Some(size).filter(|size| !goal.range.contains(size)))
     }
 
     /// Size of all files in bytes, written under their names to a temporary folder.

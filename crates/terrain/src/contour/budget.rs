@@ -42,13 +42,14 @@ impl ContourMemory {
     pub(super) fn divide(job: &ContourJob) -> Result<Self> {
         let side = u64::from(job.options.tile) + 1;
         let samples = side * side * 8;
-        let each = CROSSING_BYTES + job.options.tolerance.map_or(0, |_| SIMPLIFYING_BYTES);
-        let [least, most] = CROSSINGS;
+        let crossing_bytes =
+            CROSSING_BYTES + job.options.tolerance.map_or(0, |_| SIMPLIFYING_BYTES);
+        let [min, max] = CROSSINGS;
         let (memory, threads) =
             (job.options.resources.memory, job.options.resources.threads.max(1));
         let share = (memory / 4 / threads as u64).saturating_sub(samples);
-        let crossings = (share / each).clamp(least, most);
-        let shares = memory::divide(memory, threads, samples + crossings * each)
+        let crossings = (share / crossing_bytes).clamp(min, max);
+        let shares = memory::divide(memory, threads, samples + crossings * crossing_bytes)
             .map_err(memory::or_smaller_tiles)?;
         Ok(Self {
             threads: shares.threads,

@@ -62,7 +62,7 @@ pub(super) struct JoinedContour {
 /// All pieces so far.
 pub(super) struct ContourPieces {
     pieces: Vec<ContourPiece>,
-    most: u64,
+    max_pieces: u64,
     /// The vertices of all of them: one bucket.
     vertices: Buckets<ContourVertex>,
     /// Open ends by their crossing. Looked up only, so its order leaves no trace.
@@ -77,7 +77,7 @@ impl ContourPieces {
         let waiting = budget.vertices * VERTEX_BYTES / 3 * 2;
         Self {
             pieces: Vec::new(),
-            most: budget.pieces.min(u64::from(NONE)),
+            max_pieces: budget.pieces.min(u64::from(NONE)),
             vertices: Buckets::new(folder, 1, waiting),
             ends: HashMap::new(),
             original_vertices: 0,
@@ -96,8 +96,8 @@ impl ContourPieces {
         let TracedTile { lines, original_vertices, left_out } = traced;
         self.original_vertices += original_vertices;
         self.left_out += left_out;
-        if (self.pieces.len() + lines.lines.len()) as u64 > self.most {
-            return Err(too_many(self.most));
+        if (self.pieces.len() + lines.lines.len()) as u64 > self.max_pieces {
+            return Err(too_many(self.max_pieces));
         }
         let first_address = self.vertices.len(0);
         for vertices in lines.vertices.chunks(PUSHED) {
@@ -150,12 +150,12 @@ impl ContourPieces {
     /// All lines in the order in which they are written. Call it when all tiles are there.
     pub(super) fn lines(&mut self) -> Vec<JoinedContour> {
         self.ends = HashMap::new();
-        let mut seen = vec![false; self.pieces.len()];
+        let mut visited = vec![false; self.pieces.len()];
         let mut lines = Vec::new();
         for only_open in [true, false] {
             for first in 0..self.pieces.len() {
-                if !(seen[first] || only_open && self.pieces[first].is_entered) {
-                    let line = self.line(first as u32, &mut seen);
+                if !(visited[first] || only_open && self.pieces[first].is_entered) {
+                    let line = self.line(first as u32, &mut visited);
                     // Where the pieces of a ring meet was counted once, and its first vertex is its
                     // last again.
                     let is_joined = self.pieces[first].next != first as u32;
@@ -169,7 +169,7 @@ impl ContourPieces {
     }
 
     /// The line that starts with piece `start`.
-    fn line(&self, start: u32, seen: &mut [bool]) -> JoinedContour {
+    fn line(&self, start: u32, visited: &mut [bool]) -> JoinedContour {
         let ContourPiece { level, first, low, is_entered: closed, .. } =
             self.pieces[start as usize];
         let begins = if closed { low } else { first };
@@ -177,7 +177,7 @@ impl ContourPieces {
             JoinedContour { level, start: begins, first: start, closed, around: Some(0) };
         for id in self.from(start) {
             let piece = self.pieces[id as usize];
-            seen[id as usize] = true;
+            visited[id as usize] = true;
             let sum = line.around.zip(piece.around);
             line.around = sum.map(|(a, b)| a.wrapping_add(b));
             if closed && piece.low < line.start {
@@ -234,7 +234,7 @@ impl ContourPieces {
     }
 }
 
-fn too_many(most: u64) -> Error {
-    Error::new(ErrorKind::Resource, format!("more than {most} contour segments"))
+fn too_many(max_pieces: u64) -> Error {
+    Error::new(ErrorKind::Resource, format!("more than {max_pieces} contour segments"))
         .remedy("raise ‹memory›, ‹tile› or ‹interval›")
 }

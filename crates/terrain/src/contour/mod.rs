@@ -186,14 +186,14 @@ impl<'a> OpenedContourJob<'a> {
         cancel: &Cancel,
     ) -> Result<ContourReport> {
         let Self { job, format, levels, info, .. } = self;
-        let most = self.budget.line_vertices();
-        let writer = write::ContourWriter { job, format, levels, info, most };
+        let max_vertices = self.budget.line_vertices();
+        let writer = write::ContourWriter { job, format, levels, info, max_vertices };
         let mut made = writer.write(pieces, sink, progress, cancel)?;
         let operation = self.operation.as_deref();
         made.notes.extend(raster::cautions(info));
         let drawn = made.lowest.zip(made.highest).map(|(lowest, highest)| [lowest, highest]);
         made.notes.extend(drawn.and_then(|range| raster::no_terrain(info, range)));
-        made.notes.extend(operation.iter().flat_map(|own| own.notes().iter().cloned()));
+        made.notes.extend(operation.iter().flat_map(|operation| operation.notes().iter().cloned()));
         let run = RunStatistics::since(start, &job.options.resources)
             .with_threads(self.budget.threads)
             .with_spilled(made.run.spilled_bytes);
@@ -205,9 +205,9 @@ impl<'a> OpenedContourJob<'a> {
             height: info.height,
             crs: info.crs.label(),
             transformed: operation.map(Transformed::of),
-            tolerance: self.tolerance.map(|own| MetGoal {
-                value: own.value,
-                metres: own.measure == DistanceKind::Geographic,
+            tolerance: self.tolerance.map(|tolerance| MetGoal {
+                value: tolerance.value,
+                metres: tolerance.measure == DistanceKind::Geographic,
             }),
             tile: job.options.tile,
             samples: self.samples(),

@@ -85,9 +85,9 @@ impl Simplifier {
                 self.add_ring(&mut input, vertices, tiles);
                 continue;
             }
-            let stays = staying(vertices, rect, tiles);
-            for (part, ends) in stays.windows(2).enumerate() {
-                self.add(&mut input, &vertices[ends[0]..=ends[1]], part > 0, tiles);
+            let fixed = fixed_vertices(vertices, rect, tiles);
+            for (index, ends) in fixed.windows(2).enumerate() {
+                self.add(&mut input, &vertices[ends[0]..=ends[1]], index > 0, tiles);
             }
         }
         let TileChains { points, starts, closed, kept, .. } = &input;
@@ -266,20 +266,20 @@ pub(super) fn position(transform: &Affine, vertex: &ContourVertex, tiles: Contou
 
 /// The vertices of an open line that stay, ends included. One from rim to rim may be part of a ring: its
 /// lowest edge may be where that begins.
-fn staying(vertices: &[ContourVertex], rect: Rect, tiles: ContourTiles) -> Vec<usize> {
+fn fixed_vertices(vertices: &[ContourVertex], rect: Rect, tiles: ContourTiles) -> Vec<usize> {
     let last = vertices.len() - 1;
-    let mut stays = vec![0, last];
-    if stays.iter().all(|&at| tiles.rim(rect, &vertices[at]).is_some()) {
-        stays.push(lowest(vertices));
-        stays.extend(turning(vertices, rect, tiles));
+    let mut fixed = vec![0, last];
+    if fixed.iter().all(|&at| tiles.rim(rect, &vertices[at]).is_some()) {
+        fixed.push(lowest(vertices));
+        fixed.extend(turning_vertex(vertices, rect, tiles));
     }
-    stays.sort_unstable();
-    stays.dedup();
-    stays
+    fixed.sort_unstable();
+    fixed.dedup();
+    fixed
 }
 
 /// The vertex that is farthest from the rim which a line comes from and goes back to, if it does.
-fn turning(vertices: &[ContourVertex], rect: Rect, tiles: ContourTiles) -> Option<usize> {
+fn turning_vertex(vertices: &[ContourVertex], rect: Rect, tiles: ContourTiles) -> Option<usize> {
     let rim = tiles.rim(rect, vertices.first()?)?;
     if tiles.rim(rect, vertices.last()?)? != rim {
         return None;

@@ -20,8 +20,6 @@ const BATCH: usize = 256;
 
 /// The layer written to the file before its first line.
 pub(super) fn layer(job: &ContourJob, format: &VectorFormat, info: &GridInfo) -> LayerHeader {
-    let field =
-        |name: &str, kind| FieldDefinition { name: name.into(), kind, width: None, decimals: None };
     let id = (!format.holds.ids).then(|| field(ID, FieldKind::Int));
     let height = field(&job.options.attribute, FieldKind::Real);
     let index = job.options.index.map(|_| field(INDEX, FieldKind::Bool));
@@ -34,6 +32,10 @@ pub(super) fn layer(job: &ContourJob, format: &VectorFormat, info: &GridInfo) ->
     }
 }
 
+fn field(name: &str, kind: FieldKind) -> FieldDefinition {
+    FieldDefinition { name: name.into(), kind, width: None, decimals: None }
+}
+
 /// What is needed to write.
 pub(super) struct ContourWriter<'a> {
     pub(super) job: &'a ContourJob,
@@ -41,7 +43,7 @@ pub(super) struct ContourWriter<'a> {
     pub(super) levels: &'a ContourLevels,
     pub(super) info: &'a GridInfo,
     /// Most vertices of a line.
-    pub(super) most: u64,
+    pub(super) max_vertices: u64,
 }
 
 impl ContourWriter<'_> {
@@ -80,14 +82,14 @@ impl ContourWriter<'_> {
     }
 
     fn check(&self, vertices: u64, line: &JoinedContour) -> Result<()> {
-        if vertices <= self.most {
+        if vertices <= self.max_vertices {
             return Ok(());
         }
-        let (height, most) = (self.levels.height(line.level), self.most);
+        let (height, max_vertices) = (self.levels.height(line.level), self.max_vertices);
         Err(Error::new(
             ErrorKind::Resource,
             format!(
-                "the contour at {height} has {vertices} vertices, but only {most} fit into memory"
+                "the contour at {height} has {vertices} vertices, but only {max_vertices} fit into memory"
             ),
         )
         .remedy("raise ‹memory› or ‹tolerance›"))

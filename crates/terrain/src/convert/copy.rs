@@ -30,16 +30,20 @@ impl DerivedBands {
     /// Red, green, blue and perhaps opacity.
     pub(crate) fn of_colours(bands: Vec<Box<dyn GridSource>>, notes: Vec<String>) -> Self {
         let names = ["red", "green", "blue", "opacity"].into_iter().take(bands.len());
-        let named =
-            |name: &str| BandName { name: name.to_owned(), in_vertical_unit: false, counts: false };
-        Self { bands, colours: names.map(named).collect(), notes }
+        let colours = names.map(|name| BandName {
+            name: name.to_owned(),
+            in_vertical_unit: false,
+            counts: false,
+        });
+        Self { bands, colours: colours.collect(), notes }
     }
 }
 
-/// As [`run`](super::run), for bands computed from the grid; a thread that reads them holds `held` more bytes.
+/// As [`run`](super::run), for bands computed from the grid; a thread that reads them needs `thread_bytes`
+/// more.
 pub(crate) fn run_of(
     job: &ConvertJob,
-    held: u64,
+    thread_bytes: u64,
     progress: &dyn Progress,
     cancel: &Cancel,
     front: impl FnOnce(Box<dyn GridSource>) -> Result<DerivedBands>,
@@ -48,7 +52,7 @@ pub(crate) fn run_of(
     format.check(&job.options.written.co)?;
     terrane_files::atomic::refuse_existing(&job.output, job.options.file.replacing.overwrite)?;
     let ConvertMemory { threads, cache: cache_bytes, .. } =
-        ConvertMemory::divide(job, format, held)?;
+        ConvertMemory::divide(job, format, thread_bytes)?;
     let options = job.options.grid.options(&job.options.resources, cache_bytes)?;
     let options = GridOpenOptions { threads, ..options };
     let source = raster::open_all(job.input.names(), &options)?;
@@ -57,7 +61,7 @@ pub(crate) fn run_of(
     let DerivedBands { bands, colours, notes } = front(source)?;
     let mut notes = [cautions, notes].concat();
     let bands: Vec<&dyn GridSource> = bands.iter().map(AsRef::as_ref).collect();
-    let report = copy_of(&bands, colours, job, held, progress, cancel)?;
+    let report = copy_of(&bands, colours, job, thread_bytes, progress, cancel)?;
     let water = options.water.and_then(|water| water.report());
     notes.extend(report.notes.iter().cloned().chain(water.iter().flat_map(WaterReport::notes)));
     Ok(ConvertReport { notes, water, ..report })
@@ -78,13 +82,13 @@ fn copy_of(
     bands: &[&dyn GridSource],
     colours: Vec<BandName>,
     job: &ConvertJob,
-    held: u64,
+    thread_bytes: u64,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<ConvertReport> {
     let start = Instant::now();
     let format = job.options.format(&job.output)?;
-    let budget = ConvertMemory::divide(job, format, held)?;
+    let budget = ConvertMemory::divide(job, format, thread_bytes)?;
     let Some(source) = bands.first().copied() else { return Ok(ConvertReport::default()) };
     let (window, info) = (source.info().bounds(), source.info());
     let (are_colours, read) = (!colours.is_empty(), job.read_beside(source)?);
@@ -173,7 +177,7 @@ struct ConvertMemory {
     cache: usize,
     memory: u64,
     /// Bytes that a thread holds beside a block.
-    held: u64,
+    thread_bytes: u64,
 }
 
 /// Default number of samples of a block: a tile of 512 x 512.
@@ -184,40 +188,45 @@ const MIN_CACHE: u64 = 8 << 20;
 impl ConvertMemory {
     /// A block for each thread, and the rest, but not more than half, for the source: fewer threads
     /// where memory is short.
-    fn divide(job: &ConvertJob, format: &GridFormat, held: u64) -> Result<Self> {
+    fn divide(job: &ConvertJob, format: &GridFormat, thread_bytes: u64) -> Result<Self> {
         let Resources { threads, memory, .. } = job.options.resources;
         let side =
             job.options.written.co.iter().find(|(key, _)| key.eq_ignore_ascii_case("BLOCKSIZE"));
         let side = side.and_then(|(_, value)| value.parse::<u64>().ok());
         let samples = side.map_or(USUAL_SAMPLES, |side| side.saturating_mul(side));
-        let block = samples.saturating_mul(format.bytes_per_sample).saturating_add(held);
-        let least = block.saturating_add(MIN_CACHE);
-        if memory < least {
-            return Err(too_small(memory, least));
+        let block = samples.saturating_mul(format.bytes_per_sample).saturating_add(thread_bytes);
+        let min_memory = block.saturating_add(MIN_CACHE);
+        if memory < min_memory {
+            return Err(too_small(memory, min_memory));
         }
-        let most = (memory - MIN_CACHE) / block;
-        let threads = threads.clamp(1, usize::try_from(most).unwrap_or(usize::MAX));
+        let max_threads = (memory - MIN_CACHE) / block;
+        let threads = threads.clamp(1, usize::try_from(max_threads).unwrap_or(usize::MAX));
         let share = threads as u64 * block;
         let cache = (memory - share).min((memory / 2).max(MIN_CACHE));
-        Ok(Self { threads, cache: usize::try_from(cache).unwrap_or(usize::MAX), memory, held })
+        Ok(Self {
+            threads,
+            cache: usize::try_from(cache).unwrap_or(usize::MAX),
+            memory,
+            thread_bytes,
+        })
     }
 
     /// Number of threads that fit with the actual blocks of a sink. Blocks as wide as the grid may be larger
     /// than was thought when the source was opened.
     fn threads_for(&self, sink: &dyn GridSink, format: &GridFormat) -> Result<usize> {
-        let (width, height) = sink.block();
-        let (info, samples) = (sink.info(), |a: u32, b: u32| u64::from(a) * u64::from(b));
-        let block = samples(width.min(info.width), height.min(info.height));
-        let block = block.saturating_mul(format.bytes_per_sample).saturating_add(self.held).max(1);
+        let ((width, height), info) = (sink.block(), sink.info());
+        let block = u64::from(width.min(info.width)) * u64::from(height.min(info.height));
+        let block =
+            block.saturating_mul(format.bytes_per_sample).saturating_add(self.thread_bytes).max(1);
         match (self.memory - self.cache as u64) / block {
             0 => Err(too_small(self.memory, block.saturating_mul(2).max(2 * MIN_CACHE))),
-            most => Ok(self.threads.min(usize::try_from(most).unwrap_or(usize::MAX))),
+            max_threads => Ok(self.threads.min(usize::try_from(max_threads).unwrap_or(usize::MAX))),
         }
     }
 }
 
-fn too_small(memory: u64, least: u64) -> Error {
+fn too_small(memory: u64, min_memory: u64) -> Error {
     let message = format!("the memory budget of {memory} bytes is too small");
     Error::new(ErrorKind::Resource, message)
-        .remedy(format!("pass ‹memory› {}M or more", least.div_ceil(1 << 20)))
+        .remedy(format!("pass ‹memory› {}M or more", min_memory.div_ceil(1 << 20)))
 }

@@ -37,12 +37,12 @@ macro_rules! derivative {
 
             fn run(&self, request: RunRequest<'_>) -> Result<ConvertReport> {
                 let $own = self;
-                let asked = DerivativeRequest {
+                let options = DerivativeRequest {
                     derivative: Arc::new($kernel),
                     scale: $scale,
                     common: &self.common,
                 };
-                run(&asked, request)
+                run(&options, request)
             }
         }
     };

@@ -21,9 +21,9 @@ pub(super) struct TonedGrid {
 impl TonedGrid {
     /// Grays of values within `range`, which has the lowest first.
     pub(super) fn new(inner: Box<dyn GridSource>, range: [f64; 2]) -> Self {
-        let own = inner.info().clone();
-        let (sample_type, crs) = (SampleType::U16, own.crs.without_heights());
-        let info = GridInfo { sample_type, nodata: Some(NONE), crs, ..own };
+        let info = inner.info().clone();
+        let (sample_type, crs) = (SampleType::U16, info.crs.without_heights());
+        let info = GridInfo { sample_type, nodata: Some(NONE), crs, ..info };
         Self { info, inner, range }
     }
 

@@ -49,8 +49,10 @@ pub(super) struct TinArtifactFacts {
 }
 
 /// Bytes of an object whose containers take `kept` bytes in memory.
-pub(super) fn object_bytes(kept: u64, tiles: u64) -> u64 {
-    kept + tiles * (size_of::<RecordIndexEntry>() as u64 + RECORD_HEAD) + MAGIC.len() as u64
+pub(super) fn object_bytes(container_bytes: u64, tiles: u64) -> u64 {
+    container_bytes
+        + tiles * (size_of::<RecordIndexEntry>() as u64 + RECORD_HEAD)
+        + MAGIC.len() as u64
 }
 
 /// A container as bytes, with their digest.

@@ -61,12 +61,15 @@ fn open(job: &TinJob, bands: &MeshBands) -> Result<memory::Opened> {
     bands.check(all.info()).map_err(|e| e.in_file(Path::new(&job.input.to_string())))?;
     drop(all);
     let (first, _) = bands.list()[0];
-    let whole = whole(bands);
-    baseline::open(job, &MeshBands::options(bands.heights().unwrap_or(first), &options), &whole)
+    baseline::open(
+        job,
+        &MeshBands::options(bands.heights().unwrap_or(first), &options),
+        &computation(bands),
+    )
 }
 
 /// Bytes for a sample while a band is read.
-fn whole(bands: &MeshBands) -> WholeGridMethod {
+fn computation(bands: &MeshBands) -> WholeGridMethod {
     WholeGridMethod {
         what: format!("a mesh of {} bands", bands.list().len()),
         sample_bytes: WeightedChannels::sample_bytes(bands.list().len()),

@@ -53,13 +53,13 @@ pub fn run_by(
     }
     refuse_water(job, by.method.name)?;
     refuse_existing(&job.output, job.overwrite)?;
-    let whole = WholeGridMethod {
+    let computation = WholeGridMethod {
         what: by.method.name.to_owned(),
         sample_bytes: by.method.sample_bytes,
         otherwise: "leave out ‹method›".to_owned(),
     };
     let mut opened = OpenedTinJob::with(job, || {
-        open(job, &options(job)?, &whole).map_err(|error| in_input(error, &job.input))
+        open(job, &options(job)?, &computation).map_err(|error| in_input(error, &job.input))
     })?;
     opened.carried.triangulation = other_triangles(by);
     let maker = TinMaker { job, opened: &opened, progress, cancel };
@@ -103,18 +103,18 @@ pub(super) fn refuse_water(job: &TinJob, what: &str) -> Result<()> {
 pub(super) fn open(
     job: &TinJob,
     options: &GridOpenOptions,
-    whole: &WholeGridMethod,
+    computation: &WholeGridMethod,
 ) -> Result<memory::Opened> {
     let resources = &job.resources;
     let source = memory::open_for_estimate(&job.input, options)?;
     let (width, height) = (source.info().width, source.info().height);
     terrane_baselines::check_sides(width, height).map_err(|e| {
-        e.remedy(format!("{} (its limit is {MOST_SIDE} samples a side)", whole.otherwise))
+        e.remedy(format!("{} (its limit is {MOST_SIDE} samples a side)", computation.otherwise))
     })?;
-    let worker = u64::from(width) * u64::from(height) * (whole.sample_bytes + READ_BYTES);
+    let worker = u64::from(width) * u64::from(height) * (computation.sample_bytes + READ_BYTES);
     let min_memory = memory::least(worker, source.block_bytes());
     if min_memory > resources.memory {
-        return Err(too_large(whole, [width, height], min_memory, resources));
+        return Err(too_large(computation, [width, height], min_memory, resources));
     }
     memory::open(&job.input, options, &Resources { threads: 1, ..resources.clone() }, worker)
 }
@@ -123,20 +123,21 @@ pub(super) fn open(
 pub(super) const READ_BYTES: u64 = 20;
 
 fn too_large(
-    whole: &WholeGridMethod,
+    computation: &WholeGridMethod,
     [width, height]: [u32; 2],
     min_memory: u64,
     resources: &Resources,
 ) -> Error {
     let grid_memory = resources.memory.saturating_sub(memory::least(0, 0));
-    let side = (grid_memory / (whole.sample_bytes + READ_BYTES)).isqrt();
+    let side = (grid_memory / (computation.sample_bytes + READ_BYTES)).isqrt();
     let message = format!(
         "{} holds the whole grid in memory: {width} x {height} samples need {} MiB, {} MiB are allowed",
-        whole.what,
+        computation.what,
         min_memory.div_ceil(1 << 20),
         resources.memory >> 20
     );
-    let smaller = format!("use a grid of at most {side} x {side} samples, or {}", whole.otherwise);
+    let smaller =
+        format!("use a grid of at most {side} x {side} samples, or {}", computation.otherwise);
     memory::short(message, min_memory).or(&smaller)
 }
 
@@ -146,8 +147,8 @@ fn make(maker: &TinMaker<'_>, by: &TextbookMethod) -> Result<TinReport> {
     let mut window = HeightBuffers::default();
     let heights = stages.time(maker, "read", || read(maker, &mut window))?;
     let info = maker.opened.source.info();
-    let whole = Rect::new(0, 0, info.width, info.height);
-    let (suspects, odd_range) = (window.suspects(whole, info), window.odd_range());
+    let extent = Rect::new(0, 0, info.width, info.height);
+    let (suspects, odd_range) = (window.suspects(extent, info), window.odd_range());
     drop(window);
     let grid = HeightGrid::new(info.width, info.height, &heights, maker.opened.rounding())?;
     let tin = stages.time(maker, "method", || triangulate(maker, by, grid))?;

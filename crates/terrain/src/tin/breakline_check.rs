@@ -73,7 +73,7 @@ impl BreaklineFans {
                 around.clear();
                 around.extend(fan.map(|fan| fan.1.map(|at| at.map(i64::from))));
                 if goes_on(segment, step, &around) == Some(false) {
-                    apart.see(rect.row + at[1] as u32, rect.col + at[0] as u32);
+                    apart.note(rect.row + at[1] as u32, rect.col + at[0] as u32);
                 }
             }
         }

@@ -48,9 +48,9 @@ pub(super) fn search(
     while let Some(tolerance) = search.next() {
         let trial = ToleranceTrial { tolerance, count: count(tolerance)? };
         search.note(trial);
-        let least = search.least();
-        if least > budget {
-            return Err(too_small(budget, least));
+        let min_count = search.min_count();
+        if min_count > budget {
+            return Err(too_small(budget, min_count));
         }
         if search.trials.len() == 1 && !search.is_close() {
             search.guess = guess(Some(trial))?;
@@ -60,9 +60,9 @@ pub(super) fn search(
     Ok((fits, search.spent + search.trials.len() as u32))
 }
 
-fn too_small(budget: u64, least: u64) -> Error {
+fn too_small(budget: u64, min_count: u64) -> Error {
     Error::usage(format!("a budget of {budget} is below the coarsest mesh of this grid"))
-        .remedy(format!("allow at least {least}"))
+        .remedy(format!("allow at least {min_count}"))
 }
 
 /// State of the search.
@@ -94,8 +94,8 @@ impl ToleranceSearch {
 
     /// True when no other tolerance would be much better.
     fn is_close(&self) -> bool {
-        let least = self.budget as f64 * (1.0 - SLACK);
-        self.fits().is_some_and(|fits| fits.tolerance == 0.0 || fits.count as f64 >= least)
+        let target = self.budget as f64 * (1.0 - SLACK);
+        self.fits().is_some_and(|fits| fits.tolerance == 0.0 || fits.count as f64 >= target)
     }
 
     fn note(&mut self, trial: ToleranceTrial) {
@@ -118,7 +118,7 @@ impl ToleranceSearch {
     }
 
     /// The count of the coarsest mesh; 0 while it is not known.
-    fn least(&self) -> u64 {
+    fn min_count(&self) -> u64 {
         let coarsest = self.trials.iter().find(|trial| trial.tolerance == COARSEST);
         coarsest.map_or(0, |trial| trial.count)
     }
@@ -129,7 +129,7 @@ impl ToleranceSearch {
     }
 
     fn height(&self, count: f64) -> f64 {
-        (count - self.least() as f64).max(1.0).ln()
+        (count - self.min_count() as f64).max(1.0).ln()
     }
 
     /// Signed distance of a count from the target.

@@ -84,18 +84,18 @@ impl TileContainer {
         let at = (piece.rect.col, piece.rect.row);
         let shift = PositionShift::new(at, layout.origin(tile));
         let owned = OffsetFrame::new(layout.owned(tile), at);
-        let kept = piece.triangles.iter().filter(|t| owned.contains(first_corner(t)));
+        let members = piece.triangles.iter().filter(|t| owned.contains(first_corner(t)));
         // A piece of the whole tile already has the tile's positions, and its vertices are sorted: they
         // become the sorted part. Seam patches have neither.
         if piece.rect == layout.rect(tile) {
             let inner = inner_bounds(layout, tile);
-            for &triangle in kept {
+            for &triangle in members {
                 let is_inner = inner.holds(&SampleBounds::of(triangle.corners));
                 if is_inner { &mut self.inner } else { &mut self.triangles }.push(triangle);
             }
             self.insert_sorted(piece, owned);
         } else {
-            self.triangles.extend(kept.map(|t| shift.triangle(t)));
+            self.triangles.extend(members.map(|t| shift.triangle(t)));
             self.insert_loose(piece, owned, shift);
         }
     }
@@ -174,14 +174,15 @@ impl TileContainer {
     /// Sorts the vertices and leaves only those that `used` accepts, once each, at their last height.
     pub(super) fn settle(&mut self, used: impl Fn(TilePosition) -> bool) {
         let all = self.vertices.iter().copied().zip(self.heights.iter().copied());
-        let mut kept: Vec<(TilePosition, f64)> = all.rev().filter(|&(at, _)| used(at)).collect();
+        let mut vertices: Vec<(TilePosition, f64)> =
+            all.rev().filter(|&(at, _)| used(at)).collect();
         // The list is reversed and the sort is stable, so of one position the vertex listed last comes first,
         // and `dedup` keeps that one.
-        kept.sort_by_key(|&(at, _)| at);
-        kept.dedup_by_key(|&mut (at, _)| at);
-        self.vertices = kept.iter().map(|&(at, _)| at).collect();
-        self.heights = kept.iter().map(|&(_, height)| height).collect();
-        self.sorted = kept.len();
+        vertices.sort_by_key(|&(at, _)| at);
+        vertices.dedup_by_key(|&mut (at, _)| at);
+        self.vertices = vertices.iter().map(|&(at, _)| at).collect();
+        self.heights = vertices.iter().map(|&(_, height)| height).collect();
+        self.sorted = vertices.len();
     }
 
     /// Takes out all triangles.

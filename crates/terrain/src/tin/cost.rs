@@ -2,11 +2,14 @@
 
 use serde::Serialize;
 
+use super::breakline_check::BreaklineFans;
 use super::layout::{TileLayout, USUAL_TILE};
-use super::worker::worker_bytes;
+use super::numbering::{VertexFlags, VertexRanks};
+use super::window::HeightBuffers;
+use terrane_base::geom::Point3;
 use terrane_engine::{Resources, memory, plan};
 use terrane_raster::GridSource;
-use terrane_tin::{TilePosition, TileTriangle};
+use terrane_tin::{TileMesh, TilePosition, TileScratch, TileTriangle};
 
 /// Share of the samples kept by a coarse and by a fine mesh.
 const KEPT: [f64; 2] = [0.002, 0.05];
@@ -60,11 +63,28 @@ pub fn cost(source: &dyn GridSource, resources: &Resources) -> Option<TinCost> {
     })
 }
 
+/// Additional bytes of a worker that follows breaklines.
+pub(super) fn line_bytes(cells: u32) -> u64 {
+    TileScratch::line_bytes(cells + 2) + BreaklineFans::bytes(cells)
+}
+
+/// Maximum bytes of a worker for tiles of `cells` x `cells`; with `keeps_all` each sample may become a vertex.
+pub(super) fn worker_bytes(cells: u32, keeps_all: bool, fit: bool) -> u64 {
+    let samples = u64::from(cells + 3).pow(2);
+    let face = size_of::<[u64; 3]>() + size_of::<[Point3; 3]>();
+    let full_mesh = TileMesh::max_bytes(samples) + 2 * samples * face as u64;
+    let mesh = if keeps_all { full_mesh } else { 0 };
+    mesh + TileScratch::bytes(cells + 2, fit)
+        + HeightBuffers::bytes(samples)
+        + VertexFlags::bytes(cells)
+        + 4 * VertexRanks::bytes(cells)
+}
+
 /// Nanoseconds of one thread for a sample of a mesh that keeps a share of them, on the line through the
 /// measured rates.
-pub(super) fn nanoseconds(kept: f64) -> f64 {
+pub(super) fn nanoseconds(share: f64) -> f64 {
     let slope = (RATES[1] - RATES[0]) / (KEPT[1] - KEPT[0]);
-    (RATES[0] + slope * (kept - KEPT[0])).max(RATES[0])
+    (RATES[0] + slope * (share - KEPT[0])).max(RATES[0])
 }
 
 /// Seconds for `samples` at a rate.
@@ -73,9 +93,9 @@ pub(super) fn seconds(samples: u64, rate: f64, threads: usize) -> f64 {
 }
 
 /// Bytes of a mesh of `samples`, with two triangles to a vertex.
-fn mesh_bytes(samples: u64, kept: f64) -> u64 {
+fn mesh_bytes(samples: u64, share: f64) -> u64 {
     let vertex = 2 * size_of::<TileTriangle>() + size_of::<TilePosition>() + size_of::<f64>();
-    (samples as f64 * kept * vertex as f64) as u64
+    (samples as f64 * share * vertex as f64) as u64
 }
 
 #[cfg(test)]

@@ -36,7 +36,7 @@ pub struct MeshFlaws {
 
 impl MeshFlaws {
     /// Counts a place.
-    pub(super) fn see(&mut self, row: u32, col: u32) {
+    pub(super) fn note(&mut self, row: u32, col: u32) {
         self.add(Self { count: 1, first: Some([row, col]) });
     }
 
@@ -97,7 +97,7 @@ mod tests {
     fn of_flaws_the_first_is_told() {
         let mut thin = MeshFlaws::default();
         for (row, col) in [(4, 1), (2, 7), (2, 3), (9, 0)] {
-            thin.see(row, col);
+            thin.note(row, col);
         }
         thin.add(MeshFlaws::default());
         assert_eq!(thin, MeshFlaws { count: 4, first: Some([2, 3]) });

@@ -218,8 +218,9 @@ impl TinOptions {
     pub fn check_in_memory(&self, grid: &GridInput) -> Result<()> {
         let Self { target, refinement, tile, resources, .. } = self.clone();
         let (grid, others) = (grid.clone(), Self::default());
-        let held = to_map(&Self { target, refinement, tile, resources, grid, ..others });
-        let of_files = to_map(self).into_iter().find(|(name, value)| held.get(name) != Some(value));
+        let supported = to_map(&Self { target, refinement, tile, resources, grid, ..others });
+        let of_files =
+            to_map(self).into_iter().find(|(name, value)| supported.get(name) != Some(value));
         if let Some((name, _)) = of_files {
             let why = match GridInput::TABLE.find(&name) {
                 Some(_) => "is only supported for grids in files",
@@ -240,9 +241,9 @@ fn build_by(
 ) -> Result<Tin> {
     let TinOptions { refinement, tile, resources, .. } = options;
     let job = BuildJob { goal: options.target.goal()?, refinement, tile: *tile, resources };
-    let kept = MemorySink::default();
-    let built = build(Box::new(kept.clone()), &job)?;
-    Ok(kept.into_tin(built))
+    let sink = MemorySink::default();
+    let built = build(Box::new(sink.clone()), &job)?;
+    Ok(sink.into_tin(built))
 }
 
 /// A sink that keeps vertices and triangles in memory.

@@ -56,9 +56,9 @@ pub(super) fn checked_tile(tile: u32) -> Result<u32> {
     if TILE_CELLS.contains(&tile) {
         return Ok(tile);
     }
-    let (least, most) = (TILE_CELLS.start(), TILE_CELLS.end());
+    let (min, max) = (TILE_CELLS.start(), TILE_CELLS.end());
     Err(Error::usage(format!("a tile size of {tile} cells is out of range"))
-        .remedy(format!("pass {least} to {most}")))
+        .remedy(format!("pass {min} to {max}")))
 }
 
 /// The tiling of one grid.
@@ -96,13 +96,13 @@ impl TileLayout {
 
     /// The tiling of the same grid into tiles of at most `most` cells, with anchor vertices no closer than
     /// here: a tile is a few times their spacing wide, or a fraction of it.
-    pub(super) fn finer(&self, most: u32) -> Result<Self> {
-        if self.tile <= most {
+    pub(super) fn finer(&self, max_cells: u32) -> Result<Self> {
+        if self.tile <= max_cells {
             return Ok(*self);
         }
         let spacing = self.spacing;
-        let side = match most / spacing {
-            0 => spacing / spacing.div_ceil(most),
+        let side = match max_cells / spacing {
+            0 => spacing / spacing.div_ceil(max_cells),
             times => times * spacing,
         };
         let finer = Self::new(self.width, self.height, side)?;

@@ -80,7 +80,7 @@ pub(super) struct OpenedTinJob {
     notes: Vec<String>,
     pub(super) shares: MemoryShares,
     /// Samples that must be vertices, and breaklines.
-    pub(super) kept: GridConstraints,
+    pub(super) constraints: GridConstraints,
     /// Water to flatten.
     water: Option<Arc<Water>>,
     /// Attributes of vertices.
@@ -97,7 +97,7 @@ impl OpenedTinJob {
         let mut opened = Self::with(job, || open(job, &options, &features))?;
         opened.water = options.water;
         opened.spec.data_dependent = job.refinement.is_data_dependent();
-        opened.kept = features.on(opened.source.info())?;
+        opened.constraints = features.on(opened.source.info())?;
         Ok(opened)
     }
 
@@ -118,7 +118,7 @@ impl OpenedTinJob {
         let (placed, mut notes) =
             job.placing.place(&frame.crs, (frame.bounds, frame.steps), format)?;
         notes.extend(frame.notes().into_iter().chain(raster::cautions(info)));
-        let (kept, carried) = (GridConstraints::default(), VertexExtras::default());
+        let (constraints, carried) = (GridConstraints::default(), VertexExtras::default());
         let spec = job.refinement.spec(&info.transform)?;
         let water = None;
         let mut opened = Self {
@@ -129,7 +129,7 @@ impl OpenedTinJob {
             frame,
             notes,
             shares,
-            kept,
+            constraints,
             water,
             carried,
             spec,
@@ -364,21 +364,21 @@ impl TinMaker<'_> {
         let (layout, folder) = (self.layout()?, self.temp_dir());
         let settings = self.settings(self.spec(0.0), folder);
         let seeker = TinSeeker { source: &*self.opened.source, layout, settings };
-        let largest = seeker.most();
+        let max_size = seeker.max_size();
         match self.job.goal {
             // The mesh of all samples is known without reading them. Few meshes are as large, so the size is estimated
             // from the heights only if that would not fit.
             TinGoal::MaxError(tolerance) => {
-                self.check_size(largest)
+                self.check_size(max_size)
                     .or_else(|_| self.check_size(seeker.estimate(tolerance)?))?;
             }
-            TinGoal::MaxVertices(vertices) if vertices < largest.vertices => {
+            TinGoal::MaxVertices(vertices) if vertices < max_size.vertices => {
                 self.check_size(MeshSize { vertices, triangles: vertices })?;
             }
-            TinGoal::MaxTriangles(triangles) if triangles < largest.triangles => {
+            TinGoal::MaxTriangles(triangles) if triangles < max_size.triangles => {
                 self.check_size(MeshSize { vertices: triangles / 2, triangles })?;
             }
-            TinGoal::MaxVertices(_) | TinGoal::MaxTriangles(_) => self.check_size(largest)?,
+            TinGoal::MaxVertices(_) | TinGoal::MaxTriangles(_) => self.check_size(max_size)?,
         }
         seeker.tolerance(self.job.goal)
     }
@@ -405,7 +405,7 @@ impl TinMaker<'_> {
         TinSettings {
             spec,
             tile: self.job.tile,
-            kept: &self.opened.kept,
+            kept: &self.opened.constraints,
             threads: self.opened.shares.threads,
             mesh_bytes: self.opened.shares.mesh,
             temp_dir,
@@ -455,7 +455,7 @@ impl TinMaker<'_> {
             bands: Vec::new(),
             tolerance,
             bound: job.refinement.bound,
-            fit: job.refinement.fit_heights,
+            fit_heights: job.refinement.fit_heights,
             min_angle: job.refinement.min_angle,
             max_error: job.measure.then_some(outcome.max_error),
             rmse: job.measure.then_some(rmse),
@@ -467,8 +467,8 @@ impl TinMaker<'_> {
             vertices: outcome.vertices,
             triangles: outcome.triangles,
             kept: outcome.vertices as f64 / outcome.valid.max(1) as f64,
-            keep_points: self.opened.kept.report(outcome.kept, outcome.kept),
-            breaklines: self.opened.kept.lines().report(outcome.apart.count),
+            keep_points: self.opened.constraints.report(outcome.kept, outcome.kept),
+            breaklines: self.opened.constraints.lines().report(outcome.apart.count),
             water,
             apart: (outcome.apart.count > 0)
                 .then(|| FlawReport::of(outcome.apart, &info.transform)),
@@ -520,19 +520,19 @@ pub(super) fn header(
 
 /// The statements of a mesh about its provenance and its guarantees.
 fn promises(provenance: MeshOrigin<'_>, spec: &TinSpec, unit: Option<String>) -> Promises {
-    let [kept, lines] = provenance.refinement.files();
+    let [points, lines] = provenance.refinement.files();
     Promises {
         source: Some(provenance.input.to_owned()),
         max_error: Some(MaxError { value: spec.tolerance, unit }),
         // At samples is the default of readers.
         bound: (spec.bound != ErrorBound::Samples).then_some(spec.bound),
-        fitted: spec.fit.then_some(FittedHeights),
+        fitted: spec.fit_heights.then_some(FittedHeights),
         triangulation: (spec.data_dependent)
             .then(|| TriangulationRule::DataDependent.name().to_owned()),
         min_angle: spec.min_angle.map(|least| least.degrees()),
         clip: provenance.clip,
         water: provenance.water,
-        keep_points: kept.map(feature_files::label_of),
+        keep_points: points.map(feature_files::label_of),
         breaklines: lines.map(feature_files::label_of),
         ..Promises::default()
     }

@@ -30,13 +30,13 @@ impl MeshFrame {
     /// # Errors
     /// Errors of operations; a change of heights in a format that rounds them.
     pub(super) fn new(info: &GridInfo, job: &TinJob, format: &MeshFormat) -> Result<Self> {
-        let own = Self {
+        let frame = Self {
             crs: info.crs.clone(),
             bounds: bounds(info),
             steps: steps(info),
             operation: None,
         };
-        let Some(transform) = &job.transform else { return Ok(own) };
+        let Some(transform) = &job.transform else { return Ok(frame) };
         let input = job.input.to_string();
         let source = (Path::new(&input), &info.crs);
         let operation = transform.operation(source, Some(extent_of(info)), &job.resources)?;
@@ -47,7 +47,7 @@ impl MeshFrame {
             );
             return Err(Error::unsupported(message).remedy("write PLY or OBJ, or pass a 2D CRS"));
         }
-        own.moved(operation)
+        frame.moved(operation)
     }
 
     fn moved(self, operation: CoordinateOperation) -> Result<Self> {

@@ -118,7 +118,7 @@ pub(super) struct PatchFrontier {
     /// Edges in the direction of the triangle beyond, sorted, with the third corner on this side.
     edges: Vec<([Lattice; 2], Lattice)>,
     /// Which of them have a triangle beyond that the patch could have taken in.
-    found: Vec<bool>,
+    is_matched: Vec<bool>,
     is_open: bool,
 }
 
@@ -133,11 +133,11 @@ impl PatchFrontier {
         });
         let mut edges: Vec<_> = edges.collect();
         edges.sort_unstable();
-        Self { found: vec![false; edges.len()], edges, is_open: false }
+        Self { is_matched: vec![false; edges.len()], edges, is_open: false }
     }
 
     /// Looks at the triangles kept with a tile, and its inner ones, where the patch could have taken them in.
-    pub(super) fn see(
+    pub(super) fn add(
         &mut self,
         [triangles, inner]: [&[TileTriangle]; 2],
         zone: &PatchTriangles,
@@ -177,7 +177,7 @@ impl PatchFrontier {
     fn see_edge(&mut self, edge: [Lattice; 2], beyond: Lattice) {
         let Ok(at) = self.edges.binary_search_by_key(&edge, |entry| entry.0) else { return };
         let ([b, a], c) = self.edges[at];
-        self.found[at] = true;
+        self.is_matched[at] = true;
         // Four corners on one circle do not widen the patch: both ways to cut them are Delaunay.
         self.is_open |= in_circle(a, b, c, beyond) > 0;
     }
@@ -189,7 +189,7 @@ impl PatchFrontier {
 
     /// How far from `row` the edges go beside which no larger patch could have changed anything.
     pub(super) fn closed_reach(&self, row: i32) -> u32 {
-        let closed = self.edges.iter().zip(&self.found).filter(|&(_, found)| !found);
+        let closed = self.edges.iter().zip(&self.is_matched).filter(|&(_, is_matched)| !is_matched);
         let rows = closed.flat_map(|(edge, _)| edge.0.map(|at| at[1].abs_diff(row)));
         rows.max().unwrap_or(0)
     }
@@ -229,7 +229,9 @@ mod tests {
         let zone = PatchTriangles::new(&layout, SeamKind::Vertical, tile, 4, 0);
         let base = (zone.limits().col, zone.limits().row);
         let border = [[(40, 40), (40, 50), (32, 45)].map(|(col, row)| TilePosition::new(col, row))];
-        for (beyond, is_open, found) in [(41, true, true), (46, false, true), (0, false, false)] {
+        for (beyond, is_open, is_matched) in
+            [(41, true, true), (46, false, true), (0, false, false)]
+        {
             let mut frontier = PatchFrontier::new(&border, (26, 0), base);
             let mut kept = Vec::new();
             if beyond > 0 {
@@ -237,9 +239,9 @@ mod tests {
                     [(40, 50), (40, 40), (beyond, 45)].map(|(col, row)| (col - 6, row - 32));
                 kept.push(triangle(moved));
             }
-            frontier.see([&kept, &[]], &zone, tile, &layout);
+            frontier.add([&kept, &[]], &zone, tile, &layout);
             assert_eq!(frontier.is_open(), is_open);
-            assert_eq!(frontier.closed_reach(10) > 0, !found);
+            assert_eq!(frontier.closed_reach(10) > 0, !is_matched);
         }
     }
 }

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use terrane_options::{OptionRange, OptionRule, Options, check};
 
 use super::angles::angle_bound;
+use super::cost::{line_bytes, worker_bytes};
 use super::goal::TinGoal;
 use super::names::TriangulationName;
-use super::worker::{line_bytes, worker_bytes};
 use terrane_base::bound::ErrorBound;
 use terrane_base::error::Result;
 use terrane_base::geom::Affine;
@@ -65,7 +65,7 @@ impl TinMethod {
             bound: self.bound,
             strict: self.strict,
             drop: self.drop,
-            fit: self.fit_heights,
+            fit_heights: self.fit_heights,
             data_dependent: self.is_data_dependent(),
             min_angle: angle_bound(self.min_angle, map)?,
             single_precision: None,

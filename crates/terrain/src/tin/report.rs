@@ -57,7 +57,7 @@ pub struct TinReport {
     pub bound: ErrorBound,
     /// True when vertices may lie above or below their samples.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub fit: bool,
+    pub fit_heights: bool,
     /// The requested minimum angle, in degrees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_angle: Option<f64>,

@@ -82,10 +82,10 @@ pub(super) fn run_with(
     write_mesh(shared, sink)
 }
 
-/// Writes the mesh from the containers in `stock`, all seams mended; `tally` has their counts.
+/// Writes the mesh from the containers in `saved_tiles`, all seams mended; `tally` has their counts.
 pub(super) fn write(
     source: &dyn GridSource,
-    stock: &dyn ContainerSource,
+    saved_tiles: &dyn ContainerSource,
     tally: SampleCounts,
     sink: Box<dyn MeshSink>,
     settings: &TinSettings<'_>,
@@ -96,24 +96,25 @@ pub(super) fn write(
         settings,
         PipelineKernel::GREEDY,
         work,
-        Some(stock),
+        Some(saved_tiles),
         sink.wants_corners(),
     );
     lock(&shared.tally).add(tally);
     write_mesh(shared, sink)
 }
 
-/// Carries out one unit of the work and puts the containers into `object`; tiles come from `stock` where the
+/// Carries out one unit of the work and puts the containers into `object`; tiles come from `saved_tiles` where the
 /// scope says so. Returns the object, the time spent, and the bytes spilled.
 pub(super) fn save(
     source: &dyn GridSource,
     scope: RunScope,
-    stock: Option<&dyn ContainerSource>,
+    saved_tiles: Option<&dyn ContainerSource>,
     object: ArtifactWriter,
     settings: &TinSettings<'_>,
 ) -> Result<SaveOutcome> {
     let work = LayoutWork { layout: layout(source, settings)?, scope };
-    let shared = SharedTinState::new(source, settings, PipelineKernel::GREEDY, work, stock, false);
+    let shared =
+        SharedTinState::new(source, settings, PipelineKernel::GREEDY, work, saved_tiles, false);
     let saver = Mutex::new(ContainerSaver::new(work, object));
     let clock = drive(&shared, &saver);
     shared.queue.into_result()?;
@@ -144,7 +145,7 @@ impl<'a> SharedTinState<'a> {
         settings: &'a TinSettings<'a>,
         kernel: PipelineKernel,
         work: LayoutWork,
-        stock: Option<&'a dyn ContainerSource>,
+        saved_tiles: Option<&'a dyn ContainerSource>,
         with_corners: bool,
     ) -> Self {
         let layout = work.layout;
@@ -153,7 +154,7 @@ impl<'a> SharedTinState<'a> {
             settings,
             kernel,
             layout,
-            stock,
+            saved_tiles,
             store: ContainerStore::new(layout, settings.mesh_bytes, settings.temp_dir),
             queue: TaskQueue::new(work, settings.threads.max(1), settings.order_seed),
             next_id: AtomicU64::new(0),
@@ -352,7 +353,7 @@ mod tests {
                 bound: ErrorBound::Samples,
                 strict: false,
                 drop: true,
-                fit: false,
+                fit_heights: false,
                 data_dependent: false,
                 min_angle: None,
                 single_precision: None,

@@ -144,7 +144,7 @@ struct TaskQueueState {
     ready: BinaryHeap<Reverse<(u64, TileTask)>>,
     waiting: HashMap<TileTask, usize>,
     /// Tiles put into `ready` so far, in row-by-row order.
-    begun: u64,
+    started: u64,
     /// Tiles in `ready`.
     tiles_ready: u64,
     finished: u64,
@@ -222,17 +222,17 @@ impl TaskQueue {
     /// writer.
     fn begin_tiles(&self, state: &mut TaskQueueState, has_room: impl Fn() -> bool) {
         // A drawn order has to choose among all tiles of the window, not among the first few.
-        let most = if self.order_seed.is_some() { u64::MAX } else { self.threads };
+        let max_ready = if self.order_seed.is_some() { u64::MAX } else { self.threads };
         let end = self.work.tiles().min(state.finished + self.window());
-        while state.begun < end && state.tiles_ready < most {
+        while state.started < end && state.tiles_ready < max_ready {
             // Only finished tiles free memory. Without this exception a run over its budget would never go on.
             let idle = state.ready.is_empty() && state.running == 0;
             if !idle && !has_room() {
                 return;
             }
-            let task = TileTask::at(TileStep::Tile, self.work.tile_at(state.begun));
+            let task = TileTask::at(TileStep::Tile, self.work.tile_at(state.started));
             state.ready.push(Reverse((self.key(task), task)));
-            state.begun += 1;
+            state.started += 1;
             state.tiles_ready += 1;
         }
     }

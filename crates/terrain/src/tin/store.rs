@@ -45,7 +45,7 @@ pub(super) struct ContainerStore {
     slots: Mutex<HashMap<TileId, Arc<Mutex<ContainerSlot>>>>,
     spool: SpoolFile,
     /// Bytes in memory.
-    held: AtomicU64,
+    resident: AtomicU64,
     /// Limit of the bytes in memory.
     limit: u64,
     /// One thread spills at a time.
@@ -59,7 +59,7 @@ impl ContainerStore {
             layout,
             slots: Mutex::default(),
             spool: SpoolFile::new(folder),
-            held: AtomicU64::new(0),
+            resident: AtomicU64::new(0),
             limit,
             relief: Mutex::default(),
         }
@@ -145,15 +145,15 @@ impl ContainerStore {
     /// Counts bytes that wait elsewhere (in the writer's queue) against the same limit.
     pub(super) fn account(&self, before: u64, after: u64) {
         if after >= before {
-            self.held.fetch_add(after - before, Ordering::Relaxed);
+            self.resident.fetch_add(after - before, Ordering::Relaxed);
         } else {
-            self.held.fetch_sub(before - after, Ordering::Relaxed);
+            self.resident.fetch_sub(before - after, Ordering::Relaxed);
         }
     }
 
     /// Whether memory is below the limit.
     pub(super) fn has_room(&self) -> bool {
-        self.held.load(Ordering::Relaxed) <= self.limit
+        self.resident.load(Ordering::Relaxed) <= self.limit
     }
 
     /// Bytes written to the spool so far.
@@ -223,7 +223,7 @@ impl ContainerStore {
         };
         slots.sort_by_key(|&(distance, id, _)| std::cmp::Reverse((distance, id)));
         for (_, _, slot) in slots {
-            if self.held.load(Ordering::Relaxed) <= self.limit / 8 * 7 {
+            if self.resident.load(Ordering::Relaxed) <= self.limit / 8 * 7 {
                 break;
             }
             // A container in use stays: its worker would need it back at once.
@@ -283,7 +283,7 @@ mod tests {
             };
             store.with(tile, fill).unwrap();
         }
-        assert!(store.spilled() > 0 && store.held.load(Ordering::Relaxed) <= 300);
+        assert!(store.spilled() > 0 && store.resident.load(Ordering::Relaxed) <= 300);
         for &tile in tiles.iter().rev() {
             let same =
                 |c: &mut TileContainer| c.vertices == [TilePosition::new(tile.col, tile.row); 10];
@@ -294,7 +294,7 @@ mod tests {
             let readers = (1 + tile.col.min(1)) * (1 + tile.row.min(1));
             (0..readers).for_each(|_| store.finish(tile).unwrap());
         }
-        assert_eq!(store.held.load(Ordering::Relaxed), 0);
+        assert_eq!(store.resident.load(Ordering::Relaxed), 0);
         assert!(lock(&store.slots).is_empty());
     }
 }

@@ -22,18 +22,18 @@ pub(super) struct TinSeeker<'a> {
 impl TinSeeker<'_> {
     /// The tolerance to run with, and the number of trials to find it.
     pub(super) fn tolerance(&self, goal: TinGoal) -> Result<(f64, u32)> {
-        let most = self.most();
+        let max_size = self.max_size();
         match goal {
             TinGoal::MaxError(tolerance) => Ok((tolerance, 0)),
-            TinGoal::MaxVertices(budget) if budget >= most.vertices => Ok((0.0, 0)),
-            TinGoal::MaxTriangles(budget) if budget >= most.triangles => Ok((0.0, 0)),
+            TinGoal::MaxVertices(budget) if budget >= max_size.vertices => Ok((0.0, 0)),
+            TinGoal::MaxTriangles(budget) if budget >= max_size.triangles => Ok((0.0, 0)),
             TinGoal::MaxVertices(budget) => self.search(budget, |size| size.vertices),
             TinGoal::MaxTriangles(budget) => self.search(budget, |size| size.triangles),
         }
     }
 
     /// The size of the mesh of all samples.
-    pub(super) fn most(&self) -> MeshSize {
+    pub(super) fn max_size(&self) -> MeshSize {
         MeshSize { vertices: self.layout.samples(), triangles: 2 * self.layout.cells() }
     }
 

@@ -83,11 +83,11 @@ impl HeightBuffers {
 
     /// The number of samples of `part` with the lowest height of the last rectangle, if that looks like an
     /// undeclared nodata value; with the stored value.
-    pub(super) fn suspects(&self, part: Rect, info: &GridInfo) -> Option<(f64, u64)> {
+    pub(super) fn suspects(&self, tile: Rect, info: &GridInfo) -> Option<(f64, u64)> {
         let (rect, [lowest, _]) = (self.rect?, self.range?);
         let stored = looks_like_nodata(f64::from(lowest), info)?;
-        let rows = part.row - rect.row..part.end_row() - rect.row;
-        let cols = (part.col - rect.col) as usize..(part.end_col() - rect.col) as usize;
+        let rows = tile.row - rect.row..tile.end_row() - rect.row;
+        let cols = (tile.col - rect.col) as usize..(tile.end_col() - rect.col) as usize;
         let rows = rows.map(|row| &self.f32[row as usize * rect.width as usize..][cols.clone()]);
         let count = rows.flatten().filter(|&&z| z == lowest).count();
         Some((stored, count as u64))
@@ -161,7 +161,7 @@ mod tests {
             bound: ErrorBound::Samples,
             strict: false,
             drop: true,
-            fit: false,
+            fit_heights: false,
             data_dependent: false,
             min_angle: None,
             measure: false,

@@ -14,7 +14,7 @@ use super::container::{MeshPiece, TileContainer};
 use super::counters::{MeshFlaws, SampleCounts};
 use super::kernel::PipelineKernel;
 use super::layout::{SeamKind, TileId, TileLayout};
-use super::numbering::{VertexFlags, VertexLookup, VertexRanks, positions};
+use super::numbering::{VertexFlags, VertexLookup, positions};
 use super::patch_region::{PatchFrontier, PatchTriangles, rect_around};
 use super::report::{PipelineStage, StageClock};
 use super::schedule::TaskQueue;
@@ -24,14 +24,14 @@ use super::task::{TileStep, TileTask};
 use super::window::HeightBuffers;
 use super::writer::{TilePart, TilePartSink};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::{Point3, Rect};
+use terrane_base::geom::Rect;
 use terrane_engine::WorkSpan;
 use terrane_files::fault::{self, FaultPoint};
 use terrane_files::lock;
 use terrane_raster::GridSource;
 use terrane_tin::{
-    self as tin, HeightWindow, PatchInput, PatchMesh, PathStretch, TileInput, TileMesh,
-    TilePosition, TileScratch, TileTriangle, TinSpec,
+    HeightWindow, PatchInput, PatchMesh, PathStretch, TileInput, TileMesh, TilePosition,
+    TileScratch, TileTriangle, TinSpec,
 };
 
 /// What all workers of a running job share.
@@ -41,7 +41,7 @@ pub(super) struct SharedTinState<'a> {
     pub(super) kernel: PipelineKernel,
     pub(super) layout: TileLayout,
     /// Source of tiles of other runs.
-    pub(super) stock: Option<&'a dyn ContainerSource>,
+    pub(super) saved_tiles: Option<&'a dyn ContainerSource>,
     pub(super) store: ContainerStore,
     pub(super) queue: TaskQueue,
     /// Id of the next vertex to be numbered.
@@ -74,11 +74,11 @@ pub(super) struct TinWorker<'a> {
     /// Heights of their corners, where those are free.
     vertices: Vec<(TilePosition, f64)>,
     /// Samples to keep where it works, sorted.
-    kept: Vec<TilePosition>,
+    constraints: Vec<TilePosition>,
     /// Parts of breaklines there, in the same order for all tiles.
     lines: Vec<PathStretch>,
-    joints: BreaklineFans,
-    marks: VertexFlags,
+    line_fans: BreaklineFans,
+    used: VertexFlags,
     lookup: VertexLookup,
     clock: StageClock,
 }
@@ -94,10 +94,10 @@ impl<'a> TinWorker<'a> {
             scratch,
             triangles: Vec::new(),
             vertices: Vec::new(),
-            kept: Vec::new(),
+            constraints: Vec::new(),
             lines: Vec::new(),
-            joints: BreaklineFans::default(),
-            marks: VertexFlags::default(),
+            line_fans: BreaklineFans::default(),
+            used: VertexFlags::default(),
             lookup: VertexLookup::default(),
             clock: StageClock::default(),
         }
@@ -126,9 +126,9 @@ impl<'a> TinWorker<'a> {
 
     fn perform(&mut self, task: TileTask) -> Result<()> {
         match task.step {
-            TileStep::Tile => match self.job.stock {
+            TileStep::Tile => match self.job.saved_tiles {
                 None => self.triangulate(task.tile),
-                Some(stock) => self.load(stock, task.tile),
+                Some(saved_tiles) => self.load(saved_tiles, task.tile),
             },
             TileStep::Vertical => self.mend(SeamKind::Vertical, task.tile),
             TileStep::Horizontal => self.mend(SeamKind::Horizontal, task.tile),
@@ -149,9 +149,9 @@ impl<'a> TinWorker<'a> {
         self.list_constraints(rect);
         self.list_lines(rect);
         let ends = self.lines.iter().flat_map(|line| line.ends(rect.width, rect.height));
-        self.kept.extend(ends);
-        self.kept.sort_unstable();
-        let input = tile_input(layout, tile, self.window.heights(), &self.kept, &self.lines);
+        self.constraints.extend(ends);
+        self.constraints.sort_unstable();
+        let input = tile_input(layout, tile, self.window.heights(), &self.constraints, &self.lines);
         let input = TileInput { spacing: self.spacing(), ..input };
         let mesh = (self.job.kernel.tile)(&input, &self.job.settings.spec, &mut self.scratch);
         self.job.settings.cancel.check()?;
@@ -172,10 +172,10 @@ impl<'a> TinWorker<'a> {
     }
 
     /// Brings a tile that another run has made.
-    fn load(&mut self, stock: &dyn ContainerSource, tile: TileId) -> Result<()> {
+    fn load(&mut self, saved_tiles: &dyn ContainerSource, tile: TileId) -> Result<()> {
         let started = Instant::now();
-        let saved = stock.load(tile)?;
-        self.job.store.with(tile, |kept| *kept = saved)?;
+        let saved = saved_tiles.load(tile)?;
+        self.job.store.with(tile, |container| *container = saved)?;
         let samples = self.job.layout.owned(tile).len() as u64;
         self.clock.add(PipelineStage::Load, started, samples);
         self.job.settings.progress.advance(samples);
@@ -222,9 +222,13 @@ impl<'a> TinWorker<'a> {
 
     /// Spacing of anchor vertices; half as much where lines are followed.
     fn spacing(&self) -> u32 {
-        let most = self.job.layout.spacing();
+        let spacing = self.job.layout.spacing();
         // A sample may be inserted anywhere on a line, and all that this changes has to be in a patch.
-        if self.job.settings.kept.lines().paths().is_empty() { most } else { (most / 2).max(1) }
+        if self.job.settings.kept.lines().paths().is_empty() {
+            spacing
+        } else {
+            (spacing / 2).max(1)
+        }
     }
 
     /// How far up and down from a tile corner the patch has to follow the vertical seam.
@@ -250,7 +254,7 @@ impl<'a> TinWorker<'a> {
                 || self
                     .job
                     .store
-                    .with(tile, |kept| kept.is_thin_in(&widest, tile, layout, &bound))?;
+                    .with(tile, |container| container.is_thin_in(&widest, tile, layout, &bound))?;
         }
         Ok(is_thin)
     }
@@ -261,7 +265,7 @@ impl<'a> TinWorker<'a> {
         let layout = &self.job.layout;
         for tile in layout.keepers(zone.limits()) {
             let out = &mut self.triangles;
-            self.job.store.with(tile, |kept| kept.extract(zone, tile, layout, out))?;
+            self.job.store.with(tile, |container| container.extract(zone, tile, layout, out))?;
         }
         self.clock.add(PipelineStage::Seams, started, 0);
         Ok(())
@@ -270,13 +274,13 @@ impl<'a> TinWorker<'a> {
     /// Brings the heights of all vertices in `rect`, where they are free.
     fn look_up_heights(&mut self, rect: Rect) -> Result<()> {
         self.vertices.clear();
-        if !self.job.settings.spec.fit {
+        if !self.job.settings.spec.fit_heights {
             return Ok(());
         }
         let layout = &self.job.layout;
         for tile in layout.owners(rect) {
             let out = &mut self.vertices;
-            self.job.store.with(tile, |kept| kept.heights_in(rect, tile, layout, out))?;
+            self.job.store.with(tile, |container| container.heights_in(rect, tile, layout, out))?;
         }
         Ok(())
     }
@@ -312,7 +316,7 @@ impl<'a> TinWorker<'a> {
             seam_row,
             grid_ends: self.job.layout.grid_ends(rect),
             spacing: self.spacing(),
-            kept: &self.kept,
+            kept: &self.constraints,
             lines: &self.lines,
         };
         make(&input, &self.job.settings.spec, &mut self.scratch)
@@ -327,14 +331,14 @@ impl<'a> TinWorker<'a> {
         self.read(rect)?;
         let started = Instant::now();
         self.look_up_heights(rect)?;
-        let bytes = self.job.store.with(tile, |kept| kept.bytes())?;
+        let bytes = self.job.store.with(tile, |container| container.bytes())?;
         let _room = self.job.store.reserve(2 * bytes, tile)?;
-        let triangles = self.job.store.with(tile, |kept| kept.within(tile, &layout))?;
+        let triangles = self.job.store.with(tile, |container| container.within(tile, &layout))?;
         let patch = self.patch(self.job.kernel.reduce, rect, &triangles, [None; 2]);
         self.job.settings.cancel.check()?;
         let PatchMesh { triangles, vertices, heights, .. } = &patch;
         let piece = MeshPiece { rect, triangles, vertices, heights };
-        self.job.store.with(tile, |kept| kept.replace_within(piece, tile, &layout))?;
+        self.job.store.with(tile, |container| container.replace_within(piece, tile, &layout))?;
         self.clock.add(PipelineStage::Reduce, started, layout.owned(tile).len() as u64);
         Ok(())
     }
@@ -352,8 +356,8 @@ impl<'a> TinWorker<'a> {
         let places = ((rect.col, rect.row), (limits.col, limits.row));
         let mut frontier = PatchFrontier::new(&patch.border, places.0, places.1);
         for tile in layout.keepers(limits).take_while(|_| !patch.border.is_empty()) {
-            self.job.store.with(tile, |kept| {
-                frontier.see([&kept.triangles, &kept.inner], zone, tile, layout)
+            self.job.store.with(tile, |container| {
+                frontier.add([&container.triangles, &container.inner], zone, tile, layout)
             })?;
         }
         self.clock.add(PipelineStage::Seams, started, 0);
@@ -404,27 +408,27 @@ impl<'a> TinWorker<'a> {
         let started = Instant::now();
         let job = self.job;
         let layout = &job.layout;
-        self.marks.reset(layout.owned(tile));
+        self.used.reset(layout.owned(tile));
         let steps = [(0, 0), (0, -1), (-1, 0), (-1, -1)];
-        self.joints.begin(job.settings.kept.lines(), layout.owned(tile));
+        self.line_fans.begin(job.settings.kept.lines(), layout.owned(tile));
         for near in steps.into_iter().filter_map(|(rows, cols)| layout.step(tile, rows, cols)) {
             let origin = layout.origin(near);
-            job.store.with(near, |kept| {
-                self.marks.mark(&kept.triangles, origin);
-                self.joints.add(&kept.triangles, origin);
+            job.store.with(near, |container| {
+                self.used.mark(&container.triangles, origin);
+                self.line_fans.add(&container.triangles, origin);
             })?;
         }
-        let points = job.store.with(tile, |kept| {
-            self.marks.mark(&kept.inner, layout.origin(tile));
-            self.joints.add(&kept.inner, layout.origin(tile));
-            kept.settle(|at| self.marks.contains(at));
-            positions(kept, layout.origin(tile), &job.source.info().transform)
+        let points = job.store.with(tile, |container| {
+            self.used.mark(&container.inner, layout.origin(tile));
+            self.line_fans.add(&container.inner, layout.origin(tile));
+            container.settle(|at| self.used.contains(at));
+            positions(container, layout.origin(tile), &job.source.info().transform)
         })?;
         self.list_constraints(layout.owned(tile));
-        let kept = self.kept.iter().filter(|&&at| self.marks.contains(at)).count() as u64;
-        let apart = self.joints.apart();
+        let kept = self.constraints.iter().filter(|&&at| self.used.contains(at)).count() as u64;
+        let apart = self.line_fans.apart();
         lock(&job.tally).add(SampleCounts { kept, apart, ..SampleCounts::default() });
-        if points.len() as u64 != self.marks.count() {
+        if points.len() as u64 != self.used.count() {
             return Err(Error::new(ErrorKind::Internal, "a vertex lacks a height"));
         }
         self.clock.add(PipelineStage::Write, started, 0);
@@ -447,7 +451,9 @@ impl<'a> TinWorker<'a> {
         let job = self.job;
         for (near, ranks) in self.lookup.begin(&job.layout, tile) {
             let owned = job.layout.owned(near);
-            job.store.with_ids(near, |kept, id| ranks.fill(kept, owned, id, job.with_corners))?;
+            job.store.with_ids(near, |container, id| {
+                ranks.fill(container, owned, id, job.with_corners)
+            })?;
         }
         let triangles = job.store.with(tile, TileContainer::take_triangles)?;
         lock(&job.tally)
@@ -473,7 +479,7 @@ impl<'a> TinWorker<'a> {
         let (col, row) = self.job.layout.origin(tile);
         for triangle in triangles.iter().filter(|triangle| !bound.holds(triangle.corners)) {
             let corner = triangle.corners[0];
-            thin.see(row + corner.row(), col + corner.col());
+            thin.note(row + corner.row(), col + corner.col());
         }
         thin
     }
@@ -481,11 +487,11 @@ impl<'a> TinWorker<'a> {
     /// Saves the container of a tile, for another run.
     fn save(&mut self, tile: TileId) -> Result<()> {
         let started = Instant::now();
-        let mut kept = self.job.store.with(tile, std::mem::take)?;
+        let mut container = self.job.store.with(tile, std::mem::take)?;
         self.job.store.discard(tile);
-        let _room = self.job.store.reserve(2 * kept.bytes(), tile)?;
-        kept.close();
-        let record = ContainerRecord::of(&kept);
+        let _room = self.job.store.reserve(2 * container.bytes(), tile)?;
+        container.close();
+        let record = ContainerRecord::of(&container);
         self.job.source.release(self.job.layout.rect(tile));
         self.clock.add(PipelineStage::Write, started, self.job.layout.owned(tile).len() as u64);
         self.send(tile, TilePart::Saved(record))
@@ -493,10 +499,12 @@ impl<'a> TinWorker<'a> {
 
     /// Lists the samples to keep in `rect`, as positions there.
     fn list_constraints(&mut self, rect: Rect) {
-        let kept = self.job.settings.kept.within(rect);
-        self.kept.clear();
-        self.kept.extend(kept.map(|[col, row]| TilePosition::new(col - rect.col, row - rect.row)));
-        self.kept.sort_unstable();
+        let constraints = self.job.settings.kept.within(rect);
+        self.constraints.clear();
+        self.constraints.extend(
+            constraints.map(|[col, row]| TilePosition::new(col - rect.col, row - rect.row)),
+        );
+        self.constraints.sort_unstable();
     }
 
     /// Lists the parts of breaklines in `rect`, by positions there.
@@ -541,7 +549,7 @@ impl SharedTinState<'_> {
     /// Hands a piece of the mesh to the containers it belongs to.
     fn insert(&self, piece: MeshPiece<'_>) -> Result<()> {
         self.layout.owners(piece.rect).try_for_each(|tile| {
-            self.store.with(tile, |kept| kept.insert(piece, tile, &self.layout))
+            self.store.with(tile, |container| container.insert(piece, tile, &self.layout))
         })
     }
 }
@@ -565,23 +573,6 @@ pub(super) fn tile_input<'a>(
         kept,
         lines,
     }
-}
-
-/// Additional bytes of a worker that follows breaklines.
-pub(super) fn line_bytes(cells: u32) -> u64 {
-    tin::TileScratch::line_bytes(cells + 2) + BreaklineFans::bytes(cells)
-}
-
-/// Most bytes a worker holds for tiles of `cells` x `cells`; with `keeps_all` the output is as large as the scratch memory.
-pub(super) fn worker_bytes(cells: u32, keeps_all: bool, fit: bool) -> u64 {
-    let samples = u64::from(cells + 3).pow(2);
-    let face = size_of::<[u64; 3]>() + size_of::<[Point3; 3]>();
-    let whole = TileMesh::max_bytes(samples) + 2 * samples * face as u64;
-    let mesh = if keeps_all { whole } else { 0 };
-    mesh + tin::TileScratch::bytes(cells + 2, fit)
-        + HeightBuffers::bytes(samples)
-        + VertexFlags::bytes(cells)
-        + 4 * VertexRanks::bytes(cells)
 }
 
 /// The error of a bound between samples that cannot be met: never seen.

@@ -85,10 +85,10 @@ impl WarpJob<'_> {
         operation: Option<CoordinateOperation>,
         nowhere: Arc<AtomicU64>,
     ) -> Result<WarpedGrid> {
-        let own = inner.info();
-        let crs = operation.as_ref().map_or(&own.crs, CoordinateOperation::target).clone();
+        let input = inner.info();
+        let crs = operation.as_ref().map_or(&input.crs, CoordinateOperation::target).clone();
         let way = CrsTransform::new(operation);
-        let lattice = output_grid::of(&self.copy.options.lattice, own, &crs, &way)?;
+        let lattice = output_grid::of(&self.copy.options.lattice, input, &crs, &way)?;
         let is_made = self.resampling.radius > 0 || !way.keeps_heights();
         let info = GridInfo {
             width: lattice.width,
@@ -97,10 +97,10 @@ impl WarpJob<'_> {
             crs,
             block: source::BLOCK,
             details: Vec::new(),
-            ..own.clone()
+            ..input.clone()
         };
         let info = if is_made { made(info) } else { info };
-        let scale = Scale::new(output_grid::scale(&lattice, own, &way)?);
+        let scale = Scale::new(output_grid::scale(&lattice, input, &way)?);
         self.check_reach(scale)?;
         Ok(WarpedGrid::new(info, inner, way, self.resampling, scale, is_made, nowhere))
     }

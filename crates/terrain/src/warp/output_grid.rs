@@ -47,22 +47,22 @@ const MAX_PLACES: u32 = 1 << 14;
 
 /// The lattice in the target CRS of `way`.
 pub(super) fn of(
-    wanted: &LatticeOptions,
+    options: &LatticeOptions,
     grid: &GridInfo,
     crs: &Crs,
     way: &CrsTransform,
 ) -> Result<TargetGrid> {
     let outline = WarpedExtent::of(grid, way);
-    if let Some(like) = &wanted.like {
+    if let Some(like) = &options.like {
         let lattice = alike(like, crs)?;
         outline.check_near(lattice.extent()).map_err(|e| e.in_file(Path::new(like)))?;
         return Ok(lattice);
     }
-    let cell = match wanted.resolution {
+    let cell = match options.resolution {
         Some(cell) => cell,
         None => natural(grid, way)?,
     };
-    match (wanted.extent, wanted.resolution) {
+    match (options.extent, options.resolution) {
         (Some(extent), None) => {
             outline.check_near(extent)?;
             let count = spans(extent, cell).map(|span| span.round().max(1.0));
@@ -73,9 +73,9 @@ pub(super) fn of(
             outline.check_near(extent)?;
             covering(extent, cell)
         }
-        (None, None) => covering(outline.whole()?, cell),
+        (None, None) => covering(outline.complete()?, cell),
         (None, Some(cell)) => {
-            let [x0, y0, x1, y1] = outline.whole()?;
+            let [x0, y0, x1, y1] = outline.complete()?;
             // A hair inward: an extent on the lattice, rounded, would get a row of cells without samples.
             let [x0, y0] = [x0 / cell[0], y0 / cell[1]].map(|at| (at + HAIR).floor());
             let [x1, y1] = [x1 / cell[0], y1 / cell[1]].map(|at| (at - HAIR).ceil());
@@ -183,7 +183,7 @@ impl WarpedExtent {
     }
 
     /// The rectangle, if all edge positions can be transformed.
-    fn whole(self) -> Result<[f64; 4]> {
+    fn complete(self) -> Result<[f64; 4]> {
         self.lost.map_or(Ok(self.extent), |error| {
             Err(error.remedy("pass the output extent with ‹extent› or ‹like›"))
         })
@@ -245,8 +245,9 @@ fn covering(extent: [f64; 4], cell: [f64; 2]) -> Result<TargetGrid> {
 /// A north-up lattice.
 fn upright([x, y]: [f64; 2], [across, down]: [f64; 2], count: [f64; 2]) -> Result<TargetGrid> {
     let transform = Affine::from_gdal([x, across, 0.0, y, 0.0, -down]);
-    let most = limits::MAX_SIDE as f64;
-    let is_good = count.iter().all(|count| (1.0..=most).contains(count)) && transform.is_valid();
+    let max_side = limits::MAX_SIDE as f64;
+    let is_good =
+        count.iter().all(|count| (1.0..=max_side).contains(count)) && transform.is_valid();
     if !is_good {
         let message =
             format!("the output size of {} x {} samples is out of range", count[0], count[1]);

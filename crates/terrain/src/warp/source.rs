@@ -70,12 +70,12 @@ impl WarpedGrid {
     }
 
     /// Hands on each piece of a rectangle with its heights.
-    fn each(&self, rect: Rect, found: &mut dyn FnMut(Rect, &[f64])) -> Result<()> {
+    fn each(&self, rect: Rect, visit: &mut dyn FnMut(Rect, &[f64])) -> Result<()> {
         let mut buffers = WarpBuffers::default();
         for row in (rect.row..rect.end_row()).step_by(self.side as usize) {
             for col in (rect.col..rect.end_col()).step_by(self.side as usize) {
                 let piece = Rect::new(col, row, self.side, self.side).intersect(&rect);
-                self.piece(piece, &mut buffers, found)?;
+                self.piece(piece, &mut buffers, visit)?;
             }
         }
         Ok(())
@@ -86,7 +86,7 @@ impl WarpedGrid {
         &self,
         piece: Rect,
         buffers: &mut WarpBuffers,
-        found: &mut dyn FnMut(Rect, &[f64]),
+        visit: &mut dyn FnMut(Rect, &[f64]),
     ) -> Result<()> {
         let mut left = vec![piece];
         while let Some(piece) = left.pop() {
@@ -100,7 +100,7 @@ impl WarpedGrid {
             // Not before this point: pieces that are halved are placed again.
             self.nowhere.fetch_add(nowhere, Ordering::Relaxed);
             self.fill(needed, grid, buffers)?;
-            found(piece, &buffers.heights);
+            visit(piece, &buffers.heights);
         }
         Ok(())
     }

@@ -80,21 +80,21 @@ impl<'a> InsertUntilWithin<'a> {
 
     /// The maximum distance of a listed point (rounded up) and the sum of squared distances, in steps.
     pub fn measure(&self) -> (f64, f64) {
-        let (mut most, mut squares) = (0.0_f64, 0.0);
+        let (mut max_error, mut square_sum) = (0.0_f64, 0.0);
         for triangle in 0..self.mesh.triangles().len() as u32 {
             let Some(corners) = self.mesh.corners(triangle) else { continue };
             let plane = ScatterPlane::new(corners);
             let mut point = self.heads[triangle as usize];
             while point != NONE {
                 let distance = plane.distance(self.points[point as usize]);
-                squares += distance * distance;
-                if distance + plane.doubt(distance) > most {
-                    most = most.max(rounded_up(corners, self.points[point as usize]));
+                square_sum += distance * distance;
+                if distance + plane.doubt(distance) > max_error {
+                    max_error = max_error.max(rounded_up(corners, self.points[point as usize]));
                 }
                 point = self.nexts[point as usize];
             }
         }
-        (most, squares)
+        (max_error, square_sum)
     }
 
     /// Inserts points until all are within the tolerance; returns the inserted points.
@@ -124,7 +124,7 @@ impl<'a> InsertUntilWithin<'a> {
                 let next = self.nexts[number as usize];
                 let point = self.points[number as usize];
                 if let Some(search) = self.fan.search_of(point) {
-                    search.see(number, point, self.tolerance);
+                    search.add(number, point, self.tolerance);
                     let triangle = search.worst.triangle;
                     self.list(number, triangle);
                 }
@@ -144,7 +144,7 @@ impl<'a> InsertUntilWithin<'a> {
             let mut search = ScatterSearch::new(triangle, corners);
             let mut number = self.heads[triangle as usize];
             while number != NONE {
-                search.see(number, self.points[number as usize], self.tolerance);
+                search.add(number, self.points[number as usize], self.tolerance);
                 number = self.nexts[number as usize];
             }
             search.worst

@@ -161,7 +161,7 @@ impl ClippedSegments {
     }
 
     /// Positions near the intersections of straight lines, on the paths of both; `None` if there are more than `most`.
-    pub fn crossings(&self, most: usize) -> Option<Vec<Site>> {
+    pub fn crossings(&self, max_count: usize) -> Option<Vec<Site>> {
         let mut found = Vec::new();
         for bin in 0..self.starts.len() - 1 {
             let near = self.listed_in(bin);
@@ -169,10 +169,10 @@ impl ClippedSegments {
                 let pairs = near[..i].iter().map(|&b| [a, b].map(|n| &self.all[n as usize]));
                 found.extend(pairs.filter_map(|[a, b]| crossing(a, b)));
                 // Two lines that share several bins are found in each: repeats do not count.
-                if found.len() > most {
+                if found.len() > max_count {
                     found.sort_unstable();
                     found.dedup();
-                    if found.len() > most {
+                    if found.len() > max_count {
                         return None;
                     }
                 }

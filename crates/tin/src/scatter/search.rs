@@ -51,17 +51,17 @@ impl ScatterSearch {
 
     /// Tests a point of the triangle; it counts if it is beyond the tolerance.
     #[inline(always)]
-    pub(super) fn see(&mut self, number: u32, point: Point, tolerance: f64) {
+    pub(super) fn add(&mut self, number: u32, point: Point, tolerance: f64) {
         let distance = self.plane.distance(point);
         let doubt = self.plane.doubt(distance);
         // Few points are as far off as the worst so far.
         if distance < self.worst.distance || distance <= tolerance - doubt {
             return;
         }
-        let found = ScatterCandidate { distance, point: number, ..self.worst };
-        if found > self.worst {
+        let candidate = ScatterCandidate { distance, point: number, ..self.worst };
+        if candidate > self.worst {
             let is_beyond = distance > tolerance + doubt || exceeds(self.corners, point, tolerance);
-            self.worst = if is_beyond { found } else { self.worst };
+            self.worst = if is_beyond { candidate } else { self.worst };
         }
     }
 }
@@ -123,9 +123,9 @@ pub fn exceeds(corners: [Point; 3], point: Point, tolerance: f64) -> bool {
     let [off, area] = offset(corners, point);
     // Whole part and fraction of the tolerance, the latter in 2^-24, which f64 below 2^29 resolves
     // exactly or is finer than any step matters: both sides stay below 2^126.
-    let whole = tolerance.floor();
-    let fraction = ((tolerance - whole) * f64::from(1 << 24)).floor() as i128;
-    let allowed = area * whole as i128 * (1 << 24) + area * fraction;
+    let integer = tolerance.floor();
+    let fraction = ((tolerance - integer) * f64::from(1 << 24)).floor() as i128;
+    let allowed = area * integer as i128 * (1 << 24) + area * fraction;
     off.abs() * (1 << 24) > allowed.abs()
 }
 

@@ -20,7 +20,7 @@ proptest! {
         tolerance in 0_i32..20, of_surface: bool, fit: bool, reach in 4_u32..40
     ) {
         let grid = Grid::hills(2 * half + 1, height, seed, holes);
-        let spec = TinSpec { bound: ErrorBound::ALL[usize::from(of_surface)], fit, ..spec(tolerance.into()) };
+        let spec = TinSpec { bound: ErrorBound::ALL[usize::from(of_surface)], fit_heights: fit, ..spec(tolerance.into()) };
         let tiles = [tile(&grid, 0, half, &spec), tile(&grid, half, 2 * half, &spec)];
         let heights: BTreeMap<TilePosition, f64> = tiles.iter().zip([0, half]).flat_map(|(mesh, from)| {
             let shifted = mesh.vertices.iter().map(move |p| TilePosition::new(p.col() + from, p.row()));
@@ -59,8 +59,8 @@ proptest! {
         };
         let bound = ErrorBound::ALL[usize::from(of_surface)];
         let (first, second) = (
-            TinSpec { bound, fit: was_fit, ..spec(before.into()) },
-            TinSpec { bound, fit, ..spec(tolerance.into()) },
+            TinSpec { bound, fit_heights: was_fit, ..spec(before.into()) },
+            TinSpec { bound, fit_heights: fit, ..spec(tolerance.into()) },
         );
         let (other, grid) = (Grid::hills(47, 31, seed + 1, 1), Grid::hills(width, height, seed, holes));
         let (others, z) = (other.f32(), grid.f32());

@@ -87,7 +87,7 @@ proptest! {
         tolerance in 0_i32..60, fit: bool, drop: bool, of_surface: bool
     ) {
         let bound = ErrorBound::ALL[usize::from(of_surface)];
-        let spec = TinSpec { fit, drop: drop || fit, bound, ..spec(tolerance.into()) };
+        let spec = TinSpec { fit_heights: fit, drop: drop || fit, bound, ..spec(tolerance.into()) };
         let grid = Grid::hills(width, height, seed, holes).with_lines(&samples);
         let mesh = whole(&grid, &spec);
         check_followed(&grid, &samples, &mesh.triangles);

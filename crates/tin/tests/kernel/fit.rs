@@ -65,7 +65,7 @@ proptest! {
         let bound = ErrorBound::ALL[usize::from(of_surface)];
         let single_precision = single.then_some(HeightQuantization::about(0.0));
         let spec =
-            TinSpec { fit: true, bound, single_precision, ..spec(f64::from(quarters) / 4.0) };
+            TinSpec { fit_heights: true, bound, single_precision, ..spec(f64::from(quarters) / 4.0) };
         let mesh = whole(&grid, &spec);
         let placed = placed(&mesh, [0, 0]);
         check_fitted(&grid, &mesh.triangles, &placed, spec.tolerance);
@@ -98,7 +98,7 @@ proptest! {
     ) {
         let grid = Grid::hills(2 * half + 1, height, seed, holes);
         let bound = ErrorBound::ALL[usize::from(of_surface)];
-        let spec = TinSpec { fit: true, bound, ..spec(tolerance.into()) };
+        let spec = TinSpec { fit_heights: true, bound, ..spec(tolerance.into()) };
         let (_, patch) = mend_fitted(&grid, half, &spec);
         let mended: Placed =
             patch.vertices.iter().copied().zip(patch.heights.iter().copied()).collect();
@@ -137,7 +137,9 @@ fn check_fitted_between(grid: &Grid, triangles: &[TileTriangle], heights: &Place
 fn fitted_heights_take_fewer_vertices() {
     let grid = Grid::hills(257, 257, 11, 0);
     for (tolerance, share) in [(4.0, 0.9), (8.0, 0.85), (20.0, 0.9)] {
-        let count = |fit| whole(&grid, &TinSpec { fit, ..spec(tolerance) }).vertices.len() as f64;
+        let count = |fit| {
+            whole(&grid, &TinSpec { fit_heights: fit, ..spec(tolerance) }).vertices.len() as f64
+        };
         let (fitted, samples) = (count(true), count(false));
         assert!(fitted <= share * samples, "{fitted} of {samples} at {tolerance}");
     }
@@ -148,7 +150,7 @@ fn fitted_heights_take_fewer_vertices() {
 fn vertices_of_a_seam_are_fitted_too() {
     let (half, height) = (60, 90);
     let grid = Grid::hills(2 * half + 1, height, 11, 0);
-    let spec = TinSpec { fit: true, ..spec(6.0) };
+    let spec = TinSpec { fit_heights: true, ..spec(6.0) };
     let (before, patch) = mend_fitted(&grid, half, &spec);
     let all = patch.vertices.iter().zip(&patch.heights);
     let seam = all.filter(|(p, _)| p.col() == half && before.contains_key(p));

@@ -71,7 +71,7 @@ proptest! {
         one_in in 1_u32..60, tolerance in 0_i32..60, fit: bool, drop: bool, of_surface: bool
     ) {
         let bound = ErrorBound::ALL[usize::from(of_surface)];
-        let spec = TinSpec { fit, drop: drop || fit, bound, ..spec(tolerance.into()) };
+        let spec = TinSpec { fit_heights: fit, drop: drop || fit, bound, ..spec(tolerance.into()) };
         let kept = scattered(width, height, seed, one_in);
         let grid = Grid { kept, ..Grid::hills(width, height, seed, holes) };
         let mesh = whole(&grid, &spec);
@@ -107,7 +107,7 @@ proptest! {
         seed in 0_u32..1000, half in 8_u32..30, height in 4_u32..40, one_in in 2_u32..20,
         tolerance in 1_i32..20
     ) {
-        let spec = TinSpec { fit: true, ..spec(tolerance.into()) };
+        let spec = TinSpec { fit_heights: true, ..spec(tolerance.into()) };
         let kept = scattered(2 * half + 1, height, seed, one_in);
         let grid = Grid { kept, ..Grid::hills(2 * half + 1, height, seed, 0) };
         let (_, patch) = fit::mend_fitted(&grid, half, &spec);

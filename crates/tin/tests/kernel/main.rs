@@ -70,7 +70,7 @@ fn spec(tolerance: f64) -> TinSpec {
         bound: ErrorBound::Samples,
         strict: false,
         drop: true,
-        fit: false,
+        fit_heights: false,
         data_dependent: false,
         min_angle: None,
         single_precision: None,
@@ -564,7 +564,7 @@ fn the_bound_holds_for_double_precision_heights() {
         [(0.25, false), (0.25, true), (0.02, true), (0.016, true)].map(|kind| (stored, kind))
     });
     for (single_precision, (tolerance, fit)) in kinds {
-        let spec = TinSpec { single_precision, fit, ..spec(tolerance) };
+        let spec = TinSpec { single_precision, fit_heights: fit, ..spec(tolerance) };
         let mesh = triangulate_tile(&TileInput::alone(heights), &spec, &mut TileScratch::default());
         let written = |p: TilePosition| {
             let at = mesh.vertices.binary_search(&p).expect("a listed vertex");

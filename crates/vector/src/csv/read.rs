@@ -201,16 +201,16 @@ impl FeatureSource for CsvFeatureSource {
     }
 
     fn notes(&self) -> Vec<String> {
-        let told = [
+        let counts = [
             (
                 self.others,
                 "rows have property values that differ from the first row of their line; those of the first row are used",
             ),
             (self.broken, "quoted values contain line breaks"),
         ];
-        let told = told.iter().filter(|(count, _)| *count > 0);
-        let told = told.map(|(count, what)| format!("{count} {what}"));
-        self.notes.iter().cloned().chain(told).collect()
+        let counts = counts.iter().filter(|(count, _)| *count > 0);
+        let counts = counts.map(|(count, what)| format!("{count} {what}"));
+        self.notes.iter().cloned().chain(counts).collect()
     }
 }
 

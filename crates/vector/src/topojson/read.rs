@@ -330,8 +330,8 @@ impl TopoJsonAssembler<'_> {
 fn fill_up(least: usize, part: &mut CoordinateSequence) {
     let start = part.ends.last().copied().unwrap_or(0);
     if let Some(&first) = part.xy.get(start) {
-        let wanted = part.xy.len().max(start + least);
-        part.xy.resize(wanted, first);
+        let length = part.xy.len().max(start + least);
+        part.xy.resize(length, first);
     }
 }
 

@@ -281,9 +281,9 @@ impl WktSource {
         }
         let [x, y, third, fourth] = numbers;
         let dimensions = known.unwrap_or(WktDimensions { has_z: count > 2, has_m: count > 3 });
-        let wanted = 2 + usize::from(dimensions.has_z) + usize::from(dimensions.has_m);
-        if count != wanted || count < 2 {
-            return Err(self.bad(format!("position has {count} numbers, expected {wanted}")));
+        let expected = 2 + usize::from(dimensions.has_z) + usize::from(dimensions.has_m);
+        if count != expected || count < 2 {
+            return Err(self.bad(format!("position has {count} numbers, expected {expected}")));
         }
         let m = if dimensions.has_z { fourth } else { third };
         found.push([x, y], dimensions.has_z.then_some(third), dimensions.has_m.then_some(m));

@@ -159,6 +159,7 @@ impl DomainLayout {
         for down in above..=below {
             let Rect { row, .. } = self.at(0, down).rect;
             let end_row = self.at(0, down).rect.end_row();
+            // A triangle touches all domains of a box one domain wide or high.
             let [first, last] = if left == right || above == below {
                 [left, right]
             } else {

@@ -1,8 +1,8 @@
 //! Difference of slopes between a mesh and its grid: the angle between normals.
 //!
 //! The slope of a cell comes from its four samples, by differences across its middle; it is compared with the
-//! triangle that covers the middle. Where several do, as on a diagonal, the largest angle counts. Slopes are turned from the lattice to the ground cell by cell, as a degree has another
-//! length everywhere.
+//! triangle that covers the middle. Where several do, as on a diagonal, the largest angle counts. Slopes are
+//! turned from the lattice to the ground cell by cell, as a degree has another length everywhere.
 
 use terrane_base::geom::Rect;
 

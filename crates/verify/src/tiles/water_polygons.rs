@@ -63,14 +63,8 @@ fn banks(
             }
             let mut last = raster.to_globe(side[0])?;
             for number in 1..=segments {
-                // The end itself: neighbouring sides share it bit by bit.
-                let next = match number == segments {
-                    true => raster.to_globe(side[1])?,
-                    false => {
-                        let share = f64::from(number) / f64::from(segments);
-                        raster.to_globe(between(side, share))?
-                    }
-                };
+                let share = f64::from(number) / f64::from(segments);
+                let next = raster.to_globe(between(side, share))?;
                 banks.push(WaterBank::new(last, next, polygon));
                 last = next;
             }

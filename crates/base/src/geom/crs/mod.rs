@@ -198,15 +198,16 @@ impl Crs {
         if !self.is_named() || !other.is_named() {
             return self.is_named() == other.is_named();
         }
-        let (mine, theirs) = (self.parts(), other.parts());
-        let is_alike = match (self.epsg, other.epsg, &mine.0, &theirs.0) {
+        let [(horizontal, vertical), (other_horizontal, other_vertical)] =
+            [self, other].map(Self::parts);
+        let is_alike = match (self.epsg, other.epsg, &horizontal, &other_horizontal) {
             (Some(a), Some(b), ..) => a == b,
             (_, _, Some(a), Some(b)) => a.same(b),
             (None, None, ..) => self.says_the_same(other),
             _ => false,
         };
         is_alike
-            && match (self.vertical_epsg, other.vertical_epsg, &mine.1, &theirs.1) {
+            && match (self.vertical_epsg, other.vertical_epsg, &vertical, &other_vertical) {
                 (Some(a), Some(b), ..) => a == b,
                 (_, _, Some(a), Some(b)) => a.same(b),
                 _ => true,
@@ -215,8 +216,8 @@ impl Crs {
 
     /// Whether two CRSs certainly differ, by their codes or parameters. Different names prove nothing.
     pub fn is_surely_another(&self, other: &Self) -> bool {
-        let (mine, theirs) = (self.parts(), other.parts());
-        let is_another = match (self.epsg, other.epsg, &mine.0, &theirs.0) {
+        let [(horizontal, _), (other_horizontal, _)] = [self, other].map(Self::parts);
+        let is_another = match (self.epsg, other.epsg, &horizontal, &other_horizontal) {
             (Some(a), Some(b), ..) => a != b,
             (_, _, Some(a), Some(b)) => {
                 std::mem::discriminant(a) != std::mem::discriminant(b) || a.contradicts(b)

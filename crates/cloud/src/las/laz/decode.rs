@@ -57,7 +57,7 @@ impl ChunkDecoder {
         let chunk = CompressedChunk { bytes, count: count as usize };
         let block = if wanted.records { records_at_once(layout) } else { BLOCK };
         match self.decoder.stream(&layout.schema, chunk, wanted) {
-            Ok(stream) => go(stream, (count, block), &mut self.fields, each),
+            Ok(stream) => go(stream, count, block, &mut self.fields, each),
             Err(what) => Ok(Err(what.to_string())),
         }
     }
@@ -70,7 +70,8 @@ impl ChunkDecoder {
     pub(crate) fn stream(
         &mut self,
         layout: &LazLayout,
-        (file, at): (&RawFile, u64),
+        file: &RawFile,
+        at: u64,
         count: u64,
         wanted: FieldSelection,
         each: &mut Each<'_>,
@@ -147,10 +148,11 @@ impl LazStreamWindow<'_> {
     }
 }
 
-/// Passes on `count` points of a chunk in blocks.
+/// Passes on `count` points of a chunk in blocks of `block`.
 fn go(
     mut stream: ChunkStream<'_, '_>,
-    (count, block): (u64, u64),
+    count: u64,
+    block: u64,
     fields: &mut DecodedFields,
     each: &mut Each<'_>,
 ) -> Decoded<()> {

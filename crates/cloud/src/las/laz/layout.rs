@@ -74,12 +74,8 @@ impl LazLayout {
 
 /// Fails if the decoder does not support an item.
 fn schema(items: &[[u16; 3]]) -> Result<LaszipSchema> {
-    let item = |[kind, size, version]: &[u16; 3]| LaszipItem {
-        kind: *kind,
-        size: *size,
-        version: *version,
-    };
-    LaszipSchema::new(&items.iter().map(item).collect::<Vec<_>>())
+    let items = items.iter().map(|&[kind, size, version]| LaszipItem { kind, size, version });
+    LaszipSchema::new(&items.collect::<Vec<_>>())
         .map_err(|item| unsupported(format!("unknown compression of {item}")))
 }
 
@@ -109,8 +105,8 @@ fn items(
     let versions = if compressor == LazCompressor::Layers { 3..=4 } else { 1..=2 };
     let version = items[0][2];
     // Waveform items have no second version.
-    let is_odd = |[kind, _, v]: &[u16; 3]| *v != version && !(*kind == 9 && *v == 1);
-    if !versions.contains(&version) || items.iter().any(is_odd) {
+    let is_mixed = items.iter().any(|&[kind, _, v]| v != version && !(kind == 9 && v == 1));
+    if !versions.contains(&version) || is_mixed {
         return Err(unsupported(format!("unknown item version {version}")));
     }
     Ok(items)

@@ -93,20 +93,26 @@ fn missing(what: impl Into<String>) -> MissingChunkTable {
     MissingChunkTable { what: what.into(), is_unfinished: false }
 }
 
+/// The 64-bit offset stored at byte `at`.
+fn pointer(file: &RawFile, at: u64) -> Option<i64> {
+    let bytes = file.read_vec(at, POINTER_BYTES).ok()?;
+    Some(LasHeaderBytes(&bytes).u64(0) as i64)
+}
+
 /// Offset of the table: before the first chunk, or at the end of the file.
 fn place(file: &RawFile, first: u64) -> std::result::Result<u64, MissingChunkTable> {
-    let at = |offset: u64| {
-        let bytes = file.read_vec(offset, POINTER_BYTES).ok()?;
-        Some(LasHeaderBytes(&bytes).u64(0) as i64)
-    };
-    let told =
-        at(first - POINTER_BYTES).ok_or_else(|| missing("the file ends before its points"))?;
-    let inside = |at: i64| u64::try_from(at).ok().filter(|at| *at >= first);
+    let stated = pointer(file, first - POINTER_BYTES)
+        .ok_or_else(|| missing("the file ends before its points"))?;
+    let place = u64::try_from(stated).ok().filter(|at| *at >= first);
+    // Writers that cannot seek leave -1 there and append the offset to the file.
     let last = file.size().checked_sub(POINTER_BYTES).filter(|at| *at >= first);
-    let place = inside(told).or_else(|| inside(at(last?)?).filter(|at| *at < file.size()));
+    let place = place.or_else(|| {
+        let appended = u64::try_from(pointer(file, last?)?).ok();
+        appended.filter(|at| *at >= first && *at < file.size())
+    });
     let Some(place) = place else {
         let what = "the chunk table was not written".to_owned();
-        return Err(MissingChunkTable { what, is_unfinished: told <= 0 });
+        return Err(MissingChunkTable { what, is_unfinished: stated <= 0 });
     };
     match place.checked_add(HEAD_BYTES) {
         Some(end) if end <= file.size() => Ok(place),
@@ -212,7 +218,7 @@ fn without(
     let first = first.min(file.size());
     let chunks = match (layout.compressor, layout.chunk_points) {
         (LazCompressor::Layers, _) => walk(file, header, layout, first)?,
-        (_, Some(full)) => follow(file, layout, (first, header.count, full))?,
+        (_, Some(chunk_points)) => follow(file, layout, first, header.count, chunk_points)?,
         (_, None) => {
             let what = "chunks of variable size cannot be located without the chunk table";
             return Err(Error::bad_input(what).remedy("copy the file again"));
@@ -225,14 +231,21 @@ fn without(
 fn follow(
     file: &RawFile,
     layout: &LazLayout,
-    (mut at, mut left, full): (u64, u64, u32),
+    mut at: u64,
+    mut left: u64,
+    chunk_points: u32,
 ) -> Result<Vec<LazChunk>> {
     let (mut unpacker, mut chunks) = (ChunkDecoder::default(), Vec::new());
     while left > 0 && at < file.size() {
-        let points = u64::from(full).min(left);
-        let found =
-            unpacker
-                .stream(layout, (file, at), points, FieldSelection::default(), &mut |_| Ok(()))?;
+        let points = u64::from(chunk_points).min(left);
+        let found = unpacker.stream(
+            layout,
+            file,
+            at,
+            points,
+            FieldSelection::default(),
+            &mut |_| Ok(()),
+        )?;
         let Ok(bytes) = found else { break };
         chunks.push(LazChunk { at, bytes, points });
         (at, left) = (at + bytes, left - points);

@@ -74,7 +74,7 @@ pub fn plan_cloud_tin(
     plan_regions(job, REGION_POINTS, RunControl { progress, cancel })
 }
 
-/// As [`plan_cloud_tin`], with regions of at max_points `max_points` points.
+/// As [`plan_cloud_tin`], with regions of at most `max_points` points.
 pub(super) fn plan_regions(
     job: &PlanCloudTinJob,
     max_points: u64,

@@ -114,7 +114,7 @@ pub(super) fn expect(
     let [task, writing] = NANOSECONDS.map(|n| n * 1e-9);
     Ok(PlanNeeds {
         // Squares of all rounds are known by their indices, twice while these are put in order.
-        memory: ready.division.least(worker, 6 * squares * ENTRY)
+        memory: ready.division.min_memory(worker, 6 * squares * ENTRY)
             + polygon_bytes(&ready.job.options),
         thread_memory: worker * 8 / ready.division.workers,
         objects: vertices * POINT + squares * ENTRY + 2 * LOOK * regions.len() as u64,

@@ -542,8 +542,8 @@ impl PlannedWork for CloudMesh {
         let ReturnCounts { kept, .. } = mesh.seen.census;
         let stacked = kept - if mesh.rounds() == 0 { written.vertices } else { errors.points };
         let (spilled, apart) = (vertices.spilled(), Vec::new());
-        let made = make::CloudTinOutcome { written, errors, stacked, spilled, apart };
-        let mut report = report(&ready, &work, mesh.seen.census, &made, clock)?;
+        let outcome = make::CloudTinOutcome { written, errors, stacked, spilled, apart };
+        let mut report = report(&ready, &work, mesh.seen.census, &outcome, clock)?;
         report.of_source(&*opened.source, &mesh.seen.losses, started);
         run.mesh = Some(report.clone());
         Ok(report)

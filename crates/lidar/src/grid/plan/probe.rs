@@ -249,7 +249,8 @@ impl LeastMemory {
         let rows = Rect::new(0, 0, cells.width, BLOCK.min(cells.height));
         let rows = opened.extent.part(rows, opened.points.info());
         let rows = Self::to_write(&written_in(&opened.job, folder)?, &rows)?;
-        let ground = surface_model::least(&opened.job, opened.points.info(), opened.seen.as_ref());
+        let ground =
+            surface_model::min_memory(&opened.job, opened.points.info(), opened.seen.as_ref());
         Ok(Self { memory: rows.memory.max(tile.memory).max(ground), ..rows })
     }
 
@@ -258,7 +259,7 @@ impl LeastMemory {
         let recipe = StatisticRecipe::new(&job.stats, &job.rules(extent.cell()));
         let sink = format.create(&job.output, &info, &job.write_options())?;
         let work = GridWorkload { format, sink: sink.as_ref(), extent, recipe: &recipe };
-        let memory = GridBudget::least(work);
+        let memory = GridBudget::min_memory(work);
         Ok(Self { memory, block: sink.block() })
     }
 }

@@ -254,10 +254,10 @@ impl PreparedSurfaceModel {
 
 /// Least memory of a job for its ground method, or for a tile of its surface; 0 if unknown before the points
 /// are read.
-pub(super) fn least(job: &GridJob, cloud: &CloudInfo, seen: Option<&CloudOverview>) -> u64 {
+pub(super) fn min_memory(job: &GridJob, cloud: &CloudInfo, seen: Option<&CloudOverview>) -> u64 {
     let freezes = job.preset.is_some() && job.canopy.way() != CanopyAlgorithm::PitFree;
     let usual = if freezes { cloud.count.min(spike_free::USUAL) } else { 0 };
-    let surface = spike_free::least(seen.map_or(usual, |seen| seen.square));
+    let surface = spike_free::min_memory(seen.map_or(usual, |seen| seen.square));
     surface.max(min_for_ground(job, cloud, seen))
 }
 

@@ -154,8 +154,8 @@ impl PitFreeLayers {
     ) -> Result<Vec<Option<PitFreeFacet>>> {
         let mut facets = Vec::new();
         let is_surface = |corners: &[Point; 3]| self.is_surface(corners, max_edge);
-        let take = |position, found| {
-            facets.push(facet(position, found).filter(|facet| is_surface(&facet.corners)));
+        let take = |position, location| {
+            facets.push(facet(position, location).filter(|facet| is_surface(&facet.corners)));
         };
         match self.longest(max_edge) {
             None => around.find_all_small(hull, positions, is_surface, take)?,
@@ -180,7 +180,7 @@ impl PitFreeLayers {
             positions,
             self.reach(),
             |corners| is_short(corners, self.scale, self.pits.max_edge()),
-            |position, found| facets.push(facet(position, found)),
+            |position, location| facets.push(facet(position, location)),
         )?;
         Ok(facets)
     }
@@ -198,8 +198,8 @@ impl PitFreeLayers {
 }
 
 /// The facet at a position, with its height.
-fn facet(position: FixedPosition, found: Location) -> Option<PitFreeFacet> {
-    match found {
+fn facet(position: FixedPosition, location: Location) -> Option<PitFreeFacet> {
+    match location {
         Location::At(point) => Some(PitFreeFacet { corners: [point; 3], z: f64::from(point.z) }),
         Location::Triangle(corners) => {
             Some(PitFreeFacet { corners, z: interpolate(&corners, position) })

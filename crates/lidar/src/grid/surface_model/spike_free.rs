@@ -34,7 +34,7 @@ const PLAIN: f64 = f64::INFINITY;
 pub(super) const USUAL: u64 = 1 << 18;
 
 /// Least memory for a tile with `points` points in its window.
-pub(super) fn least(points: u64) -> u64 {
+pub(super) fn min_memory(points: u64) -> u64 {
     let square = points.saturating_mul(BYTES_PER_POINT).div_ceil(HEIGHTS - 1);
     square.saturating_mul(2 * STORES * HEIGHTS)
 }
@@ -119,8 +119,8 @@ impl BySquare {
         let numbers: BTreeMap<_, _> = counts.keys().copied().zip(0..).collect();
         let heights = Buckets::new(making.folder(), counts.len(), making.store_memory() / HEIGHTS);
         let plain = CloudSurfaces::new(all, frame)?;
-        let made = Self { plain, spans, numbers, heights };
-        let work = SpikeFreeContext { made: &made, squares, centres, frame, making };
+        let surface = Self { plain, spans, numbers, heights };
+        let work = SpikeFreeContext { made: &surface, squares, centres, frame, making };
         let counts: Vec<_> = counts.into_iter().collect();
         let (progress, units) = (making.progress, counts.len() as u64);
         progress.begin("surface", units);
@@ -138,7 +138,7 @@ impl BySquare {
             Ok,
         )?;
         progress.end();
-        Ok(made)
+        Ok(surface)
     }
 
     /// Fills in heights of the plain triangulation where marked.
@@ -192,7 +192,7 @@ fn threads(points: u64, making: &Making<'_>) -> Result<usize> {
     if square > memory {
         let what = "a tile of the spike-free surface";
         let other = "‹canopy› pit-free, or a shorter freeze";
-        return Err(too_little(what, least(points), making.job.resources.memory, other));
+        return Err(too_little(what, min_memory(points), making.job.resources.memory, other));
     }
     Ok((memory / square.max(1)).min(making.threads as u64) as usize)
 }

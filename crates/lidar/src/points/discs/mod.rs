@@ -88,7 +88,7 @@ pub(super) fn needed(points: u64) -> [u64; 2] {
 }
 
 /// Fails if 3D distances are undefined, or the distance is below the coordinate resolution.
-pub(super) fn check(least: f64, info: &CloudInfo) -> Result<()> {
+pub(super) fn check(distance: f64, info: &CloudInfo) -> Result<()> {
     let (crs, scale) = (&info.crs, info.frame.scale);
     if crs.horizontal_unit() == "degree" {
         return Err(Error::usage(
@@ -101,9 +101,9 @@ pub(super) fn check(least: f64, info: &CloudInfo) -> Result<()> {
         return Err(Error::usage("‹thin_distance› requires heights in the unit of x and y")
             .remedy("reproject the points with ‹to_crs› first, or pass ‹thin›"));
     }
-    if !least.is_finite() || scale.iter().any(|step| least < *step) {
+    if !distance.is_finite() || scale.iter().any(|step| distance < *step) {
         return Err(Error::usage(format!(
-            "a distance of {least} is smaller than the coordinate resolution"
+            "a distance of {distance} is smaller than the coordinate resolution"
         ))
         .remedy("pass a larger distance, or ‹dedupe› for duplicate points"));
     }
@@ -258,8 +258,8 @@ impl PoissonSampler<'_> {
     /// The quarters of a span that has too many points.
     fn quarters(&self, [low, high]: Span) -> Result<[Span; 4]> {
         if (0..2).any(|axis| high[axis] - low[axis] < self.discs.reach()) {
-            let least = self.discs.apart.least();
-            let message = format!("too many points with a spacing of {least} in one tile");
+            let distance = self.discs.apart.least();
+            let message = format!("too many points with a spacing of {distance} in one tile");
             return Err(Error::new(ErrorKind::Resource, message)
                 .remedy("raise ‹memory› or ‹thin_distance›"));
         }

@@ -516,9 +516,9 @@ impl GroundHeightSearch<'_> {
                 }
                 Classify::Height(layers) if NO_CLASS.contains(&class) => {
                     let units = height.map(|steps| steps * self.info.frame.scale[2]);
-                    let found = units.and_then(|units| layers.at(units));
-                    counts.layered += u64::from(found.is_some());
-                    found.unwrap_or(class)
+                    let by_height = units.and_then(|units| layers.at(units));
+                    counts.layered += u64::from(by_height.is_some());
+                    by_height.unwrap_or(class)
                 }
                 Classify::Height(_) | Classify::Noise(_) => class,
             };

@@ -74,15 +74,15 @@ impl NoiseCellBox {
     fn new([low, high]: Bounds, space: &NoiseSpace, count: u64, first: usize) -> Self {
         let (low, high) = (steps(low), steps(high));
         let extent = [0, 1, 2].map(|axis| (high[axis] - low[axis]).max(0) + 1);
-        let (mut side, mut made) = (extent, 1);
-        while made < count {
+        let (mut side, mut cells) = (extent, 1);
+        while cells < count {
             let metres = [0, 1, 2].map(|axis| side[axis] as f64 * space.step[axis]);
             let divisible = (0..3).filter(|axis| side[*axis] > 1);
             let longest = divisible.max_by(|a, b| metres[*a].total_cmp(&metres[*b]));
             let Some(axis) = longest else { break };
             // The larger half stays, so that no side becomes 0.
             side[axis] -= side[axis] / 2;
-            made *= 2;
+            cells *= 2;
         }
         let counts = [0, 1, 2].map(|axis| (extent[axis] as u64).div_ceil(side[axis] as u64) as i64);
         Self { low, side, counts, first }

@@ -158,7 +158,7 @@ impl PlannedTranslateJob {
     }
 
     /// Uses the files of the opened point cloud as input, if there are any.
-    pub(super) fn found(&mut self, files: &[String]) -> Result<()> {
+    pub(super) fn set_files(&mut self, files: &[String]) -> Result<()> {
         if !files.is_empty() {
             let absolute = files.iter().map(|name| name_of(plan::noted_path(&path_of(name))?));
             self.input = absolute.collect::<Result<_>>()?;

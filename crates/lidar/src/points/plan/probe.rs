@@ -6,7 +6,7 @@ use super::manifest::PointTilesPlan;
 use super::tasks::OpenedTranslate;
 use crate::point_index::parts_in;
 use crate::points::noise::noise_index::Noise;
-use crate::points::prepared::{converter, least};
+use crate::points::prepared::{converter, min_memory};
 use crate::points::tile_subset::window;
 use crate::points::tiled_output::Spans;
 use terrane_base::error::{Error, Result};
@@ -53,7 +53,7 @@ pub(super) fn expect(
         _ => MARGIN * sample_bytes / sample_area * area(opened, work, work.blocks.spans),
     } as u64;
     let kind = work.looked.seen.as_ref().map_or(0, |seen| if seen.by_class { 1 } else { 2 });
-    let [memory, thread_memory] = least(&opened.job, &opened.cloud, heaviest(opened, work)?)?;
+    let [memory, thread_memory] = min_memory(&opened.job, &opened.cloud, heaviest(opened, work)?)?;
     let noted = work.looked.noise.as_ref().map_or(0, Noise::bytes);
     Ok(PlanNeeds {
         memory: memory + noted + polygon_bytes(&opened.job.cloud),

@@ -53,7 +53,7 @@ impl PointTilesPlan {
     ) -> Result<(Self, OpenedTranslate)> {
         let mut method = PlannedTranslateJob::of(job)?;
         let mut opened = OpenedTranslate::new(job.clone())?;
-        method.found(opened.cloud.files())?;
+        method.set_files(opened.cloud.files())?;
         let info = converter(&opened.job, &opened.cloud)?.info().clone();
         // Cells are those of the whole cloud.
         method.overlap = job.overlap.map(|cells| cells.over(&info));

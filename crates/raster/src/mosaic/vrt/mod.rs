@@ -101,15 +101,16 @@ fn mosaic(
     let unused = AtomicUsize::new(0);
     let masks = (!vrt.has_mask).then_some(&unused);
     let canvas = VrtCanvas { path, info: &info, nest: &nest, masks };
-    let part = |source: &VrtSource| {
-        canvas.part(source).map_err(|e| match e.path() {
-            // Name the source file, since only the VRT refers to it.
-            Some(_) => e.named_by(path),
-            None => e.at(&source.place),
-        })
-    };
-    let parts = || all(vrt.band.sources.par_iter().map(part).collect());
-    let parts = on_threads(options.threads.min(vrt.band.sources.len()), parts)?;
+    let parts = on_threads(options.threads.min(vrt.band.sources.len()), || {
+        let parts = vrt.band.sources.par_iter().map(|source| {
+            canvas.part(source).map_err(|e| match e.path() {
+                // Name the source file, since only the VRT refers to it.
+                Some(_) => e.named_by(path),
+                None => e.at(&source.place),
+            })
+        });
+        all(parts.collect())
+    })?;
     let parts: Vec<MosaicPart> = parts.into_iter().flatten().collect();
     info.details.insert(0, ("files".to_owned(), vrt.band.sources.len().to_string()));
     info.details.extend(vrt.has_mask.then(|| (MASK.to_owned(), "mask band".to_owned())));
@@ -228,9 +229,9 @@ impl VrtCanvas<'_> {
             return None;
         }
         // Between 0 and the size of the file and of the VRT.
-        let at = |from: [i64; 4]| [0, 1].map(|axis| (from[axis] + first[axis]) as u32);
-        let [col, row] = at(to);
-        Some((Rect::new(col, row, count[0] as u32, count[1] as u32), at(from)))
+        let [to, from] =
+            [to, from].map(|origin| [0, 1].map(|axis| (origin[axis] + first[axis]) as u32));
+        Some((Rect::new(to[0], to[1], count[0] as u32, count[1] as u32), from))
     }
 
     /// Conversion of the heights of the file; `None` if they are unchanged.
@@ -260,8 +261,11 @@ impl VrtCanvas<'_> {
         let void = band.nodata.filter(|_| !is_void);
         let void = void.and_then(|nodata| void_range(band.sample_type, nodata));
         let (scale, offset) = if is_plain { (band.scale, band.offset) } else { (1.0, 0.0) };
-        let in_heights = |v: f64| if is_plain { v } else { v * band.scale + band.offset };
-        let void = void.map(|(low, high)| (in_heights(low), in_heights(high)));
+        let void = void.map(|(low, high)| match is_plain {
+            true => (low, high),
+            false => (low * band.scale + band.offset, high * band.scale + band.offset),
+        });
+        // A negative scale swaps the ends.
         let void = void.map(|(low, high)| (low.min(high), low.max(high)));
         let recode =
             HeightRecoding { ratio: source.ratio, shift: source.shift, kind, void, scale, offset };

@@ -148,10 +148,9 @@ impl Vrt {
             "geotransform" => self.transform = Some(geotransform(&xml.node(tag)?.text)?),
             "srs" => self.srs = Some(xml.node(tag)?.text).filter(|text| !text.is_empty()),
             "metadata" => {
-                let point = |item: &RasterXmlElement| {
+                self.is_point |= xml.node(tag)?.children.iter().any(|item| {
                     item.tag.attribute("key") == Some("AREA_OR_POINT") && item.text == "Point"
-                };
-                self.is_point |= xml.node(tag)?.children.iter().any(point);
+                });
             }
             "maskband" => {
                 mask_band(xml)?;
@@ -188,10 +187,11 @@ impl VrtBand {
         if class != "VRTSourcedRasterBand" {
             return Err(refused(&format!("band of subClass {}", short(class))));
         }
-        let block = |name: &str| tag.attribute(name)?.parse().ok().filter(|size| *size > 0);
+        let block = ["blockXSize", "blockYSize"]
+            .map(|name| tag.attribute(name)?.parse().ok().filter(|size| *size > 0));
         let mut band = Self {
             kind: tag.attribute("dataType").map_or(Ok(SampleType::U8), sample_type)?,
-            block: block("blockXSize").and_then(|x| Some([x, block("blockYSize")?])),
+            block: block[0].zip(block[1]).map(|(x, y)| [x, y]),
             ..Self::default()
         };
         let mut hides_nodata = false;
@@ -238,9 +238,6 @@ impl VrtSource {
         if let Some(name) = change {
             return Err(refused(name));
         }
-        let number = |name: &str, default: f64| {
-            node.child(name).map_or(Ok(default), RasterXmlElement::finite)
-        };
         let file = node.child("SourceFilename");
         let Some(file) = file.filter(|file| !file.text.is_empty()) else {
             return Err(Error::bad_input("source without SourceFilename"));
@@ -248,6 +245,8 @@ impl VrtSource {
         let band = node.child("SourceBand").map_or("1", |band| &band.text);
         let (from, to) = (rectangle(node, "SrcRect")?, rectangle(node, "DstRect")?);
         check_rectangles(from, to)?;
+        // A simple source has no scaling, even if its elements are there.
+        let scaling = |name| node.child(name).filter(|_| is_complex);
         Ok(Self {
             place: place.to_owned(),
             file: file.text.clone(),
@@ -260,8 +259,8 @@ impl VrtSource {
                 .filter(|_| is_complex)
                 .map(RasterXmlElement::number)
                 .transpose()?,
-            ratio: if is_complex { number("ScaleRatio", 1.0)? } else { 1.0 },
-            shift: if is_complex { number("ScaleOffset", 0.0)? } else { 0.0 },
+            ratio: scaling("ScaleRatio").map_or(Ok(1.0), RasterXmlElement::finite)?,
+            shift: scaling("ScaleOffset").map_or(Ok(0.0), RasterXmlElement::finite)?,
             use_mask: is_complex && node.child("UseMaskBand").is_some_and(|n| is_true(&n.text)),
         })
     }
@@ -269,9 +268,8 @@ impl VrtSource {
 
 /// Requires both or neither, of equal size: anything else needs resampling.
 fn check_rectangles(from: Option<[f64; 4]>, to: Option<[f64; 4]>) -> Result<()> {
-    let apart = |a: f64, b: f64| (a - b).abs() > SLACK;
     match (from, to) {
-        (Some(from), Some(to)) if apart(from[2], to[2]) || apart(from[3], to[3]) => {
+        (Some(from), Some(to)) if [2, 3].iter().any(|i| (from[*i] - to[*i]).abs() > SLACK) => {
             Err(Error::unsupported(format!(
                 "resampling of a source from {} x {} to {} x {} samples is not supported",
                 from[2], from[3], to[2], to[3]

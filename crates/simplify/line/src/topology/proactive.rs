@@ -2,7 +2,7 @@
 
 use super::chains::{Chains, Refine, RetainedChainVertices};
 use super::region::farthest;
-use super::scan::{SidePoints, any_in_memory};
+use super::scan::{SidePoints, holds_any};
 use super::tree::{ClosedBox, HilbertRTree};
 use terrane_base::Cancel;
 use terrane_base::bits::BitSet;
@@ -69,7 +69,7 @@ impl<'a> LivingChains<'a> {
             let p = self.points.at[self.points.tree.ids[at] as usize];
             self.near.extend(Some(p).filter(|&p| bounds.holds(p) && !ends.contains(&p)));
         }
-        !any_in_memory(chain, self.near.iter().copied())
+        !holds_any(chain, self.near.iter().copied())
     }
 
     /// The vertices of the run that begins with `first`.

@@ -29,7 +29,7 @@ impl ChainPiece {
 const LONG: u32 = 48;
 
 /// Largest number of buffered candidates of long pieces.
-const MAX_HELD: usize = 1 << 20;
+const MAX_DEFERRED: usize = 1 << 20;
 
 /// Fixed points with a spatial index.
 #[derive(Debug)]
@@ -55,7 +55,7 @@ pub(super) struct ScanConflicts {
     /// Pieces with a kept vertex or a point between chain and segment; possibly repeated.
     pub(super) wrong: Vec<u32>,
     /// Candidates of long pieces, not yet tested.
-    held: Vec<(u32, Xy)>,
+    deferred: Vec<(u32, Xy)>,
 }
 
 /// Pieces of one round: boxes of their chains' parts, with the data of tests.
@@ -128,7 +128,7 @@ impl PieceView<'_> {
                     self.pair_with_range(layer.item(q), layer, tree.group(group), found);
                 }
             }
-            self.test_in_memory(found, MAX_HELD)?;
+            self.test_deferred(found, MAX_DEFERRED)?;
         }
         Ok(())
     }
@@ -149,7 +149,7 @@ impl PieceView<'_> {
                     self.pair(item, old.item(q), found);
                 }
             }
-            self.test_in_memory(found, MAX_HELD)?;
+            self.test_deferred(found, MAX_DEFERRED)?;
         }
         Ok(())
     }
@@ -170,7 +170,7 @@ impl PieceView<'_> {
                     self.candidate(fresh.item(at), points[tree.ids[other] as usize], found);
                 }
             }
-            self.test_in_memory(found, MAX_HELD)?;
+            self.test_deferred(found, MAX_DEFERRED)?;
         }
         Ok(())
     }
@@ -225,23 +225,23 @@ impl PieceView<'_> {
         // A test is linear in the piece. Candidates of a long one are tested together, against edges in
         // bands, where the sum would be quadratic.
         if piece.to - piece.from > LONG {
-            found.held.push((item.id, v));
+            found.deferred.push((item.id, v));
         } else if holds(self.chains.piece(piece.from, piece.to), v) {
             found.wrong.push(item.id);
         }
     }
 
     /// Tests the candidates of long pieces above `most` of them; fails on cancellation.
-    pub(super) fn test_in_memory(&self, found: &mut ScanConflicts, most: usize) -> Result<()> {
+    pub(super) fn test_deferred(&self, found: &mut ScanConflicts, most: usize) -> Result<()> {
         self.cancel.map_or(Ok(()), Cancel::check)?;
-        if found.held.len() <= most {
+        if found.deferred.len() <= most {
             return Ok(());
         }
-        let mut held = std::mem::take(&mut found.held);
-        held.sort_by_key(|&(i, _)| i);
-        for run in held.chunk_by(|p, q| p.0 == q.0) {
+        let mut deferred = std::mem::take(&mut found.deferred);
+        deferred.sort_by_key(|&(i, _)| i);
+        for run in deferred.chunk_by(|p, q| p.0 == q.0) {
             let piece = self.pieces[run[0].0 as usize];
-            if any_in_memory(self.chains.piece(piece.from, piece.to), run.iter().map(|c| c.1)) {
+            if holds_any(self.chains.piece(piece.from, piece.to), run.iter().map(|c| c.1)) {
                 found.wrong.push(run[0].0);
             }
         }
@@ -250,10 +250,7 @@ impl PieceView<'_> {
 }
 
 /// Whether any of several positions lies between a chain and its segment, as by [`holds`].
-pub(super) fn any_in_memory(
-    chain: &[Xy],
-    mut candidates: impl ExactSizeIterator<Item = Xy>,
-) -> bool {
+pub(super) fn holds_any(chain: &[Xy], mut candidates: impl ExactSizeIterator<Item = Xy>) -> bool {
     if candidates.len() < 4 {
         return candidates.any(|v| holds(chain, v));
     }

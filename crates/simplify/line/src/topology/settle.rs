@@ -153,7 +153,7 @@ impl<'a> UntangleState<'a> {
             view.between(fresh, old, &mut found)?;
         }
         view.points(fresh, &points.tree, points.at, &mut found)?;
-        view.test_in_memory(&mut found, 0)?;
+        view.test_deferred(&mut found, 0)?;
         Ok(found)
     }
 

@@ -96,9 +96,9 @@ impl PlannedMesh {
     pub(super) fn needs(&self, size: MeshSize, opened: &OpenedTinJob) -> Result<PlanNeeds> {
         let strips = self.strips()?;
         let job = &self.method.job;
-        let has_lines = !opened.kept.lines().paths().is_empty();
+        let has_lines = !opened.constraints.lines().paths().is_empty();
         let worker = job.refinement.worker_bytes(job.goal, strips.layout().side(), has_lines);
-        let thread_memory = worker + opened.kept.bytes();
+        let thread_memory = worker + opened.constraints.bytes();
         let transform_memory = job.transform.as_ref().map_or(0, TargetCrs::least_memory);
         let mesh_bytes = size.triangles * size_of::<TileTriangle>() as u64
             + size.vertices * (size_of::<TilePosition>() + size_of::<f64>()) as u64;
@@ -108,13 +108,13 @@ impl PlannedMesh {
             let share = work.samples() as f64 / samples as f64;
             object_bytes((mesh_bytes as f64 * share) as u64, work.tiles())
         });
-        let whole = seconds(samples, nanoseconds(size.vertices as f64 / samples as f64), 1);
+        let total_seconds = seconds(samples, nanoseconds(size.vertices as f64 / samples as f64), 1);
         Ok(PlanNeeds {
             memory: memory::least(thread_memory, opened.source.block_bytes()).max(transform_memory),
             thread_memory,
             objects: objects.sum(),
             output: (opened.format.most)().file_bytes(size.vertices, size.triangles),
-            seconds: [whole * (1.0 - WRITING), whole * WRITING],
+            seconds: [total_seconds * (1.0 - WRITING), total_seconds * WRITING],
         })
     }
 }

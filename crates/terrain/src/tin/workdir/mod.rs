@@ -104,8 +104,8 @@ fn estimated_needs(
         SizeEstimator::thorough(&*opened.source, layout, opened.shares.threads, maker.cancel)
             .and_then(|mut estimator| estimator.size_at_most(&spec))
             .map_err(|error| in_input(error, &maker.job.input))?;
-    let on_lines = opened.kept.lines().vertices_in(size.vertices, layout.samples());
-    mesh.needs(size.with(opened.kept.count() + on_lines), opened)
+    let on_lines = opened.constraints.lines().vertices_in(size.vertices, layout.samples());
+    mesh.needs(size.with(opened.constraints.count() + on_lines), opened)
 }
 
 fn budget() -> Error {
@@ -138,11 +138,11 @@ pub fn run_in(
     let form = OutputForm { split: job.split, solid_base: job.solid_base };
     let (to, with) = ((folder, &*job.output), (disk, &job.resources));
     let run = RunJob::until(to, job.overwrite, form, with);
-    plan::run::<PlannedMesh>(&run, progress, cancel).and_then(whole)
+    plan::run::<PlannedMesh>(&run, progress, cancel).and_then(mesh_report)
 }
 
 /// The report on the mesh, with the time and work of the whole run.
-fn whole(run: RunReport) -> Result<TinReport> {
+fn mesh_report(run: RunReport) -> Result<TinReport> {
     let mut mesh = plan::PlanKind::Tin.made(run.of.mesh)?;
     mesh.took(Duration::from_secs_f64(run.wall_seconds));
     mesh.spilled(run.spilled_bytes);

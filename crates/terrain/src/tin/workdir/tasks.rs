@@ -76,8 +76,8 @@ impl TileStrips {
 
     /// Number of strips. Rows that are too few for one more belong to the last.
     pub(super) fn count(&self) -> u32 {
-        let (whole, rest) = (self.layout.rows / self.rows, self.layout.rows % self.rows);
-        (whole + u32::from(rest >= MIN_ROWS)).max(1)
+        let (full, rest) = (self.layout.rows / self.rows, self.layout.rows % self.rows);
+        (full + u32::from(rest >= MIN_ROWS)).max(1)
     }
 
     /// All tasks, in an order in which they can be done.

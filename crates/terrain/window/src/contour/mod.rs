@@ -62,11 +62,11 @@ pub struct ContourScratch {
 /// # Errors
 /// `Usage` for a window whose heights do not fit its size, or of more than [`MOST_SIDE`] samples along a side;
 /// `BadInput` for a height beyond 1e30, or one that is more than 2^30 intervals from the base; `Resource` for
-/// more than `most` crossings; `Interrupted` when cancelled.
+/// more than `max_crossings` crossings; `Interrupted` when cancelled.
 pub fn trace<H: Copy + Into<f64>>(
     window: &ContourWindow<'_, H>,
     levels: &ContourLevels,
-    most: u64,
+    max_crossings: u64,
     scratch: &mut ContourScratch,
     lines: &mut WindowContours,
     cancel: &Cancel,
@@ -80,7 +80,7 @@ pub fn trace<H: Copy + Into<f64>>(
         )));
     }
     // Nodes are numbered in 32 bits.
-    let most = most.min(u64::from(u32::MAX - 1));
-    scratch.sweep.run(window, levels, most, cancel)?;
+    let max_crossings = max_crossings.min(u64::from(u32::MAX - 1));
+    scratch.sweep.run(window, levels, max_crossings, cancel)?;
     lines.link(&mut scratch.sweep.nodes, window.rect, window.grid_width, cancel)
 }

@@ -71,7 +71,7 @@ impl ContourSweep {
         &mut self,
         window: &ContourWindow<'_, H>,
         levels: &ContourLevels,
-        most: u64,
+        max_crossings: u64,
         cancel: &Cancel,
     ) -> Result<()> {
         let (width, height) = (window.rect.width as usize, window.rect.height as usize);
@@ -93,7 +93,7 @@ impl ContourSweep {
             let heights = &window.heights[row * width..][..width];
             let ranked = levels.rank(heights, &mut self.ranks);
             ranked.map_err(|col| no_rank(window, col, row))?;
-            SweepRow { window, levels, most, row, width }.sweep(self)?;
+            SweepRow { window, levels, max_crossings, row, width }.sweep(self)?;
         }
         Ok(())
     }
@@ -103,7 +103,7 @@ impl ContourSweep {
 struct SweepRow<'a, 'b, H> {
     window: &'a ContourWindow<'b, H>,
     levels: &'a ContourLevels,
-    most: u64,
+    max_crossings: u64,
     row: usize,
     width: usize,
 }
@@ -166,8 +166,8 @@ impl<H: Copy + Into<f64>> SweepRow<'_, '_, H> {
         heights: [f64; 2],
     ) -> Result<()> {
         let (low, high) = (ranks[0].min(ranks[1]), ranks[0].max(ranks[1]));
-        if s.nodes.len() as u64 + u64::from(high.abs_diff(low)) > self.most {
-            return Err(too_many(self.most));
+        if s.nodes.len() as u64 + u64::from(high.abs_diff(low)) > self.max_crossings {
+            return Err(too_many(self.max_crossings));
         }
         let [from, to] = heights;
         let highest = from.max(to);
@@ -253,7 +253,7 @@ fn no_rank<H: Copy + Into<f64>>(window: &ContourWindow<'_, H>, col: usize, row: 
     .remedy(format!("pass ‹nodata› {height:e} if it is nodata, or raise ‹interval›"))
 }
 
-fn too_many(most: u64) -> Error {
-    Error::new(ErrorKind::Resource, format!("more than {most} contour vertices in a tile"))
+fn too_many(max_crossings: u64) -> Error {
+    Error::new(ErrorKind::Resource, format!("more than {max_crossings} contour vertices in a tile"))
         .remedy("raise ‹memory› or ‹interval›, or reduce ‹tile›")
 }

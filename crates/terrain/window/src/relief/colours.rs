@@ -124,7 +124,7 @@ impl Palette {
 
 /// Puts a step between the colours on both sides of a height.
 fn step(colours: &mut Vec<(f64, Colour)>, height: f64) {
-    let above = colours.partition_point(|(own, _)| *own <= height);
+    let above = colours.partition_point(|(key, _)| *key <= height);
     if above == 0 || above == colours.len() {
         return;
     }
@@ -168,8 +168,8 @@ fn place(word: &str) -> Result<ColorKey, String> {
 }
 
 fn named(word: &str) -> Result<[u8; 3], String> {
-    let found = NAMES.iter().find(|(name, _)| word.eq_ignore_ascii_case(name));
-    found.map(|(_, rgb)| *rgb).ok_or_else(|| {
+    let colour = NAMES.iter().find(|(name, _)| word.eq_ignore_ascii_case(name));
+    colour.map(|(_, rgb)| *rgb).ok_or_else(|| {
         let names: Vec<_> = NAMES.iter().map(|(name, _)| *name).collect();
         format!("unknown colour {word:?}; known: {}", names.join(", "))
     })

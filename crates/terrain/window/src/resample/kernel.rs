@@ -50,13 +50,15 @@ fn close<K: ResamplingKernel, const TAPS: usize>(window: &SourceWindow<'_>, plac
         let from = place[axis] - first[axis] as f64;
         std::array::from_fn(|tap| K::weight((tap as f64 - from).abs()))
     });
-    let found =
-        whole(window, &ResamplingTaps { first, weights: weights.each_ref().map(|own| &own[..]) });
+    let height = weighted(
+        window,
+        &ResamplingTaps { first, weights: weights.each_ref().map(|axis| &axis[..]) },
+    );
     // Some of them may have no weight.
-    if found.is_nan() {
+    if height.is_nan() {
         far::<K>(window, place, Scale::ONE, TAPS / 2, &mut Default::default())
     } else {
-        found
+        height
     }
 }
 
@@ -69,9 +71,11 @@ fn far<K: ResamplingKernel>(
     weights: &mut [Vec<f64>; 2],
 ) -> f64 {
     let first = weigh::<K>(place, scale, radius, weights);
-    let found =
-        whole(window, &ResamplingTaps { first, weights: weights.each_ref().map(|own| &own[..]) });
-    if found.is_nan() { partial(window, place, scale) } else { found }
+    let height = weighted(
+        window,
+        &ResamplingTaps { first, weights: weights.each_ref().map(|axis| &axis[..]) },
+    );
+    if height.is_nan() { partial(window, place, scale) } else { height }
 }
 
 /// Fills the weights of the samples along both axes, without zero weights at the ends; returns the first
@@ -100,7 +104,7 @@ fn weigh<K: ResamplingKernel>(
 
 /// By all samples; NaN if one is void or beyond the window.
 #[inline(always)]
-fn whole(window: &SourceWindow<'_>, taps: &ResamplingTaps<'_>) -> f64 {
+fn weighted(window: &SourceWindow<'_>, taps: &ResamplingTaps<'_>) -> f64 {
     let [across, down] = taps.weights;
     let mut sum = 0.0;
     for (row, weight) in (taps.first[1]..).zip(down) {

@@ -35,6 +35,7 @@ impl HullGatherer {
             return;
         }
         self.pool.push(at);
+        // Doubled since the last time, so that all reductions together take O(n log n).
         if self.pool.len() >= MIN_POOL.max(2 * self.reduced) {
             self.reduce();
         }
@@ -187,6 +188,7 @@ impl ProofHull {
             1 => ProofHullSide { from: p, to: q },
             _ => ProofHullSide { from: q, to: p },
         };
+        // Sides are sorted by angle: only the one parallel to the edge can have it.
         let same = self.sides.partition_point(|side| side.is_before(&edge));
         self.sides.get(same).is_some_and(|side| side.holds(p) && side.holds(q))
     }
