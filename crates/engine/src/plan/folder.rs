@@ -109,7 +109,7 @@ impl<W: PlannedWork> PlanFolder<W> {
 
     /// Fails if `output` is an input of the plan, its plan file, record of the output or lock, or an artifact.
     pub(super) fn refuse_own(&self, output: &Path) -> Result<()> {
-        // A file that does not exist yet is neither.
+        // A file that does not exist yet is none of these.
         let Ok(resolved) = std::fs::canonicalize(output) else { return Ok(()) };
         let objects = std::fs::canonicalize(self.path.join(OBJECTS));
         let is_object = objects.is_ok_and(|objects| resolved.starts_with(objects));
