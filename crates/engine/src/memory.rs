@@ -1,46 +1,47 @@
-//! Division of a tile job's memory budget.
+//! Division of the memory budget (`--memory`) of a job that works on a grid tile by tile.
 //!
 //! | share | bytes |
 //! |---|---|
-//! | program: code, stacks, allocator slack, sink buffers; more in debug builds | 16 MiB, 20 MiB |
-//! | each worker: the maximum of a tile | given |
-//! | decoded blocks of the input: half of the rest, at most 1 GiB | [`MemoryShares::cache`] |
-//! | unfinished mesh and parts waiting for the writer: seven eighths of the remainder | [`MemoryShares::mesh`] |
-//! | fragmentation between them: the last eighth | |
+//! | program: code, stacks, buffers of the writer | [`PROGRAM`]: 16 MiB, 20 MiB in debug builds |
+//! | each worker: the largest need of a tile | given by the job |
+//! | cache of decoded blocks of the input: half of the rest, at most 1 GiB | [`MemoryShares::cache`] |
+//! | unfinished mesh and data waiting for the writer: 7/8 of what is then left | [`MemoryShares::mesh`] |
+//! | fragmentation of the heap: the last 1/8 | |
 //!
-//! Workers come first: a worker too many would break the budget, one too few costs only time. The other two are read
-//! again or spilled if they do not fit. The result does not depend on the division.
+//! Workers come first: their memory cannot be spilled, so one too many would exceed the budget, while one too few costs
+//! only time. Blocks that do not fit into the cache are read again, and mesh that does not fit is spilled. The output
+//! does not depend on the division.
 
 use crate::Resources;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud as cloud;
 use terrane_raster::{self as raster, GridOpenOptions, GridSource, Inputs};
 
-/// Bytes for the program itself.
+/// Bytes for the program itself: code, stacks, buffers of the writer.
 pub const PROGRAM: u64 = if cfg!(debug_assertions) { 20 << 20 } else { 16 << 20 };
-/// Minimum memory beside the program, whatever the limit.
+/// Minimum bytes that [`beside_program`] returns, unless the budget is smaller.
 const MIN_BESIDE: u64 = 4 << 20;
 /// Minimum bytes for cache and mesh together.
 const MIN_SHARED: u64 = 6 << 20;
-/// Maximum bytes for decoded blocks: more than a few rows of blocks are never read again.
+/// Maximum bytes for decoded blocks: tiles are processed row by row, so older rows of blocks are not read again.
 const MAX_CACHE: u64 = 1 << 30;
 
-/// The memory left beside the program; a small minimum if `memory` is less than the program takes.
+/// The part of the budget `memory` that the program itself leaves: at least 4 MiB, or all of a smaller budget.
 pub fn beside_program(memory: u64) -> u64 {
     memory.saturating_sub(PROGRAM).max(memory.min(MIN_BESIDE))
 }
 
-/// Bytes for decoded blocks of a grid that is read beside the main work of a job with `memory`.
+/// Bytes for decoded blocks of a grid that a job with the budget `memory` reads in addition to its main input.
 pub fn cache_beside(memory: u64) -> usize {
     usize::try_from(beside_program(memory) / 4).unwrap_or(usize::MAX)
 }
 
-/// One in `SLACK` bytes of unfinished mesh, or of held data, is left to the allocator.
+/// One in `SLACK` bytes of unfinished mesh, or of other data in memory, is reserved for fragmentation of the heap.
 const SLACK: u64 = 8;
 
-/// A number of bytes with the allocator's slack.
+/// The budget for `bytes` bytes of data, including the share for fragmentation.
 pub fn with_slack(bytes: u64) -> u64 {
-    // The inverse of m - m / 8, as `divide` leaves it.
+    // The inverse of m - m / 8, which `divide` applies.
     bytes + bytes / (SLACK - 1)
 }
 
@@ -51,12 +52,13 @@ pub struct MemoryShares {
     pub threads: usize,
     /// Bytes for decoded blocks of the input.
     pub cache: u64,
-    /// Bytes for unfinished mesh.
+    /// Bytes for unfinished mesh and data waiting for the writer.
     pub mesh: u64,
 }
 
-/// Bytes that suffice for one worker of `worker` bytes and decoded blocks of `block` bytes.
+/// The smallest budget in bytes for one worker of `worker` bytes and an input with decoded blocks of `block` bytes.
 pub fn least(worker: u64, block: u64) -> u64 {
+    // Twice the block, as the cache takes half of what workers leave.
     PROGRAM + worker + MIN_SHARED.max(2 * block)
 }
 
@@ -66,7 +68,7 @@ pub fn divide(memory: u64, threads: usize, worker: u64) -> Result<MemoryShares> 
     divide_beside(memory, 0, threads, worker)
 }
 
-/// As [`divide`], with `reserved` bytes in permanent use.
+/// As [`divide`], with `reserved` bytes of the budget already in use for the whole job.
 fn divide_beside(memory: u64, reserved: u64, threads: usize, worker: u64) -> Result<MemoryShares> {
     let least = least(worker, 0).saturating_add(reserved);
     if memory < least {
@@ -82,12 +84,12 @@ fn divide_beside(memory: u64, reserved: u64, threads: usize, worker: u64) -> Res
     Ok(MemoryShares { threads, cache, mesh: mesh - mesh / SLACK })
 }
 
-/// Adds to the error that smaller tiles need less memory per worker.
+/// Adds a smaller tile to the remedy of an error for too little memory, as workers then need less.
 pub fn or_smaller_tiles(error: Error) -> Error {
     if error.kind() == ErrorKind::Resource { error.or("a smaller ‹tile›") } else { error }
 }
 
-/// The error for a job that requires `least` bytes.
+/// The error for a job that requires `least` bytes and has `memory` bytes.
 pub fn too_little(memory: u64, least: u64) -> Error {
     let needed = least.div_ceil(1 << 20);
     let allowed = memory as f64 / (1 << 20) as f64;
@@ -97,24 +99,25 @@ pub fn too_little(memory: u64, least: u64) -> Error {
     )
 }
 
-/// The error for too little memory, where `enough` bytes suffice.
+/// The error `message` for too little memory; the remedy is to pass `enough` bytes.
 pub fn short(message: impl Into<String>, enough: u64) -> Error {
     let remedy = format!("pass ‹memory› {}M or more", enough.div_ceil(1 << 20));
     Error::new(ErrorKind::Resource, message).remedy(remedy)
 }
 
-/// Bytes of the clip polygons of point clouds.
+/// Bytes that the clip polygons of a point cloud take for the whole job.
 pub fn polygon_bytes(options: &cloud::CloudOpenOptions) -> u64 {
     options.filter.polygon.as_ref().map_or(0, |polygon| polygon.bytes())
 }
 
-/// The resources that the clip polygons of point clouds leave.
+/// The resources without the memory of the clip polygons of a point cloud.
 pub fn beside_polygons(options: &cloud::CloudOpenOptions, resources: &Resources) -> Resources {
     let memory = resources.memory.saturating_sub(polygon_bytes(options));
     Resources { memory, ..resources.clone() }
 }
 
-/// Does work with the memory that the clip polygons of point clouds leave; an error for too little memory names them.
+/// Runs `work` with the memory that the clip polygons of a point cloud leave. If it has too little, the error names the
+/// file of the polygons, and the memory in its remedy includes theirs.
 pub fn with_polygons<T>(
     options: &cloud::CloudOpenOptions,
     resources: &Resources,
@@ -134,11 +137,12 @@ pub fn with_polygons<T>(
     })
 }
 
-/// A remedy that asks for a number of MiB more.
+/// A remedy with `more` MiB added to the memory that it asks for; unchanged if it asks for none.
 fn with_more(remedy: &str, more: u64) -> String {
     raise_memory(remedy, more).unwrap_or_else(|| remedy.to_owned())
 }
 
+/// As [`with_more`]; `None` if the remedy does not have the form that [`short`] writes.
 fn raise_memory(remedy: &str, more: u64) -> Option<String> {
     let (before, rest) = remedy.split_once("‹memory› ")?;
     let (number, after) = rest.split_once('M')?;
@@ -148,9 +152,9 @@ fn raise_memory(remedy: &str, more: u64) -> Option<String> {
 /// An opened grid with its memory shares.
 pub type Opened = (Box<dyn GridSource>, MemoryShares);
 
-/// Divides the memory among workers of `worker` bytes each, and opens `input` with its share; uses fewer workers if a
-/// block of the input does not fit beside all. The error for too little memory states how much suffices, including the
-/// blocks of this input.
+/// Divides the memory among workers of `worker` bytes each, and opens `input` with its share as the block cache. Uses
+/// fewer workers if the cache could not hold one decoded block of the input. The error for too little memory states how
+/// much suffices, including the blocks of this input.
 pub fn open(
     input: &Inputs,
     options: &GridOpenOptions,
@@ -160,7 +164,7 @@ pub fn open(
     open_beside(0, input, options, resources, worker)
 }
 
-/// As [`open`], with `reserved` bytes in permanent use.
+/// As [`open`], with `reserved` bytes of the budget already in use for the whole job.
 pub fn open_beside(
     reserved: u64,
     input: &Inputs,
@@ -179,7 +183,8 @@ pub fn open_beside(
                 Ok((raster::open_all(input.names(), &options)?, shares))
             });
         match opened {
-            // A cache grows as workers go. Halving ends after a few tries, each of which opens the input anew.
+            // The block may fit: fewer workers leave a larger cache. Halving limits the number of attempts, each of
+            // which opens the input again.
             Err(error) if error.kind() == ErrorKind::Resource && fitting > 1 => {
                 threads = fitting / 2;
             }
@@ -203,15 +208,16 @@ fn enough(
     let least = least(worker, block).saturating_add(reserved);
     let is_enough = block <= MAX_CACHE && least > resources.memory;
     let error = is_enough.then(|| too_little(resources.memory, least))?;
-    // Where polygons are among what takes it, they are named.
+    // The clip polygons take part of the memory, and simplifying them is another remedy.
     Some(match &options.clip {
         Some(clip) => error.at("with its polygons").in_file(clip.path()),
         None => error,
     })
 }
 
-/// Opens a grid for its metadata only: no block is ever held.
+/// Opens a grid for its metadata only, whatever the size of its blocks.
 pub fn open_for_estimate(input: &Inputs, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
+    // Readers refuse blocks larger than the cache, but none is decoded here.
     let options = GridOpenOptions { cache_bytes: usize::MAX >> 8, threads: 1, ..options.clone() };
     raster::open_all(input.names(), &options)
 }
@@ -221,11 +227,11 @@ mod tests {
     use super::*;
 
     const MIB: u64 = 1 << 20;
-    /// MiB for the program, a worker of 48 MiB, and the least that is shared.
+    /// Smallest budget in MiB for a worker of 48 MiB.
     const LEAST: u64 = PROGRAM / MIB + 48 + 6;
 
     #[test]
-    fn workers_are_left_out_before_the_budget_is_broken() {
+    fn workers_that_exceed_the_budget_are_left_out() {
         let shares = |memory, threads| divide(memory * MIB, threads, 48 * MIB).unwrap();
         assert_eq!(shares(LEAST, 8).threads, 1);
         assert_eq!(shares(128, 8).threads, 2);
@@ -239,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn the_least_memory_and_more_hold_a_block_beside_one_worker() {
+    fn the_smallest_budget_holds_one_worker_and_one_block() {
         for (block, more) in [(0, 0), (3, 1), (4, 0), (100, 7), (1024, 500)] {
             let least = least(48 * MIB, block * MIB);
             let shares = divide(least + more * MIB, 1, 48 * MIB).unwrap();
@@ -250,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_held_is_no_share() {
+    fn reserved_memory_is_not_divided() {
         for reserved in [0, 9, 1000] {
             let shares =
                 divide_beside((128 + reserved) * MIB, reserved * MIB, 8, 48 * MIB).unwrap();
@@ -262,10 +268,10 @@ mod tests {
     }
 
     #[test]
-    fn too_little_is_refused_with_the_least_needed() {
+    fn too_little_memory_is_refused_with_the_required_amount() {
         let error = divide(65 * MIB, 1, 48 * MIB).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Resource);
-        let told = format!("at least {LEAST} MiB of memory are needed, 65.0 MiB");
-        assert!(error.to_string().starts_with(&told), "{error}");
+        let expected = format!("at least {LEAST} MiB of memory are needed, 65.0 MiB");
+        assert!(error.to_string().starts_with(&expected), "{error}");
     }
 }

@@ -1,4 +1,4 @@
-//! Worker threads that take numbered units of work until none is left.
+//! Worker threads that take numbered units of work, in order, until none is left.
 
 use std::collections::BTreeMap;
 use std::panic::Location;
@@ -9,11 +9,14 @@ use crate::{Cancel, WorkSpan};
 use terrane_base::error::{Error, Result};
 use terrane_files::{lock, unlocked, wait};
 
-/// Results per thread of [`in_order`] that may wait for an earlier one.
+/// Units per thread of [`in_order`] that may be open: in work, or finished and waiting for an earlier unit.
 const WINDOW_PER_THREAD: u64 = 4;
 
-/// Runs `work` on every unit below `units` on `threads` threads. Each thread has its own state, made by `start` and
-/// consumed by `finish`. Stops at the first error, which is returned.
+/// Runs `work` on every unit below `units` on at most `threads` threads, at least one. Each thread has its own state,
+/// made by `start` and consumed by `finish`.
+///
+/// # Errors
+/// The first of any thread, after which no unit is started; `Interrupted` when cancelled.
 #[track_caller]
 pub fn run<S>(
     threads: usize,
@@ -28,7 +31,7 @@ pub fn run<S>(
     queue.into_result()
 }
 
-/// Starts a thread; `None` if the system lacks threads or memory.
+/// Starts a thread in `scope`; `None` if the system cannot create one.
 pub fn spawn<'scope, T: Send + 'scope>(
     scope: &'scope Scope<'scope, '_>,
     work: impl FnOnce() -> T + Send + 'scope,
@@ -36,8 +39,8 @@ pub fn spawn<'scope, T: Send + 'scope>(
     std::thread::Builder::new().spawn_scoped(scope, work).ok()
 }
 
-/// As [`run`]; consumes the results of units in order, whichever finishes first. At most four results per thread exist
-/// at once: a unit starts only when few enough units before it are left.
+/// As [`run`]; passes the results to `take` in the order of units, whichever finishes first. At most four
+/// units per thread are open at once, so memory is bounded even if one unit is slow.
 #[track_caller]
 pub fn in_order<S, T: Send>(
     threads: usize,
@@ -57,13 +60,14 @@ pub fn in_order<S, T: Send>(
     queue.into_result()
 }
 
-/// The units that threads share out among themselves.
+/// The units that the threads of a call take from, in order.
 struct UnitQueue<'a> {
+    /// Number of units.
     units: u64,
-    /// Units that may be open, from the first without a consumed result.
+    /// Largest number of units that may be started beyond those with consumed results.
     window: u64,
     cancel: &'a Cancel,
-    /// Caller of the public function, for the trace.
+    /// Caller of the public function: names the work in the trace.
     caller: &'static Location<'static>,
     progress: Mutex<QueueProgress>,
     changed: Condvar,
@@ -73,9 +77,11 @@ struct UnitQueue<'a> {
 struct QueueProgress {
     /// The next unit to start.
     next: u64,
-    /// Units with consumed results: all below this number.
+    /// The results of all units below this one are consumed.
     consumed: u64,
+    /// No further unit is started.
     is_stopped: bool,
+    /// The first error of any thread.
     error: Option<Error>,
 }
 
@@ -95,7 +101,7 @@ impl<'a> UnitQueue<'a> {
     ) {
         std::thread::scope(|scope| {
             let run = || self.run_worker(&start, &work, &finish);
-            // A system short of threads gives fewer. That costs time, and this thread can do all of it.
+            // With fewer threads than requested the result is the same. If there is none, this thread does all the work.
             let started = (0..threads).map_while(|_| spawn(scope, run)).count();
             if started == 0 {
                 run();
@@ -103,6 +109,7 @@ impl<'a> UnitQueue<'a> {
         });
     }
 
+    /// The body of a thread: units until none is left. An error or a panic stops the other threads.
     fn run_worker<S>(
         &self,
         start: impl Fn() -> S,
@@ -110,12 +117,12 @@ impl<'a> UnitQueue<'a> {
         finish: impl Fn(S) -> Result<()>,
     ) {
         let _guard = StopOnPanic(self);
-        if let Err(error) = self.try_worker(start, work, finish) {
+        if let Err(error) = self.run_units(start, work, finish) {
             self.stop(Some(error));
         }
     }
 
-    fn try_worker<S>(
+    fn run_units<S>(
         &self,
         start: impl Fn() -> S,
         work: impl Fn(&mut S, u64) -> Result<()>,
@@ -129,11 +136,11 @@ impl<'a> UnitQueue<'a> {
         finish(state)
     }
 
-    /// The next unit, as soon as the window admits it; `None` if none is left or a worker failed.
+    /// The next unit, as soon as it is within the window; `None` if none is left or a worker failed.
     fn next_unit(&self) -> Result<Option<u64>> {
         let mut progress = lock(&self.progress);
-        // No deadlock: the first open unit is always within the window, and its end, also by an error or a
-        // panic, wakes all. A cancelled run ends with that unit in any case.
+        // No deadlock: the window holds the first open unit, so some thread is working on it, and its end (a result, an
+        // error or a panic) wakes all waiting threads. A cancelled run ends with that unit at the latest.
         while !progress.is_stopped
             && progress.next < self.units
             && progress.next - progress.consumed >= self.window
@@ -148,16 +155,17 @@ impl<'a> UnitQueue<'a> {
         Ok(Some(progress.next - 1))
     }
 
-    /// Notes that the results of all units below `end` are consumed.
+    /// Moves the window: the results of all units below `end` are consumed.
     fn consume_to(&self, end: u64) {
         lock(&self.progress).consumed = end;
         self.changed.notify_all();
     }
 
+    /// Starts no further unit, and wakes the waiting threads; `error` is `None` after a panic.
     fn stop(&self, error: Option<Error>) {
         let mut progress = lock(&self.progress);
         progress.is_stopped = true;
-        // The first error stays: later ones may only follow from it.
+        // Later errors may be consequences of the first.
         progress.error = progress.error.take().or(error);
         self.changed.notify_all();
     }
@@ -167,7 +175,8 @@ impl<'a> UnitQueue<'a> {
     }
 }
 
-/// Stops the other workers when one panics: they would wait for its unit forever.
+/// Stops the other workers when one panics. Otherwise they would wait for the result of its unit forever, and the
+/// panic could not leave the scope of the threads.
 struct StopOnPanic<'a>(&'a UnitQueue<'a>);
 
 impl Drop for StopOnPanic<'_> {
@@ -180,6 +189,7 @@ impl Drop for StopOnPanic<'_> {
 
 /// Results of units that finish in any order, consumed by `take` in order.
 struct OrderedResults<T, F> {
+    /// Results that wait for an earlier unit, by unit.
     early: BTreeMap<u64, T>,
     /// The unit whose result is consumed next.
     next: u64,
@@ -187,13 +197,14 @@ struct OrderedResults<T, F> {
 }
 
 impl<T, F: FnMut(T) -> Result<()>> OrderedResults<T, F> {
-    /// Adds a result, and consumes all that are in turn: nobody waits with a result of its own.
+    /// Adds a result, and consumes all results that are next in order. So the thread need not wait for earlier units:
+    /// the thread that finishes the first missing unit consumes this result as well.
     fn add(&mut self, unit: u64, result: T, queue: &UnitQueue<'_>) -> Result<()> {
         self.early.insert(unit, result);
         while let Some(result) = self.early.remove(&self.next) {
             (self.take)(result)?;
             self.next += 1;
-            // One by one, so that the others compute while this thread consumes.
+            // After each result, not once at the end, so that other threads start units while this one consumes.
             queue.consume_to(self.next);
         }
         Ok(())
@@ -228,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn what_units_give_is_taken_in_order() {
+    fn results_are_consumed_in_the_order_of_units() {
         let mut taken = Vec::new();
         let work = |_: &mut (), unit: u64| {
             std::thread::sleep(std::time::Duration::from_micros(unit * 7919 % 50));
@@ -243,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_and_cancellation_come_through() {
+    fn errors_and_cancellation_are_returned() {
         let work = |_: &mut (), unit| if unit == 7 { Err(Error::usage("seven")) } else { Ok(()) };
         let error = run(2, 100, &Cancel::default(), || (), work, Ok).unwrap_err();
         assert_eq!(error.to_string(), "seven");
@@ -253,8 +264,8 @@ mod tests {
         assert_eq!(error.kind(), ErrorKind::Interrupted);
     }
 
-    /// Runs 1,000 units on three threads in order. Unit 0 ends by `end` when all units that may start before its end
-    /// have done so; also returns how many those were.
+    /// Runs 1,000 units in order on three threads. Unit 0 waits until all units within the window have started, then
+    /// returns `end()`. Also returns the number of units that had started by then.
     fn with_slow_unit(cancel: &Cancel, end: impl Fn() -> Result<()> + Sync) -> (Result<()>, u64) {
         let (started, before_end) = (AtomicU64::new(0), AtomicU64::new(0));
         let work = |_: &mut (), unit: u64| {
@@ -266,7 +277,7 @@ mod tests {
             while started.load(Ordering::SeqCst) < 3 * WINDOW_PER_THREAD && Instant::now() < limit {
                 std::thread::yield_now();
             }
-            // Time for units beyond the window to start, if nothing kept them.
+            // Units beyond the window would start in this time if nothing prevented it.
             std::thread::sleep(Duration::from_millis(50));
             before_end.store(started.load(Ordering::SeqCst), Ordering::SeqCst);
             end()

@@ -1,14 +1,14 @@
-//! The drop pass: vertices whose star can be refilled within the tolerance are removed.
+//! The drop pass: removes vertices whose star can be filled with other triangles within the tolerance.
 //!
-//! Greedy insertion leaves vertices that later ones made redundant. Each is removed on trial and its star
-//! refilled with Delaunay ears; the removal stands if every sample touched is still within the tolerance,
-//! and if no larger circle takes the place of those that went (see `tile` for why).
+//! Greedy insertion leaves vertices that later ones made redundant. For each vertex, the hole that it would leave is
+//! filled with Delaunay triangles. The vertex is removed if every sample under these is within the tolerance, and if
+//! their circumcircles are not larger than the limit that keeps changes at a seam near it (see `tile`).
 //!
-//! Measured: vertices dropped in the order of the error they leave, instead of that of the sweep, are as
-//! many to 0.1 %. Rounds of greedy and drop at 1.1 to 4 times the tolerance before the last one leave 1
+//! Measured: dropping vertices in the order of the error they leave, instead of that of the sweep, changes their
+//! number by less than 0.1 %. Rounds of greedy and drop at 1.1 to 4 times the tolerance before the last one leave 1
 //! to 2.4 % fewer vertices for 20 to 110 % more time.
 //!
-//! Where the mesh need not be Delaunay, a star may be refilled with any triangles: see `refill`.
+//! If the mesh need not be Delaunay, a hole may be filled with any triangles: see `refill`.
 
 use super::angles::MinimumAngle;
 use super::facet::double_area;
@@ -20,37 +20,40 @@ use super::tolerance::InsertionCriteria;
 use terrane_base::bits::BitSet;
 use terrane_base::geom::predicates::{in_circle, orient};
 
-/// Stars with more triangles than this are skipped: refilling is cubic in the degree.
+/// Stars with more triangles than this are skipped, as the time to fill one is cubic in their number.
 const MAX_DEGREE: usize = 24;
 
-/// Buffers of the drop pass.
+/// Settings and buffers of the drop pass.
 #[derive(Debug, Default)]
 pub(super) struct DropScratch {
-    /// Fixed vertices.
+    /// Vertices that are never dropped, by sample.
     fixed: BitSet,
-    /// Fixed vertices, and vertices that failed and whose star has not changed since.
+    /// Fixed vertices, and vertices that could not be dropped and whose star has not changed since, by sample.
     settled: BitSet,
+    /// Triangles of the star, counter-clockwise. Their slots in the mesh are reused by the new triangles.
     star: Vec<u32>,
+    /// Outline of the hole, counter-clockwise: a vertex, and the half-edge beyond the edge from it to the next one.
     ring: Vec<(TilePosition, u32)>,
+    /// New triangles that fill the hole.
     fill: Vec<LatticeTriangle>,
-    /// Maximum squared radius of a new triangle's circumcircle.
-    square_radius: f64,
+    /// Maximum squared radius of a new triangle's circumcircle, in cells.
+    max_square_radius: f64,
     /// Minimum angle of new triangles.
     min_angle: Option<MinimumAngle>,
-    /// Allow new triangles that are not Delaunay.
-    any: bool,
+    /// New triangles need not be Delaunay.
+    allows_any: bool,
     any_fill: RefillBuffers,
 }
 
-/// Tries to drop every vertex that is not settled, in the order of the triangles. Neighbours of a dropped vertex are
-/// tried again: the sweep visits a vertex once in each of its triangles. Expected time linear in the vertices and the
-/// samples of their stars.
+/// Tries to drop every vertex that is not settled, in one sweep over the corners of all triangles. A drop unsettles the
+/// corners of its new triangles; the sweep tries them again if it has not passed all their triangles. Expected time
+/// linear in the vertices and the samples of their stars.
 pub(super) fn drop_redundant(
     judge: &InsertionCriteria<'_>,
     mesh: &mut LatticeMesh,
     scratch: &mut DropScratch,
 ) {
-    let index = index_in(judge.field);
+    let index = bit_index(judge.field);
     for half_edge in (0..mesh.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
         if judge.field.is_stopped_in(half_edge as usize) {
             return;
@@ -60,21 +63,21 @@ pub(super) fn drop_redundant(
             && scratch.settled.insert(index(mesh.origin(half_edge)))
             && scratch.try_drop(judge, mesh, half_edge).is_some()
         {
-            scratch.unsettle(&index);
+            scratch.unsettle_filled(&index);
         }
     }
 }
 
-/// Bit index of a sample of the field.
-fn index_in(field: &HeightField) -> impl Fn(TilePosition) -> usize + use<> {
+/// Index of a sample in the bit sets.
+fn bit_index(field: &HeightField) -> impl Fn(TilePosition) -> usize + use<> {
     let width = field.width() as usize;
     move |p| p.row() as usize * width + p.col() as usize
 }
 
 impl DropScratch {
-    /// Resets the state: all vertices except `fixed` may be tried.
+    /// Begins a new mesh: all vertices except `fixed` may be dropped.
     pub(super) fn settle(&mut self, field: &HeightField, fixed: &[TilePosition]) {
-        let index = index_in(field);
+        let index = bit_index(field);
         let samples = field.width() as usize * field.height() as usize;
         self.fixed.reset(samples);
         self.settled.reset(samples);
@@ -84,46 +87,45 @@ impl DropScratch {
         }
     }
 
-    /// Allows the corners of changed triangles to be tried again.
+    /// Unsettles the corners of triangles that have changed since the mesh was loaded.
     pub(super) fn unsettle_changed(&mut self, field: &HeightField, mesh: &LatticeMesh) {
-        let index = index_in(field);
+        let index = bit_index(field);
         for tri in mesh.ids().map(|id| &mesh.tris[id as usize]).filter(|tri| tri.source == NONE) {
             self.unsettle_corners(tri, &index);
         }
     }
 
-    /// Limits circumcircles to those of squares of side `spacing`.
+    /// Limits circumcircles of new triangles to that of a square with sides of `spacing` cells.
     pub(super) fn limit_circles(&mut self, spacing: u32) {
-        self.square_radius = f64::from(spacing).powi(2) / 2.0;
+        self.max_square_radius = f64::from(spacing).powi(2) / 2.0;
     }
 
-    /// Limits the angles of new triangles.
+    /// Sets the minimum angle of new triangles.
     pub(super) fn limit_angles(&mut self, bound: Option<MinimumAngle>) {
         self.min_angle = bound;
     }
 
-    /// Allows any new triangles, or Delaunay ones only.
+    /// Sets whether new triangles may be any triangles, or only Delaunay ones.
     pub(super) fn allow_any(&mut self, any: bool) {
-        self.any = any;
+        self.allows_any = any;
     }
 
-    /// True if the circumcircle of a triangle is not too large: its radius is the product of the sides over four times
-    /// the area.
-    fn is_compact(&self, tri: &LatticeTriangle) -> bool {
+    /// True if the circumcircle of a triangle is within the limit.
+    fn has_small_circle(&self, tri: &LatticeTriangle) -> bool {
         let [a, b, c] = tri.corners;
-        // With sides a, b, c and double area D the radius is abc / 2D. Squared, no root is needed.
+        // With sides a, b, c and double area D the radius is abc / 2D. It is squared to avoid square roots.
         let double_area = double_area(tri.corners) as f64;
         a.square_distance(b) * b.square_distance(c) * c.square_distance(a)
-            <= 4.0 * double_area * double_area * self.square_radius
+            <= 4.0 * double_area * double_area * self.max_square_radius
     }
 
-    /// True if no angle of a triangle is too small.
-    fn is_wide(&self, tri: &LatticeTriangle) -> bool {
+    /// True if no angle of a triangle is below the minimum.
+    fn has_wide_angles(&self, tri: &LatticeTriangle) -> bool {
         self.min_angle.is_none_or(|bound| bound.holds(tri.corners))
     }
 
-    /// Allows the corners of the triangles that filled the last star to be tried again.
-    fn unsettle(&mut self, index: &impl Fn(TilePosition) -> usize) {
+    /// Unsettles the corners of the triangles that filled the last hole: their stars have changed.
+    fn unsettle_filled(&mut self, index: &impl Fn(TilePosition) -> usize) {
         for i in 0..self.fill.len() {
             let tri = self.fill[i];
             self.unsettle_corners(&tri, index);
@@ -138,8 +140,8 @@ impl DropScratch {
         }
     }
 
-    /// Removes the vertex from which `half_edge` starts if its star can be refilled, with Delaunay or other allowed
-    /// triangles, within the tolerance. Returns the new triangles.
+    /// Removes the vertex from which `half_edge` starts if the hole can be filled within the tolerance and the other
+    /// limits. Returns the new triangles; `None`, with the mesh unchanged, if the vertex stays.
     pub(super) fn try_drop(
         &mut self,
         judge: &InsertionCriteria<'_>,
@@ -147,40 +149,41 @@ impl DropScratch {
         half_edge: u32,
     ) -> Option<&[u32]> {
         let vertex = mesh.origin(half_edge);
-        let is_droppable = self.gather(mesh, half_edge)
-            && if self.any {
+        let is_droppable = self.collect_star(mesh, half_edge)
+            && if self.allows_any {
                 self.refill_by_any(judge, vertex)
             } else {
                 self.refill_by_ears(judge, vertex)
             };
-        is_droppable.then(|| self.replace(mesh))
+        is_droppable.then(|| self.replace_star(mesh))
     }
 
-    /// Fills the ring with Delaunay ears. True if all requirements hold.
+    /// Fills the hole with Delaunay triangles. True if all requirements hold; the cheap ones are tested first.
     fn refill_by_ears(&mut self, judge: &InsertionCriteria<'_>, vertex: TilePosition) -> bool {
-        self.refill()
-            && self.fill.iter().all(|tri| self.is_compact(tri) && self.is_wide(tri))
-            // The vertex itself is the sample most likely to fail, and costs one test instead of a scan.
+        self.cut_ears()
+            && self.fill.iter().all(|tri| self.has_small_circle(tri) && self.has_wide_angles(tri))
+            // The vertex itself is the sample most likely to exceed the tolerance, and needs no scan.
             && self.fill.iter().find_map(|tri| judge.stays_within(tri.corners, vertex))
                 == Some(true)
-            && self.diagonals_keep(judge)
+            && self.are_diagonals_within(judge)
             && self.fill.iter().all(|tri| judge.candidate(tri.corners, 0).is_none())
     }
 
-    /// Fills the ring with the best triangles that meet all requirements. True if there are any.
+    /// Fills the hole with the best triangles that meet all requirements. True if there are any.
     fn refill_by_any(&mut self, judge: &InsertionCriteria<'_>, vertex: TilePosition) -> bool {
         let Self { any_fill, min_angle, ring, star, fill, .. } = self;
         any_fill.fill(judge, *min_angle, vertex, ring, star, fill)
     }
 
-    /// Collects the star of a vertex counter-clockwise: its triangles, and per link edge the
-    /// start and the half-edge beyond. False when the star is not closed or too large.
-    fn gather(&mut self, mesh: &LatticeMesh, half_edge: u32) -> bool {
-        let max_degree = if self.any { refill::MAX_DEGREE } else { MAX_DEGREE };
+    /// Collects the triangles around the vertex from which `half_edge` starts, and the outline of the hole. False if
+    /// the vertex lies on a border or has too many triangles.
+    fn collect_star(&mut self, mesh: &LatticeMesh, half_edge: u32) -> bool {
+        let max_degree = if self.allows_any { refill::MAX_DEGREE } else { MAX_DEGREE };
         if !mesh.star(half_edge, max_degree, &mut self.star) {
             return false;
         }
         self.ring.clear();
+        // `star` has half-edges that leave the vertex; the next edge of each triangle is on the outline.
         for at in &mut self.star {
             self.ring.push(mesh.tris[(*at >> 2) as usize].side(next(*at & 3)));
             *at >>= 2;
@@ -188,14 +191,15 @@ impl DropScratch {
         self.star.len() >= 3
     }
 
-    /// Cuts Delaunay ears off the ring until it is filled (Devillers 1999, without the priority
-    /// queue: stars are small). The triangle cut first takes the star's first slot, and so on.
-    fn refill(&mut self) -> bool {
+    /// Cuts Delaunay ears off the hole until it is filled (Devillers 1999, without the priority queue, as stars are
+    /// small). The n-th triangle will take the slot of the n-th triangle of the star. False if there is no ear.
+    fn cut_ears(&mut self) -> bool {
         self.fill.clear();
         while self.ring.len() > 3 {
             let Some(ear) = self.find_ear() else { return false };
             let [before, _, after] = self.around(ear);
             let ((a, ab), (b, bc), (c, _)) = (self.ring[before], self.ring[ear], self.ring[after]);
+            // Edge 2 of the ear, from c to a, now lies beyond the edge from a to c of the smaller outline.
             let diagonal = 4 * self.star[self.fill.len()] + 2;
             self.fill.push(LatticeTriangle::new([a, b, c], [ab, bc, NONE]));
             self.ring[before].1 = diagonal;
@@ -206,13 +210,14 @@ impl DropScratch {
         orient(a.lattice(), b.lattice(), c.lattice()) > 0
     }
 
+    /// Indices of the outline vertices before `i`, at `i` and after `i`.
     fn around(&self, i: usize) -> [usize; 3] {
         let n = self.ring.len();
         [if i == 0 { n - 1 } else { i - 1 }, i, if i + 1 == n { 0 } else { i + 1 }]
     }
 
-    /// The first ring vertex that makes a counter-clockwise triangle with its neighbours whose
-    /// circle holds no other ring vertex strictly.
+    /// The first vertex of the outline that forms a counter-clockwise triangle with its neighbours whose circumcircle
+    /// contains no other vertex of the outline.
     fn find_ear(&self) -> Option<usize> {
         (0..self.ring.len()).find(|&ear| {
             let around = self.around(ear);
@@ -226,14 +231,16 @@ impl DropScratch {
         })
     }
 
-    /// True if the new edges are within the tolerance between samples, or if that is not requested.
-    fn diagonals_keep(&self, judge: &InsertionCriteria<'_>) -> bool {
+    /// True if the edges between new triangles are within the tolerance between samples, or if that is not requested.
+    fn are_diagonals_within(&self, judge: &InsertionCriteria<'_>) -> bool {
+        // Each ear has one new edge, from its last corner to its first; the last triangle has none.
         let ears = &self.fill[..self.fill.len() - 1];
         ears.iter().all(|ear| judge.edge_keeps([ear.corners[2], ear.corners[0]]))
     }
 
-    fn replace(&mut self, mesh: &mut LatticeMesh) -> &[u32] {
-        // All triangles are put into their slots before any edge is linked: ears name each other's slots.
+    /// Puts the new triangles into slots of the star, and frees the two slots that are left.
+    fn replace_star(&mut self, mesh: &mut LatticeMesh) -> &[u32] {
+        // All triangles are stored before any edge is linked, as new triangles are neighbours of each other.
         for (&id, &tri) in self.star.iter().zip(&self.fill) {
             mesh.tris[id as usize] = LatticeTriangle { state: TriangleScanState::Passed(0), ..tri };
         }
@@ -265,7 +272,7 @@ pub(super) mod tests {
     }
 
     proptest! {
-        /// Its twin tries every vertex anew whose triangles are not those with which it failed before.
+        /// A reference sweep tries a vertex again whenever its triangles differ from those of all earlier failures.
         #[test]
         fn a_vertex_is_tried_again_when_its_star_has_changed(
             z in prop::collection::vec(0..24_u8, (SIDE * SIDE) as usize), tolerance in 6..16_u8,
@@ -277,7 +284,7 @@ pub(super) mod tests {
             field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], None);
             let fixed: Vec<_> = fixed.into_iter().map(|(col, row)| TilePosition::new(col, row)).collect();
             let judge = InsertionCriteria::of_samples(&field, available()[0].1, tolerance.into());
-            let [mut mesh, mut twin] = [(); 2].map(|()| {
+            let [mut mesh, mut reference] = [(); 2].map(|()| {
                 let mut mesh = LatticeMesh::default();
                 mesh.reset_to_rectangle(SIDE - 1, SIDE - 1);
                 fit(&judge, &mut mesh, &mut WorkLists::default(), false);
@@ -288,21 +295,21 @@ pub(super) mod tests {
             scratch.settle(&field, &fixed);
             drop_redundant(&judge, &mut mesh, &mut scratch);
             let mut failed = BTreeSet::new();
-            for half_edge in (0..twin.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
-                let p = twin.origin(half_edge);
-                let is_free = twin.tris[(half_edge >> 2) as usize].state == TriangleScanState::Free;
-                if !is_free && !fixed.contains(&p) && failed.insert((p, star(&twin, p))) {
-                    scratch.try_drop(&judge, &mut twin, half_edge);
+            for half_edge in (0..reference.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
+                let p = reference.origin(half_edge);
+                let is_free = reference.tris[(half_edge >> 2) as usize].state == TriangleScanState::Free;
+                if !is_free && !fixed.contains(&p) && failed.insert((p, star(&reference, p))) {
+                    scratch.try_drop(&judge, &mut reference, half_edge);
                 }
             }
             let corners = |mesh: &LatticeMesh| -> Vec<_> {
                 mesh.ids().map(|id| (id, mesh.tris[id as usize].corners)).collect()
             };
-            prop_assert_eq!(corners(&mesh), corners(&twin));
+            prop_assert_eq!(corners(&mesh), corners(&reference));
         }
     }
 
-    /// True when every sample of a triangle is within the tolerance, in whole numbers.
+    /// True if every sample of a triangle is within the tolerance: a reference in integers, sample by sample.
     pub(crate) fn is_within(
         field: &HeightField,
         corners: [TilePosition; 3],
@@ -324,9 +331,9 @@ pub(super) mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
 
-        /// Each is tried in turn; where the mesh was made for a smaller tolerance, many may go.
+        /// All vertices are tried in turn. If the mesh was made for a smaller tolerance, many can be dropped.
         #[test]
-        fn a_vertex_goes_when_what_fills_its_star_is_within_the_tolerance(
+        fn a_vertex_is_dropped_if_its_filled_star_is_within_the_tolerance(
             z in prop::collection::vec(0..24_u8, (SIDE * SIDE) as usize), tolerance in 6..16_u8,
             finer in 0..3_u8
         ) {
@@ -344,9 +351,9 @@ pub(super) mod tests {
                 if mesh.tris[(half_edge >> 2) as usize].state == TriangleScanState::Free {
                     continue;
                 }
-                let is_filled = scratch.gather(&mesh, half_edge) && scratch.refill();
+                let is_filled = scratch.collect_star(&mesh, half_edge) && scratch.cut_ears();
                 let expected = is_filled && scratch.fill.iter().all(|tri| {
-                    scratch.is_compact(tri) && is_within(&field, tri.corners, tolerance.into())
+                    scratch.has_small_circle(tri) && is_within(&field, tri.corners, tolerance.into())
                 });
                 let vertex = mesh.origin(half_edge);
                 let found = scratch.try_drop(&judge(tolerance), &mut mesh, half_edge).is_some();
@@ -360,7 +367,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn corners_of_changed_triangles_may_be_tried_again_but_for_those_that_are_fixed() {
+    fn corners_of_changed_triangles_are_unsettled_unless_fixed() {
         let mut field = HeightField::default();
         let heights = HeightWindow { width: 5, height: 4, f32: &[0.0; 20], f64: None };
         field.load(&heights, [0, 0, 5, 4], [0; 4], None);
@@ -389,9 +396,9 @@ pub(super) mod tests {
         }
     }
 
-    /// The circle around a right triangle has the longest side for its diameter.
+    /// The diameter of the circumcircle of a right triangle is its longest side.
     #[test]
-    fn a_triangle_is_compact_up_to_the_circle_around_a_square() {
+    fn circumcircles_are_limited_to_that_of_a_square() {
         let mut scratch = DropScratch::default();
         for (spacing, corners, expected) in [
             (10, [(0, 0), (10, 0), (0, 10)], true),
@@ -399,7 +406,7 @@ pub(super) mod tests {
             (10, [(3, 5), (13, 5), (13, 15)], true),
             (10, [(3, 5), (3 + 14, 5), (3 + 14, 7)], true),
             (10, [(3, 5), (3 + 14, 5), (3 + 14, 8)], false),
-            // Of radius 25, and of the diagonal of a square of 36, which is 50.9 long.
+            // The diameter is 50; the diagonal of a square of side 36 is 50.9, of side 35 it is 49.5.
             (36, [(25, 0), (49, 18), (5, 40)], true),
             (35, [(25, 0), (49, 18), (5, 40)], false),
             (1, [(0, 0), (1, 0), (0, 1)], true),
@@ -408,7 +415,7 @@ pub(super) mod tests {
             scratch.limit_circles(spacing);
             let corners = corners.map(|(col, row)| TilePosition::new(col, row));
             let tri = LatticeTriangle::new(corners, [NONE; 3]);
-            assert_eq!(scratch.is_compact(&tri), expected, "{spacing} {corners:?}");
+            assert_eq!(scratch.has_small_circle(&tri), expected, "{spacing} {corners:?}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The proof of a mesh file against its grid.
+//! `terrane verify` of a mesh file against its grid: what the mesh promises, the proof, and what remains unchecked.
 
 use std::path::Path;
 
@@ -19,8 +19,11 @@ use terrane_engine::{Cancel, Progress};
 use terrane_mesh::{HeightBand, MeshSource, Promises};
 use terrane_raster as raster;
 
-/// Runs a verification. An error means that it could not be done; a mesh that breaks a promise is
-/// not an error, but a report with `passed` false.
+/// Verifies a mesh against its grid. A broken promise is not an error: it is reported, with `passed` false.
+///
+/// # Errors
+/// A mesh or a grid that cannot be read; a mesh with invalid or contradictory statements, a solid, or one in another CRS
+/// than its grid; options that do not apply; too little memory; `Interrupted`.
 pub(super) fn run(
     job: &LineProofQuestion<'_, MeshProof>,
     progress: &dyn Progress,
@@ -28,6 +31,8 @@ pub(super) fn run(
 ) -> Result<VerifyReport> {
     let bands = job.options.selected_bands()?;
     let mesh = open_mesh(&job.written.file)?;
+    // Keys of statements, the options that replace them, and whether an invalid statement may be ignored: the option is
+    // given, or this proof does not use the statement.
     let options = [
         ("max error", "‹max_error›", job.options.tolerance().is_some()),
         ("bound", "‹bound›", job.options.bound.is_some()),
@@ -37,13 +42,13 @@ pub(super) fn run(
         ("heights", "‹band›", bands.as_ref().is_none_or(|bands| bands.heights.is_some())),
     ];
     let stated = stated(mesh.info(), &options).map_err(|e| e.in_file(&job.written.file))?;
-    check_system(&stated).map_err(|e| e.in_file(&job.written.file))?;
+    refuse_reprojected(&stated).map_err(|e| e.in_file(&job.written.file))?;
     let (mut report, crs) = match &bands {
         Some(bands) => {
             let proof = MultibandProof { job, mesh: &*mesh, stated: &stated, progress, cancel };
-            in_mesh(proof.run(bands), job)?
+            name_mesh(proof.run(bands), job)?
         }
-        None => heights(&*mesh, &stated, job, progress, cancel)?,
+        None => prove_heights(&*mesh, &stated, job, progress, cancel)?,
     };
     let header = CheckedHeader {
         mesh: &job.written.file,
@@ -54,29 +59,29 @@ pub(super) fn run(
     };
     header.judge(&mut report.verdict)?;
     judge_bounds(&*mesh, &mut report.verdict, progress, cancel)?;
-    add_file_notes(&stated, job, &mut report.verdict);
+    leave_unrequested(&stated, job, &mut report.verdict);
     let mesh = job.written.file.display().to_string();
     let of = OfGrid { raster: job.written.original.to_string(), ..report.of };
     Ok(VerifyReport { mesh, of, ..report })
 }
 
-/// Fails for a mesh that was written in another CRS.
-fn check_system(stated: &Promises) -> Result<()> {
+/// Fails for a mesh that was reprojected when it was written: its vertices are not samples of the grid.
+fn refuse_reprojected(stated: &Promises) -> Result<()> {
     let Some(from) = &stated.transformed_from else { return Ok(()) };
     let message = format!("was transformed from {from}: its vertices are not samples of the grid");
     Err(Error::unsupported(message).remedy("verify a mesh made without ‹to_crs›"))
 }
 
-/// Adds the name of the mesh to its errors.
-fn in_mesh<T>(found: Result<T>, job: &LineProofQuestion<'_, MeshProof>) -> Result<T> {
-    found.map_err(|e| match e.kind() {
+/// Adds the name of the mesh to errors about its content.
+fn name_mesh<T>(result: Result<T>, job: &LineProofQuestion<'_, MeshProof>) -> Result<T> {
+    result.map_err(|e| match e.kind() {
         ErrorKind::BadInput => e.in_file(&job.written.file),
         _ => e,
     })
 }
 
-/// Proves the heights of a mesh; also returns the CRS of the grid.
-fn heights(
+/// Proves the heights of a mesh, its vertices, edges and outline; also returns the CRS of the grid.
+fn prove_heights(
     mesh: &dyn MeshSource,
     stated: &Promises,
     job: &LineProofQuestion<'_, MeshProof>,
@@ -90,7 +95,7 @@ fn heights(
     let grid = raster::open_all(job.written.original.names(), &options)?;
     let crs = grid.info().crs.clone();
     let bands = stated.bands.as_deref().map(label);
-    // A mesh of bands states the tolerance of these, not of heights.
+    // The tolerance that a mesh with bands states is that of the bands, not of the heights.
     let stated_tolerance = tolerance(stated).filter(|_| bands.is_none());
     let tolerance = job.options.tolerance().or(stated_tolerance);
     let grid = match bands.filter(|_| stated.heights == Some(HeightBand::None)) {
@@ -100,6 +105,7 @@ fn heights(
                 .in_file(&job.written.file)
                 .remedy(format!("pass ‹bands› {label}")));
         }
+        // Without heights all vertices are at 0. Against a flat grid, coverage and edges can still be proved.
         Some(_) => JoinedBands::of(grid).flat(),
     };
     let bound = job.options.bound.or(stated.bound).unwrap_or_default();
@@ -112,19 +118,22 @@ fn heights(
     let kept =
         ConstraintFeatures::read(points, lines, water, &job.options.resources)?.on(grid.info())?;
     let requirements = MeshRequirements { tolerance, bound, min_angle, kept: &kept };
-    let report =
-        in_mesh(verify(mesh, &*grid, requirements, &job.options.resources, progress, cancel), job)?;
+    let report = name_mesh(
+        verify(mesh, &*grid, requirements, &job.options.resources, progress, cancel),
+        job,
+    )?;
     Ok((report, crs))
 }
 
-/// Leaves a statement unjudged, and explains the failures that it may have caused.
+/// Reports a statement as not judged (`note`). If the proof has failed, adds `explanation`: the missing option may be
+/// the cause.
 fn leave_unjudged(verdict: &mut ProofVerdict, explanation: String, note: String) {
     verdict.failures.extend((!verdict.passed).then_some(explanation));
     verdict.leave(note);
 }
 
-/// Leaves bands and files unjudged that the mesh states and the job does not name.
-fn add_file_notes(
+/// Reports as not judged what the mesh states about bands and files whose option is not given.
+fn leave_unrequested(
     stated: &Promises,
     job: &LineProofQuestion<'_, MeshProof>,
     verdict: &mut ProofVerdict,
@@ -153,6 +162,7 @@ fn add_file_notes(
             format!("whether the water of {file} is level (‹water›)"),
         );
     }
+    // Weights and heights without bands are contradictory; nothing can be checked against them.
     if job.options.bands.is_empty() && stated.bands.is_none() {
         let known = Promises { unknown: Vec::new(), ..stated.clone() }.to_lines();
         let keys = ["bands", "weights", "heights"];

@@ -17,31 +17,33 @@ use terrane_base::error::{Error, ErrorKind, Result};
 
 const LOCK: &str = "lock";
 
-/// A folder that holds a plan.
+/// A folder with a plan file, the artifacts of its tasks, and a lock.
 pub struct PlanFolder<W: PlannedWork> {
     pub path: PathBuf,
+    /// The content of the plan file.
     pub plan: PlanManifest<W>,
+    /// Digest of the plan; part of the key of every artifact.
     pub id: Digest,
 }
 
-/// States of the tasks.
+/// Which tasks are done. A task that is neither `done` nor `damaged` has no artifact, or was not checked.
 pub struct TaskStates<'a, W: PlannedWork> {
     /// The folder of the plan.
     pub folder: &'a PlanFolder<W>,
-    /// Finished tasks with intact artifacts, as far as these were checked.
+    /// Tasks whose artifact was checked and is intact.
     pub done: BTreeMap<W::Task, FinishedArtifact<W::Facts>>,
-    /// Tasks with damaged artifacts.
+    /// Tasks whose artifact was checked and is damaged.
     pub damaged: Vec<W::Task>,
 }
 
 impl<W: PlannedWork> PlanFolder<W> {
-    /// Opens the folder `path`.
+    /// Reads the plan file of the folder `path`.
     pub(super) fn open(path: &Path) -> Result<Self> {
         let (plan, id) = PlanManifest::read(path)?;
         Ok(Self { path: path.to_path_buf(), plan, id })
     }
 
-    /// All tasks, in a valid order.
+    /// All tasks, each after the tasks whose artifacts it reads.
     pub(super) fn tasks(&self) -> Vec<W::Task> {
         self.plan.work.tasks()
     }
@@ -51,7 +53,7 @@ impl<W: PlannedWork> PlanFolder<W> {
         self.plan.work.before(task)
     }
 
-    /// Finds a task by name.
+    /// The task of a name such as `strip-3`, or the last step for `finish`.
     pub(super) fn named(&self, name: &str) -> Result<PlanStep<W::Task>> {
         if name == "finish" {
             return Ok(PlanStep::Finish);
@@ -60,7 +62,7 @@ impl<W: PlannedWork> PlanFolder<W> {
             let number = name.strip_prefix(kind)?.strip_prefix('-')?;
             number.parse().ok().map(task)
         });
-        let task = task.ok_or_else(|| no_task::<W>(name))?;
+        let task = task.ok_or_else(|| unknown_task::<W>(name))?;
         match self.tasks().contains(&task) {
             true => Ok(PlanStep::Task(task)),
             false => Err(Error::usage(format!("the plan has no task {task}"))
@@ -69,7 +71,7 @@ impl<W: PlannedWork> PlanFolder<W> {
         }
     }
 
-    /// The report on a pending task.
+    /// The entry of a pending task in the status report.
     pub(super) fn task_report(&self, task: PlanStep<W::Task>) -> TaskReport {
         let after = match task {
             PlanStep::Task(task) => self.before(task),
@@ -79,11 +81,13 @@ impl<W: PlannedWork> PlanFolder<W> {
         TaskReport { id: task.to_string(), after, work: self.plan.work.size(task) }
     }
 
-    /// Prepares a run of all pending tasks (`alone`) or of one task. Does not block: fails if another process runs all
-    /// pending tasks. Single tasks take no lock, because artifacts appear atomically and do not depend on the process;
-    /// two runs of all tasks would only duplicate the work. Skips locking on file systems without locks.
+    /// Creates the folder of artifacts and, for a run of all pending tasks (`alone`), locks the plan until the returned
+    /// file is closed. Does not block: fails with `NotYet` if another process holds the lock.
+    ///
+    /// The lock only avoids that two such runs do the same work twice. A run of a single task takes none: artifacts
+    /// appear atomically, with the same bytes whoever makes them. File systems without locks are not locked.
     pub(super) fn enter(&self, alone: bool) -> Result<Option<File>> {
-        // Results may be thrown away, all at once too.
+        // The user may have deleted all artifacts together with their folder.
         let objects = self.path.join(OBJECTS);
         std::fs::create_dir_all(&objects).map_err(|e| Error::write(&objects, e))?;
         if !alone {
@@ -98,12 +102,14 @@ impl<W: PlannedWork> PlanFolder<W> {
                     .in_file(&self.path)
                     .remedy("retry when that run ends, or run single tasks (‹task›)"))
             }
+            // Also if the file system has no locks.
             _ => Ok(Some(file)),
         }
     }
 
-    /// Fails if `output` is an input file of the plan or a file of its folder.
+    /// Fails if `output` is an input of the plan, its plan file, record of the output or lock, or an artifact.
     pub(super) fn refuse_own(&self, output: &Path) -> Result<()> {
+        // A file that does not exist yet is none of these.
         let Ok(resolved) = std::fs::canonicalize(output) else { return Ok(()) };
         let objects = std::fs::canonicalize(self.path.join(OBJECTS));
         let is_object = objects.is_ok_and(|objects| resolved.starts_with(objects));
@@ -133,40 +139,44 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
         Self { folder, done: BTreeMap::new(), damaged: Vec::new() }
     }
 
-    /// Checks the artifacts of all tasks, in parallel, and reports progress. Fails when cancelled.
+    /// Checks the artifacts of all tasks, in parallel, and reports progress.
+    ///
+    /// # Errors
+    /// `Interrupted`. A damaged artifact is not an error: its task is listed in [`damaged`](Self::damaged).
     pub(super) fn of_all(
         folder: &'a PlanFolder<W>,
         depth: CheckDepth,
         at: RunControl<'_>,
     ) -> Result<Self> {
-        let mut survey = Self::new(folder);
-        survey.inspect_in_order(folder.tasks(), depth, at)?;
-        Ok(survey)
+        let mut states = Self::new(folder);
+        states.inspect_in_order(folder.tasks(), depth, at)?;
+        Ok(states)
     }
 
-    /// Checks the artifacts that `task` reads, and every byte of its own.
+    /// Checks the artifacts that `task` reads, at `depth`, and every byte of its own.
     pub(super) fn around(
         folder: &'a PlanFolder<W>,
         task: W::Task,
         depth: CheckDepth,
         at: RunControl<'_>,
     ) -> Result<Self> {
-        let mut survey = Self::new(folder);
-        survey.inspect_in_order(folder.before(task), depth, at.silent())?;
-        survey.inspect_tasks(&[task], CheckDepth::Whole, at.silent())?;
-        Ok(survey)
+        let mut states = Self::new(folder);
+        states.inspect_in_order(folder.before(task), depth, at.silent())?;
+        states.inspect_tasks(&[task], CheckDepth::Whole, at.silent())?;
+        Ok(states)
     }
 
-    /// Checks the artifact of a task again, after its inputs are done.
+    /// Checks the artifact of a task whose state is unknown, after its inputs are done.
     pub(super) fn inspect_again(&mut self, task: W::Task, at: RunControl<'_>) -> Result<()> {
         let is_known = !self.is_missing(task) || self.damaged.contains(&task);
+        // Without inputs the key was known from the start, so the artifact was looked for and does not exist.
         if is_known || self.folder.before(task).is_empty() {
             return Ok(());
         }
         self.inspect_tasks(&[task], CheckDepth::Whole, at.silent())
     }
 
-    /// Checks the artifacts of tasks that depend on each other only.
+    /// Checks the artifacts of `tasks` in the order of their dependencies. Inputs outside `tasks` are not checked.
     fn inspect_in_order(
         &mut self,
         tasks: Vec<W::Task>,
@@ -175,16 +185,18 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
     ) -> Result<()> {
         let mut left: BTreeSet<W::Task> = tasks.into_iter().collect();
         while !left.is_empty() {
-            // A key follows from the seals of the tasks before, so these are checked first.
-            let (later, now) = left.iter().copied().partition::<Vec<_>, _>(|task| {
-                self.folder.before(*task).iter().any(|b| left.contains(b))
+            // The name of an artifact contains the checksums of the artifacts that its task reads. Until these are
+            // checked it cannot even be looked for.
+            let (blocked, ready) = left.iter().copied().partition::<Vec<_>, _>(|task| {
+                self.folder.before(*task).iter().any(|input| left.contains(input))
             });
-            self.inspect_tasks(&now, depth, at)?;
-            left = later.into_iter().collect();
+            self.inspect_tasks(&ready, depth, at)?;
+            left = blocked.into_iter().collect();
         }
         Ok(())
     }
 
+    /// Checks the artifacts of `tasks` in parallel, and records their states.
     fn inspect_tasks(
         &mut self,
         tasks: &[W::Task],
@@ -195,7 +207,7 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
             .par_iter()
             .filter_map(|&task| Some((task, self.inspect(task, depth, at)?)))
             .collect();
-        // An artifact that was not read to its end is not known to be damaged.
+        // A check that was cancelled ends with an error, too. It must not be recorded as damage.
         at.cancel.check()?;
         for (task, artifact) in inspected {
             match artifact {
@@ -207,7 +219,8 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
         Ok(())
     }
 
-    /// The artifact of a task, if intact; `None` while its location is unknown.
+    /// The artifact of a task: `None` if its location is unknown, `Ok(None)` if it does not exist, an error if it is
+    /// damaged or the run is cancelled.
     fn inspect(
         &self,
         task: W::Task,
@@ -219,8 +232,8 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
         Some(at.cancel.check().and_then(|()| FinishedArtifact::inspect(&place, depth, at.cancel)))
     }
 
-    /// The location of a task's artifact, from the plan, the task, and the checksums of its inputs. Fails with `NotYet`
-    /// if an input is not done.
+    /// The location of a task's artifact, from the plan, the task, and the checksums of the artifacts it reads. Fails
+    /// with `NotYet` if one of these is not done.
     pub(super) fn place(&self, task: W::Task) -> Result<ArtifactLocation> {
         let before = self.folder.before(task).into_iter();
         let seals: Vec<Digest> =
@@ -229,23 +242,26 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
         Ok(ArtifactLocation::new(&path.join(OBJECTS), *id, &task.to_string(), &seals, W::ENDING))
     }
 
+    /// The artifact of a task; fails with `NotYet` if it is not done.
     fn finished(&self, task: W::Task) -> Result<&FinishedArtifact<W::Facts>> {
         self.done.get(&task).ok_or_else(|| self.folder.not_done(task))
     }
 
-    /// The path and the sidecar of a finished task's artifact.
+    /// The path and the sidecar of a finished task's artifact; fails with `NotYet` if it is not done.
     pub fn object(&self, task: W::Task) -> Result<(PathBuf, &FinishedArtifact<W::Facts>)> {
         let done = self.finished(task)?;
         Ok((self.place(task)?.file, done))
     }
 
-    /// True if `task` has no intact artifact.
+    /// True if no intact artifact of `task` is known.
     pub(super) fn is_missing(&self, task: W::Task) -> bool {
         !self.done.contains_key(&task)
     }
 
-    /// Fails if a task is not done and will not be once damaged artifacts are repaired.
+    /// Fails with `NotYet` if a task still has to be run, apart from damaged artifacts, which the last step makes again.
     pub(super) fn check_all(&self) -> Result<()> {
+        // A task whose inputs are not done has no location, and is not reported: its first missing input is, unless
+        // that is damaged.
         let undone = self.folder.tasks().into_iter().find(|task| {
             let is_known = self.place(*task).is_ok();
             is_known && self.is_missing(*task) && !self.damaged.contains(task)
@@ -255,7 +271,7 @@ impl<'a, W: PlannedWork> TaskStates<'a, W> {
 }
 
 /// The error for an unknown task name.
-fn no_task<W: PlannedWork>(name: &str) -> Error {
+fn unknown_task<W: PlannedWork>(name: &str) -> Error {
     let names = W::NAMES.iter().enumerate().map(|(i, (kind, _))| match i {
         0 => format!("{kind}-0, {kind}-1, ..., "),
         _ => format!("{kind}-0, ..., "),

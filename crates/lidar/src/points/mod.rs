@@ -1,15 +1,19 @@
-//! Translates point clouds: filtered, thinned and merged; into one file, or one for each tile or value.
+//! The job of `terrane points`: filters, classifies, thins, reprojects, sorts and merges point clouds, into one file or
+//! one per tile or attribute value.
 //!
 //! ```text
-//! files, sorted ── parts ── records of one format ──[single]──[noise]──[what the ground tells]──[attributes set] ─┐
-//!                                      file ──[sorted]──[moved]──[discs]──[thinned]──[one flight line each] ◀─────┘
+//! files, by name ── records of one point format ──[filters]──[--dedupe]──[noise]──[heights and classes] ─┐
+//!                                                                                                        │
+//! ┌──[--to-crs]──[--thin-distance]──[--thin]──[--drop-overlap]──[--attribute] ◀──────────────────────────┘
+//! └─▶ [--sort] ── file
 //! ```
 //!
-//! Points stay in the order of the files unless sorted, so the bytes depend on neither threads nor memory.
-//! Steps that depend on other points read all points first (`choice`, `discs`).
+//! Points stay in the order of the files unless sorted, so the bytes depend on neither threads nor memory. Steps that
+//! depend on other points read all points once before the output is written.
 //!
-//! A copy of a LAZ file compresses its points anew, though most chunks could be copied: they are decoded all the same
-//! to find damage and to count points, and the bytes are a function of the points alone.
+//! A copy of a LAZ file compresses its points again, although most chunks could be copied. The chunks have to be decoded
+//! anyway, to find damage and to count points, and so the bytes are a function of the points alone, whatever the
+//! compressor of the input.
 
 mod assign;
 mod context;

@@ -1,7 +1,7 @@
-//! GeoTIFF and BigTIFF: directory parser and decoder for reading by window, out of core.
+//! Reader of GeoTIFF and BigTIFF, by window, out of core. A block is a strip or a tile of the file.
 //!
-//! Compressed blocks are decoded outside any lock and kept in a bounded cache; uncompressed blocks of any size are
-//! read row by row from the file.
+//! Compressed blocks are decoded as a whole, outside any lock, and kept in a bounded cache. Uncompressed blocks may have
+//! any size: only the requested part of each row is read from the file.
 
 mod blocks;
 mod codec;
@@ -37,7 +37,7 @@ use image::{GeoTiffImage, check_cache};
 use layout::GeoTiffLayout;
 use mask::GeoTiffMask;
 
-/// The registry entry.
+/// The entry in the list of raster formats.
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "GeoTIFF",
     extensions: &["tif", "tiff", "gtiff", "btf", "tf8"],
@@ -46,25 +46,29 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
     open,
 };
 
-/// Extensions of world files, used for a TIFF without georeference.
+/// Extensions of world files, which are read if the TIFF itself has no affine georeference.
 const WORLD_ENDINGS: [&str; 4] = ["tfw", "tifw", "tiffw", "wld"];
 
-/// Opens a GeoTIFF; a store written by terrane is recognised and mapped, unless it has a mask sidecar.
+/// Opens a GeoTIFF. A TIFF that terrane wrote as a store (`-f store`) is memory-mapped instead, unless it has a `.msk`
+/// sidecar: the mapped reader knows no masks.
 fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
-    let masked = sidecars::mask(path).is_some();
-    if let (false, Some(store)) = (masked, tiled_tiff::try_open(path, options)?) {
+    let has_mask_sidecar = sidecars::mask(path).is_some();
+    if let (false, Some(store)) = (has_mask_sidecar, tiled_tiff::try_open(path, options)?) {
         return Ok(store);
     }
     let source = GeoTiff::open(path, options).map_err(|e| e.in_file(path))?;
     Ok(Box::new(source))
 }
 
-/// An open GeoTIFF.
+/// One band of an open GeoTIFF, with the masks that make samples void.
 struct GeoTiff {
     image: GeoTiffImage,
+    /// Internal mask, `.msk` sidecar and alpha band, as far as the file has them.
     masks: Vec<GeoTiffMask>,
     info: GridInfo,
+    /// Stored samples to heights: nodata, scale, offset.
     to_height: ToHeight,
+    /// Decoded blocks of the image and of all masks.
     cache: BlockCache,
 }
 
@@ -85,10 +89,11 @@ impl GeoTiff {
         Ok(Self { image, masks, info, to_height, cache })
     }
 
+    /// Reads the heights of `rect` into `out`, row by row; voids are NaN.
     fn read<H: HeightSample>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
         let mut window = SampleWindow::new(&self.info, rect, out)
             .map_err(|e| e.in_file(self.image.file.path()))?;
-        let sparse = self.sparse();
+        let sparse = self.sparse_height();
         self.image.each_row(rect, &self.cache, |part, row, samples| {
             let heights = window.row(part, row);
             match samples {
@@ -99,10 +104,12 @@ impl GeoTiff {
         self.masks.iter().try_for_each(|mask| mask.apply(rect, &self.cache, &mut window))
     }
 
-    /// Sparse blocks are nodata; without a declared nodata value they are zero.
-    fn sparse<H: HeightSample>(&self) -> H {
+    /// The height of samples in sparse blocks, which are not in the file: void if a nodata value is declared, otherwise
+    /// that of the stored value 0.
+    fn sparse_height<H: HeightSample>(&self) -> H {
         match self.info.nodata {
             Some(_) => H::VOID,
+            // Scale times 0, plus the offset.
             None => H::of_f64(self.info.offset),
         }
     }
@@ -111,6 +118,7 @@ impl GeoTiff {
 impl GridSource for GeoTiff {
     reads_alike!();
 
+    /// Size in bytes of the largest decoded block of image and masks; 0 if all are read by rows.
     fn block_bytes(&self) -> u64 {
         let images = self.masks.iter().map(|mask| &mask.image).chain([&self.image]);
         let layouts = images.map(|image| &image.blocks.layout);
@@ -129,6 +137,7 @@ impl GridSource for GeoTiff {
     }
 }
 
+/// Fails if the file with `bands` bands has no band `band` (from 1).
 fn check_band(band: u32, bands: u32) -> Result<()> {
     if (1..=bands).contains(&band) {
         return Ok(());
@@ -138,7 +147,7 @@ fn check_band(band: u32, bands: u32) -> Result<()> {
         .remedy(format!("pass ‹band› 1 to {bands}")))
 }
 
-/// Metadata of the directory.
+/// The metadata of the grid, from the tags of the directory, the options and a world file.
 fn describe(
     path: &Path,
     directory: &GeoTiffDirectory<'_>,
@@ -150,6 +159,7 @@ fn describe(
     let georeference = georef::read(directory, pixel_is_point)?;
     let items = gdal::band_items(directory, options.band)?;
     let nodata = match options.nodata {
+        // The option replaces the tag, as the tag may be wrong.
         Some(value) => Some(value),
         None => gdal::nodata(directory)?,
     };
@@ -176,7 +186,7 @@ fn describe(
     })
 }
 
-/// The unit of the band takes precedence over that of the vertical CRS.
+/// The CRS of the GeoKeys. The vertical unit in the metadata of the band takes precedence over that of the vertical CRS.
 fn crs(keys: GeoKeys, items: &gdal::BandItems) -> Crs {
     let mut crs = keys.into_crs();
     if let Some(unit) = &items.unit {
@@ -186,12 +196,14 @@ fn crs(keys: GeoKeys, items: &gdal::BandItems) -> Crs {
     crs
 }
 
+/// Names and values for `terrane info`; `has_transform` is true if the grid has an affine georeference, of the file or
+/// of a world file.
 fn details(
     directory: &GeoTiffDirectory<'_>,
     layout: &GeoTiffLayout,
     items: &gdal::BandItems,
     georeference: Georeference,
-    is_placed: bool,
+    has_transform: bool,
 ) -> Vec<(String, String)> {
     let kind = if directory.big { "BigTIFF" } else { "classic TIFF" };
     let mut details = vec![("container".to_owned(), kind.to_owned())];
@@ -199,7 +211,7 @@ fn details(
     for (name, text) in [("grid type", &items.kind), ("band description", &items.description)] {
         details.extend(text.iter().map(|text| (name.to_owned(), text.clone())));
     }
-    if georeference == Georeference::ControlPoints && !is_placed {
+    if georeference == Georeference::ControlPoints && !has_transform {
         let ignored = "control points only, not used".to_owned();
         details.push(("georeference".to_owned(), ignored));
     }

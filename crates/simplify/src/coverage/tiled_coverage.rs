@@ -1,22 +1,21 @@
-//! Features as a coverage, tile by tile: data larger than memory is first sorted into tiles, and the result is
-//! assembled when the features are read again.
+//! Simplifies all features together (`--topology`), so that shared borders stay shared, tile by tile if the data are
+//! larger than memory.
 //!
-//! Up to `SQUARE` (2^20) vertices are one tile. For larger inputs a first pass counts vertices in the cells of
-//! a grid, a quadtree is divided until every tile is below the limit, and each part is cut into runs where a
-//! segment crosses from one tile to another. The result of a tile is one bit per vertex, in input order:
-//! features are read again, each part is cut again, takes the next bits of its tiles, and is written. Features
-//! are held in memory if they fit, otherwise they are read again: the output is the same, because tiles depend
-//! on vertices only.
+//! Up to `SQUARE` (2^20) vertices are one tile. For larger inputs a first pass counts vertices in the cells of a grid,
+//! and a quadtree is divided until every tile is below the limit. Each part of a feature (a line or a ring) is cut into
+//! runs: wherever a segment crosses from one tile to another, a run ends. Tiles are simplified independently; the result
+//! is one bit per vertex, kept or not, in input order. Then the features are read again. Each part is cut into the same
+//! runs, takes the next bits of their tiles, and is written. Features are held in memory if they fit, otherwise they are
+//! read again each time. The output is the same, because tiles depend on vertices only.
 //!
-//! For rings with self-intersections the sign of the area is checked before output; a ring that has changed
-//! orientation is kept whole, and its tiles are processed again. The same applies to an outer ring that would
-//! be dropped while one of its holes remains. Such rings do not collapse either: under any policy they keep the
-//! vertices at tile borders that they cross.
+//! For rings with self-intersections the sign of the area is checked before output. A ring that has changed orientation
+//! is kept whole, and all tiles are processed again. The same applies to an outer ring that would be dropped while one
+//! of its holes remains. A ring in several tiles keeps its vertices where it crosses their borders, so it does not
+//! collapse, whatever the setting.
 //!
-//! **Why segments that cross tile borders stay**, and are not simplified in a second round along the borders: a
-//! second round would need tiles around the borders, and a third tiles around their corners. Vertices at
-//! borders are few: of the coastlines' 10.6 million vertices, 893 more are kept than without tiles, beside 1.07
-//! million.
+//! **Why segments that cross tile borders stay**, and are not simplified in a second round along the borders: a second
+//! round would need tiles around the borders, and a third tiles around their corners. Vertices at borders are few: of
+//! the 10.6 million vertices of the world's coastlines 1.07 million are kept, 893 of them because of tile borders.
 //!
 //! **Why the number of vertices of a tile is fixed** and does not follow the memory: the result depends on it.
 
@@ -52,8 +51,9 @@ use terrane_line::topology::{RingCollapse, conflict};
 use terrane_vector::{self as vector, VectorOpenOptions};
 
 /// Memory in bytes per segment that crosses a tile.
-const OBSTACLE: u64 = 320;
-/// A job on all features.
+const OBSTACLE_BYTES: u64 = 320;
+
+/// A job on all features together.
 pub(super) struct CoverageJob<'a> {
     pub(super) job: &'a LineJob,
     pub(super) files: &'a LineFiles,
@@ -64,7 +64,8 @@ pub(super) struct CoverageJob<'a> {
 }
 
 impl CoverageJob<'_> {
-    /// Simplifies all features together and writes them if the result meets the goal; otherwise returns its size.
+    /// Simplifies all features together and writes them. With a `goal`, a result outside its range is not written, and
+    /// its size (in the unit of the goal) is returned.
     pub(super) fn run(
         &self,
         input: &mut CoverageInput<'_>,
@@ -73,25 +74,32 @@ impl CoverageJob<'_> {
     ) -> Result<Option<u64>> {
         self.snap(input)?;
         let quadtree = self.quadtree(input)?;
-        let mut whole = Parts::new();
+        // Parts that are not simplified. The set grows from round to round, so the loop ends.
+        let mut kept_whole = Parts::new();
         loop {
             let kept = self.retained_bits(&quadtree);
             let rounded = self.job.decimals.map(|_| self.retained_bits(&quadtree));
             let (quadtree, rounded) = (&quadtree, rounded.as_ref());
-            let tiles = FinishedTiles { quadtree, whole: &whole, kept: &kept, rounded };
+            let tiles = FinishedTiles { quadtree, whole: &kept_whole, kept: &kept, rounded };
             let total = self.solve_all(input, &tiles, report)?;
-            // A finished file cannot be undone.
-            let may_turn = quadtree.count() > 1 || self.rule.collapse == RingCollapse::Drop;
-            if goal.is_some() || (input.all.len() > 1 && may_turn) {
-                let assembled = self.scan(input, &tiles)?;
-                if !assembled.turned.is_empty() {
-                    whole.extend(assembled.turned);
+            // If there are several output files, or the size decides, rings are checked before anything is written: a
+            // finished file cannot be undone.
+            let may_change_rings = quadtree.count() > 1 || self.rule.collapse == RingCollapse::Drop;
+            if goal.is_some() || (input.all.len() > 1 && may_change_rings) {
+                let results = self.scan(input, &tiles)?;
+                if !results.turned.is_empty() {
+                    kept_whole.extend(results.turned);
                     continue;
                 }
                 let rejected_size = match goal {
                     Some(goal) => {
-                        let mut leaves = self.assembled(tiles);
-                        self.opened().rejected_size(input, goal, assembled.vertices, &mut leaves)?
+                        let mut assembled = self.assembled(tiles);
+                        self.opened().rejected_size(
+                            input,
+                            goal,
+                            results.vertices,
+                            &mut assembled,
+                        )?
                     }
                     None => None,
                 };
@@ -105,7 +113,7 @@ impl CoverageJob<'_> {
                 report.notes.extend(notes);
                 return Ok(None);
             }
-            whole.extend(turned);
+            kept_whole.extend(turned);
         }
     }
 
@@ -114,35 +122,37 @@ impl CoverageJob<'_> {
         OpenedLineJob { job, files, progress, cancel }
     }
 
+    /// The memory budget in bytes.
     fn memory(&self) -> u64 {
         self.job.resources.memory
     }
 
+    /// An empty set of bits for each tile, spilled beyond a share of the memory.
     fn retained_bits(&self, quadtree: &VertexQuadtree) -> RetainedBits {
         let memory = memory_for_features(self.memory()) / 64;
-        RetainedBits::new(&self.folder(), quadtree.count(), memory)
+        RetainedBits::new(&self.temp_folder(), quadtree.count(), memory)
     }
 
-    /// Memory in bytes beside features and tiles: bits per vertex, snapped positions, and the rest.
-    fn others(&self, input: &CoverageInput<'_>) -> u64 {
-        let moved = match self.topology.snap > 0.0 {
+    /// Memory in bytes beside features and tiles: bits per vertex, snapped positions, and the program.
+    fn other_bytes(&self, input: &CoverageInput<'_>) -> u64 {
+        let snapped = match self.topology.snap > 0.0 {
             true => {
                 (input.vertices * size_of::<Xy>() as u64).min(snapping::max_held(self.memory()))
             }
             false => 0,
         };
-        self.bits(input) + moved + REST
+        self.bit_bytes(input) + snapped + REST
     }
 
     /// Memory in bytes for the bits per vertex: kept and rounded.
-    fn bits(&self, input: &CoverageInput<'_>) -> u64 {
+    fn bit_bytes(&self, input: &CoverageInput<'_>) -> u64 {
         input.vertices / 8 * (1 + u64::from(self.job.decimals.is_some()))
     }
 
-    /// Error for too little memory, with an amount sufficient for a tile of `tile_bytes` bytes whatever is kept:
-    /// held features take at most half, and as much of the rest waits for its tile.
+    /// Error for too little memory. The amount in it suffices for a tile of `tile_bytes` bytes, however many vertices are
+    /// kept: features held in memory take at most half, and data waiting for their tile an eighth.
     fn too_little(&self, input: &CoverageInput<'_>, tile_bytes: u64) -> Error {
-        let rest = tile_bytes + self.others(input);
+        let rest = tile_bytes + self.other_bytes(input);
         let needed = rest + input.bytes.min(rest);
         let mib = ((needed + needed / 7) >> 20) + 1;
         let message = format!("topology requires {mib} MiB of memory");
@@ -150,8 +160,8 @@ impl CoverageJob<'_> {
         error.in_file(&self.files.pairs[0].input)
     }
 
-    /// Folder for temporary files: beside the output by default.
-    fn folder(&self) -> PathBuf {
+    /// Folder for temporary files: by default the nearest existing folder above the output.
+    fn temp_folder(&self) -> PathBuf {
         if let Some(folder) = &self.job.resources.temp_dir {
             return folder.clone();
         }
@@ -159,10 +169,12 @@ impl CoverageJob<'_> {
         folders.find(|folder| folder.is_dir()).unwrap_or(Path::new(".")).to_path_buf()
     }
 
-    /// Divides space so that a tile fits in memory, with or without held features.
+    /// Divides space into tiles of at most the set number of vertices. If a tile and the features do not fit into memory
+    /// together, the features are released, to be read again each time. Fails if a tile alone does not fit.
     fn quadtree(&self, input: &mut CoverageInput<'_>) -> Result<VertexQuadtree> {
-        let most = self.topology.square.clamp(1, spool::MOST);
-        let mut quadtree = VertexQuadtree::new(&input.seen.census, most)?;
+        let max_vertices = self.topology.square.clamp(1, spool::MOST);
+        let mut quadtree = VertexQuadtree::new(&input.seen.census, max_vertices)?;
+        // Where one cell of the histogram has too many vertices for a tile, they are counted again in finer cells.
         while let Some(mut finer) = quadtree.finer() {
             input.visit_all(self.cancel, |feature| {
                 feature.geometry.parts().for_each(|part| finer.add(part.xy));
@@ -171,7 +183,7 @@ impl CoverageJob<'_> {
             quadtree = VertexQuadtree::refined(finer, &quadtree)?;
         }
         let largest = (0..quadtree.count()).map(|tile| quadtree.vertices(tile)).max();
-        let needed = largest.unwrap_or(0) * VERTEX + self.others(input);
+        let needed = largest.unwrap_or(0) * VERTEX + self.other_bytes(input);
         if input.memory_use().is_some_and(|resident| resident + needed > self.memory()) {
             input.release();
         }
@@ -181,13 +193,13 @@ impl CoverageJob<'_> {
         Ok(quadtree)
     }
 
-    /// Snaps vertices of all features.
+    /// Snaps vertices of all features to each other, if requested and not done yet.
     fn snap(&self, input: &mut CoverageInput<'_>) -> Result<()> {
         if self.topology.snap == 0.0 || input.moves.snapped.is_some() {
             return Ok(());
         }
         let quadtree = self.quadtree(input)?;
-        let folder = self.folder();
+        let folder = self.temp_folder();
         let buckets = Buckets::new(&folder, quadtree.count(), self.memory() / 8);
         input.sort(&quadtree, &buckets, self.cancel)?;
         let snapped = SnappedPositions::new(
@@ -201,27 +213,28 @@ impl CoverageJob<'_> {
         input.snap(snapped, self.cancel)
     }
 
-    /// Notes about the input, which is read again before anything is written.
+    /// Notes about gaps, snapping and rounding. Reads the input again, so they are made before anything is written.
     fn notes(&self, input: &mut CoverageInput<'_>, total: &TileTotals) -> Result<Vec<String>> {
         let mut notes: Vec<String> = total.gaps.note().into_iter().collect();
-        let pairs = self.made_by_moving(input, &total.pairs)?;
-        let harm = [
+        let pairs = self.pairs_made_by_snapping(input, &total.pairs)?;
+        let damage = [
             (pairs, "pairs of segments cross, touch or overlap"),
             (input.seen.harm.rings, "rings change orientation or lose their area"),
             (input.seen.harm.touching, "features have rings that touch themselves or each other"),
         ];
-        let changes = harm.iter().filter(|(count, _)| *count > 0);
-        let changes: Vec<_> = changes.map(|(count, what)| format!("{count} {what}")).collect();
+        let damage = damage.iter().filter(|(count, _)| *count > 0);
+        let damage: Vec<_> = damage.map(|(count, what)| format!("{count} {what}")).collect();
         let snap = self.topology.snap;
-        if !changes.is_empty() {
-            let changes = changes.join(", ");
-            notes.push(format!("new with ‹snap› {snap:?}: {changes}; pass a smaller ‹snap›"));
+        if !damage.is_empty() {
+            let damage = damage.join(", ");
+            notes.push(format!("new with ‹snap› {snap:?}: {damage}; pass a smaller ‹snap›"));
         }
-        let (looked, all) = (total.pairs.len() as u64, total.crossings);
-        if snap > 0.0 && looked < all {
+        // Only a limited number of pairs is recorded.
+        let (recorded, all) = (total.pairs.len() as u64, total.crossings);
+        if snap > 0.0 && recorded < all {
             notes.push(format!(
                 "{all} pairs of segments meet; the state before ‹snap› {snap:?} is known for \
-                 {looked} of them"
+                 {recorded} of them"
             ));
         }
         if let Some(decimals) = self.job.decimals.filter(|_| total.unrounded > 0) {
@@ -234,8 +247,12 @@ impl CoverageJob<'_> {
         Ok(notes)
     }
 
-    /// Number of these pairs of segments that come from pairs that did not meet before snapping.
-    fn made_by_moving(&self, input: &mut CoverageInput<'_>, pairs: &[[[Xy; 2]; 2]]) -> Result<u64> {
+    /// The number of `pairs` of segments that meet only because of snapping: some original segments of the two did not.
+    fn pairs_made_by_snapping(
+        &self,
+        input: &mut CoverageInput<'_>,
+        pairs: &[[[Xy; 2]; 2]],
+    ) -> Result<u64> {
         if pairs.is_empty() || input.moves.is_none() {
             return Ok(0);
         }
@@ -251,7 +268,7 @@ impl CoverageJob<'_> {
             }
             Ok(())
         })?;
-        // Merged segments had several originals: some may have met the other segment, and some not.
+        // Snapping can merge segments. One of the originals may have met the other segment, and another may not.
         let were_apart = pairs.iter().filter(|pair| {
             let [s, t] = pair.map(|segment| originals[&segment_key(&segment)].as_slice());
             s.iter().any(|s| t.iter().any(|t| !conflict(*s, *t)))
@@ -259,7 +276,7 @@ impl CoverageJob<'_> {
         Ok(were_apart.count() as u64)
     }
 
-    /// Computes the kept vertices of all tiles.
+    /// Simplifies all tiles: stores the bits of kept vertices in `tiles`, and the totals in the report.
     fn solve_all(
         &self,
         input: &mut CoverageInput<'_>,
@@ -274,13 +291,13 @@ impl CoverageJob<'_> {
         self.progress.begin("simplify", quadtree.count() as u64);
         let solver = TileSolver { job: self, tiles, sides, total: Mutex::default() };
         let solved = if quadtree.count() == 1 && input.memory_use().is_some() {
-            solver.solve(0, self.flat(input, tiles)?, self.memory_left(input))
+            solver.solve(0, self.single_tile(input, tiles)?, self.memory_left(input))
         } else {
             let spool = self.spool(input, tiles)?;
             self.solve_spooled(input, &spool, &solver)
         };
         solved.map_err(|e| match e.kind() {
-            ErrorKind::Resource => self.too_little(input, self.max_bytes(quadtree)),
+            ErrorKind::Resource => self.too_little(input, self.max_tile_bytes(quadtree)),
             _ => e,
         })?;
         self.progress.end();
@@ -294,8 +311,8 @@ impl CoverageJob<'_> {
         Ok(total)
     }
 
-    /// All held parts as one tile.
-    fn flat(
+    /// The parts of all features as one tile.
+    fn single_tile(
         &self,
         input: &mut CoverageInput<'_>,
         tiles: &FinishedTiles<'_>,
@@ -312,24 +329,24 @@ impl CoverageJob<'_> {
                 Ok(())
             })
         })?;
-        // One tile holds fewer than 2^32 parts.
+        // A single tile has fewer than 2^32 vertices, so part numbers fit.
         let whole = tiles.whole.iter().map(|part| *part as u32).collect();
         Ok(TileContent { flat, whole, ..TileContent::default() })
     }
 
     /// Memory in bytes of the largest tile if all its vertices are kept.
-    fn max_bytes(&self, quadtree: &VertexQuadtree) -> u64 {
+    fn max_tile_bytes(&self, quadtree: &VertexQuadtree) -> u64 {
         let sizes = (0..quadtree.count()).map(|tile| quadtree.vertices(tile) * KEPT_VERTEX);
         sizes.max().unwrap_or(0)
     }
 
-    /// Memory for tiles in progress and for data waiting for them.
+    /// Memory in bytes for tiles in progress and for the data of tiles that wait.
     fn memory_left(&self, input: &CoverageInput<'_>) -> u64 {
         let resident = input.memory_use().unwrap_or(0) + input.moves.memory_use();
-        memory_for_features(self.memory()).saturating_sub(resident + self.bits(input))
+        memory_for_features(self.memory()).saturating_sub(resident + self.bit_bytes(input))
     }
 
-    /// Sorts all parts into tiles.
+    /// Cuts all parts into runs, sorted by tile, in memory or in a temporary file.
     fn spool<'s>(
         &self,
         input: &mut CoverageInput<'_>,
@@ -337,15 +354,17 @@ impl CoverageJob<'_> {
     ) -> Result<TileSpool<'s>> {
         let quadtree = tiles.quadtree;
         let has_z = self.rule.measure == DistanceKind::Space;
-        let (available, largest) = (self.memory_left(input), self.max_bytes(quadtree));
+        let (available, largest) = (self.memory_left(input), self.max_tile_bytes(quadtree));
+        // Waiting data get at least an eighth, and whatever the workers cannot use.
         let workers = self.workers(available / 8 * 7, largest) as u64;
         let memory =
             available.saturating_sub(workers * largest).max(memory_for_features(self.memory()) / 8);
+        // Two or three coordinates in doubles.
         let bytes = input.vertices * if has_z { 24 } else { 16 };
         if bytes > memory {
-            disk::check(&self.folder(), bytes)?;
+            disk::check(&self.temp_folder(), bytes)?;
         }
-        let mut spool = TileSpool::new(quadtree, has_z, &self.folder(), memory);
+        let mut spool = TileSpool::new(quadtree, has_z, &self.temp_folder(), memory);
         let mut parts = RunCutting::new(quadtree);
         input.visit_all(self.cancel, |feature| {
             feature.geometry.parts().try_for_each(|part| {
@@ -357,12 +376,14 @@ impl CoverageJob<'_> {
         Ok(spool)
     }
 
+    /// The number of threads, at least 1, for tiles of up to `largest` bytes in `available` bytes.
     fn workers(&self, available: u64, largest: u64) -> usize {
         let fitting = usize::try_from(available / largest.max(1)).unwrap_or(usize::MAX);
         self.job.resources.threads.min(fitting).max(1)
     }
 
-    /// Tiles on as many threads as memory allows, longest first.
+    /// Simplifies tiles on as many threads as memory allows, the largest first: a large tile at the end would leave the
+    /// other threads idle.
     fn solve_spooled(
         &self,
         input: &CoverageInput<'_>,
@@ -371,12 +392,13 @@ impl CoverageJob<'_> {
     ) -> Result<()> {
         let quadtree = solver.tiles.quadtree;
         let obstacle_bytes: Vec<u64> =
-            (0..quadtree.count()).map(|tile| spool.obstacles(tile) * OBSTACLE).collect();
+            (0..quadtree.count()).map(|tile| spool.obstacles(tile) * OBSTACLE_BYTES).collect();
         let sizes = obstacle_bytes.iter().enumerate();
         let sizes = sizes.map(|(tile, bytes)| quadtree.vertices(tile) * KEPT_VERTEX + bytes);
         let mut order: Vec<_> = sizes.map(Reverse).zip(0..).collect();
         order.sort_unstable();
         let largest = order.first().map_or(0, |(Reverse(size), _)| *size);
+        // Without the memory for kept vertices, whose number is not known yet.
         let least = obstacle_bytes.iter().enumerate();
         let least = least.map(|(tile, bytes)| quadtree.vertices(tile) * VERTEX + bytes).max();
         let memory = self.memory_left(input).saturating_sub(spool.memory_use());
@@ -399,39 +421,39 @@ impl CoverageJob<'_> {
         )
     }
 
-    /// Results of all features, from the first.
+    /// The simplified features, assembled from the first on as they are read again.
     fn assembled<'k>(&self, tiles: FinishedTiles<'k>) -> AssembledFeatures<'k> {
         AssembledFeatures::new(tiles, self.rule.collapse, self.job.decimals)
     }
 
-    /// Checks the results of all features.
+    /// Assembles all features without writing them: finds the rings that have to be kept whole, and counts vertices.
     fn scan<'k>(
         &self,
         input: &mut CoverageInput<'_>,
         tiles: &FinishedTiles<'k>,
     ) -> Result<AssembledFeatures<'k>> {
-        let mut assembled = self.assembled(*tiles);
-        input.visit_all(self.cancel, |feature| assembled.of(feature).map(|_| ()))?;
-        Ok(assembled)
+        let mut results = self.assembled(*tiles);
+        input.visit_all(self.cancel, |feature| results.of(feature).map(|_| ()))?;
+        Ok(results)
     }
 
-    /// Writes the results of all features; if more rings have to stay whole, returns them and writes nothing.
+    /// Writes the results of all features. If more rings have to be kept whole, returns them, and no file appears.
     fn write(
         &self,
         input: &mut CoverageInput<'_>,
         tiles: &FinishedTiles<'_>,
         report: &mut LineReport,
     ) -> Result<Parts> {
-        let mut assembled = self.assembled(*tiles);
-        let written = self.opened().write(input, &mut assembled, None)?;
+        let mut results = self.assembled(*tiles);
+        let written = self.opened().write(input, &mut results, None)?;
         self.opened().note(input, written, report);
-        (report.features, report.parts) = (assembled.features, assembled.parts.number);
-        (report.vertices, report.kept) = (input.vertices, assembled.vertices);
-        Ok(assembled.turned)
+        (report.features, report.parts) = (results.features, results.parts.number);
+        (report.vertices, report.kept) = (input.vertices, results.vertices);
+        Ok(results.turned)
     }
 }
 
-/// The same for a segment and its reverse.
+/// A key of a segment, the same for both directions.
 fn segment_key(segment: &[Xy; 2]) -> [[u64; 2]; 2] {
     let [a, b] = segment.map(plane::key);
     [a.min(b), a.max(b)]
@@ -441,7 +463,7 @@ fn segment_key(segment: &[Xy; 2]) -> [[u64; 2]; 2] {
 struct TileSolver<'a> {
     job: &'a CoverageJob<'a>,
     tiles: &'a FinishedTiles<'a>,
-    /// Positions that keep their side of lines, sorted by tile.
+    /// Points whose side of every line must not change, sorted by tile.
     sides: Vec<(u32, Xy)>,
     total: Mutex<TileTotals>,
 }
@@ -454,6 +476,7 @@ impl TileSolver<'_> {
         let first = sides.partition_point(|(other, _)| (*other as usize) < tile);
         let inside = sides[first..].iter().take_while(|(other, _)| *other as usize == tile);
         content.sides = inside.map(|(_, at)| *at).collect();
+        // A rounded vertex must stay in its tile: the other tiles do not know that it moves.
         let last = Mutex::new(LastTile::default());
         let holds = |at: Xy| {
             quadtree.count() == 1 || quadtree.of(at, &mut lock(&last)) == Some(tile as u32)
@@ -477,8 +500,9 @@ struct TileTotals {
     crossings: u64,
     collapsed: u64,
     unrounded: u64,
+    /// Largest squared distance of a vertex from its simplified line.
     distance2: f64,
-    /// Some of the pairs of segments that meet.
+    /// Some of the pairs of segments that meet, at most [`MAX_PAIRS`].
     pairs: Vec<[[Xy; 2]; 2]>,
     gaps: MeetingGaps,
 }
@@ -490,7 +514,7 @@ impl TileTotals {
         self.collapsed += solved.collapsed;
         self.unrounded += solved.unrounded;
         self.distance2 = self.distance2.max(solved.distance2);
-        // Segments that meet may share several tiles: the first tile counts them.
+        // Two segments across tile borders may meet in several tiles. The first tile that both cross counts the pair.
         let mut near = [Vec::new(), Vec::new()];
         let mut meeting = solved.meeting.clone();
         meeting.retain(|pair| {
@@ -501,12 +525,13 @@ impl TileTotals {
         self.crossings += solved.crossings + meeting.len() as u64;
         self.gaps.merge(&solved.gaps);
         meeting.iter().for_each(|pair| self.gaps.add(*pair));
-        let most = MAX_PAIRS.div_ceil(quadtree.count());
-        self.pairs.extend(solved.pairs.iter().chain(&meeting).take(most));
+        // The same number from each tile, so that the record does not depend on the order of tiles.
+        let max_per_tile = MAX_PAIRS.div_ceil(quadtree.count());
+        self.pairs.extend(solved.pairs.iter().chain(&meeting).take(max_per_tile));
     }
 }
 
-/// Points of a file, whatever their position.
+/// The positions of all points of a file; lines and polygons are skipped.
 pub fn positions(path: &Path, options: &VectorOpenOptions) -> Result<Vec<Xy>> {
     let mut source = vector::open(path, options)?;
     let mut all = Vec::new();

@@ -1,4 +1,5 @@
-//! The whole job: open, check, find the tolerance, triangulate into the file, report.
+//! The job of `terrane tin` on grids: open the input, check the output, find the tolerance, triangulate into the file,
+//! report.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -41,17 +42,17 @@ use terrane_raster::{
 };
 use terrane_tin::TinSpec;
 
-/// Runs a job from file to file.
+/// Runs a job from input file to output file.
 ///
-/// Errors of the request are found before the work starts: an output that exists or cannot be created, a format
-/// that cannot hold the mesh, too little memory. The output appears whole at the end or not at all. A budget of
-/// vertices or triangles takes several complete runs that only count.
+/// Before the work starts, it fails if the output exists or cannot be created, the format cannot hold the mesh, or the
+/// memory does not suffice. The output appears under its name when it is complete. A budget of vertices or triangles
+/// takes several complete runs that only count.
 ///
 /// # Errors
-/// `Usage` for a goal, tile or name that makes no sense and for a budget below the coarsest mesh;
-/// `BadInput`, `Unsupported`, `Limit` from the input, also when it has no surface; `CannotWrite`
-/// and `Io` from the output and the temporary file; `Resource` when the memory does not suffice;
-/// `Interrupted`; `Internal` for a caught fault of the program, naming the tile.
+/// `Usage` for an invalid goal, tile or name, and for a budget below the coarsest mesh; `BadInput`, `Unsupported`,
+/// `Limit` from the input, also if no cell has four valid samples; `CannotWrite` and `Io` from the output and the
+/// temporary file; `Resource` if the memory does not suffice; `Interrupted`; `Internal` for a panic of a worker, with
+/// its tile.
 pub fn run(job: &TinJob, progress: &dyn Progress, cancel: &Cancel) -> Result<TinReport> {
     let started = Instant::now();
     job.goal.check()?;
@@ -63,24 +64,28 @@ pub fn run(job: &TinJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Tin
     Ok(report)
 }
 
-/// An opened job: its input, its format, and the shares of its memory.
+/// What a job has opened and computed before the work: its input, output format, constraints and memory shares.
 pub(super) struct OpenedTinJob {
+    /// The grid, with rows from the north.
     pub(super) source: Box<dyn GridSource>,
+    /// The mesh format of the output.
     pub(super) format: &'static MeshFormat,
-    /// Origin of the heights, if the format stores them as f32.
+    /// Height that is subtracted from all heights in the file, if the format stores them as f32.
     pub(super) height_origin: Option<f64>,
+    /// Scale and origin of the coordinates in the file.
     pub(super) placed: StorageScale,
     /// CRS and extent of the mesh.
     pub(super) frame: MeshFrame,
+    /// Notes for the report.
     notes: Vec<String>,
     pub(super) shares: MemoryShares,
-    /// Samples that stay vertices, and breaklines.
+    /// Samples that must be vertices, and breaklines.
     pub(super) constraints: GridConstraints,
     /// Water to flatten.
     water: Option<Arc<Water>>,
     /// Attributes of vertices.
     pub(super) carried: VertexExtras,
-    /// Settings of the kernel, without the tolerance.
+    /// Settings of the kernel; the tolerance is set later.
     spec: TinSpec,
 }
 
@@ -96,7 +101,7 @@ impl OpenedTinJob {
         Ok(opened)
     }
 
-    /// As [`new`](Self::new), with an input opened by the caller, and without constraints.
+    /// As [`new`](Self::new), with an input opened by `open`, and without constraints, water or attributes.
     pub(super) fn with(
         job: &TinJob,
         open: impl FnOnce() -> Result<memory::Opened>,
@@ -131,19 +136,20 @@ impl OpenedTinJob {
         };
         opened.spec.single_precision = opened.rounding();
         opened.spec.measure = job.measure;
-        // The engine's own way.
+        // Only `new` sets this; textbook methods and meshes of bands state their triangulation in `carried`.
         opened.spec.data_dependent = false;
         Ok(opened)
     }
 
-    /// The rounding of heights in the file, if it stores them as f32.
+    /// How heights are rounded in the file, if it stores them as f32. The kernel computes with the rounded heights, so
+    /// that the bound holds for the written mesh.
     pub(super) fn rounding(&self) -> Option<HeightQuantization> {
         let scale = self.placed.scale[2];
         self.height_origin.map(|origin| HeightQuantization { origin, scale })
     }
 }
 
-/// Attributes of vertices, and their triangulation.
+/// Attributes of vertices beside the height, and the name of the triangulation.
 #[derive(Default)]
 pub(super) struct VertexExtras {
     pub(super) channels: Vec<VertexChannel>,
@@ -154,7 +160,7 @@ pub(super) struct VertexExtras {
 }
 
 impl VertexExtras {
-    /// Writes them into the header.
+    /// Writes the attributes, their tolerance and the triangulation into the header.
     fn describe(&self, header: &mut MeshHeader, tolerance: f64) {
         header.channels.clone_from(&self.channels);
         let promises = &mut header.promises;
@@ -167,14 +173,13 @@ impl VertexExtras {
     }
 }
 
-/// Opens the input of `job` and divides its memory, less that of `features`; a tile is not larger than the
-/// grid.
+/// Opens the input of `job`, and divides the memory that `features` leave.
 fn open(
     job: &TinJob,
     options: &GridOpenOptions,
     features: &ConstraintFeatures,
 ) -> Result<memory::Opened> {
-    // All workers share the features. Counting them for each errs on the safe side.
+    // All workers share the features. Their memory is counted once per worker, which is too much but never too little.
     let (feature_bytes, has_lines) = (features.bytes(), features.has_lines());
     open_tiled(
         &job.input,
@@ -185,12 +190,12 @@ fn open(
     )
 }
 
-/// How to open the input of `job`.
+/// The options for opening the input of `job`.
 pub(super) fn options(job: &TinJob) -> Result<GridOpenOptions> {
     job.reading.options(&job.resources, GridOpenOptions::default().cache_bytes)
 }
 
-/// Opens `input` for workers on tiles of `tile` cells.
+/// Opens `input` for workers on tiles of `tile` x `tile` cells; `worker` gives the bytes of one for the side of a tile.
 pub(super) fn open_tiled(
     input: &Inputs,
     options: &GridOpenOptions,
@@ -200,6 +205,7 @@ pub(super) fn open_tiled(
 ) -> Result<memory::Opened> {
     let tile = checked_tile(tile)?;
     let opened = match memory::open(input, options, resources, worker(tile)) {
+        // The side of the grid is known only once it is open. If the grid is smaller than a tile, workers need less.
         Err(error) if error.kind() == ErrorKind::Resource => {
             match side_on_grid(input, options, tile) {
                 Some(side) if side < tile => memory::open(input, options, resources, worker(side)),
@@ -212,14 +218,14 @@ pub(super) fn open_tiled(
     Ok((Box::new(NorthUpGrid::new(source)), shares))
 }
 
-/// The side of the tiles of a grid, which may be smaller than a tile; `None` if it cannot be opened.
+/// The side of tiles in cells, at most that of the grid; `None` if the grid cannot be opened.
 fn side_on_grid(input: &Inputs, options: &GridOpenOptions, tile: u32) -> Option<u32> {
     let source = memory::open_for_estimate(input, options).ok()?;
     let GridInfo { width, height, .. } = *source.info();
     TileLayout::new(width, height, tile).ok().map(|layout| layout.side())
 }
 
-/// Errors about the content of the input name it.
+/// Adds the name of the input to errors about its content.
 pub(super) fn in_input(error: Error, input: &Inputs) -> Error {
     use ErrorKind::{BadInput, Internal, Limit, Unsupported};
     match error.kind() {
@@ -228,7 +234,7 @@ pub(super) fn in_input(error: Error, input: &Inputs) -> Error {
     }
 }
 
-/// An opened job.
+/// Makes the mesh of an opened job.
 pub(super) struct TinMaker<'a> {
     pub(super) job: &'a TinJob,
     pub(super) opened: &'a OpenedTinJob,
@@ -237,13 +243,15 @@ pub(super) struct TinMaker<'a> {
 }
 
 impl TinMaker<'_> {
+    /// Makes the mesh in one run, without a plan.
     fn make(&self) -> Result<TinReport> {
         self.check_output()?;
         let (tolerance, trials) = self.tolerance()?;
         self.complete(tolerance, trials, |sink, spec| self.run(sink, spec))
     }
 
-    /// Writes the mesh that `write` hands to the sink it is given, and reports on it.
+    /// Creates the output and its header, lets `write` push the mesh to the sink of the output, and returns the report.
+    /// `trials` is the number of runs that found the tolerance.
     pub(super) fn complete(
         &self,
         tolerance: f64,
@@ -253,13 +261,13 @@ impl TinMaker<'_> {
         let (job, info) = (self.job, self.opened.source.info());
         let height = self.opened.height_origin.unwrap_or(0.0);
         let spec = self.spec(tolerance);
-        let from = MeshOrigin {
+        let provenance = MeshOrigin {
             input: &feature_files::source(&job.input),
             clip: job.reading.clip.as_deref().map(feature_files::label_of),
             water: job.reading.water.as_deref().map(feature_files::label_of),
             refinement: &job.refinement,
         };
-        let mut header = header(info, from, &spec, height);
+        let mut header = header(info, provenance, &spec, height);
         self.opened.carried.describe(&mut header, tolerance);
         self.opened.frame.describe(&mut header, height);
         header.scale = self.opened.placed.scale;
@@ -292,8 +300,8 @@ impl TinMaker<'_> {
         Ok(report)
     }
 
-    /// The height of the base of a solid, if requested. Puts the lowest height into the header, and fails
-    /// before the work if the base is not below it.
+    /// The height of the flat bottom of a solid, if requested. Reads the grid for its range of heights, which it puts
+    /// into the header, and fails if the bottom is not below the lowest.
     fn solid_base(&self, header: &mut MeshHeader) -> Result<Option<f64>> {
         let Self { job, opened, progress, cancel } = self;
         if job.solid_base.is_none() && job.base.is_none() {
@@ -304,7 +312,7 @@ impl TinMaker<'_> {
             return Ok(job.solid_base);
         };
         (header.bounds[0][2], header.bounds[1][2]) = (lowest, highest);
-        // The print is stored in millimetres.
+        // The thickness is in units of the file (millimetres), the bottom in units of the data.
         let base = job
             .solid_base
             .or_else(|| job.base.map(|thickness| lowest - thickness / opened.placed.scale[2]));
@@ -317,7 +325,7 @@ impl TinMaker<'_> {
         }
     }
 
-    /// How the mesh is divided among files, if it is.
+    /// The division of the mesh into files; `None` for one file.
     fn blocks(&self) -> Result<Option<MeshBlockLayout>> {
         let Some(tiles) = self.job.split else { return Ok(None) };
         let info = self.opened.source.info();
@@ -329,13 +337,13 @@ impl TinMaker<'_> {
         Ok(Some(MeshBlockLayout { cells, samples, to_world: info.transform }))
     }
 
-    /// The tiling.
+    /// The division of the grid into tiles.
     pub(super) fn layout(&self) -> Result<TileLayout> {
         let info = self.opened.source.info();
         TileLayout::new(info.width, info.height, self.job.tile)
     }
 
-    /// Finds out before the work that the output can be created.
+    /// Fails if the output cannot be created: creates a temporary file or folder beside it, and removes it.
     pub(super) fn check_output(&self) -> Result<()> {
         let Self { job, .. } = self;
         if job.split.is_some() && job.transform.is_some() {
@@ -351,15 +359,15 @@ impl TinMaker<'_> {
         check_prj(&self.job.output, &self.opened.frame.crs, self.job.overwrite)
     }
 
-    /// The tolerance to run with, and the number of trials to find it; fails if the format will not hold the
-    /// mesh.
+    /// The tolerance to run with, and the number of trial runs that found it. Fails if the format cannot hold the mesh.
     pub(super) fn tolerance(&self) -> Result<(f64, u32)> {
         let (layout, folder) = (self.layout()?, self.temp_dir());
         let settings = self.settings(self.spec(0.0), folder);
         let seeker = TinSeeker { source: &*self.opened.source, layout, settings };
         let max_size = seeker.max_size();
         match self.job.goal {
-            // Hardly any mesh keeps all samples.
+            // The mesh of all samples is known without reading them. Few meshes are as large, so the size is estimated
+            // from the heights only if that would not fit.
             TinGoal::MaxError(tolerance) => {
                 self.check_size(max_size)
                     .or_else(|_| self.check_size(seeker.estimate(tolerance)?))?;
@@ -375,7 +383,7 @@ impl TinMaker<'_> {
         seeker.tolerance(self.job.goal)
     }
 
-    /// Fails when the format will not hold a mesh of `size`, or a block's share of it.
+    /// Fails if the format cannot hold a mesh of `size`; with several files, the share of the largest block.
     fn check_size(&self, size: MeshSize) -> Result<()> {
         let share = self.blocks()?.map_or(1.0, |blocks| blocks.largest_share());
         let [vertices, triangles] =
@@ -392,7 +400,7 @@ impl TinMaker<'_> {
         run_stage("triangulate", &*self.opened.source, sink, self.layout()?, &settings)
     }
 
-    /// How to run the core.
+    /// The settings of a run over all tiles.
     pub(super) fn settings<'a>(&'a self, spec: TinSpec, temp_dir: &'a Path) -> TinSettings<'a> {
         TinSettings {
             spec,
@@ -421,14 +429,16 @@ impl TinMaker<'_> {
     ) -> Result<TinReport> {
         let layout = self.layout()?;
         let (job, info) = (self.job, self.opened.source.info());
-        let surface = (outcome.valid - outcome.isolated).max(1) as f64;
-        let rmse = (outcome.square_sum / surface).sqrt();
+        // Isolated samples are in no cell, so they have no error.
+        let samples = (outcome.valid - outcome.isolated).max(1) as f64;
+        let rmse = (outcome.square_sum / samples).sqrt();
         let water = self.opened.water.as_ref().and_then(|water| water.report());
         let rising = water.iter().flat_map(WaterReport::notes);
         let notes = self.opened.notes.iter().cloned().chain(self.opened.frame.crs.lost_in_wkt());
-        let odd = outcome.odd_range.filter(|_| outcome.suspects.is_none());
-        let odd = odd.and_then(|range| raster::no_terrain(info, range));
-        let notes = notes.chain(rising).chain(odd).collect();
+        // Undeclared nodata is reported by itself, and explains an odd range.
+        let odd_range = outcome.odd_range.filter(|_| outcome.suspects.is_none());
+        let odd_note = odd_range.and_then(|range| raster::no_terrain(info, range));
+        let notes = notes.chain(rising).chain(odd_note).collect();
         Ok(TinReport {
             input: job.input.to_string(),
             output: job.output.display().to_string(),
@@ -480,7 +490,7 @@ impl TinMaker<'_> {
     }
 }
 
-/// Provenance of a mesh: the names of its grid, its clip polygons and its water, and the options.
+/// Provenance of a mesh: names of the grid, the clip polygons and the water, and the options of the method.
 pub(super) struct MeshOrigin<'a> {
     pub(super) input: &'a str,
     pub(super) clip: Option<String>,
@@ -488,10 +498,10 @@ pub(super) struct MeshOrigin<'a> {
     pub(super) refinement: &'a TinMethod,
 }
 
-/// The header of a file of the mesh.
+/// The header of a mesh of the grid `info`, relative to the height `height`.
 pub(super) fn header(
     info: &GridInfo,
-    from: MeshOrigin<'_>,
+    provenance: MeshOrigin<'_>,
     spec: &TinSpec,
     height: f64,
 ) -> MeshHeader {
@@ -503,24 +513,25 @@ pub(super) fn header(
         scale: [1.0; 3],
         unit: None,
         bounds,
-        promises: promises(from, spec, unit),
+        promises: promises(provenance, spec, unit),
         channels: Vec::new(),
     }
 }
 
-/// Provenance and guarantees of a mesh; the bound holds at samples unless stated otherwise.
-fn promises(from: MeshOrigin<'_>, spec: &TinSpec, unit: Option<String>) -> Promises {
-    let [points, lines] = from.refinement.files();
+/// The statements of a mesh about its provenance and its guarantees.
+fn promises(provenance: MeshOrigin<'_>, spec: &TinSpec, unit: Option<String>) -> Promises {
+    let [points, lines] = provenance.refinement.files();
     Promises {
-        source: Some(from.input.to_owned()),
+        source: Some(provenance.input.to_owned()),
         max_error: Some(MaxError { value: spec.tolerance, unit }),
+        // At samples is the default of readers.
         bound: (spec.bound != ErrorBound::Samples).then_some(spec.bound),
         fitted: spec.fit_heights.then_some(FittedHeights),
         triangulation: (spec.data_dependent)
             .then(|| TriangulationRule::DataDependent.name().to_owned()),
         min_angle: spec.min_angle.map(|least| least.degrees()),
-        clip: from.clip,
-        water: from.water,
+        clip: provenance.clip,
+        water: provenance.water,
         keep_points: points.map(feature_files::label_of),
         breaklines: lines.map(feature_files::label_of),
         ..Promises::default()
@@ -528,7 +539,7 @@ fn promises(from: MeshOrigin<'_>, spec: &TinSpec, unit: Option<String>) -> Promi
 }
 
 impl MeshFrame {
-    /// Writes the CRS and the extent into the header.
+    /// Writes the CRS and the extent of a reprojected mesh into the header.
     fn describe(&self, header: &mut MeshHeader, height: f64) {
         let Some(operation) = &self.operation else { return };
         header.crs = self.crs.clone();
@@ -538,7 +549,7 @@ impl MeshFrame {
     }
 }
 
-/// The note on a base derived from the lowest height of this grid.
+/// The note on a bottom at a distance below the lowest height: adjacent grids have other lowest heights.
 fn bottom_note(height: f64) -> String {
     format!(
         "‹base› is measured from the lowest height of each mesh: the bottom of this one is at {height}; \
@@ -546,8 +557,8 @@ fn bottom_note(height: f64) -> String {
     )
 }
 
-/// The centre, rounded to a multiple of a power of two that is small against the extent: few
-/// digits, and subtracted without rounding.
+/// The origin of stored coordinates: the centre of the extent, rounded to a multiple of a power of two of about an
+/// eighth of the extent. Such a number has few digits, and is subtracted from coordinates without rounding.
 fn origin([low, high]: [Point3; 2], height: f64) -> Point3 {
     let extent = (high[0] - low[0]).max(high[1] - low[1]);
     let unit = (extent / 8.0).log2().floor().exp2();
