@@ -1,5 +1,5 @@
 //! Order in the house, as far as no compiler sees to it: a `//!` line on every file, no file too long,
-//! nothing left to do, no two types of one name, no names in a language of its own, `unsafe` only where it is listed, pure rooms without
+//! nothing left to do, no two types of one name, no names in a language of its own, `unsafe` only where it is listed, pure crates without
 //! files, threads or clocks, and manifests that say what the table of ARCHITECTURE.md does.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 /// Most lines of a source file.
 const MAX_LINES: usize = 600;
 
-/// What a pure room must not name: files, paths, clocks, threads.
+/// What a pure crate must not name: files, paths, clocks, threads.
 const IMPURE: [&str; 10] = [
     "std::fs",
     "std::path",
@@ -29,13 +29,13 @@ const PRIVATE_WORDS: [&str; 18] = [
     "carry", "carried", "joints", "feed", "portion", "say", "saying", "figures",
 ];
 
-/// The one file of a pure room that names files: an error says which it is about.
+/// The one file of a pure crate that names files: an error says which it is about.
 const OF_FILES: &str = "crates/base/src/error.rs";
 
 /// The rules, as ARCHITECTURE.md has them.
 #[derive(Debug)]
 struct Rules {
-    /// Room to the rooms it may import.
+    /// Crate to the crates it may import.
     imports: BTreeMap<String, BTreeSet<String>>,
     pure: BTreeSet<String>,
     /// Files that may hold unsafe code.
@@ -46,13 +46,13 @@ impl Rules {
     fn read(text: &str) -> Self {
         let mut rules =
             Self { imports: BTreeMap::new(), pure: BTreeSet::new(), unsafe_files: BTreeSet::new() };
-        for row in table(text, "| room |") {
-            let (rooms, kind, uses) = (words(&row[0]), row[1].trim(), words(&row[2]));
-            for room in rooms {
+        for row in table(text, "| crate |") {
+            let (crates, kind, uses) = (words(&row[0]), row[1].trim(), words(&row[2]));
+            for member in crates {
                 if kind == "pure" {
-                    rules.pure.insert(room.clone());
+                    rules.pure.insert(member.clone());
                 }
-                rules.imports.insert(room, uses.iter().cloned().collect());
+                rules.imports.insert(member, uses.iter().cloned().collect());
             }
         }
         for row in table(text, "| file with `unsafe` |") {
@@ -75,8 +75,8 @@ fn words(cell: &str) -> Vec<String> {
     cell.split('`').skip(1).step_by(2).map(str::to_owned).collect()
 }
 
-/// The room of a source file, from its path: a crate, in `crates` or in the folder of its subject.
-fn room(path: &str) -> Option<&str> {
+/// The crate of a source file, from its path: in `crates` or in the folder of its subject.
+fn member(path: &str) -> Option<&str> {
     let (folder, _) = path.strip_prefix("crates/")?.split_once("/src/")?;
     folder.rsplit('/').next()
 }
@@ -96,7 +96,7 @@ fn crates_below(folder: &Path) -> Vec<PathBuf> {
         .collect()
 }
 
-/// The rooms that a manifest names as dependencies.
+/// The crates that a manifest names as dependencies.
 fn dependencies(manifest: &str) -> BTreeSet<String> {
     let lines = manifest.lines().skip_while(|line| *line != "[dependencies]").skip(1);
     let lines = lines.take_while(|line| !line.starts_with("[dev-"));
@@ -121,14 +121,14 @@ fn faults(path: &str, text: &str, rules: &Rules) -> Vec<String> {
     if path.starts_with("src/") || path.starts_with("crates/") {
         faults.extend(unsafe_faults(path, text, rules));
     }
-    if room(path).is_some_and(|room| room != "base") {
+    if member(path).is_some_and(|member| member != "base") {
         let dashed = dashed(&code(text)).into_iter();
         faults.extend(dashed.map(|option| format!("spells {option}: a message names ‹options›")));
     }
-    if room(path).is_some_and(|room| rules.pure.contains(room)) && path != OF_FILES {
+    if member(path).is_some_and(|member| rules.pure.contains(member)) && path != OF_FILES {
         let code = code(text);
         let impure = IMPURE.iter().filter(|word| code.contains(**word));
-        faults.extend(impure.map(|word| format!("must not name {word}, being of a pure room")));
+        faults.extend(impure.map(|word| format!("must not name {word}, being of a pure crate")));
     }
     if !path.starts_with("tests/") && !path.contains("/tests") {
         faults.extend(private_names(&code(text)));
@@ -291,17 +291,17 @@ fn manifests_say_what_the_table_does() {
     let mut found = BTreeMap::new();
     for folder in crates_below(&root().join("crates")) {
         let manifest = fs::read_to_string(folder.join("Cargo.toml")).unwrap();
-        let room = folder.file_name().unwrap().to_string_lossy().into_owned();
-        assert!(manifest.contains(&format!("name = \"terrane-{room}\"")), "{room} is misnamed");
-        found.insert(room, dependencies(&manifest));
+        let member = folder.file_name().unwrap().to_string_lossy().into_owned();
+        assert!(manifest.contains(&format!("name = \"terrane-{member}\"")), "{member} is misnamed");
+        found.insert(member, dependencies(&manifest));
     }
     assert_eq!(found, rules.imports);
     for pure in &rules.pure {
         assert!(found[pure].is_subset(&rules.pure), "{pure} is pure");
     }
-    for room in ["raster", "cloud", "vector", "mesh"] {
+    for member in ["raster", "cloud", "vector", "mesh"] {
         let below = ["base", "files", "synth"].map(str::to_owned).into();
-        assert!(found[room].is_subset(&below), "{room} reads and writes, and does no more");
+        assert!(found[member].is_subset(&below), "{member} reads and writes, and does no more");
     }
     assert_eq!(found["proof"], ["base".to_owned()].into(), "a proof shares nothing with a kernel");
     for kernel in ["terrain", "tin", "lidar", "delaunay"] {
@@ -387,7 +387,7 @@ fn all_setters_are_in_the_prelude() {
 /// A small house to try the checks on.
 fn small_house() -> Rules {
     Rules::read(
-        "# x\n\n| room | kind | may import |\n|---|---|---|\n| `base`, `tin` | pure | |\n\
+        "# x\n\n| crate | kind | may import |\n|---|---|---|\n| `base`, `tin` | pure | |\n\
          | `raster` | edge | `base` |\n\n\
          | file with `unsafe` | why |\n|---|---|\n| `crates/raster/src/map.rs` | maps |\n\nend\n",
     )
