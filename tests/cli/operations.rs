@@ -259,7 +259,7 @@ fn without(
     let needed = needed(operation);
     let is_goal = options.values().any(Json::is_null) || needed.contains_key(field.name);
     // Nothing is resampled without a lattice, nor the other way round.
-    let is_lattice = operation.name == "convert" && field.heading == "Lattice";
+    let is_lattice = operation.name == "convert" && field.heading == "Output grid";
     let is_rounded = (operation.name, field.name) == ("grid", "type");
     match is_goal || is_lattice || is_rounded || ["to_crs", "round"].contains(&field.name) {
         true => needed,
