@@ -179,7 +179,7 @@ fn torn_and_short_skirts_are_noticed() {
     notices("triangles without area");
     said(13, json!(-1.0));
     let ran = place.run(&["verify", "t", "dem.asc"]);
-    assert!(ran.code == 65 && ran.err.contains("tileset.json: states a tolerance"), "{}", ran.err);
+    assert!(ran.code == 65 && ran.err.contains("tileset.json: tolerance"), "{}", ran.err);
     place.write("t/tileset.json", tileset.to_string());
     place.ok(&["verify", "t", "dem.asc", "-q"]);
 }
