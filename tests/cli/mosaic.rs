@@ -75,7 +75,7 @@ fn an_output_is_no_input() {
     place.fails(
         &["tin", "d/a.asc", "--max-error", "1"],
         2,
-        &["name an input", "the file to write"],
+        &["output file missing", "the input, then the output"],
     );
     place.fails(&["tin", "d", "whole.ply", "d/x.ply", "--max-error", "1"], 65, &["whole.ply"]);
 }

@@ -64,7 +64,7 @@ fn lines_become_files_and_are_inputs_by_name() {
             let has_none = original.ends_with(".wkt");
             let ran = place.run(&["verify", "b.wkt", original, "--tolerance", "3", "-q"]);
             assert_eq!(ran.code, if has_none { 0 } else { 3 }, "{original}: {}", ran.err);
-            let is_told = ran.err.contains("of 2 features, which WKT has no place for");
+            let is_told = ran.err.contains("of 2 features: not supported by WKT");
             assert!(is_told != has_none, "{original}: {}", ran.err);
         }
     }

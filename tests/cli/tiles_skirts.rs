@@ -13,7 +13,7 @@ use crate::tiles_three::Glb;
 pub(crate) const NAMED: [&str; 3] = [
     "open edges between a skirt and its tile, or within a skirt",
     "vertices of skirts that are not vertically below the rim at the depth in tileset.json",
-    "levels whose skirts are shorter than the allowed gap to the coarser level",
+    "levels whose skirts are shorter than the expected gap to the coarser level",
 ];
 
 const MAKE: [&str; 6] = ["tiles", "dem.asc", "t", "--format", "3dtiles", "--skirts"];

@@ -51,6 +51,6 @@ pub fn by_path<F: FileFormat>(
         let endings = registry::offered(all, F::endings);
         Error::usage(format!("file name extension matches no {}", F::KIND))
             .in_file(path)
-            .remedy(format!("use the extension {endings}, or pass ‹format›"))
+            .remedy(format!("use the extension {endings}, or pass a format"))
     })
 }

@@ -181,7 +181,7 @@ impl LatticeMesh {
     }
 
     /// Collects the half-edges that start at the same vertex as `half_edge`, counter-clockwise from it. Returns false
-    /// if they do not form a closed star inside the surface, or exceed `most`: the list is then incomplete.
+    /// if they do not form a closed star inside the surface, or exceed `max_degree`: the list is then incomplete.
     pub(super) fn star(&self, half_edge: u32, max_degree: usize, star: &mut Vec<u32>) -> bool {
         star.clear();
         let mut at = half_edge;

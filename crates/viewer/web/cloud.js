@@ -242,7 +242,7 @@ function tellFigures() {
   $('about').textContent = facts.about;
   rows($('figures'), [
     ['Points', of],
-    ['Shown', held < of ? count(held) + ' (' + num((held * 100) / of) + ' %)' : 'all'],
+    ['In the page', held < of ? count(held) + ' (' + num((held * 100) / of) + ' %)' : 'all'],
     ['Shown', countShown()],
     ['Files', facts.files],
     [facts.geographic ? 'Lon' : 'X', span(bounds.x, level)],

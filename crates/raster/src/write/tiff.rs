@@ -110,7 +110,7 @@ impl TiffImage {
     /// Fails if number or size of blocks exceeds the limits.
     pub(super) fn check(&self) -> Result<()> {
         limits::check("number of blocks", self.blocks(), limits::MAX_BLOCKS)
-            .map_err(|e| e.remedy("write larger cells or a smaller extent"))?;
+            .map_err(|e| e.remedy("write larger blocks, larger cells or a smaller extent"))?;
         let bytes = self.row_bytes() as u64 * u64::from(self.block.1);
         limits::check("block size in bytes", bytes, limits::MAX_BLOCK_BYTES)
     }

@@ -48,7 +48,7 @@ pub(super) struct TinArtifactFacts {
     pub(super) tally: SampleCounts,
 }
 
-/// Bytes of an object whose containers take `kept` bytes in memory.
+/// Bytes of an object whose containers take `container_bytes` bytes in memory.
 pub(super) fn object_bytes(container_bytes: u64, tiles: u64) -> u64 {
     container_bytes
         + tiles * (size_of::<RecordIndexEntry>() as u64 + RECORD_HEAD)

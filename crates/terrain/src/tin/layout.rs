@@ -94,7 +94,7 @@ impl TileLayout {
         self.tile
     }
 
-    /// The tiling of the same grid into tiles of at most `most` cells, with anchor vertices no closer than
+    /// The tiling of the same grid into tiles of at most `max_cells` cells, with anchor vertices no closer than
     /// here: a tile is a few times their spacing wide, or a fraction of it.
     pub(super) fn finer(&self, max_cells: u32) -> Result<Self> {
         if self.tile <= max_cells {

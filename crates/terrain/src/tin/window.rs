@@ -81,7 +81,7 @@ impl HeightBuffers {
         .remedy(format!("pass ‹nodata› {height:e} if it is nodata")))
     }
 
-    /// The number of samples of `part` with the lowest height of the last rectangle, if that looks like an
+    /// The number of samples of `tile` with the lowest height of the last rectangle, if that looks like an
     /// undeclared nodata value; with the stored value.
     pub(super) fn suspects(&self, tile: Rect, info: &GridInfo) -> Option<(f64, u64)> {
         let (rect, [lowest, _]) = (self.rect?, self.range?);

@@ -160,7 +160,7 @@ impl ClippedSegments {
         })
     }
 
-    /// Positions near the intersections of straight lines, on the paths of both; `None` if there are more than `most`.
+    /// Positions near the intersections of straight lines, on the paths of both; `None` if there are more than `max_count`.
     pub fn crossings(&self, max_count: usize) -> Option<Vec<Site>> {
         let mut found = Vec::new();
         for bin in 0..self.starts.len() - 1 {

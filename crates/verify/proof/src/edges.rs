@@ -81,6 +81,12 @@ fn sample_key(at: ProofPosition) -> u64 {
     row << 32 | col
 }
 
+/// A corner by its number: three for each triangle, in order. A list of all would take more memory than is counted.
+#[inline]
+fn corner(triangles: &[ProofTriangle], number: u32) -> ProofVertex {
+    triangles[number as usize / 3].corners[number as usize % 3]
+}
+
 impl PartCorners {
     /// Numbers the corners of `triangles`; calls `meet` with each position and the heights of all corners
     /// there.
@@ -101,19 +107,19 @@ impl PartCorners {
         key: impl Fn(ProofPosition) -> K,
         mut meet: impl FnMut(ProofPosition, &[f64]),
     ) -> Self {
-        let all: Vec<ProofVertex> = triangles.iter().flat_map(|t| t.corners).collect();
-        let mut order: Vec<(K, u32)> = all.iter().map(|c| key(c.at)).zip(0..).collect();
+        let all = triangles.iter().flat_map(|t| t.corners);
+        let mut order: Vec<(K, u32)> = all.map(|c| key(c.at)).zip(0..).collect();
         order.sort_unstable_by_key(|&(key, _)| key);
         let mut corners = Self { positions: Vec::new(), numbers: vec![0; order.len()] };
         let mut heights = Vec::new();
         for group in order.chunk_by(|a, b| a.0 == b.0) {
             let number = corners.positions.len() as u32;
-            let at = all[group[0].1 as usize].at;
+            let at = corner(triangles, group[0].1).at;
             corners.positions.push(at);
             heights.clear();
             for &(_, place) in group {
                 corners.numbers[place as usize] = number;
-                heights.push(all[place as usize].z);
+                heights.push(corner(triangles, place).z);
             }
             meet(at, &heights);
         }

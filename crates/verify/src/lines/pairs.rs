@@ -242,7 +242,7 @@ impl<'a> FeaturePairs<'a> {
         // Checked before the copy is allocated.
         if needed > self.job.resources.memory.max(MIN_MEMORY) {
             let mib = needed.div_ceil(1 << 20);
-            let message = format!("feature of {mib} MiB exceeds the memory");
+            let message = format!("feature requires {mib} MiB of memory");
             let error = short(message, needed).in_file(Path::new(&self.job.original));
             return Err(error.at(source.location()));
         }

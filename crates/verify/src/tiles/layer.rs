@@ -285,7 +285,7 @@ pub(super) fn check_beyond(beyond: Option<&str>) -> Result<bool> {
         Some("taper") => Ok(true),
         Some(other) => {
             let message = format!("unsupported ground beyond the raster {other:?}");
-            Err(Error::unsupported(format!("{message}; supported: taper, level")))
+            Err(Error::unsupported(message).remedy("supported: taper, level"))
         }
     }
 }
@@ -299,7 +299,7 @@ pub(super) fn check_heights(heights: Option<&str>) -> Result<Option<bool>> {
     match heights {
         Some(other) if !known.contains(&other) => {
             let message = format!("unsupported vertical reference {other:?}");
-            Err(Error::unsupported(format!("{message}; supported: {}", known.join("; "))))
+            Err(Error::unsupported(message).remedy(format!("supported: {}", known.join("; "))))
         }
         _ => Ok(heights.map(|heights| heights == WITH_GEOID)),
     }

@@ -131,7 +131,7 @@ impl PreparedSurfaceModel {
         if square > spare {
             let what = format!("finding the ground by {}", method.name());
             let memory = making.job.resources.memory;
-            return Err(too_little(&what, min_for(square), memory, "‹ground› filter"));
+            return Err(too_little(&what, min_for(square), memory, "‹ground› pmf"));
         }
         let share = if square > 0 { spare } else { making.memory / TILE_SHARE };
         let tile = share / making.threads as u64;

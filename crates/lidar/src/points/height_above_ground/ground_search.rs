@@ -580,5 +580,5 @@ impl GroundQueryPoint {
 
 fn not_of_class() -> Error {
     no_ground_of_class(&GROUND.to_string())
-        .remedy("pass ‹ground› filter, or classify the point cloud first")
+        .remedy("pass ‹ground› pmf, or classify the point cloud first")
 }

@@ -81,7 +81,7 @@ faults! {
     OffCoordinates Borders "vertices whose coordinates are not multiples of the lattice of the level";
     WrongStep Borders "tiles whose height step does not divide that of the level";
     Gaps Levels "borders with a larger gap to the next coarser level than both tolerances allow";
-    SkirtShort Levels "levels whose skirts are shorter than the allowed gap to the coarser level";
+    SkirtShort Levels "levels whose skirts are shorter than the expected gap to the coarser level";
     Sphere Containment "vertices outside the bounding sphere";
     Range Containment "tiles whose minimum height exceeds the maximum";
     Heights Containment "triangles outside the stated height range of the tile";

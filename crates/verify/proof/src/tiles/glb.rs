@@ -227,8 +227,9 @@ impl<'a> ProofGlbFile<'a> {
         if number(bytes, 8) != Some(bytes.len()) {
             return Err(bad(format!("{} bytes, unlike the length in the header", bytes.len())));
         }
-        let (text, buffer) =
-            chunks(bytes).ok_or_else(|| bad("JSON or BIN chunk is missing".to_owned()))?;
+        let (text, buffer) = chunks(bytes).ok_or_else(|| {
+            bad("expected one JSON and one BIN chunk, and nothing else".to_owned())
+        })?;
         let gltf: ProofGltf =
             serde_json::from_slice(text).map_err(|e| bad(format!("invalid JSON: {e}")))?;
         let file = Self { gltf, bytes: buffer };
@@ -451,7 +452,9 @@ fn index_bytes(indices: &[u32], stride: usize) -> Result<Vec<u8>> {
             .iter()
             .flat_map(|index| index.to_le_bytes().into_iter().take(stride))
             .collect()),
-        false => Err(bad(format!("compressed indices do not fit into {stride} bytes"))),
+        false => Err(bad(format!(
+            "compressed indices of {stride} bytes; expected 2 or 4 bytes that hold them"
+        ))),
     }
 }
 
