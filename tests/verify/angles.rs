@@ -57,7 +57,7 @@ proptest! {
         for memory in [1 << 20, 64 << 20] {
             let report = prove(&mesh, &grid, Some(degrees), memory);
             prop_assert_eq!(report.of.thin_triangles.count, thin);
-            let told = report.verdict.failures.iter().any(|f| f.contains("smaller angle"));
+            let told = report.verdict.failures.iter().any(|f| f.contains("angle below the minimum"));
             prop_assert_eq!(told, thin > 0);
             prop_assert_eq!(report.of.min_angle, Some(degrees));
             prop_assert_eq!(prove(&mesh, &grid, None, memory).of.thin_triangles.count, 0);

@@ -60,7 +60,7 @@ const STATEMENTS: [Wrong; 39] = [
     // What is stated in place of the name of the grid.
     (&FINE, "source synth:rough", "bound surface\nx", 1, "between samples further"),
     (&NAMES, "source synth:rough", "fitted widths\nx", 65, "fitted widths"),
-    (&NAMES, "source synth:rough", "min angle 50\nx", 1, "smaller angle"),
+    (&NAMES, "source synth:rough", "min angle 50\nx", 1, "angle below the minimum"),
     (&NAMES, "source synth:rough", "clip area.fgb\nx", 3, "the polygons of area.fgb"),
     (&NAMES, "source synth:rough", "water sea.fgb\nx", 3, "the water of sea.fgb"),
     (&NAMES, "source synth:rough", "keep points p.fgb\nx", 3, "the points of p.fgb"),

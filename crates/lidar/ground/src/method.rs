@@ -72,7 +72,7 @@ mod tests {
             assert!(told(wrong).contains("rigidness=3 (a whole number from 1 to 3)"), "{wrong}");
         }
         assert!(told("csf:cloth=1,cloth=2").contains("twice"));
-        assert!(told("filter:cell=1").contains("takes none"));
+        assert!(told("pmf:cell=1").contains("takes none"));
     }
 
     /// A slope with a shed on it, a hole, and a cell without points.
