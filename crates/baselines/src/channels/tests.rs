@@ -230,7 +230,7 @@ fn what_makes_no_sense_is_refused() {
     assert!(refused(&[], &[]).contains("0 weights"));
     assert!(refused(&planes, &[1.0]).contains("1 weights for 2 channels"));
     for weight in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-310] {
-        assert!(refused(&planes[..1], &[weight]).contains("no weight"), "{weight}");
+        assert!(refused(&planes[..1], &[weight]).contains("invalid channel weight"), "{weight}");
     }
     assert!(refused(&planes, &[1.0, 1.0]).contains("sample 1 is void in some channels only"));
     let mut joined = planes.clone();
