@@ -11,7 +11,9 @@ use super::tile_checks::{self, TileRecord};
 use terrane_base::geom::Crs;
 use terrane_engine::proof::ProofVerdict;
 use terrane_engine::run_statistics::RunStatistics;
-use terrane_proof::tiles::{MaskPixels, ProofTileId, TilesetCheck, TilesetFault, TilesetFaults};
+use terrane_proof::tiles::{
+    MaskPixels, ProofTileId, TilesetCheck, TilesetFault, TilesetFaultCount, TilesetFaults,
+};
 
 /// Rounding of the radius of a sphere, in metres.
 const LOOSE: f64 = 1e-3;
@@ -24,10 +26,6 @@ const FINEST: f64 = 64.0 * (1.0 + 1e-6);
 
 /// Rounding of bounds in degrees: they are written in decimals.
 const DEGREES: f64 = 1e-9;
-
-/// Prefix of the fault for files outside the set, or unreadable ones.
-const STRAY: &str = "files that are neither";
-const UNREADABLE: &str = "tiles that cannot be read";
 
 /// Number of samples of a tile from which on its error may exceed the assumption of clients.
 const MANY: u64 = 1 << 17;
@@ -173,7 +171,7 @@ pub(super) fn report(
         .collect();
     TilesVerifyReport {
         crs: crs.label(),
-        verdict: ProofVerdict::of(judge.failures(&checks), judge.not_judged()),
+        verdict: ProofVerdict::of(judge.failures(&faults), judge.not_judged()),
         notes: judge.notes(),
         made_by_terrane: context.layer.levels.is_some(),
         files: context.tiles.all.len() as u64,
@@ -475,32 +473,32 @@ impl TilesJudge<'_> {
             }
             TilesetCheck::Water => {
                 let MaskPixels { judged, unclear, .. } = self.findings.alone.pixels;
-                format!("{judged} pixels, {unclear} more too near to a bank to tell")
+                format!("{judged} pixels, {unclear} more not judged (too near a shore)")
             }
             TilesetCheck::Index => format!("{}, {files} files", self.context.layer.name()),
         }
     }
 
-    fn failures(&self, checks: &[CheckReport]) -> Vec<String> {
-        checks.iter().flat_map(|check| &check.faults).map(|fault| self.failure(fault)).collect()
+    fn failures(&self, faults: &TilesetFaults) -> Vec<String> {
+        let found = TilesetCheck::ALL.into_iter().flat_map(|(check, _)| faults.found(check));
+        found.map(|(fault, what, count)| self.failure(fault, what, count)).collect()
     }
 
     /// A fault on one line, with its count and the first tile or file.
-    fn failure(&self, fault: &TileFault) -> String {
-        let TileFault { what, count, first } = fault;
-        if what.starts_with(self.context.layer.name()) {
-            return what.clone();
+    fn failure(&self, fault: TilesetFault, what: &str, found: TilesetFaultCount) -> String {
+        // Texts name the file of quantized-mesh.
+        let text = what.replace(folder::NAME, self.context.layer.name());
+        if what.starts_with(folder::NAME) {
+            return text;
         }
-        let first = match (first, &self.findings.alone.unreadable, &self.context.tiles.first_stray)
-        {
-            (_, Some((_, error)), _) if what == UNREADABLE => format!(", first {error}"),
-            (Some(tile), ..) => format!(", first in tile {tile}"),
-            (None, _, Some(path)) if what.starts_with(STRAY) => {
-                format!(", first {}", path.display())
-            }
-            _ => String::new(),
+        let unreadable = self.findings.alone.unreadable.as_ref();
+        let stray = self.context.tiles.first_stray.as_ref();
+        let first = match fault {
+            TilesetFault::Unreadable => unreadable.map(|(_, error)| format!(", first {error}")),
+            TilesetFault::Stray => stray.map(|path| format!(", first {}", path.display())),
+            _ => found.first.map(|id| format!(", first in tile {id}")),
         };
-        format!("{count} {what}{first}")
+        format!("{} {text}{}", found.count, first.unwrap_or_default())
     }
 
     /// Whether water masks are not checked.

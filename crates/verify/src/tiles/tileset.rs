@@ -155,8 +155,10 @@ impl StoredTilesetJson {
         let tiling = &west.implicit_tiling;
         let finest = tiling.available_levels - 1;
         let levels = check_levels(extras.levels, finest).map_err(in_file)?;
-        if levels.iter().any(|level| level.lattice.is_none_or(|lattice| lattice <= 0.0)) {
-            return Err(in_file(Error::bad_input("lattice of a level is missing or 0")));
+        let mut all = (0..).zip(&levels);
+        if let Some((level, _)) = all.find(|(_, stated)| stated.lattice.is_none_or(|l| l <= 0.0)) {
+            let message = format!("lattice of level {level} is missing or 0");
+            return Err(in_file(Error::bad_input(message)));
         }
         let regions = [&self.root.bounding_volume, &west.bounding_volume, &east.bounding_volume];
         let mut three = ThreeTilesCheck {

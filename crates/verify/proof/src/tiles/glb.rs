@@ -238,8 +238,9 @@ impl<'a> ProofGlbFile<'a> {
     }
 
     fn check(&self) -> Result<()> {
-        if !self.gltf.asset.version.starts_with("2.") {
-            return Err(refuse("unsupported glTF version; supported: 2"));
+        let version = &self.gltf.asset.version;
+        if !version.starts_with("2.") {
+            return Err(refuse(&format!("unsupported glTF version {version:?}; supported: 2")));
         }
         let mut required = self.gltf.extensions_required.iter();
         if let Some(name) = required.find(|name| ![COMPRESSION, QUANTIZATION].contains(&&***name)) {
