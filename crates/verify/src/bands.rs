@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::context::MeshRequirements;
 use super::findings::{FaultReport, NO_BOUND};
-use super::options::{LineProofQuestion, MeshProof, SelectedBands};
+use super::options::{MeshProof, ProofQuestion, SelectedBands};
 use super::parts::verify;
 use super::report::{BandProof, OfGrid, VerifyReport};
 use super::stated::tolerance;
@@ -20,7 +20,7 @@ use terrane_raster::GridSource;
 
 /// A mesh and a job that names bands.
 pub(super) struct MultibandProof<'a> {
-    pub(super) job: &'a LineProofQuestion<'a, MeshProof>,
+    pub(super) job: &'a ProofQuestion<'a, MeshProof>,
     pub(super) mesh: &'a dyn MeshSource,
     pub(super) stated: &'a Promises,
     pub(super) progress: &'a dyn Progress,

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::bands::{MultibandProof, not_judged};
 use super::context::{MeshRequirements, check_grid};
 use super::header::{CheckedHeader, judge_bounds};
-use super::options::{LineProofQuestion, MeshProof};
+use super::options::{MeshProof, ProofQuestion};
 use super::parts::verify;
 use super::report::{OfGrid, VerifyReport};
 use super::stated::{leave_files, open_mesh, stated, tolerance};
@@ -25,7 +25,7 @@ use terrane_raster as raster;
 /// A mesh or a grid that cannot be read; a mesh with invalid or contradictory statements, a solid, or one in another CRS
 /// than its grid; options that do not apply; too little memory; `Interrupted`.
 pub(super) fn run(
-    job: &LineProofQuestion<'_, MeshProof>,
+    job: &ProofQuestion<'_, MeshProof>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<VerifyReport> {
@@ -73,7 +73,7 @@ fn refuse_reprojected(stated: &Promises) -> Result<()> {
 }
 
 /// Adds the name of the mesh to errors about its content.
-fn name_mesh<T>(result: Result<T>, job: &LineProofQuestion<'_, MeshProof>) -> Result<T> {
+fn name_mesh<T>(result: Result<T>, job: &ProofQuestion<'_, MeshProof>) -> Result<T> {
     result.map_err(|e| match e.kind() {
         ErrorKind::BadInput => e.in_file(&job.written.file),
         _ => e,
@@ -84,7 +84,7 @@ fn name_mesh<T>(result: Result<T>, job: &LineProofQuestion<'_, MeshProof>) -> Re
 fn prove_heights(
     mesh: &dyn MeshSource,
     stated: &Promises,
-    job: &LineProofQuestion<'_, MeshProof>,
+    job: &ProofQuestion<'_, MeshProof>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<(VerifyReport, Crs)> {
@@ -135,7 +135,7 @@ fn leave_unjudged(verdict: &mut ProofVerdict, explanation: String, note: String)
 /// Reports as not judged what the mesh states about bands and files whose option is not given.
 fn leave_unrequested(
     stated: &Promises,
-    job: &LineProofQuestion<'_, MeshProof>,
+    job: &ProofQuestion<'_, MeshProof>,
     verdict: &mut ProofVerdict,
 ) {
     if let Some(bands) = stated.bands.as_deref().filter(|_| job.options.bands.is_empty()) {

@@ -13,9 +13,9 @@ use terrane_engine::options::{BoundName, CloudInput, FeatureInput, FileName, Gri
 use terrane_engine::proof::WrittenOutput;
 use terrane_simplify::{Length, LengthText, Metric};
 
-/// Options of a proof.
+/// The files and the options of a proof.
 #[derive(Clone, Copy)]
-pub(super) struct LineProofQuestion<'a, O> {
+pub(super) struct ProofQuestion<'a, O> {
     pub(super) written: &'a WrittenOutput,
     pub(super) options: &'a O,
 }

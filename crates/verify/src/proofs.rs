@@ -4,7 +4,7 @@ use super::cloud::{CloudVerifyReport, verify_cloud};
 use super::lines::{LineVerifyReport, verify_lines};
 use super::mesh::run;
 use super::options::{
-    CloudMeshProof, LineProof, LineProofQuestion, LineVerifyJob, MeshProof, RemovedRings,
+    CloudMeshProof, LineProof, LineVerifyJob, MeshProof, ProofQuestion, RemovedRings,
 };
 use super::report::VerifyReport;
 use terrane_base::error::{Error, Result};
@@ -23,7 +23,7 @@ impl OutputProof for MeshProof {
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<VerifyReport> {
-        run(&LineProofQuestion { written, options: self }, progress, cancel)
+        run(&ProofQuestion { written, options: self }, progress, cancel)
     }
 
     fn verdict(report: &VerifyReport) -> &ProofVerdict {
@@ -41,7 +41,7 @@ impl OutputProof for CloudMeshProof {
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<CloudVerifyReport> {
-        verify_cloud(&LineProofQuestion { written, options: self }, progress, cancel)
+        verify_cloud(&ProofQuestion { written, options: self }, progress, cancel)
     }
 
     fn verdict(report: &CloudVerifyReport) -> &ProofVerdict {

@@ -20,7 +20,7 @@ use std::time::Instant;
 
 use super::buckets::MeshSpread;
 use super::header::{CheckedHeader, judge_bounds};
-use super::options::{CloudMeshProof, LineProofQuestion};
+use super::options::{CloudMeshProof, ProofQuestion};
 use super::stated::{leave_files, open_mesh, stated, tolerance};
 use super::work::ProofResources;
 use context::{CloudProofContext, no_surface, surface_bounds};
@@ -39,7 +39,7 @@ pub use report::{CloudProofFindings, CloudVerifyReport};
 /// # Errors
 /// As [`prove_cloud`], and all errors of the files.
 pub(super) fn verify_cloud(
-    job: &LineProofQuestion<'_, CloudMeshProof>,
+    job: &ProofQuestion<'_, CloudMeshProof>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<CloudVerifyReport> {

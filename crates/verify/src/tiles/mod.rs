@@ -30,7 +30,7 @@ use self::georeference::GlobeRaster;
 use self::layer::{TilesetKind, TilesetPromises};
 use self::memory_shares::TilesProofMemory;
 use super::context::check_grid;
-use super::options::LineProofQuestion;
+use super::options::ProofQuestion;
 use terrane_base::error::{Error, Result};
 use terrane_engine::memory::{cache_beside, too_little, with_polygons};
 use terrane_engine::options::GridInput;
@@ -62,7 +62,7 @@ pub fn is_tiles(path: &Path) -> bool {
 /// globe or has no valid sample; too little memory for the number of tiles or the vertices of one. A tile that cannot
 /// be decoded is a fault, and does not end the proof.
 pub(super) fn verify_tiles(
-    job: &LineProofQuestion<'_, TilesProof>,
+    job: &ProofQuestion<'_, TilesProof>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TilesVerifyReport> {
@@ -118,7 +118,7 @@ pub(super) fn verify_tiles(
 /// # Errors
 /// Errors of [`verify_tiles`], and of making the model.
 pub(super) fn verify_tiles_of_cloud(
-    job: &LineProofQuestion<'_, CloudTilesProof>,
+    job: &ProofQuestion<'_, CloudTilesProof>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TilesVerifyReport> {
@@ -133,7 +133,7 @@ pub(super) fn verify_tiles_of_cloud(
         // Bounds and polygons apply to the points, not to the model.
         let grid = GridInput::with_water(water.clone());
         let options = TilesProof { geoid: geoid.clone(), grid, resources };
-        verify_tiles(&LineProofQuestion { written: &written, options: &options }, progress, cancel)
+        verify_tiles(&ProofQuestion { written: &written, options: &options }, progress, cancel)
     });
     let mut report = report.map_err(|error| made.renamed(error))?;
     report.run.memory_budget = resources.memory;

@@ -2,7 +2,7 @@
 
 use super::options::{CloudTilesProof, TilesProof};
 use super::{TilesVerifyReport, verify_tiles, verify_tiles_of_cloud};
-use crate::options::LineProofQuestion;
+use crate::options::ProofQuestion;
 use terrane_base::error::Result;
 use terrane_engine::proof::{OutputProof, ProofVerdict, WrittenOutput};
 use terrane_engine::{Cancel, Progress};
@@ -17,7 +17,7 @@ impl OutputProof for TilesProof {
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<TilesVerifyReport> {
-        verify_tiles(&LineProofQuestion { written, options: self }, progress, cancel)
+        verify_tiles(&ProofQuestion { written, options: self }, progress, cancel)
     }
 
     fn verdict(report: &TilesVerifyReport) -> &ProofVerdict {
@@ -35,7 +35,7 @@ impl OutputProof for CloudTilesProof {
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<TilesVerifyReport> {
-        verify_tiles_of_cloud(&LineProofQuestion { written, options: self }, progress, cancel)
+        verify_tiles_of_cloud(&ProofQuestion { written, options: self }, progress, cancel)
     }
 
     fn verdict(report: &TilesVerifyReport) -> &ProofVerdict {
