@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use super::buckets::{MAX_TRIANGLES, MeshSpread};
 use super::context::{GridProofContext, MeshRequirements};
+use super::plane_tiles::DOMAINS_PER_THREAD;
 use super::report::{VerifyReport, report};
 use super::work::ProofResources;
 use terrane_base::error::{Error, Result};
@@ -23,8 +24,6 @@ use terrane_raster::{GridInfo, GridSource};
 const MAX_SAMPLES: u64 = 1 << 18;
 /// Maximum number of rows of a domain on a grid stored in strips.
 const STRIP_ROWS: u64 = 256;
-/// Minimum number of domains for each thread, where the grid is large enough.
-const DOMAINS_PER_THREAD: u64 = 4;
 
 /// Proves `mesh` against `grid`. The error between samples is measured for every `bound`. A caller's
 /// caches of both are not part of the memory budget, of which this takes about half.

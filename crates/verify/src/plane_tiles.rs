@@ -7,15 +7,31 @@ use terrane_proof::{DomainLayout, GridDomain};
 
 /// Target number of points or triangles in a domain, so that its data fits into the processor's
 /// cache.
-pub(super) const DOMAIN_RECORDS: u64 = 1 << 15;
+const DOMAIN_RECORDS: u64 = 1 << 15;
 /// Maximum number of domains.
-pub(super) const MAX_DOMAINS: u64 = 1 << 16;
+const MAX_DOMAINS: u64 = 1 << 16;
 /// Minimum number of domains for each thread.
 pub(super) const DOMAINS_PER_THREAD: u64 = 4;
 /// Bytes of index for a run of records.
-pub(super) const RUN_BYTES: u64 = 16;
+const RUN_BYTES: u64 = 16;
 /// Halvings of a domain with too many records.
 const HALVINGS: u32 = 4;
+
+/// The number of domains for so many points or triangles, which need `bytes` in all: few enough for a small index, but
+/// so many that one of average density takes half of a thread's memory. Each flush leaves a run in every domain at
+/// worst.
+pub(super) fn domain_count(
+    work: &ProofResources<'_>,
+    records: u64,
+    bytes: u64,
+    flushes: u64,
+) -> u64 {
+    let count = (records / DOMAIN_RECORDS)
+        .max(bytes / (work.share / 2))
+        .max(DOMAINS_PER_THREAD * work.threads as u64);
+    let indexed = work.share / 8 / RUN_BYTES / flushes;
+    count.min(indexed).clamp(1, MAX_DOMAINS)
+}
 
 /// About `count` square tiles, but no more than [`MAX_DOMAINS`].
 pub(super) fn divide(grid: [u32; 2], count: u64) -> DomainLayout {

@@ -11,9 +11,7 @@ use super::constraints::{ConstraintChecks, DomainConstraints};
 use super::context::CloudProofContext;
 use super::points::SpreadPoints;
 use crate::buckets::{MAX_TRIANGLES, MeshSpread};
-use crate::plane_tiles::{
-    DOMAIN_RECORDS, DOMAINS_PER_THREAD, MAX_DOMAINS, RUN_BYTES, divide, load, pieces, respread,
-};
+use crate::plane_tiles::{divide, domain_count, load, pieces, respread};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, Rect};
 use terrane_files::{Buckets, lock};
@@ -32,19 +30,14 @@ pub(super) fn layout(context: &CloudProofContext<'_>) -> Result<DomainLayout> {
     Ok(divide(grid, tile_count(context)))
 }
 
-/// The number of domains: few enough for a small index, but so many that one of average density takes half of a
-/// thread's memory.
+/// The number of domains of a cloud and its mesh.
 fn tile_count(context: &CloudProofContext<'_>) -> u64 {
     let (work, mesh) = (&context.work, context.work.mesh.info());
     let points = context.source.info().count.max(1);
     let triangles = mesh.triangles.saturating_mul(3) / 2;
     let need = cloud::bytes_needed(points, triangles, mesh.vertices);
-    let crowds = points.max(mesh.triangles) / DOMAIN_RECORDS;
-    let count = crowds.max(need / (work.share / 2)).max(DOMAINS_PER_THREAD * work.threads as u64);
-    // Each time a writer is full, it leaves a run in every domain at worst.
     let flushes = points / (work.share / 2 / 40).max(1) + 1;
-    let indexed = work.share / 8 / RUN_BYTES / flushes;
-    count.min(indexed).clamp(1, MAX_DOMAINS)
+    domain_count(work, points.max(mesh.triangles), need, flushes)
 }
 
 /// Checks every domain. Also returns the bytes spilled for subdivided domains.

@@ -3,9 +3,7 @@
 use std::sync::Mutex;
 
 use crate::buckets::{DomainReach, MAX_TRIANGLES, MeshSpread};
-use crate::plane_tiles::{
-    DOMAIN_RECORDS, DOMAINS_PER_THREAD, MAX_DOMAINS, RUN_BYTES, divide, load, pieces, respread,
-};
+use crate::plane_tiles::{divide, domain_count, load, pieces, respread};
 use crate::work::ProofResources;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
@@ -22,7 +20,7 @@ pub(super) fn measure(
     let layout = divide(plan.grid(), tile_count(work));
     let spread = MeshSpread::of_triangles(work, plan, layout, DomainReach::Corners)?;
     let inspector = QualityInspector { work, plan, has_space, crowded: Mutex::new(()) };
-    work.progress.begin("squares", layout.len());
+    work.progress.begin("measure", layout.len());
     let quality = work.findings(
         layout.len(),
         |quality: &mut Quality, index| {
@@ -36,18 +34,12 @@ pub(super) fn measure(
     Ok((quality, spread.broken))
 }
 
-/// The number of tiles: few enough for a small index, but so many that one of average density takes half
-/// of a thread's memory.
+/// The number of tiles of a mesh.
 fn tile_count(work: &ProofResources<'_>) -> u64 {
     let triangles = work.mesh.info().triangles;
     let need = quality::bytes_needed(triangles.saturating_mul(3) / 2);
-    let count = (triangles / DOMAIN_RECORDS)
-        .max(need / (work.share / 2))
-        .max(DOMAINS_PER_THREAD * work.threads as u64);
-    // Each time the memory for triangles is full, it leaves a run in every tile at worst.
     let flushes = triangles / (work.memory / 4 / size_of::<ProofTriangle>() as u64).max(1) + 1;
-    let indexed = work.share / 8 / RUN_BYTES / flushes;
-    count.min(indexed).clamp(1, MAX_DOMAINS)
+    domain_count(work, triangles, need, flushes)
 }
 
 struct QualityInspector<'a> {
@@ -70,7 +62,7 @@ impl QualityInspector<'_> {
         let triangles = buckets.len(number);
         let need = quality::bytes_needed(triangles);
         if need <= self.work.share && triangles <= MAX_TRIANGLES {
-            return self.measure_triangle(buckets, number, domain, tally);
+            return self.measure_whole(buckets, number, domain, tally);
         }
         let pieces = pieces(domain);
         if pieces.len() > 1 {
@@ -83,10 +75,10 @@ impl QualityInspector<'_> {
             return Err(self.too_crowded(domain, triangles, need));
         }
         let _alone = lock(&self.crowded);
-        self.measure_triangle(buckets, number, domain, tally)
+        self.measure_whole(buckets, number, domain, tally)
     }
 
-    fn measure_triangle(
+    fn measure_whole(
         &self,
         buckets: &Buckets<ProofTriangle>,
         number: usize,
