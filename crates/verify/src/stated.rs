@@ -7,17 +7,20 @@ use terrane_baselines::{METHODS, TriangulationRule};
 use terrane_engine::proof::ProofVerdict;
 use terrane_mesh::{self as mesh, MeshInfo, MeshSource, Promises};
 
-/// Opens a mesh that can be proved. A solid is refused: its walls and bottom are not terrain, and
-/// cannot be identified reliably.
+/// Opens a mesh to be proved; a solid is refused.
 pub(super) fn open_mesh(path: &Path) -> Result<Box<dyn MeshSource>> {
     let mesh = mesh::open(path)?;
-    if mesh.info().solid {
-        let message = "is a solid: walls and bottom are not terrain";
-        return Err(Error::unsupported(message)
-            .in_file(path)
-            .remedy("verify a mesh made without ‹base› and ‹co› SOLID_BASE"));
-    }
+    refuse_solid(mesh.info()).map_err(|e| e.in_file(path))?;
     Ok(mesh)
+}
+
+/// Refuses a solid: its walls and bottom are not terrain, and cannot be identified reliably.
+pub(super) fn refuse_solid(mesh: &MeshInfo) -> Result<()> {
+    if !mesh.solid {
+        return Ok(());
+    }
+    Err(Error::unsupported("is a solid: walls and bottom are not terrain")
+        .remedy("pass a mesh made without ‹base› and ‹co› SOLID_BASE"))
 }
 
 /// Promises of a mesh. `options` are the key of a statement, the option that replaces it, and whether an invalid

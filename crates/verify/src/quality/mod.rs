@@ -12,6 +12,7 @@ mod slopes;
 use std::path::Path;
 
 use super::context::check_grid;
+use super::stated::refuse_solid;
 use super::work::{MIN_MEMORY, ProofResources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point3;
@@ -59,7 +60,7 @@ pub fn quality(
     cancel: &Cancel,
 ) -> Result<QualityReport> {
     let MeasuredMesh { file, mesh, bounds } = measured;
-    refuse_solid(mesh).map_err(|e| in_mesh(e, file))?;
+    refuse_solid(mesh.info()).map_err(|e| in_mesh(e, file))?;
     let against = against.map(|SlopeReference { name, grid }| {
         let ground = check_grid(grid).and_then(|()| GroundScale::of(grid.info()));
         ground.map(|ground| (grid, ground)).map_err(|e| e.in_file(name))
@@ -89,12 +90,4 @@ fn in_mesh(error: Error, file: &Path) -> Error {
         ErrorKind::BadInput | ErrorKind::Unsupported => error.in_file(file),
         _ => error,
     }
-}
-
-fn refuse_solid(mesh: &dyn MeshSource) -> Result<()> {
-    if !mesh.info().solid {
-        return Ok(());
-    }
-    Err(Error::unsupported("is a solid: walls and bottom are not terrain")
-        .remedy("measure a mesh made without ‹base› and ‹co› SOLID_BASE"))
 }
