@@ -9,7 +9,7 @@ use super::input::OpenedTilesGrid;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_engine::{Cancel, workers};
-use terrane_files::lock;
+use terrane_files::{lock, unlocked};
 use terrane_globe::GlobeTileId;
 
 /// Number of sampled tiles, with all tiles in them.
@@ -82,7 +82,7 @@ pub(super) fn expect(opened: &OpenedTilesGrid) -> Result<[u64; 2]> {
         },
         Ok,
     )?;
-    let [below, top] = probes.into_inner().unwrap_or_default();
+    let [below, top] = unlocked(probes);
     let samples: u64 = tiles.iter().map(|id| division.samples(&id.bounds())).sum();
     let [width, height] = division.place.size.map(f64::from);
     let share = width * height / samples.max(1) as f64;

@@ -8,7 +8,7 @@ use super::work::ProofResources;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
 use terrane_engine::workers;
-use terrane_files::{BucketWriter, Buckets, lock};
+use terrane_files::{BucketWriter, Buckets, lock, unlocked};
 use terrane_proof::{DomainLayout, ProofPosition, ProofTriangle, Snap};
 
 /// Triangles of a part are numbered with their corners in `u32`.
@@ -109,7 +109,7 @@ impl MeshSpread {
             },
         )?;
         self.positions.as_ref().map_or(Ok(()), Buckets::settle)?;
-        Ok(*lock(&all))
+        Ok(unlocked(all))
     }
 
     fn fill_triangles(

@@ -12,7 +12,7 @@ use super::memory_shares::window;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_engine::workers;
-use terrane_files::lock;
+use terrane_files::{lock, unlocked};
 use terrane_proof::ExactSum;
 use terrane_proof::tiles::{
     ProofMeridian, ProofParallel, ProofTileId, SampleRunErrors, TileFacets, TilesetFault,
@@ -153,11 +153,10 @@ pub(super) fn check(context: &TilesProofContext<'_>) -> Result<(SampleFindings, 
         },
     )?;
     context.progress.end();
-    let mut findings = std::mem::take(&mut *lock(&findings));
+    let mut findings = unlocked(findings);
     let missing = std::mem::take(&mut findings.missing);
     missing.into_iter().for_each(|id| findings.faults.add(TilesetFault::Missing, 1, id));
-    let samples = std::mem::take(&mut *lock(&sweep.samples));
-    Ok((findings, samples))
+    Ok((findings, unlocked(sweep.samples)))
 }
 
 /// State of one thread.

@@ -11,7 +11,7 @@ use super::folder;
 use super::layer::TileRange;
 use terrane_base::error::{Error, Result};
 use terrane_engine::workers;
-use terrane_files::lock;
+use terrane_files::{lock, unlocked};
 use terrane_proof::tiles::{
     DecodedTile, MaskPixels, ProofTileId, ProofTileSide, StatedTileMetadata, TileFacets,
     TileSideChain, TilesetFault, TilesetFaults, between, contain, gap, lattice, lowest, structure,
@@ -159,8 +159,7 @@ pub(super) fn check(
         },
     )?;
     context.progress.end();
-    let findings = lock(&findings).clone();
-    Ok((findings, std::mem::take(&mut *lock(&records))))
+    Ok((unlocked(findings), unlocked(records)))
 }
 
 /// The supported members of the metadata of a tile.
