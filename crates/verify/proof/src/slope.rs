@@ -121,11 +121,16 @@ impl SlopeCells {
         if rect.is_empty() {
             return None;
         }
+        let apron = part.domain.apron();
+        let (stride, count) = (apron.width as usize, rect.width as usize);
         let mut slopes = Vec::with_capacity(rect.len());
         for row in rect.row..rect.end_row() {
-            for col in rect.col..rect.end_col() {
-                slopes.push(of_cell(samples(part, col, row)).unwrap_or([f64::NAN; 2]));
-            }
+            let first = (row - apron.row) as usize * stride + (rect.col - apron.col) as usize;
+            let [above, below] = [first, first + stride].map(|at| &part.heights[at..=at + count]);
+            let cells = above.windows(2).zip(below.windows(2));
+            slopes.extend(
+                cells.map(|(a, b)| of_cell([a[0], a[1], b[0], b[1]]).unwrap_or([f64::NAN; 2])),
+            );
         }
         Some(Self { rect, slopes, worst: vec![-1.0; rect.len()] })
     }
@@ -167,14 +172,6 @@ impl SlopeCells {
             }
         }
     }
-}
-
-/// Heights of the samples of a cell: left and right above, left and right below.
-fn samples(part: &GridProofPart<'_>, col: u32, row: u32) -> [f64; 4] {
-    let apron = part.domain.apron();
-    let width = apron.width as usize;
-    let first = (row - apron.row) as usize * width + (col - apron.col) as usize;
-    [first, first + 1, first + width, first + width + 1].map(|at| part.heights[at])
 }
 
 /// The triangle moved half a cell to the left and up, so that the middles of cells come to samples.

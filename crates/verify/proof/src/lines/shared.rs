@@ -12,18 +12,16 @@ pub(super) fn count(pieces: &LineProofPieces, band: XRange, report: &mut LineChe
         pieces.of(band).filter(|piece| piece.kind == PieceKind::Kept).collect();
     let numbered = (0u32..).zip(&all);
     let old = numbered.clone().flat_map(|(i, p)| p.segments().map(move |s| (upward(s), i)));
-    torn(old.collect(), are_replaced_differently, &all, band, report);
+    torn(
+        old.collect(),
+        |p, q| p.replacing().map(upward) != q.replacing().map(upward),
+        &all,
+        band,
+        report,
+    );
     let new = numbered.filter_map(|(i, p)| Some((upward(p.replacing()?), i)));
     let new = new.filter(|(ends, _)| ends[0] != ends[1]);
-    torn(new.collect(), replace_different_stretches, &all, band, report);
-}
-
-fn are_replaced_differently(p: &LineProofPiece<'_>, q: &LineProofPiece<'_>) -> bool {
-    p.replacing().map(upward) != q.replacing().map(upward)
-}
-
-fn replace_different_stretches(p: &LineProofPiece<'_>, q: &LineProofPiece<'_>) -> bool {
-    !are_same(p.points, q.points)
+    torn(new.collect(), |p, q| !are_same(p.points, q.points), &all, band, report);
 }
 
 /// Counts the places of `segments` whose pieces differ; each segment has the number of its piece.

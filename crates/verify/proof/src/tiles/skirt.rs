@@ -39,23 +39,19 @@ impl SkirtSplit {
 
     /// Vertices of the skirt that are not `depth` steps vertically below a vertex of the rim.
     pub(super) fn off_depth(&self, places: &[Place], depth: f64) -> u64 {
-        let (mut rim, mut low) = (HashMap::new(), Vec::new());
-        for (is_low, &(at, height)) in self.is_low.iter().zip(places) {
-            if *is_low {
-                low.push((at, height));
-            } else {
-                rim.insert(at, height);
-            }
-        }
-        low.retain(|(at, height)| rim.get(at).is_none_or(|above| above - height != depth));
-        low.len() as u64
+        let vertices = places.iter().zip(&self.is_low);
+        let rim = vertices.clone().filter(|(_, is_low)| !**is_low).map(|(place, _)| *place);
+        let rim: HashMap<[u16; 2], f64> = rim.collect();
+        let low = vertices.filter(|(_, is_low)| **is_low);
+        low.filter(|((at, height), _)| rim.get(at).is_none_or(|above| above - height != depth))
+            .count() as u64
     }
 
     /// Edges where the skirt is not joined to the rim or to itself. All edges are passed once in each direction, except
     /// the lower ones of the skirt, of which there are as many as of the rim.
     pub(super) fn torn(&self) -> u64 {
-        let rim = open_edges(&self.surface).len() as u64;
-        let open = open_edges(&[&self.surface[..], &self.hanging].concat());
+        let rim = open_edges(self.surface.iter()).len() as u64;
+        let open = open_edges(self.surface.iter().chain(&self.hanging));
         let lower = open.iter().filter(|edge| edge.iter().all(|end| self.is_low[*end as usize]));
         let lower = lower.count() as u64;
         open.len() as u64 - lower + rim.abs_diff(lower)
@@ -68,9 +64,9 @@ fn is_on_side(corners: [[u16; 2]; 3]) -> bool {
 }
 
 /// Directed edges that are not passed once in each direction.
-fn open_edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
+fn open_edges<'a>(triangles: impl Iterator<Item = &'a [u32; 3]>) -> Vec<[u32; 2]> {
     let mut counts: HashMap<[u32; 2], u32> = HashMap::new();
-    for edge in triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]) {
+    for edge in triangles.flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]) {
         *counts.entry(edge).or_default() += 1;
     }
     let all = counts.iter();
