@@ -11,7 +11,7 @@ use crate::sample_run::{
 };
 use crate::tile::{TileErrorMeasure, TileVertex};
 use crate::tile_triangle::{FacetView, TileFacet};
-use crate::tiling::{GlobeTileId, STEPS};
+use crate::tiling::GlobeTileId;
 
 /// Latitude beyond which meridians are too close to each other for planes.
 const FAR_NORTH: f64 = 80.0;
@@ -106,9 +106,8 @@ impl TileShell {
         let first = (0..).zip(&is_flat).find(|(_, is_flat)| !**is_flat).map_or(0, |(i, _)| i);
         let mut starts = vec![first; cells * cells];
         for (number, (corners, _)) in (0..).zip(&triangles).filter(|(i, _)| !is_flat[*i as usize]) {
-            let [col, row] = vertices[corners[0] as usize]
-                .at
-                .map(|at| (at as usize * cells / (STEPS as usize + 1)).min(cells - 1));
+            let at = vertices[corners[0] as usize].at;
+            let [col, row] = at.map(|at| cell(f64::from(at), cells));
             starts[row * cells + col] = number;
         }
         let facets = triangles.iter().map(|(corners, twins)| {

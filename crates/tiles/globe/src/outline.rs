@@ -32,13 +32,13 @@ pub(crate) fn outline(
     upright: &CubicTable<3>,
     spacing: f64,
 ) -> Result<GeodeticBounds> {
-    let [top, bottom] = [0, height - 1].map(|row| (0..width).map(|col| [col, row]).collect());
-    let [left, right] = [0, width - 1].map(|col| (0..height).map(|row| [col, row]).collect());
-    let sides: [Vec<[u32; 2]>; 4] = [top, bottom, left, right];
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-    for side in sides {
-        let normals = side.into_iter().map(|at| Vector(upright.at(at.map(f64::from))));
-        let side: Vec<_> = normals.map(|up| EllipsoidNormal::along(up).place()).collect();
+    for (axis, across) in [(0, 0), (0, height - 1), (1, 0), (1, width - 1)] {
+        let side = (0..[width, height][axis]).map(|along| {
+            let at = if axis == 0 { [along, across] } else { [across, along] };
+            EllipsoidNormal::along(Vector(upright.at(at.map(f64::from)))).place()
+        });
+        let side: Vec<_> = side.collect();
         if side.windows(2).any(|two| (two[0][0] - two[1][0]).abs() > 180.0) {
             return Err(Error::unsupported("crosses 180 degrees or contains a pole")
                 .remedy("split it there"));
