@@ -53,7 +53,7 @@ share() {
 
 echo "$status" >"$lists/status.json"
 # Kinds of tasks, in an order in which they can be done.
-kinds="strip seam choose prove again tile look near far squares"
+kinds="strip seam choose prove again tile survey near far squares"
 for kind in $kinds finish; do
   # Names stand in "id", those of others they wait for elsewhere.
   { grep -oE "\"id\": *\"$kind[-0-9]*\"" "$lists/status.json" || true; } | cut -d '"' -f 4 >"$lists/$kind"

@@ -29,13 +29,13 @@ pub(super) enum TilesTask {
 impl TilesTask {
     /// By name.
     pub(super) const NAMES: [Numbered<Self>; 3] =
-        [("look", Self::Survey), ("near", Self::Near), ("far", Self::Far)];
+        [("survey", Self::Survey), ("near", Self::Near), ("far", Self::Far)];
 }
 
 impl fmt::Display for TilesTask {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Survey(number) => write!(f, "look-{number}"),
+            Self::Survey(number) => write!(f, "survey-{number}"),
             Self::Near(number) => write!(f, "near-{number}"),
             Self::Far(number) => write!(f, "far-{number}"),
         }

@@ -22,7 +22,6 @@ pub const AS_GIVEN: &str = "as given";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct GridFootprint {
     /// Columns and rows.
-    #[serde(rename = "whole")]
     pub(super) size: [u32; 2],
     /// Bounds of the samples: west, south, east and north.
     sides: [f64; 4],

@@ -19,7 +19,7 @@ pub(super) fn scan(
 ) -> Result<()> {
     let (plan, width) = (&opened.survey, opened.division.place.size[0]);
     let rects = rects(width, rows, plan.blocks.side, opened.grid.info().block);
-    at.progress.begin("look", rects.iter().map(|rect| rect.len() as u64).sum());
+    at.progress.begin("survey", rects.iter().map(|rect| rect.len() as u64).sum());
     workers::in_order(
         opened.shares.threads,
         rects.len() as u64,

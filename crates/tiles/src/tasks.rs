@@ -114,12 +114,12 @@ impl TilesPlan {
 }
 
 impl PreparedTiles {
-    /// Survey results of all objects.
-    fn ground(&self, survey: &TaskStates<'_, TilesPlan>) -> Result<ScannedGrid<'_>> {
+    /// The grid with its overview, gathered from the survey tasks on first use.
+    fn ground(&self, states: &TaskStates<'_, TilesPlan>) -> Result<ScannedGrid<'_>> {
         if self.overview.get().is_none() {
             let mut gathered = self.opened.survey.clone().gather();
-            for task in surveys(survey.folder.plan.work.counts()) {
-                add_summaries(&survey.object(task)?.0, &mut gathered)?;
+            for task in surveys(states.folder.plan.work.counts()) {
+                add_summaries(&states.object(task)?.0, &mut gathered)?;
             }
             let overview = self.opened.overview(gathered)?;
             let _is_first = self.overview.set(overview);
@@ -263,11 +263,11 @@ impl PlannedWork for TilesPlan {
     fn make(
         ready: &PreparedTiles,
         (task, object): (TilesTask, &Path),
-        survey: &TaskStates<'_, Self>,
+        states: &TaskStates<'_, Self>,
         run: &mut TilesRun,
         at: RunControl<'_>,
     ) -> Result<MadeArtifact<TileArtifactSummary>> {
-        let (work, opened) = (&survey.folder.plan.work, &ready.opened);
+        let (work, opened) = (&states.folder.plan.work, &ready.opened);
         let tiles = match task {
             TilesTask::Survey(number) => {
                 let mut writer = TileArtifactWriter::create(object)?;
@@ -281,7 +281,7 @@ impl PlannedWork for TilesPlan {
                 0
             }
             TilesTask::Near(number) => {
-                let ground = ready.ground(survey)?;
+                let ground = ready.ground(states)?;
                 let regions = work.tiles_of(number, &opened.division.regions());
                 ready.tiles("near levels", object, &regions, at, |id| {
                     let mut made = Vec::new();
@@ -293,10 +293,10 @@ impl PlannedWork for TilesPlan {
                 })?
             }
             TilesTask::Far(number) => {
-                let ground = ready.ground(survey)?;
+                let ground = ready.ground(states)?;
                 let mut there = KnownTiles::default();
                 for near in nears(work.counts()) {
-                    add_known(&survey.object(near)?.0, &mut there)?;
+                    add_known(&states.object(near)?.0, &mut there)?;
                 }
                 let mut known = there.clone();
                 known.add_above(opened.division.near);
@@ -314,22 +314,22 @@ impl PlannedWork for TilesPlan {
 
     fn write(
         ready: &PreparedTiles,
-        survey: &TaskStates<'_, Self>,
+        states: &TaskStates<'_, Self>,
         run: &mut TilesRun,
         at: RunControl<'_>,
     ) -> Result<TilesReport> {
         let (started, opened) = (Instant::now(), &ready.opened);
-        let (ground, folder) = (ready.ground(survey)?, TilesetFolder::create(&opened.job)?);
-        let tasks = survey.done.keys().copied();
+        let (ground, folder) = (ready.ground(states)?, TilesetFolder::create(&opened.job)?);
+        let tasks = states.done.keys().copied();
         let tasks: Vec<_> = tasks.filter(|task| !matches!(task, TilesTask::Survey(_))).collect();
-        at.progress.begin("write", survey.done.values().map(|done| done.facts.tiles).sum());
+        at.progress.begin("write", states.done.values().map(|done| done.facts.tiles).sum());
         workers::run(
             opened.shares.threads,
             tasks.len() as u64,
             at.cancel,
             || (),
             |(), i| {
-                each_tile(&survey.object(tasks[i as usize])?.0, |made| {
+                each_tile(&states.object(tasks[i as usize])?.0, |made| {
                     at.cancel.check()?;
                     folder.put(&made)?;
                     at.progress.advance(1);
