@@ -112,7 +112,7 @@ impl OnCloud {
     ///
     /// # Errors
     /// No point is on the cloud.
-    pub fn constraints(
+    pub fn points_report(
         &self,
         beyond_hull: u64,
         nearest: u64,
@@ -139,7 +139,7 @@ impl OnCloud {
     ///
     /// # Errors
     /// No line is on the cloud.
-    pub fn followed(
+    pub fn breaklines_report(
         &self,
         is_outside: impl Fn(usize) -> bool,
         apart: u64,

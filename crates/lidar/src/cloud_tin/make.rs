@@ -72,12 +72,12 @@ pub fn make(
         return Err(no_surface());
     }
     let mut lines = CloudLines::new(constraints, hull.clone(), points.tiling());
-    let followed = constraints.followed(|line| lines.is_outside(line), 0)?;
+    let followed = constraints.breaklines_report(|line| lines.is_outside(line), 0)?;
     let regions = CloudTinRegions::new(&points, &lines.by_square(points.tiling()), max_points);
     lines.divide(&regions, points.tiling());
     let nearest = nearest_points(constraints, &points, &hull, ready.bounds)?;
     let count = nearest.points.len() as u64;
-    let keep_points = constraints.constraints(nearest.beyond, count, count)?;
+    let keep_points = constraints.points_report(nearest.beyond, count, count)?;
     let resident_bytes = constraints.bytes() + lines.bytes();
     let work = ready.work(&points, &regions, &lines, resident_bytes, at)?;
     let outcome = triangulate(

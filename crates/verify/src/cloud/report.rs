@@ -143,7 +143,7 @@ pub(super) fn report(
         outside_vertices: fault(&tally.outside),
         off_point_vertices: fault(&tally.off_samples),
         has_posts: context.has_posts,
-        keep_points: context.constraints.constraints(
+        keep_points: context.constraints.points_report(
             constraints.beyond,
             tally.kept,
             tally.kept - tally.not_kept.count,
@@ -151,7 +151,7 @@ pub(super) fn report(
         not_kept: fault(&tally.not_kept),
         breaklines: context
             .constraints
-            .followed(|line| constraints.is_outside(line), tally.not_followed.count)?,
+            .breaklines_report(|line| constraints.is_outside(line), tally.not_followed.count)?,
         on_breaklines: tally.on_lines,
         not_followed: fault(&tally.not_followed),
         ..CloudProofFindings::default()

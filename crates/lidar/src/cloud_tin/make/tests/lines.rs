@@ -212,7 +212,7 @@ fn points_nearest_to_others_are_vertices() {
         inside += 1;
     }
     let report =
-        |beyond| kept.constraints(beyond, nearest_of_all.len() as u64, 0).unwrap().unwrap();
+        |beyond| kept.points_report(beyond, nearest_of_all.len() as u64, 0).unwrap().unwrap();
     let beyond = kept.points.len() as u64 - inside;
     assert!((20..190).contains(&inside) && report(beyond).outside == 200 - inside);
 }
@@ -223,7 +223,7 @@ fn what_is_not_over_the_cloud_is_counted_or_refused() {
     let bounds = source.info.bounds.unwrap();
     let far = vec![vec![[-500.0, 5.0, 1.0], [-300.0, 9.0, 1.0]]];
     let kept = kept(&source, &far, &far);
-    assert!(kept.followed(|_| false, 0).is_err() && kept.constraints(0, 0, 0).is_err());
+    assert!(kept.breaklines_report(|_| false, 0).is_err() && kept.points_report(0, 0, 0).is_err());
     let huge = vec![vec![[50.0, 50.0, 1e300], [60.0, 50.0, 0.0]]];
     let error = OnCloud::new((None, Some(features(&huge))), &source.info, bounds).unwrap_err();
     assert!(
@@ -253,7 +253,7 @@ fn heights_are_cut_with_their_lines_and_do_not_know_directions() {
         heights: Some([100, 200]),
     };
     assert_eq!(kept.lines, [expected]);
-    let told = kept.followed(|_| false, 7).unwrap().unwrap();
+    let told = kept.breaklines_report(|_| false, 7).unwrap().unwrap();
     assert_eq!((told.segments, told.outside, told.apart), (2, 0, 7));
-    assert_eq!(kept.followed(|_| true, 0).unwrap_err().kind(), ErrorKind::BadInput);
+    assert_eq!(kept.breaklines_report(|_| true, 0).unwrap_err().kind(), ErrorKind::BadInput);
 }
