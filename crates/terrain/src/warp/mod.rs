@@ -75,8 +75,8 @@ impl WarpJob<'_> {
         let options = &self.copy.options;
         let Some(transform) = options.reprojection.transform() else { return Ok(None) };
         let (input, extent) = (self.copy.input.to_string(), Some(extent_of(info)));
-        let source = (Path::new(&input), &info.crs);
-        transform.operation(source, extent, &options.resources).map(Some)
+        let (input, crs) = (Path::new(&input), &info.crs);
+        transform.operation(input, crs, extent, &options.resources).map(Some)
     }
 
     fn warped(
