@@ -127,8 +127,8 @@ pub fn run_in(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TilesReport> {
-    let (to, with) = ((folder, &*job.output), (disk, &job.resources));
-    let all = RunJob::until(to, job.overwrite, OutputForm::default(), with);
+    let form = OutputForm::default();
+    let all = RunJob::until(folder, &job.output, job.overwrite, form, disk, &job.resources);
     let report = plan::run_in::<TilesPlan>(
         &all,
         || plan_tiles(&PlanJob::all(job, folder, skipped)).map(drop),

@@ -81,10 +81,12 @@ pub struct RunJob {
 impl RunJob {
     /// A run of all pending tasks of a folder, up to the output.
     pub fn until(
-        (folder, output): (&Path, &Path),
+        folder: &Path,
+        output: &Path,
         overwrite: bool,
         form: OutputForm,
-        (disk, resources): (DiskCheck, &Resources),
+        disk: DiskCheck,
+        resources: &Resources,
     ) -> Self {
         Self {
             folder: folder.to_path_buf(),

@@ -97,7 +97,7 @@ impl Tin {
         let MeshHeader { crs, bounds: [low, high], promises, .. } = &self.header;
         let steps = [0, 1, 2].map(|axis| if axis < 2 { high[axis] - low[axis] } else { 1.0 });
         let (scale, _) = LocalFrame::default()
-            .place(crs, ([*low, *high], steps), format)
+            .place(crs, [*low, *high], steps, format)
             .map_err(|error| error.in_file(path))?;
         let heights = self.vertices.iter().map(|[.., z]| *z);
         if !format.single_precision

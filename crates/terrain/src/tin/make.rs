@@ -116,7 +116,7 @@ impl OpenedTinJob {
         let info = source.info();
         let frame = MeshFrame::new(info, job, format)?;
         let (placed, mut notes) =
-            job.placing.place(&frame.crs, (frame.bounds, frame.steps), format)?;
+            job.placing.place(&frame.crs, frame.bounds, frame.steps, format)?;
         notes.extend(frame.notes().into_iter().chain(raster::cautions(info)));
         let (constraints, carried) = (GridConstraints::default(), VertexExtras::default());
         let spec = job.refinement.spec(&info.transform)?;

@@ -84,8 +84,8 @@ pub fn run_in(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<PointsWritten> {
-    let (to, with) = ((folder, &*job.output), (disk, &job.resources));
-    let all = RunJob::until(to, job.overwrite, OutputForm::default(), with);
+    let form = OutputForm::default();
+    let all = RunJob::until(folder, &job.output, job.overwrite, form, disk, &job.resources);
     let job = PlanPointsJob::all(job, folder, skipped);
     let run = plan::run_in::<PointTilesPlan>(
         &all,

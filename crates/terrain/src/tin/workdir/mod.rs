@@ -136,8 +136,7 @@ pub fn run_in(
         cancel,
     )?;
     let form = OutputForm { split: job.split, solid_base: job.solid_base };
-    let (to, with) = ((folder, &*job.output), (disk, &job.resources));
-    let run = RunJob::until(to, job.overwrite, form, with);
+    let run = RunJob::until(folder, &job.output, job.overwrite, form, disk, &job.resources);
     plan::run::<PlannedMesh>(&run, progress, cancel).and_then(mesh_report)
 }
 
