@@ -123,7 +123,7 @@ pub fn status<W: PlannedWork>(path: &Path) -> Result<StatusReport<W::Status>> {
         damaged: states.damaged.iter().map(W::Task::to_string).collect(),
         object_bytes: states.done.values().map(|done| done.bytes).sum(),
         forecast: folder.plan.forecast(&left),
-        told: last_output,
+        last_output,
         skipped: folder.plan.skipped.clone(),
         ..work.status()
     })

@@ -360,7 +360,7 @@ mod tests {
                 measure: false,
             },
             tile: 64,
-            kept: GridConstraints::NONE,
+            constraints: GridConstraints::NONE,
             threads,
             mesh_bytes: 1 << 20,
             temp_dir: Path::new("."),

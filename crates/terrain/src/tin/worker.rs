@@ -217,14 +217,14 @@ impl<'a> TinWorker<'a> {
     fn is_last_of_lines(&self, seam: SeamKind, zone: &PatchTriangles) -> bool {
         // No patch comes after this one, and the rest of a line may be anywhere within its reach.
         seam == SeamKind::Corner
-            && self.job.settings.kept.lines().paths().near(zone.limits()).next().is_some()
+            && self.job.settings.constraints.lines().paths().near(zone.limits()).next().is_some()
     }
 
     /// Spacing of anchor vertices; half as much where lines are followed.
     fn spacing(&self) -> u32 {
         let spacing = self.job.layout.spacing();
         // A sample may be inserted anywhere on a line, and all that this changes has to be in a patch.
-        if self.job.settings.kept.lines().paths().is_empty() {
+        if self.job.settings.constraints.lines().paths().is_empty() {
             spacing
         } else {
             (spacing / 2).max(1)
@@ -410,7 +410,7 @@ impl<'a> TinWorker<'a> {
         let layout = &job.layout;
         self.used.reset(layout.owned(tile));
         let steps = [(0, 0), (0, -1), (-1, 0), (-1, -1)];
-        self.line_fans.begin(job.settings.kept.lines(), layout.owned(tile));
+        self.line_fans.begin(job.settings.constraints.lines(), layout.owned(tile));
         for near in steps.into_iter().filter_map(|(rows, cols)| layout.step(tile, rows, cols)) {
             let origin = layout.origin(near);
             job.store.with(near, |container| {
@@ -499,7 +499,7 @@ impl<'a> TinWorker<'a> {
 
     /// Lists the samples to keep in `rect`, as positions there.
     fn list_constraints(&mut self, rect: Rect) {
-        let constraints = self.job.settings.kept.within(rect);
+        let constraints = self.job.settings.constraints.within(rect);
         self.constraints.clear();
         self.constraints.extend(
             constraints.map(|[col, row]| TilePosition::new(col - rect.col, row - rect.row)),
@@ -510,7 +510,7 @@ impl<'a> TinWorker<'a> {
     /// Lists the parts of breaklines in `rect`, by positions there.
     fn list_lines(&mut self, rect: Rect) {
         let origin = [rect.col, rect.row].map(i64::from);
-        let near = self.job.settings.kept.lines().paths().near(rect);
+        let near = self.job.settings.constraints.lines().paths().near(rect);
         self.lines.clear();
         self.lines.extend(
             near.filter_map(|line| {

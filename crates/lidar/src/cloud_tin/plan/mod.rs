@@ -85,7 +85,7 @@ pub(super) fn plan_regions(
     refuse_lines(job)?;
     job.check()?;
     let opened = OpenedCloudTin::new(job.clone(), job.label())?;
-    let (mesh, needs) = match PlanManifest::<CloudMesh>::there(folder) {
+    let (mesh, needs) = match PlanManifest::<CloudMesh>::existing(folder) {
         Some(plan) => (CloudMesh::of(&opened, *cut, plan.work.seen)?, plan.needs),
         None => {
             let (seen, share) =

@@ -121,9 +121,9 @@ pub fn plan_grid(
     let job = &job.settled()?;
     let points = cloud::source(&job.input, &job.cloud)?;
     let extent = GridExtent::new(points.info(), job)?;
-    let (there, at) =
-        (PlanManifest::<CloudGridPlan>::there(folder), RunControl { progress, cancel });
-    let seen = match (&there, job.preset) {
+    let (existing, at) =
+        (PlanManifest::<CloudGridPlan>::existing(folder), RunControl { progress, cancel });
+    let seen = match (&existing, job.preset) {
         (Some(plan), _) => plan.work.seen.clone(),
         (None, Some(preset)) => Some(scan(preset, job, &*points, &extent, at)?),
         (None, None) => None,
@@ -131,7 +131,7 @@ pub fn plan_grid(
     let opened = OpenedCloudGrid { job: job.clone(), points, extent, seen };
     let grid = CloudGridPlan::new(&opened, *cut)?;
     let files = grid.files(&*opened.points);
-    let needs = match there {
+    let needs = match existing {
         Some(plan) => plan.needs,
         None => probe::expect(&opened, &grid.grid, at)?,
     };

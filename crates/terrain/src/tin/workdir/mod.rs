@@ -81,7 +81,7 @@ fn plan_checked(
     let tolerance = tolerance.map_err(|error| in_input(error, &tin.input))?;
     let layout = maker.layout().map_err(|error| in_input(error, &tin.input))?;
     let mesh = PlannedMesh::new(&tin, &opened, job.cut)?;
-    let needs = match PlanManifest::<PlannedMesh>::there(&job.folder) {
+    let needs = match PlanManifest::<PlannedMesh>::existing(&job.folder) {
         Some(plan) => plan.needs,
         None => estimated_needs(&maker, &mesh, tolerance, layout)?,
     };
