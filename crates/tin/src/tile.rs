@@ -177,7 +177,7 @@ fn loosen(
         fit(&judge, mesh, lists, false);
         drop.settle(field, fixed);
         drop::drop_redundant(&judge, mesh, drop);
-        adjust.look_at_changes(field, mesh);
+        adjust.mark_changed(field, mesh);
         adjust.sweep(&judge, mesh, spec.tolerance);
         mesh.judge_again();
     }
@@ -190,9 +190,9 @@ fn even_out(scratch: &mut TileScratch, spec: &TinSpec, fixed: &[TilePosition]) {
     if spec.bound == ErrorBound::Surface {
         judge = judge.and_between(CrossingJudge::new(field, spec.tolerance));
     }
-    adjust.examine(field, mesh, |_| true);
+    adjust.mark_due(field, mesh, |_| true);
     for _ in 0..adjust::ROUNDS {
-        adjust.look_at_changes(field, mesh);
+        adjust.mark_changed(field, mesh);
         mesh.forget_changes();
         if !adjust.sweep(&judge, mesh, spec.tolerance) {
             return;
