@@ -391,18 +391,19 @@ impl CoverageJob<'_> {
         solver: &TileSolver<'_>,
     ) -> Result<()> {
         let quadtree = solver.tiles.quadtree;
+        let tiles = 0..quadtree.count();
         let obstacle_bytes: Vec<u64> =
-            (0..quadtree.count()).map(|tile| spool.obstacles(tile) * OBSTACLE_BYTES).collect();
-        let sizes = obstacle_bytes.iter().enumerate();
-        let sizes = sizes.map(|(tile, bytes)| quadtree.vertices(tile) * KEPT_VERTEX + bytes);
+            tiles.clone().map(|tile| spool.obstacles(tile) * OBSTACLE_BYTES).collect();
+        let sizes =
+            tiles.clone().map(|tile| quadtree.vertices(tile) * KEPT_VERTEX + obstacle_bytes[tile]);
         let mut order: Vec<_> = sizes.map(Reverse).zip(0..).collect();
         order.sort_unstable();
         let largest = order.first().map_or(0, |(Reverse(size), _)| *size);
         // Without the memory for kept vertices, whose number is not known yet.
-        let least = obstacle_bytes.iter().enumerate();
-        let least = least.map(|(tile, bytes)| quadtree.vertices(tile) * VERTEX + bytes).max();
+        let min_bytes =
+            tiles.map(|tile| quadtree.vertices(tile) * VERTEX + obstacle_bytes[tile]).max();
         let memory = self.memory_left(input).saturating_sub(spool.memory_use());
-        if least.unwrap_or(0) > memory {
+        if min_bytes.unwrap_or(0) > memory {
             return Err(self.too_little(input, largest));
         }
         let threads = self.workers(memory, largest);

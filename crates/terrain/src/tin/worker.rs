@@ -243,20 +243,17 @@ impl<'a> TinWorker<'a> {
     /// True when a patch has left a triangle with too small an angle, or a wider patch at a corner would take one in.
     fn is_thin(&self, seam: SeamKind, tile: TileId, along: u32, patch: &PatchMesh) -> Result<bool> {
         let Some(bound) = self.job.settings.spec.min_angle else { return Ok(false) };
-        if seam != SeamKind::Corner {
+        if seam != SeamKind::Corner || patch.thin > 0 {
             return Ok(patch.thin > 0);
         }
-        let layout = &self.job.layout;
+        let (layout, store) = (&self.job.layout, &self.job.store);
         let widest = PatchTriangles::new(layout, seam, tile, layout.widest_reach(), along);
-        let mut is_thin = patch.thin > 0;
         for tile in layout.keepers(widest.limits()) {
-            is_thin = is_thin
-                || self
-                    .job
-                    .store
-                    .with(tile, |container| container.is_thin_in(&widest, tile, layout, &bound))?;
+            if store.with(tile, |container| container.is_thin_in(&widest, tile, layout, &bound))? {
+                return Ok(true);
+            }
         }
-        Ok(is_thin)
+        Ok(false)
     }
 
     /// Adds the triangles of `zone` to those found in a narrower one.
