@@ -191,7 +191,7 @@ pub fn run_in<W: PlannedWork>(
     plan: impl FnOnce() -> Result<()>,
     RunControl { progress, cancel }: RunControl<'_>,
 ) -> Result<RunReport<W::Run>> {
-    // Whether what an earlier run here wrote may be replaced is for the run to tell.
+    // With an existing plan, the run decides whether the output may be replaced.
     if let (Some(output), false) = (&job.output, job.folder.join(PLAN).exists()) {
         refuse_existing(output, job.overwrite)?;
     }

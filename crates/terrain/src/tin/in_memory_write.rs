@@ -115,7 +115,7 @@ impl Tin {
             let message = format!("the heights are out of range for {}", format.name);
             return Err(Error::unsupported(message).in_file(path).remedy("write PLY or OBJ"));
         }
-        // What is known of samples is not known of what lies between them.
+        // The measured error holds at samples only; with another bound, the tolerance counts.
         let error = if promises.bound.is_none() { self.max_error } else { self.tolerance };
         let tolerance = self.tolerance.max((error + loss).next_up());
         Ok(StoredHeights { scale, origin, tolerance })

@@ -81,7 +81,7 @@ impl WarpedGrid {
         Ok(())
     }
 
-    /// Of one piece, or of its halves where it needs too much of the grid.
+    /// Resamples a piece, in halves if it needs too many samples of the grid.
     fn piece(
         &self,
         piece: Rect,
