@@ -68,7 +68,7 @@ impl Run {
                 measure: true,
             },
             tile: self.tile,
-            kept: &self.kept,
+            constraints: &self.kept,
             threads: self.threads,
             mesh_bytes: self.mesh_bytes,
             temp_dir: folder.path(),

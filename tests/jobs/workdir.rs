@@ -180,7 +180,7 @@ fn a_finished_plan_has_nothing_to_do_until_its_mesh_is_touched() {
     assert!(again.made.is_empty() && again.of.mesh.is_some());
     assert_eq!(again.found + 1, again.tasks);
     let status = TinOptions::status(&folder).unwrap();
-    assert!(status.to_do.is_empty() && status.told.output.is_some());
+    assert!(status.to_do.is_empty() && status.last_output.output.is_some());
     std::fs::write(folder.join("mesh.ply"), b"something else").unwrap();
     assert_eq!(work(&folder, None, 2).unwrap_err().kind(), ErrorKind::Usage);
 }
@@ -363,7 +363,7 @@ fn an_output_of_any_name_is_noted() {
     assert!(
         TinOptions::status(&folder)
             .unwrap()
-            .told
+            .last_output
             .output
             .is_some_and(|output| output.ends_with(".ply"))
     );

@@ -45,9 +45,9 @@ impl Place {
         Some(self.path("p.wkt")).filter(|path| path.exists())
     }
 
-    fn job(&self, tolerance: f64, square: u64) -> LineJob {
+    fn job(&self, tolerance: f64, tile_vertices: u64) -> LineJob {
         let goal = LineGoal::Tolerance(Length { value: tolerance, unit: None });
-        let topology = Topology { square, sides: self.sides(), ..Topology::default() };
+        let topology = Topology { tile_vertices, sides: self.sides(), ..Topology::default() };
         LineJob {
             topology: Some(topology),
             overwrite: true,

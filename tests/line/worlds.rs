@@ -71,7 +71,7 @@ fn simplify(folder: &std::path::Path, all: &[Shape], way: &Way) -> (LineReport, 
     let topology = Topology {
         strategy: way.strategy,
         snap: way.snap as f64 / 1000.0,
-        square: way.square,
+        tile_vertices: way.tile_vertices,
         ..Topology::default()
     };
     let job = LineJob {
@@ -406,7 +406,7 @@ fn faults_of(all: &[Shape], tolerance: i64, decimals: Option<u8>) -> Vec<String>
 
 fn way(tolerance: i64, decimals: Option<u8>) -> Way {
     let (strategy, collapse) = (Strategy::Retroactive, RingCollapse::Minimal);
-    Way { tolerance, snap: 0, decimals, square: 1 << 20, method: 0, strategy, collapse }
+    Way { tolerance, snap: 0, decimals, tile_vertices: 1 << 20, method: 0, strategy, collapse }
 }
 
 fn shape(is_polygon: bool, part: &[Cell]) -> Shape {

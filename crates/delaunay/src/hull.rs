@@ -1,8 +1,7 @@
 //! Convex hulls of points: exact, with every point of the boundary, and mergeable.
 
 use super::position::FixedPosition;
-use super::predicates::orient;
-use super::query::site;
+use super::predicates::{orient, site};
 use terrane_base::geom::Point;
 
 /// The boundary of the convex hull of points: *all* points on it, those between corners too, of each
@@ -57,7 +56,7 @@ impl ConvexHull {
         let Some(&last) = self.ring.last() else { return false };
         let mut before = last;
         self.ring.iter().all(|&corner| {
-            let side = orient([before.x, before.y], [corner.x, corner.y], [p.x, p.y]);
+            let side = orient(site(&before), site(&corner), site(p));
             before = corner;
             side > 0
         })
@@ -141,7 +140,7 @@ fn chain(points: &[Point], turn: i64) -> Vec<Point> {
     for &p in points {
         while let [.., a, b] = chain[..] {
             // Collinear points stay: a position on the boundary is found between any two neighbours of it.
-            if orient([a.x, a.y], [b.x, b.y], [p.x, p.y]) * turn >= 0 {
+            if orient(site(&a), site(&b), site(&p)) * turn >= 0 {
                 break;
             }
             chain.pop();
@@ -177,7 +176,6 @@ mod tests {
         let mut sorted = points.to_vec();
         sorted.sort();
         sorted.dedup_by_key(|p| [p.x, p.y]);
-        let site = |p: &Point| [p.x, p.y];
         let on = |p: &&Point| {
             let edge = |q: &Point| {
                 let bounds = |r: &Point| orient(site(p), site(q), site(r)) >= 0;

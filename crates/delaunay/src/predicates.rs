@@ -7,9 +7,16 @@
 //! whatever order its sites come in and whatever part of it is looked at. A cocircular polygon
 //! becomes the fan of its lowest site.
 
+use terrane_base::geom::Point;
+
 /// A position in the plane, in steps; |coordinate| <= [`terrane_base::geom::REACH`]. Arrays compare as
 /// points do: by x, then y.
 pub type Site = [i32; 2];
+
+/// The position of a point.
+pub(super) fn site(p: &Point) -> Site {
+    [p.x, p.y]
+}
 
 /// `b - a`, exactly: below 2^30 in magnitude.
 #[inline(always)]

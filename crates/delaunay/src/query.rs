@@ -10,7 +10,7 @@
 use super::disc::CircumscribedDisc;
 use super::hull::{ConvexHull, HullLocation};
 use super::position::{FixedPosition, SiteOffset};
-use super::predicates::{Site, in_circle};
+use super::predicates::{in_circle, site};
 use super::space::{NeededWindow, PointIndex};
 use super::window::SiteWindow;
 use terrane_base::geom::Point;
@@ -41,10 +41,6 @@ const FIRST_REACH: i32 = 16;
 
 /// A disc up to this wide, in pitches, is searched in one go.
 const WIDE: i64 = 12;
-
-pub(super) fn site(p: &Point) -> Site {
-    [p.x, p.y]
-}
 
 impl<'a, S: PointIndex> TriangleFinder<'a, S> {
     /// A finder in a space. `hull` is the hull of all points of the cloud, known or not.

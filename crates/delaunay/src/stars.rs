@@ -10,8 +10,8 @@
 
 use super::disc::CircumscribedDisc;
 use super::hull::ConvexHull;
-use super::predicates::Site;
-use super::query::{deepest, from_lowest, site};
+use super::predicates::{Site, site};
+use super::query::{deepest, from_lowest};
 use super::space::{NeededWindow, PointIndex};
 use super::triangulation::Triangulation;
 use super::window::SiteWindow;

@@ -39,14 +39,15 @@ impl ConstraintFeatures {
     /// # Errors
     /// Features in another CRS; heights out of range.
     pub fn on_cloud(self, info: &CloudInfo, bounds: [Point; 2]) -> Result<OnCloud> {
-        OnCloud::new((self.points, self.lines), info, bounds)
+        OnCloud::new(self.points, self.lines, info, bounds)
     }
 }
 
 impl OnCloud {
     /// The points and lines of files, on a cloud within `bounds`.
     pub fn new(
-        (points, lines): (Option<ConstraintVertices>, Option<ConstraintVertices>),
+        points: Option<ConstraintVertices>,
+        lines: Option<ConstraintVertices>,
         info: &CloudInfo,
         bounds: [Point; 2],
     ) -> Result<Self> {

@@ -107,7 +107,8 @@ impl LocalFrame {
     pub fn place(
         &self,
         crs: &Crs,
-        (bounds, steps): ([Point3; 2], Point3),
+        bounds: [Point3; 2],
+        steps: Point3,
         format: &MeshFormat,
     ) -> Result<(StorageScale, Vec<String>)> {
         (format.admits)(crs)?;
@@ -340,7 +341,7 @@ mod tests {
         let print = LocalFrame { size: Some(100.0), ..LocalFrame::default() };
         let at = |placing: LocalFrame, crs: &Crs, bounds, name: &str| {
             placing
-                .place(crs, (bounds, [1.0; 3]), format(name))
+                .place(crs, bounds, [1.0; 3], format(name))
                 .map(|(placed, notes)| (placed.scale, placed.unit.unwrap_or_default(), notes.len()))
         };
         let (degrees, utm) = (crs(4326, "metre"), crs(32631, "metre"));

@@ -127,7 +127,8 @@ pub fn with_polygons<T>(
     let path = options.filter.polygon.as_ref().and_then(|polygon| polygon.path());
     work(beside_polygons(options, resources)).map_err(|error| match path {
         Some(path) if error.kind() == ErrorKind::Resource && error.path().is_none() => {
-            let remedy = with_more(error.remedy_text().unwrap_or("pass more ‹memory›"), reserved);
+            let remedy = error.remedy_text().unwrap_or("pass more ‹memory›");
+            let remedy = raise_memory(remedy, reserved).unwrap_or_else(|| remedy.to_owned());
             error
                 .at(format_args!("beside {reserved} MiB of polygons"))
                 .in_file(path)
@@ -137,12 +138,8 @@ pub fn with_polygons<T>(
     })
 }
 
-/// A remedy with `more` MiB added to the memory that it asks for; unchanged if it asks for none.
-fn with_more(remedy: &str, more: u64) -> String {
-    raise_memory(remedy, more).unwrap_or_else(|| remedy.to_owned())
-}
-
-/// As [`with_more`]; `None` if the remedy does not have the form that [`short`] writes.
+/// A remedy with `more` MiB added to the memory that it asks for; `None` if it is not of the form that [`short`]
+/// writes.
 fn raise_memory(remedy: &str, more: u64) -> Option<String> {
     let (before, rest) = remedy.split_once("‹memory› ")?;
     let (number, after) = rest.split_once('M')?;

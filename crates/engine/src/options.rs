@@ -11,7 +11,7 @@ use crate::feature_files;
 use crate::transform::TargetCrs;
 pub use codecs::{
     AsFormula, AsNumber, BoundName, BoundsText, ByteSizeText, CellSize, CrsText, FileName,
-    FileSize, FiniteNumber, FiniteOrNan, Interval, KeyValue, MarkName, PointFormatNumber,
+    FileSize, FiniteNumber, FiniteOrNan, FlagName, Interval, KeyValue, PointFormatNumber,
     PositionText, PrintLength, PrintScale, SampleTypeName,
 };
 use terrane_base::attribute::Return;
@@ -76,7 +76,7 @@ pub struct PointFilter {
     /// Keep points flagged as withheld
     pub keep_withheld: bool,
     /// Drop points with these flags
-    #[option(value = "FLAGS", with = MarkName)]
+    #[option(value = "FLAGS", with = FlagName)]
     pub drop_flag: Vec<Flags>,
     /// Height range to keep, inclusive
     #[option(value = "LOW,HIGH", with = Interval)]

@@ -75,18 +75,20 @@ impl TargetCrs {
         self.shift_grid.iter().chain(&self.geoid).map(PathBuf::as_path)
     }
 
-    /// The operation for data in the CRS `input` within a rectangle: x and y low, x and y high.
+    /// The operation from `crs`, that of the file `input`, to the target CRS, for data within `extent`: x and y low,
+    /// x and y high.
     ///
     /// # Errors
     /// The errors of [`CoordinateOperation::between`]; grids that cannot be read.
     pub fn operation(
         &self,
-        (input, from): (&Path, &Crs),
+        input: &Path,
+        crs: &Crs,
         extent: Option<[f64; 4]>,
         resources: &Resources,
     ) -> Result<CoordinateOperation> {
-        // What is wrong with the one system is told with the file.
-        from.conversion().map_err(|e| e.in_file(input))?;
+        // Errors about the CRS of the input name its file.
+        crs.conversion().map_err(|e| e.in_file(input))?;
         let shift_grid = self.shift_grid.as_ref().map(|path| {
             ShiftGrid::of_ntv2(&read(path, resources)?).map(Arc::new).map_err(|e| e.in_file(path))
         });
@@ -96,7 +98,7 @@ impl TargetCrs {
             shift_grid: shift_grid.transpose()?,
             geoid: geoid.transpose()?,
         };
-        CoordinateOperation::between(from, &wkt::of_srs(&self.target), &options)
+        CoordinateOperation::between(crs, &wkt::of_srs(&self.target), &options)
     }
 }
 

@@ -63,7 +63,8 @@ impl LineFiles {
         let crs = crs.unwrap_or_default();
         if let Some(transform) = &job.transform {
             let operation = Arc::new(transform.operation(
-                (&pairs[0].input, &crs),
+                &pairs[0].input,
+                &crs,
                 extent(job, &pairs)?,
                 &job.resources,
             )?);

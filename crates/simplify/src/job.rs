@@ -47,8 +47,8 @@ pub struct LineJob {
     pub resources: Resources,
 }
 
-/// Default limit of vertices per [tile](Topology::square).
-pub const SQUARE: u64 = 1 << 20;
+/// Default limit of vertices per [tile](Topology::tile_vertices).
+pub const TILE_VERTICES: u64 = 1 << 20;
 
 /// Settings of topology.
 #[derive(Clone, Debug)]
@@ -61,12 +61,12 @@ pub struct Topology {
     pub sides: Option<PathBuf>,
     /// Largest number of vertices processed together. Larger inputs are divided into tiles of at most this many
     /// vertices, and segments between tiles are kept. The result depends on it.
-    pub square: u64,
+    pub tile_vertices: u64,
 }
 
 impl Default for Topology {
     fn default() -> Self {
-        Self { strategy: Strategy::default(), snap: 0.0, sides: None, square: SQUARE }
+        Self { strategy: Strategy::default(), snap: 0.0, sides: None, tile_vertices: TILE_VERTICES }
     }
 }
 

@@ -23,7 +23,7 @@ pub use coverage::positions;
 pub use files::outputs;
 pub use goal::measured as goal_of;
 pub use goal::{LineGoal, MetGoal};
-pub use job::{LineJob, SQUARE, Topology};
+pub use job::{LineJob, TILE_VERTICES, Topology};
 pub use length::{Length, LengthText};
 pub use options::{LineOptions, LineSetters, Metric};
 pub use report::{HierarchyReport, LineReport};

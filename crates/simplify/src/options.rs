@@ -121,7 +121,7 @@ impl OptionCodec<String> for MethodName {
 }
 
 impl LineOptions {
-    /// What is to be reached.
+    /// The target.
     fn goal(&self) -> LineGoal {
         let goals = [
             self.tolerance.map(LineGoal::Tolerance),

@@ -80,14 +80,16 @@ fn copy(
     let mut sink = pair.create(job, source.layer())?;
     let vertex = if store.is_some() { VERTEX + SPLIT } else { VERTEX };
     let memory = job.resources.memory;
-    let max = BATCH.min(beside_program(memory) / vertex / 4).max(1);
-    let mut batch = read(&mut *source, store, max, memory)?;
+    let max_vertices = BATCH.min(beside_program(memory) / vertex / 4).max(1);
+    let mut batch = read(&mut *source, store, max_vertices, memory)?;
     while !batch.is_empty() {
         cancel.check()?;
-        let (simplified, next) =
-            rayon::join(|| simplify(batch, rule), || read(&mut *source, store, max, memory));
-        for simplified in simplified {
-            let simplified = simplified.map_err(|e| e.in_file(&pair.input))?;
+        let (results, next) = rayon::join(
+            || simplify(batch, rule),
+            || read(&mut *source, store, max_vertices, memory),
+        );
+        for result in results {
+            let simplified = result.map_err(|e| e.in_file(&pair.input))?;
             report.add(&simplified.tally);
             sink.write(&simplified.feature)?;
             simplified.record.map_or(Ok(()), |record| store.push(&record))?;

@@ -134,7 +134,7 @@ fn run(
         });
         Ok(DerivedBands::of_colours(bands.collect(), Vec::new()))
     })?;
-    // Of bytes of colours nothing is to be told.
+    // The range of the colour bytes is not that of the heights.
     Ok(ConvertReport { lowest: None, highest: None, valid_samples: report.samples, ..report })
 }
 

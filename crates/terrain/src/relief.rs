@@ -120,7 +120,7 @@ fn run(options: &DerivativeRequest<'_>, request: RunRequest<'_>) -> Result<Conve
         notes.push(toned.note());
         Ok(DerivedBands::of(Box::new(toned), notes))
     })?;
-    // Grays of values tell nothing of them.
+    // The range of the grays is not that of the derivative.
     let [lowest, highest] =
         [report.lowest, report.highest].map(|value| value.filter(|_| !is_toned));
     Ok(ConvertReport { lowest, highest, ..report })
@@ -195,7 +195,7 @@ impl DerivativeGrid {
         heights.fill(f64::NAN);
         inner.resize(read.len(), 0.0);
         self.inner.read_f64(read, inner)?;
-        // Of a row or column beyond the grid nothing is read.
+        // Rows and columns beyond the grid stay void.
         let [right, down] = [usize::from(rect.col == 0), usize::from(rect.row == 0)];
         for (row, inner) in inner.chunks(read.width as usize).enumerate() {
             heights[(row + down) * width + right..][..inner.len()].copy_from_slice(inner);

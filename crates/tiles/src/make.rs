@@ -107,7 +107,7 @@ pub fn plan_tiles(job: &PlanJob) -> Result<StatusReport> {
     let opened = OpenedTilesGrid::new(&TilesJob { input, reading, tiles, ..job.clone() })?;
     let tiles = TilesPlan::new(&opened, *cut)?;
     let files = opened.files();
-    let there = PlanManifest::<TilesPlan>::there(folder);
+    let there = PlanManifest::<TilesPlan>::existing(folder);
     let needs = there.map_or_else(|| tiles.needs(&opened), |plan| Ok(plan.needs))?;
     let label = opened.job.input.to_string();
     PlanManifest::new(tiles, (label, files), needs, skipped)?.put(folder)?;
@@ -127,8 +127,8 @@ pub fn run_in(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TilesReport> {
-    let (to, with) = ((folder, &*job.output), (disk, &job.resources));
-    let all = RunJob::until(to, job.overwrite, OutputForm::default(), with);
+    let form = OutputForm::default();
+    let all = RunJob::until(folder, &job.output, job.overwrite, form, disk, &job.resources);
     let report = plan::run_in::<TilesPlan>(
         &all,
         || plan_tiles(&PlanJob::all(job, folder, skipped)).map(drop),

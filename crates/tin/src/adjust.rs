@@ -103,23 +103,23 @@ impl AdjustScratch {
     }
 
     /// Marks the corners of changed triangles as due.
-    pub(super) fn look_at_changes(&mut self, field: &HeightField, mesh: &LatticeMesh) {
-        self.examine(field, mesh, |tri| tri.source == NONE);
+    pub(super) fn mark_changed(&mut self, field: &HeightField, mesh: &LatticeMesh) {
+        self.mark_due(field, mesh, |tri| tri.source == NONE);
     }
 
     /// Marks the corners of the given triangles as due.
-    pub(super) fn examine(
+    pub(super) fn mark_due(
         &mut self,
         field: &HeightField,
         mesh: &LatticeMesh,
         is_due: impl Fn(&LatticeTriangle) -> bool,
     ) {
         for tri in mesh.ids().map(|id| &mesh.tris[id as usize]).filter(|tri| is_due(tri)) {
-            self.look_at_corners(field, tri);
+            self.mark_corners(field, tri);
         }
     }
 
-    fn look_at_corners(&mut self, field: &HeightField, tri: &LatticeTriangle) {
+    fn mark_corners(&mut self, field: &HeightField, tri: &LatticeTriangle) {
         let corners = tri.corners.map(|p| field.index(p));
         for at in corners.into_iter().filter(|&at| !self.fixed.contains(at)) {
             self.due.insert(at);
@@ -156,7 +156,7 @@ impl AdjustScratch {
             self.due.remove(at);
             if self.adjust(judge, mesh, half_edge, tolerance) {
                 for i in 0..self.star.len() {
-                    self.look_at_corners(judge.field, &mesh.tris[(self.star[i] >> 2) as usize]);
+                    self.mark_corners(judge.field, &mesh.tris[(self.star[i] >> 2) as usize]);
                 }
                 self.due.remove(at);
                 self.moved.insert(at);

@@ -247,9 +247,9 @@ pub fn goes_on(segment: &SampleSegment, step: u64, fan: &[[[i64; 2]; 2]]) -> Opt
 }
 
 /// Twice the signed area of a triangle.
-fn turn(at: [i64; 2], a: [i64; 2], b: [i64; 2]) -> i64 {
-    let [a, b] = [a, b].map(|p| [0, 1].map(|axis| p[axis] - at[axis]));
-    a[0] * b[1] - a[1] * b[0]
+pub(super) fn turn(a: [i64; 2], b: [i64; 2], c: [i64; 2]) -> i128 {
+    let [u, v] = [b, c].map(|p| [0, 1].map(|axis| i128::from(p[axis] - a[axis])));
+    u[0] * v[1] - u[1] * v[0]
 }
 
 #[cfg(test)]

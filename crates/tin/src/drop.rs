@@ -53,45 +53,36 @@ pub(super) fn drop_redundant(
     mesh: &mut LatticeMesh,
     scratch: &mut DropScratch,
 ) {
-    let index = bit_index(judge.field);
     for half_edge in (0..mesh.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
         if judge.field.is_stopped_in(half_edge as usize) {
             return;
         }
         let state = mesh.tris[(half_edge >> 2) as usize].state;
         if !matches!(state, TriangleScanState::Free | TriangleScanState::Outside)
-            && scratch.settled.insert(index(mesh.origin(half_edge)))
+            && scratch.settled.insert(judge.field.index(mesh.origin(half_edge)))
             && scratch.try_drop(judge, mesh, half_edge).is_some()
         {
-            scratch.unsettle_filled(&index);
+            scratch.unsettle_filled(judge.field);
         }
     }
-}
-
-/// Index of a sample in the bit sets.
-fn bit_index(field: &HeightField) -> impl Fn(TilePosition) -> usize + use<> {
-    let width = field.width() as usize;
-    move |p| p.row() as usize * width + p.col() as usize
 }
 
 impl DropScratch {
     /// Begins a new mesh: all vertices except `fixed` may be dropped.
     pub(super) fn settle(&mut self, field: &HeightField, fixed: &[TilePosition]) {
-        let index = bit_index(field);
         let samples = field.width() as usize * field.height() as usize;
         self.fixed.reset(samples);
         self.settled.reset(samples);
         for &p in fixed {
-            self.fixed.insert(index(p));
-            self.settled.insert(index(p));
+            self.fixed.insert(field.index(p));
+            self.settled.insert(field.index(p));
         }
     }
 
     /// Unsettles the corners of triangles that have changed since the mesh was loaded.
     pub(super) fn unsettle_changed(&mut self, field: &HeightField, mesh: &LatticeMesh) {
-        let index = bit_index(field);
         for tri in mesh.ids().map(|id| &mesh.tris[id as usize]).filter(|tri| tri.source == NONE) {
-            self.unsettle_corners(tri, &index);
+            self.unsettle_corners(tri, field);
         }
     }
 
@@ -125,15 +116,15 @@ impl DropScratch {
     }
 
     /// Unsettles the corners of the triangles that filled the last hole: their stars have changed.
-    fn unsettle_filled(&mut self, index: &impl Fn(TilePosition) -> usize) {
+    fn unsettle_filled(&mut self, field: &HeightField) {
         for i in 0..self.fill.len() {
             let tri = self.fill[i];
-            self.unsettle_corners(&tri, index);
+            self.unsettle_corners(&tri, field);
         }
     }
 
-    fn unsettle_corners(&mut self, tri: &LatticeTriangle, index: &impl Fn(TilePosition) -> usize) {
-        for at in tri.corners.map(index) {
+    fn unsettle_corners(&mut self, tri: &LatticeTriangle, field: &HeightField) {
+        for at in tri.corners.map(|p| field.index(p)) {
             if !self.fixed.contains(at) {
                 self.settled.remove(at);
             }

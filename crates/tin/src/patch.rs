@@ -94,14 +94,14 @@ pub fn reduce_patch(
     drop::drop_redundant(&judge, mesh, drop);
     adjust.reset(field, input.kept);
     if spec.fit_heights {
-        adjust.examine(field, mesh, |_| true);
+        adjust.mark_due(field, mesh, |_| true);
         for _ in 0..adjust::ROUNDS {
             if !adjust.sweep(&judge, mesh, spec.tolerance) {
                 break;
             }
             drop.settle(field, &fixed);
             drop::drop_redundant(&judge, mesh, drop);
-            adjust.look_at_changes(field, mesh);
+            adjust.mark_changed(field, mesh);
         }
     }
     drop.allow_any(false);
@@ -303,8 +303,8 @@ fn even_out(
     drop: &mut drop::DropScratch,
 ) {
     adjust
-        .examine(judge.field, mesh, |tri| tri.corners.iter().any(|&p| border.input.is_on_seam(p)));
-    adjust.look_at_changes(judge.field, mesh);
+        .mark_due(judge.field, mesh, |tri| tri.corners.iter().any(|&p| border.input.is_on_seam(p)));
+    adjust.mark_changed(judge.field, mesh);
     for _ in 0..adjust::ROUNDS {
         if !adjust.sweep(judge, mesh, judge.tolerance) {
             return;
@@ -312,7 +312,7 @@ fn even_out(
         let all_fixed = [border.frozen(mesh), fixed.to_vec()].concat();
         drop.settle(judge.field, &all_fixed);
         drop::drop_redundant(judge, mesh, drop);
-        adjust.look_at_changes(judge.field, mesh);
+        adjust.mark_changed(judge.field, mesh);
     }
 }
 

@@ -92,7 +92,7 @@ pub fn triangulate_tile(
     let window = [input.apron_left, input.apron_above, cols, rows];
     let aprons = [input.apron_left, input.apron_right, input.apron_above, input.apron_below];
     let ends = aprons.map(|apron| apron == 0);
-    // What the rim of a neighbour decides is not scanned.
+    // Samples on a rim shared with a neighbour are left out of the scan.
     scratch.field.load(&input.heights, window, aprons, spec.single_precision);
     scratch.mesh.reset_to_rectangle(cols - 1, rows - 1);
     let surface = SurfaceCells::new(input);
@@ -177,7 +177,7 @@ fn loosen(
         fit(&judge, mesh, lists, false);
         drop.settle(field, fixed);
         drop::drop_redundant(&judge, mesh, drop);
-        adjust.look_at_changes(field, mesh);
+        adjust.mark_changed(field, mesh);
         adjust.sweep(&judge, mesh, spec.tolerance);
         mesh.judge_again();
     }
@@ -190,9 +190,9 @@ fn even_out(scratch: &mut TileScratch, spec: &TinSpec, fixed: &[TilePosition]) {
     if spec.bound == ErrorBound::Surface {
         judge = judge.and_between(CrossingJudge::new(field, spec.tolerance));
     }
-    adjust.examine(field, mesh, |_| true);
+    adjust.mark_due(field, mesh, |_| true);
     for _ in 0..adjust::ROUNDS {
-        adjust.look_at_changes(field, mesh);
+        adjust.mark_changed(field, mesh);
         mesh.forget_changes();
         if !adjust.sweep(&judge, mesh, spec.tolerance) {
             return;
@@ -292,10 +292,10 @@ fn inner_anchors(
     field: &HeightField,
     spacing: u32,
 ) -> Vec<TilePosition> {
-    let [cols, rows] = [field.width() - 1, field.height() - 1];
-    let rows = anchors(rows, spacing).filter(|&row| row > 0 && row < rows);
+    let (last_col, last_row) = (field.width() - 1, field.height() - 1);
+    let rows = anchors(last_row, spacing).filter(|&row| row > 0 && row < last_row);
     let all = rows.flat_map(|row| {
-        let cols = anchors(cols, spacing).filter(move |&col| col > 0 && col < cols);
+        let cols = anchors(last_col, spacing).filter(move |&col| col > 0 && col < last_col);
         cols.map(move |col| TilePosition::new(col, row))
     });
     all.filter(|&p| surface.role(p) == SurfaceRole::Interior).collect()

@@ -131,7 +131,7 @@ impl<'a> NestedRings<'a> {
     ) -> Result<(usize, Option<usize>)> {
         let mut found = Vec::new();
         let visited = self.tree.containing(&self.bounds[inner], &mut found);
-        self.scan(visited)?;
+        self.count_visited(visited)?;
         found.iter_mut().for_each(|at| *at = self.order[*at as usize]);
         // Of rings of one size the first in the file counts, whatever order the tree finds them in.
         found.sort_unstable();
@@ -154,20 +154,20 @@ impl<'a> NestedRings<'a> {
     fn contains(&mut self, at: usize, place: &[f64; 2]) -> Result<Option<bool>> {
         let ring = ring(self.coordinates, at);
         if ring.len() < LARGE {
-            self.scan(ring.len())?;
+            self.count_visited(ring.len())?;
             return Ok(contains(ring.windows(2), place));
         }
         let tree = self.edges[at].get_or_insert_with(|| heights(ring));
         let visited = tree.containing(&[0.0, place[1], 0.0, place[1]], &mut self.found);
         let edges = self.found.iter().map(|&edge| &ring[edge as usize..edge as usize + 2]);
         let is_inside = contains(edges, place);
-        self.scan(visited)?;
+        self.count_visited(visited)?;
         Ok(is_inside)
     }
 
     /// Counts examined edges or rectangles against the limit.
-    fn scan(&mut self, times: usize) -> Result<()> {
-        self.visited += times as u64;
+    fn count_visited(&mut self, count: usize) -> Result<()> {
+        self.visited += count as u64;
         if self.visited <= MAX_VISITED {
             return Ok(());
         }

@@ -135,8 +135,8 @@ fn table<S>(kind: &'static str, of: [(&'static str, String); 2], r: &StatusRepor
         rows.push(("damaged", r.damaged.join(", ")));
     }
     rows.extend(skipped(&r.skipped));
-    rows.extend(r.told.output_fault.clone().map(|fault| ("note", fault)));
-    rows.push(match &r.told.output {
+    rows.extend(r.last_output.output_fault.clone().map(|fault| ("note", fault)));
+    rows.push(match &r.last_output.output {
         Some(output) => (kind, output.clone()),
         None => ("next", format!("terrane plan run {}", r.folder)),
     });

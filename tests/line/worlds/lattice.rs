@@ -171,7 +171,7 @@ pub(crate) struct Way {
     pub(crate) tolerance: i64,
     pub(crate) snap: i64,
     pub(crate) decimals: Option<u8>,
-    pub(crate) square: u64,
+    pub(crate) tile_vertices: u64,
     pub(crate) method: usize,
     pub(crate) strategy: Strategy,
     pub(crate) collapse: RingCollapse,
@@ -205,9 +205,9 @@ pub(crate) fn world(seed: u64) -> (Vec<Shape>, Way) {
     let most = if snap == 0 && dice.below(2) == 0 { 4 + dice.below(30) as u64 } else { 1 << 20 };
     let method = dice.below(3) as usize;
     let (strategy, collapse) = (Strategy::Retroactive, RingCollapse::Minimal);
-    let mut way = Way { tolerance, snap, decimals, square: 0, method, strategy, collapse };
+    let mut way = Way { tolerance, snap, decimals, tile_vertices: 0, method, strategy, collapse };
     let moved = moved(&all, &way);
-    way.square = most.max(crowd(&moved));
+    way.tile_vertices = most.max(crowd(&moved));
     (all, way)
 }
 

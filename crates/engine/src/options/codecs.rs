@@ -275,9 +275,9 @@ fn about_flag(flag: Flags) -> &'static str {
 }
 
 /// The name of a point flag.
-pub struct MarkName;
+pub struct FlagName;
 
-impl OptionCodec<Flags> for MarkName {
+impl OptionCodec<Flags> for FlagName {
     const KIND: OptionKind = OptionKind::Choice(|| {
         let choices = Flags::ALL.map(|(name, flag)| ChoiceName { name, about: about_flag(flag) });
         choices.to_vec()
@@ -437,8 +437,8 @@ mod tests {
         let place = read::<[f64; 2], PositionText>;
         assert_eq!(place("-1.5,2"), Some(json!([-1.5, 2.0])));
         assert!(place("1").is_none() && place("1,inf").is_none());
-        let mark = read::<Flags, MarkName>;
-        assert_eq!((mark("overlap"), mark("withhold")), (Some(json!("overlap")), None));
+        let flag = read::<Flags, FlagName>;
+        assert_eq!((flag("overlap"), flag("withhold")), (Some(json!("overlap")), None));
         for text in ["first", "last", "only", "3"] {
             assert_eq!(read::<Return, AsNumber>(text), Some(json!(text)));
         }

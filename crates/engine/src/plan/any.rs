@@ -209,8 +209,8 @@ impl PlanStatus {
             seconds: report.forecast.seconds,
             least_memory: report.forecast.least_memory,
             disk_needed: report.forecast.disk_needed + output,
-            fault: report.told.output_fault,
-            written: report.told.output.map(PathBuf::from),
+            fault: report.last_output.output_fault,
+            written: report.last_output.output.map(PathBuf::from),
         }
     }
 }

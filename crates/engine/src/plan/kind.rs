@@ -74,7 +74,7 @@ pub trait PlannedWork: Clone + Sync + Serialize + DeserializeOwned {
     fn make(
         opened: &Self::Opened,
         object: (Self::Task, &Path),
-        survey: &TaskStates<'_, Self>,
+        states: &TaskStates<'_, Self>,
         run: &mut Self::Run,
         at: RunControl<'_>,
     ) -> Result<MadeArtifact<Self::Facts>>;
@@ -82,7 +82,7 @@ pub trait PlannedWork: Clone + Sync + Serialize + DeserializeOwned {
     /// Writes the output from all artifacts.
     fn write(
         opened: &Self::Opened,
-        survey: &TaskStates<'_, Self>,
+        states: &TaskStates<'_, Self>,
         run: &mut Self::Run,
         at: RunControl<'_>,
     ) -> Result<Self::Note>;

@@ -178,7 +178,7 @@ impl<W: PlannedWork> PlanManifest<W> {
 
     /// The existing plan of a folder, if it is of this kind and version. Its input statistics can be reused: `put`
     /// compares the rest, the files by their digests.
-    pub fn there(folder: &Path) -> Option<Self> {
+    pub fn existing(folder: &Path) -> Option<Self> {
         let (plan, _) = Self::read(folder).ok()?;
         (plan.maker.kind == W::KIND).then_some(plan)
     }

@@ -114,7 +114,7 @@ pub struct StatusReport<S> {
     pub forecast: Forecast,
     /// Output, once it is written.
     #[serde(flatten)]
-    pub told: LastOutput,
+    pub last_output: LastOutput,
     /// Files that were left out of the input when the plan was made.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub skipped: Vec<Skipped>,

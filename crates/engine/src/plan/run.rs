@@ -81,10 +81,12 @@ pub struct RunJob {
 impl RunJob {
     /// A run of all pending tasks of a folder, up to the output.
     pub fn until(
-        (folder, output): (&Path, &Path),
+        folder: &Path,
+        output: &Path,
         overwrite: bool,
         form: OutputForm,
-        (disk, resources): (DiskCheck, &Resources),
+        disk: DiskCheck,
+        resources: &Resources,
     ) -> Self {
         Self {
             folder: folder.to_path_buf(),
@@ -101,7 +103,7 @@ impl RunJob {
 /// Progress of the plan in the folder `path`; checks artifacts quickly, without reading them through.
 pub fn status<W: PlannedWork>(path: &Path) -> Result<StatusReport<W::Status>> {
     let (folder, cancel) = (PlanFolder::<W>::open(path)?, Cancel::default());
-    let survey = TaskStates::of_all(
+    let states = TaskStates::of_all(
         &folder,
         CheckDepth::Quick,
         RunControl { progress: &Silent, cancel: &cancel },
@@ -109,7 +111,7 @@ pub fn status<W: PlannedWork>(path: &Path) -> Result<StatusReport<W::Status>> {
     let last_output = last_output(&folder.path, folder.id)?;
     let (work, tasks) = (&folder.plan.work, folder.tasks());
     let finish = last_output.output.is_none().then_some(PlanStep::Finish);
-    let left = tasks.iter().copied().filter(|task| survey.is_missing(*task)).map(PlanStep::Task);
+    let left = tasks.iter().copied().filter(|task| states.is_missing(*task)).map(PlanStep::Task);
     let left: Vec<PlanStep<W::Task>> = left.chain(finish).collect();
     Ok(StatusReport {
         folder: folder.path.display().to_string(),
@@ -118,10 +120,10 @@ pub fn status<W: PlannedWork>(path: &Path) -> Result<StatusReport<W::Status>> {
         work: work.size(PlanStep::Finish),
         to_do: left.iter().map(|task| folder.task_report(*task)).collect(),
         done: (tasks.len() + 1 - left.len()) as u64,
-        damaged: survey.damaged.iter().map(W::Task::to_string).collect(),
-        object_bytes: survey.done.values().map(|done| done.bytes).sum(),
+        damaged: states.damaged.iter().map(W::Task::to_string).collect(),
+        object_bytes: states.done.values().map(|done| done.bytes).sum(),
         forecast: folder.plan.forecast(&left),
-        told: last_output,
+        last_output,
         skipped: folder.plan.skipped.clone(),
         ..work.status()
     })
@@ -189,7 +191,7 @@ pub fn run_in<W: PlannedWork>(
     plan: impl FnOnce() -> Result<()>,
     RunControl { progress, cancel }: RunControl<'_>,
 ) -> Result<RunReport<W::Run>> {
-    // Whether what an earlier run here wrote may be replaced is for the run to tell.
+    // With an existing plan, the run decides whether the output may be replaced.
     if let (Some(output), false) = (&job.output, job.folder.join(PLAN).exists()) {
         refuse_existing(output, job.overwrite)?;
     }
@@ -266,30 +268,30 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
 
     /// Runs all pending tasks.
     fn all(mut self) -> Result<RunReport<W::Run>> {
-        let mut survey = self.check_done()?;
+        let mut states = self.check_done()?;
         let mut to_do = self.folder.tasks();
-        to_do.retain(|task| survey.is_missing(*task));
+        to_do.retain(|task| states.is_missing(*task));
         self.check_disk(&to_do, self.note.is_none())?;
         self.staged(W::STAGE.unwrap_or_default(), &to_do, |run| {
-            to_do.iter().try_for_each(|task| run.make_missing(*task, &mut survey))
+            to_do.iter().try_for_each(|task| run.make_missing(*task, &mut states))
         })?;
-        self.end(&survey)
+        self.end(&states)
     }
 
     /// Runs one task that is not the last.
     fn run_task(mut self, task: W::Task) -> Result<RunReport<W::Run>> {
-        let mut survey = TaskStates::around(self.folder, task, CheckDepth::Quick, self.at)?;
-        if survey.is_missing(task) {
+        let mut states = TaskStates::around(self.folder, task, CheckDepth::Quick, self.at)?;
+        if states.is_missing(task) {
             self.check_disk(&[task], false)?;
             self.staged(&task.to_string(), &[task], |run| {
                 run.mending(
-                    &mut survey,
+                    &mut states,
                     |run| TaskStates::around(run.folder, task, CheckDepth::Whole, run.at),
-                    |run, survey| run.make_missing(task, survey),
+                    |run, states| run.make_missing(task, states),
                 )
             })?;
         }
-        Ok(self.conclude(&survey))
+        Ok(self.conclude(&states))
     }
 
     /// Runs the last task.
@@ -298,26 +300,26 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
             let nothing = TaskStates::new(self.folder);
             return self.end(&nothing);
         }
-        let mut survey = match W::LAST_LOOK {
+        let mut states = match W::LAST_LOOK {
             CheckDepth::Quick => {
                 TaskStates::of_all(self.folder, CheckDepth::Quick, self.at.silent())?
             }
             CheckDepth::Whole => self.check_done()?,
         };
-        survey.check_all()?;
-        self.check_disk(&survey.damaged, true)?;
-        self.mending(&mut survey, Self::check_done, |run, survey| {
-            survey.check_all().and_then(|()| run.write(survey))
+        states.check_all()?;
+        self.check_disk(&states.damaged, true)?;
+        self.mending(&mut states, Self::check_done, |run, states| {
+            states.check_all().and_then(|()| run.write(states))
         })?;
-        Ok(self.conclude(&survey))
+        Ok(self.conclude(&states))
     }
 
     /// Checks every byte of finished artifacts.
     fn check_done(&self) -> Result<TaskStates<'a, W>> {
         self.at.progress.begin("check finished tasks", self.folder.tasks().len() as u64);
-        let survey = TaskStates::of_all(self.folder, CheckDepth::Whole, self.at)?;
+        let states = TaskStates::of_all(self.folder, CheckDepth::Whole, self.at)?;
         self.at.progress.end();
-        Ok(survey)
+        Ok(states)
     }
 
     /// Does `work` as a stage of that name, if tasks have no stages of their own.
@@ -337,16 +339,16 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         Ok(())
     }
 
-    /// Does `work` on the states of a `survey`. Remakes damaged artifacts first; if the work fails to read an artifact,
-    /// checks every byte (`check`) and, if damage was found, does the work once more.
+    /// Runs `work`. Remakes damaged artifacts first; if the work fails to read an artifact, checks every byte (`check`)
+    /// and, if damage was found, does the work once more.
     fn mending(
         &mut self,
-        survey: &mut TaskStates<'a, W>,
+        states: &mut TaskStates<'a, W>,
         check: impl Fn(&Self) -> Result<TaskStates<'a, W>>,
         work: impl Fn(&mut Self, &mut TaskStates<'a, W>) -> Result<()>,
     ) -> Result<()> {
-        self.mend(survey)?;
-        let error = match work(self, survey) {
+        self.mend(states)?;
+        let error = match work(self, states) {
             // What cannot be written is no object that could be damaged.
             Err(error)
                 if error.kind() == ErrorKind::Io
@@ -356,47 +358,47 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
             }
             other => return other,
         };
-        *survey = check(self)?;
-        if survey.damaged.is_empty() {
+        *states = check(self)?;
+        if states.damaged.is_empty() {
             return Err(error);
         }
-        self.mend(survey)?;
-        work(self, survey)
+        self.mend(states)?;
+        work(self, states)
     }
 
     /// Remakes damaged artifacts.
-    fn mend(&mut self, survey: &mut TaskStates<'a, W>) -> Result<()> {
-        if survey.damaged.is_empty() {
+    fn mend(&mut self, states: &mut TaskStates<'a, W>) -> Result<()> {
+        if states.damaged.is_empty() {
             return Ok(());
         }
         for task in self.folder.tasks() {
             // Its key may not have been known before.
-            survey.inspect_again(task, self.at)?;
-            if survey.damaged.contains(&task) {
-                self.make_missing(task, survey)?;
+            states.inspect_again(task, self.at)?;
+            if states.damaged.contains(&task) {
+                self.make_missing(task, states)?;
             }
         }
         Ok(())
     }
 
     /// Makes a task's artifact unless it exists.
-    fn make_missing(&mut self, task: W::Task, survey: &mut TaskStates<'a, W>) -> Result<()> {
-        survey.inspect_again(task, self.at)?;
-        if !survey.is_missing(task) {
+    fn make_missing(&mut self, task: W::Task, states: &mut TaskStates<'a, W>) -> Result<()> {
+        states.inspect_again(task, self.at)?;
+        if !states.is_missing(task) {
             return Ok(());
         }
-        if survey.damaged.contains(&task) {
+        if states.damaged.contains(&task) {
             self.report.damaged.push(task.to_string());
         }
-        let place = survey.place(task)?;
+        let place = states.place(task)?;
         let (object, report) = ((task, &*place.file), &mut self.report.of);
         let MadeArtifact { facts, digest, spilled } =
-            W::make(&self.opened, object, survey, report, self.at)?;
+            W::make(&self.opened, object, states, report, self.at)?;
         let done = FinishedArtifact::seal(&place, facts, digest)?;
         self.report.made.push(task.to_string());
         self.report.made_bytes += done.bytes;
         self.report.spilled_bytes += spilled;
-        survey.done.insert(task, done);
+        states.done.insert(task, done);
         Ok(())
     }
 
@@ -409,30 +411,30 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
     }
 
     /// Writes the output from all artifacts.
-    fn write(&mut self, survey: &TaskStates<'a, W>) -> Result<()> {
+    fn write(&mut self, states: &TaskStates<'a, W>) -> Result<()> {
         // Once more: the tasks may have taken days.
         W::check_output(&self.opened, self.at)?;
         // Noted first: what a killed run leaves in the output's place is then known as its own, and may be
         // replaced without being asked for.
         self.output.begin()?;
-        let note = W::write(&self.opened, survey, &mut self.report.of, self.at)?;
+        let note = W::write(&self.opened, states, &mut self.report.of, self.at)?;
         self.output.finish(&note, self.at.cancel)?;
         self.report.finished = true;
         Ok(())
     }
 
     /// Ends with the output, which may exist already.
-    fn end(mut self, survey: &TaskStates<'a, W>) -> Result<RunReport<W::Run>> {
+    fn end(mut self, states: &TaskStates<'a, W>) -> Result<RunReport<W::Run>> {
         match self.note.take() {
             Some(note) => W::written(note, &self.output.path, &mut self.report.of),
-            None => self.write(survey)?,
+            None => self.write(states)?,
         }
-        Ok(self.conclude(survey))
+        Ok(self.conclude(states))
     }
 
-    fn conclude(mut self, survey: &TaskStates<'a, W>) -> RunReport<W::Run> {
-        let bytes: u64 = survey.done.values().map(|done| done.bytes).sum();
-        self.report.found = (survey.done.len() - self.report.made.len()) as u64;
+    fn conclude(mut self, states: &TaskStates<'a, W>) -> RunReport<W::Run> {
+        let bytes: u64 = states.done.values().map(|done| done.bytes).sum();
+        self.report.found = (states.done.len() - self.report.made.len()) as u64;
         self.report.found_bytes = bytes - self.report.made_bytes;
         self.report
     }

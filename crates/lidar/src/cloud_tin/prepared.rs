@@ -107,7 +107,7 @@ impl<'a> PreparedCloudTin<'a> {
             source.unwrap_or_else(|| feature_files::source(&feature_files::in_order(files)));
         let mut header = header(job, &source, info, constraints.and_heights(bounds), format)?;
         let (placed, notes) =
-            job.placing.place(&info.crs, (header.bounds, info.frame.scale), format)?;
+            job.placing.place(&info.crs, header.bounds, info.frame.scale, format)?;
         header.scale = placed.scale;
         header.unit.clone_from(&placed.unit);
         header.origin = placed.origin(header.origin, header.bounds);

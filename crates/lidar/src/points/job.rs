@@ -174,7 +174,7 @@ impl TranslateJob {
         let corners = info.bounds.map(|ends| ends.map(|point| info.frame.world(point)));
         let extent = corners.map(|[low, high]| [low[0], low[1], high[0], high[1]]);
         let name = self.input.first().map(|name| path_of(name).into_owned()).unwrap_or_default();
-        let operation = transform.operation((&name, &info.crs), extent, &self.resources)?;
+        let operation = transform.operation(&name, &info.crs, extent, &self.resources)?;
         if self.above.heights == Some(HeightsAs::Z) && !operation.keeps_heights() {
             return Err(Error::usage(
                 "heights above ground do not support a change of the vertical CRS",

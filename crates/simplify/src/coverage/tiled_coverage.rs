@@ -1,12 +1,12 @@
 //! Simplifies all features together (`--topology`), so that shared borders stay shared, tile by tile if the data are
 //! larger than memory.
 //!
-//! Up to `SQUARE` (2^20) vertices are one tile. For larger inputs a first pass counts vertices in the cells of a grid,
-//! and a quadtree is divided until every tile is below the limit. Each part of a feature (a line or a ring) is cut into
-//! runs: wherever a segment crosses from one tile to another, a run ends. Tiles are simplified independently; the result
-//! is one bit per vertex, kept or not, in input order. Then the features are read again. Each part is cut into the same
-//! runs, takes the next bits of their tiles, and is written. Features are held in memory if they fit, otherwise they are
-//! read again each time. The output is the same, because tiles depend on vertices only.
+//! Up to `TILE_VERTICES` (2^20) vertices are one tile. For larger inputs a first pass counts vertices in the cells of a
+//! grid, and a quadtree is divided until every tile is below the limit. Each part of a feature (a line or a ring) is cut
+//! into runs: wherever a segment crosses from one tile to another, a run ends. Tiles are simplified independently; the
+//! result is one bit per vertex, kept or not, in input order. Then the features are read again. Each part is cut into
+//! the same runs, takes the next bits of their tiles, and is written. Features are held in memory if they fit, otherwise
+//! they are read again each time. The output is the same, because tiles depend on vertices only.
 //!
 //! For rings with self-intersections the sign of the area is checked before output. A ring that has changed orientation
 //! is kept whole, and all tiles are processed again. The same applies to an outer ring that would be dropped while one
@@ -172,7 +172,7 @@ impl CoverageJob<'_> {
     /// Divides space into tiles of at most the set number of vertices. If a tile and the features do not fit into memory
     /// together, the features are released, to be read again each time. Fails if a tile alone does not fit.
     fn quadtree(&self, input: &mut CoverageInput<'_>) -> Result<VertexQuadtree> {
-        let max_vertices = self.topology.square.clamp(1, spool::MOST);
+        let max_vertices = self.topology.tile_vertices.clamp(1, spool::MOST);
         let mut quadtree = VertexQuadtree::new(&input.seen.census, max_vertices)?;
         // Where one cell of the histogram has too many vertices for a tile, they are counted again in finer cells.
         while let Some(mut finer) = quadtree.finer() {
@@ -391,18 +391,19 @@ impl CoverageJob<'_> {
         solver: &TileSolver<'_>,
     ) -> Result<()> {
         let quadtree = solver.tiles.quadtree;
+        let tiles = 0..quadtree.count();
         let obstacle_bytes: Vec<u64> =
-            (0..quadtree.count()).map(|tile| spool.obstacles(tile) * OBSTACLE_BYTES).collect();
-        let sizes = obstacle_bytes.iter().enumerate();
-        let sizes = sizes.map(|(tile, bytes)| quadtree.vertices(tile) * KEPT_VERTEX + bytes);
+            tiles.clone().map(|tile| spool.obstacles(tile) * OBSTACLE_BYTES).collect();
+        let sizes =
+            tiles.clone().map(|tile| quadtree.vertices(tile) * KEPT_VERTEX + obstacle_bytes[tile]);
         let mut order: Vec<_> = sizes.map(Reverse).zip(0..).collect();
         order.sort_unstable();
         let largest = order.first().map_or(0, |(Reverse(size), _)| *size);
         // Without the memory for kept vertices, whose number is not known yet.
-        let least = obstacle_bytes.iter().enumerate();
-        let least = least.map(|(tile, bytes)| quadtree.vertices(tile) * VERTEX + bytes).max();
+        let min_bytes =
+            tiles.map(|tile| quadtree.vertices(tile) * VERTEX + obstacle_bytes[tile]).max();
         let memory = self.memory_left(input).saturating_sub(spool.memory_use());
-        if least.unwrap_or(0) > memory {
+        if min_bytes.unwrap_or(0) > memory {
             return Err(self.too_little(input, largest));
         }
         let threads = self.workers(memory, largest);

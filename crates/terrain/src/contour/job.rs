@@ -125,8 +125,8 @@ impl ContourJob {
     pub(super) fn operation(&self, info: &GridInfo) -> Result<Option<crs::CoordinateOperation>> {
         let Some(transform) = self.options.reprojection.transform() else { return Ok(None) };
         let (input, extent) = (self.input.to_string(), Some(extent_of(info)));
-        let source = (Path::new(&input), &info.crs);
-        let operation = transform.operation(source, extent, &self.options.resources)?;
+        let (input, crs) = (Path::new(&input), &info.crs);
+        let operation = transform.operation(input, crs, extent, &self.options.resources)?;
         match operation.keeps_heights() {
             true => Ok(Some(operation)),
             false => Err(Error::unsupported(

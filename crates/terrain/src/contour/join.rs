@@ -156,8 +156,7 @@ impl ContourPieces {
             for first in 0..self.pieces.len() {
                 if !(visited[first] || only_open && self.pieces[first].is_entered) {
                     let line = self.line(first as u32, &mut visited);
-                    // Where the pieces of a ring meet was counted once, and its first vertex is its
-                    // last again.
+                    // A joined ring counts its first vertex twice.
                     let is_joined = self.pieces[first].next != first as u32;
                     self.original_vertices += u64::from(line.closed && is_joined);
                     lines.push(line);

@@ -36,7 +36,7 @@ fn field(name: &str, kind: FieldKind) -> FieldDefinition {
     FieldDefinition { name: name.into(), kind, width: None, decimals: None }
 }
 
-/// What is needed to write.
+/// Writes joined contours to a vector file.
 pub(super) struct ContourWriter<'a> {
     pub(super) job: &'a ContourJob,
     pub(super) format: &'a VectorFormat,

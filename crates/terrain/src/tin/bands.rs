@@ -64,12 +64,12 @@ fn open(job: &TinJob, bands: &MeshBands) -> Result<memory::Opened> {
     baseline::open(
         job,
         &MeshBands::options(bands.heights().unwrap_or(first), &options),
-        &computation(bands),
+        &whole_grid_method(bands),
     )
 }
 
-/// Bytes for a sample while a band is read.
-fn computation(bands: &MeshBands) -> WholeGridMethod {
+/// What a mesh of several bands needs in memory.
+fn whole_grid_method(bands: &MeshBands) -> WholeGridMethod {
     WholeGridMethod {
         what: format!("a mesh of {} bands", bands.list().len()),
         sample_bytes: WeightedChannels::sample_bytes(bands.list().len()),

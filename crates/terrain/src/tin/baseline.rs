@@ -53,13 +53,13 @@ pub fn run_by(
     }
     refuse_water(job, by.method.name)?;
     refuse_existing(&job.output, job.overwrite)?;
-    let computation = WholeGridMethod {
+    let method = WholeGridMethod {
         what: by.method.name.to_owned(),
         sample_bytes: by.method.sample_bytes,
         otherwise: "leave out ‹method›".to_owned(),
     };
     let mut opened = OpenedTinJob::with(job, || {
-        open(job, &options(job)?, &computation).map_err(|error| in_input(error, &job.input))
+        open(job, &options(job)?, &method).map_err(|error| in_input(error, &job.input))
     })?;
     opened.carried.triangulation = other_triangles(by);
     let maker = TinMaker { job, opened: &opened, progress, cancel };
@@ -77,7 +77,7 @@ fn other_triangles(by: &TextbookMethod) -> Option<&'static str> {
     }
 }
 
-/// A computation on the whole grid in memory.
+/// A method on the whole grid in memory.
 pub(super) struct WholeGridMethod {
     /// Its name in errors.
     pub(super) what: String,
@@ -103,18 +103,18 @@ pub(super) fn refuse_water(job: &TinJob, what: &str) -> Result<()> {
 pub(super) fn open(
     job: &TinJob,
     options: &GridOpenOptions,
-    computation: &WholeGridMethod,
+    method: &WholeGridMethod,
 ) -> Result<memory::Opened> {
     let resources = &job.resources;
     let source = memory::open_for_estimate(&job.input, options)?;
     let (width, height) = (source.info().width, source.info().height);
     terrane_baselines::check_sides(width, height).map_err(|e| {
-        e.remedy(format!("{} (its limit is {MOST_SIDE} samples a side)", computation.otherwise))
+        e.remedy(format!("{} (its limit is {MOST_SIDE} samples a side)", method.otherwise))
     })?;
-    let worker = u64::from(width) * u64::from(height) * (computation.sample_bytes + READ_BYTES);
+    let worker = u64::from(width) * u64::from(height) * (method.sample_bytes + READ_BYTES);
     let min_memory = memory::least(worker, source.block_bytes());
     if min_memory > resources.memory {
-        return Err(too_large(computation, [width, height], min_memory, resources));
+        return Err(too_large(method, [width, height], min_memory, resources));
     }
     memory::open(&job.input, options, &Resources { threads: 1, ..resources.clone() }, worker)
 }
@@ -123,21 +123,20 @@ pub(super) fn open(
 pub(super) const READ_BYTES: u64 = 20;
 
 fn too_large(
-    computation: &WholeGridMethod,
+    method: &WholeGridMethod,
     [width, height]: [u32; 2],
     min_memory: u64,
     resources: &Resources,
 ) -> Error {
     let grid_memory = resources.memory.saturating_sub(memory::least(0, 0));
-    let side = (grid_memory / (computation.sample_bytes + READ_BYTES)).isqrt();
+    let side = (grid_memory / (method.sample_bytes + READ_BYTES)).isqrt();
     let message = format!(
         "{} holds the whole grid in memory: {width} x {height} samples need {} MiB, {} MiB are allowed",
-        computation.what,
+        method.what,
         min_memory.div_ceil(1 << 20),
         resources.memory >> 20
     );
-    let smaller =
-        format!("use a grid of at most {side} x {side} samples, or {}", computation.otherwise);
+    let smaller = format!("use a grid of at most {side} x {side} samples, or {}", method.otherwise);
     memory::short(message, min_memory).or(&smaller)
 }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::goal::TinGoal;
 use super::layout::{TileLayout, checked_tile};
-use super::make::{MeshOrigin, header, in_input, open_tiled};
+use super::make::{MeshProvenance, header, in_input, open_tiled};
 use super::refinement::TinMethod;
 use super::report::{FlawReport, shortfall};
 use super::run::TinOutcome;
@@ -119,12 +119,12 @@ fn build_within(
 ) -> Result<BuildOutcome> {
     let info = source.info();
     let layout = TileLayout::new(info.width, info.height, job.tile)?;
-    let kept = features.on(info)?;
+    let constraints = features.on(info)?;
     let folder = job.resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
     let settings = TinSettings {
         spec: job.refinement.spec(&info.transform)?,
         tile: job.tile,
-        kept: &kept,
+        constraints: &constraints,
         threads: shares.threads,
         mesh_bytes: shares.mesh,
         temp_dir: &folder,
@@ -136,7 +136,7 @@ fn build_within(
     let settings = TinSettings { spec: TinSpec { tolerance, ..settings.spec }, ..settings };
     let outcome = run_stage("triangulate", source, sink, layout, &settings)?;
     let [clip, water] = [clip, water].map(|path| path.map(feature_files::label));
-    let from = MeshOrigin { input: info.format, clip, water, refinement: job.refinement };
+    let provenance = MeshProvenance { input: info.format, clip, water, refinement: job.refinement };
     let [thin, apart] =
         [outcome.thin, outcome.apart].map(|flaws| Some(FlawReport::of(flaws, &info.transform)));
     let shortfall = shortfall(thin, apart, job.refinement.min_angle);
@@ -144,6 +144,6 @@ fn build_within(
         tolerance,
         outcome,
         shortfall,
-        header: header(info, from, &settings.spec, 0.0),
+        header: header(info, provenance, &settings.spec, 0.0),
     })
 }

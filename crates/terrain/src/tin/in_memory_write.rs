@@ -97,7 +97,7 @@ impl Tin {
         let MeshHeader { crs, bounds: [low, high], promises, .. } = &self.header;
         let steps = [0, 1, 2].map(|axis| if axis < 2 { high[axis] - low[axis] } else { 1.0 });
         let (scale, _) = LocalFrame::default()
-            .place(crs, ([*low, *high], steps), format)
+            .place(crs, [*low, *high], steps, format)
             .map_err(|error| error.in_file(path))?;
         let heights = self.vertices.iter().map(|[.., z]| *z);
         if !format.single_precision
@@ -115,7 +115,7 @@ impl Tin {
             let message = format!("the heights are out of range for {}", format.name);
             return Err(Error::unsupported(message).in_file(path).remedy("write PLY or OBJ"));
         }
-        // What is known of samples is not known of what lies between them.
+        // The measured error holds at samples only; with another bound, the tolerance counts.
         let error = if promises.bound.is_none() { self.max_error } else { self.tolerance };
         let tolerance = self.tolerance.max((error + loss).next_up());
         Ok(StoredHeights { scale, origin, tolerance })

@@ -83,7 +83,7 @@ impl TileLayout {
                 "a surface needs at least 2 x 2 samples, the grid has {width} x {height}"
             )));
         }
-        // What is larger than the grid is as large as the grid: it takes no more memory.
+        // A tile larger than the grid would only reserve more memory.
         let tile = tile.min((width.max(height) - 1).max(*TILE_CELLS.start()));
         let (cols, rows) = ((width - 1).div_ceil(tile), (height - 1).div_ceil(tile));
         Ok(Self { width, height, tile, spacing: tile / 4, cols, rows })

@@ -116,7 +116,7 @@ impl OpenedTinJob {
         let info = source.info();
         let frame = MeshFrame::new(info, job, format)?;
         let (placed, mut notes) =
-            job.placing.place(&frame.crs, (frame.bounds, frame.steps), format)?;
+            job.placing.place(&frame.crs, frame.bounds, frame.steps, format)?;
         notes.extend(frame.notes().into_iter().chain(raster::cautions(info)));
         let (constraints, carried) = (GridConstraints::default(), VertexExtras::default());
         let spec = job.refinement.spec(&info.transform)?;
@@ -261,7 +261,7 @@ impl TinMaker<'_> {
         let (job, info) = (self.job, self.opened.source.info());
         let height = self.opened.height_origin.unwrap_or(0.0);
         let spec = self.spec(tolerance);
-        let provenance = MeshOrigin {
+        let provenance = MeshProvenance {
             input: &feature_files::source(&job.input),
             clip: job.reading.clip.as_deref().map(feature_files::label_of),
             water: job.reading.water.as_deref().map(feature_files::label_of),
@@ -405,7 +405,7 @@ impl TinMaker<'_> {
         TinSettings {
             spec,
             tile: self.job.tile,
-            kept: &self.opened.constraints,
+            constraints: &self.opened.constraints,
             threads: self.opened.shares.threads,
             mesh_bytes: self.opened.shares.mesh,
             temp_dir,
@@ -491,7 +491,7 @@ impl TinMaker<'_> {
 }
 
 /// Provenance of a mesh: names of the grid, the clip polygons and the water, and the options of the method.
-pub(super) struct MeshOrigin<'a> {
+pub(super) struct MeshProvenance<'a> {
     pub(super) input: &'a str,
     pub(super) clip: Option<String>,
     pub(super) water: Option<String>,
@@ -501,7 +501,7 @@ pub(super) struct MeshOrigin<'a> {
 /// The header of a mesh of the grid `info`, relative to the height `height`.
 pub(super) fn header(
     info: &GridInfo,
-    provenance: MeshOrigin<'_>,
+    provenance: MeshProvenance<'_>,
     spec: &TinSpec,
     height: f64,
 ) -> MeshHeader {
@@ -519,7 +519,7 @@ pub(super) fn header(
 }
 
 /// The statements of a mesh about its provenance and its guarantees.
-fn promises(provenance: MeshOrigin<'_>, spec: &TinSpec, unit: Option<String>) -> Promises {
+fn promises(provenance: MeshProvenance<'_>, spec: &TinSpec, unit: Option<String>) -> Promises {
     let [points, lines] = provenance.refinement.files();
     Promises {
         source: Some(provenance.input.to_owned()),

@@ -64,7 +64,7 @@ impl TinTarget {
 #[options(setters = own, rules = RULES)]
 #[non_exhaustive]
 pub struct TinOptions {
-    /// What it has to reach.
+    /// Target of the mesh.
     #[option(flatten)]
     pub target: TinTarget,
     /// How the grid is read.

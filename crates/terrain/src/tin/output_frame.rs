@@ -38,8 +38,8 @@ impl MeshFrame {
         };
         let Some(transform) = &job.transform else { return Ok(frame) };
         let input = job.input.to_string();
-        let source = (Path::new(&input), &info.crs);
-        let operation = transform.operation(source, Some(extent_of(info)), &job.resources)?;
+        let (input, extent) = (Path::new(&input), extent_of(info));
+        let operation = transform.operation(input, &info.crs, Some(extent), &job.resources)?;
         if format.single_precision && !operation.keeps_heights() {
             let message = format!(
                 "{} rounds heights, so it is not supported for a CRS that changes them",

@@ -40,7 +40,7 @@ pub struct TinMethod {
     /// Minimum triangle angle in plan view, in degrees; samples are inserted until it holds
     #[option(value = "DEGREES", range = OptionRange::POSITIVE)]
     pub min_angle: Option<f64>,
-    /// What stays.
+    /// Points and breaklines to keep.
     #[option(flatten)]
     pub constraints: Constraints,
 }

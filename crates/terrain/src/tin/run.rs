@@ -196,7 +196,7 @@ fn run_threads(
     std::thread::scope(|scope| {
         let (sender, receiver) = bounded(WAITING_PARTS * threads);
         let writing = spawn(scope, move || write_parts(shared, collector, &receiver));
-        // Where there are no threads to be had, this one does it all.
+        // Without a thread for the writer, this thread does all the work.
         let Some(writing) = writing else {
             return TinWorker::new(shared, TilePartOutlet { collector, writer: None }).run();
         };
@@ -360,7 +360,7 @@ mod tests {
                 measure: false,
             },
             tile: 64,
-            kept: GridConstraints::NONE,
+            constraints: GridConstraints::NONE,
             threads,
             mesh_bytes: 1 << 20,
             temp_dir: Path::new("."),

@@ -13,8 +13,8 @@ pub struct TinSettings<'a> {
     pub spec: TinSpec,
     /// Cells along a tile's side.
     pub tile: u32,
-    /// Samples that stay vertices.
-    pub kept: &'a GridConstraints,
+    /// Samples that must be vertices, and breaklines.
+    pub constraints: &'a GridConstraints,
     /// Worker threads. With one, everything runs on the calling thread; with more, one further
     /// thread writes.
     pub threads: usize,

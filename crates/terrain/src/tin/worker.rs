@@ -217,14 +217,14 @@ impl<'a> TinWorker<'a> {
     fn is_last_of_lines(&self, seam: SeamKind, zone: &PatchTriangles) -> bool {
         // No patch comes after this one, and the rest of a line may be anywhere within its reach.
         seam == SeamKind::Corner
-            && self.job.settings.kept.lines().paths().near(zone.limits()).next().is_some()
+            && self.job.settings.constraints.lines().paths().near(zone.limits()).next().is_some()
     }
 
     /// Spacing of anchor vertices; half as much where lines are followed.
     fn spacing(&self) -> u32 {
         let spacing = self.job.layout.spacing();
         // A sample may be inserted anywhere on a line, and all that this changes has to be in a patch.
-        if self.job.settings.kept.lines().paths().is_empty() {
+        if self.job.settings.constraints.lines().paths().is_empty() {
             spacing
         } else {
             (spacing / 2).max(1)
@@ -243,20 +243,17 @@ impl<'a> TinWorker<'a> {
     /// True when a patch has left a triangle with too small an angle, or a wider patch at a corner would take one in.
     fn is_thin(&self, seam: SeamKind, tile: TileId, along: u32, patch: &PatchMesh) -> Result<bool> {
         let Some(bound) = self.job.settings.spec.min_angle else { return Ok(false) };
-        if seam != SeamKind::Corner {
+        if seam != SeamKind::Corner || patch.thin > 0 {
             return Ok(patch.thin > 0);
         }
-        let layout = &self.job.layout;
+        let (layout, store) = (&self.job.layout, &self.job.store);
         let widest = PatchTriangles::new(layout, seam, tile, layout.widest_reach(), along);
-        let mut is_thin = patch.thin > 0;
         for tile in layout.keepers(widest.limits()) {
-            is_thin = is_thin
-                || self
-                    .job
-                    .store
-                    .with(tile, |container| container.is_thin_in(&widest, tile, layout, &bound))?;
+            if store.with(tile, |container| container.is_thin_in(&widest, tile, layout, &bound))? {
+                return Ok(true);
+            }
         }
-        Ok(is_thin)
+        Ok(false)
     }
 
     /// Adds the triangles of `zone` to those found in a narrower one.
@@ -410,7 +407,7 @@ impl<'a> TinWorker<'a> {
         let layout = &job.layout;
         self.used.reset(layout.owned(tile));
         let steps = [(0, 0), (0, -1), (-1, 0), (-1, -1)];
-        self.line_fans.begin(job.settings.kept.lines(), layout.owned(tile));
+        self.line_fans.begin(job.settings.constraints.lines(), layout.owned(tile));
         for near in steps.into_iter().filter_map(|(rows, cols)| layout.step(tile, rows, cols)) {
             let origin = layout.origin(near);
             job.store.with(near, |container| {
@@ -499,7 +496,7 @@ impl<'a> TinWorker<'a> {
 
     /// Lists the samples to keep in `rect`, as positions there.
     fn list_constraints(&mut self, rect: Rect) {
-        let constraints = self.job.settings.kept.within(rect);
+        let constraints = self.job.settings.constraints.within(rect);
         self.constraints.clear();
         self.constraints.extend(
             constraints.map(|[col, row]| TilePosition::new(col - rect.col, row - rect.row)),
@@ -510,7 +507,7 @@ impl<'a> TinWorker<'a> {
     /// Lists the parts of breaklines in `rect`, by positions there.
     fn list_lines(&mut self, rect: Rect) {
         let origin = [rect.col, rect.row].map(i64::from);
-        let near = self.job.settings.kept.lines().paths().near(rect);
+        let near = self.job.settings.constraints.lines().paths().near(rect);
         self.lines.clear();
         self.lines.extend(
             near.filter_map(|line| {

@@ -75,8 +75,8 @@ impl WarpJob<'_> {
         let options = &self.copy.options;
         let Some(transform) = options.reprojection.transform() else { return Ok(None) };
         let (input, extent) = (self.copy.input.to_string(), Some(extent_of(info)));
-        let source = (Path::new(&input), &info.crs);
-        transform.operation(source, extent, &options.resources).map(Some)
+        let (input, crs) = (Path::new(&input), &info.crs);
+        transform.operation(input, crs, extent, &options.resources).map(Some)
     }
 
     fn warped(
@@ -87,9 +87,9 @@ impl WarpJob<'_> {
     ) -> Result<WarpedGrid> {
         let input = inner.info();
         let crs = operation.as_ref().map_or(&input.crs, CoordinateOperation::target).clone();
-        let way = CrsTransform::new(operation);
-        let lattice = output_grid::of(&self.copy.options.lattice, input, &crs, &way)?;
-        let is_made = self.resampling.radius > 0 || !way.keeps_heights();
+        let transform = CrsTransform::new(operation);
+        let lattice = output_grid::of(&self.copy.options.lattice, input, &crs, &transform)?;
+        let is_made = self.resampling.radius > 0 || !transform.keeps_heights();
         let info = GridInfo {
             width: lattice.width,
             height: lattice.height,
@@ -100,9 +100,9 @@ impl WarpJob<'_> {
             ..input.clone()
         };
         let info = if is_made { made(info) } else { info };
-        let scale = Scale::new(output_grid::scale(&lattice, input, &way)?);
+        let scale = Scale::new(output_grid::scale(&lattice, input, &transform)?);
         self.check_reach(scale)?;
-        Ok(WarpedGrid::new(info, inner, way, self.resampling, scale, is_made, nowhere))
+        Ok(WarpedGrid::new(info, inner, transform, self.resampling, scale, is_made, nowhere))
     }
 
     /// Fails if a height depends on more samples than a thread may hold.

@@ -45,14 +45,14 @@ const HAIR: f64 = 1e-6;
 /// Most positions transformed along each edge of the grid.
 const MAX_PLACES: u32 = 1 << 14;
 
-/// The lattice in the target CRS of `way`.
+/// The lattice in the target CRS of `transform`.
 pub(super) fn of(
     options: &LatticeOptions,
     grid: &GridInfo,
     crs: &Crs,
-    way: &CrsTransform,
+    transform: &CrsTransform,
 ) -> Result<TargetGrid> {
-    let outline = WarpedExtent::of(grid, way);
+    let outline = WarpedExtent::of(grid, transform);
     if let Some(like) = &options.like {
         let lattice = alike(like, crs)?;
         outline.check_near(lattice.extent()).map_err(|e| e.in_file(Path::new(like)))?;
@@ -60,7 +60,7 @@ pub(super) fn of(
     }
     let cell = match options.resolution {
         Some(cell) => cell,
-        None => natural(grid, way)?,
+        None => natural(grid, transform)?,
     };
     match (options.extent, options.resolution) {
         (Some(extent), None) => {
@@ -86,21 +86,26 @@ pub(super) fn of(
 
 /// Columns and rows of the grid for each of the lattice, at the centre of the lattice or, if that is far from
 /// the grid, at the centre of the grid.
-pub(super) fn scale(lattice: &TargetGrid, grid: &GridInfo, way: &CrsTransform) -> Result<[f64; 2]> {
+pub(super) fn scale(
+    lattice: &TargetGrid,
+    grid: &GridInfo,
+    transform: &CrsTransform,
+) -> Result<[f64; 2]> {
     let backward = slopes(
         |[col, row]| {
             let position = lattice.transform.apply(col, row);
-            way.back(position).map(|[x, y]| grid.transform.invert(x, y))
+            transform.inverse(position).map(|[x, y]| grid.transform.invert(x, y))
         },
         centre(lattice.width, lattice.height),
     );
     if let Some([a, b]) = backward {
         return Ok([a[0].hypot(b[0]), a[1].hypot(b[1])]);
     }
-    // The centre of the target may have no position in the CRS of the grid: then by the inverse of the way there.
+    // The centre of the target may have no position in the CRS of the grid: then the inverse of the forward
+    // derivatives.
     let forward = slopes(
         |[col, row]| {
-            let [x, y] = way.there(grid.transform.apply(col, row)).ok()?;
+            let [x, y] = transform.forward(grid.transform.apply(col, row)).ok()?;
             Some(lattice.transform.invert(x, y))
         },
         centre(grid.width, grid.height),
@@ -135,16 +140,18 @@ fn slopes(
 }
 
 /// The cell size at the centre of the grid.
-fn natural(grid: &GridInfo, way: &CrsTransform) -> Result<[f64; 2]> {
+fn natural(grid: &GridInfo, transform: &CrsTransform) -> Result<[f64; 2]> {
     let map = grid.transform;
-    if way.is_none() && map.b == 0.0 && map.d == 0.0 {
+    if transform.is_none() && map.b == 0.0 && map.d == 0.0 {
         return Ok([map.a.abs(), map.e.abs()]);
     }
-    let side =
-        slopes(|[col, row]| way.there(map.apply(col, row)).ok(), centre(grid.width, grid.height))
-            // A square of the area of a cell there: about as many samples as the grid has.
-            .map(|[a, b]| (a[0] * b[1] - a[1] * b[0]).abs().sqrt())
-            .filter(|side| *side > 0.0 && side.is_finite());
+    let side = slopes(
+        |[col, row]| transform.forward(map.apply(col, row)).ok(),
+        centre(grid.width, grid.height),
+    )
+    // A square of the area of a cell there: about as many samples as the grid has.
+    .map(|[a, b]| (a[0] * b[1] - a[1] * b[0]).abs().sqrt())
+    .filter(|side| *side > 0.0 && side.is_finite());
     side.map(|side| [side; 2])
         .ok_or_else(|| placeless().remedy("pass the cell size with ‹resolution›"))
 }
@@ -158,7 +165,7 @@ struct WarpedExtent {
 }
 
 impl WarpedExtent {
-    fn of(grid: &GridInfo, way: &CrsTransform) -> Self {
+    fn of(grid: &GridInfo, transform: &CrsTransform) -> Self {
         let mut outline = Self { extent: [f64::MAX, f64::MAX, f64::MIN, f64::MIN], lost: None };
         let steps = grid.width.max(grid.height).min(MAX_PLACES);
         let [right, bottom] = [grid.width, grid.height].map(f64::from);
@@ -166,7 +173,7 @@ impl WarpedExtent {
             let share = f64::from(step) / f64::from(steps);
             let [col, row] = [share * right, share * bottom];
             for [col, row] in [[col, 0.0], [col, bottom], [0.0, row], [right, row]] {
-                outline.add(way.there(grid.transform.apply(col - 0.5, row - 0.5)));
+                outline.add(transform.forward(grid.transform.apply(col - 0.5, row - 0.5)));
             }
         }
         outline

@@ -31,7 +31,7 @@ pub(super) const WORKER_BYTES: u64 =
 pub(super) struct WarpedGrid {
     info: GridInfo,
     inner: Box<dyn GridSource>,
-    way: CrsTransform,
+    transform: CrsTransform,
     resampling: &'static ResamplingMethod,
     scale: Scale,
     /// Heights are computed, and rounded to the sample type.
@@ -54,7 +54,7 @@ impl WarpedGrid {
     pub(super) fn new(
         info: GridInfo,
         inner: Box<dyn GridSource>,
-        way: CrsTransform,
+        transform: CrsTransform,
         resampling: &'static ResamplingMethod,
         scale: Scale,
         is_made: bool,
@@ -62,7 +62,7 @@ impl WarpedGrid {
     ) -> Self {
         let [across, down] = scale.get();
         let side = (USUAL_SPAN / across.max(down)).clamp(1.0, MOST_SIDE) as u32;
-        Self { info, inner, way, resampling, scale, is_made, side, nowhere }
+        Self { info, inner, transform, resampling, scale, is_made, side, nowhere }
     }
 
     pub(super) fn scale(&self) -> Scale {
@@ -81,7 +81,7 @@ impl WarpedGrid {
         Ok(())
     }
 
-    /// Of one piece, or of its halves where it needs too much of the grid.
+    /// Resamples a piece, in halves if it needs too many samples of the grid.
     fn piece(
         &self,
         piece: Rect,
@@ -113,7 +113,7 @@ impl WarpedGrid {
         for row in piece.row..piece.end_row() {
             places.extend((piece.col..piece.end_col()).map(|col| {
                 let at = self.info.transform.apply(f64::from(col), f64::from(row));
-                let place = self.way.back(at).map(|[x, y]| map.invert(x, y));
+                let place = self.transform.inverse(at).map(|[x, y]| map.invert(x, y));
                 nowhere += u64::from(place.is_none());
                 place.unwrap_or([f64::NAN; 2])
             }));
@@ -140,10 +140,10 @@ impl WarpedGrid {
 
     /// Heights in the vertical CRS of the output, rounded to its type.
     fn settle(&self, places: &[Place], heights: &mut [f64]) -> Result<()> {
-        let (map, moves) = (&self.inner.info().transform, !self.way.keeps_heights());
+        let (map, moves) = (&self.inner.info().transform, !self.transform.keeps_heights());
         for (place, height) in places.iter().zip(heights) {
             if moves && !height.is_nan() {
-                *height = self.way.height(map.apply(place[0], place[1]), *height)?;
+                *height = self.transform.height(map.apply(place[0], place[1]), *height)?;
             }
             if self.info.sample_type == SampleType::F32 {
                 *height = f64::from(*height as f32);

@@ -82,7 +82,7 @@ proptest! {
         }
         let mut scratch = AdjustScratch::default();
         scratch.reset(&field, &[]);
-        scratch.examine(&field, &mesh, |_| true);
+        scratch.mark_due(&field, &mesh, |_| true);
         while scratch.sweep(&judge, &mesh, TOLERANCE) {}
         for &at in &inner {
             let around = || mesh.tris.iter().filter(|tri| tri.corners.contains(&at));
@@ -112,7 +112,7 @@ proptest! {
         fit(&judge, &mut mesh, &mut WorkLists::default(), false);
         let mut scratch = AdjustScratch::default();
         scratch.reset(&field, &[]);
-        scratch.examine(&field, &mesh, |_| true);
+        scratch.mark_due(&field, &mesh, |_| true);
         prop_assert!(scratch.sweep(&judge, &mesh, TOLERANCE));
         while scratch.sweep(&judge, &mesh, TOLERANCE) {}
         for at in samples() {
@@ -190,7 +190,7 @@ proptest! {
         scratch.reset(&field, &[]);
         prop_assert!(!scratch.sweep(&judge, &mesh, 30.0));
         let chosen = mesh.tris[pick % mesh.tris.len()].corners;
-        scratch.examine(&field, &mesh, |tri| tri.corners == chosen);
+        scratch.mark_due(&field, &mesh, |tri| tri.corners == chosen);
         let found = scratch.sweep(&judge, &mesh, 30.0);
         prop_assert!(found || !samples().any(moved));
         let largest = mesh.tris.iter().map(|tri| error(&field, tri.corners)).fold(0.0, f64::max);

@@ -14,6 +14,7 @@
 use std::ops::RangeInclusive;
 
 use super::mesh::{GHOST, NONE, ScatterMesh};
+use crate::breaklines::turn;
 use terrane_base::geom::SampleSegment;
 use terrane_delaunay::orient;
 
@@ -243,12 +244,11 @@ fn triangles(mesh: &ScatterMesh) -> Vec<u32> {
 
 /// The triangles around a vertex, each with the index of the vertex in it.
 fn around(mesh: &ScatterMesh, first: u32, vertex: u32) -> impl Iterator<Item = (u32, usize)> + '_ {
-    let triangles = std::iter::successors(Some(first), move |&triangle| {
-        let k = corner_index(mesh, triangle, vertex);
+    let start = (first, corner_index(mesh, first, vertex));
+    std::iter::successors(Some(start), move |&(triangle, k)| {
         let next = mesh.triangles()[triangle as usize].twins[(k + 1) % 3];
-        (next != first).then_some(next)
-    });
-    triangles.map(move |triangle| (triangle, corner_index(mesh, triangle, vertex)))
+        (next != first).then(|| (next, corner_index(mesh, next, vertex)))
+    })
 }
 
 /// The index of a vertex in a triangle.
@@ -289,14 +289,11 @@ fn aim(
     let [first, last] = course.segment_ends();
     let [dx, dy] = [0, 1].map(|axis| (last[axis] - first[axis]) as f64);
     let steps_by_length = course.segment.steps() as f64 / (dx * dx + dy * dy).sqrt();
-    let distances = in_the_way(mesh, triangles[stop.vertex as usize], stop.vertex, [a, b]);
-    let steps = distances.map(|from| from.map(|far| (far * steps_by_length).round() as u64));
-    let step = match (distances, steps) {
-        (Some([from_a, from_b]), Some([steps_a, _])) if from_a <= from_b => {
-            stop.step.saturating_add(steps_a)
-        }
-        (_, Some([_, steps_b])) => next.saturating_sub(steps_b),
-        _ => stop.step.midpoint(next),
+    let steps = |distance: f64| (distance * steps_by_length).round() as u64;
+    let step = match in_the_way(mesh, triangles[stop.vertex as usize], stop.vertex, [a, b]) {
+        Some([from_a, from_b]) if from_a <= from_b => stop.step.saturating_add(steps(from_a)),
+        Some([_, from_b]) => next.saturating_sub(steps(from_b)),
+        None => stop.step.midpoint(next),
     };
     step.clamp(stop.step + 1, (next - 1).max(stop.step + 1))
 }
@@ -351,20 +348,15 @@ impl WidestAngleVertex {
     }
 }
 
-/// Twice the signed area of a triangle.
-fn turn(a: [i64; 2], b: [i64; 2], c: [i64; 2]) -> i128 {
-    let [u, v] = [b, c].map(|p| [0, 1].map(|axis| i128::from(p[axis] - a[axis])));
-    u[0] * v[1] - u[1] * v[0]
-}
-
 /// A position on both paths near the intersection of their straight lines.
 fn crossing(a: &ClippedSegment, b: &ClippedSegment) -> Option<Site> {
     let ([p, q], [r, s]) = (a.segment_ends(), b.segment_ends());
-    let sides = [turn(r, s, p), turn(r, s, q), turn(p, q, r), turn(p, q, s)].map(i128::signum);
+    let turns = [turn(r, s, p), turn(r, s, q), turn(p, q, r), turn(p, q, s)];
+    let sides = turns.map(i128::signum);
     if sides[0] * sides[1] >= 0 || sides[2] * sides[3] >= 0 {
         return None;
     }
-    let (from, to) = (turn(r, s, p) as f64, turn(r, s, q) as f64);
+    let (from, to) = (turns[0] as f64, turns[1] as f64);
     let share = from / (from - to);
     let at = [0, 1].map(|i| (p[i] as f64 + share * (q[i] - p[i]) as f64).round() as i64);
     let near = (0..25).map(|i| [at[0] + i % 5 - 2, at[1] + i / 5 - 2]);

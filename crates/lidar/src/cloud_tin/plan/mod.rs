@@ -85,7 +85,7 @@ pub(super) fn plan_regions(
     refuse_lines(job)?;
     job.check()?;
     let opened = OpenedCloudTin::new(job.clone(), job.label())?;
-    let (mesh, needs) = match PlanManifest::<CloudMesh>::there(folder) {
+    let (mesh, needs) = match PlanManifest::<CloudMesh>::existing(folder) {
         Some(plan) => (CloudMesh::of(&opened, *cut, plan.work.seen)?, plan.needs),
         None => {
             let (seen, share) =
@@ -125,8 +125,8 @@ pub fn run_in(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<CloudTinReport> {
-    let (to, with) = ((folder, &*job.output), (disk, &job.resources));
-    let all = RunJob::until(to, job.overwrite, OutputForm::default(), with);
+    let form = OutputForm::default();
+    let all = RunJob::until(folder, &job.output, job.overwrite, form, disk, &job.resources);
     let job = PlanCloudTinJob::all(job, folder, skipped);
     let run = plan::run_in::<CloudMesh>(
         &all,

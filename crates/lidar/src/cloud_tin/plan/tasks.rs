@@ -330,16 +330,16 @@ impl<'a> CloudTinTaskContext<'a> {
     fn scan(
         &self,
         task: CloudTinTask,
-        survey: &TaskStates<'_, CloudMesh>,
+        states: &TaskStates<'_, CloudMesh>,
     ) -> Result<Vec<(usize, RegionInspection)>> {
         let (mesh, regions) = (self.mesh, self.mesh.part(task).regions.clone());
-        let all = vertices_of(survey, mesh.tasks_of(0..task.round))?;
+        let all = vertices_of(states, mesh.tasks_of(0..task.round))?;
         let due = match task.round {
             1 => regions.collect(),
             round => {
-                let changed = vertices_of(survey, mesh.tasks_of(round - 1..round))?;
+                let changed = vertices_of(states, mesh.tasks_of(round - 1..round))?;
                 let changed = changed.squares().map(|(square, _)| square);
-                let due = due(&last_inspections(survey, task)?, changed, &self.tiling);
+                let due = due(&last_inspections(states, task)?, changed, &self.tiling);
                 due.into_iter().map(|number| regions.start + number).collect::<Vec<_>>()
             }
         };
@@ -352,7 +352,7 @@ impl<'a> CloudTinTaskContext<'a> {
     /// Adds the remaining vertices after all rounds.
     fn settle(
         &self,
-        survey: &TaskStates<'_, CloudMesh>,
+        states: &TaskStates<'_, CloudMesh>,
         work: &CloudTinContext<'_>,
         vertices: &PointStore,
     ) -> Result<CloudTinErrors> {
@@ -360,9 +360,9 @@ impl<'a> CloudTinTaskContext<'a> {
         let last = self.mesh.tasks_of(rounds..rounds + 1);
         let inspections = last
             .iter()
-            .map(|task| last_inspections(survey, CloudTinTask { round: rounds + 1, ..*task }));
+            .map(|task| last_inspections(states, CloudTinTask { round: rounds + 1, ..*task }));
         let inspections = inspections.collect::<Result<Vec<_>>>()?.concat();
-        let changed = vertices_of(survey, last)?;
+        let changed = vertices_of(states, last)?;
         let changed = changed.squares().map(|(square, _)| square);
         let worklist = RegionWorklist::after(inspections, changed, &self.tiling);
         let finished = worklist.run(vertices, |due| {
@@ -376,12 +376,12 @@ impl<'a> CloudTinTaskContext<'a> {
 
 /// The vertices in the objects of some tasks.
 fn vertices_of(
-    survey: &TaskStates<'_, CloudMesh>,
+    states: &TaskStates<'_, CloudMesh>,
     tasks: Vec<CloudTinTask>,
 ) -> Result<PointTileIndexes> {
     let mut objects = Vec::with_capacity(tasks.len());
     for task in tasks {
-        let (path, done) = survey.object(task)?;
+        let (path, done) = states.object(task)?;
         objects.push((path, done.facts.index));
     }
     PointTileIndexes::open(objects)
@@ -389,13 +389,13 @@ fn vertices_of(
 
 /// The last results of the regions of a task before its round.
 fn last_inspections(
-    survey: &TaskStates<'_, CloudMesh>,
+    states: &TaskStates<'_, CloudMesh>,
     task: CloudTinTask,
 ) -> Result<Vec<RegionInspection>> {
-    let regions = survey.folder.plan.work.part(task).regions.clone();
+    let regions = states.folder.plan.work.part(task).regions.clone();
     let mut inspections = vec![RegionInspection::settled(SiteWindow::ALL, 0); regions.len()];
     for round in 1..task.round {
-        let (_, done) = survey.object(CloudTinTask { round, ..task })?;
+        let (_, done) = states.object(CloudTinTask { round, ..task })?;
         for &(region, [low, high], points) in &done.facts.looks {
             inspections[region - regions.start] =
                 RegionInspection::settled(SiteWindow { low, high }, points);
@@ -494,16 +494,16 @@ impl PlannedWork for CloudMesh {
     fn make(
         opened: &OpenedCloudTin,
         (task, object): (CloudTinTask, &Path),
-        survey: &TaskStates<'_, Self>,
+        states: &TaskStates<'_, Self>,
         run: &mut PointRun,
         at: RunControl<'_>,
     ) -> Result<MadeArtifact<VertexArtifactSummary>> {
-        let (mesh, ready) = (&survey.folder.plan.work, opened.ready()?);
+        let (mesh, ready) = (&states.folder.plan.work, opened.ready()?);
         let (context, part) = (CloudTinTaskContext::new(mesh, opened, &ready, at), mesh.part(task));
         let (vertices, mut inspections) = match task.round {
             0 => (context.select(&part.block, part.regions.clone())?, Vec::new()),
             _ => {
-                let inspections = context.scan(task, survey)?;
+                let inspections = context.scan(task, states)?;
                 let additions = context.empty(u64::MAX);
                 inspections.iter().try_for_each(|(_, of)| additions.add(&of.additions))?;
                 (additions, inspections)
@@ -522,19 +522,19 @@ impl PlannedWork for CloudMesh {
 
     fn write(
         opened: &OpenedCloudTin,
-        survey: &TaskStates<'_, Self>,
+        states: &TaskStates<'_, Self>,
         run: &mut PointRun,
         at: RunControl<'_>,
     ) -> Result<CloudTinReport> {
-        let (started, mesh, ready) = (Instant::now(), &survey.folder.plan.work, opened.ready()?);
+        let (started, mesh, ready) = (Instant::now(), &states.folder.plan.work, opened.ready()?);
         let (context, mut clock) =
             (CloudTinTaskContext::new(mesh, opened, &ready, at), CloudTinClock::default());
-        let (none, all) = (context.empty(0), vertices_of(survey, mesh.tasks())?);
+        let (none, all) = (context.empty(0), vertices_of(states, mesh.tasks())?);
         let work = context.work(&none, all.bytes())?;
         let vertices = context.empty(work.vertex_bytes).over(all);
         let errors = match mesh.rounds() {
             0 => CloudTinErrors::default(),
-            _ => context.settle(survey, &work, &vertices)?,
+            _ => context.settle(states, &work, &vertices)?,
         };
         clock.lap("prove", vertices.count());
         let written = write(&work, &vertices, &context.hull, &ready.info.frame, ready.sink()?)?;

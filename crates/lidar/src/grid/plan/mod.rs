@@ -121,9 +121,9 @@ pub fn plan_grid(
     let job = &job.settled()?;
     let points = cloud::source(&job.input, &job.cloud)?;
     let extent = GridExtent::new(points.info(), job)?;
-    let (there, at) =
-        (PlanManifest::<CloudGridPlan>::there(folder), RunControl { progress, cancel });
-    let seen = match (&there, job.preset) {
+    let (existing, at) =
+        (PlanManifest::<CloudGridPlan>::existing(folder), RunControl { progress, cancel });
+    let seen = match (&existing, job.preset) {
         (Some(plan), _) => plan.work.seen.clone(),
         (None, Some(preset)) => Some(scan(preset, job, &*points, &extent, at)?),
         (None, None) => None,
@@ -131,7 +131,7 @@ pub fn plan_grid(
     let opened = OpenedCloudGrid { job: job.clone(), points, extent, seen };
     let grid = CloudGridPlan::new(&opened, *cut)?;
     let files = grid.files(&*opened.points);
-    let needs = match there {
+    let needs = match existing {
         Some(plan) => plan.needs,
         None => probe::expect(&opened, &grid.grid, at)?,
     };
@@ -222,11 +222,11 @@ impl PlannedWork for CloudGridPlan {
     fn make(
         opened: &OpenedCloudGrid,
         (tile, object): (GridTileTask, &Path),
-        survey: &TaskStates<'_, Self>,
+        states: &TaskStates<'_, Self>,
         run: &mut CellRun,
         at: RunControl<'_>,
     ) -> Result<MadeArtifact<TilePointCounts>> {
-        let made = opened.make(survey.folder.plan.work.grid.cells(tile), object, at)?;
+        let made = opened.make(states.folder.plan.work.grid.cells(tile), object, at)?;
         run.points += made.points.read;
         Ok(MadeArtifact {
             facts: TilePointCounts {
@@ -241,21 +241,21 @@ impl PlannedWork for CloudGridPlan {
 
     fn write(
         opened: &OpenedCloudGrid,
-        survey: &TaskStates<'_, Self>,
+        states: &TaskStates<'_, Self>,
         run: &mut CellRun,
         at: RunControl<'_>,
     ) -> Result<()> {
         let (mut points, mut losses) = (ReturnCounts::default(), LostPoints::default());
-        for done in survey.done.values() {
+        for done in states.done.values() {
             points.read += done.facts.read;
             points.kept += done.facts.kept;
             losses.add(&done.facts.losses);
         }
-        let files = survey.done.keys().map(|tile| name_of(survey.object(*tile)?.0));
+        let files = states.done.keys().map(|tile| name_of(states.object(*tile)?.0));
         let files = files.collect::<Result<Vec<_>>>()?;
         let made = opened.write(&files, &opened.job, &opened.extent, at)?;
         let PlanManifest { label, work: CloudGridPlan { grid: cells, .. }, .. } =
-            &survey.folder.plan;
+            &states.folder.plan;
         let notes = losses.notes().chain(made.notes).collect();
         let (cloud_points, input) = (Some(cells.points), label.clone());
         run.grid = Some(GridReport { points, cloud_points, input, notes, ..made });

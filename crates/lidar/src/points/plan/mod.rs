@@ -59,11 +59,11 @@ pub fn plan_points(
     let plan::PlanJob { job, folder, cut, skipped } = job;
     let at = RunControl { progress, cancel };
     refuse_in_memory(&job.input)?;
-    let there = PlanManifest::<PointTilesPlan>::there(folder);
-    let known = there.as_ref().map(|plan| &plan.work.looked);
+    let existing = PlanManifest::<PointTilesPlan>::existing(folder);
+    let known = existing.as_ref().map(|plan| &plan.work.looked);
     let (work, opened) = PointTilesPlan::new(job, *cut, known, at)?;
     let files = work.files(&opened);
-    let needs = match there {
+    let needs = match existing {
         Some(plan) => plan.needs,
         None => probe::expect(&opened, &work, at)?,
     };
@@ -84,8 +84,8 @@ pub fn run_in(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<PointsWritten> {
-    let (to, with) = ((folder, &*job.output), (disk, &job.resources));
-    let all = RunJob::until(to, job.overwrite, OutputForm::default(), with);
+    let form = OutputForm::default();
+    let all = RunJob::until(folder, &job.output, job.overwrite, form, disk, &job.resources);
     let job = PlanPointsJob::all(job, folder, skipped);
     let run = plan::run_in::<PointTilesPlan>(
         &all,

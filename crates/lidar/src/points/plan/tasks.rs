@@ -191,11 +191,11 @@ impl PlannedWork for PointTilesPlan {
     fn make(
         opened: &OpenedTranslate,
         (block, object): (PointTileTask, &Path),
-        survey: &TaskStates<'_, Self>,
+        states: &TaskStates<'_, Self>,
         run: &mut PointTileRun,
         at: RunControl<'_>,
     ) -> Result<MadeArtifact<PointTileArtifactSummary>> {
-        let work = &survey.folder.plan.work;
+        let work = &states.folder.plan.work;
         // It goes with its files, and what a killed run left of one is removed.
         let folder = AtomicFolder::create(&object.with_extension("files"), true, |_| true)?;
         let made = opened.make(work, work.blocks.of_task(block), folder.inside(), at)?;
@@ -207,11 +207,11 @@ impl PlannedWork for PointTilesPlan {
 
     fn write(
         OpenedTranslate { job, cloud }: &OpenedTranslate,
-        survey: &TaskStates<'_, Self>,
+        states: &TaskStates<'_, Self>,
         run: &mut PointTileRun,
         at: RunControl<'_>,
     ) -> Result<PointsWritten> {
-        let PlanManifest { label, work, .. } = &survey.folder.plan;
+        let PlanManifest { label, work, .. } = &states.folder.plan;
         let folder = AtomicFolder::create(&job.output, job.overwrite, tiled_output::is_ours)?;
         let mut written = prepared(job, cloud, None, at, |of| {
             Ok(PointsWritten {
@@ -224,10 +224,10 @@ impl PlannedWork for PointTilesPlan {
             })
         })?;
         let mut losses = LostPoints::default();
-        at.progress.begin("write", survey.done.values().map(|done| done.bytes).sum());
-        for block in survey.done.keys() {
+        at.progress.begin("write", states.done.values().map(|done| done.bytes).sum());
+        for block in states.done.keys() {
             at.cancel.check()?;
-            let (object, done) = survey.object(*block)?;
+            let (object, done) = states.object(*block)?;
             unpack(&object, &done.facts.files, folder.inside())?;
             losses.add(&done.facts.losses);
             written.files += done.facts.files.len() as u64;

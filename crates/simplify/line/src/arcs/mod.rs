@@ -138,8 +138,8 @@ impl CoverageArcs {
 
 /// Indices of a part's vertices, one per run of duplicates, without the closing vertex of a ring.
 fn without_repeats(own: &[Xy], is_ring: bool) -> Vec<u32> {
-    let mut way: Vec<u32> = (0..own.len() as u32).collect();
-    way.retain(|at| *at == 0 || own[*at as usize] != own[*at as usize - 1]);
+    let is_new = |at: &u32| *at == 0 || own[*at as usize] != own[*at as usize - 1];
+    let mut way: Vec<u32> = (0..own.len() as u32).filter(is_new).collect();
     match way[..] {
         [] | [_] => {}
         [.., last] if is_ring && own[last as usize] == own[0] => {

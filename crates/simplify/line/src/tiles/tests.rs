@@ -40,7 +40,7 @@ fn crowd(points: &[Xy]) -> u64 {
 
 proptest! {
     #[test]
-    fn every_vertex_has_a_square_and_no_square_too_many(points in positions(), most in 2u64..40) {
+    fn every_vertex_has_a_tile_and_no_tile_too_many(points in positions(), most in 2u64..40) {
         let most = most.max(crowd(&points));
         let quadtree = divided(&points, most).unwrap();
         let of = all_of(&points, &quadtree);
@@ -76,7 +76,7 @@ proptest! {
 
     /// Positions along a segment, exact on this lattice, are in tiles that the segment intersects.
     #[test]
-    fn segments_meet_the_squares_that_they_go_through(
+    fn segments_meet_the_tiles_that_they_go_through(
         cells in proptest::collection::vec((-40i32..40, -40i32..40), 2..200),
         ends in (0usize..200, 0usize..200),
     ) {
@@ -128,7 +128,7 @@ proptest! {
 }
 
 #[test]
-fn few_vertices_are_one_square_wherever_they_are() {
+fn few_vertices_are_one_tile_wherever_they_are() {
     let quadtree = divided(&[[1.0, 2.0], [-5.0, 1e9]], 2).unwrap();
     assert_eq!((quadtree.count(), quadtree.vertices(0)), (1, 2));
     assert_eq!(quadtree.of([7.0, 7.0], &mut LastTile::default()), Some(0));
@@ -136,7 +136,7 @@ fn few_vertices_are_one_square_wherever_they_are() {
 }
 
 #[test]
-fn a_segment_meets_no_square_beside_it() {
+fn a_segment_meets_no_tile_beside_it() {
     let corners = [[0.0, 0.0], [100.0, 0.0], [0.0, 100.0], [100.0, 100.0]];
     let quadtree = divided(&corners, 1).unwrap();
     let of = |p: Xy| quadtree.of(p, &mut LastTile::default()).unwrap();
@@ -173,7 +173,7 @@ fn too_many_in_one_place_are_told() {
 
 /// Positions below a border belong to the tile there, those on it to the next.
 #[test]
-fn squares_are_half_open() {
+fn tiles_are_half_open() {
     let corners = [[-100.0, -100.0], [100.0, -100.0], [-100.0, 100.0], [100.0, 100.0]];
     let quadtree = divided(&corners, 1).unwrap();
     let of = |p: Xy| quadtree.of(p, &mut LastTile::default());
@@ -292,7 +292,7 @@ fn counts_survive_growth() {
 
 /// No more tiles than required.
 #[test]
-fn squares_begin_with_those_that_hold_all() {
+fn tiles_begin_with_those_that_hold_all() {
     for (a, b) in [([0.5, 0.5], [1023.5, 0.5]), ([0.5, 0.5], [0.5, 1023.5])] {
         assert_eq!(divided(&[a, b], 1).unwrap().count(), 2);
     }

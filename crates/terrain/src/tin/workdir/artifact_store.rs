@@ -17,7 +17,7 @@ const MAX_OPEN: usize = 4;
 
 /// Opens objects as the sweep over the tiles comes to them.
 pub(super) struct ArtifactCache<'a, W: PlannedWork> {
-    survey: &'a TaskStates<'a, W>,
+    states: &'a TaskStates<'a, W>,
     strips: TileStrips,
     /// The task whose object has the tiles of a row.
     task_of: fn(&TileStrips, u32) -> StripTask,
@@ -28,11 +28,11 @@ pub(super) struct ArtifactCache<'a, W: PlannedWork> {
 impl<'a, W: PlannedWork<Task = StripTask, Facts = TinArtifactFacts>> ArtifactCache<'a, W> {
     /// Of the finished objects; `task_of` says whose tiles of a row are taken.
     pub(super) fn new(
-        survey: &'a TaskStates<'a, W>,
+        states: &'a TaskStates<'a, W>,
         strips: TileStrips,
         task_of: fn(&TileStrips, u32) -> StripTask,
     ) -> Self {
-        Self { survey, strips, task_of, open: Mutex::default() }
+        Self { states, strips, task_of, open: Mutex::default() }
     }
 
     fn object(&self, task: StripTask) -> Result<Arc<ArtifactFile>> {
@@ -41,7 +41,7 @@ impl<'a, W: PlannedWork<Task = StripTask, Facts = TinArtifactFacts>> ArtifactCac
         if let Some(object) = open.get(&(number, task)) {
             return Ok(Arc::clone(object));
         }
-        let (path, done) = self.survey.object(task)?;
+        let (path, done) = self.states.object(task)?;
         let tiles = self.strips.work(task).tiles();
         let object = Arc::new(ArtifactFile::open(path, done.facts.index, tiles)?);
         if open.len() >= MAX_OPEN {

@@ -210,13 +210,13 @@ impl PlannedWork for PlannedMesh {
     fn make(
         ready: &OpenedPlannedTin,
         (task, object): (StripTask, &Path),
-        survey: &TaskStates<'_, Self>,
+        states: &TaskStates<'_, Self>,
         run: &mut MeshRun,
         at: RunControl<'_>,
     ) -> Result<MadeArtifact<TinArtifactFacts>> {
-        let (strips, maker) = (survey.folder.plan.work.strips()?, ready.maker(at));
+        let (strips, maker) = (states.folder.plan.work.strips()?, ready.maker(at));
         let work = strips.work(task);
-        let cache = ArtifactCache::new(survey, strips, TileStrips::first_of);
+        let cache = ArtifactCache::new(states, strips, TileStrips::first_of);
         let finished = work.loads().then_some(&cache as &dyn ContainerSource);
         let settings = maker.settings(maker.spec(ready.tolerance), ready.temp_dir());
         let object = ArtifactWriter::create(object)?;
@@ -232,16 +232,16 @@ impl PlannedWork for PlannedMesh {
 
     fn write(
         ready: &OpenedPlannedTin,
-        survey: &TaskStates<'_, Self>,
+        states: &TaskStates<'_, Self>,
         run: &mut MeshRun,
         at: RunControl<'_>,
     ) -> Result<TinReport> {
         let (started, maker) = (Instant::now(), ready.maker(at));
         let mut tally = SampleCounts::default();
-        survey.done.values().for_each(|done| tally.add(done.facts.tally));
+        states.done.values().for_each(|done| tally.add(done.facts.tally));
         let cache =
-            ArtifactCache::new(survey, survey.folder.plan.work.strips()?, TileStrips::last_of);
-        at.progress.begin("write", survey.folder.plan.work.grid.samples());
+            ArtifactCache::new(states, states.folder.plan.work.strips()?, TileStrips::last_of);
+        at.progress.begin("write", states.folder.plan.work.grid.samples());
         let mut report = maker
             .complete(ready.tolerance, 0, |sink, spec| {
                 let settings = maker.settings(spec, ready.temp_dir());

@@ -77,11 +77,10 @@ fn plan_checked(
     let opened = OpenedTinJob::new(&tin)?;
     let maker = TinMaker { job: &tin, opened: &opened, progress, cancel };
     check(&maker)?;
-    let tolerance = maker.tolerance().map(|(tolerance, _)| tolerance);
-    let tolerance = tolerance.map_err(|error| in_input(error, &tin.input))?;
+    let (tolerance, _) = maker.tolerance().map_err(|error| in_input(error, &tin.input))?;
     let layout = maker.layout().map_err(|error| in_input(error, &tin.input))?;
     let mesh = PlannedMesh::new(&tin, &opened, job.cut)?;
-    let needs = match PlanManifest::<PlannedMesh>::there(&job.folder) {
+    let needs = match PlanManifest::<PlannedMesh>::existing(&job.folder) {
         Some(plan) => plan.needs,
         None => estimated_needs(&maker, &mesh, tolerance, layout)?,
     };
@@ -126,7 +125,7 @@ pub fn run_in(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TinReport> {
-    // Whether what an earlier run here wrote may be replaced is for the run to tell.
+    // With an existing plan, the run decides whether the output may be replaced.
     let is_new = !folder.join(PLAN).exists();
     let plan = PlanJob::all(job, folder, skipped);
     plan_checked(
@@ -136,8 +135,7 @@ pub fn run_in(
         cancel,
     )?;
     let form = OutputForm { split: job.split, solid_base: job.solid_base };
-    let (to, with) = ((folder, &*job.output), (disk, &job.resources));
-    let run = RunJob::until(to, job.overwrite, form, with);
+    let run = RunJob::until(folder, &job.output, job.overwrite, form, disk, &job.resources);
     plan::run::<PlannedMesh>(&run, progress, cancel).and_then(mesh_report)
 }
 

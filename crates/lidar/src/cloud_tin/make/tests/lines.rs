@@ -27,8 +27,8 @@ fn features(shapes: &Shapes) -> ConstraintVertices {
 
 fn kept(source: &PointSample, points: &Shapes, lines: &Shapes) -> OnCloud {
     let some = |shapes: &Shapes| (!shapes.is_empty()).then(|| features(shapes));
-    let features = (some(points), some(lines));
-    OnCloud::new(features, &source.info, source.info.bounds.unwrap()).unwrap()
+    let bounds = source.info.bounds.unwrap();
+    OnCloud::new(some(points), some(lines), &source.info, bounds).unwrap()
 }
 
 /// What a line is to the twin: its steps over the hull, and its heights at these.
@@ -225,7 +225,7 @@ fn what_is_not_over_the_cloud_is_counted_or_refused() {
     let kept = kept(&source, &far, &far);
     assert!(kept.breaklines_report(|_| false, 0).is_err() && kept.points_report(0, 0, 0).is_err());
     let huge = vec![vec![[50.0, 50.0, 1e300], [60.0, 50.0, 0.0]]];
-    let error = OnCloud::new((None, Some(features(&huge))), &source.info, bounds).unwrap_err();
+    let error = OnCloud::new(None, Some(features(&huge)), &source.info, bounds).unwrap_err();
     assert!(
         error.to_string().contains("lines.wkt") && error.to_string().contains("height"),
         "{error}"

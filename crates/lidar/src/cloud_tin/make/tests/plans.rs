@@ -26,8 +26,8 @@ fn added(cloud: &str, tolerance: f64, classes: Option<Vec<u8>>) -> [u64; 4] {
     let plan = PlanCloudTinJob { job, folder: work.clone(), cut, skipped: Vec::new() };
     let status = plan_regions(&plan, FEW[0], at).unwrap();
     assert_eq!(status.of.regions, told.regions);
-    let (to, with) = ((&*work, &*planned), (DiskCheck::On, &plan.job.resources));
-    let all = RunJob::until(to, false, OutputForm::default(), with);
+    let (form, resources) = (OutputForm::default(), &plan.job.resources);
+    let all = RunJob::until(&work, &planned, false, form, DiskCheck::On, resources);
     let run = |task: &str| {
         let job = RunJob { task: Some(task.to_owned()), output: None, ..all.clone() };
         CloudTinOptions::run_plan(&job, &Silent, &Cancel::default()).unwrap().of.vertices
