@@ -18,7 +18,7 @@ use terrane_delaunay::SiteWindow;
 pub(super) struct GroundInput {
     cloud: PointCloud,
     target: LasOutputFormat,
-    /// Whether it has the requested points only, for work in portions.
+    /// Whether it has the requested points only, for work on a subset of tiles.
     is_same: bool,
 }
 

@@ -1,4 +1,4 @@
-//! A prepared job on points: run whole, in portions, or analysed for a plan.
+//! A prepared job on points: run whole, run on a subset of tiles, or analysed for a plan.
 
 use std::time::Instant;
 
@@ -53,7 +53,7 @@ pub fn run(
     Ok(report)
 }
 
-/// Prepares a job on a point cloud, or some tiles of it, and calls `work`.
+/// Prepares a job on a point cloud, or some tiles of it, and calls `act`.
 pub(super) fn prepared<T: Send>(
     job: &TranslateJob,
     cloud: &PointCloud,

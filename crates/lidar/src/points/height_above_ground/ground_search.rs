@@ -221,7 +221,7 @@ impl GroundHeightSearch<'_> {
         Ok(AnnotatedRecords { records, format, record, at, values, numbers, notes })
     }
 
-    /// Statistics of the ground of all points, for work in portions.
+    /// Statistics of the ground of all points, for work on a subset of tiles.
     ///
     /// # Errors
     /// As [`annotate`](Self::annotate).
@@ -248,7 +248,7 @@ impl GroundHeightSearch<'_> {
         Ok(seen)
     }
 
-    /// Statistics of the ground of the whole point cloud, for work in portions.
+    /// Statistics of the ground of the whole point cloud, for work on a subset of tiles.
     fn seen(&self) -> Option<&CloudOverview> {
         self.subset.and_then(|subset| subset.looked.seen.as_ref())
     }
