@@ -10,7 +10,8 @@ use super::filter::spacing;
 use super::first_returns::CanopySurface;
 use super::lengths::MetricFrame;
 use crate::point_index::{
-    ColumnRowPositions, ColumnRowRange, MAX_POINTS, PointStore, SurroundingPoints, reach,
+    ColumnRowPositions, ColumnRowRange, MAX_POINTS, PointStore, SurroundingPoints, has_short_edges,
+    reach,
 };
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, PointFrame};
@@ -153,7 +154,7 @@ impl PitFreeLayers {
         max_edge: Option<f64>,
     ) -> Result<Vec<Option<PitFreeFacet>>> {
         let mut facets = Vec::new();
-        let is_surface = |corners: &[Point; 3]| self.is_surface(corners, max_edge);
+        let is_surface = |corners: &[Point; 3]| has_short_edges(corners, &self.frame, max_edge);
         let take = |position, location| {
             facets.push(facet(position, location).filter(|facet| is_surface(&facet.corners)));
         };
@@ -183,12 +184,6 @@ impl PitFreeLayers {
             |position, location| facets.push(facet(position, location)),
         )?;
         Ok(facets)
-    }
-
-    /// Whether no edge of a triangle is longer than `max_edge` world units.
-    fn is_surface(&self, corners: &[Point; 3], max_edge: Option<f64>) -> bool {
-        let [x, y, _] = self.frame.scale;
-        max_edge.is_none_or(|longest| is_short(corners, [x, y], longest))
     }
 
     fn height(&self, mut facet: impl FnMut(usize) -> Option<PitFreeFacet>) -> f64 {

@@ -13,14 +13,13 @@ use super::super::neighbours::{CellCenters, CloudSurfaces};
 use super::context::{Making, STORES, too_little};
 use super::first_returns::CanopySurface;
 use super::tiles::{SpikeFreeTally, SpikeFreeTiles};
-use crate::point_index::PointStore;
+use crate::point_index::{PointStore, has_short_edges};
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, PointFrame, Rect};
 use terrane_delaunay::{CircumscribedDisc, FixedPosition, SiteWindow, SpikeFree, interpolate};
 use terrane_engine::workers;
 use terrane_files::Buckets;
 use terrane_gridding::Statistic;
-use terrane_gridding::pitfree::is_short;
 
 /// Bytes for each point in the window of a tile.
 const BYTES_PER_POINT: u64 = 96;
@@ -261,10 +260,9 @@ impl SpikeFreeContext<'_> {
                 return PLAIN;
             }
         }
-        let [x, y, _] = self.frame.scale;
-        match self.making.job.max_edge {
-            Some(longest) if !is_short(&corners, [x, y], longest) => f64::NAN,
-            _ => interpolate(&corners, at) * self.frame.scale[2] + self.frame.offset[2],
+        match has_short_edges(&corners, &self.frame, self.making.job.max_edge) {
+            true => interpolate(&corners, at) * self.frame.scale[2] + self.frame.offset[2],
+            false => f64::NAN,
         }
     }
 }
