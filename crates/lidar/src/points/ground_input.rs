@@ -82,7 +82,7 @@ impl TranslateContext<'_> {
     /// The window of the points of the ground of the tiles, if not everywhere.
     fn around_ground(&self) -> Result<Option<SiteWindow>> {
         let Some(subset) = self.subset else { return Ok(None) };
-        let Some(seen) = subset.looked.seen.as_ref().filter(|seen| !seen.by_class) else {
+        let Some(seen) = subset.knowledge.seen.as_ref().filter(|seen| !seen.by_class) else {
             return Ok(Some(subset.ground()));
         };
         let metres = MetricFrame::of(&self.cloud.crs, &self.cloud.frame)?;

@@ -250,7 +250,7 @@ impl GroundHeightSearch<'_> {
 
     /// Statistics of the ground of the whole point cloud, for work on a subset of tiles.
     fn seen(&self) -> Option<&CloudOverview> {
-        self.subset.and_then(|subset| subset.looked.seen.as_ref())
+        self.subset.and_then(|subset| subset.knowledge.seen.as_ref())
     }
 
     fn find(
