@@ -5,7 +5,7 @@ use std::convert::Infallible;
 
 use super::super::extent::CellRequest;
 use super::super::neighbours::{CellCenters, CloudSurfaces};
-use super::context::Making;
+use super::context::SurfaceModelContext;
 use super::filter::spacing;
 use super::first_returns::CanopySurface;
 use super::lengths::MetricFrame;
@@ -71,19 +71,19 @@ impl PitFreeLayers {
         ground: Option<&CloudSurfaces>,
         metres: &MetricFrame,
         frame: PointFrame,
-        making: &Making<'_>,
+        context: &SurfaceModelContext<'_>,
     ) -> Result<Self> {
-        let known = making.part.map(|(_, seen)| seen.first);
+        let known = context.part.map(|(_, seen)| seen.first);
         let pits = PitFree::metres(known.unwrap_or_else(|| spacing(&[&first], metres)));
         let count = ground.map_or(0, |_| pits.layers() - 1);
-        let memory = making.store_memory() / pits.layers() as u64;
+        let memory = context.store_memory() / pits.layers() as u64;
         let tiling = *first.tiling();
-        let window = making.surface_window();
-        let high = (0..count).map(|_| PointStore::empty(tiling, making.folder(), memory));
-        let high = high.map(|store| making.limited(store, window, &[]));
+        let window = context.surface_window();
+        let high = (0..count).map(|_| PointStore::empty(tiling, context.folder(), memory));
+        let high = high.map(|store| context.limited(store, window, &[]));
         let high: Vec<PointStore> = high.collect::<Result<_>>()?;
         if let Some(ground) = ground {
-            raise(&first, ground, metres.step[2], &pits, &high, making)?;
+            raise(&first, ground, metres.step[2], &pits, &high, context)?;
         }
         let stores = std::iter::once(first).chain(high);
         let layers = stores.map(PitFreeLayer::new).collect::<Result<_>>()?;
@@ -210,27 +210,27 @@ fn raise(
     rise: f64,
     pits: &PitFree,
     high: &[PointStore],
-    making: &Making<'_>,
+    context: &SurfaceModelContext<'_>,
 ) -> Result<()> {
     let squares = first.tiling().count() as u64;
-    making.progress.begin("heights", squares);
+    context.progress.begin("heights", squares);
     workers::run(
-        making.threads,
+        context.threads,
         squares,
-        making.cancel,
+        context.cancel,
         Vec::new,
         |points: &mut Vec<Point>, square| {
             first.load(square as usize, points)?;
-            if let Some(window) = making.surface_window() {
+            if let Some(window) = context.surface_window() {
                 points.retain(|p| window.contains([p.x, p.y]));
             }
             raise_points(points, ground, rise, pits, high)?;
-            making.progress.advance(1);
+            context.progress.advance(1);
             Ok(())
         },
         |_| Ok(()),
     )?;
-    making.progress.end();
+    context.progress.end();
     Ok(())
 }
 
