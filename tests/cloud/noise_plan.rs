@@ -130,7 +130,7 @@ fn squares_by_plan_are_those_of_a_single_run() {
     let [a, b] = [("1.laz", halves.0), ("2.laz", halves.1)].map(|(name, half)| {
         place.write(name, &Made { records: half.to_vec(), ..made.clone() }.bytes())
     });
-    let squares = PointTiling { side: 31.0, buffer: 4.0, mark: Default::default() };
+    let squares = PointTiling { side: 31.0, buffer: 4.0, flag: Default::default() };
     for (number, case) in cases().into_iter().enumerate() {
         let classify = case.classify.iter().map(|text| text.parse::<Classify>().unwrap()).collect();
         let from = case.from.parse::<GroundFrom>().unwrap();

@@ -253,7 +253,7 @@ fn places_far_from_the_origin_keep_their_steps() {
     assert!(whole(&output).records == made.records);
     let octree = place.path().join("out.copc.laz");
     run(&job(&[&input], &octree)).unwrap();
-    let squares = PointTiling { side: 100.0, buffer: 0.0, mark: BufferFlag::default() };
+    let squares = PointTiling { side: 100.0, buffer: 0.0, flag: BufferFlag::default() };
     let thin = Some("5:highest".parse().unwrap());
     let folder = place.path().join("squares");
     let report =
@@ -352,7 +352,7 @@ fn squares_hold_their_points_and_those_of_their_buffers_marked() {
         let made = Made::new(format, Packing::Fixed(700), 6000);
         let input = place.write("in.laz", &made.bytes());
         let output = place.path().join("squares");
-        let squares = PointTiling { side: 50.0, buffer: 7.5, mark: BufferFlag::Synthetic };
+        let squares = PointTiling { side: 50.0, buffer: 7.5, flag: BufferFlag::Synthetic };
         let job = TranslateJob { squares: Some((squares, format == 3)), ..job(&[&input], &output) };
         let report = run(&job).unwrap();
         // Steps of a hundredth, from an offset that is a multiple of the side.

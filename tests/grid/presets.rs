@@ -79,7 +79,7 @@ fn ground_without_classes_is_found_unless_only_classes_are_asked_for() {
     let job = GridJob::of_preset([FOREST], place.path("a.tif"), SurfaceModel::Dtm, 1.0);
     let mut none = job.clone();
     none.cloud.filter.classes = Some(vec![30]);
-    let best = GridJob { ground: GroundFrom::Method(terrane_ground::Request::BEST), ..job };
+    let best = GridJob { ground: GroundFrom::Method(terrane_ground::Request::DEFAULT), ..job };
     let (auto, report) = made(&none);
     assert!(report.notes[0].contains("found by the method csf-ptd"), "{:?}", report.notes);
     assert_eq!(auto.values, made(&best).0.values);

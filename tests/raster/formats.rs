@@ -75,6 +75,45 @@ fn every_format_is_where_it_says() {
     }
 }
 
+#[test]
+fn utm_zones_have_the_code_of_their_datum_or_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let header = String::from_utf8(envi().files[1].1.clone()).unwrap();
+    for (zone, epsg) in [
+        ("33, South, WGS-84", Some(32733)),
+        ("61, North, WGS-84", None),
+        ("23, North, NAD83", Some(26923)),
+        // Codes that are of state planes.
+        ("29, North, North America 1983", None),
+        ("29, South, North America 1983", None),
+        ("22, North, North America 1927", Some(26722)),
+        ("23, North, NAD27", None),
+    ] {
+        let text = header.replace("33, North, WGS-84", zone);
+        write_anew(&folder.path().join("e.dat.hdr"), text.as_bytes());
+        write_anew(&folder.path().join("e.dat"), &envi().files[0].1);
+        let grid = open_band(&folder.path().join("e.dat"), 1).unwrap();
+        assert_eq!(grid.info().crs.epsg, epsg, "{zone}");
+    }
+    for (datum, zone, epsg) in [
+        (1, 22, Some(26722)),
+        (1, 23, None),
+        (2, 33, Some(32233)),
+        (2, -33, Some(32333)),
+        (3, -33, Some(32733)),
+        (4, 23, Some(26923)),
+        (4, 29, None),
+        (4, -13, None),
+    ] {
+        let mut model = usgs("");
+        model[162..168].copy_from_slice(format!("{zone:6}").as_bytes());
+        model[890..892].copy_from_slice(format!("{datum:2}").as_bytes());
+        write_anew(&folder.path().join("a.dem"), &model);
+        let grid = open_band(&folder.path().join("a.dem"), 1).unwrap();
+        assert_eq!(grid.info().crs.epsg, epsg, "datum {datum}, zone {zone}");
+    }
+}
+
 /// The message for a file of this name and content, with others beside it.
 fn refusal(name: &str, bytes: &[u8], beside: &[(&str, &[u8])]) -> String {
     let folder = tempfile::tempdir().unwrap();

@@ -96,7 +96,7 @@ impl CloudFilter {
 /// A filter whose limits are steps of a frame.
 #[derive(Clone, Debug)]
 pub struct CompiledFilter {
-    filter: CloudFilter,
+    options: CloudFilter,
     /// Lowest and highest steps of the points wanted; none where they cross over.
     limits: [[i32; 2]; 3],
     /// In steps.
@@ -114,12 +114,12 @@ impl CompiledFilter {
             [clip(ruler.first(low)), clip(ruler.last(high))]
         });
         let polygon = filter.polygon.as_ref().map(|polygon| Arc::new(polygon.in_steps(frame)));
-        Self { filter: filter.clone(), limits, polygon }
+        Self { options: filter.clone(), limits, polygon }
     }
 
     /// What it was made of.
-    pub fn filter(&self) -> &CloudFilter {
-        &self.filter
+    pub fn options(&self) -> &CloudFilter {
+        &self.options
     }
 
     /// A box of points cut to the box and heights asked for; `None` where nothing is left.
@@ -133,7 +133,7 @@ impl CompiledFilter {
     /// What becomes of `record`, by all but the [`CloudFilter::condition`]. A point that is withheld and not wanted
     /// for another reason, too, counts as withheld.
     pub fn judge(&self, record: &FilterRecord) -> FilterVerdict {
-        if !self.filter.keep_withheld && record.flags.meets(Flags::WITHHELD) {
+        if !self.options.keep_withheld && record.flags.meets(Flags::WITHHELD) {
             return FilterVerdict::Withheld;
         }
         match self.accepts(record) {
@@ -143,7 +143,7 @@ impl CompiledFilter {
     }
 
     fn accepts(&self, record: &FilterRecord) -> bool {
-        let (filter, Point { x, y, z }) = (&self.filter, record.point);
+        let (filter, Point { x, y, z }) = (&self.options, record.point);
         let [[west, east], [south, north], [bottom, top]] = self.limits;
         filter.every.is_none_or(|n| record.index.is_multiple_of(u64::from(n.get())))
             && filter.classes.as_ref().is_none_or(|classes| classes.contains(&record.class))

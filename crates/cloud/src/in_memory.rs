@@ -113,17 +113,24 @@ struct InMemoryCloudSource {
 pub(super) fn open(name: &str, options: &CloudOpenOptions) -> Result<Box<dyn PointSource>> {
     let cloud = CLOUDS.get(name)?;
     let frame = cloud.placed.lattice();
-    let gate = CompiledFilter::new(&options.filter, &frame);
+    let compiled = CompiledFilter::new(&options.filter, &frame);
     // Nothing is read if the bounds do not intersect, as for a file.
     let claim = cloud.placed.claim(&cloud.span).filter(|all| all.within(&options.filter).is_some());
-    let bounds = claim
-        .and_then(|claim| gate.cut([claim.low, claim.high].map(|[x, y, z]| Point::new(x, y, z))));
+    let bounds = claim.and_then(|claim| {
+        compiled.cut([claim.low, claim.high].map(|[x, y, z]| Point::new(x, y, z)))
+    });
     let known = cloud.crs.clone();
     let crs = if known == Crs::default() { options.crs.clone().unwrap_or(known) } else { known };
     let condition = options.filter.condition.as_ref();
-    let test = condition.map(|condition| condition.bind(&[], &frame)).transpose()?;
+    let condition = condition.map(|condition| condition.bind(&[], &frame)).transpose()?;
     let pass = claim.map(|claim| {
-        PointFilterPass::new(gate, test, claim, FrameTransform::Shift([0; 3]), options.salvage)
+        PointFilterPass::new(
+            compiled,
+            condition,
+            claim,
+            FrameTransform::Shift([0; 3]),
+            options.salvage,
+        )
     });
     let count = if pass.is_some() { cloud.points.len() as u64 } else { 0 };
     let info = CloudInfo { frame, bounds, count, crs };

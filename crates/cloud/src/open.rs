@@ -329,17 +329,18 @@ fn join(
         false => frame::common(&wanted, options.any_extent)
             .map_err(|e| named(e, &names, &touching, options.any_extent))?,
     };
-    let gate = CompiledFilter::new(&options.filter, &common.frame);
+    let compiled = CompiledFilter::new(&options.filter, &common.frame);
     let lattice = shared(&wanted, &common);
     let mut maps = common.maps.iter();
     let (mut members, mut ends) = (Vec::new(), Vec::new());
     for ((file, claim), touching) in files.into_iter().zip(claims).zip(touching) {
         let map = touching.and_then(|_| maps.next().copied());
-        ends.push(touching.zip(map).and_then(|(claim, map)| gate.cut(placed(&claim, &map))));
+        ends.push(touching.zip(map).and_then(|(claim, map)| compiled.cut(placed(&claim, &map))));
         let pass = match claim.zip(map) {
             Some((claim, map)) => {
-                let test = test(&names[members.len()], &file, &options.filter, &common.frame)?;
-                Some(PointFilterPass::new(gate.clone(), test, claim, map, options.salvage))
+                let condition =
+                    condition(&names[members.len()], &file, &options.filter, &common.frame)?;
+                Some(PointFilterPass::new(compiled.clone(), condition, claim, map, options.salvage))
             }
             None => None,
         };
@@ -359,7 +360,7 @@ fn join(
 }
 
 /// Condition on the attributes of the points of a file.
-fn test(
+fn condition(
     name: &str,
     file: &CloudFile,
     filter: &CloudFilter,

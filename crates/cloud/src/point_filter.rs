@@ -12,9 +12,9 @@ use super::source::ReturnCounts;
 /// Filter of the points of one file.
 #[derive(Clone, Debug)]
 pub(super) struct PointFilterPass {
-    gate: CompiledFilter,
+    filter: CompiledFilter,
     /// Condition on attributes.
-    test: Option<CompiledCondition>,
+    condition: Option<CompiledCondition>,
     /// True if only withheld points are filtered.
     is_plain: bool,
     claim: ClaimedExtent,
@@ -34,24 +34,25 @@ struct FilterCounts {
 impl PointFilterPass {
     /// For the points of one file.
     pub(super) fn new(
-        gate: CompiledFilter,
-        test: Option<CompiledCondition>,
+        filter: CompiledFilter,
+        condition: Option<CompiledCondition>,
         claim: ClaimedExtent,
         map: FrameTransform,
         salvage: bool,
     ) -> Self {
-        let keep_withheld = gate.filter().keep_withheld;
+        let keep_withheld = filter.options().keep_withheld;
         let open = CloudFilter { keep_withheld, ..CloudFilter::default() };
-        Self { is_plain: *gate.filter() == open, gate, test, claim, map, salvage }
+        Self { is_plain: *filter.options() == open, filter, condition, claim, map, salvage }
     }
 
-    pub(super) fn gate(&self) -> &CompiledFilter {
-        &self.gate
+    /// What the filter was made of.
+    pub(super) fn options(&self) -> &CloudFilter {
+        self.filter.options()
     }
 
     /// Whether the filters need whole records.
     pub(super) fn needs_records(&self) -> bool {
-        self.test.is_some()
+        self.condition.is_some()
     }
 
     /// Verdict on a point, with its bytes if whole records are needed.
@@ -61,10 +62,10 @@ impl PointFilterPass {
         bytes: &[u8],
         record: &FilterRecord,
     ) -> FilterVerdict {
-        let verdict = self.gate.judge(record);
-        match &self.test {
-            Some(test)
-                if verdict == FilterVerdict::Keep && !test.holds(record.point, raw, bytes) =>
+        let verdict = self.filter.judge(record);
+        match &self.condition {
+            Some(condition)
+                if verdict == FilterVerdict::Keep && !condition.holds(record.point, raw, bytes) =>
             {
                 FilterVerdict::Filtered
             }
@@ -110,8 +111,7 @@ impl PointFilterPass {
         out: &mut [Point],
     ) -> FilterCounts {
         let mut counts = FilterCounts::default();
-        let hidden =
-            if self.gate.filter().keep_withheld { Flags::default() } else { Flags::WITHHELD };
+        let hidden = if self.options().keep_withheld { Flags::default() } else { Flags::WITHHELD };
         let low = self.claim.low;
         let span: [u32; 3] = std::array::from_fn(|i| self.claim.high[i].abs_diff(low[i]));
         for record in records {
@@ -139,7 +139,7 @@ impl PointFilterPass {
         for (index, record) in (first..).zip(records) {
             let raw = record.xyz();
             let record = self.record(record, index);
-            match self.gate.judge(&record) {
+            match self.filter.judge(&record) {
                 FilterVerdict::Withheld => counts.withheld += 1,
                 FilterVerdict::Filtered => counts.filtered += 1,
                 FilterVerdict::Keep if !self.claim.holds(raw) => counts.outside += 1,
@@ -196,7 +196,7 @@ impl PointFilterPass {
     /// The error for the first point outside the bounds.
     fn outside<R: RawPoint>(&self, records: impl Iterator<Item = R>, first: u64) -> Error {
         let outside = (first..).zip(records).find(|(index, record)| {
-            self.gate.judge(&self.record(*record, *index)) == FilterVerdict::Keep
+            self.filter.judge(&self.record(*record, *index)) == FilterVerdict::Keep
                 && !self.claim.holds(record.xyz())
         });
         let Some((index, record)) = outside else {

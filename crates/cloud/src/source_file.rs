@@ -456,7 +456,7 @@ impl CloudSourceFile {
 impl PointFilterPass {
     /// Fields needed for each point, beside x, y and return numbers.
     fn needed_fields(&self) -> FieldSelection {
-        let filter = self.gate().filter();
+        let filter = self.options();
         let flags = !filter.keep_withheld || filter.drop != Flags::default();
         FieldSelection { class: filter.classes.is_some(), flags, ..FieldSelection::ALL }
     }

@@ -64,8 +64,8 @@ pub fn crs() -> Crs {
 /// counts within each part; parts outside the filter's bounds are skipped.
 pub struct SyntheticCloud {
     survey: LidarSurvey,
-    gate: CompiledFilter,
-    test: Option<CompiledCondition>,
+    filter: CompiledFilter,
+    condition: Option<CompiledCondition>,
     info: CloudInfo,
 }
 
@@ -76,18 +76,18 @@ impl SyntheticCloud {
     /// A condition on an unknown attribute.
     pub fn new(survey: LidarSurvey, filter: CloudFilter) -> Result<Self> {
         let frame = frame(&survey);
-        let gate = CompiledFilter::new(&filter, &frame);
+        let compiled = CompiledFilter::new(&filter, &frame);
         let columns = column::columns(full()?, &[]);
-        let test = filter.condition.as_ref().map(|condition| condition.bind(&columns, &frame));
-        let test = test.transpose()?;
-        let info = info(&survey, &gate);
-        Ok(Self { survey, gate, test, info })
+        let condition = filter.condition.as_ref().map(|condition| condition.bind(&columns, &frame));
+        let condition = condition.transpose()?;
+        let info = info(&survey, &compiled);
+        Ok(Self { survey, filter: compiled, condition, info })
     }
 
     /// Whether a part may intersect the filter's bounds.
     fn touches(&self, part: usize) -> bool {
         let [west, south, east, north] = self.area(part);
-        self.gate.filter().touches([west, south, f64::MIN], [east, north, f64::MAX])
+        self.filter.options().touches([west, south, f64::MIN], [east, north, f64::MAX])
     }
 
     /// World bounds of a part: x min, y min, x max, y max.
@@ -104,10 +104,10 @@ impl SyntheticCloud {
         format: write::PointFormat,
         bytes: &mut Vec<u8>,
     ) -> bool {
-        let Some(test) = &self.test else { return true };
+        let Some(condition) = &self.condition else { return true };
         bytes.clear();
         format.encode(&[echo.into()], bytes);
-        test.holds(echo.point, ModernLasRecord::of(bytes), bytes)
+        condition.holds(echo.point, ModernLasRecord::of(bytes), bytes)
     }
 
     /// Passes on the filtered returns of a part.
@@ -127,7 +127,7 @@ impl SyntheticCloud {
         let mut census = ReturnCounts { read: echoes.len() as u64, ..ReturnCounts::default() };
         let (format, mut bytes) = (full()?, Vec::new());
         for (index, echo) in echoes.iter().enumerate() {
-            match self.gate.judge(&self.record(echo, index)) {
+            match self.filter.judge(&self.record(echo, index)) {
                 FilterVerdict::Keep if !self.meets_condition(echo, format, &mut bytes) => {
                     census.filtered += 1;
                 }
@@ -155,9 +155,9 @@ impl SyntheticCloud {
     }
 }
 
-fn info(survey: &LidarSurvey, gate: &CompiledFilter) -> CloudInfo {
+fn info(survey: &LidarSurvey, filter: &CompiledFilter) -> CloudInfo {
     let ([width, height], [low, high]) = (survey.steps(), survey.heights());
-    let bounds = gate.cut([Point::new(0, 0, low), Point::new(width - 1, height - 1, high)]);
+    let bounds = filter.cut([Point::new(0, 0, low), Point::new(width - 1, height - 1, high)]);
     CloudInfo { frame: frame(survey), bounds, count: survey.expected(), crs: crs() }
 }
 

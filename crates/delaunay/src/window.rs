@@ -47,6 +47,16 @@ impl SiteWindow {
         (low[0] <= high[0] && low[1] <= high[1]).then_some(Self { low, high })
     }
 
+    /// Distance of both along the axis where it is larger; 0 if they meet.
+    pub fn steps_to(&self, other: &Self) -> i64 {
+        let gaps = [0, 1].map(|axis| {
+            let before = i64::from(self.low[axis]) - i64::from(other.high[axis]);
+            let after = i64::from(other.low[axis]) - i64::from(self.high[axis]);
+            before.max(after).max(0)
+        });
+        gaps[0].max(gaps[1])
+    }
+
     /// The window with `margin` (>= 0) more on each side, within [`REACH`].
     #[inline]
     #[must_use]
@@ -78,6 +88,9 @@ mod tests {
         assert_eq!(a.intersection(&window([21, 0], [40, 90])), None);
         assert_eq!(a.intersection(&window([0, 31], [40, 90])), None);
         assert_eq!(a.union(&b), window([0, -5], [40, 30]));
+        let (right, above) = (window([23, 0], [40, 90]), window([30, 35], [40, 90]));
+        let apart = [b, right, above].map(|other| (a.steps_to(&other), other.steps_to(&a)));
+        assert_eq!(apart, [(0, 0), (3, 3), (10, 10)]);
         assert!(a.contains([0, 30]) && !a.contains([21, 20]) && !a.contains([5, 9]));
         assert!(a.covers(&a) && !a.covers(&a.grown(1)) && a.grown(1).covers(&a));
         assert!(!a.covers(&b) && !a.covers(&window([5, 15], [10, 31])));

@@ -64,9 +64,7 @@ struct SyntheticGrid {
 
 impl SyntheticGrid {
     fn check(&self, rect: Rect, values: usize) -> Result<()> {
-        let inside = rect.col.checked_add(rect.width).is_some_and(|end| end <= self.info.width)
-            && rect.row.checked_add(rect.height).is_some_and(|end| end <= self.info.height);
-        if inside && values == rect.len() {
+        if rect.fits(self.info.width, self.info.height) && values == rect.len() {
             return Ok(());
         }
         Err(Error::usage(format!("{rect:?} with {values} values is not a window of the terrain")))

@@ -14,11 +14,7 @@ pub(crate) struct SampleWindow<'a, H> {
 impl<'a, H> SampleWindow<'a, H> {
     /// Checks that `rect` is inside the grid and that `out` has its size.
     pub(crate) fn new(info: &GridInfo, rect: Rect, out: &'a mut [H]) -> Result<Self> {
-        let end_col = rect.col.checked_add(rect.width);
-        let end_row = rect.row.checked_add(rect.height);
-        let inside = end_col.is_some_and(|end| end <= info.width)
-            && end_row.is_some_and(|end| end <= info.height);
-        if !inside || rect.len() != out.len() {
+        if !rect.fits(info.width, info.height) || rect.len() != out.len() {
             return Err(Error::usage(format!(
                 "window of {} x {} samples at column {}, row {} does not fit the grid of {} x {} \
                  or its buffer of {}",

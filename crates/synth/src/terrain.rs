@@ -74,7 +74,7 @@ impl Terrain {
     /// If `out.len()` is not `rect.len()`, or if `rect` ends beyond [`MAX_SIDE`].
     pub fn fill_f32(&self, rect: Rect, out: &mut [f32]) {
         assert_eq!(out.len(), rect.len(), "one value for each sample of the window");
-        assert!(ends_within(rect), "the window ends beyond column or row {MAX_SIDE}");
+        assert!(rect.fits(MAX_SIDE, MAX_SIDE), "the window ends beyond column or row {MAX_SIDE}");
         let window = [rect.col, rect.row, rect.width, rect.height];
         octaves::relief(&self.character.spectrum, self.seed, window, |row, col, heights| {
             let line = (row - rect.row) as usize * rect.width as usize;
@@ -91,9 +91,4 @@ impl Terrain {
         self.fill_f32(Rect::new(col, row, 1, 1), &mut out);
         out[0]
     }
-}
-
-fn ends_within(rect: Rect) -> bool {
-    let ends = [rect.col.checked_add(rect.width), rect.row.checked_add(rect.height)];
-    ends.iter().all(|end| end.is_some_and(|end| end <= MAX_SIDE))
 }

@@ -45,6 +45,18 @@ impl Rect {
         (self.col..self.end_col()).contains(&col) && (self.row..self.end_row()).contains(&row)
     }
 
+    /// True when it lies within `width` columns and `height` rows.
+    ///
+    /// ```
+    /// use terrane_base::geom::Rect;
+    /// assert!(Rect::new(2, 1, 3, 4).fits(5, 5));
+    /// assert!(!Rect::new(2, u32::MAX, 3, 4).fits(5, u32::MAX));
+    /// ```
+    pub fn fits(&self, width: u32, height: u32) -> bool {
+        self.col.checked_add(self.width).is_some_and(|end| end <= width)
+            && self.row.checked_add(self.height).is_some_and(|end| end <= height)
+    }
+
     /// The samples in both; empty (width or height 0) when there are none.
     pub fn intersect(&self, other: &Rect) -> Rect {
         let col = self.col.max(other.col);

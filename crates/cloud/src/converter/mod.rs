@@ -343,17 +343,24 @@ fn lost_fields(
 ) -> Vec<&'static str> {
     let target = format.places();
     let has_no_waves = target.wave.is_none() || packing == PointPacking::Text;
-    let mut lost = [false; 5];
-    for origin in origins {
-        let source = origin.format.places();
-        lost[0] |= origin.has_time() && target.time.is_none();
-        lost[1] |= source.colour.is_some() && target.colour.is_none();
-        lost[2] |= source.infrared.is_some() && target.infrared.is_none();
-        lost[3] |= source.wave.is_some() && has_no_waves;
-        lost[4] |= origin.las.is_some() && origin.format.is_new() && !format.is_new();
-    }
-    let names = ["times", "colours", "infrared", "waveforms", "fractions of scan angles"];
-    names.into_iter().zip(lost).filter(|(_, is_lost)| *is_lost).map(|(name, _)| name).collect()
+    let any = |has: fn(&CloudFileOrigin<'_>) -> bool| origins.iter().any(has);
+    let fields = [
+        ("times", target.time.is_none() && any(|origin| origin.has_time())),
+        (
+            "colours",
+            target.colour.is_none() && any(|origin| origin.format.places().colour.is_some()),
+        ),
+        (
+            "infrared",
+            target.infrared.is_none() && any(|origin| origin.format.places().infrared.is_some()),
+        ),
+        ("waveforms", has_no_waves && any(|origin| origin.format.places().wave.is_some())),
+        (
+            "fractions of scan angles",
+            !format.is_new() && any(|origin| origin.las.is_some() && origin.format.is_new()),
+        ),
+    ];
+    fields.into_iter().filter_map(|(name, is_lost)| is_lost.then_some(name)).collect()
 }
 
 /// Notes on fields that the format does not have.

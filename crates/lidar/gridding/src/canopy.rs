@@ -94,7 +94,7 @@ impl Canopy {
     }
 
     /// The algorithm and its parameters.
-    pub fn way(&self) -> CanopyAlgorithm {
+    pub fn algorithm(&self) -> CanopyAlgorithm {
         match self.method.kind {
             CanopyMethodKind::PitFree => CanopyAlgorithm::PitFree,
             CanopyMethodKind::SpikeFree => CanopyAlgorithm::SpikeFree {
@@ -105,7 +105,7 @@ impl Canopy {
     }
 
     /// True for the default method.
-    pub fn is_usual(&self) -> bool {
+    pub fn is_default(&self) -> bool {
         *self == Self::default()
     }
 }
@@ -171,14 +171,20 @@ mod tests {
     #[test]
     fn methods_are_read_as_they_are_written() {
         let read = |text: &str| text.parse::<Canopy>().unwrap();
-        assert!(read("Pit-Free").is_usual() && read("pit-free").way() == CanopyAlgorithm::PitFree);
+        assert!(
+            read("Pit-Free").is_default()
+                && read("pit-free").algorithm() == CanopyAlgorithm::PitFree
+        );
         let usual = CanopyAlgorithm::SpikeFree { freeze: None, buffer: 0.5 };
-        assert_eq!(read("spike-free").way(), usual);
-        assert_eq!(read("spike-free:freeze=auto").way(), usual);
+        assert_eq!(read("spike-free").algorithm(), usual);
+        assert_eq!(read("spike-free:freeze=auto").algorithm(), usual);
         let given = read("spike-free:buffer=0.25,freeze=2");
-        assert_eq!(given.way(), CanopyAlgorithm::SpikeFree { freeze: Some(2.0), buffer: 0.25 });
         assert_eq!(
-            read("spike-free:freeze=0").way(),
+            given.algorithm(),
+            CanopyAlgorithm::SpikeFree { freeze: Some(2.0), buffer: 0.25 }
+        );
+        assert_eq!(
+            read("spike-free:freeze=0").algorithm(),
             CanopyAlgorithm::SpikeFree { freeze: Some(0.0), buffer: 0.5 }
         );
         for method in METHODS {
@@ -187,7 +193,7 @@ mod tests {
             assert!(method.parameters.iter().all(|p| p.allows(p.default)), "{plain}");
         }
         assert_eq!(read(&given.to_string()), given);
-        assert!(given != read("spike-free") && !given.is_usual());
+        assert!(given != read("spike-free") && !given.is_default());
     }
 
     #[test]

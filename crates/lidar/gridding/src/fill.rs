@@ -2,7 +2,7 @@
 
 use terrane_base::geom::Rect;
 
-/// Fills the voids of `rect` from the known cells of `known` that are at most `reach` columns and rows
+/// Fills the voids of `rect` from the cells with a value that are at most `reach` columns and rows
 /// away: their mean, weighted by the inverse of the larger of both distances. Voids without such a cell
 /// stay void.
 ///

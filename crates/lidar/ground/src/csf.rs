@@ -35,10 +35,7 @@ pub(crate) const METHOD: Method = Method {
         Parameter::new("smooth", 1.0, [0.0, 1.0], "post-processing of steep slopes, 0 or 1")
             .whole(),
     ],
-    finder: GroundFinder {
-        lattice: |request, _| GroundTiling::fixed(request.value("cloth")),
-        find,
-    },
+    finder: GroundFinder { tiling: |request, _| GroundTiling::fixed(request.value("cloth")), find },
 };
 
 fn find(request: &Request, lows: &LowestPoints<'_>) -> GroundSurface {

@@ -23,7 +23,7 @@ pub(crate) const METHOD: Method = Method {
     about: "cloth simulation and TIN densification combined; the method of auto",
     parameters: &[],
     finder: GroundFinder {
-        lattice: |_, spacing| GroundTiling::fixed(spacing.clamp(1.0, WIDEST)),
+        tiling: |_, spacing| GroundTiling::fixed(spacing.clamp(1.0, WIDEST)),
         find,
     },
 };

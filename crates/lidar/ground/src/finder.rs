@@ -13,7 +13,7 @@ pub type Request = method_call::FinderRequest<GroundFinder>;
 #[derive(Clone, Copy, Debug)]
 pub struct GroundFinder {
     /// Tiling of the plane, for points with a spacing in metres.
-    pub(crate) lattice: fn(&Request, f64) -> GroundTiling,
+    pub(crate) tiling: fn(&Request, f64) -> GroundTiling,
     pub(crate) find: fn(&Request, &LowestPoints<'_>) -> GroundSurface,
 }
 

@@ -45,9 +45,8 @@ pub(crate) fn nearest_filled(heights: &[f64], width: usize) -> Vec<f64> {
 
 /// The mean of the known heights of neighbours.
 fn mean_beside(heights: &[f64], width: usize, at: usize) -> f64 {
-    let known = neighbours(at, width, heights.len()).map(|k| heights[k]);
-    let known: Vec<f64> = known.filter(|z| !z.is_nan()).collect();
-    known.iter().sum::<f64>() / known.len() as f64
+    let known = || neighbours(at, width, heights.len()).map(|k| heights[k]).filter(|z| !z.is_nan());
+    known().sum::<f64>() / known().count() as f64
 }
 
 /// Heights with a margin of one cell, copied from the border.

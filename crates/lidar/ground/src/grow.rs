@@ -138,10 +138,11 @@ impl PlaneSums {
         let count = (self.count >= FEWEST).then_some(self.count as f64)?;
         let [x, y, z] = self.first.map(|sum| sum / count);
         let means = [(x, x), (x, y), (y, y), (x, z), (y, z), (z, z)];
-        let [xx, xy, yy, xz, yz, zz] = [0, 1, 2, 3, 4, 5].map(|k| {
-            let (a, b) = means[k];
-            self.second[k] - count * a * b
-        });
+        let mut central = self.second;
+        for (sum, (a, b)) in central.iter_mut().zip(means) {
+            *sum -= count * a * b;
+        }
+        let [xx, xy, yy, xz, yz, zz] = central;
         let determinant = xx * yy - xy * xy;
         if determinant <= SPREAD * xx * yy {
             return None;

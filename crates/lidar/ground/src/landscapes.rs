@@ -304,7 +304,7 @@ impl Landscape {
 
 /// The points that a method finds to be ground.
 fn found(method: &Request, points: &[Point]) -> Vec<Point> {
-    let cell = method.lattice(1.0).cell;
+    let cell = method.tiling(1.0).cell;
     let (steps, width) = (cell * 1000.0, (SIDE as f64 / cell).ceil() as usize + 1);
     let place = |p: &Point| [p.x, p.y].map(|v| (f64::from(v) / steps).floor() as usize);
     let mut lows = vec![NO_POINT; width * width];
@@ -356,7 +356,7 @@ fn the_best_method_is_about_the_best_on_every_landscape() {
     for land in LANDSCAPES {
         let all: Vec<f64> = methods().map(|method| error(land, &method)).collect();
         let best = all.iter().copied().fold(f64::INFINITY, f64::min);
-        let ratio = error(land, &Request::BEST) / best;
+        let ratio = error(land, &Request::DEFAULT) / best;
         println!("{}: {ratio:.2} times {best:.3} m, {all:.3?}", land.name);
         sum += ratio.ln();
         worst = worst.max(ratio);

@@ -19,19 +19,19 @@ impl Request {
     /// The morphological filter.
     pub const PMF: Self = Self::plain(&pmf::METHOD);
     /// The default method.
-    pub const BEST: Self = Self::plain(&csf_ptd::METHOD);
+    pub const DEFAULT: Self = Self::plain(&csf_ptd::METHOD);
 
     /// Tiling of the plane, for points `spacing` metres apart.
-    pub fn lattice(&self, spacing: f64) -> GroundTiling {
-        let lattice = (self.finder().lattice)(self, spacing);
-        let reach = if lattice.core.is_none() { outliers::REACH } else { 0 };
-        GroundTiling { halo: lattice.halo + reach, ..lattice }
+    pub fn tiling(&self, spacing: f64) -> GroundTiling {
+        let tiling = (self.finder().tiling)(self, spacing);
+        let reach = if tiling.core.is_none() { outliers::REACH } else { 0 };
+        GroundTiling { halo: tiling.halo + reach, ..tiling }
     }
 
     /// The ground under the cells of a window, or of a tile with its halo. Low outliers are removed before the
     /// method begins.
     pub fn find(&self, lows: &LowestPoints<'_>) -> GroundSurface {
-        let is_fixed = (self.finder().lattice)(self, lows.cell).core.is_some();
+        let is_fixed = (self.finder().tiling)(self, lows.cell).core.is_some();
         let passes = if is_fixed { outliers::PASSES } else { outliers::FEW_PASSES };
         let points = outliers::without_outliers(lows, passes);
         (self.finder().find)(self, &LowestPoints { points: &points, ..*lows })

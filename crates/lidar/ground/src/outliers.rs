@@ -88,7 +88,7 @@ fn outliers(lows: &LowestPoints<'_>) -> Vec<usize> {
         let z = heights[at];
         z != EMPTY
             && blocks.contradict(at, z, depth)
-            && company(&heights, lows.width, at, f64::from(z) + depth) <= max_clump
+            && count_not_higher(&heights, lows.width, at, f64::from(z) + depth) <= max_clump
     });
     outliers.collect()
 }
@@ -171,7 +171,7 @@ fn lie_on_one_plane(lows: &LowestPoints<'_>, at: usize, others: &[usize]) -> boo
 
 /// Number of cells around one, itself included, that are not higher: at the corner of a pit they are more than
 /// a clump.
-fn company(heights: &[i32], width: usize, at: usize, max_height: f64) -> usize {
+fn count_not_higher(heights: &[i32], width: usize, at: usize, max_height: f64) -> usize {
     let cols = within(at % width, BESIDE, width);
     let rows = within(at / width, BESIDE, heights.len() / width);
     let lines = rows.map(|row| &heights[row * width..][cols.clone()]);

@@ -47,7 +47,7 @@ pub(crate) const METHOD: Method = Method {
         ),
     ],
     finder: GroundFinder {
-        lattice: |_, spacing| GroundTiling::fixed(spacing.clamp(1.0, WIDEST)),
+        tiling: |_, spacing| GroundTiling::fixed(spacing.clamp(1.0, WIDEST)),
         find,
     },
 };

@@ -26,7 +26,7 @@ fn wrong(scene: impl Fn(usize, usize) -> Option<Low>) -> [Vec<(usize, usize)>; 2
         corner: [0.0; 2],
         step: [0.01; 3],
     };
-    let found = Request::BEST.find(&lows);
+    let found = Request::DEFAULT.find(&lows);
     let mut wrong = [vec![], vec![]];
     for (at, (col, row)) in cells.into_iter().enumerate() {
         let Some((_, is_ground)) = scene(col, row) else { continue };

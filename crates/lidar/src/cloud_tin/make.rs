@@ -105,7 +105,7 @@ fn nearest_points(
     let positions = constraints.points.iter();
     let positions = positions
         .map(|[x, y]| [low.x.saturating_add_unsigned(*x), low.y.saturating_add_unsigned(*y)]);
-    nearest(points, hull, &positions.collect::<Vec<_>>())
+    nearest(points, hull, positions.collect())
 }
 
 /// Result of the work.

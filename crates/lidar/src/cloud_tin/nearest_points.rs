@@ -24,17 +24,17 @@ pub(super) struct ConstraintPoints {
 pub(super) fn nearest(
     store: &PointStore,
     hull: &ConvexHull,
-    positions: &[[i32; 2]],
+    mut positions: Vec<[i32; 2]>,
 ) -> Result<ConstraintPoints> {
     let (mut constraints, mut search) =
         (ConstraintPoints::default(), NearestPointSearch { store, loaded: HashMap::new() });
-    let mut inside: Vec<_> = positions.to_vec();
-    inside.retain(|&at| hull.locate(FixedPosition::of(at)) != HullLocation::Outside);
-    constraints.beyond = (positions.len() - inside.len()) as u64;
-    inside.dedup();
+    let count = positions.len();
+    positions.retain(|&at| hull.locate(FixedPosition::of(at)) != HullLocation::Outside);
+    constraints.beyond = (count - positions.len()) as u64;
+    positions.dedup();
     let tiling = store.tiling();
-    inside.sort_by_key(|&[x, y]| tiling.square_of(Point::new(x, y, 0)));
-    for at in inside {
+    positions.sort_by_key(|&[x, y]| tiling.square_of(Point::new(x, y, 0)));
+    for at in positions {
         constraints.points.extend(search.nearest(at)?);
     }
     constraints.points.sort_unstable();

@@ -82,20 +82,10 @@ impl<'a> RegionMesh<'a> {
         }
         missing.sort_unstable();
         missing.dedup();
-        missing.sort_by_key(|&square| (self.steps_to(square), square));
-        missing
-    }
-
-    /// Distance of a tile from the region, along the axis where it is larger.
-    fn steps_to(&self, square: usize) -> i64 {
         let tiling = self.vertices.tiling();
-        let (here, there) = (self.region.window(tiling), tiling.window_of(square));
-        let gaps = [0, 1].map(|axis| {
-            let before = i64::from(here.low[axis]) - i64::from(there.high[axis]);
-            let after = i64::from(there.low[axis]) - i64::from(here.high[axis]);
-            before.max(after).max(0)
-        });
-        gaps[0].max(gaps[1])
+        let region = self.region.window(tiling);
+        missing.sort_by_key(|&square| (region.steps_to(&tiling.window_of(square)), square));
+        missing
     }
 
     /// The circles of the triangles whose box touches the region's.

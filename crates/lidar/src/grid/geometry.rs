@@ -77,7 +77,7 @@ fn refuse(conflict: &str) -> Result<()> {
 const ROUND: [f64; 4] = [1.0, 2.0, 5.0, 10.0];
 
 /// The default cell size: the root of the area per point, from the headers, rounded up.
-pub(super) fn usual_cell(info: &CloudInfo) -> Result<f64> {
+pub(super) fn default_cell(info: &CloudInfo) -> Result<f64> {
     let [low, high] = info.bounds.ok_or_else(unknown_spacing)?.map(|end| info.frame.world(end));
     let area = (high[0] - low[0]) * (high[1] - low[1]);
     let spacing = (area / info.count as f64).sqrt();
@@ -104,7 +104,7 @@ mod tests {
             let frame = PointFrame { scale: [0.01; 3], offset: [0.0; 3] };
             let bounds = [[0, 0, 0], [width, height, 7]].map(|[x, y, z]| Point { x, y, z });
             let info = CloudInfo { frame, bounds: Some(bounds), count, crs: Default::default() };
-            usual_cell(&info).ok()
+            default_cell(&info).ok()
         };
         assert_eq!(cell(10_000, [10_000, 10_000]), Some(1.0));
         assert_eq!(cell(9_999, [10_000, 10_000]), Some(2.0));

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::geometry::{Compat, Placement, usual_cell};
+use super::geometry::{Compat, Placement, default_cell};
 use super::surface_model::kinds::{GroundFrom, SurfaceModel};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as cloud, CloudFilter, CloudOpenOptions};
@@ -39,7 +39,7 @@ pub struct GridJob {
     /// Source of ground points for a terrain model: `cloud.filter.classes` has their classes, 2 if `None`.
     pub ground: GroundFrom,
     /// Canopy method of a surface model.
-    #[serde(default, skip_serializing_if = "Canopy::is_usual")]
+    #[serde(default, skip_serializing_if = "Canopy::is_default")]
     pub canopy: Canopy,
     /// File of water to flatten, for a terrain model.
     #[serde(skip)]
@@ -192,7 +192,7 @@ impl GridJob {
         let mut job = self.clone();
         if job.preset.is_some() && job.placement.cell.is_none() && job.placement.like.is_none() {
             let all = CloudOpenOptions { filter: CloudFilter::default(), ..self.cloud.clone() };
-            let side = usual_cell(cloud::source(&self.input, &all)?.info())?;
+            let side = default_cell(cloud::source(&self.input, &all)?.info())?;
             (job.placement.cell, job.placement.is_chosen) = (Some([side; 2]), true);
         }
         Ok(job)
@@ -200,7 +200,7 @@ impl GridJob {
 
     /// Whether ground points are needed.
     pub(super) fn needs_ground(&self) -> bool {
-        let has_layers = self.canopy.way() == CanopyAlgorithm::PitFree;
+        let has_layers = self.canopy.algorithm() == CanopyAlgorithm::PitFree;
         self.preset.is_some_and(|preset| preset != SurfaceModel::Dsm || has_layers)
     }
 
@@ -276,7 +276,7 @@ fn check_preset(preset: SurfaceModel, job: &GridJob) -> Result<()> {
 
 /// Fails for canopy or ground options without an effect on the model.
 fn check_canopy(preset: SurfaceModel, job: &GridJob) -> Result<()> {
-    if preset == SurfaceModel::Dtm && !job.canopy.is_usual() {
+    if preset == SurfaceModel::Dtm && !job.canopy.is_default() {
         return Err(Error::usage("‹canopy› has no effect: it applies to ‹dsm› and ‹chm›")
             .remedy("leave out ‹canopy›"));
     }

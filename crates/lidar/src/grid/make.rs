@@ -13,7 +13,7 @@ use super::reading::{CloudReader, ReadOutcome};
 use super::region_points::CellSurroundings;
 use super::report::{GridReport, GridStage};
 use super::source::{CellBands, FinishedGrid};
-use super::surface_model::{self, CloudOverview, Making, PreparedSurfaceModel};
+use super::surface_model::{self, CloudOverview, PreparedSurfaceModel, SurfaceModelContext};
 use crate::point_index::{PointStore, PointStoreCoverage, parts_in};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::PointFrame;
@@ -183,9 +183,18 @@ impl<'a> GridMaker<'a> {
             let reading = job.reading();
             let part = self.within.zip(self.seen);
             let extent = &self.extent;
-            let making =
-                Making { job, extent, reading, threads, memory, points, part, progress, cancel };
-            let model = PreparedSurfaceModel::new(preset, points.info(), &making)?;
+            let context = SurfaceModelContext {
+                job,
+                extent,
+                reading,
+                threads,
+                memory,
+                points,
+                part,
+                progress,
+                cancel,
+            };
+            let model = PreparedSurfaceModel::new(preset, points.info(), &context)?;
             let outcome = ReadOutcome { census: model.census, outside: 0 };
             return Ok((outcome, Some(HeightSource::Model(Box::new(model)))));
         }

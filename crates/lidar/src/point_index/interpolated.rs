@@ -110,7 +110,8 @@ impl InterpolatedSurface<'_> {
         let mut places = cells.map(|(col, row)| row * at.xs.len() + col);
         match self.shape {
             SurfaceInterpolation::Linear { max_edge } => {
-                let is_surface = |corners: &[Point; 3]| self.is_surface(corners, max_edge);
+                let is_surface =
+                    |corners: &[Point; 3]| has_short_edges(corners, &self.frame, max_edge);
                 let take = |position: FixedPosition, location: Location| {
                     out[places.next().unwrap_or_default()] =
                         self.height(position, location, max_edge);
@@ -153,17 +154,11 @@ impl InterpolatedSurface<'_> {
     fn height(&self, position: FixedPosition, location: Location, max_edge: Option<f64>) -> f64 {
         match location {
             Location::At(point) => self.world(f64::from(point.z)),
-            Location::Triangle(corners) if self.is_surface(&corners, max_edge) => {
+            Location::Triangle(corners) if has_short_edges(&corners, &self.frame, max_edge) => {
                 self.world(interpolate(&corners, position))
             }
             Location::Triangle(_) | Location::Outside => f64::NAN,
         }
-    }
-
-    /// True when no edge of a triangle is longer than `max_edge` world units.
-    fn is_surface(&self, corners: &[Point; 3], max_edge: Option<f64>) -> bool {
-        let [x, y, _] = self.frame.scale;
-        max_edge.is_none_or(|longest| is_short(corners, [x, y], longest))
     }
 }
 
@@ -171,6 +166,16 @@ impl InterpolatedSurface<'_> {
 pub(crate) fn reach(frame: &PointFrame, length: f64) -> i32 {
     let [x, y, _] = frame.scale;
     (length / x.min(y)).ceil().min(f64::from(REACH)) as i32
+}
+
+/// Whether no edge of a triangle is longer than `max_edge` world units.
+pub(crate) fn has_short_edges(
+    corners: &[Point; 3],
+    frame: &PointFrame,
+    max_edge: Option<f64>,
+) -> bool {
+    let [x, y, _] = frame.scale;
+    max_edge.is_none_or(|longest| is_short(corners, [x, y], longest))
 }
 
 /// The window of the positions of a part.

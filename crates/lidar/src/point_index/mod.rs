@@ -16,7 +16,7 @@ mod tiling;
 
 pub(crate) use coverage::{PointStoreCoverage, parts_in};
 pub(crate) use interpolated::{
-    ColumnRowPositions, ColumnRowRange, InterpolatedSurface, MAX_POINTS, reach,
+    ColumnRowPositions, ColumnRowRange, InterpolatedSurface, MAX_POINTS, has_short_edges, reach,
 };
 pub(crate) use neighbourhood::SurroundingPoints;
 pub(crate) use summary::TileSummary;

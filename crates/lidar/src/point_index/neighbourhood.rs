@@ -143,22 +143,12 @@ impl<'a> SurroundingPoints<'a> {
     fn load_missing(&mut self) -> Result<()> {
         let mut missing = self.missing.take();
         // The nearest first, in an order that nothing but the squares decides; they may settle what the others were for.
-        missing.sort_by_key(|&square| (self.steps_to(square), square));
+        let tiling = self.store.tiling();
+        missing.sort_by_key(|&square| (self.known.steps_to(&tiling.window_of(square)), square));
         for &square in missing.iter().take(AT_ONCE) {
             self.beyond.push((square, binned(self.store, [square].into_iter())?));
         }
         Ok(())
-    }
-
-    /// Distance of a tile from the window, along the axis where it is larger.
-    fn steps_to(&self, square: usize) -> i64 {
-        let there = self.store.tiling().window_of(square);
-        let gaps = [0, 1].map(|axis| {
-            let before = i64::from(self.known.low[axis]) - i64::from(there.high[axis]);
-            let after = i64::from(there.low[axis]) - i64::from(self.known.high[axis]);
-            before.max(after).max(0)
-        });
-        gaps[0].max(gaps[1])
     }
 
     /// Records that a query depends on an empty circle.

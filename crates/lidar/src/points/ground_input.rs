@@ -18,13 +18,13 @@ use terrane_delaunay::SiteWindow;
 pub(super) struct GroundInput {
     cloud: PointCloud,
     target: LasOutputFormat,
-    /// Whether it has the requested points only, for work in portions.
+    /// Whether it has the requested points only, for work on a subset of tiles.
     is_same: bool,
 }
 
 impl TranslateJob {
     /// All candidate points of the ground, if these are not the requested ones, or a part of them.
-    pub(super) fn wide(&self, is_part: bool) -> Result<Option<GroundInput>> {
+    pub(super) fn ground_input(&self, is_part: bool) -> Result<Option<GroundInput>> {
         let options = self.reading();
         let chosen = &options.filter;
         let is_same =
@@ -44,45 +44,45 @@ impl TranslateContext<'_> {
     pub(super) fn annotate<'r>(
         &self,
         records: &'r dyn PointRecords,
-        wide: Option<&GroundInput>,
+        ground_input: Option<&GroundInput>,
     ) -> Result<AnnotatedRecords<'r>> {
         let search = self.ground_search();
-        let at = self.converter.heights_at();
-        let Some(GroundInput { cloud, target, is_same }) = wide else {
-            return search.annotate(records, None, at);
+        let heights_at = self.converter.heights_at();
+        let Some(GroundInput { cloud, target, is_same }) = ground_input else {
+            return search.annotate(records, None, heights_at);
         };
-        let converter = PointFormatConverter::new(cloud, *target, at.is_some())?;
+        let converter = PointFormatConverter::new(cloud, *target, heights_at.is_some())?;
         let noise = self.subset.and_then(TileSubset::noise).map(Noise::of_ground);
-        let wide = InputRecords::within(cloud, &converter, self.around_ground()?).with(noise);
-        let single = if *is_same { self.single(&wide)? } else { None };
-        let wide = over(&single, &wide);
-        let marked = self.mark(wide)?;
-        search.annotate(records, Some(over(&marked, wide)), at)
+        let all = InputRecords::within(cloud, &converter, self.around_ground()?).with(noise);
+        let single = if *is_same { self.single(&all)? } else { None };
+        let all = over(&single, &all);
+        let marked = self.mark(all)?;
+        search.annotate(records, Some(over(&marked, all)), heights_at)
     }
 
     /// Statistics of the ground of all points, with recorded noise.
-    pub(super) fn scan_wide(
+    pub(super) fn scan_ground_input(
         &self,
-        wide: &GroundInput,
+        input: &GroundInput,
         noise: Option<&mut Noise>,
     ) -> Result<CloudOverview> {
         let converter = PointFormatConverter::new(
-            &wide.cloud,
-            wide.target,
+            &input.cloud,
+            input.target,
             self.converter.heights_at().is_some(),
         )?;
-        let wide = InputRecords::within(&wide.cloud, &converter, None);
-        let marked = self.mark(&wide)?;
+        let all = InputRecords::within(&input.cloud, &converter, None);
+        let marked = self.mark(&all)?;
         if let Some((noise, marked)) = noise.zip(marked.as_ref()) {
-            noise.wide = Some(marked.noted(None)?);
+            noise.ground = Some(marked.noted(None)?);
         }
-        self.ground_search().scan(over(&marked, &wide))
+        self.ground_search().scan(over(&marked, &all))
     }
 
     /// The window of the points of the ground of the tiles, if not everywhere.
     fn around_ground(&self) -> Result<Option<SiteWindow>> {
         let Some(subset) = self.subset else { return Ok(None) };
-        let Some(seen) = subset.looked.seen.as_ref().filter(|seen| !seen.by_class) else {
+        let Some(seen) = subset.knowledge.seen.as_ref().filter(|seen| !seen.by_class) else {
             return Ok(Some(subset.ground()));
         };
         let metres = MetricFrame::of(&self.cloud.crs, &self.cloud.frame)?;

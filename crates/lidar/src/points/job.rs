@@ -117,9 +117,9 @@ impl TranslateJob {
         is_part: bool,
     ) -> [u64; 2] {
         // However far around a part the ground is read.
-        let is_wide = is_part && self.dedupe && self.above.is_requested();
-        let wide = if is_wide { needed(info.count) } else { 0 };
-        let choices = self.choices() * needed(points) + wide;
+        let has_ground = is_part && self.dedupe && self.above.is_requested();
+        let of_ground = if has_ground { needed(info.count) } else { 0 };
+        let choices = self.choices() * needed(points) + of_ground;
         let is_spread =
             packing == PointPacking::Nodes || self.squares.is_some() || self.split.is_some();
         let spread = if is_spread { SPREAD } else { 0 };

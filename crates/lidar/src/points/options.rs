@@ -140,7 +140,8 @@ impl PointsOptions {
     /// The job without its clip polygons.
     pub(super) fn unread(&self, inputs: &[String], output: &Path) -> TranslateJob {
         let is_plain = self.tile_format == TileFormat::Las;
-        let (buffer, mark) = (self.buffer.unwrap_or(0.0), self.buffer_flag);
+        let tiling =
+            |side| PointTiling { side, buffer: self.buffer.unwrap_or(0.0), flag: self.buffer_flag };
         TranslateJob {
             cloud: CloudOpenOptions::default(),
             format: self.point_format,
@@ -157,7 +158,7 @@ impl PointsOptions {
             distance: self.thin_distance,
             transform: self.reprojection.transform(),
             sort: self.sort,
-            squares: self.tile.map(|side| (PointTiling { side, buffer, mark }, is_plain)),
+            squares: self.tile.map(|side| (tiling(side), is_plain)),
             split: self.split.clone().map(|attribute| AttributeSplit { attribute, is_plain }),
             overwrite: self.replacing.overwrite,
             resources: self.resources.clone(),

@@ -1,4 +1,4 @@
-//! A prepared job on points: run whole, in portions, or analysed for a plan.
+//! A prepared job on points: run whole, run on a subset of tiles, or analysed for a plan.
 
 use std::time::Instant;
 
@@ -53,7 +53,7 @@ pub fn run(
     Ok(report)
 }
 
-/// Prepares a job on a point cloud, or some tiles of it, and calls `work`.
+/// Prepares a job on a point cloud, or some tiles of it, and calls `act`.
 pub(super) fn prepared<T: Send>(
     job: &TranslateJob,
     cloud: &PointCloud,
@@ -107,8 +107,8 @@ pub(super) struct Prepared<'a> {
 impl Prepared<'_> {
     /// Writes the output; returns its files, and notes on points, one line each.
     pub(super) fn make(&self) -> Result<(SplitFiles, Vec<String>)> {
-        let wide = self.work.job.wide(self.work.subset.is_some())?;
-        self.work.run(self.source, wide.as_ref())
+        let ground_input = self.work.job.ground_input(self.work.subset.is_some())?;
+        self.work.run(self.source, ground_input.as_ref())
     }
 
     /// Writes the output and reports on it; the work began at `start`.
@@ -144,20 +144,20 @@ impl Prepared<'_> {
     /// Statistics of the whole point cloud for a plan: the noise and the ground.
     pub(super) fn scan(&self) -> Result<CloudKnowledge> {
         let (work, above) = (&self.work, &self.work.job.above);
-        let wide = work.job.wide(false)?;
-        let is_own = wide.is_none() || above.noise().is_some();
+        let ground_input = work.job.ground_input(false)?;
+        let is_own = ground_input.is_none() || above.noise().is_some();
         let single = if is_own { work.single(self.source)? } else { None };
         let records = over(&single, self.source);
         let marked = work.mark(records)?;
         let mut noise = match &marked {
             Some(marked) => {
                 let (own, notes) = (marked.noted(single.as_ref())?, marked.notes.clone());
-                Some(Noise { own, wide: None, notes })
+                Some(Noise { own, ground: None, notes })
             }
             None => None,
         };
-        let seen = match wide {
-            Some(wide) => Some(work.scan_wide(&wide, noise.as_mut())?),
+        let seen = match ground_input {
+            Some(input) => Some(work.scan_ground_input(&input, noise.as_mut())?),
             None if above.is_requested() => {
                 Some(work.ground_search().scan(over(&marked, records))?)
             }
@@ -172,14 +172,14 @@ impl TranslateContext<'_> {
     fn run(
         &self,
         source: &dyn PointRecords,
-        wide: Option<&GroundInput>,
+        ground_input: Option<&GroundInput>,
     ) -> Result<(SplitFiles, Vec<String>)> {
         let (job, record) = (self.job, self.shares.flow.record);
         let single = self.single(source)?;
         let records = over(&single, source);
         let marked = self.mark(records)?;
         let records = over(&marked, records);
-        let annotated = job.above.is_requested().then(|| self.annotate(records, wide));
+        let annotated = job.above.is_requested().then(|| self.annotate(records, ground_input));
         let annotated = annotated.transpose()?;
         let records = over(&annotated, records);
         let (assigning, cloud) = (self.assigning, self.input);

@@ -42,7 +42,7 @@ pub(super) struct TileSubset<'a> {
     /// The window of points, and the margin of the ground around it.
     pub(super) near: CellSurroundings,
     /// Statistics of the whole point cloud.
-    pub(super) looked: &'a CloudKnowledge,
+    pub(super) knowledge: &'a CloudKnowledge,
     /// The point cloud; only the bounds of its parts are used.
     pub(super) points: &'a dyn PointSource,
     /// Output folder.
@@ -54,16 +54,16 @@ impl<'a> TileSubset<'a> {
     pub(super) fn new(
         spans: Spans,
         near: CellSurroundings,
-        looked: &'a CloudKnowledge,
+        knowledge: &'a CloudKnowledge,
         points: &'a dyn PointSource,
         folder: &'a Path,
     ) -> Self {
-        Self { spans, near, looked, points, folder, exceeded: AtomicBool::new(false) }
+        Self { spans, near, knowledge, points, folder, exceeded: AtomicBool::new(false) }
     }
 
     /// The noise, if known.
     pub(super) fn noise(&self) -> Option<&Noise> {
-        self.looked.noise.as_ref()
+        self.knowledge.noise.as_ref()
     }
 
     /// The window of all points in the files, and of points that affect the selection.

@@ -30,7 +30,7 @@ pub struct PointTiling {
     /// Width of the buffer of points around a tile.
     pub buffer: f64,
     /// Flag of buffer points.
-    pub mark: BufferFlag,
+    pub flag: BufferFlag,
 }
 
 /// Flag of buffer points.
@@ -173,7 +173,7 @@ impl<'a> PointTileSplitter<'a> {
         }
         copy.clear();
         copy.extend_from_slice(record);
-        self.options.format.set_flags(copy, self.squares.mark.flag());
+        self.options.format.set_flags(copy, self.squares.flag.flag());
         for other_row in y.around(row, point.y) {
             for other_column in x.around(column, point.x) {
                 if own != Some((other_column, other_row)) {

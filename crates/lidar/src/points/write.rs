@@ -60,10 +60,10 @@ impl TranslateContext<'_> {
             points += (bytes.len() / size) as u64;
             let parts: Vec<_> =
                 bytes.par_chunks(LINES * size).map(|some| lines.lines(some)).collect();
-            let mut parts = parts.iter();
-            parts
-                .try_for_each(|text| file.write_all(text.as_bytes()))
-                .map_err(|e| Error::write(path, e))
+            for text in &parts {
+                file.write_all(text.as_bytes()).map_err(|e| Error::write(path, e))?;
+            }
+            Ok(())
         })?;
         self.at.progress.end();
         let bytes = file.commit()?;

@@ -23,7 +23,7 @@ const HEADER_BYTES: u64 = 8;
 /// Maximum excess of a deflate or zstd stream over a full block, in bytes.
 const PADDING: usize = 64 << 10;
 
-/// Maximum compressed size of a block of `bytes` bytes that is worth reading.
+/// Maximum compressed size of a block of `plain` bytes that is worth reading.
 fn max_packed(plain: u64) -> u64 {
     2 * plain + 4096
 }

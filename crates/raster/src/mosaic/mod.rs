@@ -1,9 +1,9 @@
 //! Mosaics: many files as one grid on one lattice, with later files on top where they are valid, read by
 //! window. Files are opened on demand and closed again, so their number is not limited.
 //!
-//! `members` expands the inputs to files, `find` reads their metadata in parallel, `agree` checks that they are
-//! consistent, `layout` aligns them on the lattice of the first, `index` (a packed R-tree) finds the files of a
-//! window, and the window is painted from bottom to top. A part that fills a window alone is read directly into
+//! `members` expands the inputs to files, `find` reads their metadata in parallel, `consistency` checks that they
+//! are consistent, `layout` aligns them on the lattice of the first, `index` (a packed R-tree) finds the files of
+//! a window, and the window is painted from bottom to top. A part that fills a window alone is read directly into
 //! it. A VRT is a mosaic whose parts are placed by its XML. Mosaics can be nested.
 //!
 //! Memory is independent of the number of samples; only names and rectangles grow with the number of files. Open

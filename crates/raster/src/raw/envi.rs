@@ -151,31 +151,21 @@ fn check_rotation(items: &[&str]) -> Result<()> {
     if rotated { Err(Error::unsupported("rotated ENVI map info is not supported")) } else { Ok(()) }
 }
 
-/// EPSG codes of a datum: that of its geographic CRS, and those of its UTM zones less the zone; 0 if it has none.
-struct DatumCodes {
-    geographic: u32,
-    utm_north: u32,
-    utm_south: u32,
-}
-
-impl DatumCodes {
-    /// The codes of a datum that `map info` names.
-    fn of(name: &str) -> Option<Self> {
-        let (geographic, utm_north, utm_south) = match name.to_ascii_lowercase().as_str() {
-            "wgs-84" | "wgs84" | "wgs 84" => (4326, 32600, 32700),
-            "north america 1983" | "nad83" => (4269, 26900, 0),
-            "north america 1927" | "nad27" => (4267, 26700, 0),
-            _ => return None,
-        };
-        Some(Self { geographic, utm_north, utm_south })
+/// A datum that `map info` names: its name in Esri's CRS names, and the EPSG code of its geographic CRS.
+fn known_datum(name: &str) -> Option<(&'static str, u32)> {
+    match name.to_ascii_lowercase().as_str() {
+        "wgs-84" | "wgs84" | "wgs 84" => Some(("WGS_1984", 4326)),
+        "north america 1983" | "nad83" => Some(("NAD_1983", 4269)),
+        "north america 1927" | "nad27" => Some(("NAD_1927", 4267)),
+        _ => None,
     }
 }
 
 /// CRS named by `map info` alone.
 fn crs(projection: &str, rest: &[&str]) -> Crs {
     if projection.to_ascii_lowercase().starts_with("geographic") {
-        let datum = rest.iter().find(|item| !item.contains('=') && item.parse::<f64>().is_err());
-        let epsg = datum.and_then(|name| DatumCodes::of(name)).map(|codes| codes.geographic);
+        let name = rest.iter().find(|item| !item.contains('=') && item.parse::<f64>().is_err());
+        let epsg = name.and_then(|name| known_datum(name)).map(|(_, geographic)| geographic);
         let citation = Some(projection.to_owned());
         return Crs { epsg, citation, geographic: Some(true), ..Crs::default() };
     }
@@ -183,13 +173,11 @@ fn crs(projection: &str, rest: &[&str]) -> Crs {
     if !projection.eq_ignore_ascii_case("utm") {
         return Crs { citation: Some(projection.to_owned()), ..Crs::default() };
     }
-    let base = rest.get(2).and_then(|name| DatumCodes::of(name));
-    let base = base.map(|codes| match half.eq_ignore_ascii_case("south") {
-        true => codes.utm_south,
-        false => codes.utm_north,
-    });
-    let number = zone.parse().ok().filter(|zone: &u32| (1..=60).contains(zone));
-    let epsg = base.filter(|base| *base > 0).zip(number).map(|(base, zone)| base + zone);
+    let north = !half.eq_ignore_ascii_case("south");
+    let datum = rest.get(2).and_then(|name| known_datum(name));
+    let epsg = datum
+        .zip(zone.parse::<u32>().ok())
+        .and_then(|((datum, _), zone)| wkt::utm_code(datum, north, zone));
     let citation = Some(format!("UTM zone {zone} {half}"));
     Crs { epsg, citation, geographic: Some(false), ..Crs::default() }
 }

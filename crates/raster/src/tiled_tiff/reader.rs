@@ -215,11 +215,7 @@ impl MappedTiledTiff {
     }
 
     fn check(&self, rect: Rect, values: usize) -> Result<()> {
-        let end_col = rect.col.checked_add(rect.width);
-        let end_row = rect.row.checked_add(rect.height);
-        let inside = end_col.is_some_and(|end| end <= self.info.width)
-            && end_row.is_some_and(|end| end <= self.info.height);
-        if inside && values == rect.len() {
+        if rect.fits(self.info.width, self.info.height) && values == rect.len() {
             return Ok(());
         }
         Err(Error::usage(format!("{rect:?} with {values} values is not a window of the store")))

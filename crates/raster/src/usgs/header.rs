@@ -3,7 +3,7 @@
 use super::fields::{UsgsDemFieldReader, decimal};
 use crate::grid::SampleType;
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::Affine;
+use terrane_base::geom::{Affine, wkt};
 use terrane_base::limits;
 use terrane_files::RawFile;
 
@@ -178,30 +178,24 @@ fn has_first_profile(file: &RawFile, offset: u64) -> bool {
 
 /// EPSG code and name of the CRS.
 fn system(system: i64, zone: i64, datum: &str) -> (Option<u32>, String) {
-    // Code of the geographic CRS, then the first digits of the codes of northern and southern UTM zones.
-    let (name, geographic, north, south) = match datum.trim() {
-        "2" => ("WGS 72", 4322, 32200, 32300),
-        "3" => ("WGS 84", 4326, 32600, 32700),
-        "4" => ("NAD83", 4269, 26900, 0),
-        _ => ("NAD27", 4267, 26700, 0),
+    // Name, name in Esri's CRS names, and code of the geographic CRS.
+    let (name, datum, geographic) = match datum.trim() {
+        "2" => ("WGS 72", "WGS_1972", 4322),
+        "3" => ("WGS 84", "WGS_1984", 4326),
+        "4" => ("NAD83", "NAD_1983", 4269),
+        _ => ("NAD27", "NAD_1927", 4267),
     };
+    // The zone is negative in the south.
+    let number = u32::try_from(zone.unsigned_abs()).ok();
     match system {
         0 => (Some(geographic), name.to_owned()),
         1 => (
-            utm_code(if zone > 0 { north } else { south }, zone),
+            number.and_then(|number| wkt::utm_code(datum, zone > 0, number)),
             format!("{name} / UTM zone {}{}", zone.abs(), if zone < 0 { "S" } else { "N" }),
         ),
         2 => (None, format!("{name} / state plane zone {zone}")),
         other => (None, format!("{name} / reference system {other}")),
     }
-}
-
-/// EPSG code of a UTM zone, negative in the south; `base` is the code less the zone, or 0 if there is none.
-fn utm_code(base: u32, zone: i64) -> Option<u32> {
-    // The zones of NAD27 and NAD83 with codes end at 23.
-    let max_zone = if base < 30_000 { 23 } else { 60 };
-    let number = u32::try_from(zone.abs()).ok().filter(|z| (1..=max_zone).contains(z))?;
-    (base > 0).then_some(base + number)
 }
 
 /// Bytes of the record.

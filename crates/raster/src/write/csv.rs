@@ -142,19 +142,22 @@ impl CsvSink {
     }
 }
 
-/// Header row, quoted where necessary.
+/// Header row.
 fn heading(options: &GridWriteOptions) -> String {
     let mut names = vec!["x".to_owned(), "y".to_owned()];
-    names.extend(options.bands.iter().map(
-        |band| match band.name.contains([',', '"', '\n', '\r']) {
-            true => format!("\"{}\"", band.name.replace('"', "\"\"")),
-            false => band.name.clone(),
-        },
-    ));
+    names.extend(options.bands.iter().map(|band| quoted(&band.name)));
     if options.bands.is_empty() {
         names.push("z".to_owned());
     }
     names.join(",") + "\n"
+}
+
+/// A name, in quotes where necessary.
+fn quoted(name: &str) -> String {
+    match name.contains([',', '"', '\n', '\r']) {
+        true => format!("\"{}\"", name.replace('"', "\"\"")),
+        false => name.to_owned(),
+    }
 }
 
 /// Number of decimals that resolves cells.

@@ -97,6 +97,8 @@ fn names_that_one_program_writes_without_a_code_have_one() {
     for (name, first, [least, most]) in [
         ("WGS_1984_UTM_Zone_#N", 32_600, [1, 60]),
         ("WGS_1984_UTM_Zone_#S", 32_700, [1, 60]),
+        ("WGS_1972_UTM_Zone_#N", 32_200, [1, 60]),
+        ("WGS_1972_UTM_Zone_#S", 32_300, [1, 60]),
         ("NAD_1927_UTM_Zone_#N", 26_700, [1, 22]),
         ("NAD_1983_UTM_Zone_#N", 26_900, [1, 23]),
         ("ETRS_1989_UTM_Zone_#N", 25_800, [28, 38]),
@@ -106,6 +108,29 @@ fn names_that_one_program_writes_without_a_code_have_one() {
             let code = (least..=most).contains(&number).then_some(first + number);
             assert_eq!(zone(&name.replace('#', &number.to_string())), code, "{name} {number}");
         }
+    }
+}
+
+#[test]
+fn codes_of_utm_zones_are_of_that_zone_and_datum() {
+    for (datum, name, zones) in [
+        ("WGS_1984", "WGS 84", 120),
+        ("WGS_1972", "WGS 72", 120),
+        ("NAD_1927", "NAD27", 22),
+        ("NAD_1983", "NAD83", 23),
+        ("ETRS_1989", "ETRS89", 11),
+    ] {
+        let mut found = 0;
+        for (zone, north) in (0..=61).flat_map(|zone| [(zone, true), (zone, false)]) {
+            let Some(code) = wkt::utm_code(datum, north, zone) else { continue };
+            found += 1;
+            let half = if north { 'N' } else { 'S' };
+            let known = wkt::of_srs(&format!("EPSG:{code}")).citation;
+            // The dataset of codes ends at zone 37 of ETRS89.
+            let expected = (code != 25_838).then(|| format!("{name} / UTM zone {zone}{half}"));
+            assert_eq!(known, expected, "{code}");
+        }
+        assert_eq!(found, zones, "{name}");
     }
 }
 

@@ -117,9 +117,22 @@ fn esri_code(name: &str) -> Option<u32> {
     let (system, zone) = name.split_once("_UTM_Zone_")?;
     let north = zone.ends_with('N');
     let zone: u32 = zone.trim_end_matches(['N', 'S']).parse().ok()?;
-    match (system, north, zone) {
+    utm_code(system, north, zone)
+}
+
+/// EPSG code of a UTM zone of a datum, which is named as in Esri's CRS names; `None` if it has none.
+///
+/// ```
+/// use terrane_base::geom::wkt::utm_code;
+/// assert_eq!(utm_code("NAD_1983", true, 13), Some(26913));
+/// assert_eq!(utm_code("NAD_1983", true, 29), None);
+/// ```
+pub fn utm_code(datum: &str, north: bool, zone: u32) -> Option<u32> {
+    match (datum, north, zone) {
         ("WGS_1984", true, 1..=60) => Some(32600 + zone),
         ("WGS_1984", false, 1..=60) => Some(32700 + zone),
+        ("WGS_1972", true, 1..=60) => Some(32200 + zone),
+        ("WGS_1972", false, 1..=60) => Some(32300 + zone),
         ("NAD_1927", true, 1..=22) => Some(26700 + zone),
         ("NAD_1983", true, 1..=23) => Some(26900 + zone),
         ("ETRS_1989", true, 28..=38) => Some(25800 + zone),

@@ -227,7 +227,7 @@ fn without(
     Ok(LazChunkTable::Chunks(chunks))
 }
 
-/// Chunks of `full` points from byte `at`, decoded to their ends, up to the first damaged one.
+/// Chunks of `chunk_points` points from byte `at`, decoded to their ends, up to the first damaged one.
 fn follow(
     file: &RawFile,
     layout: &LazLayout,

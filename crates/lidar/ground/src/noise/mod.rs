@@ -32,7 +32,7 @@ impl FinderRegistry for NoiseFinder {
 
 impl Request {
     /// The default method.
-    pub const BEST: Self = Self::plain(&voxel::METHOD);
+    pub const DEFAULT: Self = Self::plain(&voxel::METHOD);
 
     /// The class assigned to noise.
     pub fn class(&self) -> u8 {

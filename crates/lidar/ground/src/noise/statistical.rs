@@ -87,9 +87,11 @@ fn scores(
         // All that follow are no nearer.
         let away = space.gap(all, next);
         open.retain(|i| nearest.furthest(*i) > away);
-        let near = open.iter().copied();
-        let near = near.filter(|i| space.gap([own[*i as usize]; 2], next) < nearest.furthest(*i));
-        let near: Vec<u32> = near.collect();
+        let near: Vec<u32> = open
+            .iter()
+            .copied()
+            .filter(|i| space.gap([own[*i as usize]; 2], next) < nearest.furthest(*i))
+            .collect();
         let Some(near_bounds) = bounds(near.iter().map(|i| own[*i as usize])) else { continue };
         let within = nearest.furthest_of(&near);
         read.clear();

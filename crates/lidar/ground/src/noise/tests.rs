@@ -161,12 +161,14 @@ fn few_points_are_no_outliers_and_are_alone() {
         let points = cloud(7, count, 100_000, 10);
         let found = scores(&statistical, space, &points, 50);
         assert!(noise(&statistical, &found).iter().all(|is| !is), "{found:?}");
-        let found = noise(&Request::BEST, &scores(&Request::BEST, space, &points, 50));
+        let found = noise(&Request::DEFAULT, &scores(&Request::DEFAULT, space, &points, 50));
         assert!(found.iter().all(|is| *is));
     }
     let same = vec![Point::new(3, 4, 5); 300];
     assert_eq!(scores(&statistical, space, &same, 50), vec![0; 300]);
-    assert!(noise(&Request::BEST, &scores(&Request::BEST, space, &same, 50)).iter().all(|is| !is));
+    assert!(
+        noise(&Request::DEFAULT, &scores(&Request::DEFAULT, space, &same, 50)).iter().all(|is| !is)
+    );
 }
 
 #[test]
@@ -181,7 +183,7 @@ fn a_lattice_has_no_outliers_and_a_bird_above_it_is_one() {
     assert_eq!(noise(&asked, &found).iter().filter(|is| **is).count(), 1);
     let mean = found[900] as f64 * space.unit();
     assert!((mean - (9000.0 + 9000.0_f64.hypot(0.5)) / 2.0).abs() < 1e-3, "{mean}");
-    assert_eq!((asked.class(), Request::BEST.class()), (18, 7));
+    assert_eq!((asked.class(), Request::DEFAULT.class()), (18, 7));
 }
 
 #[test]
@@ -197,11 +199,11 @@ fn parameters_are_read_and_refused_by_name() {
     assert!(told("statistical:k=0").contains("k=8 (a whole number from 1 to 100)"));
     let coarse = NoiseSpace { step: [5.0, 0.01, 0.01], zero: [0; 3] };
     assert!(
-        Request::BEST
+        Request::DEFAULT
             .reach(&coarse)
             .unwrap_err()
             .to_string()
             .contains("smaller than the coordinate resolution")
     );
-    assert!(Request::BEST.is_local() && !Request::parse("statistical").unwrap().is_local());
+    assert!(Request::DEFAULT.is_local() && !Request::parse("statistical").unwrap().is_local());
 }

@@ -6,14 +6,14 @@ use crate::lowest_points::EMPTY;
 /// Cells on each side that a cell is compared with.
 pub(super) const REACH: usize = 2;
 /// Number of neighbours of a valid cell that are as low; so many cells may be noise at once.
-const COMPANY: usize = 3;
+const RANK: usize = 3;
 
 /// Removes heights more than `depth` steps below the third lowest around them; the bottom of a ditch has lower
 /// neighbours. Cells with few neighbours are kept.
 pub(super) fn without_noise(minima: &[i32], width: usize, depth: f64) -> Vec<i32> {
     let cleaned = minima.iter().enumerate().map(|(at, &own)| {
         let is_noise = own != EMPTY
-            && company(minima, width, at)
+            && third_lowest_around(minima, width, at)
                 .is_some_and(|low| f64::from(low) - f64::from(own) > depth);
         if is_noise { EMPTY } else { own }
     });
@@ -21,11 +21,11 @@ pub(super) fn without_noise(minima: &[i32], width: usize, depth: f64) -> Vec<i32
 }
 
 /// The third lowest height around a cell, if there are three.
-fn company(minima: &[i32], width: usize, at: usize) -> Option<i32> {
+fn third_lowest_around(minima: &[i32], width: usize, at: usize) -> Option<i32> {
     let (col, row) = (at % width, at / width);
     let rows = within(row, REACH, minima.len() / width);
     let cols = within(col, REACH, width);
-    let mut lowest = [EMPTY; COMPANY];
+    let mut lowest = [EMPTY; RANK];
     for line in rows {
         let from = line * width;
         for (k, height) in (from + cols.start..).zip(&minima[from + cols.start..from + cols.end]) {
@@ -39,7 +39,7 @@ fn company(minima: &[i32], width: usize, at: usize) -> Option<i32> {
 
 /// Inserts a height into the sorted lowest ones, dropping the highest.
 #[inline(always)]
-fn insert(lowest: &mut [i32; COMPANY], height: i32) {
+fn insert(lowest: &mut [i32; RANK], height: i32) {
     let mut height = height;
     for low in lowest {
         let higher = height.max(*low);

@@ -26,7 +26,7 @@ pub(crate) const METHOD: Method = Method {
     about: "morphological filter: openings with growing squares, holes filled by means; exact in tiles of any size",
     parameters: &[],
     finder: GroundFinder {
-        lattice: |_, spacing| {
+        tiling: |_, spacing| {
             let cell = spacing.max(CELL);
             GroundTiling { cell, halo: Parameters::metres(cell, 1.0).reach(), core: None }
         },

@@ -64,8 +64,8 @@ impl TileSample {
         let mut lines = CloudLines::new(&ready.constraints, hull.clone(), tiling);
         lines.divide(&regions, tiling);
         let memory = ready.job.resources.memory / 8;
-        let [vertices, no_posts] =
-            [(); 2].map(|()| PointStore::empty(*tiling, ready.folder(), memory));
+        let vertices = PointStore::empty(*tiling, ready.folder(), memory);
+        let no_posts = PointStore::empty(*tiling, ready.folder(), memory);
         let work = ready.work(&self.points, &regions, &lines, 0, at)?;
         let hull = hull.corners();
         select_first(&work, 0..count, ready.tolerance(), &hull, &no_posts, &vertices)?;

@@ -124,7 +124,7 @@ pub(super) struct VertexArtifactSummary {
     /// Digest of the index of its tiles.
     index: Digest,
     /// Windows of influence of the checked regions, and their points.
-    looks: Vec<(usize, [[i32; 2]; 2], u64)>,
+    inspections: Vec<(usize, [[i32; 2]; 2], u64)>,
 }
 
 /// A plan's cloud and job, opened.
@@ -396,7 +396,7 @@ fn last_inspections(
     let mut inspections = vec![RegionInspection::settled(SiteWindow::ALL, 0); regions.len()];
     for round in 1..task.round {
         let (_, done) = states.object(CloudTinTask { round, ..task })?;
-        for &(region, [low, high], points) in &done.facts.looks {
+        for &(region, [low, high], points) in &done.facts.inspections {
             inspections[region - regions.start] =
                 RegionInspection::settled(SiteWindow { low, high }, points);
         }
@@ -512,11 +512,11 @@ impl PlannedWork for CloudMesh {
         inspections.sort_unstable_by_key(|(region, _)| *region);
         let (points, index) = put(&vertices, &part.block, object)?;
         run.vertices += points;
-        let looks =
+        let inspections =
             inspections.into_iter().map(|(region, RegionInspection { influence, errors, .. })| {
                 (region, [influence.low, influence.high], errors.points)
             });
-        let facts = VertexArtifactSummary { points, index, looks: looks.collect() };
+        let facts = VertexArtifactSummary { points, index, inspections: inspections.collect() };
         Ok(MadeArtifact { facts, digest: None, spilled: vertices.spilled() })
     }
 

@@ -17,7 +17,7 @@ use super::extent::GridExtent;
 use super::job::GridJob;
 use super::options::GridOptions;
 use super::report::GridReport;
-use super::surface_model::{CloudOverview, Making, SurfaceModel};
+use super::surface_model::{CloudOverview, SurfaceModel, SurfaceModelContext};
 use manifest::{BLOCK, CloudGridPlan, GridTileTask, MOST_SIDE};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as cloud, PointSource, ReturnCounts};
@@ -151,8 +151,18 @@ fn scan(
     let reading = job.reading();
     let Resources { threads, memory, .. } = job.resources;
     let part = None;
-    let making = Making { job, extent, reading, threads, memory, points, part, progress, cancel };
-    CloudOverview::scan(preset, points.info(), &making)
+    let context = SurfaceModelContext {
+        job,
+        extent,
+        reading,
+        threads,
+        memory,
+        points,
+        part,
+        progress,
+        cancel,
+    };
+    CloudOverview::scan(preset, points.info(), &context)
 }
 
 /// The points of a tile.

@@ -22,7 +22,7 @@ use terrane_gridding::canopy::CanopyAlgorithm;
 /// Stores that are in memory at once.
 pub(super) const STORES: u64 = 3;
 /// Context of a terrain model.
-pub(in crate::grid) struct Making<'a> {
+pub(in crate::grid) struct SurfaceModelContext<'a> {
     pub(in crate::grid) job: &'a GridJob,
     /// The cells.
     pub(in crate::grid) extent: &'a GridExtent,
@@ -50,7 +50,7 @@ pub(super) fn no_noise() -> Vec<u8> {
     (0..=u8::MAX).filter(|class| !NOISE.contains(class)).collect()
 }
 
-impl Making<'_> {
+impl SurfaceModelContext<'_> {
     /// The classes of ground.
     pub(super) fn classes(&self) -> Vec<u8> {
         self.job.cloud.filter.classes.clone().unwrap_or_else(|| vec![GROUND])
@@ -63,7 +63,7 @@ impl Making<'_> {
 
     /// The window of the ground: for layers, under all first returns.
     pub(super) fn ground_window(&self) -> Option<SiteWindow> {
-        let is_layered = self.job.canopy.way() == CanopyAlgorithm::PitFree;
+        let is_layered = self.job.canopy.algorithm() == CanopyAlgorithm::PitFree;
         let is_all = self.job.preset == Some(SurfaceModel::Dtm) || !is_layered;
         self.part.map(|(near, _)| if is_all { near.window() } else { near.beyond() })
     }

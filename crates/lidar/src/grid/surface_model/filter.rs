@@ -28,7 +28,7 @@ pub(crate) struct GroundFilter<'a> {
     /// Other points that may lie on the ground.
     others: Option<&'a PointStore>,
     method: Request,
-    lattice: GroundTiling,
+    ground_tiling: GroundTiling,
     /// Metres to a step.
     step: [f64; 3],
     /// Steps along a cell, in x and y.
@@ -93,24 +93,24 @@ impl<'a> GroundFilter<'a> {
         method: Request,
         memory: u64,
     ) -> Self {
-        let lattice = method.lattice(spacing(&candidates, metres));
-        Self::on(lattice, candidates, metres, method, memory)
+        let ground_tiling = method.tiling(spacing(&candidates, metres));
+        Self::on(ground_tiling, candidates, metres, method, memory)
     }
 
     fn on(
-        lattice: GroundTiling,
+        ground_tiling: GroundTiling,
         candidates: Vec<&'a PointStore>,
         metres: &MetricFrame,
         method: Request,
         memory: u64,
     ) -> Self {
         let step = metres.step;
-        let cell = cell(&lattice, metres);
+        let cell = cell(&ground_tiling, metres);
         let wide = (memory / BYTES_PER_CELL).isqrt() as i64;
-        let fitting = (wide - 2 * lattice.halo as i64).clamp(SIDES[0], SIDES[1]);
-        let side = lattice.core.map_or(fitting, |core| core as i64);
+        let fitting = (wide - 2 * ground_tiling.halo as i64).clamp(SIDES[0], SIDES[1]);
+        let side = ground_tiling.core.map_or(fitting, |core| core as i64);
         let (others, within) = (None, None);
-        Self { candidates, others, method, lattice, step, cell, side, memory, within }
+        Self { candidates, others, method, ground_tiling, step, cell, side, memory, within }
     }
 
     /// For the ground in a `window` of a point cloud with this `spacing` in metres; the candidates must include
@@ -123,7 +123,7 @@ impl<'a> GroundFilter<'a> {
         method: Request,
         memory: u64,
     ) -> Self {
-        let of = Self::on(method.lattice(spacing), candidates, metres, method, memory);
+        let of = Self::on(method.tiling(spacing), candidates, metres, method, memory);
         Self { within: Some(window), ..of }
     }
 
@@ -146,8 +146,8 @@ impl<'a> GroundFilter<'a> {
     /// Number of threads whose tiles fit into memory; at least one.
     fn threads(&self, threads: usize) -> usize {
         let all = self.all();
-        let extent = [0, 1].map(|i| (all.end[i] - all.low[i]) as f64 * self.lattice.cell);
-        match bytes_of(self.lattice, extent) {
+        let extent = [0, 1].map(|i| (all.end[i] - all.low[i]) as f64 * self.ground_tiling.cell);
+        match bytes_of(self.ground_tiling, extent) {
             0 => threads,
             tile => (self.memory * threads as u64 / tile).clamp(1, threads as u64) as usize,
         }
@@ -222,12 +222,12 @@ impl<'a> GroundFilter<'a> {
 
     /// Adds the ground points of a tile.
     fn filter_tile(&self, core: GroundCellRange, into: &PointStore) -> Result<()> {
-        let reach = self.lattice.halo as i64;
+        let reach = self.ground_tiling.halo as i64;
         let wide = self.all().within(&core.grown(reach));
         let surface = self.method.find(&LowestPoints {
             points: &self.lows(&wide)?,
             width: wide.width(),
-            cell: self.lattice.cell,
+            cell: self.ground_tiling.cell,
             corner: [0, 1].map(|i| wide.low[i] as f64 * self.cell[i]),
             step: self.step,
         });
@@ -284,8 +284,8 @@ fn visit(stores: &[&PointStore], square: usize, mut each: impl FnMut(&[Point])) 
 }
 
 /// Steps along a cell, in x and y.
-fn cell(lattice: &GroundTiling, metres: &MetricFrame) -> [f64; 2] {
-    [0, 1].map(|i| lattice.cell / metres.step[i])
+fn cell(ground_tiling: &GroundTiling, metres: &MetricFrame) -> [f64; 2] {
+    [0, 1].map(|i| ground_tiling.cell / metres.step[i])
 }
 
 /// The window of all points that decide which points of a window are ground, for points `spacing` metres apart.
@@ -295,23 +295,24 @@ pub(crate) fn around(
     spacing: f64,
     window: SiteWindow,
 ) -> SiteWindow {
-    let lattice = method.lattice(spacing);
-    let (cell, side) = (cell(&lattice, metres), lattice.core.unwrap_or(1) as i64);
+    let ground_tiling = method.tiling(spacing);
+    let (cell, side) = (cell(&ground_tiling, metres), ground_tiling.core.unwrap_or(1) as i64);
     let [first, last] = [window.low, window.high]
         .map(|end| [0, 1].map(|i| ((f64::from(end[i]) / cell[i]).floor() as i64).div_euclid(side)));
     let (low, end) = (first.map(|tile| tile * side), last.map(|tile| (tile + 1) * side));
-    GroundCellRange { low, end }.grown(lattice.halo as i64).window(cell)
+    GroundCellRange { low, end }.grown(ground_tiling.halo as i64).window(cell)
 }
 
 /// Bytes of a tile of a method with fixed tiles, for a point cloud of this width and height in metres and any
 /// density; 0 for a method with tiles of any size.
 pub(crate) fn square_bytes(method: &Request, extent: [f64; 2]) -> u64 {
-    bytes_of(method.lattice(0.0), extent)
+    bytes_of(method.tiling(0.0), extent)
 }
 
-fn bytes_of(lattice: GroundTiling, extent: [f64; 2]) -> u64 {
-    let max_side = lattice.core.map_or(0, |core| core + 2 * lattice.halo) as u64;
-    let cells = extent.map(|metres| ((metres / lattice.cell).ceil() as u64).saturating_add(2));
+fn bytes_of(ground_tiling: GroundTiling, extent: [f64; 2]) -> u64 {
+    let max_side = ground_tiling.core.map_or(0, |core| core + 2 * ground_tiling.halo) as u64;
+    let cells =
+        extent.map(|metres| ((metres / ground_tiling.cell).ceil() as u64).saturating_add(2));
     cells.map(|cells| cells.min(max_side)).iter().product::<u64>() * BYTES_FIXED
 }
 

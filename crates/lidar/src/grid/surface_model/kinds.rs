@@ -60,7 +60,7 @@ impl GroundFrom {
     pub(crate) fn method(self) -> ground::Request {
         match self {
             Self::Method(request) => request,
-            Self::Auto | Self::Class => ground::Request::BEST,
+            Self::Auto | Self::Class => ground::Request::DEFAULT,
         }
     }
 }

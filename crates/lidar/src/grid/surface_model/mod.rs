@@ -22,7 +22,7 @@ use super::extent::CellRequest;
 use super::job::GridJob;
 use super::neighbours::{CloudSurfaces, more_is_needed, tiling};
 use crate::point_index::{PointStore, PointStoreSetup};
-pub(super) use context::Making;
+pub(super) use context::SurfaceModelContext;
 use context::{STORES, no_noise, too_little};
 pub(crate) use filter::{GroundFilter, around, square_bytes};
 use first_returns::CanopySurface;
@@ -63,7 +63,7 @@ impl PreparedSurfaceModel {
     pub(super) fn new(
         preset: SurfaceModel,
         cloud: &CloudInfo,
-        making: &Making<'_>,
+        context: &SurfaceModelContext<'_>,
     ) -> Result<Self> {
         let empty = Self {
             preset,
@@ -74,18 +74,18 @@ impl PreparedSurfaceModel {
             notes: Vec::new(),
             spilled: 0,
         };
-        let mut model = match making.job.needs_ground() {
-            true => empty.with_ground(cloud, making)?,
+        let mut model = match context.job.needs_ground() {
+            true => empty.with_ground(cloud, context)?,
             false => empty,
         };
         if preset != SurfaceModel::Dsm && model.ground.is_none() {
             return Err(no_ground());
         }
         if preset != SurfaceModel::Dtm {
-            match making.job.canopy.way() {
-                CanopyAlgorithm::PitFree => model.add_layers(cloud, making)?,
+            match context.job.canopy.algorithm() {
+                CanopyAlgorithm::PitFree => model.add_layers(cloud, context)?,
                 CanopyAlgorithm::SpikeFree { freeze, buffer } => {
-                    model.add_squares(cloud, freeze, buffer, making)?;
+                    model.add_squares(cloud, freeze, buffer, context)?;
                 }
             }
         }
@@ -93,81 +93,85 @@ impl PreparedSurfaceModel {
     }
 
     /// Finds the ground, if there is any.
-    fn with_ground(mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<Self> {
-        if making.job.ground.is_method() || making.part.is_some_and(|(_, seen)| !seen.by_class) {
-            return self.filter_ground(cloud, making);
+    fn with_ground(mut self, cloud: &CloudInfo, context: &SurfaceModelContext<'_>) -> Result<Self> {
+        if context.job.ground.is_method() || context.part.is_some_and(|(_, seen)| !seen.by_class) {
+            return self.filter_ground(cloud, context);
         }
-        let (classes, window) = (making.classes(), making.ground_window());
-        let store = making.read(classes.clone(), None, window)?;
+        let (classes, window) = (context.classes(), context.ground_window());
+        let store = context.read(classes.clone(), None, window)?;
         let count = store.count();
         self.take_note(&store);
         if count > 0 || window.is_some() {
             self.notes.push(found_in_classes(count, &classes));
-            let around = making.part.map(|(_, seen)| seen.around_ground()).unwrap_or_default();
-            let store = making.limited(store, window, &around)?;
+            let around = context.part.map(|(_, seen)| seen.around_ground()).unwrap_or_default();
+            let store = context.limited(store, window, &around)?;
             self.ground = Some(CloudSurfaces::new(store, cloud.frame)?);
             return Ok(self);
         }
-        if making.job.ground == GroundFrom::Class {
+        if context.job.ground == GroundFrom::Class {
             return Err(not_of_class(&named(&classes)));
         }
-        self.filter_ground(cloud, making)
+        self.filter_ground(cloud, context)
     }
 
-    fn filter_ground(mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<Self> {
+    fn filter_ground(
+        mut self,
+        cloud: &CloudInfo,
+        context: &SurfaceModelContext<'_>,
+    ) -> Result<Self> {
         let metres = self.metres(cloud)?;
-        let method = making.job.ground.method();
-        let part = making.ground_window().zip(making.part.map(|(_, seen)| seen.last));
+        let method = context.job.ground.method();
+        let part = context.ground_window().zip(context.part.map(|(_, seen)| seen.last));
         let wide = part.map(|(window, spacing)| around(&method, &metres, spacing, window));
-        let mut candidates = making.read(no_noise(), Some(Return::Last), wide)?;
-        let all_returns = making.all_returns(&candidates)?;
+        let mut candidates = context.read(no_noise(), Some(Return::Last), wide)?;
+        let all_returns = context.all_returns(&candidates)?;
         if all_returns {
-            candidates = making.read(no_noise(), None, wide)?;
+            candidates = context.read(no_noise(), None, wide)?;
         }
         self.take_note(&candidates);
         let square = square_bytes(&method, metres.extent(cloud.bounds));
         // The store of the surface is filled later.
-        let spare = making.store_memory();
+        let spare = context.store_memory();
         if square > spare {
             let what = format!("finding the ground by {}", method.name());
-            let memory = making.job.resources.memory;
+            let memory = context.job.resources.memory;
             return Err(too_little(&what, min_for(square), memory, "‹ground› pmf"));
         }
-        let share = if square > 0 { spare } else { making.memory / TILE_SHARE };
-        let tile = share / making.threads as u64;
-        let store = making.store(candidates.tiling());
+        let share = if square > 0 { spare } else { context.memory / TILE_SHARE };
+        let tile = share / context.threads as u64;
+        let store = context.store(candidates.tiling());
         let filter = match part {
             None => GroundFilter::new(vec![&candidates], &metres, method, tile),
             Some((window, spacing)) => {
                 GroundFilter::within(window, spacing, vec![&candidates], &metres, method, tile)
             }
         };
-        filter.run(&store, making.threads, making.progress, making.cancel)?;
+        filter.run(&store, context.threads, context.progress, context.cancel)?;
         let (found, all) = (store.count(), candidates.count());
         let points = if all_returns { "points" } else { "last returns" };
         self.notes.push(found_by(&method, found, all, points));
         self.spilled += candidates.spilled();
         if found > 0 || part.is_some() {
-            let store = making.limited(store, making.ground_window(), &[])?;
+            let store = context.limited(store, context.ground_window(), &[])?;
             self.ground = Some(CloudSurfaces::new(store, cloud.frame)?);
         }
         Ok(self)
     }
 
-    fn add_layers(&mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<()> {
+    fn add_layers(&mut self, cloud: &CloudInfo, context: &SurfaceModelContext<'_>) -> Result<()> {
         let metres = self.metres(cloud)?;
-        let window = making.surface_window();
-        let first = making.read(no_noise(), Some(Return::First), window)?;
+        let window = context.surface_window();
+        let first = context.read(no_noise(), Some(Return::First), window)?;
         self.take_note(&first);
         self.notes.push(format!("surface: {} first returns", first.count()));
-        let around = making.part.map(|(_, seen)| seen.around_surface()).unwrap_or_default();
-        let first = making.limited(first, window, &around)?;
+        let around = context.part.map(|(_, seen)| seen.around_surface()).unwrap_or_default();
+        let first = context.limited(first, window, &around)?;
         if self.ground.is_none() {
             let note = "no ground found: the surface has all first returns and keeps its pits";
             self.notes.push(note.to_owned());
         }
         let ground = self.ground.as_ref();
-        let layers = PitFreeLayers::new(first, ground, &metres, cloud.frame, making)?;
+        let layers = PitFreeLayers::new(first, ground, &metres, cloud.frame, context)?;
         self.top = Some(Box::new(layers));
         Ok(())
     }
@@ -177,24 +181,24 @@ impl PreparedSurfaceModel {
         cloud: &CloudInfo,
         freeze: Option<f64>,
         buffer: f64,
-        making: &Making<'_>,
+        context: &SurfaceModelContext<'_>,
     ) -> Result<()> {
         let metres = self.metres(cloud)?;
-        let spacing = making.pulses(&metres)?;
+        let spacing = context.pulses(&metres)?;
         let tally = SpikeFreeTally::new(SpikeFreeTiles::new(spacing, freeze, buffer, &metres));
-        let source = making.source(no_noise(), None)?;
-        let window = making.surface_window();
-        let filling = PointStoreSetup { within: window, ..making.filling() };
-        let store = making.store(&tiling(source.info()));
+        let source = context.source(no_noise(), None)?;
+        let window = context.surface_window();
+        let filling = PointStoreSetup { within: window, ..context.filling() };
+        let store = context.store(&tiling(source.info()));
         let all = store.filled_and(&*source, &filling, &|batch| {
             tally.take(batch);
             Ok(())
         })?;
         self.take_note(&all);
         self.notes.push(frozen(all.count(), &tally.squares));
-        let around = making.part.map(|(_, seen)| seen.around_surface()).unwrap_or_default();
-        let all = making.limited(all, window, &around)?;
-        let top = BySquare::new(all, tally, cloud.frame, making)?;
+        let around = context.part.map(|(_, seen)| seen.around_surface()).unwrap_or_default();
+        let all = context.limited(all, window, &around)?;
+        let top = BySquare::new(all, tally, cloud.frame, context)?;
         self.top = Some(Box::new(top));
         Ok(())
     }
@@ -255,7 +259,7 @@ impl PreparedSurfaceModel {
 /// Least memory of a job for its ground method, or for a tile of its surface; 0 if unknown before the points
 /// are read.
 pub(super) fn min_memory(job: &GridJob, cloud: &CloudInfo, seen: Option<&CloudOverview>) -> u64 {
-    let freezes = job.preset.is_some() && job.canopy.way() != CanopyAlgorithm::PitFree;
+    let freezes = job.preset.is_some() && job.canopy.algorithm() != CanopyAlgorithm::PitFree;
     let usual = if freezes { cloud.count.min(spike_free::USUAL) } else { 0 };
     let surface = spike_free::min_memory(seen.map_or(usual, |seen| seen.square));
     surface.max(min_for_ground(job, cloud, seen))

@@ -5,12 +5,13 @@ use std::convert::Infallible;
 
 use super::super::extent::CellRequest;
 use super::super::neighbours::{CellCenters, CloudSurfaces};
-use super::context::Making;
+use super::context::SurfaceModelContext;
 use super::filter::spacing;
 use super::first_returns::CanopySurface;
 use super::lengths::MetricFrame;
 use crate::point_index::{
-    ColumnRowPositions, ColumnRowRange, MAX_POINTS, PointStore, SurroundingPoints, reach,
+    ColumnRowPositions, ColumnRowRange, MAX_POINTS, PointStore, SurroundingPoints, has_short_edges,
+    reach,
 };
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, PointFrame};
@@ -70,19 +71,19 @@ impl PitFreeLayers {
         ground: Option<&CloudSurfaces>,
         metres: &MetricFrame,
         frame: PointFrame,
-        making: &Making<'_>,
+        context: &SurfaceModelContext<'_>,
     ) -> Result<Self> {
-        let known = making.part.map(|(_, seen)| seen.first);
+        let known = context.part.map(|(_, seen)| seen.first);
         let pits = PitFree::metres(known.unwrap_or_else(|| spacing(&[&first], metres)));
         let count = ground.map_or(0, |_| pits.layers() - 1);
-        let memory = making.store_memory() / pits.layers() as u64;
+        let memory = context.store_memory() / pits.layers() as u64;
         let tiling = *first.tiling();
-        let window = making.surface_window();
-        let high = (0..count).map(|_| PointStore::empty(tiling, making.folder(), memory));
-        let high = high.map(|store| making.limited(store, window, &[]));
+        let window = context.surface_window();
+        let high = (0..count).map(|_| PointStore::empty(tiling, context.folder(), memory));
+        let high = high.map(|store| context.limited(store, window, &[]));
         let high: Vec<PointStore> = high.collect::<Result<_>>()?;
         if let Some(ground) = ground {
-            raise(&first, ground, metres.step[2], &pits, &high, making)?;
+            raise(&first, ground, metres.step[2], &pits, &high, context)?;
         }
         let stores = std::iter::once(first).chain(high);
         let layers = stores.map(PitFreeLayer::new).collect::<Result<_>>()?;
@@ -153,7 +154,7 @@ impl PitFreeLayers {
         max_edge: Option<f64>,
     ) -> Result<Vec<Option<PitFreeFacet>>> {
         let mut facets = Vec::new();
-        let is_surface = |corners: &[Point; 3]| self.is_surface(corners, max_edge);
+        let is_surface = |corners: &[Point; 3]| has_short_edges(corners, &self.frame, max_edge);
         let take = |position, location| {
             facets.push(facet(position, location).filter(|facet| is_surface(&facet.corners)));
         };
@@ -185,12 +186,6 @@ impl PitFreeLayers {
         Ok(facets)
     }
 
-    /// Whether no edge of a triangle is longer than `max_edge` world units.
-    fn is_surface(&self, corners: &[Point; 3], max_edge: Option<f64>) -> bool {
-        let [x, y, _] = self.frame.scale;
-        max_edge.is_none_or(|longest| is_short(corners, [x, y], longest))
-    }
-
     fn height(&self, mut facet: impl FnMut(usize) -> Option<PitFreeFacet>) -> f64 {
         let Ok(steps) = self.pits.height(self.scale, |layer| Ok::<_, Infallible>(facet(layer)));
         steps.map_or(f64::NAN, |steps| steps * self.frame.scale[2] + self.frame.offset[2])
@@ -215,27 +210,27 @@ fn raise(
     rise: f64,
     pits: &PitFree,
     high: &[PointStore],
-    making: &Making<'_>,
+    context: &SurfaceModelContext<'_>,
 ) -> Result<()> {
     let squares = first.tiling().count() as u64;
-    making.progress.begin("heights", squares);
+    context.progress.begin("heights", squares);
     workers::run(
-        making.threads,
+        context.threads,
         squares,
-        making.cancel,
+        context.cancel,
         Vec::new,
         |points: &mut Vec<Point>, square| {
             first.load(square as usize, points)?;
-            if let Some(window) = making.surface_window() {
+            if let Some(window) = context.surface_window() {
                 points.retain(|p| window.contains([p.x, p.y]));
             }
             raise_points(points, ground, rise, pits, high)?;
-            making.progress.advance(1);
+            context.progress.advance(1);
             Ok(())
         },
         |_| Ok(()),
     )?;
-    making.progress.end();
+    context.progress.end();
     Ok(())
 }
 

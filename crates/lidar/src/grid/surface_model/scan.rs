@@ -1,6 +1,6 @@
 //! A scan of the whole point cloud, for models of its parts.
 
-use super::context::{Making, no_noise};
+use super::context::{SurfaceModelContext, no_noise};
 use super::filter::spacing;
 use super::kinds::{GroundFrom, SurfaceModel};
 use super::lengths::MetricFrame;
@@ -21,14 +21,14 @@ impl CloudOverview {
     pub(in crate::grid) fn scan(
         preset: SurfaceModel,
         cloud: &CloudInfo,
-        making: &Making<'_>,
+        context: &SurfaceModelContext<'_>,
     ) -> Result<Self> {
         let mut seen = Self::default();
-        if making.job.needs_ground() {
-            seen.scan_ground(preset, cloud, making)?;
+        if context.job.needs_ground() {
+            seen.scan_ground(preset, cloud, context)?;
         }
         if preset != SurfaceModel::Dtm {
-            seen.scan_surface(cloud, making)?;
+            seen.scan_surface(cloud, context)?;
         }
         Ok(seen)
     }
@@ -37,35 +37,35 @@ impl CloudOverview {
         &mut self,
         preset: SurfaceModel,
         cloud: &CloudInfo,
-        making: &Making<'_>,
+        context: &SurfaceModelContext<'_>,
     ) -> Result<()> {
-        self.scan_classes(making)?;
+        self.scan_classes(context)?;
         if self.by_class {
             return Ok(());
         }
-        let mut last = making.outlined(no_noise(), Some(Return::Last), &|_| ())?;
-        self.all_returns = making.all_returns(&last)?;
+        let mut last = context.outlined(no_noise(), Some(Return::Last), &|_| ())?;
+        self.all_returns = context.all_returns(&last)?;
         if self.all_returns {
-            last = making.outlined(no_noise(), None, &|_| ())?;
+            last = context.outlined(no_noise(), None, &|_| ())?;
         }
         if last.count() == 0 && preset != SurfaceModel::Dsm {
             return Err(no_ground());
         }
-        self.add_candidates(&[&last], cloud, making.job.ground)
+        self.add_candidates(&[&last], cloud, context.job.ground)
     }
 
-    fn scan_surface(&mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<()> {
+    fn scan_surface(&mut self, cloud: &CloudInfo, context: &SurfaceModelContext<'_>) -> Result<()> {
         let metres = MetricFrame::of(&cloud.crs, &cloud.frame)?;
-        let first = making.outlined(no_noise(), Some(Return::First), &|_| ())?;
+        let first = context.outlined(no_noise(), Some(Return::First), &|_| ())?;
         self.first = spacing(&[&first], &metres);
-        let CanopyAlgorithm::SpikeFree { freeze, buffer } = making.job.canopy.way() else {
+        let CanopyAlgorithm::SpikeFree { freeze, buffer } = context.job.canopy.algorithm() else {
             self.reach = reach(self.first, &metres);
             self.surface = places(&first.hull()?);
             self.notes.push(format!("surface: {} first returns", first.count()));
             return Ok(());
         };
         let tally = SpikeFreeTally::new(SpikeFreeTiles::new(self.first, freeze, buffer, &metres));
-        let all = making.outlined(no_noise(), None, &|batch| tally.take(batch))?;
+        let all = context.outlined(no_noise(), None, &|batch| tally.take(batch))?;
         self.reach = tally.squares.reach();
         self.surface = places(&all.hull()?);
         self.notes.push(frozen(all.count(), &tally.squares));
@@ -73,13 +73,13 @@ impl CloudOverview {
         Ok(())
     }
 
-    fn scan_classes(&mut self, making: &Making<'_>) -> Result<()> {
-        if making.job.ground.is_method() {
+    fn scan_classes(&mut self, context: &SurfaceModelContext<'_>) -> Result<()> {
+        if context.job.ground.is_method() {
             return Ok(());
         }
-        let classes = making.classes();
-        let ground = making.outlined(classes.clone(), None, &|_| ())?;
-        if ground.count() == 0 && making.job.ground == GroundFrom::Class {
+        let classes = context.classes();
+        let ground = context.outlined(classes.clone(), None, &|_| ())?;
+        if ground.count() == 0 && context.job.ground == GroundFrom::Class {
             return Err(not_of_class(&named(&classes)));
         }
         self.add_classes(&ground, &classes)

@@ -10,17 +10,16 @@ use std::ops::Range;
 
 use super::super::extent::CellRequest;
 use super::super::neighbours::{CellCenters, CloudSurfaces};
-use super::context::{Making, STORES, too_little};
+use super::context::{STORES, SurfaceModelContext, too_little};
 use super::first_returns::CanopySurface;
 use super::tiles::{SpikeFreeTally, SpikeFreeTiles};
-use crate::point_index::PointStore;
+use crate::point_index::{PointStore, has_short_edges};
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, PointFrame, Rect};
 use terrane_delaunay::{CircumscribedDisc, FixedPosition, SiteWindow, SpikeFree, interpolate};
 use terrane_engine::workers;
 use terrane_files::Buckets;
 use terrane_gridding::Statistic;
-use terrane_gridding::pitfree::is_short;
 
 /// Bytes for each point in the window of a tile.
 const BYTES_PER_POINT: u64 = 96;
@@ -106,28 +105,29 @@ impl BySquare {
         all: PointStore,
         tally: SpikeFreeTally,
         frame: PointFrame,
-        making: &Making<'_>,
+        context: &SurfaceModelContext<'_>,
     ) -> Result<Self> {
         let squares = tally.squares;
-        let (width, height) = making.extent.lattice.size();
-        let centres = CellCenters::new(making.extent, Rect::new(0, 0, width, height), &frame);
+        let (width, height) = context.extent.lattice.size();
+        let centres = CellCenters::new(context.extent, Rect::new(0, 0, width, height), &frame);
         let spans = spans(&squares, &centres);
         let mut counts = tally.counts();
         counts.retain(|[x, y], _| spans[0].contains_key(x) && spans[1].contains_key(y));
         let max_points = counts.values().copied().max().unwrap_or(0);
-        let threads = threads(max_points, making)?;
+        let threads = threads(max_points, context)?;
         let numbers: BTreeMap<_, _> = counts.keys().copied().zip(0..).collect();
-        let heights = Buckets::new(making.folder(), counts.len(), making.store_memory() / HEIGHTS);
+        let heights =
+            Buckets::new(context.folder(), counts.len(), context.store_memory() / HEIGHTS);
         let plain = CloudSurfaces::new(all, frame)?;
         let surface = Self { plain, spans, numbers, heights };
-        let work = SpikeFreeContext { made: &surface, squares, centres, frame, making };
+        let work = SpikeFreeContext { made: &surface, squares, centres, frame, context };
         let counts: Vec<_> = counts.into_iter().collect();
-        let (progress, units) = (making.progress, counts.len() as u64);
+        let (progress, units) = (context.progress, counts.len() as u64);
         progress.begin("surface", units);
         workers::run(
             threads,
             units,
-            making.cancel,
+            context.cancel,
             || (),
             |(), number| {
                 let (square, points) = counts[number as usize];
@@ -186,15 +186,15 @@ fn spans(squares: &SpikeFreeTiles, centres: &CellCenters) -> [Spans; 2] {
 }
 
 /// Number of threads that fit into memory; fails if none does.
-fn threads(points: u64, making: &Making<'_>) -> Result<usize> {
-    let memory = making.store_memory() / HEIGHTS * (HEIGHTS - 1);
+fn threads(points: u64, context: &SurfaceModelContext<'_>) -> Result<usize> {
+    let memory = context.store_memory() / HEIGHTS * (HEIGHTS - 1);
     let square = points * BYTES_PER_POINT;
     if square > memory {
         let what = "a tile of the spike-free surface";
         let other = "‹canopy› pit-free, or a shorter freeze";
-        return Err(too_little(what, min_memory(points), making.job.resources.memory, other));
+        return Err(too_little(what, min_memory(points), context.job.resources.memory, other));
     }
-    Ok((memory / square.max(1)).min(making.threads as u64) as usize)
+    Ok((memory / square.max(1)).min(context.threads as u64) as usize)
 }
 
 /// Context of a tile.
@@ -203,7 +203,7 @@ struct SpikeFreeContext<'a> {
     squares: SpikeFreeTiles,
     centres: CellCenters,
     frame: PointFrame,
-    making: &'a Making<'a>,
+    context: &'a SurfaceModelContext<'a>,
 }
 
 impl SpikeFreeContext<'_> {
@@ -261,10 +261,9 @@ impl SpikeFreeContext<'_> {
                 return PLAIN;
             }
         }
-        let [x, y, _] = self.frame.scale;
-        match self.making.job.max_edge {
-            Some(longest) if !is_short(&corners, [x, y], longest) => f64::NAN,
-            _ => interpolate(&corners, at) * self.frame.scale[2] + self.frame.offset[2],
+        match has_short_edges(&corners, &self.frame, self.context.job.max_edge) {
+            true => interpolate(&corners, at) * self.frame.scale[2] + self.frame.offset[2],
+            false => f64::NAN,
         }
     }
 }

@@ -189,19 +189,19 @@ struct GroundSearchResult {
 }
 
 impl GroundHeightSearch<'_> {
-    /// The records with heights and classes. `wide` has the points of the ground if these are not the records
-    /// themselves; a record has its height `at` a byte.
+    /// The records with heights and classes. `ground_records` has the points of the ground if these are not
+    /// the records themselves; a record has its height at byte `heights_at`.
     ///
     /// # Errors
     /// No ground; coordinates without a unit of length, for a ground method.
     pub(in crate::points) fn annotate<'r>(
         &self,
         records: &'r dyn PointRecords,
-        wide: Option<&dyn PointRecords>,
-        at: Option<usize>,
+        ground_records: Option<&dyn PointRecords>,
+        heights_at: Option<usize>,
     ) -> Result<AnnotatedRecords<'r>> {
         let GroundSearchResult { surface, entries, numbers, mut notes } =
-            self.find(records, wide)?;
+            self.find(records, ground_records)?;
         let values = PointAnnotations::new(numbers.total, self.folder);
         let counts = match surface {
             Some(surface) => {
@@ -216,12 +216,12 @@ impl GroundHeightSearch<'_> {
         };
         notes.extend(self.notes_on_classes(&counts));
         let is_z = self.above.heights == Some(HeightsAs::Z);
-        let at = if is_z { Some(Z) } else { at };
+        let heights_at = if is_z { Some(Z) } else { heights_at };
         let (format, record) = (self.format, self.flow.record);
-        Ok(AnnotatedRecords { records, format, record, at, values, numbers, notes })
+        Ok(AnnotatedRecords { records, format, record, heights_at, values, numbers, notes })
     }
 
-    /// Statistics of the ground of all points, for work in portions.
+    /// Statistics of the ground of all points, for work on a subset of tiles.
     ///
     /// # Errors
     /// As [`annotate`](Self::annotate).
@@ -248,15 +248,15 @@ impl GroundHeightSearch<'_> {
         Ok(seen)
     }
 
-    /// Statistics of the ground of the whole point cloud, for work in portions.
+    /// Statistics of the ground of the whole point cloud, for work on a subset of tiles.
     fn seen(&self) -> Option<&CloudOverview> {
-        self.subset.and_then(|subset| subset.looked.seen.as_ref())
+        self.subset.and_then(|subset| subset.knowledge.seen.as_ref())
     }
 
     fn find(
         &self,
         records: &dyn PointRecords,
-        wide: Option<&dyn PointRecords>,
+        ground_records: Option<&dyn PointRecords>,
     ) -> Result<GroundSearchResult> {
         let tiling = tiling(self.info);
         let entries = Buckets::new(self.folder, tiling.count(), self.memory / PARTS);
@@ -266,10 +266,10 @@ impl GroundHeightSearch<'_> {
             true => GroundGathering::of_class(&class),
             false => GroundGathering::of_candidates(&candidates),
         };
-        let numbers = match wide {
+        let numbers = match ground_records {
             None => self.pass(records, Some(&entries), gathering)?,
-            Some(wide) => {
-                self.pass(wide, None, gathering)?;
+            Some(ground_records) => {
+                self.pass(ground_records, None, gathering)?;
                 self.pass(records, Some(&entries), GroundGathering::Nowhere)?
             }
         };
@@ -283,7 +283,7 @@ impl GroundHeightSearch<'_> {
                     return Err(not_of_class());
                 }
                 let gathering = GroundGathering::of_candidates(&candidates);
-                self.pass(wide.unwrap_or(records), None, gathering)?;
+                self.pass(ground_records.unwrap_or(records), None, gathering)?;
             }
             if candidates.count() == 0 && self.subset.is_none() {
                 return Err(self.no_candidates());

@@ -80,7 +80,7 @@ impl FromStr for Classify {
         match text.split_once(':') {
             None if text == "ground" => Ok(Self::Ground(Reclassify::default())),
             None if text == "height" => Ok(Self::Height(HeightClasses::default())),
-            None if text == "noise" => Ok(Self::Noise(noise::Request::BEST)),
+            None if text == "noise" => Ok(Self::Noise(noise::Request::DEFAULT)),
             Some(("ground", classes)) => classes.parse().map(Self::Ground),
             Some(("height", layers)) => layers.parse().map(Self::Height),
             Some(("noise", method)) => {

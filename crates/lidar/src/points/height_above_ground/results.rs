@@ -86,7 +86,7 @@ pub(in crate::points) struct AnnotatedRecords<'a> {
     pub(super) format: PointFormat,
     pub(super) record: usize,
     /// Offset of heights in a record, if any.
-    pub(super) at: Option<usize>,
+    pub(super) heights_at: Option<usize>,
     pub(super) values: PointAnnotations,
     pub(super) numbers: RecordNumbers,
     pub(in crate::points) notes: Vec<String>,
@@ -113,14 +113,14 @@ impl PointRecords for AnnotatedRecords<'_> {
                 }
                 let (height, class) = values[(number % self.values.each) as usize];
                 number += 1;
-                if self.at == Some(Z) && height == NO_HEIGHT {
+                if self.heights_at == Some(Z) && height == NO_HEIGHT {
                     continue;
                 }
                 let first = annotated.len();
                 annotated.extend_from_slice(record);
                 let record = &mut annotated[first..];
                 self.format.set_class(record, class);
-                if let Some(at) = self.at {
+                if let Some(at) = self.heights_at {
                     record[at..at + size_of::<i32>()].copy_from_slice(&height.to_le_bytes());
                 }
             }

@@ -20,7 +20,7 @@ pub(in crate::points) struct Noise {
     pub(in crate::points) own: Noted,
     /// Noise among the points of the ground, if these are not the requested ones.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(in crate::points) wide: Option<Noted>,
+    pub(in crate::points) ground: Option<Noted>,
     /// Notes, one line each.
     pub(in crate::points) notes: Vec<String>,
 }
@@ -28,12 +28,12 @@ pub(in crate::points) struct Noise {
 impl Noise {
     /// Noise among the points of the ground.
     pub(in crate::points) fn of_ground(&self) -> &Noted {
-        self.wide.as_ref().unwrap_or(&self.own)
+        self.ground.as_ref().unwrap_or(&self.own)
     }
 
     /// Bytes of memory for a reader of the plan.
     pub(in crate::points) fn bytes(&self) -> u64 {
-        COPIES * (self.own.bytes() + self.wide.as_ref().map_or(0, Noted::bytes))
+        COPIES * (self.own.bytes() + self.ground.as_ref().map_or(0, Noted::bytes))
     }
 }
 

@@ -30,7 +30,7 @@ pub(super) struct PointTilesPlan {
     pub(super) blocks: PointTileBlocks,
     /// Statistics of the whole point cloud.
     #[serde(flatten)]
-    pub(super) looked: CloudKnowledge,
+    pub(super) knowledge: CloudKnowledge,
 }
 
 /// The job, with paths that are valid wherever a task runs on this file system.

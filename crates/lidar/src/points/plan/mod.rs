@@ -60,7 +60,7 @@ pub fn plan_points(
     let at = RunControl { progress, cancel };
     refuse_in_memory(&job.input)?;
     let existing = PlanManifest::<PointTilesPlan>::existing(folder);
-    let known = existing.as_ref().map(|plan| &plan.work.looked);
+    let known = existing.as_ref().map(|plan| &plan.work.knowledge);
     let (work, opened) = PointTilesPlan::new(job, *cut, known, at)?;
     let files = work.files(&opened);
     let needs = match existing {

@@ -52,9 +52,9 @@ pub(super) fn expect(
         0.0 => count * converter(&opened.job, &opened.cloud)?.size() as f64 * grown(work),
         _ => MARGIN * sample_bytes / sample_area * area(opened, work, work.blocks.spans),
     } as u64;
-    let kind = work.looked.seen.as_ref().map_or(0, |seen| if seen.by_class { 1 } else { 2 });
+    let kind = work.knowledge.seen.as_ref().map_or(0, |seen| if seen.by_class { 1 } else { 2 });
     let [memory, thread_memory] = min_memory(&opened.job, &opened.cloud, heaviest(opened, work)?)?;
-    let noted = work.looked.noise.as_ref().map_or(0, Noise::bytes);
+    let noted = work.knowledge.noise.as_ref().map_or(0, Noise::bytes);
     Ok(PlanNeeds {
         memory: memory + noted + polygon_bytes(&opened.job.cloud),
         thread_memory,

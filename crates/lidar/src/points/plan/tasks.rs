@@ -60,8 +60,8 @@ impl PointTilesPlan {
         opened.job.overlap = method.overlap;
         let blocks = PointTileBlocks::of(&info, &method.squares, cut)?;
         blocks.check()?;
-        let looked = known.map_or_else(|| opened.scan(at), |looked| Ok(looked.clone()))?;
-        Ok((Self { method, blocks, looked: looked.clone() }, opened.knowing(&looked)))
+        let knowledge = known.map_or_else(|| opened.scan(at), |knowledge| Ok(knowledge.clone()))?;
+        Ok((Self { method, blocks, knowledge: knowledge.clone() }, opened.knowing(&knowledge)))
     }
 
     /// Its input files.
@@ -89,8 +89,8 @@ impl OpenedTranslate {
     }
 
     /// The remaining job with these statistics: noise is classified while reading.
-    fn knowing(mut self, looked: &CloudKnowledge) -> Self {
-        if looked.noise.is_some() {
+    fn knowing(mut self, knowledge: &CloudKnowledge) -> Self {
+        if knowledge.noise.is_some() {
             self.job.above.forget_noise();
         }
         self
@@ -111,7 +111,7 @@ impl OpenedTranslate {
         let wide = (0..2).map(|i| cells.high[i].abs_diff(cells.low[i]) / 8).min().unwrap_or(0);
         let mut near = CellSurroundings { cells, margin: side.saturating_add(4).max(wide as i32) };
         loop {
-            let subset = TileSubset::new(spans, near, &work.looked, &self.cloud, folder);
+            let subset = TileSubset::new(spans, near, &work.knowledge, &self.cloud, folder);
             let made = prepared(job, &self.cloud, Some(&subset), at, |of| of.make());
             if !subset.is_exceeded() {
                 return made.map(|(made, _)| made);
@@ -168,7 +168,7 @@ impl PlannedWork for PointTilesPlan {
 
     fn open(plan: &PlanManifest<Self>, order: OutputRequest) -> Result<OpenedTranslate> {
         let OutputRequest { output, overwrite, resources, .. } = order;
-        let Self { method, blocks, looked } = &plan.work;
+        let Self { method, blocks, knowledge } = &plan.work;
         let mut job = TranslateJob { output, overwrite, ..method.job()? };
         job.resources = beside_polygons(&job.cloud, &resources);
         job.cloud.threads = job.resources.threads;
@@ -176,7 +176,7 @@ impl PlannedWork for PointTilesPlan {
         let info = converter(&opened.job, &opened.cloud)?.info().clone();
         let here = PointTileBlocks::of(&info, &method.squares, Some(blocks.cut))?;
         refuse_another("cloud", &plan.label, blocks, &here)?;
-        Ok(opened.knowing(looked))
+        Ok(opened.knowing(knowledge))
     }
 
     fn check_output(
@@ -238,7 +238,7 @@ impl PlannedWork for PointTilesPlan {
         at.progress.end();
         folder.commit()?;
         written.notes.extend(losses.notes());
-        written.notes.extend(work.looked.notes());
+        written.notes.extend(work.knowledge.notes());
         run.written = Some(written.clone());
         Ok(written)
     }
