@@ -33,7 +33,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |crs| unit(crs).map(drop),
-    most: || CAPACITY,
+    capacity: || CAPACITY,
     create,
     open: |path| Ok(Box::new(LandXmlSource::open(path)?)),
     sniff: |head| head.windows(8).any(|some| some == b"<LandXML"),
