@@ -110,7 +110,7 @@ pub(super) fn page(job: &PageJob<'_>) -> Result<(HtmlPage, PageReport)> {
     let mut page = HtmlPage::new("tiles", &name(&folder))?;
     let [land, water] = crate::render::palette();
     page.fact("format", set.format);
-    page.fact("told", set.index);
+    page.fact("index", set.index);
     page.fact("palette", json!({ "land": land, "water": water }));
     job.add_settings(&mut page);
     let (levels, tiles) = (Some(set.levels as u32), Some(set.tiles));
