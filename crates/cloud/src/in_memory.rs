@@ -69,8 +69,8 @@ impl InMemoryCloud {
     /// a point and two passes.
     ///
     /// # Errors
-    /// A coordinate that is not finite, with the number of its point; another number of attribute records than points; points too
-    /// far apart.
+    /// A coordinate that is not finite, with the number of its point; another number of attribute records than points;
+    /// points too far apart.
     pub fn new(positions: &[[f64; 3]], marks: Option<&[PointFlags]>, crs: Crs) -> Result<Self> {
         if let Some(marks) = marks.filter(|marks| marks.len() != positions.len()) {
             let (marks, points) = (marks.len(), positions.len());
