@@ -95,10 +95,10 @@ pub fn open_cloud_as(input: impl Into<Inputs>, reading: CloudInput) -> Result<Cl
 /// ```
 pub fn open_points(
     positions: &[[f64; 3]],
-    marks: Option<&[PointFlags]>,
+    attributes: Option<&[PointFlags]>,
     crs: Crs,
 ) -> Result<Cloud> {
-    let memory = InMemoryCloud::new(positions, marks, crs)?;
+    let memory = InMemoryCloud::new(positions, attributes, crs)?;
     let cloud = Cloud::open(vec![memory.name().to_owned()], CloudInput::default())?;
     Ok(Cloud { memory: Some(Arc::new(memory)), ..cloud })
 }

@@ -51,13 +51,13 @@ impl Frontend {
         Cow::Owned(spelled + rest)
     }
 
-    /// A report as JSON with the options in its notes spelled, and in what else is said to people; names of files and
+    /// A report as JSON with the options in its messages (notes, remedies, errors) spelled; names of files and
     /// other values stay as they are. Takes time linear in the text.
     ///
     /// ```
     /// use terrane_base::frontend::Frontend;
-    /// let report = r#"{"input":"‹fit›.tif","notes":["‹fit› helps"]}"#;
-    /// assert_eq!(Frontend::Python.spell_report(report), r#"{"input":"‹fit›.tif","notes":["fit helps"]}"#);
+    /// let report = r#"{"input":"‹tile›.tif","notes":["‹tile› helps"]}"#;
+    /// assert_eq!(Frontend::Python.spell_report(report), r#"{"input":"‹tile›.tif","notes":["tile helps"]}"#);
     /// ```
     pub fn spell_report(self, report: &str) -> Cow<'_, str> {
         if !report.contains(OPEN) {
@@ -156,12 +156,12 @@ mod tests {
     fn values_of_reports_stay_and_notes_are_spelled() {
         for (report, spelled) in [
             (
-                r#"{"a": "‹fit›", "notes": ["‹fit›, \"]‹b›"], "b": ["‹c›"]}"#,
-                r#"{"a": "‹fit›", "notes": ["fit, \"]b"], "b": ["‹c›"]}"#,
+                r#"{"a": "‹tile›", "notes": ["‹tile›, \"]‹b›"], "b": ["‹c›"]}"#,
+                r#"{"a": "‹tile›", "notes": ["tile, \"]b"], "b": ["‹c›"]}"#,
             ),
             (
-                r#"{"a": "\"notes\":[\"‹fit›\"]", "remedy": "‹fit›", "z": "‹d›"}"#,
-                r#"{"a": "\"notes\":[\"‹fit›\"]", "remedy": "fit", "z": "‹d›"}"#,
+                r#"{"a": "\"notes\":[\"‹tile›\"]", "remedy": "‹tile›", "z": "‹d›"}"#,
+                r#"{"a": "\"notes\":[\"‹tile›\"]", "remedy": "tile", "z": "‹d›"}"#,
             ),
             (r#"{"remedy":null,"x":"‹d›","notes":[]}"#, r#"{"remedy":null,"x":"‹d›","notes":[]}"#),
         ] {
@@ -173,10 +173,10 @@ mod tests {
     fn each_door_spells_options_and_leaves_other_text() {
         for (message, command_line, python) in [
             ("no option", "no option", "no option"),
-            ("‹fit› and ‹to_crs›", "--fit and --to-crs", "fit and to_crs"),
+            ("‹fit_heights› and ‹to_crs›", "--fit-heights and --to-crs", "fit_heights and to_crs"),
             ("‹tile=512›‹strict=true›", "--tile 512--strict", "tile=512strict=True"),
             ("a ‹‹b› and ‹A B› ›", "a ‹--b and ‹A B› ›", "a ‹b and ‹A B› ›"),
-            ("‹› ‹fit", "‹› ‹fit", "‹› ‹fit"),
+            ("‹› ‹tile", "‹› ‹tile", "‹› ‹tile"),
             ("see ‹terrane plan status›", "see terrane plan status", "see Plan.status()"),
             ("‹terrane plan cloud-tin›", "terrane plan cloud-tin", "terrane.plan_cloud_tin()"),
             ("‹terrane tin› ‹terrane A›", "terrane tin ‹terrane A›", "terrane.tin() ‹terrane A›"),

@@ -88,11 +88,11 @@ impl Parameter {
 }
 
 /// Maximum number of parameters of an entry.
-pub const MOST: usize = 6;
+pub const MAX_PARAMETERS: usize = 6;
 
 /// Parameter values of an entry, in order.
 #[derive(Clone, Copy, Debug)]
-pub struct ParameterValues([f64; MOST]);
+pub struct ParameterValues([f64; MAX_PARAMETERS]);
 
 impl PartialEq for ParameterValues {
     /// Values that depend on the data are equal.
@@ -104,7 +104,7 @@ impl PartialEq for ParameterValues {
 impl ParameterValues {
     /// The defaults.
     pub const fn usual(parameters: &[Parameter]) -> Self {
-        let (mut values, mut i) = ([0.0; MOST], 0);
+        let (mut values, mut i) = ([0.0; MAX_PARAMETERS], 0);
         while i < parameters.len() {
             values[i] = parameters[i].default;
             i += 1;
@@ -117,7 +117,7 @@ impl ParameterValues {
     /// # Errors
     /// Usage: an unknown parameter (the message lists the known ones), a repeated one, or a value out of range.
     pub fn parse(name: &str, parameters: &[Parameter], text: &str) -> Result<Self> {
-        let (mut values, mut given) = (Self::usual(parameters), [false; MOST]);
+        let (mut values, mut given) = (Self::usual(parameters), [false; MAX_PARAMETERS]);
         for pair in text.split(',').map(str::trim).filter(|pair| !pair.is_empty()) {
             let (at, value) =
                 value_of(parameters, pair).ok_or_else(|| refusal(name, parameters, pair))?;

@@ -39,8 +39,8 @@ pub(crate) struct RingEdge {
     pub(crate) beyond: u32,
 }
 
-/// The triangles at an edge or of a sample, and the ring around them, counter-clockwise.
-struct EdgeStar {
+/// The triangles to replace and the ring around them, counter-clockwise.
+struct Cavity {
     triangles: Vec<u32>,
     ring: Vec<RingEdge>,
     /// Where the ring ends, if it is open: at an edge on the border.
@@ -279,11 +279,11 @@ impl BaselineMesh {
         t: u32,
         at: PackedSample,
     ) -> Vec<u32> {
-        let EdgeStar { triangles, mut ring, end } = match self.locate_in(t, at) {
+        let Cavity { triangles, mut ring, end } = match self.locate_in(t, at) {
             SampleLocation::Corner => return Vec::new(),
             SampleLocation::Inside => {
                 let ring = self.around(&[4 * t, 4 * t + 1, 4 * t + 2]);
-                EdgeStar { triangles: vec![t], ring, end: None }
+                Cavity { triangles: vec![t], ring, end: None }
             }
             SampleLocation::Edge(edge) => self.star_of_edge(4 * t + edge),
         };
@@ -304,15 +304,15 @@ impl BaselineMesh {
     }
 
     /// The triangles beside an edge and the ring around them.
-    fn star_of_edge(&self, half_edge: u32) -> EdgeStar {
+    fn star_of_edge(&self, half_edge: u32) -> Cavity {
         let (t, twin) = (half_edge >> 2, self.twin(half_edge));
         let mut edges = other_edges(half_edge).to_vec();
         if twin == NONE {
             let end = Some(self.origin(half_edge));
-            return EdgeStar { triangles: vec![t], ring: self.around(&edges), end };
+            return Cavity { triangles: vec![t], ring: self.around(&edges), end };
         }
         edges.extend(other_edges(twin));
-        EdgeStar { triangles: vec![t, twin >> 2], ring: self.around(&edges), end: None }
+        Cavity { triangles: vec![t, twin >> 2], ring: self.around(&edges), end: None }
     }
 
     /// Tests the edges opposite to the new corner 0 of `waiting`, and edges created by flips.
@@ -353,7 +353,7 @@ impl BaselineMesh {
     /// ```
     fn flip(&mut self, half_edge: u32) -> Vec<u32> {
         let [p, a, b, d] = self.quad(half_edge);
-        let EdgeStar { triangles, ring, .. } = self.star_of_edge(half_edge);
+        let Cavity { triangles, ring, .. } = self.star_of_edge(half_edge);
         self.replace(&triangles, &[[p, a, d], [p, d, b]], &ring)
     }
 }

@@ -53,7 +53,7 @@ impl VertexStar {
         }
         let last = corners(&ring, 1);
         filling.push(last);
-        is_left(last).then_some(filling)
+        is_counter_clockwise(last).then_some(filling)
     }
 
     /// A fan of triangles of the ring around one of its vertices; `None` if a triangle would be inverted.
@@ -62,7 +62,7 @@ impl VertexStar {
         let edges = (0..count).map(|i| [self.ring[i].from, self.ring[(i + 1) % count].from]);
         let others = edges.filter(|edge| !edge.contains(&apex));
         let filling: Vec<_> = others.map(|[from, to]| [apex, from, to]).collect();
-        filling.iter().all(|corners| is_left(*corners)).then_some(filling)
+        filling.iter().all(|corners| is_counter_clockwise(*corners)).then_some(filling)
     }
 }
 
@@ -72,15 +72,14 @@ fn corners(ring: &[PackedSample], i: usize) -> [PackedSample; 3] {
     [ring[(i + count - 1) % count], ring[i], ring[(i + 1) % count]]
 }
 
-/// True for a counter-clockwise triangle.
-pub(crate) fn is_left([a, b, c]: [PackedSample; 3]) -> bool {
+pub(crate) fn is_counter_clockwise([a, b, c]: [PackedSample; 3]) -> bool {
     orient(a.lattice(), b.lattice(), c.lattice()) > 0
 }
 
 fn is_ear(ring: &[PackedSample], i: usize) -> bool {
     let around = corners(ring, i);
     let [a, b, c] = around.map(PackedSample::lattice);
-    is_left(around)
+    is_counter_clockwise(around)
         && ring.iter().all(|d| around.contains(d) || in_circle(a, b, c, d.lattice()) <= 0)
 }
 

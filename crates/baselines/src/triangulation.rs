@@ -15,7 +15,7 @@ use std::str::FromStr;
 
 use crate::grid::{HeightGrid, PackedSample};
 use crate::plane::TrianglePlane;
-use crate::star::is_left;
+use crate::star::is_counter_clockwise;
 use terrane_base::error::Error;
 use terrane_base::geom::predicates::in_circle;
 use terrane_base::registry::{RegistryEntry, named};
@@ -59,8 +59,8 @@ impl TriangulationRule {
             Self::Split3 => false,
             Self::DataDependent => {
                 // Both triangles are valid only if the quadrilateral is convex.
-                is_left([p, a, d])
-                    && is_left([p, d, b])
+                is_counter_clockwise([p, a, d])
+                    && is_counter_clockwise([p, d, b])
                     && error_sum(grid, [[p, a, d], [p, d, b]])
                         < error_sum(grid, [[p, a, b], [a, d, b]])
             }

@@ -69,12 +69,12 @@ impl InMemoryCloud {
     /// a point and two passes.
     ///
     /// # Errors
-    /// A coordinate that is not finite, with the number of its point; another number of marks than points; points too
-    /// far apart.
+    /// A coordinate that is not finite, with the number of its point; another number of attribute records than points;
+    /// points too far apart.
     pub fn new(positions: &[[f64; 3]], marks: Option<&[PointFlags]>, crs: Crs) -> Result<Self> {
         if let Some(marks) = marks.filter(|marks| marks.len() != positions.len()) {
             let (marks, points) = (marks.len(), positions.len());
-            return Err(Error::usage(format!("{marks} marks for {points} points")));
+            return Err(Error::usage(format!("{marks} attribute records for {points} points")));
         }
         let mut span = PositionSpan::default();
         for (number, world) in positions.iter().enumerate() {

@@ -71,7 +71,7 @@ pub(super) fn too_much(name: &str, limit: &str, vertices: u64, triangles: u64) -
     let mesh = format!("{vertices} vertices and {triangles} triangles");
     let message = format!("{name} holds at most {limit}; the mesh has at least {mesh}");
     let error = Error::new(ErrorKind::CannotWrite, message);
-    match others(|f| f.name != name && (f.most)().holds(vertices, triangles)) {
+    match others(|f| f.name != name && (f.capacity)().holds(vertices, triangles)) {
         names if names.is_empty() => error,
         names => error.remedy(format!("write {names}")),
     }

@@ -7,12 +7,13 @@ use crate::capacity::MeshCapacity;
 use crate::channels::VertexCapabilities;
 use crate::format::MeshFormat;
 use crate::input::{MeshFile, MeshFileLines, check_range};
+use crate::length_unit;
 use crate::obj_index::{SparseIndex, TextLineMark};
 use crate::sink::{
     FileSink, MeshBatch, MeshCounts, MeshEncoder, MeshHeader, MeshSink, SinkOptions,
 };
 use crate::source::{MeshInfo, MeshSource};
-use crate::text::{self, is_same_length, push_f64};
+use crate::text::{self, push_f64};
 use terrane_base::error::Result;
 use terrane_base::geom::{Crs, Point3};
 use terrane_files::AppendWriter;
@@ -30,7 +31,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |_| Ok(()),
-    most: || CAPACITY,
+    capacity: || CAPACITY,
     create,
     open: |path| Ok(Box::new(DxfSource::open(path)?)),
     sniff,
@@ -46,7 +47,7 @@ const MAX_COMMENTS: usize = 64;
 /// A unit of lengths.
 struct DxfUnit {
     metres: f64,
-    /// Value of the variable.
+    /// Value of $INSUNITS.
     code: u8,
     name: &'static str,
 }
@@ -62,8 +63,8 @@ const UNIT: &str = "$INSUNITS";
 /// DXF code of the common unit of all coordinates; 0 if there is none.
 fn unit(crs: &Crs) -> u8 {
     let Some(metres) = crs.horizontal_metres() else { return 0 };
-    let is_common = crs.vertical_metres().is_none_or(|up| is_same_length(up, metres));
-    let unit = UNITS.iter().find(|unit| is_common && is_same_length(unit.metres, metres));
+    let is_common = crs.vertical_metres().is_none_or(|up| length_unit::is_same(up, metres));
+    let unit = UNITS.iter().find(|unit| is_common && length_unit::is_same(unit.metres, metres));
     unit.map_or(0, |unit| unit.code)
 }
 

@@ -31,7 +31,7 @@ pub struct MeshFormat {
     /// Fails if the format cannot express the units of a CRS.
     pub admits: fn(&Crs) -> Result<()>,
     /// Capacity limits.
-    pub most: fn() -> MeshCapacity,
+    pub capacity: fn() -> MeshCapacity,
     /// Supported vertex channels.
     pub carries: VertexCapabilities,
     /// Creates a file.
@@ -46,7 +46,7 @@ impl MeshFormat {
     /// Fails with [`ErrorKind::CannotWrite`](terrane_base::error::ErrorKind::CannotWrite) if a mesh of this size
     /// exceeds the capacity; the error names the limit and suitable formats.
     pub fn check_capacity(&self, vertices: u64, triangles: u64) -> Result<()> {
-        capacity::check(self.name, &(self.most)(), 0, vertices, triangles)
+        capacity::check(self.name, &(self.capacity)(), 0, vertices, triangles)
     }
 
     /// Fails if the format does not support these channels; the error names suitable formats.

@@ -7,12 +7,13 @@ use crate::capacity::MeshCapacity;
 use crate::channels::VertexCapabilities;
 use crate::format::MeshFormat;
 use crate::input::{MeshFile, check_range};
+use crate::length_unit;
 use crate::obj_index::{SparseIndex, TextLineMark};
 use crate::sink::{
     FileSink, MeshBatch, MeshCounts, MeshEncoder, MeshHeader, MeshSink, SinkOptions,
 };
 use crate::source::{MeshInfo, MeshSource};
-use crate::text::{self, is_same_length, push_f64, push_u64};
+use crate::text::{self, push_f64, push_u64};
 use crate::xml::{MeshXmlReader, number};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3};
@@ -33,7 +34,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |crs| unit(crs).map(drop),
-    most: || CAPACITY,
+    capacity: || CAPACITY,
     create,
     open: |path| Ok(Box::new(LandXmlSource::open(path)?)),
     sniff: |head| head.windows(8).any(|some| some == b"<LandXML"),
@@ -63,11 +64,11 @@ fn unit(crs: &Crs) -> Result<String> {
         return Err(refused_units("x and y are in degrees"));
     }
     let metres = across.unwrap_or(1.0);
-    if let Some(up) = crs.vertical_metres().filter(|up| !is_same_length(*up, metres)) {
+    if let Some(up) = crs.vertical_metres().filter(|up| !length_unit::is_same(*up, metres)) {
         let why = format!("the horizontal unit is {metres} m, the vertical unit {up} m");
         return Err(refused_units(&why));
     }
-    let unit = UNITS.iter().find(|unit| is_same_length(unit.metres, metres));
+    let unit = UNITS.iter().find(|unit| length_unit::is_same(unit.metres, metres));
     let LandXmlUnit { name, system, .. } =
         unit.ok_or_else(|| refused_units(&format!("no LandXML unit is {metres} m long")))?;
     Ok(format!("<{system} linearUnit=\"{name}\"/>"))

@@ -10,6 +10,7 @@ mod format;
 mod gltf;
 mod input;
 mod landxml;
+mod length_unit;
 mod obj;
 mod obj_index;
 mod ply;

@@ -29,7 +29,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |_| Ok(()),
-    most: || CAPACITY,
+    capacity: || CAPACITY,
     create,
     open: |path| Ok(Box::new(PlySource::open(path)?)),
     sniff: |head| head.starts_with(b"ply\n") || head.starts_with(b"ply\r\n"),

@@ -33,7 +33,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: false,
     admits: |_| Ok(()),
-    most: || CAPACITY,
+    capacity: || CAPACITY,
     create,
     open: |path| Ok(Box::new(StlSource::open(path)?)),
     sniff: |head| head.starts_with(ORIGIN.as_bytes()) || is_ascii(head),

@@ -44,12 +44,6 @@ pub(super) fn point_text(point: Point3) -> String {
     point.map(f64_text).join(" ")
 }
 
-/// Whether two lengths of a unit in metres differ by rounding only. The US survey foot and the foot differ by
-/// 2e-6.
-pub(super) fn is_same_length(known: f64, metres: f64) -> bool {
-    (known / metres - 1.0).abs() < 1e-9
-}
-
 /// Comment lines of a mesh file: generator, CRS, and statements.
 pub(super) fn comments(header: &MeshHeader) -> Vec<String> {
     let crs = (!header.crs.is_unknown()).then(|| header.crs.label());

@@ -162,15 +162,17 @@ impl HeightCounts {
         let points = self.points();
         (points > 0).then(|| HeightDistribution {
             mean: self.sum as f64 / PARTS / points as f64,
-            percentiles: PERCENTILES.map(|percent| (percent, self.percentile(percent))).to_vec(),
+            percentiles: PERCENTILES
+                .map(|percent| (percent, self.percentile(points, percent)))
+                .to_vec(),
             within: self.size() / 2.0,
             histogram: self.histogram(),
         })
     }
 
     /// The height below which `percent` of the points lie, to half a step.
-    fn percentile(&self, percent: u64) -> f64 {
-        let rank = (self.points() * percent).div_ceil(100).max(1);
+    fn percentile(&self, points: u64, percent: u64) -> f64 {
+        let rank = (points * percent).div_ceil(100).max(1);
         (self.step_of(rank) as f64 + 0.5) * self.size()
     }
 

@@ -3,7 +3,7 @@
 const COLOURS = ['Height', 'Class', 'Intensity', 'Return', 'Colour'];
 const RETURNS = [[130, 130, 136], [58, 108, 168], [232, 150, 60], [92, 166, 96], [196, 78, 88], [140, 104, 176], [150, 116, 92],
   [214, 138, 190], [188, 182, 74], [84, 186, 196]];
-const MARKS = ['synthetic', 'key point', 'withheld', 'overlap'];
+const FLAGS = ['synthetic', 'key point', 'withheld', 'overlap'];
 /** Shares of points beyond either end of the colour scale. */
 const BEYOND = 0.001;
 
@@ -156,7 +156,7 @@ function pointOf(i) {
   const channels = rgb && [0, 8, 16].map((shift) => (rgb[i] >> shift) & 255);
   return {
     point: i, x: scene.world('x', x[i]), y: scene.world('y', y[i]), z: scene.world('z', z[i]), class: mark & 255,
-    number: (mark >> 8) & 15, returns: (mark >> 12) & 15, marks: MARKS.filter((_, bit) => (mark >> (16 + bit)) & 1),
+    number: (mark >> 8) & 15, returns: (mark >> 12) & 15, flags: FLAGS.filter((_, bit) => (mark >> (16 + bit)) & 1),
     intensity: intensity ? intensity[i] : null, colour: channels,
   };
 }
@@ -179,7 +179,7 @@ function tellPlace(found) {
   if (found.number > 0) list.push(['Return', found.number + ' of ' + found.returns]);
   if (found.intensity !== null) list.push(['Intensity', String(found.intensity)]);
   if (found.colour) list.push(['Colour', found.colour.join(' ')]);
-  if (found.marks.length) list.push(['Flags', found.marks.join(', ')]);
+  if (found.flags.length) list.push(['Flags', found.flags.join(', ')]);
   tell(list);
 }
 

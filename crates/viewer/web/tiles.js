@@ -24,8 +24,8 @@ let painted = '';
 
 async function start() {
   setPanel();
-  const answer = await fetch(facts.told);
-  if (!answer.ok) throw new Error(facts.told + ': ' + answer.status);
+  const answer = await fetch(facts.index);
+  if (!answer.ok) throw new Error(facts.index + ': ' + answer.status);
   set = new (facts.format === '3dtiles' ? ThreeTiles : TileSet)(await answer.json());
   drawing = new TilesDrawing($('view'));
   stream = new TileStream(set, {

@@ -21,22 +21,27 @@ use terrane_viewer::view::{ContactSheetJob, PicturePanel, run_contact_sheet};
 const TERRAIN: &str = "synth:rough,size=129,seed=7";
 const TOLERANCE: f64 = 2.0;
 
-/// A mesh method: the engine's own, or one by name; `fit` as in `tin --fit-heights`.
+/// A mesh method: the engine's own, or a textbook method by name.
 struct DemoMethod {
     label: &'static str,
     file: &'static str,
     method: Option<&'static str>,
-    fit: bool,
+    fit_heights: bool,
 }
 
 const fn textbook(name: &'static str, file: &'static str) -> DemoMethod {
-    DemoMethod { label: name, file, method: Some(name), fit: false }
+    DemoMethod { label: name, file, method: Some(name), fit_heights: false }
 }
 
 /// Compared methods, in the order of the picture.
 const COMPARED: [DemoMethod; 6] = [
-    DemoMethod { label: "greedy", file: "greedy.ply", method: None, fit: false },
-    DemoMethod { label: "greedy --fit-heights", file: "greedy-fit.ply", method: None, fit: true },
+    DemoMethod { label: "greedy", file: "greedy.ply", method: None, fit_heights: false },
+    DemoMethod {
+        label: "greedy --fit-heights",
+        file: "greedy-fit.ply",
+        method: None,
+        fit_heights: true,
+    },
     textbook("collapse", "collapse.ply"),
     textbook("kdtree", "kdtree.ply"),
     textbook("rtin", "rtin.ply"),
@@ -86,7 +91,7 @@ pub(super) fn run(args: &DemoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let mut methods = Vec::new();
     for method in &COMPARED {
         let mut job = mesh(&grid, &folder.join(method.file), &resources)?;
-        job.refinement.fit_heights = method.fit;
+        job.refinement.fit_heights = method.fit_heights;
         let job = TinJob { goal: TinGoal::MaxError(TOLERANCE), ..job };
         methods.push(row(method, &job, progress, cancel)?);
     }

@@ -62,7 +62,7 @@ fn stats_rows(cloud: &CloudInfoReport, stats: &CloudStats) -> Vec<(String, Strin
         ("read", format!("{}, {} kept", text::count(census.read), text::count(census.kept))),
         ("classes", counts(&stats.classes)),
         ("returns", format!("{}, last: {}", counts(&stats.returns), text::count(stats.last))),
-        ("marks", counts(&stats.flags)),
+        ("flags", counts(&stats.flags)),
     ];
     if census.lost > 0 {
         rows.push(("lost", text::count(census.lost)));

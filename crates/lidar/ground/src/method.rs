@@ -54,7 +54,11 @@ mod tests {
         assert_eq!(Request::parse("pmf").unwrap(), Request::PMF);
         assert_ne!(asked, Request::parse("csf").unwrap());
         for method in METHODS {
-            assert!(method.parameters.len() <= terrane_base::parameters::MOST, "{}", method.name);
+            assert!(
+                method.parameters.len() <= terrane_base::parameters::MAX_PARAMETERS,
+                "{}",
+                method.name
+            );
             assert!(method.parameters.iter().all(|p| p.allows(p.default)), "{}", method.name);
             let plain = Request::plain(method);
             assert_eq!(Request::parse(method.name).unwrap(), plain);

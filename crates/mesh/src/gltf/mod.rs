@@ -26,7 +26,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: false,
     names_crs: true,
     admits: |_| Ok(()),
-    most: || write::CAPACITY,
+    capacity: || write::CAPACITY,
     create: |path, header, options| write::create(path, header, options, GltfCompression::None),
     open,
     sniff,

@@ -41,7 +41,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     states_unit: true,
     names_crs: true,
     admits: |_| Ok(()),
-    most: || CAPACITY,
+    capacity: || CAPACITY,
     create,
     open: |path| Ok(Box::new(read::open(path)?)),
     sniff: |head| head.starts_with(b"PK\x03\x04") && holds(head, CONTENT_TYPES.as_bytes()),

@@ -134,15 +134,11 @@ impl FlightLeg<'_> {
         let (survey, along) = (self.flight.survey, self.flight.along);
         let x = [self.west(), self.west() + SWATH].map(|x| x.clamp(0.0, survey.width));
         let ends = [self.from as f64 - 1.0, self.to as f64 + 1.0].map(|scan| scan * along);
-        let y = self.heading(ends).map(|y| y.clamp(0.0, survey.height));
+        let y = ends.map(|way| self.northing(way).clamp(0.0, survey.height));
         [x[0], y[0].min(y[1]), x[1], y[0].max(y[1])]
     }
 
-    /// Distances along the line as y: odd lines are flown to the south.
-    fn heading(&self, ways: [f64; 2]) -> [f64; 2] {
-        ways.map(|way| self.northing(way))
-    }
-
+    /// y of a distance along the line: odd lines are flown to the south.
     fn northing(&self, way: f64) -> f64 {
         if self.line.is_multiple_of(2) { way } else { self.flight.survey.height - way }
     }

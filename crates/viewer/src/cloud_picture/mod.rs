@@ -21,7 +21,7 @@ use terrane_engine::input::workers;
 use terrane_engine::memory::{PROGRAM, beside_program, short};
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::atomic::{AtomicFile, refuse_existing};
-pub use voids::VoidShares;
+pub use voids::VoidStatistics;
 
 /// A picture to draw.
 #[derive(Clone, Debug)]
@@ -53,7 +53,7 @@ pub struct PictureReport {
     /// Cells that have points.
     pub filled: u64,
     /// Empty cells within the convex hull of the occupied ones.
-    pub voids: VoidShares,
+    pub voids: VoidStatistics,
     /// Most points to a unit of area of a cell.
     pub densest: f64,
     pub output_bytes: u64,
@@ -104,7 +104,7 @@ pub fn draw(
         rows,
         bounds: map.cells.bounds([0, 0], [columns as usize - 1, rows as usize - 1]),
         filled: map.filled(),
-        voids: void_cells.shares,
+        voids: void_cells.statistics,
         densest: map.counts.iter().copied().max().unwrap_or(0) as f64 / map.cells.area(),
         output_bytes: file.commit()?,
     })

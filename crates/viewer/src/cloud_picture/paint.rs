@@ -179,8 +179,8 @@ impl CellColoring {
                 cells,
             ],
             Self::Voids => {
-                let percent = short(100.0 * voids.shares.share);
-                let (filled, voids) = (map.filled(), voids.shares.cells);
+                let percent = short(100.0 * voids.statistics.share);
+                let (filled, voids) = (map.filled(), voids.statistics.cells);
                 vec![
                     LegendLine::Swatch(FILLED, format!("{filled} cells with points")),
                     LegendLine::Swatch(VOID, format!("{voids} cells without, {percent} percent")),

@@ -6,7 +6,7 @@ use super::map::PointDensityMap;
 
 /// Statistics of the void cells.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct VoidShares {
+pub struct VoidStatistics {
     /// Cells without points.
     pub cells: u64,
     /// Their share of the hull, from 0 to 1.
@@ -21,7 +21,7 @@ pub struct VoidShares {
 
 /// Statistics of the voids, and the hull that contains them.
 pub(super) struct VoidCells {
-    pub(super) shares: VoidShares,
+    pub(super) statistics: VoidStatistics,
     /// Per row, the first and the last column of the hull; rows without it have none.
     hull: Vec<Option<[usize; 2]>>,
 }
@@ -49,7 +49,7 @@ pub(super) fn find(map: &PointDensityMap) -> VoidCells {
     }
     let largest = largest(open, map.cells.size);
     let area = map.cells.area();
-    let shares = VoidShares {
+    let statistics = VoidStatistics {
         cells,
         share: cells as f64 / hull_cells.max(1) as f64,
         area: cells as f64 * area,
@@ -57,7 +57,7 @@ pub(super) fn find(map: &PointDensityMap) -> VoidCells {
         largest_bounds: (largest.cells > 0)
             .then(|| map.cells.bounds(largest.north_west, largest.south_east)),
     };
-    VoidCells { shares, hull }
+    VoidCells { statistics, hull }
 }
 
 /// The convex hull of the centres of occupied cells, as the first and last column of each row.
@@ -183,11 +183,11 @@ mod tests {
         assert_eq!(inside(2), [1, 1, 1, 1, 1, 0]);
         assert_eq!(inside(4), [0, 0, 1, 1, 0, 0]);
         // Two of the second row, three of the third and one of the fourth, all in one group.
-        let voids = found.shares;
+        let voids = found.statistics;
         assert_eq!((voids.cells, voids.area, voids.largest_area), (6, 6.0, 6.0));
         assert_eq!(voids.largest_bounds, Some([1.0, 1.0, 4.0, 4.0]));
         assert!((voids.share - 6.0 / 16.0).abs() < 1e-12);
-        assert_eq!(find(&PointDensityMap::of_rows(&[&[1]])).shares.largest_bounds, None);
+        assert_eq!(find(&PointDensityMap::of_rows(&[&[1]])).statistics.largest_bounds, None);
     }
 
     /// Whether a place is in the hull of others: some two of them lie on either side of every line through it. By all

@@ -8,6 +8,7 @@ use serde_json::{Map, Value, json};
 use sha2::{Digest, Sha256};
 
 use crate::html::pack::{PackedArray, QuantizedAxis};
+use terrane_base::error::{Error, ErrorKind, Result};
 
 /// Parts of a page other than its data.
 #[derive(Clone, Copy, Debug)]
@@ -106,10 +107,16 @@ pub struct HtmlPage {
 }
 
 impl HtmlPage {
-    /// An empty page of the template called `name`; `None` when there is no such template.
-    pub fn new(name: &str, title: &str) -> Option<Self> {
-        let template = TEMPLATES.iter().find(|template| template.name == name)?;
-        Some(Self { template, title: title.to_owned(), facts: Map::new(), arrays: Vec::new() })
+    /// An empty page of the template called `name`.
+    ///
+    /// # Errors
+    /// `Internal`: there is no such template.
+    pub fn new(name: &str, title: &str) -> Result<Self> {
+        let template =
+            TEMPLATES.iter().find(|template| template.name == name).ok_or_else(|| {
+                Error::new(ErrorKind::Internal, format!("the page template {name} is missing"))
+            })?;
+        Ok(Self { template, title: title.to_owned(), facts: Map::new(), arrays: Vec::new() })
     }
 
     /// Adds a fact under a name.
@@ -279,6 +286,6 @@ mod tests {
         let script = html.split("<script>").nth(1).unwrap().split("</script>").next().unwrap();
         let hash = STANDARD.encode(Sha256::digest(script));
         assert!(html.contains(&format!("script-src 'sha256-{hash}'")));
-        assert!(HtmlPage::new("no such", "").is_none());
+        assert!(HtmlPage::new("no such", "").is_err());
     }
 }

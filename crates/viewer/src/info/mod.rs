@@ -169,7 +169,7 @@ impl Inspection for MeshInfoOptions {
         let mesh = meshes::open(file)?;
         let bounds = mesh_bounds(mesh.as_ref(), progress, cancel)?;
         let measured = MeasuredMesh { file, mesh: mesh.as_ref(), bounds };
-        let against = self.against.as_ref().filter(|_| self.quality);
+        let against = self.against.as_ref();
         let grid = against.map(|name| self.open_reference(name)).transpose()?;
         let path = against.map(|name| path_of(name));
         let reference = path.as_deref().zip(grid.as_deref());
@@ -268,8 +268,8 @@ impl Inspection for FeaturesInfoOptions {
         cancel: &Cancel,
     ) -> Result<FeaturesInfoReport> {
         let [name] = inputs.names() else {
-            return Err(Error::usage("features are told about file by file")
-                .remedy("name one of the files"));
+            return Err(Error::usage("only one file of features is supported")
+                .remedy("pass one file at a time"));
         };
         let options = VectorOpenOptions { layer: self.features.layer.clone() };
         features::read(name, &options, progress, cancel)

@@ -7,7 +7,7 @@ use super::{PageJob, PageReport, facts};
 use crate::html::HtmlPage;
 use crate::html::pack::{PackedArray, QuantizedAxis};
 use crate::render::class_colour;
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_base::frontend::Frontend;
 use terrane_base::geom::PointFrame;
 use terrane_cloud::{CloudOpenOptions, PointAppearance, PointCloud, PointSource, class_name};
@@ -70,8 +70,7 @@ fn put(
     points: Vec<Ranked>,
     tally: &PagePointTally,
 ) -> Result<(HtmlPage, PageReport)> {
-    let mut page = HtmlPage::new("cloud", &facts::title(job.input))
-        .ok_or_else(|| Error::new(ErrorKind::Internal, "the point cloud page is missing"))?;
+    let mut page = HtmlPage::new("cloud", &facts::title(job.input))?;
     let mut report = PageReport {
         page: "cloud",
         points: Some(points.len() as u64),
@@ -192,6 +191,7 @@ fn notes(cloud: &PointCloud, tally: &PagePointTally, report: &PageReport) -> Vec
 #[cfg(test)]
 mod tests {
     use super::*;
+    use terrane_base::error::ErrorKind;
 
     #[test]
     fn colours_of_one_byte_and_of_two_are_the_same() {

@@ -4,7 +4,7 @@ use serde_json::json;
 
 use super::facts::{self, SurfaceSystem};
 use super::solid::{PageMesh, TRIANGLE_BYTES, VERTEX_BYTES};
-use super::surface::{new_page, reported_steps};
+use super::surface::reported_steps;
 use super::{MAX_SAMPLES, PageJob, PageReport, within_memory};
 use crate::html::HtmlPage;
 use crate::view::corner_bounds;
@@ -30,7 +30,7 @@ pub(super) fn page(
     let cache = cache_beside(job.resources.memory) as u64;
     within_memory(need + cache, &format!("{shown} samples"), job.resources)?;
     let shape = shape(grid, part, stride, progress, cancel)?;
-    let mut page = new_page(&facts::title(job.input))?;
+    let mut page = HtmlPage::new("surface", &facts::title(job.input))?;
     let mut report = shape.put(&mut page)?;
     report.stride = Some(stride);
     let system = SurfaceSystem::of_grid(info);

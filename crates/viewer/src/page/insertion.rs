@@ -9,7 +9,7 @@ use super::{PageJob, PageReport, within_memory};
 use crate::html::HtmlPage;
 use crate::html::pack::QuantizedAxis;
 use crate::view::corner_bounds;
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Rect};
 use terrane_engine::Cancel;
 use terrane_engine::memory::cache_beside;
@@ -40,8 +40,7 @@ pub(super) fn page(
     let rows = even_places(part.row, part.height, stride);
     let heights = read(grid, &cols, &rows, cancel)?;
     let axis = coarse(&heights);
-    let mut page = HtmlPage::new("insertion", &facts::title(job.input))
-        .ok_or_else(|| Error::new(ErrorKind::Internal, "the insertion page is missing"))?;
+    let mut page = HtmlPage::new("insertion", &facts::title(job.input))?;
     page.fact("width", cols.len());
     page.fact("height", rows.len());
     page.axis("z", &axis);

@@ -129,8 +129,7 @@ impl PageLines {
                 .in_file(&path_of(&job.input.to_string()))
                 .remedy("name a file with lines or polygons"));
         }
-        let mut page = HtmlPage::new("lines", &facts::title(job.input))
-            .ok_or_else(|| Error::new(ErrorKind::Internal, "the line page is missing"))?;
+        let mut page = HtmlPage::new("lines", &facts::title(job.input))?;
         let mut report = PageReport {
             page: "lines",
             vertices: Some(self.vertices),

@@ -38,7 +38,7 @@ pub(super) fn page(
     if let Some(bounds) = bounds {
         shape.crop(bounds);
     }
-    let mut page = new_page(&facts::title(job.input))?;
+    let mut page = HtmlPage::new("surface", &facts::title(job.input))?;
     let system = SurfaceSystem::of_mesh(mesh.info());
     let mut figures = vec![];
     let mut max_error = None;
@@ -62,12 +62,6 @@ pub(super) fn page(
     page.fact("figures", json!(figures));
     page.fact("notes", json!(notes(&report)));
     Ok((page, report))
-}
-
-/// An empty page of a surface.
-pub(super) fn new_page(title: &str) -> Result<HtmlPage> {
-    HtmlPage::new("surface", title)
-        .ok_or_else(|| Error::new(ErrorKind::Internal, "the surface page is missing"))
 }
 
 fn check_size(info: &MeshInfo, job: &PageJob<'_>) -> Result<()> {

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use super::{PageJob, PageReport};
 use crate::html::HtmlPage;
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_files::{RawFile, path_of};
 
 /// Index of quantized-mesh tiles.
@@ -107,11 +107,10 @@ pub(super) fn page(job: &PageJob<'_>) -> Result<(HtmlPage, PageReport)> {
     let input = job.input.to_string();
     let folder = path_of(&input);
     let set = ViewedTileset::read(&folder)?;
-    let mut page = HtmlPage::new("tiles", &name(&folder))
-        .ok_or_else(|| Error::new(ErrorKind::Internal, "the tile page is missing"))?;
+    let mut page = HtmlPage::new("tiles", &name(&folder))?;
     let [land, water] = crate::render::palette();
     page.fact("format", set.format);
-    page.fact("told", set.index);
+    page.fact("index", set.index);
     page.fact("palette", json!({ "land": land, "water": water }));
     job.add_settings(&mut page);
     let (levels, tiles) = (Some(set.levels as u32), Some(set.tiles));

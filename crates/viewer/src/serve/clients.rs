@@ -69,8 +69,7 @@ fn cut_off(waiting: &WaitingClient) {
 }
 
 impl Client<'_> {
-    /// Resets the idle time.
-    pub(crate) fn is_alive(&self) {
+    pub(crate) fn reset_idle_time(&self) {
         if let Some(waiting) = lock(&self.clients.0).by_number.get_mut(&self.number) {
             waiting.since = Instant::now();
         }

@@ -47,7 +47,7 @@ impl<'a> ServerConnection<'a> {
         let _ = self.stream.set_nodelay(true);
         loop {
             match self.answer(folder) {
-                Ok(true) => self.client.is_alive(),
+                Ok(true) => self.client.reset_idle_time(),
                 Ok(false) => return self.close().unwrap_or_default(),
                 Err(_) => return,
             }
@@ -75,7 +75,7 @@ impl<'a> ServerConnection<'a> {
             Ok(None) => return Ok(false),
             Err(refusal) => return self.refuse(refusal, false, false),
         };
-        self.client.is_alive();
+        self.client.reset_idle_time();
         let request = match HttpRequest::read(&head, self.port) {
             Ok(request) => request,
             // HEAD has no body in its answer, even if the request is refused.
@@ -172,7 +172,7 @@ impl<'a> ServerConnection<'a> {
                 count => rest = &rest[count..],
             }
         }
-        self.client.is_alive();
+        self.client.reset_idle_time();
         Ok(())
     }
 }

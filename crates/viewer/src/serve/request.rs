@@ -48,8 +48,8 @@ const VERSION: RequestRefusal =
 impl HttpRequest {
     /// Parses a head, without the empty line at its end; `port` is the server's.
     ///
-    /// Another site can resolve its own name to 127.0.0.1 and then read served files as its own: so the requested host has
-    /// to be this one.
+    /// The requested host has to be this server: another site can resolve its own name to 127.0.0.1 (DNS rebinding), and
+    /// its pages would then read the served files.
     pub(crate) fn read(head: &[u8], port: u16) -> Result<Self, RequestRefusal> {
         let text = std::str::from_utf8(head).map_err(|_| BAD)?;
         let mut lines = text.split("\r\n");
@@ -63,8 +63,6 @@ impl HttpRequest {
         let fields = lines.map(field).collect::<Option<Vec<_>>>().ok_or(BAD)?;
         let host: Vec<&str> = values(&fields, "host").collect();
         match host[..] {
-            // A name of another site may be resolved to this machine (DNS rebinding), and its pages would then
-            // read what is served here.
             [host] if is_here(host, port) => {}
             [_] => return Err(NOT_HERE),
             _ => return Err(BAD),

@@ -17,7 +17,7 @@ from terrane._settings import Path, settings
 from terrane._source import crs_text, names_of
 
 # Dimensions of laspy and PDAL records used by filters.
-MARKS = {
+CLASS_AND_RETURNS = {
     "classes": ("classification", "Classification"),
     "numbers": ("return_number", "ReturnNumber"),
     "returns": ("number_of_returns", "NumberOfReturns"),
@@ -43,7 +43,7 @@ def cloud_of(points: Any, reading: dict[str, Any]) -> _terrane.Cloud:
     positions, marks, own = columns(points)
     told = reading.pop("crs")
     text = crs_text(own) if told is None else told
-    classed, nth, counts, flags = (marks.get(name) for name in (*MARKS, "flags"))
+    classed, nth, counts, flags = (marks.get(name) for name in (*CLASS_AND_RETURNS, "flags"))
     return _terrane.Cloud.array(positions, classed, nth, counts, flags, text, reading)
 
 
@@ -84,7 +84,7 @@ def record(
     """Positions and attributes of records."""
     positions = np.column_stack([np.asarray(of(axis), "f8") for axis in axes])
     marks = {}
-    for name, spelled in MARKS.items():
+    for name, spelled in CLASS_AND_RETURNS.items():
         found = first(of, spelled)
         if found is not None:
             marks[name] = np.require(found, "u1", ("C", "A"))

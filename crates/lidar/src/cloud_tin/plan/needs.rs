@@ -118,7 +118,7 @@ pub(super) fn expect(
             + polygon_bytes(&ready.job.options),
         thread_memory: worker * 8 / ready.division.workers,
         objects: vertices * POINT + squares * ENTRY + 2 * LOOK * regions.len() as u64,
-        output: (ready.format.most)().file_bytes(vertices, 2 * vertices),
+        output: (ready.format.capacity)().file_bytes(vertices, 2 * vertices),
         seconds: [points as f64 * task, vertices as f64 * writing],
     })
 }

@@ -113,7 +113,7 @@ impl PlannedMesh {
             memory: memory::least(thread_memory, opened.source.block_bytes()).max(transform_memory),
             thread_memory,
             objects: objects.sum(),
-            output: (opened.format.most)().file_bytes(size.vertices, size.triangles),
+            output: (opened.format.capacity)().file_bytes(size.vertices, size.triangles),
             seconds: [total_seconds * (1.0 - WRITING), total_seconds * WRITING],
         })
     }
