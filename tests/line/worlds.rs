@@ -393,8 +393,8 @@ fn faults_of(all: &[Shape], tolerance: i64, decimals: Option<u8>) -> Vec<String>
             [RingCollapse::Minimal, RingCollapse::Drop, RingCollapse::Keep].map(|c| (s, c))
         })
     {
-        for square in [crowd(&moved(all, &way(tolerance, decimals))).max(4), 1 << 20] {
-            let way = Way { strategy, collapse, square, ..way(tolerance, decimals) };
+        for tile_vertices in [crowd(&moved(all, &way(tolerance, decimals))).max(4), 1 << 20] {
+            let way = Way { strategy, collapse, tile_vertices, ..way(tolerance, decimals) };
             let (report, written) = simplify(folder.path(), all, &way);
             let mut judge = Judge::default();
             judge.world(all, &way, &report, &written);
