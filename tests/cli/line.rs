@@ -206,7 +206,7 @@ fn is_met(came: u64, goal: u64, name: &str) {
 #[test]
 fn goals_are_met_by_what_is_written() {
     let place = Place::new();
-    place.ok(&["synth", "coverage,vertices=200,features=36", "a.fgb", "-q"]);
+    place.ok(&["synth", "coverage,vertices=200,features=16", "a.fgb", "-q"]);
     let all = vertices_of(&place, "a.fgb");
     let ways: [&[&str]; 4] = [
         &[],
@@ -231,7 +231,7 @@ fn goals_are_met_by_what_is_written() {
                     place.ok(&[&base[..], &goal, way, decimals].concat());
                 };
                 let name = format!("{} {way:?} {}", method.name, format.name);
-                for goal in [60_000, 100_000] {
+                for goal in [27_000, 40_000] {
                     run(["--target-size", &goal.to_string()]);
                     is_met(bytes_of_output(&place), goal, &name);
                 }
@@ -239,8 +239,8 @@ fn goals_are_met_by_what_is_written() {
                     run(["--keep-ratio", "0.4"]);
                     is_met(vertices_of(&place, &output), all * 2 / 5, &name);
                     bytes_of_output(&place);
-                    run(["--keep-count", "1500"]);
-                    is_met(vertices_of(&place, &output), 1500, &name);
+                    run(["--keep-count", "700"]);
+                    is_met(vertices_of(&place, &output), 700, &name);
                     bytes_of_output(&place);
                 }
             }

@@ -176,7 +176,7 @@ mod latin {
             (&["info", "@ply", "--json"], "@ply"),
             (&["info", "@asc", "--json"], "@ply"),
             (&["info", "list.txt", "@laz", "@geojson"], "@ply"),
-            (&["view", "@ply", "-o", "@png"], "@png"),
+            (&["view", "@ply", "-o", "@png", "--width", "200"], "@png"),
             (&["convert", "@asc", "@tif"], "@tif"),
             (&["convert", "@d", "%tif", "-f", "GTiff"], "%tif"),
             (&["contour", "@asc", "-o", "@wkt", "-i", "2"], "@wkt"),

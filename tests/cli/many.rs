@@ -7,7 +7,7 @@ const VERBS: [(&[&str], &str, &[&str]); 9] = [
     (&["tin", "g", "out.ply", "--max-error", "0"], "g", &["--report", "r.json"]),
     (&["convert", "g", "out.tif"], "g", &["--json"]),
     (&["contour", "g", "-o", "out.geojson", "-i", "2"], "g", &["--report", "r.json"]),
-    (&["view", "g", "-o", "out.png"], "g", &["--json"]),
+    (&["view", "g", "-o", "out.png", "--width", "200"], "g", &["--json"]),
     (&["info", "g"], "g", &["--json"]),
     (&["plan", "tin", "g", "-o", "out", "--max-error", "0"], "g", &["--json"]),
     (&["tin", "c", "out.ply", "--max-error", "1"], "c", &["--report", "r.json"]),
@@ -209,7 +209,7 @@ fn bad_files_by_themselves_are_skipped_when_asked() {
     assert_eq!((all_bad.code, all_bad.err.lines().count()), (65, bad.len()), "{}", all_bad.err);
     // A mesh is no bad grid.
     place.ok(&["info", "m.ply", "--skip-bad"]);
-    place.ok(&["view", "m.ply", "-o", "m.png", "--skip-bad"]);
+    place.ok(&["view", "m.ply", "-o", "m.png", "--width", "200", "--skip-bad"]);
     place.ok(&["tin", "g/a.asc", "g/c.asc", "proved.ply", "--max-error", "0", "-q"]);
     let proof = ["verify", "proved.ply", "g/a.asc", "g/c.asc", "g/none.asc"];
     assert!(place.ok(&[&proof[..], &["--skip-bad"]].concat()).err.contains("skipped g/none.asc"));

@@ -6,7 +6,7 @@ use std::time::Duration;
 use crate::cli_support::{Place, Ran};
 use serde_json::Value;
 
-const CLOUD: &str = "synth:cloud,size=600,density=1,seed=5";
+const CLOUD: &str = "synth:cloud,size=600,density=0.4,seed=5";
 const HOW: [&str; 6] = ["--cell", "1", "--stat", "tin:max_edge=8,mean", "--class", "2,3"];
 
 /// A place with a plan, and the bytes of a single run.

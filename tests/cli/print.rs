@@ -79,7 +79,7 @@ fn meshes_of_degrees_are_proved_in_any_units() {
             let told = if report["placed"].is_null() { "spike" } else { "metre" };
             assert!(notes.contains(told) || options == ["--keep-degrees"], "{args:?}: {notes}");
             place.ok(&["verify", &mesh, "dem.asc", "--max-error", "4"]);
-            place.ok(&["view", &mesh, "-o", "mesh.png"]);
+            place.ok(&["view", &mesh, "-o", "mesh.png", "--width", "200"]);
             let info = place.ok(&["info", &mesh, "--json"]).out;
             let info: serde_json::Value = serde_json::from_str(&info).unwrap();
             let low = info["bounds"][0][0].as_f64().unwrap();

@@ -11,7 +11,7 @@ use serde_json::Value;
 const PLAN: [&str; 12] = [
     "plan",
     "tin",
-    "synth:rough,width=400,height=1600,seed=5",
+    "synth:rough,width=300,height=1000,seed=5",
     "-o",
     "work",
     "--max-error",

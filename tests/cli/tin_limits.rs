@@ -31,11 +31,11 @@ fn report(place: &Place, args: &[&str]) -> Value {
 #[test]
 fn advised_memory_is_enough_memory() {
     let place = Place::new();
-    let tall = ["--co", "COMPRESS=DEFLATE", "--co", "BLOCKYSIZE=1100", "-q"];
+    let tall = ["--co", "COMPRESS=DEFLATE", "--co", "BLOCKYSIZE=800", "-q"];
     place
-        .ok(&[&["convert", "synth:rough,size=1100", "strip.tif", "-f", "GTiff"], &tall[..]]
+        .ok(&[&["convert", "synth:rough,size=800", "strip.tif", "-f", "GTiff"], &tall[..]]
             .concat());
-    place.ok(&["synth", "cloud,size=120,density=8", "cloud.laz", "-q"]);
+    place.ok(&["synth", "cloud,size=90,density=8", "cloud.laz", "-q"]);
     // A `*` stands for a name of its own in each run.
     let jobs = [
         "tin synth:rough,size=300 *.ply --max-error 1",

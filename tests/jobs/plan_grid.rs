@@ -24,13 +24,18 @@ fn resources(threads: usize) -> Resources {
 /// files and tiles meet and a bay in the outline.
 fn cloud(folder: &Path) -> Vec<String> {
     let voids = [(128, 128, 20), (256, 300, 35), (320, 896, 30), (512, 512, 230), (1024, 640, 330)];
+    cloud_of(folder, SIDE, &voids)
+}
+
+/// The same of a cloud with another side, and with other voids.
+fn cloud_of(folder: &Path, side: i32, voids: &[(i32, i32, i32)]) -> Vec<String> {
     let (mut state, mut files) = (5_u64, std::collections::BTreeMap::<_, String>::new());
     let mut random = || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
         f64::from((state >> 40) as u32) / f64::from(1 << 24)
     };
-    for _ in 0..SIDE * SIDE / 6 {
-        let [x, y] = [random(), random()].map(|v| (v * f64::from(SIDE) * 100.0).floor() / 100.0);
+    for _ in 0..side * side / 6 {
+        let [x, y] = [random(), random()].map(|v| (v * f64::from(side) * 100.0).floor() / 100.0);
         let far = |(cx, cy, r): &(i32, i32, i32)| {
             (x - f64::from(*cx)).hypot(y - f64::from(*cy)) > f64::from(*r)
         };
@@ -100,7 +105,9 @@ fn objects(folder: &Path, ending: &str) -> Vec<PathBuf> {
 #[test]
 fn the_grid_of_a_plan_is_that_of_a_single_run() {
     let temp = tempfile::tempdir().unwrap();
-    let files = cloud(temp.path());
+    // Three by three tiles, or two by two, with voids across their borders, and a bay.
+    let voids = [(128, 128, 20), (256, 300, 35), (320, 672, 30), (480, 480, 170), (768, 300, 190)];
+    let files = cloud_of(temp.path(), 768, &voids);
     for (name, stats) in [
         ("a.tif", "mean,count,p90,std,idw:radius=4"),
         ("b.tif", "tin,nearest:radius=2"),

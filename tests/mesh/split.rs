@@ -131,7 +131,7 @@ fn blocks_of_a_solid_are_solids() {
     let place = Place::new();
     tin(&place, "out", &["--split", "4", "-f", "STL", "--co", "SOLID_BASE=-500"]);
     place.ok(&["info", "out"]);
-    place.ok(&["view", "out", "-o", "out.png", "-q"]);
+    place.ok(&["view", "out", "-o", "out.png", "--width", "200", "-q"]);
     let names = read(&place, "out").into_iter().map(|(name, _)| name);
     let blocks: Vec<_> = names.filter(|name| name.to_string_lossy().ends_with(".stl")).collect();
     assert!(blocks.len() > 8);
