@@ -4,6 +4,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
+use std::sync::OnceLock;
 use std::time::Duration;
 
 use crate::cli_support::{Place, json};
@@ -11,6 +12,8 @@ use serde_json::Value;
 
 const TERRAIN: &str = "synth:rough,width=250,height=700,seed=5";
 const CLOUD: &str = "synth:cloud,size=520,density=0.2,seed=5";
+
+const COPSE: &str = "synth:cloud,size=264,density=0.15,seed=8";
 
 const GROVE: &str = "synth:cloud,size=300,density=0.15,seed=8";
 
@@ -49,7 +52,7 @@ const KINDS: [Kind; 6] = [
     Kind {
         name: "canopy",
         verb: "grid",
-        input: GROVE,
+        input: COPSE,
         how: &["--cell", "0.5", "--chm", "--ground", "csf:cloth=4"],
         cut: ["--tile", "256"],
         ending: "tif",
@@ -58,7 +61,7 @@ const KINDS: [Kind; 6] = [
     Kind {
         name: "cloud",
         verb: "tin",
-        input: "synth:cloud,size=520,density=0.6,seed=5",
+        input: "synth:cloud,size=520,density=0.5,seed=5",
         how: &["--max-error", "0.7"],
         cut: ["--cut", "131072"],
         ending: "ply",
@@ -104,7 +107,22 @@ const KINDS: [Kind; 6] = [
     },
 ];
 
+/// What each kind writes without a plan.
+static WHOLES: [OnceLock<Vec<u8>>; KINDS.len()] = [const { OnceLock::new() }; KINDS.len()];
+
 impl Kind {
+    /// The bytes of one run without a plan in a place of this kind.
+    fn whole(&self, place: &Place) -> &'static [u8] {
+        let number = KINDS.iter().position(|kind| kind.name == self.name).unwrap();
+        WHOLES[number].get_or_init(|| {
+            let whole = format!("single.{}", self.ending);
+            place.ok(&[&self.single(&whole)[..], &["-q"]].concat());
+            let expected = contents(&place.path(&whole));
+            remove(&place.path(&whole));
+            expected
+        })
+    }
+
     /// The command that plans in `folder`.
     fn plan<'a>(&'a self, folder: &'a str) -> Vec<&'a str> {
         let command = ["plan", self.verb, self.input, "-o", folder];
@@ -161,7 +179,7 @@ fn remove(output: &Path) {
 struct Work {
     kind: &'static Kind,
     place: Place,
-    expected: Vec<u8>,
+    expected: &'static [u8],
     /// All tasks but the last, in the plan's order.
     tasks: Vec<String>,
 }
@@ -169,9 +187,7 @@ struct Work {
 impl Work {
     fn new(kind: &'static Kind) -> Self {
         let place = kind.place();
-        let whole = format!("whole.{}", kind.ending);
-        place.ok(&[&kind.single(&whole)[..], &["-q"]].concat());
-        let expected = contents(&place.path(&whole));
+        let expected = kind.whole(&place);
         place.ok(&[&kind.plan("work")[..], &["-q"]].concat());
         let mut work = Self { kind, place, expected, tasks: Vec::new() };
         let status = work.status();
@@ -431,6 +447,13 @@ fn a_moved_folder_an_altered_output_and_a_missing_one_are_told_apart() {
         assert!(is_right() && fault().is_empty(), "made again");
 
         let whole = format!("whole.{}", kind.ending);
+        match output.is_dir() {
+            true => {
+                std::fs::create_dir(work.place.path(&whole)).unwrap();
+                work.place.write(&format!("{whole}/mine"), "mine");
+            }
+            false => drop(work.place.write(&whole, "mine")),
+        }
         work.place.fails(&["run", "moved", "-o", &whole], 2, &[&whole, "already exists"]);
     }
 }
@@ -501,13 +524,13 @@ fn the_disk_that_a_plan_expects_is_what_it_takes() {
     };
     let grid = |how: &[&str], output: &str| {
         let place = Place::new();
-        let input = "synth:cloud,size=1100,density=0.7,seed=3";
-        place.ok(&[&["plan", "grid", input, "-o", "work", "--tile", "512", "-q"], how].concat());
+        let input = "synth:cloud,size=800,density=0.7,seed=3";
+        place.ok(&[&["plan", "grid", input, "-o", "work", "--tile", "256", "-q"], how].concat());
         (how.join(" "), ratios(&place, output))
     };
     let points = |how: &[&str]| {
         let place = Place::new();
-        place.ok(&["synth", "cloud,size=900,density=0.7,seed=3", "c.laz", "-q"]);
+        place.ok(&["synth", "cloud,size=600,density=0.7,seed=3", "c.laz", "-q"]);
         place.ok(&[&["plan", "points", "c.laz", "-o", "work", "-q"], how].concat());
         (format!("points {how:?}"), ratios(&place, "points"))
     };
@@ -516,26 +539,26 @@ fn the_disk_that_a_plan_expects_is_what_it_takes() {
         place.ok(&[&["plan", "tiles", "dem.asc", "-o", "work", "-q"], how].concat());
         (format!("tiles of {side} {how:?}"), ratios(&place, "tiles"))
     };
-    let cloud = |error: &str, format: &str| {
+    let cloud = |side: u32, error: &str, format: &str| {
         let place = Place::new();
-        place.ok(&["synth", "cloud,size=900,density=0.7,seed=3", "c.laz", "-q"]);
+        place.ok(&["synth", &format!("cloud,size={side},density=0.7,seed=3"), "c.laz", "-q"]);
         let how = ["--max-error", error, "--format", format, "-q"];
         place.ok(&[&["plan", "tin", "c.laz", "-o", "work"], &how[..]].concat());
         let ending = format.to_lowercase();
-        (format!("cloud {error} {format}"), ratios(&place, &format!("mesh.{ending}")))
+        (format!("cloud of {side} {error} {format}"), ratios(&place, &format!("mesh.{ending}")))
     };
     for (what, found) in [
-        cloud("0.2", "PLY"),
-        cloud("2", "OBJ"),
-        cloud("0", "PLY"),
-        points(&["--tile", "150"]),
-        points(&["--tile", "200", "--buffer", "20", "--class", "2", "--tile-format", "las"]),
-        tiles(1500, &[]),
+        cloud(900, "0.2", "PLY"),
+        cloud(400, "2", "OBJ"),
+        cloud(400, "0", "PLY"),
+        points(&["--tile", "100"]),
+        points(&["--tile", "150", "--buffer", "15", "--class", "2", "--tile-format", "las"]),
+        tiles(1000, &[]),
         tiles(700, &["--no-gzip", "--no-normals"]),
-        tin("synth:rough,size=2000", "2", "512", "PLY"),
-        tin("synth:rough,size=2000", "2", "512", "GLB"),
-        tin("synth:rough,size=1500", "30", "64", "STL"),
-        tin("synth:coast,size=2500", "4", "512", "PLY"),
+        tin("synth:rough,size=1200", "2", "512", "PLY"),
+        tin("synth:rough,size=1000", "2", "256", "GLB"),
+        tin("synth:rough,size=800", "30", "64", "STL"),
+        tin("synth:coast,size=1300", "4", "256", "PLY"),
         tin("synth:smooth,size=3000", "2", "256", "OBJ"),
         grid(&["--cell", "1", "--stat", "mean"], "grid.tif"),
         grid(
