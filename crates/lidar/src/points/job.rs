@@ -55,18 +55,25 @@ impl TranslateJob {
         }
     }
 
-    /// The job with one more stage.
+    /// The job with one more stage. Heights right after ground are found with it, in the same passes.
     #[must_use]
     pub fn stage(mut self, stage: impl Into<AnyStage>) -> Self {
-        self.stages.push(stage.into());
+        let stage = stage.into();
+        if let (Some(AnyStage::HeightQuery(ground)), AnyStage::HeightQuery(next)) =
+            (self.stages.last_mut(), &stage)
+            && let Some(joined) = ground.joined(next)
+        {
+            *ground = joined;
+            return self;
+        }
+        self.stages.push(stage);
         self
     }
 
     /// The job with some more stages.
     #[must_use]
-    pub fn stages<S: Into<AnyStage>>(mut self, stages: impl IntoIterator<Item = S>) -> Self {
-        self.stages.extend(stages.into_iter().map(Into::into));
-        self
+    pub fn stages<S: Into<AnyStage>>(self, stages: impl IntoIterator<Item = S>) -> Self {
+        stages.into_iter().fold(self, Self::stage)
     }
 
     /// The job with stages for a query: noise is classified first.

@@ -18,6 +18,7 @@ mod memory_shares;
 mod octree;
 mod operation;
 mod options;
+mod pipeline;
 pub mod plan;
 mod prepared;
 mod report;

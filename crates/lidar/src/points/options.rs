@@ -1,13 +1,14 @@
 //! Options of points that are written.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use terrane_options::{Choice, OptionKind, OptionRange, OptionRule, Options};
 
 use super::job::TranslateJob;
+use super::pipeline;
 use super::split::AttributeSplit;
 use super::stages::{
-    Assign, Assignments, CellThinning, Classify, Dedupe, HeightQuery, HeightsAs, Overlap,
+    AnyStage, Assign, Assignments, CellThinning, Classify, Dedupe, HeightQuery, HeightsAs, Overlap,
     PoissonSampling, Reproject, Sort, StageText, refuse_twice,
 };
 use super::tiled_output::{BufferFlag, PointTiling};
@@ -16,7 +17,7 @@ use terrane_base::error::Result;
 use terrane_cloud::{CloudOpenOptions, LasVersion, PointFormat};
 use terrane_engine::Resources;
 use terrane_engine::options::{
-    AsFormula, AsNumber, CloudInput, PointFormatNumber, Replacing, Reprojection, Resuming,
+    AsFormula, AsNumber, CloudInput, FileName, PointFormatNumber, Replacing, Reprojection, Resuming,
 };
 
 terrane_engine::by_text!(AsFormula, OptionKind::Shaped("str"), Assign);
@@ -79,6 +80,9 @@ pub struct PointsOptions {
     /// Repeatable, also with the same name
     #[option(value = "STAGE", with = AsText, heading = "Stages")]
     pub stage: Vec<StageText>,
+    /// Stages from a JSON file: a list of these, or a PDAL pipeline of filters that both programs have
+    #[option(value = "FILE", with = FileName, heading = "Stages")]
+    pub pipeline: Option<PathBuf>,
     /// Write a folder of square tiles with this side, one file each, named by the lower left corner
     #[option(value = "SIDE", range = OptionRange::POSITIVE, heading = "Folders")]
     pub tile: Option<f64>,
@@ -113,6 +117,7 @@ pub struct PointsOptions {
 }
 
 const RULES: &[OptionRule] = &[
+    OptionRule::NotWith("stage", &["pipeline"]),
     OptionRule::NotWith("tile", &["split"]),
     OptionRule::Needs("buffer", &["tile"]),
     OptionRule::Needs("buffer_flag", &["buffer"]),
@@ -134,15 +139,22 @@ impl PointsOptions {
     /// The job on some files.
     ///
     /// # Errors
-    /// Polygons that cannot be read; a method of ‹classify› given twice.
+    /// Polygons or a pipeline that cannot be read; a method of ‹classify› given twice.
     pub fn job(&self, inputs: &[String], output: &Path) -> Result<TranslateJob> {
         refuse_twice(&self.classify)?;
         let cloud = self.cloud.options(&self.resources)?;
-        Ok(TranslateJob { cloud, ..self.unread(inputs, output) })
+        let pipeline = self.pipeline.as_deref().map(pipeline::read).transpose()?;
+        let stages = pipeline.into_iter().flatten();
+        Ok(TranslateJob { cloud, ..self.unread(inputs, output, stages) })
     }
 
-    /// The job without its clip polygons.
-    pub(super) fn unread(&self, inputs: &[String], output: &Path) -> TranslateJob {
+    /// The job without its clip polygons; `pipeline` are the stages of its file.
+    pub(super) fn unread(
+        &self,
+        inputs: &[String],
+        output: &Path,
+        pipeline: impl IntoIterator<Item = AnyStage>,
+    ) -> TranslateJob {
         let is_plain = self.tile_format == TileFormat::Las;
         let tiling =
             |side| PointTiling { side, buffer: self.buffer.unwrap_or(0.0), flag: self.buffer_flag };
@@ -171,6 +183,7 @@ impl PointsOptions {
             .stages(self.thin_distance.map(PoissonSampling))
             .stages(self.reprojection.transform().map(Reproject))
             .stages(self.stage.iter().map(|stage| stage.stage().clone()))
+            .stages(pipeline)
             .stages(self.sort)
     }
 }

@@ -202,6 +202,18 @@ impl HeightQuery {
         CloudInfo { frame, bounds, crs: info.crs.without_heights(), ..info.clone() }
     }
 
+    /// One query with the results of this one and then of the `next`, if there is one: a `next` that takes its ground
+    /// from the classes finds the ground of this one.
+    pub(in crate::points) fn joined(&self, next: &Self) -> Option<Self> {
+        let classify = [self.classify.as_slice(), &next.classify].concat();
+        let is_joined = next.from == GroundFrom::Auto
+            && !next.finds_ground()
+            && self.finds_ground()
+            && self.heights.is_none()
+            && refuse_twice(&classify).is_ok();
+        is_joined.then_some(Self { from: self.from, heights: next.heights, classify })
+    }
+
     /// # Errors
     /// Conflicting options, and options that the format does not support.
     pub(super) fn check(&self, format: PointFormat) -> Result<()> {
