@@ -246,6 +246,7 @@ fn what_is_no_stage_is_refused() {
         (&["where:HeightAboveGround > 1", "thin:2"], "no attribute"),
         (&["thin:0.0001"], "smaller than the coordinate resolution"),
         (&["reproject:EPSG:4326", "poisson:1"], "requires projected coordinates"),
+        (&["dedupe"; 65], "65 stages exceed the limit of 64"),
     ] {
         let error = run(&chain(job(&[&input], &output), texts)).unwrap_err();
         assert!(error.to_string().contains(told), "{texts:?}: {error}");

@@ -112,11 +112,11 @@ impl TranslateJob {
     }
 
     /// Bytes of memory beside records in flight, for `points` read of a point cloud or a part of it; and for
-    /// each thread.
-    pub(super) fn needed(
+    /// each thread. `info` tells of the input of each stage.
+    pub(super) fn needed<'i>(
         &self,
         packing: PointPacking,
-        info: &CloudInfo,
+        info: impl Fn(usize) -> &'i CloudInfo,
         points: u64,
         is_part: bool,
     ) -> [u64; 2] {
@@ -126,9 +126,10 @@ impl TranslateJob {
         let ground =
             self.stages.iter().rposition(|stage| matches!(stage, AnyStage::HeightQuery(_)));
         for (number, stage) in self.stages.iter().map(AnyStage::stage).enumerate() {
+            let info = info(number);
             let [all, each] = stage.needed(info, points);
             // However far around a part the ground is read.
-            let is_again = is_part && stage.is_selection() && ground.is_some_and(|at| number < at);
+            let is_again = is_part && ground.is_some_and(|at| number < at);
             let again = if is_again { stage.needed(info, info.count)[0] } else { 0 };
             needed = [needed[0] + all + again, needed[1].max(each)];
         }

@@ -67,7 +67,8 @@ pub(super) fn prepared<T: Send>(
     let split = split.transpose()?;
     let source = InputRecords::within(cloud, &converter, subset.map(TileSubset::window))
         .with(subset.and_then(TileSubset::noise).map(|noise| &noise.own));
-    let needed = job.needed(packing, converter.info(), source.count(), subset.is_some());
+    let needed =
+        job.needed(packing, |number| chain.input(number), source.count(), subset.is_some());
     let shares =
         TranslateMemory::new(&job.resources, converter.size(), converter.extra_bytes(), needed)?;
     let threads = shares.threads;
@@ -182,6 +183,6 @@ pub(super) fn converter<'a>(
 /// Least memory for a part of a job with `points` points, and its part for a thread.
 pub(super) fn min_memory(job: &TranslateJob, cloud: &PointCloud, points: u64) -> Result<[u64; 2]> {
     let converter = converter(job, cloud)?;
-    let needed = job.needed(job.packing()?, converter.info(), points, true);
+    let needed = job.needed(job.packing()?, |_| converter.info(), points, true);
     Ok(TranslateMemory::min_memory(converter.size(), converter.extra_bytes(), needed))
 }

@@ -104,7 +104,7 @@ fn area(opened: &OpenedTranslate, work: &PointTilesPlan, spans: Spans) -> f64 {
 /// Points that may have to be read for the largest task, if relevant.
 fn heaviest(opened: &OpenedTranslate, work: &PointTilesPlan) -> Result<u64> {
     let info = opened.cloud.info();
-    let needs = |points| opened.job.needed(PointPacking::Chunks, info, points, true);
+    let needs = |points| opened.job.needed(PointPacking::Chunks, |_| info, points, true);
     if needs(0) == needs(MAX_POINTS) {
         return Ok(0);
     }

@@ -49,7 +49,7 @@ impl Stage for Dedupe {
         false
     }
 
-    fn is_selection(&self) -> bool {
+    fn drops_duplicates(&self) -> bool {
         true
     }
 

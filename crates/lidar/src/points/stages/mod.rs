@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use super::context::TranslateContext;
 use crate::records::selection::{ChosenRecords, RecordRanking};
 use crate::records::{PointRecords, total};
-use terrane_base::error::Result;
+use terrane_base::error::{Error, Result};
 use terrane_cloud::write::{PointColumn, PointPacking};
 use terrane_cloud::{CloudInfo, NewDimension, PointFormat};
 use terrane_engine::transform::Transformed;
@@ -38,6 +38,9 @@ pub use reproject::Reproject;
 pub use sort::Sort;
 pub use thin::{CellThinning, KEPT, ThinningRule};
 pub use r#where::Where;
+
+/// Most stages of a chain: records pass through all of them at once.
+const MAX_STAGES: usize = 64;
 
 /// How far around a point a stage has to look.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,8 +71,8 @@ pub(super) trait Stage {
         true
     }
 
-    /// Whether it only drops points.
-    fn is_selection(&self) -> bool {
+    /// Whether it drops duplicates and nothing else. They do not hinder a search for the ground among more points.
+    fn drops_duplicates(&self) -> bool {
         false
     }
 
@@ -159,7 +162,7 @@ pub(super) struct ChainLink {
     stage: Box<dyn OpenStage>,
     /// Frame, bounds and CRS of its input.
     info: CloudInfo,
-    is_selection: bool,
+    drops_duplicates: bool,
 }
 
 /// Stages, each for the output of the one before.
@@ -173,16 +176,29 @@ impl StageChain {
     /// The chain of some stages.
     ///
     /// # Errors
-    /// As [`Stage::open`].
+    /// As [`Stage::open`]; too many stages.
     pub(super) fn open(stages: &[AnyStage], input: StageInput<'_>) -> Result<Self> {
+        if stages.len() > MAX_STAGES {
+            return Err(Error::usage(format!(
+                "{} stages exceed the limit of {MAX_STAGES}",
+                stages.len()
+            ))
+            .remedy("run some of them, and the others on the output"));
+        }
         let mut chain = Self { links: Vec::new(), output: input.info.clone() };
         for stage in stages.iter().map(AnyStage::stage) {
             let opened = stage.open(&StageInput { info: &chain.output, ..input })?;
             let output = opened.output().unwrap_or_else(|| chain.output.clone());
             let info = std::mem::replace(&mut chain.output, output);
-            chain.links.push(ChainLink { stage: opened, info, is_selection: stage.is_selection() });
+            let drops_duplicates = stage.drops_duplicates();
+            chain.links.push(ChainLink { stage: opened, info, drops_duplicates });
         }
         Ok(chain)
+    }
+
+    /// Frame, bounds and CRS of the input of a stage.
+    pub(super) fn input(&self, number: usize) -> &CloudInfo {
+        &self.links[number].info
     }
 
     /// The report on its last reprojection.
@@ -201,7 +217,7 @@ impl StageChain {
         notes: &mut Vec<String>,
         act: impl FnOnce(&dyn PointRecords) -> Result<T>,
     ) -> Result<T> {
-        run(&self.links, 0, true, records, work, notes, act)
+        run(&self.links, 0, false, records, work, notes, act)
     }
 
     /// What a stage works with.
@@ -214,39 +230,41 @@ impl StageChain {
     }
 }
 
-/// Passes records through the stages from number `next` on, but for selections unless `selects`.
+/// Passes records through the stages from number `next` on, but for the removal of duplicates if it
+/// `keeps_duplicates`.
 fn run<T>(
     links: &[ChainLink],
     next: usize,
-    selects: bool,
+    keeps_duplicates: bool,
     records: &dyn PointRecords,
     work: &TranslateContext<'_>,
     notes: &mut Vec<String>,
     act: impl FnOnce(&dyn PointRecords) -> Result<T>,
 ) -> Result<T> {
-    let Some(ChainLink { stage, info, is_selection }) = links.get(next) else {
+    let Some(ChainLink { stage, info, drops_duplicates }) = links.get(next) else {
         return act(records);
     };
-    if *is_selection && !selects {
-        return run(links, next + 1, selects, records, work, notes, act);
+    if *drops_duplicates && keeps_duplicates {
+        return run(links, next + 1, keeps_duplicates, records, work, notes, act);
     }
     let made = stage.apply(records, &StageContext { work, info, before: &links[..next] })?;
     notes.extend(made.notes);
-    run(links, next + 1, selects, &*made.records, work, notes, act)
+    run(links, next + 1, keeps_duplicates, &*made.records, work, notes, act)
 }
 
 impl StageContext<'_> {
-    /// Passes other records through the stages before this one, but for selections unless `selects`.
+    /// Passes other records through the stages before this one, but for the removal of duplicates if it
+    /// `keeps_duplicates`.
     ///
     /// # Errors
     /// As [`StageChain::run`].
     pub(super) fn run_before<T>(
         &self,
-        selects: bool,
+        keeps_duplicates: bool,
         records: &dyn PointRecords,
         act: impl FnOnce(&dyn PointRecords) -> Result<T>,
     ) -> Result<T> {
-        run(self.before, 0, selects, records, self.work, &mut Vec::new(), act)
+        run(self.before, 0, keeps_duplicates, records, self.work, &mut Vec::new(), act)
     }
 
     /// The best record of each group.

@@ -70,10 +70,6 @@ impl Stage for Overlap {
         Ok(StageReach::Within(self.cell.unwrap_or_default()))
     }
 
-    fn is_selection(&self) -> bool {
-        true
-    }
-
     fn needed(&self, _: &CloudInfo, points: u64) -> [u64; 2] {
         [needed(points), 0]
     }

@@ -100,10 +100,6 @@ impl Stage for CellThinning {
         Ok(StageReach::Within(self.cell))
     }
 
-    fn is_selection(&self) -> bool {
-        true
-    }
-
     fn needed(&self, _: &CloudInfo, points: u64) -> [u64; 2] {
         [needed(points), 0]
     }

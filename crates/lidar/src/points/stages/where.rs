@@ -9,34 +9,17 @@ use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput};
 use crate::records::{PointRecords, RecordUnit, Take};
 use terrane_base::error::Result;
 use terrane_base::formula::Formula;
+use terrane_cloud::Condition;
 
 /// Keeps the points for which a condition on attributes holds, such as "HeightAboveGround > 2 and classification = 5".
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
-pub struct Where {
-    text: String,
-    formula: Formula<String>,
-}
+pub struct Where(pub Condition);
 
 impl FromStr for Where {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        Ok(Self { text: text.to_owned(), formula: Formula::condition(text)? })
-    }
-}
-
-impl TryFrom<String> for Where {
-    type Error = String;
-
-    fn try_from(text: String) -> std::result::Result<Self, String> {
-        text.parse()
-    }
-}
-
-impl From<Where> for String {
-    fn from(condition: Where) -> Self {
-        condition.text
+        text.parse().map(Self)
     }
 }
 
@@ -57,12 +40,8 @@ impl Stage for Where {
         false
     }
 
-    fn is_selection(&self) -> bool {
-        true
-    }
-
     fn open(&self, input: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {
-        let formula = self.formula.resolve(|name| RecordOperand::of(name, input))?;
+        let formula = self.0.formula().resolve(|name| RecordOperand::of(name, input))?;
         Ok(Box::new(RecordCondition(formula)))
     }
 }

@@ -65,10 +65,6 @@ impl Stage for PoissonSampling {
         Ok(StageReach::Cloud("a point may depend on distant ones"))
     }
 
-    fn is_selection(&self) -> bool {
-        true
-    }
-
     fn needed(&self, info: &CloudInfo, _: u64) -> [u64; 2] {
         needed(info.count)
     }
