@@ -121,6 +121,8 @@ pub(crate) const VALUES: &[(&str, &str, &str)] = &[
     ("height_above_ground", "\"z\"", "{}"),
     ("classify", "[\"ground:reclassify=9\", \"height\"]", "{}"),
     ("points.attribute", "[\"intensity = 2 * class\"]", "{}"),
+    ("stage", "[\"where:z > 3\", \"thin:2:lowest\"]", "{}"),
+    ("pipeline", "\"pipeline.json\"", "{}"),
     ("drop_overlap", "4", "{}"),
     ("thin", "\"2:lowest\"", "{}"),
     ("thin_distance", "3.5", "{}"),

@@ -177,6 +177,8 @@ pub(crate) fn place() -> Place {
     }
     let near = "POLYGON ((500010 4750010, 500045 4750010, 500045 4750040, 500010 4750010))";
     place.write("near.wkt", near).write("near.prj", "EPSG:32631");
+    let pipeline = r#"[{"type": "filters.range", "limits": "Z(3:]"}, "thin:2"]"#;
+    place.write("pipeline.json", pipeline);
     let cells = "1 2 3 4 5\n".repeat(4);
     let head = "ncols 5\nnrows 4\nxllcorner 500010\nyllcorner 4750010\ncellsize 7\n";
     let degrees = "ncols 5\nnrows 4\nxllcorner 7\nyllcorner 46\ncellsize 0.01\n";

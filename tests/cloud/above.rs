@@ -6,7 +6,7 @@ use spade::{DelaunayTriangulation, HasPosition, Point2, PositionInTriangulation,
 use terrane_cloud::{CloudFilter, CloudOpenOptions, PointFormat, Return, synth};
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_lidar::grid::GroundFrom;
-use terrane_lidar::points::{Classify, HeightQuery, HeightsAs, TranslateJob};
+use terrane_lidar::points::{CellThinning, Classify, HeightQuery, HeightsAs, TranslateJob};
 use terrane_lidar::synthetic_cloud;
 
 use crate::cloud_support::{Place, raw};
@@ -14,7 +14,7 @@ use crate::translate::{job, number, run, whole};
 
 const NONE: i32 = i32::MIN;
 
-fn survey(place: &Place, name: &str, format: u8, output: &str) -> String {
+pub(crate) fn survey(place: &Place, name: &str, format: u8, output: &str) -> String {
     let output = place.path().join(output);
     let survey = synthetic_cloud::SyntheticCloudJob {
         survey: synth::survey(name).unwrap(),
@@ -55,7 +55,7 @@ fn above(heights: Option<HeightsAs>, classify: &[&str]) -> HeightQuery {
 
 /// Records of the cloud with what is asked, which are to differ from those of the input in that alone.
 fn records(input: &str, asked: HeightQuery, output: &Path) -> Vec<Vec<u8>> {
-    run(&TranslateJob { above: asked, ..job(&[input], output) }).unwrap();
+    run(&job(&[input], output).classify(asked)).unwrap();
     whole(output).records
 }
 
@@ -174,11 +174,11 @@ fn heights_in_place_of_z_are_the_same_and_points_without_are_left_out() {
     let cloud = cloud.unwrap();
     use terrane_cloud::PointSource;
     assert_eq!(cloud.info().frame.offset[2], 0.0);
-    let thin = Some("1:highest".parse().unwrap());
+    let thin = "1:highest".parse::<CellThinning>().unwrap();
     let above = above(Some(HeightsAs::Z), &["ground", "height"]);
     for output in ["3.copc.laz", "3.csv"] {
         let output = place.path().join(output);
-        let job = TranslateJob { above: above.clone(), thin, ..job(&[&input], &output) };
+        let job = job(&[&input], &output).classify(above.clone()).stage(thin);
         assert!(run(&job).unwrap().points > 2000);
     }
 }
@@ -194,7 +194,7 @@ fn classes_come_from_the_ground_filter_and_from_heights() {
         // As if nobody had looked at it.
         let bare = place.path().join("bare.las");
         let job = |above: HeightQuery, input: &str, output: &Path| {
-            run(&TranslateJob { above, ..job(&[input], output) }).unwrap();
+            run(&job(&[input], output).classify(above)).unwrap();
             whole(output).records
         };
         job(HeightQuery::default(), &input, &bare);
@@ -249,14 +249,15 @@ fn neither_filters_nor_memory_nor_threads_change_what_is_told() {
     let bytes = std::fs::read(&output).unwrap();
     let least = {
         let resources = Resources { threads: 1, memory: 1 << 20, temp_dir: None };
-        let job = TranslateJob { above: asked.clone(), resources, ..job(&[&input], &output) };
+        let job = TranslateJob { resources, ..job(&[&input], &output) }.classify(asked.clone());
         let error = run(&job).unwrap_err().to_string();
         let advised = error.split("‹memory› ").nth(1).and_then(|text| text.split('M').next());
         advised.unwrap().parse::<u64>().unwrap()
     };
     for (threads, memory) in [(1, least), (3, least + 100), (2, 4096)] {
         let resources = Resources { threads, memory: memory << 20, temp_dir: None };
-        run(&TranslateJob { above: asked.clone(), resources, ..job(&[&input], &output) }).unwrap();
+        run(&TranslateJob { resources, ..job(&[&input], &output) }.classify(asked.clone()))
+            .unwrap();
         assert!(std::fs::read(&output).unwrap() == bytes, "{threads} {memory}");
     }
     let filter = CloudFilter {
@@ -265,7 +266,7 @@ fn neither_filters_nor_memory_nor_threads_change_what_is_told() {
         ..job(&[&input], &output).cloud.filter
     };
     let options = CloudOpenOptions { filter, ..job(&[&input], &output).cloud };
-    let some = TranslateJob { above: asked, cloud: options, ..job(&[&input], &output) };
+    let some = TranslateJob { cloud: options, ..job(&[&input], &output) }.classify(asked);
     run(&some).unwrap();
     let found = whole(&output).records;
     let before = whole(Path::new(&input)).records;
@@ -281,7 +282,7 @@ fn what_the_ground_cannot_tell_is_refused() {
     let input = survey(&place, "cloud,size=30,density=4,seed=2", 3, "in.laz");
     let output = place.path().join("out.laz");
     let refused = |above: HeightQuery, told: &str| {
-        let error = run(&TranslateJob { above, ..job(&[&input], &output) }).unwrap_err();
+        let error = run(&job(&[&input], &output).classify(above)).unwrap_err();
         assert!(error.to_string().contains(told), "{error}");
         assert!(!output.exists());
     };
@@ -300,7 +301,7 @@ fn what_the_ground_cannot_tell_is_refused() {
     let filter = CloudFilter { z_range: Some([1e5, 2e5]), ..CloudFilter::default() };
     let options = CloudOpenOptions { filter, ..CloudOpenOptions::default() };
     let nothing =
-        TranslateJob { cloud: options, above: above(heights, &[]), ..job(&[&few], &output) };
+        TranslateJob { cloud: options, ..job(&[&few], &output) }.classify(above(heights, &[]));
     assert!(run(&nothing).unwrap_err().to_string().contains("no ground found"));
     for text in
         ["", "grounds", "height:", "height:3", "height:3=x", "height:300=1", "height:3=2,4=1"]
@@ -328,15 +329,15 @@ fn whole_numbers_far_from_zero_change_nothing() {
         let y = raw(record)[1] + steps;
         record[4..8].copy_from_slice(&y.to_le_bytes());
     });
-    let thin = Some("0.7:lowest".parse().unwrap());
+    let thin = "0.7:lowest".parse::<CellThinning>().unwrap();
     let told = |input: &str, ask: &str, thin| {
         let from = if ask == "ground" { GroundFrom::PMF } else { GroundFrom::Auto };
         let above = HeightQuery { from, ..above(Some(HeightsAs::Dimension), &[ask]) };
-        run(&TranslateJob { above, thin, ..job(&[input], &output) }).unwrap();
+        run(&job(&[input], &output).classify(above).stages(thin)).unwrap();
         let all = whole(&output).records;
         all.iter().map(|r| (raw(r)[0], class(r), height(r))).collect::<Vec<_>>()
     };
-    for thin in [None, thin] {
+    for thin in [None, Some(thin)] {
         let found = told(&near, "height", thin);
         assert!(found == told(far, "height", thin) && found.len() > 4000, "{thin:?}");
     }

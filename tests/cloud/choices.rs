@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use terrane_engine::Resources;
-use terrane_lidar::points::{Overlap, Sort, TranslateJob};
+use terrane_lidar::points::{Assignments, Overlap, Sort, TranslateJob};
 
 use crate::cloud_support::{Made, Packing, Place, raw};
 use crate::translate::{job, number, run, whole};
@@ -54,7 +54,7 @@ fn in_each_cell_one_flight_line_is_kept() {
         let mut bytes = Vec::new();
         for (threads, memory) in [(1, 64), (3, 1024)] {
             let resources = Resources { threads, memory: memory << 20, temp_dir: None };
-            let job = TranslateJob { overlap, resources, ..job(&[&input], &output) };
+            let job = TranslateJob { resources, ..job(&[&input], &output) }.stages(overlap);
             let report = run(&job).unwrap();
             assert!(whole(&output).records == expected, "{format}");
             let left_out = made.records.len() - expected.len();
@@ -66,7 +66,7 @@ fn in_each_cell_one_flight_line_is_kept() {
         }
         assert!(bytes[0] == bytes[1]);
         // 100 by 40: twice the spacing of 20,000 points is some 0.9.
-        let usual = TranslateJob { overlap: Some(Overlap::default()), ..job(&[&input], &output) };
+        let usual = job(&[&input], &output).stage(Overlap::default());
         assert!(run(&usual).unwrap().notes.iter().any(|note| note.ends_with("in cells of 1")));
     }
 }
@@ -93,10 +93,9 @@ fn attributes_are_set_one_after_the_other() {
             "nir=1",
         ];
         let all = assign.map(|text| text.parse().unwrap()).to_vec();
-        let told =
-            run(&TranslateJob { assign: all.clone(), ..job(&[&input], &output) }).unwrap_err();
+        let told = run(&job(&[&input], &output).stage(Assignments(all.clone()))).unwrap_err();
         assert!(told.to_string().contains("no attribute \"nir\""), "{told}");
-        run(&TranslateJob { assign: all[..3].to_vec(), ..job(&[&input], &output) }).unwrap();
+        run(&job(&[&input], &output).stage(Assignments(all[..3].to_vec()))).unwrap();
         let found = whole(&output).records;
         assert_eq!(found.len(), 5000);
         for (before, after) in made.records.iter().zip(&found) {
@@ -122,7 +121,7 @@ fn attributes_are_set_one_after_the_other() {
             ("gps_time=1e300*1e300", "gps_time: numeric overflow"),
         ] {
             let assign = vec![text.parse().unwrap()];
-            let error = run(&TranslateJob { assign, ..job(&[&input], &output) }).unwrap_err();
+            let error = run(&job(&[&input], &output).stage(Assignments(assign))).unwrap_err();
             let error = error.to_string();
             assert!(error.contains(told) && error.contains("in.laz"), "{error}");
             assert!(error.contains("the point at "), "{error}");
@@ -158,7 +157,7 @@ fn points_come_in_the_order_asked_for() {
             let resources = Resources { threads, memory: memory << 20, temp_dir: None };
             let output = place.path().join("out.laz");
             let job = job(&[&files[1], &files[0]], &output);
-            run(&TranslateJob { sort: Some(by), resources, ..job }).unwrap();
+            run(&TranslateJob { resources, ..job }.stage(by)).unwrap();
             assert!(whole(&output).records == expected, "{by:?} {threads}");
         }
     }

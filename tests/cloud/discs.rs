@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use proptest::prelude::*;
 use terrane_engine::Resources;
-use terrane_lidar::points::TranslateJob;
+use terrane_lidar::points::{PoissonSampling, TranslateJob};
 
 use crate::cloud_support::{Made, Packing, Place, Random, raw};
 use crate::translate::{job, run, whole};
@@ -61,7 +61,9 @@ fn kept(place: &Place, made: &Made, least: i64, resources: Resources) -> Vec<Vec
     let input = place.write("in.laz", &made.bytes());
     let output = place.path().join("out.las");
     let distance = Some(least as f64 / 1000.0);
-    run(&TranslateJob { distance, resources, ..job(&[&input], &output) }).unwrap();
+    run(&TranslateJob { resources, ..job(&[&input], &output) }
+        .stages(distance.map(PoissonSampling)))
+    .unwrap();
     whole(&output).records
 }
 
@@ -70,7 +72,7 @@ fn least_memory(place: &Place, made: &Made) -> u64 {
     let input = place.write("in.laz", &made.bytes());
     let resources = Resources { threads: 1, memory: 1 << 20, temp_dir: None };
     let output = place.path().join("out.las");
-    let job = TranslateJob { distance: Some(1.0), resources, ..job(&[&input], &output) };
+    let job = TranslateJob { resources, ..job(&[&input], &output) }.stage(PoissonSampling(1.0));
     let told = run(&job).unwrap_err().to_string();
     let advised = told.split("‹memory› ").nth(1).and_then(|text| text.split('M').next());
     advised.unwrap().parse::<u64>().unwrap() << 20
@@ -115,8 +117,9 @@ fn the_same_in_any_memory_threads_and_order_and_of_any_part() {
     let files = [halves.0, halves.1].map(|half| Made { records: half.to_vec(), ..made.clone() });
     let [a, b] = [("1.laz", &files[0]), ("2.laz", &files[1])]
         .map(|(name, made)| place.write(name, &made.bytes()));
-    run(&TranslateJob { distance: Some(0.25), resources: more.clone(), ..job(&[&b, &a], &both) })
-        .unwrap();
+    run(&TranslateJob { resources: more.clone(), ..job(&[&b, &a], &both) }
+        .stage(PoissonSampling(0.25)))
+    .unwrap();
     assert!(whole(&both).records == of_few);
     // All of the lattice that is far from the crowd.
     let far = of_few.iter().filter(|record| raw(record)[0] > 1100).count();

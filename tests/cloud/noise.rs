@@ -40,7 +40,8 @@ fn marked(
     resources: Resources,
 ) -> (Vec<Vec<u8>>, TranslateReport) {
     let cloud = CloudOpenOptions::default();
-    let report = run(&TranslateJob { cloud, above, resources, ..job(input, output) }).unwrap();
+    let report =
+        run(&TranslateJob { cloud, resources, ..job(input, output) }.classify(above)).unwrap();
     (whole(output).records, report)
 }
 
@@ -141,7 +142,7 @@ fn uneven() -> Vec<[i32; 3]> {
 /// The least memory for it, as it is advised.
 fn least_memory(input: &str, output: &Path, above: &HeightQuery) -> u64 {
     let resources = Resources { threads: 1, memory: 1 << 20, temp_dir: None };
-    let job = TranslateJob { above: above.clone(), resources, ..job(&[input], output) };
+    let job = TranslateJob { resources, ..job(&[input], output) }.classify(above.clone());
     let told = run(&job).unwrap_err().to_string();
     let advised = told.split("‹memory› ").nth(1).and_then(|text| text.split('M').next());
     advised.unwrap().parse::<u64>().unwrap() << 20
@@ -212,7 +213,7 @@ fn noise_is_no_ground_whatever_comes_first() {
     let cloud = CloudOpenOptions { filter, ..CloudOpenOptions::default() };
     let above =
         HeightQuery { from: "smrf".parse::<GroundFrom>().unwrap(), ..asked(&["noise", "ground"]) };
-    let some = TranslateJob { cloud, above, ..job(&[&input], &output) };
+    let some = TranslateJob { cloud, ..job(&[&input], &output) }.classify(above);
     let notes = run(&some).unwrap().notes;
     assert!(notes.iter().any(|note| note.contains("40000 of 40000 points")), "{notes:?}");
 }
@@ -227,7 +228,7 @@ fn points_marked_as_withheld_count_where_they_are_kept() {
         let filter = CloudFilter { keep_withheld, ..CloudFilter::default() };
         let cloud = CloudOpenOptions { filter, ..CloudOpenOptions::default() };
         let above = asked(&["noise:voxel:isolated=7"]);
-        run(&TranslateJob { cloud, above, ..job(&[&input], &output) }).unwrap();
+        run(&TranslateJob { cloud, ..job(&[&input], &output) }.classify(above)).unwrap();
         let found = whole(&output).records;
         assert_eq!(found.iter().filter(|record| record[16] == 7).count(), noise);
         assert!(keep_withheld || found[7] == made.records[7]);

@@ -10,7 +10,8 @@ use terrane_engine::{Cancel, Resources, Silent};
 use terrane_lidar::grid::GroundFrom;
 use terrane_lidar::points::plan::{PlanPointsJob, PointsWritten, plan_points};
 use terrane_lidar::points::{
-    CellThinning, Classify, HeightQuery, HeightsAs, PointTiling, PointsOptions, TranslateJob,
+    CellThinning, Classify, Dedupe, HeightQuery, HeightsAs, PointTiling, PointsOptions,
+    TranslateJob,
 };
 
 use crate::cloud_support::{Made, Packing, Place};
@@ -43,7 +44,7 @@ fn cloud() -> Made {
 }
 
 /// Names and bytes of the files of a folder.
-fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+pub(crate) fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let file = |entry: std::io::Result<std::fs::DirEntry>| {
         let path = entry.unwrap().path();
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
@@ -53,7 +54,7 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 /// By plan, the first tasks alone, in the least memory that the plan tells.
-fn planned(job: &TranslateJob, folder: &Path, cut: u32) -> PointsWritten {
+pub(crate) fn planned(job: &TranslateJob, folder: &Path, cut: u32) -> PointsWritten {
     let silent = (&Silent, Cancel::default());
     let plan =
         PlanPointsJob { job: job.clone(), folder: folder.into(), cut: Some(cut), skipped: vec![] };
@@ -141,13 +142,13 @@ fn squares_by_plan_are_those_of_a_single_run() {
         };
         let whole = place.path().join(format!("whole{number}"));
         let single = TranslateJob {
-            above: HeightQuery { from, heights: case.heights, classify },
             cloud: CloudOpenOptions { filter, ..CloudOpenOptions::default() },
-            dedupe: case.dedupe,
-            thin: (number % 3 == 1).then(|| "1.5:lowest".parse::<CellThinning>().unwrap()),
             squares: Some((squares, true)),
             ..job(&[&b, &a], &whole)
-        };
+        }
+        .stages(case.dedupe.then_some(Dedupe))
+        .classify(HeightQuery { from, heights: case.heights, classify })
+        .stages((number % 3 == 1).then(|| "1.5:lowest".parse::<CellThinning>().unwrap()));
         let report = run(&single).unwrap();
         let folder = place.path().join(format!("work{number}"));
         let written = planned(&single, &folder, case.cut);

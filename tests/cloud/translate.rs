@@ -9,7 +9,9 @@ use terrane_cloud::{CloudFilter, CloudOpenOptions, PointFormat, PointSource, Ret
 use terrane_crs::CoordinateOperation;
 use terrane_engine::transform::TargetCrs;
 use terrane_engine::{Cancel, Resources, Silent};
-use terrane_lidar::points::{self, BufferFlag, PointTiling, TranslateJob, TranslateReport};
+use terrane_lidar::points::{
+    self, BufferFlag, CellThinning, Dedupe, PointTiling, Reproject, TranslateJob, TranslateReport,
+};
 use terrane_lidar::synthetic_cloud;
 
 use crate::cloud_support::{Made, Packing, Place, RECORD, keep_all, raw, read_all};
@@ -254,10 +256,11 @@ fn places_far_from_the_origin_keep_their_steps() {
     let octree = place.path().join("out.copc.laz");
     run(&job(&[&input], &octree)).unwrap();
     let squares = PointTiling { side: 100.0, buffer: 0.0, flag: BufferFlag::default() };
-    let thin = Some("5:highest".parse().unwrap());
+    let thin = "5:highest".parse::<CellThinning>().unwrap();
     let folder = place.path().join("squares");
-    let report =
-        run(&TranslateJob { squares: Some((squares, true)), thin, ..job(&[&input], &folder) });
+    let report = run(
+        &TranslateJob { squares: Some((squares, true)), ..job(&[&input], &folder) }.stage(thin)
+    );
     let cell = |record: &Vec<u8>| [raw(record)[0].div_euclid(500), raw(record)[1].div_euclid(500)];
     let cells: HashSet<_> = made.records.iter().map(cell).collect();
     assert_eq!(report.unwrap().points, cells.len() as u64);
@@ -306,14 +309,14 @@ fn one_of_each_cell_is_kept_by_the_rule_and_order_stays() {
         kept.sort_unstable();
         let expected: Vec<_> =
             kept.into_iter().map(|number| made.records[number].clone()).collect();
-        let job = TranslateJob { thin: Some(thin.parse().unwrap()), ..job(&[&input], &output) };
+        let job = job(&[&input], &output).stage(thin.parse::<CellThinning>().unwrap());
         let report = run(&job).unwrap();
         assert!(whole(&output).records == expected, "{thin}");
         assert_eq!(report.points, expected.len() as u64);
     }
     let by_chance = |seed: u64, inputs: &[&str]| {
-        let thin = Some(format!("0.4:random={seed}").parse().unwrap());
-        run(&TranslateJob { thin, ..job(inputs, &output) }).unwrap();
+        let thin = format!("0.4:random={seed}").parse::<CellThinning>().unwrap();
+        run(&job(inputs, &output).stage(thin)).unwrap();
         whole(&output).records
     };
     let one = by_chance(1, &[&input]);
@@ -333,15 +336,14 @@ fn points_that_are_there_twice_are_written_once() {
     let expected: Vec<_> = made.records.iter().filter(is_new).cloned().collect();
     for memory in [64, 1024] {
         let resources = Resources { threads: 2, memory: memory << 20, temp_dir: None };
-        let job = TranslateJob { dedupe: true, resources, ..job(&[&files[0], &files[1]], &output) };
+        let job = TranslateJob { resources, ..job(&[&files[0], &files[1]], &output) }.stage(Dedupe);
         assert_eq!(run(&job).unwrap().points, expected.len() as u64);
         assert!(whole(&output).records == expected);
     }
     assert!(expected.len() < 15_000);
-    let thin = Some("0.4:lowest".parse().unwrap());
-    let both =
-        run(&TranslateJob { dedupe: true, thin, ..job(&[&files[0], &files[1]], &output) }).unwrap();
-    let alone = run(&TranslateJob { thin, ..job(&[&files[0]], &output) }).unwrap();
+    let thin = "0.4:lowest".parse::<CellThinning>().unwrap();
+    let both = run(&job(&[&files[0], &files[1]], &output).stage(Dedupe).stage(thin)).unwrap();
+    let alone = run(&job(&[&files[0]], &output).stage(thin)).unwrap();
     assert_eq!(both.points, alone.points);
 }
 
@@ -412,10 +414,11 @@ fn places_in_another_system_are_those_of_the_operation_and_the_rest_stays() {
     for (target, step) in [("EPSG:32632", 0.01), ("EPSG:4326", 1e-8), ("EPSG:3035", 0.01)] {
         let output = place.path().join("out.laz");
         let transform = Some(TargetCrs::to(target));
-        let thin = Some("2:lowest".parse().unwrap());
-        let report = run(&TranslateJob { transform, thin, ..job(&[input], &output) }).unwrap();
+        let thin = "2:lowest".parse::<CellThinning>().unwrap();
+        let report =
+            run(&job(&[input], &output).stage(thin).stages(transform.map(Reproject))).unwrap();
         let plain = place.path().join("plain.laz");
-        run(&TranslateJob { thin, ..job(&[input], &plain) }).unwrap();
+        run(&job(&[input], &plain).stage(thin)).unwrap();
         let to = wkt::of_srs(target);
         let operation = CoordinateOperation::between(
             &from,
@@ -450,7 +453,7 @@ fn what_is_too_little_is_told_and_what_is_advised_is_enough() {
         let output: PathBuf = place.path().join(format!("out.{ending}"));
         let with = |memory: u64| {
             let resources = Resources { threads: 2, memory, temp_dir: None };
-            run(&TranslateJob { resources, dedupe: true, ..job(&[&input], &output) })
+            run(&TranslateJob { resources, ..job(&[&input], &output) }.stage(Dedupe))
         };
         let error = with(1 << 20).unwrap_err().to_string();
         let advised =

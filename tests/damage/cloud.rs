@@ -9,7 +9,7 @@ use crate::data;
 use terrane::{ErrorKind, Result};
 use terrane_cloud::{CloudOpenOptions, ReturnCounts};
 use terrane_engine::{Cancel, Resources, Silent};
-use terrane_lidar::points::{self, TranslateJob};
+use terrane_lidar::points::{self, Dedupe, TranslateJob};
 
 /// Far below what any of the lying headers asks for.
 const MAX_MEMORY: u64 = 512 << 20;
@@ -424,10 +424,10 @@ fn points_of_damaged_files_are_written_or_nothing_is() {
         let cloud = if number % 3 == 0 { salvage() } else { keep_all() };
         let job = TranslateJob {
             cloud,
-            dedupe: number % 5 == 0,
             resources: resources.clone(),
             ..TranslateJob::new(vec![file], &output)
-        };
+        }
+        .stages((number % 5 == 0).then_some(Dedupe));
         let start = Instant::now();
         match points::run(&job, &Silent, &Cancel::default()) {
             Ok(report) => {

@@ -54,6 +54,11 @@ impl fmt::Display for Condition {
 }
 
 impl Condition {
+    /// The formula, with names as written.
+    pub fn formula(&self) -> &Formula<String> {
+        &self.formula
+    }
+
     /// Compiles the condition for records with these columns and points in `frame`.
     ///
     /// # Errors

@@ -31,7 +31,10 @@ pub mod write;
 
 pub use class::class_name;
 pub use condition::{AXES, Condition};
-pub use converter::{AppearanceReader, LasOutputFormat, PointAppearance, PointFormatConverter};
+pub use converter::{
+    AppearanceReader, LasOutputFormat, NewDimension, NewDimensionValue, PointAppearance,
+    PointFormatConverter,
+};
 pub use filter::{CloudFilter, CompiledFilter, FilterRecord, FilterVerdict};
 pub use format::PointFormat;
 pub use in_memory::{InMemoryCloud, PointFlags};

@@ -5,7 +5,7 @@ use terrane_base::parameters::Parameter;
 use terrane_baselines as methods;
 use terrane_gridding as gridding;
 use terrane_ground::noise;
-use terrane_lidar::points::KEPT;
+use terrane_lidar::points::{KEPT, stage_names};
 use terrane_line as line;
 use terrane_mesh as mesh;
 use terrane_options::OptionTable;
@@ -54,6 +54,7 @@ const OF_OPTIONS: &[(&str, List)] = &[
     ("canopy", canopies),
     ("classify", noises),
     ("thin", thinned),
+    ("stage", stages),
 ];
 
 /// Lists for the options of a table.
@@ -65,6 +66,14 @@ pub(crate) fn of_options(table: &'static OptionTable) -> impl Iterator<Item = St
 fn thinned() -> String {
     let rows = KEPT.map(|(name, about)| (name, String::new(), about));
     list("Point kept in each cell, as in ‹thin=2:lowest›", rows)
+}
+
+fn stages() -> String {
+    let rows = stage_names().map(|stage| (stage.name, stage.arguments.to_owned(), stage.about));
+    list(
+        "Stages, as in --stage ground:csf --stage height-above-ground --stage \"where:z > 2\"",
+        rows,
+    )
 }
 
 pub(crate) fn clouds() -> String {

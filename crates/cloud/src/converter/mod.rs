@@ -75,22 +75,40 @@ pub struct PointFormatConverter<'a> {
     carried: CopiedMetadata,
     /// One per file.
     conversions: Vec<PointFormatConversion>,
-    /// Offset of the height above ground in a record.
-    heights: Option<usize>,
+    /// Added dimensions: names and offsets in a record.
+    added: Vec<(&'static str, usize)>,
     notes: Vec<String>,
 }
 
-/// Name and description of the dimension of heights above ground, as other programs write it.
-const HEIGHTS: (&str, &str) = ("HeightAboveGround", "Height above ground");
+/// A dimension that a job adds to the records, and fills later.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NewDimension {
+    /// Its name; a dimension of this name is replaced.
+    pub name: &'static str,
+    /// Its description.
+    pub about: &'static str,
+    /// How its values are stored.
+    pub value: NewDimensionValue,
+}
+
+/// How the values of an added dimension are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NewDimensionValue {
+    /// Steps of heights (`i32`); the minimum is nodata.
+    HeightSteps,
+}
 
 impl<'a> PointFormatConverter<'a> {
-    /// A converter for records of a file. If requested, records get a dimension for heights above ground, which is
-    /// filled later.
+    /// A converter for records of a file, which get some more dimensions.
     ///
     /// # Errors
     /// Files whose times, waveforms or extra bytes cannot be merged; internal waveforms; unsupported combinations of
     /// format and packing.
-    pub fn new(cloud: &'a PointCloud, target: LasOutputFormat, has_heights: bool) -> Result<Self> {
+    pub fn new(
+        cloud: &'a PointCloud,
+        target: LasOutputFormat,
+        dimensions: &[NewDimension],
+    ) -> Result<Self> {
         let origins = cloud.origins().collect::<Result<Vec<_>>>()?;
         let common = origins.iter().map(|origin| origin.format).reduce(PointFormat::holding);
         let (format, version) = target.choose_format(common.unwrap_or_default())?;
@@ -98,10 +116,13 @@ impl<'a> PointFormatConverter<'a> {
         let (info, as_stored) = cloud.as_stored();
         let mut extra = ExtraBytes::of_all(&origins)?;
         // Before the conversions, which move extra bytes to where they are among all of them.
-        let heights = has_heights.then(|| {
-            let (name, about) = HEIGHTS;
-            format.size() + extra.put_steps(name, about, info.frame.scale[2])
+        dimensions.iter().for_each(|dimension| extra.remove(dimension.name));
+        let added = dimensions.iter().map(|NewDimension { name, about, value }| match value {
+            NewDimensionValue::HeightSteps => {
+                (*name, format.size() + extra.push_steps(name, about, info.frame.scale[2]))
+            }
         });
+        let added = added.collect();
         let (vlrs, mut notes) = records(&origins, format)?;
         let conversions = origins
             .iter()
@@ -139,7 +160,7 @@ impl<'a> PointFormatConverter<'a> {
             extra,
             carried,
             conversions,
-            heights,
+            added,
             notes,
         })
     }
@@ -169,9 +190,9 @@ impl<'a> PointFormatConverter<'a> {
         self.carried.extra_bytes.into()
     }
 
-    /// Offset of the height above ground in a record, in steps of heights (`i32`; the minimum is nodata).
-    pub fn heights_at(&self) -> Option<usize> {
-        self.heights
+    /// Offset of an added dimension in a record.
+    pub fn added_at(&self, name: &str) -> Option<usize> {
+        self.added.iter().find(|(added, _)| *added == name).map(|(_, at)| *at)
     }
 
     /// Options of a file with these records, or with the records in another frame and CRS.

@@ -262,9 +262,13 @@ impl ExtraBytes {
         Ok(self)
     }
 
-    /// Replaces the dimension of this name by scaled integers; returns its offset within the extra bytes.
-    pub(crate) fn put_steps(&mut self, name: &str, about: &str, step: f64) -> usize {
+    /// Removes the dimensions of this name.
+    pub(crate) fn remove(&mut self, name: &str) {
         self.dimensions.retain(|dimension| dimension.name() != name);
+    }
+
+    /// Adds a dimension of scaled integers; returns its offset within the extra bytes.
+    pub(crate) fn push_steps(&mut self, name: &str, about: &str, step: f64) -> usize {
         let at = self.bytes() - self.plain;
         self.dimensions.push(ExtraBytesDimension::of_steps(name, about, step));
         at

@@ -2,7 +2,7 @@
 
 use std::sync::Mutex;
 
-use super::noise::noise_index::{Marks, Noted};
+use super::stages::noise::noise_index::{Marks, Noted};
 use crate::point_index::parts_in;
 use crate::records::selection::place;
 use crate::records::{PointRecords, RecordUnit, Take};

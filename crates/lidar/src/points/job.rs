@@ -2,24 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use super::assign::Assign;
-use super::flight_lines::Overlap;
-use super::height_above_ground::queries::{HeightQuery, HeightsAs};
-use super::reprojection::CloudReprojection;
-use super::sorted::{self, Sort};
 use super::split::AttributeSplit;
-use super::thinning::CellThinning;
+use super::stages::{AnyStage, Classify, ClassifyNoise, HeightQuery, HeightsAs, StageReach};
 use super::tiled_output::PointTiling;
-use super::{discs, noise};
-use crate::records::selection::needed;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::write::{PointPacking, packing_by_name};
 use terrane_cloud::{
-    CloudFilter, CloudInfo, CloudOpenOptions, LasOutputFormat, LasVersion, PointCloud, PointFormat,
+    CloudFilter, CloudInfo, CloudOpenOptions, LasOutputFormat, LasVersion, NewDimension,
+    PointCloud, PointFormat,
 };
 use terrane_engine::Resources;
-use terrane_engine::transform::TargetCrs;
-use terrane_files::path_of;
 
 /// A job that writes point clouds as one.
 #[derive(Clone, Debug)]
@@ -34,22 +26,8 @@ pub struct TranslateJob {
     pub format: Option<PointFormat>,
     /// LAS version; the first that supports the point format when `None`.
     pub version: Option<LasVersion>,
-    /// Keep one of the points with the same position and time.
-    pub dedupe: bool,
-    /// Heights above the ground, and classes.
-    pub above: HeightQuery,
-    /// Assigned attributes, in order.
-    pub assign: Vec<Assign>,
-    /// Keep the points of one flight line in each cell.
-    pub overlap: Option<Overlap>,
-    /// Keep one point of each cell.
-    pub thin: Option<CellThinning>,
-    /// Poisson disk sampling with this distance in 3D, in world units.
-    pub distance: Option<f64>,
-    /// Target CRS.
-    pub transform: Option<TargetCrs>,
-    /// Order of points; that of the files when `None`.
-    pub sort: Option<Sort>,
+    /// What is done with the points, in order.
+    pub stages: Vec<AnyStage>,
     /// Write a folder with a file for each tile; uncompressed if true.
     pub squares: Option<(PointTiling, bool)>,
     /// Write a folder with a file for each value of an attribute.
@@ -69,19 +47,47 @@ impl TranslateJob {
             output: output.into(),
             format: None,
             version: None,
-            dedupe: false,
-            above: HeightQuery::default(),
-            assign: Vec::new(),
-            overlap: None,
-            thin: None,
-            distance: None,
-            transform: None,
-            sort: None,
+            stages: Vec::new(),
             squares: None,
             split: None,
             overwrite: false,
             resources: Resources::default(),
         }
+    }
+
+    /// The job with one more stage. Heights right after ground are found with it, in the same passes.
+    #[must_use]
+    pub fn stage(mut self, stage: impl Into<AnyStage>) -> Self {
+        let stage = stage.into();
+        if let (Some(AnyStage::HeightQuery(ground)), AnyStage::HeightQuery(next)) =
+            (self.stages.last_mut(), &stage)
+            && let Some(joined) = ground.joined(next)
+        {
+            *ground = joined;
+            return self;
+        }
+        self.stages.push(stage);
+        self
+    }
+
+    /// The job with some more stages.
+    #[must_use]
+    pub fn stages<S: Into<AnyStage>>(self, stages: impl IntoIterator<Item = S>) -> Self {
+        stages.into_iter().fold(self, Self::stage)
+    }
+
+    /// The job with stages for a query: noise is classified first.
+    #[must_use]
+    pub fn classify(mut self, mut query: HeightQuery) -> Self {
+        query.classify.retain(|step| match step {
+            Classify::Noise(request) => {
+                self.stages.push(ClassifyNoise(*request).into());
+                false
+            }
+            Classify::Ground(_) | Classify::Height(_) => true,
+        });
+        let has_query = query != HeightQuery::default();
+        self.stages(has_query.then_some(query))
     }
 }
 
@@ -94,64 +100,68 @@ impl TranslateJob {
         terrane_cloud::open(&self.input, &self.reading())
     }
 
-    /// Number of selections of points.
-    pub(super) fn choices(&self) -> u64 {
-        let choices = [self.dedupe, self.thin.is_some(), self.overlap.is_some()];
-        choices.map(u64::from).iter().sum()
-    }
-
-    /// Largest distance of points that decide whether a point is kept or noise.
+    /// Largest distance of points that a result depends on.
+    ///
+    /// # Errors
+    /// Those of stages.
     pub(super) fn reach(&self, info: &CloudInfo) -> Result<f64> {
-        let overlap = self.overlap.and_then(|overlap| overlap.cell).unwrap_or_default();
-        let noise = self.above.noise().map_or(Ok(0.0), |request| noise::reach(request, info))?;
-        Ok(self.thin.map_or(0.0, |thin| thin.cell) + overlap + noise)
+        self.stages.iter().try_fold(0.0, |sum, stage| match stage.stage().reach(info)? {
+            StageReach::Within(distance) => Ok(sum + distance),
+            StageReach::Statistics | StageReach::Cloud(_) => Ok(sum),
+        })
     }
 
     /// Bytes of memory beside records in flight, for `points` read of a point cloud or a part of it; and for
-    /// each thread.
-    pub(super) fn needed(
+    /// each thread. `info` tells of the input of each stage.
+    pub(super) fn needed<'i>(
         &self,
         packing: PointPacking,
-        info: &CloudInfo,
+        info: impl Fn(usize) -> &'i CloudInfo,
         points: u64,
         is_part: bool,
     ) -> [u64; 2] {
-        // However far around a part the ground is read.
-        let has_ground = is_part && self.dedupe && self.above.is_requested();
-        let of_ground = if has_ground { needed(info.count) } else { 0 };
-        let choices = self.choices() * needed(points) + of_ground;
         let is_spread =
             packing == PointPacking::Nodes || self.squares.is_some() || self.split.is_some();
-        let spread = if is_spread { SPREAD } else { 0 };
-        let sort = self.sort.map_or(0, |_| sorted::LEAST);
-        let [discs, each_disc] = self.distance.map_or([0; 2], |_| discs::needed(info.count));
-        let [above, each] = self.above.needed(info);
-        let noise = self.above.noise().map(|request| noise::needed(request, points));
-        let [noise, each_part] = noise.unwrap_or_default();
-        let each = each.max(each_disc).max(each_part);
-        [choices + above + noise + discs + spread + sort, each]
+        let mut needed = [if is_spread { SPREAD } else { 0 }, 0];
+        let ground =
+            self.stages.iter().rposition(|stage| matches!(stage, AnyStage::HeightQuery(_)));
+        for (number, stage) in self.stages.iter().map(AnyStage::stage).enumerate() {
+            let info = info(number);
+            let [all, each] = stage.needed(info, points);
+            // However far around a part the ground is read.
+            let is_again = is_part && ground.is_some_and(|at| number < at);
+            let again = if is_again { stage.needed(info, info.count)[0] } else { 0 };
+            needed = [needed[0] + all + again, needed[1].max(each)];
+        }
+        needed
     }
 
-    /// Fails for options that the point format, the packing or the coordinates do not support.
-    pub(super) fn check(
-        &self,
-        format: PointFormat,
-        packing: PointPacking,
-        info: &CloudInfo,
-    ) -> Result<()> {
-        self.above.check(format)?;
-        self.above.noise().map_or(Ok(0.0), |request| noise::reach(request, info))?;
-        if let Some(distance) = self.distance {
-            discs::check(distance, info)?;
-        }
-        match self.sort {
-            Some(_) if packing == PointPacking::Nodes => {
-                Err(Error::usage("‹sort› has no effect on COPC, which has the order of its octree")
-                    .remedy("leave it out, or write .laz"))
+    /// The stages whose statistics of the whole cloud a plan records.
+    ///
+    /// # Errors
+    /// Other stages before them, whose results would have to be known.
+    pub(super) fn surveyed(&self, info: &CloudInfo) -> Result<SurveyedStages<'_>> {
+        let mut last = None;
+        for (number, stage) in self.stages.iter().enumerate() {
+            if stage.stage().reach(info)? == StageReach::Statistics {
+                last = Some(number);
             }
-            Some(by) => sorted::check(by, format),
-            None => Ok(()),
         }
+        let mut found = SurveyedStages::default();
+        for (number, stage) in self.stages[..last.map_or(0, |last| last + 1)].iter().enumerate() {
+            let SurveyedStages { dedupe, noise, ground } = &mut found;
+            match stage {
+                AnyStage::Dedupe(_) if number == 0 => *dedupe = Some(number),
+                AnyStage::ClassifyNoise(stage) if noise.is_none() && ground.is_none() => {
+                    *noise = Some((number, stage));
+                }
+                AnyStage::HeightQuery(query) if ground.is_none() => {
+                    *ground = Some((number, query));
+                }
+                _ => return Err(not_first()),
+            }
+        }
+        Ok(found)
     }
 
     /// Reading options: points marked as withheld are read.
@@ -162,26 +172,26 @@ impl TranslateJob {
 
     /// Whether no step depends on the positions of several points.
     fn is_copy(&self) -> bool {
-        let is_divided = self.squares.is_some() || self.overlap.is_some() || self.thin.is_some();
-        let is_measured = self.distance.is_some() || self.transform.is_some();
-        let is_looked_at = self.above.is_requested() || self.above.noise().is_some();
-        !(is_divided || is_measured || is_looked_at)
+        self.squares.is_none() && !self.stages.iter().any(|stage| stage.stage().is_spatial())
     }
 
-    /// The reprojection to the target CRS, if there is one.
-    pub(super) fn reprojection(&self, info: &CloudInfo) -> Result<Option<CloudReprojection>> {
-        let Some(transform) = &self.transform else { return Ok(None) };
-        let corners = info.bounds.map(|ends| ends.map(|point| info.frame.world(point)));
-        let extent = corners.map(|[low, high]| [low[0], low[1], high[0], high[1]]);
-        let name = self.input.first().map(|name| path_of(name).into_owned()).unwrap_or_default();
-        let operation = transform.operation(&name, &info.crs, extent, &self.resources)?;
-        if self.above.heights == Some(HeightsAs::Z) && !operation.keeps_heights() {
-            return Err(Error::usage(
-                "heights above ground do not support a change of the vertical CRS",
-            )
-            .remedy("leave out ‹geoid›, or write them to a dimension"));
+    /// How heights above ground are stored.
+    pub(super) fn heights(&self) -> impl Iterator<Item = HeightsAs> + '_ {
+        self.stages.iter().filter_map(|stage| match stage {
+            AnyStage::HeightQuery(query) => query.heights,
+            _ => None,
+        })
+    }
+
+    /// The dimensions that stages add to the records.
+    pub(super) fn dimensions(&self) -> Vec<NewDimension> {
+        let mut all: Vec<NewDimension> = Vec::new();
+        for dimension in self.stages.iter().filter_map(|stage| stage.stage().dimension()) {
+            if !all.contains(&dimension) {
+                all.push(dimension);
+            }
         }
-        CloudReprojection::new(info, operation).map(Some)
+        all
     }
 
     /// Format of the output.
@@ -199,6 +209,28 @@ impl TranslateJob {
             (None, None) => packing(&self.output),
         }
     }
+}
+
+/// The stages whose statistics of the whole cloud a plan records, each with its place in the chain.
+#[derive(Default)]
+pub(super) struct SurveyedStages<'a> {
+    pub(super) dedupe: Option<usize>,
+    pub(super) noise: Option<(usize, &'a ClassifyNoise)>,
+    pub(super) ground: Option<(usize, &'a HeightQuery)>,
+}
+
+impl SurveyedStages<'_> {
+    /// Whether no statistics are needed.
+    pub(super) fn is_empty(&self) -> bool {
+        self.noise.is_none() && self.ground.is_none()
+    }
+}
+
+fn not_first() -> Error {
+    Error::usage(
+        "`plan points` supports one search for noise and one for ground, before all other stages but ‹dedupe›",
+    )
+    .remedy("plan without the others, then run ‹terrane points› with them on the tiles")
 }
 
 fn packing(path: &Path) -> Result<PointPacking> {

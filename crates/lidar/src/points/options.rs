@@ -1,28 +1,28 @@
 //! Options of points that are written.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use terrane_options::{Choice, OptionKind, OptionRange, OptionRule, Options};
 
-use super::assign::Assign;
-use super::flight_lines::Overlap;
-use super::height_above_ground::queries::{Classify, HeightQuery, HeightsAs};
 use super::job::TranslateJob;
-use super::sorted::Sort;
+use super::pipeline;
 use super::split::AttributeSplit;
-use super::thinning::CellThinning;
+use super::stages::{
+    AnyStage, Assign, Assignments, CellThinning, Classify, Dedupe, HeightQuery, HeightsAs, Overlap,
+    PoissonSampling, Reproject, Sort, StageText, refuse_twice,
+};
 use super::tiled_output::{BufferFlag, PointTiling};
 use crate::grid::{AsText, GroundFrom};
 use terrane_base::error::Result;
 use terrane_cloud::{CloudOpenOptions, LasVersion, PointFormat};
 use terrane_engine::Resources;
 use terrane_engine::options::{
-    AsFormula, AsNumber, CloudInput, PointFormatNumber, Replacing, Reprojection, Resuming,
+    AsFormula, AsNumber, CloudInput, FileName, PointFormatNumber, Replacing, Reprojection, Resuming,
 };
 
 terrane_engine::by_text!(AsFormula, OptionKind::Shaped("str"), Assign);
 terrane_engine::by_text!(AsNumber, OptionKind::Shaped("float | str"), Overlap CellThinning);
-terrane_engine::by_text!(AsText, OptionKind::Text, Classify);
+terrane_engine::by_text!(AsText, OptionKind::Text, Classify StageText);
 
 /// Filter, merge, thin, classify and convert point clouds, with all attributes
 ///
@@ -76,6 +76,13 @@ pub struct PointsOptions {
     /// reproducible
     #[option(value = "DISTANCE", range = OptionRange::POSITIVE, heading = "Thinning")]
     pub thin_distance: Option<f64>,
+    /// One more stage, NAME or NAME:ARGUMENTS, after those of other options and before ‹sort›; in the order given.
+    /// Repeatable, also with the same name
+    #[option(value = "STAGE", with = AsText, heading = "Stages")]
+    pub stage: Vec<StageText>,
+    /// Stages from a JSON file: a list of these, or a PDAL pipeline of filters that both programs have
+    #[option(value = "FILE", with = FileName, heading = "Stages")]
+    pub pipeline: Option<PathBuf>,
     /// Write a folder of square tiles with this side, one file each, named by the lower left corner
     #[option(value = "SIDE", range = OptionRange::POSITIVE, heading = "Folders")]
     pub tile: Option<f64>,
@@ -110,6 +117,7 @@ pub struct PointsOptions {
 }
 
 const RULES: &[OptionRule] = &[
+    OptionRule::NotWith("stage", &["pipeline"]),
     OptionRule::NotWith("tile", &["split"]),
     OptionRule::Needs("buffer", &["tile"]),
     OptionRule::Needs("buffer_flag", &["buffer"]),
@@ -131,39 +139,52 @@ impl PointsOptions {
     /// The job on some files.
     ///
     /// # Errors
-    /// Polygons that cannot be read.
+    /// Polygons or a pipeline that cannot be read; a method of ‹classify› given twice.
     pub fn job(&self, inputs: &[String], output: &Path) -> Result<TranslateJob> {
+        refuse_twice(&self.classify)?;
         let cloud = self.cloud.options(&self.resources)?;
-        Ok(TranslateJob { cloud, ..self.unread(inputs, output) })
+        let pipeline = self.pipeline.as_deref().map(pipeline::read).transpose()?;
+        let stages = pipeline.into_iter().flatten();
+        Ok(TranslateJob { cloud, ..self.unread(inputs, output, stages) })
     }
 
-    /// The job without its clip polygons.
-    pub(super) fn unread(&self, inputs: &[String], output: &Path) -> TranslateJob {
+    /// The job without its clip polygons; `pipeline` are the stages of its file.
+    pub(super) fn unread(
+        &self,
+        inputs: &[String],
+        output: &Path,
+        pipeline: impl IntoIterator<Item = AnyStage>,
+    ) -> TranslateJob {
         let is_plain = self.tile_format == TileFormat::Las;
         let tiling =
             |side| PointTiling { side, buffer: self.buffer.unwrap_or(0.0), flag: self.buffer_flag };
-        TranslateJob {
+        let job = TranslateJob {
             cloud: CloudOpenOptions::default(),
             format: self.point_format,
             version: self.las_version,
-            dedupe: self.dedupe,
-            above: HeightQuery {
-                from: self.ground,
-                heights: self.height_above_ground,
-                classify: self.classify.clone(),
-            },
-            assign: self.attribute.clone(),
-            overlap: self.drop_overlap,
-            thin: self.thin,
-            distance: self.thin_distance,
-            transform: self.reprojection.transform(),
-            sort: self.sort,
             squares: self.tile.map(|side| (tiling(side), is_plain)),
             split: self.split.clone().map(|attribute| AttributeSplit { attribute, is_plain }),
             overwrite: self.replacing.overwrite,
             resources: self.resources.clone(),
             ..TranslateJob::new(inputs.to_vec(), output)
-        }
+        };
+        // The usual order: what selects comes before what moves, and noise is not ground.
+        let ground = HeightQuery {
+            from: self.ground,
+            heights: self.height_above_ground,
+            classify: self.classify.clone(),
+        };
+        let assigned = (!self.attribute.is_empty()).then(|| Assignments(self.attribute.clone()));
+        job.stages(self.dedupe.then_some(Dedupe))
+            .classify(ground)
+            .stages(assigned)
+            .stages(self.drop_overlap)
+            .stages(self.thin)
+            .stages(self.thin_distance.map(PoissonSampling))
+            .stages(self.reprojection.transform().map(Reproject))
+            .stages(self.stage.iter().map(|stage| stage.stage().clone()))
+            .stages(pipeline)
+            .stages(self.sort)
     }
 }
 

@@ -2,20 +2,18 @@
 
 use std::time::Instant;
 
-use super::assign::{AssignedRecords, AttributeAssigner};
 use super::context::TranslateContext;
-use super::ground_input::GroundInput;
-use super::height_above_ground::queries::HeightsAs;
 use super::input_records::InputRecords;
 use super::job::TranslateJob;
 use super::memory_shares::TranslateMemory;
-use super::noise::noise_index::Noise;
 use super::report::TranslateReport;
-use super::reprojection::MovedRecords;
 use super::split::SplitColumn;
+use super::stages::ground::GroundInput;
+use super::stages::noise::noise_index::Noise;
+use super::stages::{Dedupe, StageChain, StageInput};
 use super::tile_subset::{CloudKnowledge, TileSubset};
 use super::tiled_output::{SplitFiles, refuse_within};
-use crate::records::{PointRecords, over};
+use crate::records::over;
 use terrane_base::error::Result;
 use terrane_cloud::write::CloudWriteOptions;
 use terrane_cloud::{PointCloud, PointFormatConverter, PointSource};
@@ -24,7 +22,6 @@ use terrane_engine::memory::with_polygons;
 use terrane_engine::plan::RunControl;
 use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::skip_bad::LostPoints;
-use terrane_engine::transform::Transformed;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::atomic::refuse_existing;
 
@@ -63,30 +60,27 @@ pub(super) fn prepared<T: Send>(
 ) -> Result<T> {
     let packing = job.packing()?;
     let converter = converter(job, cloud)?;
-    let input_info = job.above.info(converter.info());
     let (format, columns) = (converter.format(), converter.columns());
-    let assigning = AttributeAssigner::new(&job.assign, format, &columns, &input_info.frame)?;
+    let input = StageInput { info: converter.info(), format, columns: &columns, packing, job };
+    let chain = StageChain::open(&job.stages, input)?;
     let split = job.split.as_ref().map(|split| SplitColumn::new(split, format, &columns));
     let split = split.transpose()?;
     let source = InputRecords::within(cloud, &converter, subset.map(TileSubset::window))
         .with(subset.and_then(TileSubset::noise).map(|noise| &noise.own));
-    let needed = job.needed(packing, converter.info(), source.count(), subset.is_some());
+    let needed =
+        job.needed(packing, |number| chain.input(number), source.count(), subset.is_some());
     let shares =
         TranslateMemory::new(&job.resources, converter.size(), converter.extra_bytes(), needed)?;
     let threads = shares.threads;
-    let reprojection = job.reprojection(&input_info)?;
-    let info = reprojection.as_ref().map_or(&input_info, |reprojection| &reprojection.info);
+    let info = &chain.output;
     let file = converter.file(info.frame, info.crs.clone());
     let options = CloudWriteOptions { packing, overwrite: job.overwrite, ..file };
     let work = TranslateContext {
         job,
         input: cloud,
         cloud: cloud.info(),
-        assigning: &assigning,
         split: split.as_ref(),
-        input_info: &input_info,
         info,
-        reprojection: reprojection.as_ref(),
         converter: &converter,
         options,
         shares,
@@ -94,7 +88,7 @@ pub(super) fn prepared<T: Send>(
         at,
     };
     let resources = Resources { threads, ..job.resources.clone() };
-    let prepared = Prepared { work, source: &source };
+    let prepared = Prepared { work, source: &source, chain: &chain };
     workers(&resources)?.install(|| act(&prepared))
 }
 
@@ -102,19 +96,23 @@ pub(super) fn prepared<T: Send>(
 pub(super) struct Prepared<'a> {
     pub(super) work: TranslateContext<'a>,
     pub(super) source: &'a InputRecords<'a>,
+    chain: &'a StageChain,
 }
 
 impl Prepared<'_> {
     /// Writes the output; returns its files, and notes on points, one line each.
     pub(super) fn make(&self) -> Result<(SplitFiles, Vec<String>)> {
-        let ground_input = self.work.job.ground_input(self.work.subset.is_some())?;
-        self.work.run(self.source, ground_input.as_ref())
+        let (work, mut notes) = (&self.work, Vec::new());
+        let files = self.chain.run(self.source, work, &mut notes, |records| work.write(records))?;
+        // Several may say that the unit is a guess.
+        notes.dedup();
+        Ok((files, notes))
     }
 
     /// Writes the output and reports on it; the work began at `start`.
     pub(super) fn report(&self, start: Instant) -> Result<TranslateReport> {
         let (files, notes) = self.make()?;
-        let TranslateContext { job, info, reprojection, converter, shares, .. } = &self.work;
+        let TranslateContext { job, info, converter, shares, .. } = &self.work;
         let run = RunStatistics::since(start, &job.resources).with_threads(shares.threads);
         let census = self.source.census();
         Ok(TranslateReport {
@@ -128,7 +126,7 @@ impl Prepared<'_> {
             output_bytes: files.bytes,
             points_per_second: Some(run.rate(census.read)),
             run,
-            transformed: reprojection.map(|reprojection| Transformed::of(&reprojection.operation)),
+            transformed: self.chain.transformed(),
             notes: [self.notes(), LostPoints::of(self.source.cloud()).notes().collect(), notes]
                 .concat(),
         })
@@ -136,19 +134,27 @@ impl Prepared<'_> {
 
     /// Notes on the point cloud and on its attributes, one line each.
     pub(super) fn notes(&self) -> Vec<String> {
-        let TranslateContext { converter, reprojection, .. } = &self.work;
-        let notes = self.source.cloud().notes().iter().chain(converter.notes());
-        notes.chain(reprojection.iter().flat_map(|of| &of.notes)).cloned().collect()
+        let notes = self.source.cloud().notes().iter();
+        notes.chain(self.work.converter.notes()).cloned().collect()
     }
 
     /// Statistics of the whole point cloud for a plan: the noise and the ground.
     pub(super) fn scan(&self) -> Result<CloudKnowledge> {
-        let (work, above) = (&self.work, &self.work.job.above);
-        let ground_input = work.job.ground_input(false)?;
-        let is_own = ground_input.is_none() || above.noise().is_some();
-        let single = if is_own { work.single(self.source)? } else { None };
-        let records = over(&single, self.source);
-        let marked = work.mark(records)?;
+        let Self { work, source, chain } = self;
+        let surveyed = work.job.surveyed(work.converter.info())?;
+        let input = match surveyed.ground {
+            Some(_) => GroundInput::open(work.job, false)?,
+            None => None,
+        };
+        let context = |number| chain.context(number, work);
+        let is_own = input.is_none() || surveyed.noise.is_some();
+        let single = surveyed.dedupe.filter(|_| is_own);
+        let single = single.map(|number| Dedupe::select(*source, &context(number))).transpose()?;
+        let records = over(&single, *source);
+        let marked = surveyed
+            .noise
+            .map(|(number, stage)| stage.mark(records, &context(number)))
+            .transpose()?;
         let mut noise = match &marked {
             Some(marked) => {
                 let (own, notes) = (marked.noted(single.as_ref())?, marked.notes.clone());
@@ -156,78 +162,27 @@ impl Prepared<'_> {
             }
             None => None,
         };
-        let seen = match ground_input {
-            Some(input) => Some(work.scan_ground_input(&input, noise.as_mut())?),
-            None if above.is_requested() => {
-                Some(work.ground_search().scan(over(&marked, records))?)
-            }
-            None => None,
-        };
-        Ok(CloudKnowledge { noise, seen })
-    }
-}
-
-impl TranslateContext<'_> {
-    /// Writes the selected records, and returns notes.
-    fn run(
-        &self,
-        source: &dyn PointRecords,
-        ground_input: Option<&GroundInput>,
-    ) -> Result<(SplitFiles, Vec<String>)> {
-        let (job, record) = (self.job, self.shares.flow.record);
-        let single = self.single(source)?;
-        let records = over(&single, source);
-        let marked = self.mark(records)?;
         let records = over(&marked, records);
-        let annotated = job.above.is_requested().then(|| self.annotate(records, ground_input));
-        let annotated = annotated.transpose()?;
-        let records = over(&annotated, records);
-        let (assigning, cloud) = (self.assigning, self.input);
-        let assigned = (!job.assign.is_empty()).then_some(AssignedRecords {
-            records,
-            assigning,
-            record,
-            cloud,
-        });
-        let records = over(&assigned, records);
-        let lines = job.overlap.map(|overlap| self.lines(records, overlap)).transpose()?;
-        let records = over(&lines, records);
-        let thinned = job.thin.map(|thin| self.thin(records, thin)).transpose()?;
-        let records = over(&thinned, records);
-        let apart =
-            job.distance.map(|distance| self.discs(distance).select(records)).transpose()?;
-        let records = over(&apart, records);
-        let reprojected = self.reprojection.map(|to| MovedRecords { records, to, record });
-        let records = over(&reprojected, records);
-        let sorted = job.sort.map(|by| self.sort(records, by)).transpose()?;
-        let files = self.write(over(&sorted, records))?;
-        let note = lines.iter().zip(job.overlap).map(|(lines, overlap)| {
-            let (side, left_out) = (overlap.side(self.input_info), lines.left_out());
-            format!("overlap: {left_out} points of other flight lines dropped, in cells of {side}")
-        });
-        let noise = marked.iter().flat_map(|marked| &marked.notes);
-        let ground = annotated.iter().flat_map(|annotated| &annotated.notes);
-        let mut notes: Vec<_> = noise.chain(ground).cloned().chain(note).collect();
-        // Both may say that the unit is a guess.
-        notes.dedup();
-        Ok((files, notes))
+        let known = surveyed.noise.zip(noise.as_mut());
+        let known = known.map(|((number, stage), noise)| (stage, context(number), noise));
+        let seen = surveyed
+            .ground
+            .map(|(number, query)| query.scan(records, &context(number), input.as_ref(), known));
+        Ok(CloudKnowledge { seen: seen.transpose()?, noise })
     }
 }
 
-/// The reader of the points of a valid job.
+/// The reader of the points of a job.
 pub(super) fn converter<'a>(
     job: &TranslateJob,
     cloud: &'a PointCloud,
 ) -> Result<PointFormatConverter<'a>> {
-    let has_dimension = job.above.heights == Some(HeightsAs::Dimension);
-    let converter = PointFormatConverter::new(cloud, job.target()?, has_dimension)?;
-    job.check(converter.format(), job.packing()?, converter.info())?;
-    Ok(converter)
+    PointFormatConverter::new(cloud, job.target()?, &job.dimensions())
 }
 
 /// Least memory for a part of a job with `points` points, and its part for a thread.
 pub(super) fn min_memory(job: &TranslateJob, cloud: &PointCloud, points: u64) -> Result<[u64; 2]> {
     let converter = converter(job, cloud)?;
-    let needed = job.needed(job.packing()?, converter.info(), points, true);
+    let needed = job.needed(job.packing()?, |_| converter.info(), points, true);
     Ok(TranslateMemory::min_memory(converter.size(), converter.extra_bytes(), needed))
 }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use super::assign::column;
+use super::stages::column;
 use super::tiled_output::holds_only;
 use crate::records::{PointRecords, RecordFlow, total};
 use terrane_base::error::{Error, Result};

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde::{Deserialize, Serialize};
 
-use super::noise::noise_index::Noise;
+use super::stages::noise::noise_index::Noise;
 use super::tiled_output::{PointTiling, Spans};
 use crate::grid::surface_model::CloudOverview;
 use crate::grid::{CellSurroundings, near_steps};

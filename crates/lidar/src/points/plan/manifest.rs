@@ -4,12 +4,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::points::assign::Assign;
-use crate::points::flight_lines::Overlap;
-use crate::points::height_above_ground::queries::HeightQuery;
 use crate::points::job::TranslateJob;
-use crate::points::sorted::Sort;
-use crate::points::thinning::CellThinning;
+use crate::points::stages::{AnyStage, StageReach};
 use crate::points::tile_subset::CloudKnowledge;
 use crate::points::tiled_output::{self, PointTiling, Spans};
 use terrane_base::error::{Error, Result};
@@ -42,15 +38,8 @@ pub(super) struct PlannedTranslateJob {
     format: Option<u8>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     version: Option<LasVersion>,
-    dedupe: bool,
-    above: HeightQuery,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    assign: Vec<Assign>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(super) overlap: Option<Overlap>,
-    thin: Option<CellThinning>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    sort: Option<Sort>,
+    pub(super) stages: Vec<AnyStage>,
     pub(super) squares: PointTiling,
     /// True for files that are not compressed.
     is_plain: bool,
@@ -79,11 +68,11 @@ impl fmt::Display for PointTileTask {
 }
 
 impl PlannedTranslateJob {
-    /// The plan of a job, without its output and resources.
+    /// The plan of a job on a cloud, without its output and resources.
     ///
     /// # Errors
     /// Options that need more than the surroundings of a tile.
-    pub(super) fn of(job: &TranslateJob) -> Result<Self> {
+    pub(super) fn of(job: &TranslateJob, info: &CloudInfo) -> Result<Self> {
         // Named one by one, so that what is new has to be decided on here.
         let TranslateJob {
             input,
@@ -91,14 +80,7 @@ impl PlannedTranslateJob {
             output: _,
             format,
             version,
-            dedupe,
-            above,
-            assign,
-            overlap,
-            thin,
-            distance,
-            transform,
-            sort,
+            stages,
             squares,
             split,
             overwrite: _,
@@ -116,25 +98,26 @@ impl PlannedTranslateJob {
             )
             .remedy("pass ‹tile›, the side of the tiles"));
         };
-        if transform.is_some() {
-            return Err(Error::usage("‹to_crs› is not supported by `plan points` (a tile in the target CRS needs all points)")
-                .remedy("plan without it, then run ‹terrane points› with ‹to_crs› on the tiles"));
+        for stage in stages.iter().map(AnyStage::stage) {
+            if let StageReach::Cloud(reason) = stage.reach(info)? {
+                let option = stage.option();
+                return Err(Error::usage(format!(
+                    "‹{option}› is not supported by `plan points` ({reason})"
+                ))
+                .remedy(format!(
+                    "plan without it, then run ‹terrane points› with ‹{option}› on the tiles"
+                )));
+            }
         }
-        if distance.is_some() {
-            return Err(Error::usage("‹thin_distance› is not supported by `plan points` (a point may depend on distant ones)")
-                .remedy("plan without it, then run ‹terrane points› with ‹thin_distance› on the tiles"));
-        }
+        job.surveyed(info)?;
+        // What depends on the extent is that of the whole cloud.
+        let stages = stages.iter().map(|stage| stage.stage().over(info).unwrap_or(stage.clone()));
         Ok(Self {
             input: input.clone(),
             cloud: cloud.clone(),
             format: format.map(PointFormat::number),
             version: *version,
-            dedupe: *dedupe,
-            above: above.clone(),
-            assign: assign.clone(),
-            overlap: *overlap,
-            thin: *thin,
-            sort: *sort,
+            stages: stages.collect(),
             squares,
             is_plain,
         })
@@ -146,12 +129,7 @@ impl PlannedTranslateJob {
             cloud: self.cloud.clone(),
             format: self.format.map(PointFormat::new).transpose()?,
             version: self.version,
-            dedupe: self.dedupe,
-            above: self.above.clone(),
-            assign: self.assign.clone(),
-            overlap: self.overlap,
-            thin: self.thin,
-            sort: self.sort,
+            stages: self.stages.clone(),
             squares: Some((self.squares, self.is_plain)),
             ..TranslateJob::new(self.input.clone(), "")
         })

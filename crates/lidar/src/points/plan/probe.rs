@@ -5,12 +5,13 @@ use tempfile::TempDir;
 use super::manifest::PointTilesPlan;
 use super::tasks::OpenedTranslate;
 use crate::point_index::parts_in;
-use crate::points::noise::noise_index::Noise;
 use crate::points::prepared::{converter, min_memory};
+use crate::points::stages::noise::noise_index::Noise;
 use crate::points::tile_subset::window;
 use crate::points::tiled_output::Spans;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::PointSource;
+use terrane_cloud::write::PointPacking;
 use terrane_delaunay::SiteWindow;
 use terrane_engine::memory::polygon_bytes;
 use terrane_engine::plan::{PlanNeeds, RunControl};
@@ -102,10 +103,11 @@ fn area(opened: &OpenedTranslate, work: &PointTilesPlan, spans: Spans) -> f64 {
 
 /// Points that may have to be read for the largest task, if relevant.
 fn heaviest(opened: &OpenedTranslate, work: &PointTilesPlan) -> Result<u64> {
-    if opened.job.choices() == 0 && opened.job.above.noise().is_none() {
+    let info = opened.cloud.info();
+    let needs = |points| opened.job.needed(PointPacking::Chunks, |_| info, points, true);
+    if needs(0) == needs(MAX_POINTS) {
         return Ok(0);
     }
-    let info = opened.cloud.info();
     let (blocks, reach, frame) = (&work.blocks, opened.job.reach(info)?, &info.frame);
     let windows: Vec<SiteWindow> = blocks
         .all()

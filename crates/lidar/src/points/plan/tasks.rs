@@ -12,6 +12,7 @@ use super::report::{PointTileRun, PointTileStatus, PointsWritten};
 use crate::grid::CellSurroundings;
 use crate::points::job::TranslateJob;
 use crate::points::prepared::{converter, prepared};
+use crate::points::stages::AnyStage;
 use crate::points::tile_subset::{CloudKnowledge, TileSubset, window};
 use crate::points::tiled_output::{self, Spans};
 use terrane_base::error::{Error, Result};
@@ -24,7 +25,6 @@ use terrane_engine::plan::{
 };
 use terrane_engine::skip_bad::LostPoints;
 use terrane_files::atomic::{AtomicFile, AtomicFolder};
-use terrane_ground::noise;
 
 /// A plan's cloud and job, opened.
 pub(super) struct OpenedTranslate {
@@ -51,13 +51,11 @@ impl PointTilesPlan {
         known: Option<&CloudKnowledge>,
         at: RunControl<'_>,
     ) -> Result<(Self, OpenedTranslate)> {
-        let mut method = PlannedTranslateJob::of(job)?;
         let mut opened = OpenedTranslate::new(job.clone())?;
-        method.set_files(opened.cloud.files())?;
         let info = converter(&opened.job, &opened.cloud)?.info().clone();
-        // Cells are those of the whole cloud.
-        method.overlap = job.overlap.map(|cells| cells.over(&info));
-        opened.job.overlap = method.overlap;
+        let mut method = PlannedTranslateJob::of(job, &info)?;
+        method.set_files(opened.cloud.files())?;
+        opened.job.stages = method.stages.clone();
         let blocks = PointTileBlocks::of(&info, &method.squares, cut)?;
         blocks.check()?;
         let knowledge = known.map_or_else(|| opened.scan(at), |knowledge| Ok(knowledge.clone()))?;
@@ -80,18 +78,18 @@ impl OpenedTranslate {
     /// Statistics of the whole point cloud: of its ground, if needed, and its noise, if that is not local or
     /// excluded from the ground.
     fn scan(&self, at: RunControl<'_>) -> Result<CloudKnowledge> {
-        let above = &self.job.above;
-        let is_local = above.noise().is_none_or(noise::Request::is_local);
-        match above.is_requested() || !is_local {
-            true => prepared(&self.job, &self.cloud, None, at, |of| of.scan()),
-            false => Ok(CloudKnowledge::default()),
+        match self.job.surveyed(self.cloud.info())?.is_empty() {
+            true => Ok(CloudKnowledge::default()),
+            false => prepared(&self.job, &self.cloud, None, at, |of| of.scan()),
         }
     }
 
     /// The remaining job with these statistics: noise is classified while reading.
     fn knowing(mut self, knowledge: &CloudKnowledge) -> Self {
-        if knowledge.noise.is_some() {
-            self.job.above.forget_noise();
+        let stages = &mut self.job.stages;
+        let noise = stages.iter().position(|stage| matches!(stage, AnyStage::ClassifyNoise(_)));
+        if let Some(number) = noise.filter(|_| knowledge.noise.is_some()) {
+            stages.remove(number);
         }
         self
     }

@@ -5,10 +5,13 @@
 //!          └─ places, by square ───────────────────────────────┴─ values, by number ── records again, with these
 //! ```
 
-pub(super) mod ground_search;
+mod ground_search;
+mod input;
 pub(super) mod queries;
 mod reclassify;
-pub(super) mod results;
+mod results;
+mod stage;
 
+pub(in crate::points) use input::GroundInput;
 pub use queries::{Classify, HeightClasses, HeightQuery, HeightsAs};
 pub use reclassify::Reclassify;

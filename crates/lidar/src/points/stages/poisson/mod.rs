@@ -10,10 +10,13 @@
 mod decisions;
 
 use std::path::Path;
+use std::str::FromStr;
 use std::sync::Mutex;
 
 use bytemuck::{Pod, Zeroable};
+use serde::{Deserialize, Serialize};
 
+use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput, StageReach};
 use crate::point_index::Tiling;
 use crate::records::numbered::{self, RecordNumbers};
 use crate::records::selection::{ChosenRecords, place, time};
@@ -28,6 +31,70 @@ use terrane_delaunay::SiteWindow;
 use terrane_engine::plan::RunControl;
 use terrane_engine::workers;
 use terrane_files::{Buckets, lock};
+
+/// Poisson disk sampling with this distance in 3D, in world units.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PoissonSampling(pub f64);
+
+impl FromStr for PoissonSampling {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> std::result::Result<Self, Self::Err> {
+        let distance = text.parse().ok().filter(|distance: &f64| *distance > 0.0);
+        distance
+            .filter(|distance| distance.is_finite())
+            .map(Self)
+            .ok_or("expected a distance above 0")
+    }
+}
+
+impl PoissonSampling {
+    pub(super) const NAMES: [StageName; 1] = [StageName::of::<Self>(
+        "poisson",
+        "DISTANCE",
+        "thin to a minimum 3D distance between points (Poisson disk sampling)",
+    )];
+}
+
+impl Stage for PoissonSampling {
+    fn option(&self) -> &'static str {
+        "thin_distance"
+    }
+
+    fn reach(&self, _: &CloudInfo) -> Result<StageReach> {
+        Ok(StageReach::Cloud("a point may depend on distant ones"))
+    }
+
+    fn needed(&self, info: &CloudInfo, _: u64) -> [u64; 2] {
+        needed(info.count)
+    }
+
+    fn open(&self, input: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {
+        check(self.0, input.info)?;
+        Ok(Box::new(*self))
+    }
+}
+
+impl OpenStage for PoissonSampling {
+    fn apply<'r>(
+        &'r self,
+        records: &'r dyn PointRecords,
+        around: &StageContext<'r>,
+    ) -> Result<StageOutput<'r>> {
+        let StageContext { work, info, .. } = *around;
+        let discs = PoissonDiscs {
+            apart: DistancePredicate::new(info.frame.scale, self.0),
+            info,
+            format: work.options.format,
+            flow: work.shares.flow,
+            threads: work.shares.threads,
+            memory: work.shares.marks,
+            folder: work.folder(),
+            at: work.at,
+        };
+        discs.select(records).map(StageOutput::new)
+    }
+}
 
 /// First margin around a tile, in distances.
 const HALO: i64 = 4;
@@ -82,13 +149,13 @@ impl RankedCandidate {
 }
 
 /// Bytes of memory for `points`, and for each thread.
-pub(super) fn needed(points: u64) -> [u64; 2] {
+fn needed(points: u64) -> [u64; 2] {
     let tables = (points / 4096).clamp(1, 1 << 18) * SQUARE;
     [points / 8 + tables + LEAST, LEAST]
 }
 
 /// Fails if 3D distances are undefined, or the distance is below the coordinate resolution.
-pub(super) fn check(distance: f64, info: &CloudInfo) -> Result<()> {
+fn check(distance: f64, info: &CloudInfo) -> Result<()> {
     let (crs, scale) = (&info.crs, info.frame.scale);
     if crs.horizontal_unit() == "degree" {
         return Err(Error::usage(
@@ -111,17 +178,17 @@ pub(super) fn check(distance: f64, info: &CloudInfo) -> Result<()> {
 }
 
 /// Context of the sampling.
-pub(super) struct PoissonDiscs<'a> {
-    pub(super) apart: DistancePredicate,
+struct PoissonDiscs<'a> {
+    apart: DistancePredicate,
     /// Frame and bounds of the records.
-    pub(super) info: &'a CloudInfo,
-    pub(super) format: PointFormat,
-    pub(super) flow: RecordFlow,
-    pub(super) threads: usize,
+    info: &'a CloudInfo,
+    format: PointFormat,
+    flow: RecordFlow,
+    threads: usize,
     /// Bytes for points.
-    pub(super) memory: u64,
-    pub(super) folder: &'a Path,
-    pub(super) at: RunControl<'a>,
+    memory: u64,
+    folder: &'a Path,
+    at: RunControl<'a>,
 }
 
 /// Points by tile, and the kept ones.
@@ -148,7 +215,7 @@ impl PoissonDiscs<'_> {
     ///
     /// # Errors
     /// Too many nearby points for the memory.
-    pub(super) fn select<'r>(&self, records: &'r dyn PointRecords) -> Result<ChosenRecords<'r>> {
+    fn select<'r>(&self, records: &'r dyn PointRecords) -> Result<ChosenRecords<'r>> {
         let [low, high] = self.info.bounds.unwrap_or_default();
         let tiling = Tiling::new([low, high], self.info.count);
         let entries = Buckets::new(self.folder, tiling.count(), self.memory / 2);

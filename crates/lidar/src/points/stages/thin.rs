@@ -1,15 +1,17 @@
-//! Thinning: one point of each cell, or one of duplicate points.
+//! Thinning to one point of each cell.
 
 use std::fmt;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use crate::records::selection::{Group, Rank, RecordRanking, place};
+use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput, StageReach};
+use crate::records::PointRecords;
+use crate::records::selection::{Group, Rank, RecordRanking, needed, place};
 use terrane_base::bits::{mixed, ordered};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::PointFrame;
-use terrane_cloud::PointFormat;
+use terrane_cloud::CloudInfo;
 use terrane_gridding::{CellEdgeRule, CellLattice, DistanceUnit};
 
 /// Which point of a cell is kept.
@@ -81,15 +83,51 @@ impl fmt::Display for CellThinning {
     }
 }
 
+impl CellThinning {
+    pub(super) const NAMES: [StageName; 1] = [StageName::of::<Self>(
+        "thin",
+        "CELL[:WHICH]",
+        "keep one point per cell of this size: centre, lowest, highest, random=SEED",
+    )];
+}
+
+impl Stage for CellThinning {
+    fn option(&self) -> &'static str {
+        "thin"
+    }
+
+    fn reach(&self, _: &CloudInfo) -> Result<StageReach> {
+        Ok(StageReach::Within(self.cell))
+    }
+
+    fn needed(&self, _: &CloudInfo, points: u64) -> [u64; 2] {
+        [needed(points), 0]
+    }
+
+    fn open(&self, input: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {
+        Ok(Box::new(ThinningCells::new(*self, &input.info.frame)?))
+    }
+}
+
+impl OpenStage for ThinningCells {
+    fn apply<'r>(
+        &'r self,
+        records: &'r dyn PointRecords,
+        around: &StageContext<'r>,
+    ) -> Result<StageOutput<'r>> {
+        around.select(records, self, "cells").map(StageOutput::new)
+    }
+}
+
 /// Cells for thinning.
-pub(super) struct ThinningCells {
+struct ThinningCells {
     lattice: CellLattice,
     unit: DistanceUnit,
     keep: ThinningRule,
 }
 
 impl ThinningCells {
-    pub(super) fn new(thin: CellThinning, frame: &PointFrame) -> Result<Self> {
+    fn new(thin: CellThinning, frame: &PointFrame) -> Result<Self> {
         if frame.scale[..2].iter().any(|step| thin.cell < *step) {
             return Err(Error::usage(format!(
                 "cells of {} are smaller than the coordinate resolution",
@@ -120,29 +158,6 @@ impl RecordRanking for ThinningCells {
             }
         };
         (group, rank)
-    }
-}
-
-/// Key of points with the same position and time.
-pub(super) struct DuplicateKey {
-    /// Offset of the time in a record.
-    time: Option<usize>,
-}
-
-impl DuplicateKey {
-    pub(super) fn new(format: PointFormat) -> Self {
-        Self { time: format.time_at() }
-    }
-}
-
-impl RecordRanking for DuplicateKey {
-    fn group_and_rank(&self, record: &[u8]) -> (Group, Rank) {
-        let at = place(record);
-        let time = self
-            .time
-            .and_then(|at| record[at..].first_chunk())
-            .map_or(0, |t| u64::from_le_bytes(*t));
-        ([ordered(at.x) << 32 | ordered(at.y), ordered(at.z), time], [0; 2])
     }
 }
 

@@ -1,11 +1,19 @@
 //! Reprojects points: after selection and classification, before sorting and tiling.
 
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput, StageReach};
+use crate::points::stages::ground::HeightsAs;
 use crate::records::selection::place;
 use crate::records::{PointRecords, RecordUnit, Take};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point, PointFrame, REACH};
 use terrane_cloud::CloudInfo;
 use terrane_crs::CoordinateOperation;
+use terrane_engine::transform::{TargetCrs, Transformed};
+use terrane_files::path_of;
 
 /// Approximate metres of a degree.
 const DEGREE: f64 = 111_320.0;
@@ -14,14 +22,79 @@ const PLACES: u32 = 32;
 /// Margin of these bounds, as a fraction of the size.
 const MARGIN: f64 = 0.01;
 
+/// Reprojects to a CRS.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Reproject(pub TargetCrs);
+
+impl FromStr for Reproject {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> std::result::Result<Self, Self::Err> {
+        if text.is_empty() { Err("expected a CRS") } else { Ok(Self(TargetCrs::to(text))) }
+    }
+}
+
+impl Reproject {
+    pub(super) const NAMES: [StageName; 1] = [StageName::of::<Self>(
+        "reproject",
+        "CRS",
+        "transform coordinates to a CRS: a code such as EPSG:32632, a compound code, or WKT",
+    )];
+}
+
+impl Stage for Reproject {
+    fn option(&self) -> &'static str {
+        "to_crs"
+    }
+
+    fn reach(&self, _: &CloudInfo) -> Result<StageReach> {
+        Ok(StageReach::Cloud("a tile in the target CRS needs all points"))
+    }
+
+    fn open(&self, StageInput { info, job, .. }: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {
+        let corners = info.bounds.map(|ends| ends.map(|point| info.frame.world(point)));
+        let extent = corners.map(|[low, high]| [low[0], low[1], high[0], high[1]]);
+        let name = job.input.first().map(|name| path_of(name).into_owned()).unwrap_or_default();
+        let operation = self.0.operation(&name, &info.crs, extent, &job.resources)?;
+        let is_above = job.heights().any(|heights| heights == HeightsAs::Z);
+        if is_above && !operation.keeps_heights() {
+            return Err(Error::usage(
+                "heights above ground do not support a change of the vertical CRS",
+            )
+            .remedy("leave out ‹geoid›, or write them to a dimension"));
+        }
+        Ok(Box::new(CloudReprojection::new(info, operation)?))
+    }
+}
+
+impl OpenStage for CloudReprojection {
+    fn output(&self) -> Option<CloudInfo> {
+        Some(self.info.clone())
+    }
+
+    fn transformed(&self) -> Option<Transformed> {
+        Some(Transformed::of(&self.operation))
+    }
+
+    fn apply<'r>(
+        &'r self,
+        records: &'r dyn PointRecords,
+        around: &StageContext<'r>,
+    ) -> Result<StageOutput<'r>> {
+        let record = around.work.shares.flow.record;
+        let records = Box::new(MovedRecords { records, to: self, record });
+        Ok(StageOutput { records, notes: self.notes.clone() })
+    }
+}
+
 /// A reprojection of a point cloud.
-pub(super) struct CloudReprojection {
-    pub(super) operation: CoordinateOperation,
+struct CloudReprojection {
+    operation: CoordinateOperation,
     from: PointFrame,
     /// Frame, bounds and CRS of the output.
-    pub(super) info: CloudInfo,
+    info: CloudInfo,
     /// Notes for the report.
-    pub(super) notes: Vec<String>,
+    notes: Vec<String>,
 }
 
 impl CloudReprojection {
@@ -29,7 +102,7 @@ impl CloudReprojection {
     ///
     /// # Errors
     /// Positions that cannot be transformed.
-    pub(super) fn new(info: &CloudInfo, operation: CoordinateOperation) -> Result<Self> {
+    fn new(info: &CloudInfo, operation: CoordinateOperation) -> Result<Self> {
         let [low, high] = extent(info, &operation)?;
         let keeps_heights = operation.keeps_heights();
         let finest = scale(&info.frame, &info.crs, operation.target(), keeps_heights);
@@ -126,11 +199,11 @@ fn power_of_ten(power: i32) -> f64 {
 }
 
 /// Reprojected records.
-pub(super) struct MovedRecords<'a> {
-    pub(super) records: &'a dyn PointRecords,
-    pub(super) to: &'a CloudReprojection,
+struct MovedRecords<'a> {
+    records: &'a dyn PointRecords,
+    to: &'a CloudReprojection,
     /// Bytes of a record.
-    pub(super) record: usize,
+    record: usize,
 }
 
 impl MovedRecords<'_> {

@@ -5,7 +5,11 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use crate::records::selection::{Group, Rank, RecordRanking, place};
+use super::{
+    AnyStage, OpenStage, Stage, StageContext, StageInput, StageName, StageOutput, StageReach,
+};
+use crate::records::PointRecords;
+use crate::records::selection::{Group, Rank, RecordRanking, needed, place};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::PointFrame;
 use terrane_cloud::{CloudInfo, PointFormat, round_side};
@@ -28,7 +32,7 @@ impl FromStr for Overlap {
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         let cell = text.trim().parse().ok().filter(|side: &f64| *side > 0.0 && side.is_finite());
         match (text, cell) {
-            (AUTO, _) => Ok(Self::default()),
+            ("" | AUTO, _) => Ok(Self::default()),
             (_, Some(_)) => Ok(Self { cell }),
             (_, None) => Err("expected a number above 0, or auto".to_owned()),
         }
@@ -45,25 +49,64 @@ impl fmt::Display for Overlap {
 }
 
 impl Overlap {
-    /// The same with its cell size over a point cloud.
-    pub(super) fn over(&self, info: &CloudInfo) -> Self {
-        Self { cell: Some(self.side(info)) }
-    }
+    pub(super) const NAMES: [StageName; 1] = [StageName::of::<Self>(
+        "drop-overlap",
+        "[CELL]",
+        "in each cell keep the flight line (point source) with the smallest scan angle",
+    )];
 
     /// The side of cells over a cloud.
-    pub(super) fn side(&self, info: &CloudInfo) -> f64 {
+    fn side(&self, info: &CloudInfo) -> f64 {
         self.cell.unwrap_or_else(|| round_side(info, info.bounds.unwrap_or_default()))
     }
 }
 
+impl Stage for Overlap {
+    fn option(&self) -> &'static str {
+        "drop_overlap"
+    }
+
+    fn reach(&self, _: &CloudInfo) -> Result<StageReach> {
+        Ok(StageReach::Within(self.cell.unwrap_or_default()))
+    }
+
+    fn needed(&self, _: &CloudInfo, points: u64) -> [u64; 2] {
+        [needed(points), 0]
+    }
+
+    fn over(&self, info: &CloudInfo) -> Option<AnyStage> {
+        Some(Self { cell: Some(self.side(info)) }.into())
+    }
+
+    fn open(&self, input: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {
+        let side = self.side(input.info);
+        Ok(Box::new(FlightLines::new(side, &input.info.frame, input.format)?))
+    }
+}
+
+impl OpenStage for FlightLines {
+    fn apply<'r>(
+        &'r self,
+        records: &'r dyn PointRecords,
+        around: &StageContext<'r>,
+    ) -> Result<StageOutput<'r>> {
+        let lines = around.select(records, self, "flight lines")?;
+        let (side, left_out) = (self.side, lines.left_out());
+        let note =
+            format!("overlap: {left_out} points of other flight lines dropped, in cells of {side}");
+        Ok(StageOutput { records: Box::new(lines), notes: vec![note] })
+    }
+}
+
 /// Cells with one flight line each.
-pub(super) struct FlightLines {
+struct FlightLines {
+    side: f64,
     lattice: CellLattice,
     format: PointFormat,
 }
 
 impl FlightLines {
-    pub(super) fn new(side: f64, frame: &PointFrame, format: PointFormat) -> Result<Self> {
+    fn new(side: f64, frame: &PointFrame, format: PointFormat) -> Result<Self> {
         if frame.scale[..2].iter().any(|step| side < *step) {
             return Err(Error::usage(format!(
                 "cells of {side} are smaller than the coordinate resolution"
@@ -71,6 +114,7 @@ impl FlightLines {
             .remedy("pass a larger ‹drop_overlap›=CELL"));
         }
         Ok(Self {
+            side,
             lattice: CellLattice::new(frame, [0.0; 2], [side; 2], CellEdgeRule::default()),
             format,
         })

@@ -38,25 +38,25 @@ const STRIPS: i32 = 32;
 const NO_CLASS: [u8; 2] = [0, 1];
 
 /// Context of the search for the ground.
-pub(in crate::points) struct GroundHeightSearch<'a> {
-    pub(in crate::points) above: &'a HeightQuery,
+pub(super) struct GroundHeightSearch<'a> {
+    pub(super) above: &'a HeightQuery,
     /// Frame and bounds of the points.
-    pub(in crate::points) info: &'a CloudInfo,
+    pub(super) info: &'a CloudInfo,
     /// Offset of records in steps.
-    pub(in crate::points) shift: [i32; 3],
-    pub(in crate::points) format: PointFormat,
-    pub(in crate::points) flow: RecordFlow,
-    pub(in crate::points) threads: usize,
+    pub(super) shift: [i32; 3],
+    pub(super) format: PointFormat,
+    pub(super) flow: RecordFlow,
+    pub(super) threads: usize,
     /// Bytes for points.
-    pub(in crate::points) memory: u64,
+    pub(super) memory: u64,
     /// Bytes for a tile of the ground method.
-    pub(in crate::points) square: u64,
-    pub(in crate::points) folder: &'a Path,
+    pub(super) square: u64,
+    pub(super) folder: &'a Path,
     /// Whether points marked as withheld may be ground.
-    pub(in crate::points) keeps_withheld: bool,
+    pub(super) keeps_withheld: bool,
     /// The tiles to make, if not all.
-    pub(in crate::points) subset: Option<&'a TileSubset<'a>>,
-    pub(in crate::points) at: RunControl<'a>,
+    pub(super) subset: Option<&'a TileSubset<'a>>,
+    pub(super) at: RunControl<'a>,
 }
 
 /// Candidate ground points: of any class that may change, without noise.
@@ -194,7 +194,7 @@ impl GroundHeightSearch<'_> {
     ///
     /// # Errors
     /// No ground; coordinates without a unit of length, for a ground method.
-    pub(in crate::points) fn annotate<'r>(
+    pub(super) fn annotate<'r>(
         &self,
         records: &'r dyn PointRecords,
         ground_records: Option<&dyn PointRecords>,
@@ -225,7 +225,7 @@ impl GroundHeightSearch<'_> {
     ///
     /// # Errors
     /// As [`annotate`](Self::annotate).
-    pub(in crate::points) fn scan(&self, records: &dyn PointRecords) -> Result<CloudOverview> {
+    pub(super) fn scan(&self, records: &dyn PointRecords) -> Result<CloudOverview> {
         let mut seen = CloudOverview::default();
         if self.above.takes_classes() {
             let ground = self.store().outline();

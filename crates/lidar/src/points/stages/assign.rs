@@ -5,14 +5,15 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
+use super::operand::{RecordOperand, column};
+use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput};
 use crate::records::selection::place;
 use crate::records::{PointRecords, RecordUnit, Take};
-use terrane_base::attribute;
 use terrane_base::error::{Error, Result};
 use terrane_base::formula::Formula;
-use terrane_base::geom::{PointFrame, Ruler};
+use terrane_base::geom::Ruler;
 use terrane_cloud::write::PointColumn;
-use terrane_cloud::{AXES, PointCloud, PointFormat, PointSource};
+use terrane_cloud::{AXES, PointCloud, PointSource};
 use terrane_files::path_of;
 
 /// An attribute and its formula.
@@ -61,66 +62,80 @@ impl fmt::Display for Assign {
     }
 }
 
-/// An operand of a formula.
-#[derive(Clone)]
-enum AssignOperand {
-    Axis(usize),
-    Field(PointColumn),
-}
+/// Assigns attributes, in order.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Assignments(pub Vec<Assign>);
 
-impl AssignOperand {
-    /// The coordinate or the column of a name.
-    fn of(name: &str, format: PointFormat, columns: &[PointColumn]) -> Result<Self> {
-        match AXES.iter().position(|axis| name.eq_ignore_ascii_case(axis)) {
-            Some(axis) => Ok(Self::Axis(axis)),
-            None => column(name, format, columns).map(Self::Field),
-        }
+impl FromStr for Assignments {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        Ok(Self(vec![text.parse()?]))
     }
 }
 
-/// Assignments, in order.
-pub(super) struct AttributeAssigner {
+impl Assignments {
+    pub(super) const NAMES: [StageName; 1] = [StageName::of::<Self>(
+        "assign",
+        "NAME=FORMULA",
+        "set an attribute to a number or a formula of attributes, x, y and z",
+    )];
+}
+
+impl Stage for Assignments {
+    fn option(&self) -> &'static str {
+        "attribute"
+    }
+
+    fn is_spatial(&self) -> bool {
+        false
+    }
+
+    fn open(&self, input: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {
+        Ok(Box::new(AttributeAssigner::new(&self.0, input)?))
+    }
+}
+
+impl OpenStage for AttributeAssigner {
+    fn apply<'r>(
+        &'r self,
+        records: &'r dyn PointRecords,
+        around: &StageContext<'r>,
+    ) -> Result<StageOutput<'r>> {
+        let (record, cloud) = (around.work.shares.flow.record, around.work.input);
+        Ok(StageOutput::new(AssignedRecords { records, assigning: self, record, cloud }))
+    }
+}
+
+/// Assignments to records of one format.
+struct AttributeAssigner {
     rulers: [Ruler; 3],
-    steps: Vec<(PointColumn, Formula<AssignOperand>)>,
+    steps: Vec<(PointColumn, Formula<RecordOperand>)>,
 }
 
 impl AttributeAssigner {
-    /// Assignments for records of a format with these columns, in a frame.
-    ///
     /// # Errors
     /// Unknown names.
-    pub(super) fn new(
-        assignments: &[Assign],
-        format: PointFormat,
-        columns: &[PointColumn],
-        frame: &PointFrame,
-    ) -> Result<Self> {
+    fn new(assignments: &[Assign], input: &StageInput<'_>) -> Result<Self> {
         let mut steps = Vec::with_capacity(assignments.len());
         for Assign { name, formula, .. } in assignments {
-            let column = column(name, format, columns)?;
-            let formula = formula.resolve(|name| AssignOperand::of(name, format, columns))?;
+            let column = column(name, input.format, input.columns)?;
+            let formula = formula.resolve(|name| RecordOperand::of(name, input))?;
             steps.push((column, formula));
         }
-        Ok(Self { rulers: [0, 1, 2].map(|axis| frame.ruler(axis)), steps })
+        Ok(Self { rulers: [0, 1, 2].map(|axis| input.info.frame.ruler(axis)), steps })
     }
 
     fn set(&self, record: &mut [u8], stack: &mut Vec<f64>) -> std::result::Result<(), String> {
         for (column, formula) in &self.steps {
-            let number = formula.compute(stack, |source| self.value(source, record));
+            let number = formula.compute(stack, |operand| match operand.number(record) {
+                number if number.is_finite() => Ok(number),
+                _ => Err(format!("{} has no value", operand.name())),
+            });
             let number = number.map_err(|what| format!("{}: {what}", column.name()))?;
             column.set(record, number)?;
         }
         Ok(())
-    }
-
-    fn value(&self, source: &AssignOperand, record: &[u8]) -> std::result::Result<f64, String> {
-        match source {
-            AssignOperand::Axis(axis) => Ok(self.place(record)[*axis]),
-            AssignOperand::Field(column) => match column.number(record) {
-                number if number.is_finite() => Ok(number),
-                _ => Err(format!("{} has no value", column.name())),
-            },
-        }
     }
 
     fn place(&self, record: &[u8]) -> [f64; 3] {
@@ -129,33 +144,14 @@ impl AttributeAssigner {
     }
 }
 
-/// The column of an attribute in records of a format: a standard attribute by any of its names, or extra bytes.
-///
-/// # Errors
-/// An unknown name.
-pub(super) fn column(
-    name: &str,
-    format: PointFormat,
-    columns: &[PointColumn],
-) -> Result<PointColumn> {
-    let known = attribute::known(name.trim()).map_or(name.trim(), |attribute| attribute.name);
-    let found = columns.iter().find(|column| column.name().trim().eq_ignore_ascii_case(known));
-    found.cloned().ok_or_else(|| {
-        let number = format.number();
-        let names: Vec<&str> = columns.iter().map(PointColumn::name).collect();
-        Error::usage(format!("points of format {number} have no attribute {name:?}"))
-            .remedy(format!("pass one of {}, or another ‹point_format›", names.join(", ")))
-    })
-}
-
 /// Records with assigned attributes.
-pub(super) struct AssignedRecords<'a> {
-    pub(super) records: &'a dyn PointRecords,
-    pub(super) assigning: &'a AttributeAssigner,
+struct AssignedRecords<'a> {
+    records: &'a dyn PointRecords,
+    assigning: &'a AttributeAssigner,
     /// Bytes of a record.
-    pub(super) record: usize,
+    record: usize,
     /// The point cloud whose parts are the units.
-    pub(super) cloud: &'a PointCloud,
+    cloud: &'a PointCloud,
 }
 
 impl AssignedRecords<'_> {

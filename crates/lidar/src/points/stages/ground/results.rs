@@ -81,7 +81,7 @@ impl ValueWriter<'_> {
 pub(super) const Z: usize = 8;
 
 /// Records with heights and classes.
-pub(in crate::points) struct AnnotatedRecords<'a> {
+pub(super) struct AnnotatedRecords<'a> {
     pub(super) records: &'a dyn PointRecords,
     pub(super) format: PointFormat,
     pub(super) record: usize,
@@ -89,7 +89,7 @@ pub(in crate::points) struct AnnotatedRecords<'a> {
     pub(super) heights_at: Option<usize>,
     pub(super) values: PointAnnotations,
     pub(super) numbers: RecordNumbers,
-    pub(in crate::points) notes: Vec<String>,
+    pub(super) notes: Vec<String>,
 }
 
 impl PointRecords for AnnotatedRecords<'_> {

@@ -103,12 +103,6 @@ impl fmt::Display for Classify {
     }
 }
 
-impl Classify {
-    fn is_noise(&self) -> bool {
-        matches!(self, Self::Noise(_))
-    }
-}
-
 impl From<Classify> for String {
     fn from(classify: Classify) -> Self {
         classify.to_string()
@@ -130,7 +124,7 @@ impl HeightClasses {
     }
 }
 
-/// Options for heights above ground and classification.
+/// Heights above ground, and classes derived from the ground.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct HeightQuery {
     /// Source of ground points.
@@ -141,16 +135,28 @@ pub struct HeightQuery {
     pub classify: Vec<Classify>,
 }
 
+/// Fails for a method that is given twice.
+pub(in crate::points) fn refuse_twice(classify: &[Classify]) -> Result<()> {
+    let kinds: Vec<_> = classify.iter().map(std::mem::discriminant).collect();
+    match (1..kinds.len()).any(|i| kinds[..i].contains(&kinds[i])) {
+        true => {
+            Err(Error::usage("‹classify› has the same method twice")
+                .remedy("leave out one of them"))
+        }
+        false => Ok(()),
+    }
+}
+
 /// Bytes of tables for each tile.
 const SQUARE: u64 = 512;
 
 /// Whether a record is of a class of noise.
-pub(in crate::points) fn is_known_noise(format: PointFormat, record: &[u8]) -> bool {
+pub(in crate::points::stages) fn is_known_noise(format: PointFormat, record: &[u8]) -> bool {
     NOISE.contains(&format.class(record))
 }
 
 /// Whether a record is kept: not marked as withheld, unless these are kept.
-pub(in crate::points) fn is_there(
+pub(in crate::points::stages) fn is_there(
     format: PointFormat,
     keeps_withheld: bool,
     record: &[u8],
@@ -160,37 +166,21 @@ pub(in crate::points) fn is_there(
 
 impl HeightQuery {
     /// Whether the ground is needed.
-    pub(in crate::points) fn is_requested(&self) -> bool {
-        self.heights.is_some() || !self.classify.iter().all(Classify::is_noise)
-    }
-
-    /// The noise method, if any.
-    pub(in crate::points) fn noise(&self) -> Option<&noise::Request> {
-        self.classify.iter().find_map(|step| match step {
-            Classify::Noise(request) => Some(request),
-            _ => None,
-        })
-    }
-
-    /// Removes the noise method.
-    pub(in crate::points) fn forget_noise(&mut self) {
-        self.classify.retain(|step| !step.is_noise());
+    fn is_requested(&self) -> bool {
+        self.heights.is_some() || !self.classify.is_empty()
     }
 
     /// Bytes for a point cloud, and for each thread.
-    pub(in crate::points) fn needed(&self, info: &CloudInfo) -> [u64; 2] {
+    pub(super) fn needed(&self, info: &CloudInfo) -> [u64; 2] {
         let tables = (info.count / 4096).clamp(1, 1 << 18) * SQUARE;
-        match self.is_requested() {
-            true => [2 * VALUES + tables + self.square(info), WORKER],
-            false => [0; 2],
-        }
+        [2 * VALUES + tables + self.square(info), WORKER]
     }
 
     /// Part of these bytes for a tile of the ground method.
-    pub(in crate::points) fn square(&self, info: &CloudInfo) -> u64 {
+    pub(super) fn square(&self, info: &CloudInfo) -> u64 {
         let metres = MetricFrame::of(&info.crs, &info.frame);
         match metres {
-            Ok(metres) if self.is_requested() && self.from != GroundFrom::Class => {
+            Ok(metres) if self.from != GroundFrom::Class => {
                 square_bytes(&self.from.method(), metres.extent(info.bounds))
             }
             _ => 0,
@@ -198,7 +188,7 @@ impl HeightQuery {
     }
 
     /// Frame, bounds and CRS of the written points.
-    pub(in crate::points) fn info(&self, info: &CloudInfo) -> CloudInfo {
+    pub(super) fn info(&self, info: &CloudInfo) -> CloudInfo {
         if self.heights != Some(HeightsAs::Z) {
             return info.clone();
         }
@@ -212,9 +202,21 @@ impl HeightQuery {
         CloudInfo { frame, bounds, crs: info.crs.without_heights(), ..info.clone() }
     }
 
+    /// One query with the results of this one and then of the `next`, if there is one: a `next` that takes its ground
+    /// from the classes finds the ground of this one.
+    pub(in crate::points) fn joined(&self, next: &Self) -> Option<Self> {
+        let classify = [self.classify.as_slice(), &next.classify].concat();
+        let is_joined = next.from == GroundFrom::Auto
+            && !next.finds_ground()
+            && self.finds_ground()
+            && self.heights.is_none()
+            && refuse_twice(&classify).is_ok();
+        is_joined.then_some(Self { from: self.from, heights: next.heights, classify })
+    }
+
     /// # Errors
     /// Conflicting options, and options that the format does not support.
-    pub(in crate::points) fn check(&self, format: PointFormat) -> Result<()> {
+    pub(super) fn check(&self, format: PointFormat) -> Result<()> {
         if self.finds_ground() && self.from == GroundFrom::Class {
             return Err(Error::usage(
                 "‹classify› ground has no effect with ‹ground› class, which uses the existing classes",
@@ -227,11 +229,7 @@ impl HeightQuery {
             )
             .remedy("pass one of them, or leave out ‹ground›"));
         }
-        let kinds: Vec<_> = self.classify.iter().map(std::mem::discriminant).collect();
-        if (1..kinds.len()).any(|i| kinds[..i].contains(&kinds[i])) {
-            return Err(Error::usage("‹classify› has the same method twice")
-                .remedy("leave out one of them"));
-        }
+        refuse_twice(&self.classify)?;
         let classes =
             self.layers().into_iter().flat_map(|HeightClasses(all)| all).map(|(class, _)| *class);
         match classes.max().filter(|class| *class > format.max_class()) {

@@ -4,15 +4,18 @@
 //! records ── places, by parts of space ── scores, part by part ──[limit of all]── bits ── records again, with the class
 //! ```
 
-pub(super) mod noise_index;
+pub(in crate::points) mod noise_index;
 mod partition;
 
 use std::path::Path;
+use std::str::FromStr;
 use std::sync::Mutex;
 
 use bytemuck::{Pod, Zeroable};
+use serde::{Deserialize, Serialize};
 
-use super::height_above_ground::queries::{is_known_noise, is_there};
+use super::ground::queries::{is_known_noise, is_there};
+use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput, StageReach};
 use crate::grid::surface_model::MetricFrame;
 use crate::records::numbered::{self, RecordNumbers};
 use crate::records::selection::place;
@@ -45,16 +48,104 @@ struct NoiseScore {
     score: u64,
 }
 
-/// Bytes of memory for `points`, and for each thread.
-pub(super) fn needed(request: &Request, points: u64) -> [u64; 2] {
-    [points / 8 + partition::tables(points) + DIVIDING, THREAD + request.bytes(partition::MOST)]
+/// Gives noise found by a method its class.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct ClassifyNoise(pub Request);
+
+impl TryFrom<String> for ClassifyNoise {
+    type Error = Error;
+
+    fn try_from(text: String) -> Result<Self> {
+        text.parse()
+    }
 }
 
-/// Distance in world units along x or y beyond which points do not matter.
+impl From<ClassifyNoise> for String {
+    fn from(stage: ClassifyNoise) -> Self {
+        stage.0.to_string()
+    }
+}
+
+impl FromStr for ClassifyNoise {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        if text.is_empty() { Ok(Self(Request::DEFAULT)) } else { Request::parse(text).map(Self) }
+    }
+}
+
+impl ClassifyNoise {
+    pub(super) const NAMES: [StageName; 1] = [StageName::of::<Self>(
+        "noise",
+        "[METHOD]",
+        "classify noise (class 7), as ‹classify› noise",
+    )];
+
+    /// The records with classified noise.
+    ///
+    /// # Errors
+    /// As [`reach`].
+    pub(in crate::points) fn mark<'r>(
+        &self,
+        records: &'r dyn PointRecords,
+        around: &StageContext<'r>,
+    ) -> Result<MarkedRecords<'r>> {
+        let StageContext { work, info, .. } = *around;
+        let search = NoiseSearch {
+            request: &self.0,
+            info,
+            format: work.converter.format(),
+            flow: work.shares.flow,
+            threads: work.shares.threads,
+            memory: work.shares.marks,
+            folder: work.folder(),
+            keeps_withheld: work.job.cloud.filter.keep_withheld,
+            at: work.at,
+        };
+        search.mark_records(records)
+    }
+}
+
+impl Stage for ClassifyNoise {
+    fn option(&self) -> &'static str {
+        "classify"
+    }
+
+    fn reach(&self, info: &CloudInfo) -> Result<StageReach> {
+        match self.0.is_local() {
+            true => reach(&self.0, info).map(StageReach::Within),
+            false => Ok(StageReach::Statistics),
+        }
+    }
+
+    fn needed(&self, _: &CloudInfo, points: u64) -> [u64; 2] {
+        [points / 8 + partition::tables(points) + DIVIDING, THREAD + self.0.bytes(partition::MOST)]
+    }
+
+    fn open(&self, input: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {
+        reach(&self.0, input.info)?;
+        Ok(Box::new(self.clone()))
+    }
+}
+
+impl OpenStage for ClassifyNoise {
+    fn apply<'r>(
+        &'r self,
+        records: &'r dyn PointRecords,
+        around: &StageContext<'r>,
+    ) -> Result<StageOutput<'r>> {
+        let mut marked = self.mark(records, around)?;
+        let notes = std::mem::take(&mut marked.notes);
+        Ok(StageOutput { records: Box::new(marked), notes })
+    }
+}
+
+/// Distance in world units along x or y beyond which points do not matter; 0 if all may.
 ///
 /// # Errors
 /// As [`space`], and cubes smaller than a step.
-pub(super) fn reach(request: &Request, info: &CloudInfo) -> Result<f64> {
+fn reach(request: &Request, info: &CloudInfo) -> Result<f64> {
     let [x, y, _] = request.reach(&space(info)?.0)?;
     Ok((x as f64 * info.frame.scale[0]).max(y as f64 * info.frame.scale[1]))
 }
@@ -76,19 +167,19 @@ fn space(info: &CloudInfo) -> Result<(NoiseSpace, bool)> {
 }
 
 /// Context of the search for noise.
-pub(super) struct NoiseSearch<'a> {
-    pub(super) request: &'a Request,
+struct NoiseSearch<'a> {
+    request: &'a Request,
     /// Frame and bounds of the records.
-    pub(super) info: &'a CloudInfo,
-    pub(super) format: PointFormat,
-    pub(super) flow: RecordFlow,
-    pub(super) threads: usize,
+    info: &'a CloudInfo,
+    format: PointFormat,
+    flow: RecordFlow,
+    threads: usize,
     /// Bytes for points.
-    pub(super) memory: u64,
-    pub(super) folder: &'a Path,
+    memory: u64,
+    folder: &'a Path,
     /// Whether points marked as withheld are included.
-    pub(super) keeps_withheld: bool,
-    pub(super) at: RunControl<'a>,
+    keeps_withheld: bool,
+    at: RunControl<'a>,
 }
 
 impl NoiseSearch<'_> {
@@ -96,10 +187,7 @@ impl NoiseSearch<'_> {
     ///
     /// # Errors
     /// As for [`reach`].
-    pub(super) fn mark_records<'r>(
-        &self,
-        records: &'r dyn PointRecords,
-    ) -> Result<MarkedRecords<'r>> {
+    fn mark_records<'r>(&self, records: &'r dyn PointRecords) -> Result<MarkedRecords<'r>> {
         let (space, is_guess) = space(self.info)?;
         self.request.reach(&space)?;
         let (numbers, parts) = self.divide(records, &space)?;
@@ -226,14 +314,14 @@ fn mark_records(noise: &Mutex<BitSet>, limit: &ScoreLimit, scores: &[NoiseScore]
 }
 
 /// Records with classified noise.
-pub(super) struct MarkedRecords<'a> {
+pub(in crate::points) struct MarkedRecords<'a> {
     records: &'a dyn PointRecords,
     format: PointFormat,
     record: usize,
     class: u8,
     noise: BitSet,
     numbers: RecordNumbers,
-    pub(super) notes: Vec<String>,
+    pub(in crate::points) notes: Vec<String>,
 }
 
 impl PointRecords for MarkedRecords<'_> {

@@ -3,16 +3,19 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::path::Path;
+use std::str::FromStr;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use terrane_options::Choice;
 
+use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput};
 use crate::records::selection::{place, time};
 use crate::records::{PointRecords, RecordFlow, RecordUnit, Take, total};
 use terrane_base::bits::ordered;
 use terrane_base::error::{Error, Result};
-use terrane_cloud::PointFormat;
+use terrane_cloud::write::PointPacking;
+use terrane_cloud::{CloudInfo, PointFormat};
 use terrane_engine::plan::RunControl;
 use terrane_files::{SpoolExtent, SpoolFile};
 
@@ -24,6 +27,60 @@ pub enum Sort {
     Morton,
     /// by time
     Time,
+}
+
+impl Sort {
+    pub(super) const NAMES: [StageName; 1] = [StageName::of::<Self>(
+        "sort",
+        "morton|time",
+        "order of points; equal points stay in input order",
+    )];
+}
+
+impl FromStr for Sort {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        Self::named(text)
+    }
+}
+
+impl Stage for Sort {
+    fn option(&self) -> &'static str {
+        "sort"
+    }
+
+    fn is_spatial(&self) -> bool {
+        false
+    }
+
+    fn needed(&self, _: &CloudInfo, _: u64) -> [u64; 2] {
+        [LEAST, 0]
+    }
+
+    fn open(&self, input: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {
+        if input.packing == PointPacking::Nodes {
+            return Err(Error::usage(
+                "‹sort› has no effect on COPC, which has the order of its octree",
+            )
+            .remedy("leave it out, or write .laz"));
+        }
+        check(*self, input.format)?;
+        Ok(Box::new(*self))
+    }
+}
+
+impl OpenStage for Sort {
+    fn apply<'r>(
+        &'r self,
+        records: &'r dyn PointRecords,
+        around: &StageContext<'r>,
+    ) -> Result<StageOutput<'r>> {
+        let (work, format) = (around.work, around.work.options.format);
+        let (flow, memory, folder) = (work.shares.flow, work.shares.marks / 4, work.folder());
+        SortedRecords::new(records, *self, format, flow, memory, folder, work.at)
+            .map(StageOutput::new)
+    }
 }
 
 /// Sort key of records; the sort is stable.
@@ -61,7 +118,7 @@ fn spread(bits: u64) -> u64 {
 /// Bytes of a piece of a run.
 const PIECE: usize = if cfg!(test) { 256 } else { 128 << 10 };
 /// Least memory for a run, or for the pieces of merged runs.
-pub(super) const LEAST: u64 = 4 << 20;
+const LEAST: u64 = 4 << 20;
 /// Bytes for the key of a record while a run is sorted.
 const KEY: usize = size_of::<(Key, u32)>();
 
@@ -74,7 +131,7 @@ struct SortedRunPiece {
 }
 
 /// Sorted records.
-pub(super) struct SortedRecords {
+struct SortedRecords {
     order: RecordOrder,
     /// Bytes of a record.
     record: usize,
@@ -95,7 +152,7 @@ impl SortedRecords {
     ///
     /// # Errors
     /// An order by time for a format without times.
-    pub(super) fn new(
+    fn new(
         records: &dyn PointRecords,
         by: Sort,
         format: PointFormat,
@@ -249,7 +306,7 @@ impl PointRecords for SortedRecords {
 }
 
 /// Fails if a point format does not support an order.
-pub(super) fn check(by: Sort, format: PointFormat) -> Result<()> {
+fn check(by: Sort, format: PointFormat) -> Result<()> {
     if by == Sort::Time && format.time_at().is_none() {
         let number = format.number();
         return Err(Error::usage(format!(

@@ -1,0 +1,105 @@
+//! Heights and classes from the ground, as a stage.
+
+use super::{Classify, HeightClasses, HeightQuery, HeightsAs, Reclassify};
+use crate::grid::GroundFrom;
+use crate::points::stages::{
+    OpenStage, Stage, StageContext, StageInput, StageName, StageOutput, StageReach,
+};
+use crate::records::PointRecords;
+use terrane_base::error::Result;
+use terrane_cloud::{CloudInfo, NewDimension};
+use terrane_options::Choice;
+
+/// Before the classes that may become ground.
+const RECLASSIFY: &str = "reclassify=";
+
+impl HeightQuery {
+    pub(in crate::points::stages) const NAMES: [StageName; 3] = [
+        StageName {
+            name: "ground",
+            arguments: "[METHOD][:reclassify=CLASS,...]",
+            about: "classify ground (class 2), as ‹classify› ground with ‹ground› METHOD",
+            parse: |text| Self::of_ground(text).map(Into::into),
+        },
+        StageName {
+            name: "height-above-ground",
+            arguments: "[dimension|z]",
+            about: "height above the triangulated ground points, as a dimension or as z",
+            parse: |text| {
+                let text = if text.is_empty() { HeightsAs::Dimension.name() } else { text };
+                let heights = Some(HeightsAs::named(text)?);
+                Ok(Self { heights, ..Self::default() }.into())
+            },
+        },
+        StageName {
+            name: "height-classes",
+            arguments: "[CLASS=FROM,...]",
+            about: "classify points of class 0 and 1 by height above ground",
+            parse: |text| {
+                let classes = match text {
+                    "" => HeightClasses::default(),
+                    _ => text.parse()?,
+                };
+                Ok(Self { classify: vec![Classify::Height(classes)], ..Self::default() }.into())
+            },
+        },
+    ];
+
+    /// "", "csf:cloth=0.5", "csf:reclassify=9,17", "reclassify=9".
+    fn of_ground(text: &str) -> std::result::Result<Self, String> {
+        let (method, classes) = match text.find(RECLASSIFY) {
+            Some(at) => (text[..at].trim_end_matches(':'), text[at..].parse()?),
+            None => (text, Reclassify::default()),
+        };
+        let from = match method {
+            "" => GroundFrom::Auto,
+            _ => method.parse().map_err(|error: terrane_base::error::Error| error.to_string())?,
+        };
+        Ok(Self { from, heights: None, classify: vec![Classify::Ground(classes)] })
+    }
+}
+
+impl Stage for HeightQuery {
+    fn option(&self) -> &'static str {
+        if self.heights.is_some() { "height_above_ground" } else { "classify" }
+    }
+
+    fn reach(&self, _: &CloudInfo) -> Result<StageReach> {
+        Ok(StageReach::Statistics)
+    }
+
+    fn needed(&self, info: &CloudInfo, _: u64) -> [u64; 2] {
+        Self::needed(self, info)
+    }
+
+    fn dimension(&self) -> Option<NewDimension> {
+        (self.heights == Some(HeightsAs::Dimension)).then_some(super::input::HEIGHTS)
+    }
+
+    fn open(&self, input: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {
+        self.check(input.format)?;
+        Ok(Box::new(GroundStage { query: self.clone(), output: self.info(input.info) }))
+    }
+}
+
+/// A query for records of one format.
+struct GroundStage {
+    query: HeightQuery,
+    output: CloudInfo,
+}
+
+impl OpenStage for GroundStage {
+    fn output(&self) -> Option<CloudInfo> {
+        Some(self.output.clone())
+    }
+
+    fn apply<'r>(
+        &'r self,
+        records: &'r dyn PointRecords,
+        around: &StageContext<'r>,
+    ) -> Result<StageOutput<'r>> {
+        let mut annotated = self.query.annotate(records, around)?;
+        let notes = std::mem::take(&mut annotated.notes);
+        Ok(StageOutput { records: Box::new(annotated), notes })
+    }
+}

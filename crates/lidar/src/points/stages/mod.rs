@@ -1,0 +1,398 @@
+//! Stages: the steps of a job on points. A stage is one file with its options, and states what it needs: the job reads,
+//! orders, shares memory and plans from that alone.
+
+mod assign;
+mod dedupe;
+pub(super) mod ground;
+pub(super) mod noise;
+mod operand;
+mod overlap;
+mod poisson;
+mod reproject;
+mod sort;
+mod thin;
+mod r#where;
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use super::context::TranslateContext;
+use crate::records::selection::{ChosenRecords, RecordRanking};
+use crate::records::{PointRecords, total};
+use terrane_base::error::{Error, Result};
+use terrane_cloud::write::{PointColumn, PointPacking};
+use terrane_cloud::{CloudInfo, NewDimension, PointFormat};
+use terrane_engine::transform::Transformed;
+
+pub use assign::{Assign, Assignments};
+pub use dedupe::Dedupe;
+pub(super) use ground::queries::refuse_twice;
+pub use ground::{Classify, HeightClasses, HeightQuery, HeightsAs, Reclassify};
+pub use noise::ClassifyNoise;
+pub(super) use operand::column;
+pub use overlap::Overlap;
+pub use poisson::PoissonSampling;
+pub use reproject::Reproject;
+pub use sort::Sort;
+pub use thin::{CellThinning, KEPT, ThinningRule};
+pub use r#where::Where;
+
+/// Most stages of a chain: records pass through all of them at once.
+const MAX_STAGES: usize = 64;
+
+/// How far around a point a stage has to look.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum StageReach {
+    /// At the points within this distance in x and y, in world units.
+    Within(f64),
+    /// At statistics of the whole point cloud, which a plan computes once.
+    Statistics,
+    /// Anywhere, for this reason.
+    Cloud(&'static str),
+}
+
+/// A step of a job on points.
+pub(super) trait Stage {
+    /// The option that asks for it.
+    fn option(&self) -> &'static str;
+
+    /// How far around a point it has to look.
+    ///
+    /// # Errors
+    /// Distances without a unit of length.
+    fn reach(&self, _: &CloudInfo) -> Result<StageReach> {
+        Ok(StageReach::Within(0.0))
+    }
+
+    /// Whether it compares or changes positions. Without such stages, coordinates may lie anywhere.
+    fn is_spatial(&self) -> bool {
+        true
+    }
+
+    /// Whether it drops duplicates and nothing else. They do not hinder a search for the ground among more points.
+    fn drops_duplicates(&self) -> bool {
+        false
+    }
+
+    /// Bytes of memory for `points` of a point cloud, and for each thread.
+    fn needed(&self, _info: &CloudInfo, _points: u64) -> [u64; 2] {
+        [0; 2]
+    }
+
+    /// The dimension that it adds to the records, if any.
+    fn dimension(&self) -> Option<NewDimension> {
+        None
+    }
+
+    /// The same with what depends on the extent of the whole point cloud.
+    fn over(&self, _: &CloudInfo) -> Option<AnyStage> {
+        None
+    }
+
+    /// The stage for records of an input.
+    ///
+    /// # Errors
+    /// Options that the records do not support.
+    fn open(&self, input: &StageInput<'_>) -> Result<Box<dyn OpenStage>>;
+}
+
+/// The records that a stage gets.
+#[derive(Clone, Copy)]
+pub(super) struct StageInput<'a> {
+    /// Frame, bounds and CRS.
+    pub(super) info: &'a CloudInfo,
+    pub(super) format: PointFormat,
+    /// Their columns except the coordinates.
+    pub(super) columns: &'a [PointColumn],
+    /// How the output is packed.
+    pub(super) packing: PointPacking,
+    pub(super) job: &'a super::TranslateJob,
+}
+
+/// A stage whose options are checked.
+pub(super) trait OpenStage: Send + Sync {
+    /// Frame, bounds and CRS of its output, if not those of its input.
+    fn output(&self) -> Option<CloudInfo> {
+        None
+    }
+
+    /// The report on a reprojection.
+    fn transformed(&self) -> Option<Transformed> {
+        None
+    }
+
+    /// The records that it makes of others.
+    ///
+    /// # Errors
+    /// Records that cannot be read; values that do not fit.
+    fn apply<'r>(
+        &'r self,
+        records: &'r dyn PointRecords,
+        around: &StageContext<'r>,
+    ) -> Result<StageOutput<'r>>;
+}
+
+/// The records that a stage makes, and notes, one line each.
+pub(super) struct StageOutput<'r> {
+    pub(super) records: Box<dyn PointRecords + 'r>,
+    pub(super) notes: Vec<String>,
+}
+
+impl<'r> StageOutput<'r> {
+    /// Without notes.
+    pub(super) fn new(records: impl PointRecords + 'r) -> Self {
+        Self { records: Box::new(records), notes: Vec::new() }
+    }
+}
+
+/// What a stage works with.
+#[derive(Clone, Copy)]
+pub(super) struct StageContext<'a> {
+    pub(super) work: &'a TranslateContext<'a>,
+    /// Frame, bounds and CRS of the records.
+    pub(super) info: &'a CloudInfo,
+    /// The stages before it.
+    pub(super) before: &'a [ChainLink],
+}
+
+/// A stage of a chain.
+pub(super) struct ChainLink {
+    stage: Box<dyn OpenStage>,
+    /// Frame, bounds and CRS of its input.
+    info: CloudInfo,
+    drops_duplicates: bool,
+}
+
+/// Stages, each for the output of the one before.
+pub(super) struct StageChain {
+    links: Vec<ChainLink>,
+    /// Frame, bounds and CRS of the last output.
+    pub(super) output: CloudInfo,
+}
+
+impl StageChain {
+    /// The chain of some stages.
+    ///
+    /// # Errors
+    /// As [`Stage::open`]; too many stages.
+    pub(super) fn open(stages: &[AnyStage], input: StageInput<'_>) -> Result<Self> {
+        if stages.len() > MAX_STAGES {
+            return Err(Error::usage(format!(
+                "{} stages exceed the limit of {MAX_STAGES}",
+                stages.len()
+            ))
+            .remedy("run some of them, and the others on the output"));
+        }
+        let mut chain = Self { links: Vec::new(), output: input.info.clone() };
+        for stage in stages.iter().map(AnyStage::stage) {
+            let opened = stage.open(&StageInput { info: &chain.output, ..input })?;
+            let output = opened.output().unwrap_or_else(|| chain.output.clone());
+            let info = std::mem::replace(&mut chain.output, output);
+            let drops_duplicates = stage.drops_duplicates();
+            chain.links.push(ChainLink { stage: opened, info, drops_duplicates });
+        }
+        Ok(chain)
+    }
+
+    /// Frame, bounds and CRS of the input of a stage.
+    pub(super) fn input(&self, number: usize) -> &CloudInfo {
+        &self.links[number].info
+    }
+
+    /// The report on its last reprojection.
+    pub(super) fn transformed(&self) -> Option<Transformed> {
+        self.links.iter().rev().find_map(|link| link.stage.transformed())
+    }
+
+    /// Passes records through all stages, and the result to `act`; notes are added.
+    ///
+    /// # Errors
+    /// Those of the stages and of `act`.
+    pub(super) fn run<T>(
+        &self,
+        records: &dyn PointRecords,
+        work: &TranslateContext<'_>,
+        notes: &mut Vec<String>,
+        act: impl FnOnce(&dyn PointRecords) -> Result<T>,
+    ) -> Result<T> {
+        run(&self.links, 0, false, records, work, notes, act)
+    }
+
+    /// What a stage works with.
+    pub(super) fn context<'a>(
+        &'a self,
+        number: usize,
+        work: &'a TranslateContext<'a>,
+    ) -> StageContext<'a> {
+        StageContext { work, info: &self.links[number].info, before: &self.links[..number] }
+    }
+}
+
+/// Passes records through the stages from number `next` on, but for the removal of duplicates if it
+/// `keeps_duplicates`.
+fn run<T>(
+    links: &[ChainLink],
+    next: usize,
+    keeps_duplicates: bool,
+    records: &dyn PointRecords,
+    work: &TranslateContext<'_>,
+    notes: &mut Vec<String>,
+    act: impl FnOnce(&dyn PointRecords) -> Result<T>,
+) -> Result<T> {
+    let Some(ChainLink { stage, info, drops_duplicates }) = links.get(next) else {
+        return act(records);
+    };
+    if *drops_duplicates && keeps_duplicates {
+        return run(links, next + 1, keeps_duplicates, records, work, notes, act);
+    }
+    let made = stage.apply(records, &StageContext { work, info, before: &links[..next] })?;
+    notes.extend(made.notes);
+    run(links, next + 1, keeps_duplicates, &*made.records, work, notes, act)
+}
+
+impl StageContext<'_> {
+    /// Passes other records through the stages before this one, but for the removal of duplicates if it
+    /// `keeps_duplicates`.
+    ///
+    /// # Errors
+    /// As [`StageChain::run`].
+    pub(super) fn run_before<T>(
+        &self,
+        keeps_duplicates: bool,
+        records: &dyn PointRecords,
+        act: impl FnOnce(&dyn PointRecords) -> Result<T>,
+    ) -> Result<T> {
+        run(self.before, 0, keeps_duplicates, records, self.work, &mut Vec::new(), act)
+    }
+
+    /// The best record of each group.
+    pub(super) fn select<'r>(
+        &self,
+        records: &'r dyn PointRecords,
+        choice: &dyn RecordRanking,
+        progress: &str,
+    ) -> Result<ChosenRecords<'r>> {
+        let TranslateContext { at, shares, .. } = self.work;
+        at.progress.begin(progress, total(records));
+        let (flow, memory) = (shares.flow, shares.marks);
+        let chosen = ChosenRecords::new(records, choice, flow, memory, self.work.folder(), *at)?;
+        at.progress.end();
+        Ok(chosen)
+    }
+}
+
+/// A name of stages.
+pub struct StageName {
+    /// The name.
+    pub name: &'static str,
+    /// What follows it after a colon, if anything may.
+    pub arguments: &'static str,
+    /// What the stage does.
+    pub about: &'static str,
+    parse: fn(&str) -> std::result::Result<AnyStage, String>,
+}
+
+impl StageName {
+    const fn of<S: FromStr + Into<AnyStage>>(
+        name: &'static str,
+        arguments: &'static str,
+        about: &'static str,
+    ) -> Self
+    where
+        S::Err: fmt::Display,
+    {
+        Self { name, arguments, about, parse: parse::<S> }
+    }
+}
+
+fn parse<S>(arguments: &str) -> std::result::Result<AnyStage, String>
+where
+    S: FromStr + Into<AnyStage>,
+    S::Err: fmt::Display,
+{
+    arguments.parse::<S>().map(Into::into).map_err(|error| error.to_string())
+}
+
+/// The kinds of stages: each type has its `NAMES`.
+macro_rules! stages {
+    ($($kind:ident),* $(,)?) => {
+        /// A stage of any kind.
+        #[allow(missing_docs)]
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        pub enum AnyStage {
+            $($kind($kind),)*
+        }
+
+        $(impl From<$kind> for AnyStage {
+            fn from(stage: $kind) -> Self {
+                Self::$kind(stage)
+            }
+        })*
+
+        impl AnyStage {
+            pub(super) fn stage(&self) -> &dyn Stage {
+                match self {
+                    $(Self::$kind(stage) => stage,)*
+                }
+            }
+        }
+
+        /// The names of all kinds.
+        const NAMES: &[&[StageName]] = &[$(&$kind::NAMES,)*];
+    };
+}
+
+stages![
+    Dedupe,
+    ClassifyNoise,
+    HeightQuery,
+    Assignments,
+    Where,
+    Overlap,
+    CellThinning,
+    PoissonSampling,
+    Reproject,
+    Sort,
+];
+
+/// All stages, by name.
+pub fn stage_names() -> impl Iterator<Item = &'static StageName> + Clone {
+    NAMES.iter().copied().flatten()
+}
+
+/// A stage as written: its name, then its arguments after a colon.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StageText {
+    text: String,
+    stage: AnyStage,
+}
+
+impl StageText {
+    /// The stage.
+    pub fn stage(&self) -> &AnyStage {
+        &self.stage
+    }
+}
+
+impl FromStr for StageText {
+    type Err = String;
+
+    /// "dedupe", "thin:2.5:lowest", "where:classification = 2".
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let (name, arguments) = text.split_once(':').unwrap_or((text, ""));
+        let known = stage_names().find(|known| known.name == name.trim()).ok_or_else(|| {
+            let names: Vec<_> = stage_names().map(|known| known.name).collect();
+            format!("expected one of {}, not {name}", names.join(", "))
+        })?;
+        let stage = (known.parse)(arguments.trim()).map_err(|what| format!("{name}: {what}"))?;
+        Ok(Self { text: text.to_owned(), stage })
+    }
+}
+
+impl fmt::Display for StageText {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}

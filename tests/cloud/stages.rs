@@ -1,0 +1,255 @@
+//! Stages: as the short options that stand for them, as obvious twins, in any order, and by plan.
+
+use std::path::Path;
+
+use terrane_engine::Resources;
+use terrane_lidar::points::plan::{PlanPointsJob, plan_points};
+use terrane_lidar::points::{
+    AnyStage, HeightsAs, Overlap, PointTiling, PointsOptions, Sort, StageText, TranslateJob,
+    stage_names,
+};
+
+use crate::above;
+use crate::cloud_support::Place;
+use crate::noise_plan::{files, planned};
+use crate::translate::{job, number, run, whole};
+
+/// A survey with buildings and trees, times and flight lines.
+fn survey(place: &Place) -> String {
+    above::survey(place, "cloud,size=60,density=6,seed=5", 6, "survey.laz")
+}
+
+fn stage(text: &str) -> AnyStage {
+    text.parse::<StageText>().unwrap().stage().clone()
+}
+
+fn chain(job: TranslateJob, texts: &[&str]) -> TranslateJob {
+    job.stages(texts.iter().map(|text| stage(text)))
+}
+
+/// Options, and the stages that they stand for.
+type Short = (fn(&mut PointsOptions), &'static [&'static str]);
+
+const SHORT: &[Short] = &[
+    (|o| o.dedupe = true, &["dedupe"]),
+    (|o| o.classify = vec!["noise".parse().unwrap()], &["noise"]),
+    (
+        |o| o.classify = vec!["noise:voxel:step=2,isolated=3".parse().unwrap()],
+        &["noise:voxel:step=2,isolated=3"],
+    ),
+    (
+        |o| {
+            o.classify = vec!["ground:reclassify=9".parse().unwrap()];
+            o.ground = "csf:cloth=1.5".parse().unwrap();
+        },
+        &["ground:csf:cloth=1.5:reclassify=9"],
+    ),
+    (|o| o.height_above_ground = Some(HeightsAs::Dimension), &["height-above-ground"]),
+    (|o| o.height_above_ground = Some(HeightsAs::Z), &["height-above-ground:z"]),
+    (|o| o.classify = vec!["height:3=0.5,5=4".parse().unwrap()], &["height-classes:3=0.5,5=4"]),
+    (
+        |o| {
+            let formulas = ["user_data = 3", "intensity = user_data * 2"];
+            o.attribute = formulas.iter().map(|text| text.parse().unwrap()).collect();
+        },
+        &["assign:user_data = 3", "assign:intensity = user_data * 2"],
+    ),
+    (|o| o.drop_overlap = Some(Overlap { cell: Some(3.0) }), &["drop-overlap:3"]),
+    (|o| o.drop_overlap = Some(Overlap { cell: None }), &["drop-overlap"]),
+    (|o| o.thin = Some("1.5:lowest".parse().unwrap()), &["thin:1.5:lowest"]),
+    (|o| o.thin_distance = Some(0.7), &["poisson:0.7"]),
+    (|o| o.reprojection.to_crs = Some("EPSG:4326".to_owned()), &["reproject:EPSG:4326"]),
+    (|o| o.sort = Some(Sort::Morton), &["sort:morton"]),
+    (
+        |o| {
+            (o.dedupe, o.height_above_ground) = (true, Some(HeightsAs::Dimension));
+            o.classify = ["noise", "ground"].map(|text| text.parse().unwrap()).into();
+            o.ground = "csf".parse().unwrap();
+            o.attribute = vec!["user_data = 1".parse().unwrap()];
+            (o.thin, o.sort) = (Some("1".parse().unwrap()), Some(Sort::Time));
+        },
+        // Heights in a later stage are those of one: the points of class 2 are the ground that was found.
+        &[
+            "dedupe",
+            "noise",
+            "ground:csf",
+            "where:z > -1000",
+            "height-above-ground",
+            "assign:user_data = 1",
+            "thin:1",
+            "sort:time",
+        ],
+    ),
+];
+
+#[test]
+fn short_options_are_stages() {
+    let place = Place::new();
+    let input = survey(&place);
+    let output = place.path().join("out.las");
+    for (number, (set, stages)) in SHORT.iter().enumerate() {
+        let made = |set: &dyn Fn(&mut PointsOptions)| {
+            let mut options = PointsOptions::default();
+            options.replacing.overwrite = true;
+            set(&mut options);
+            run(&options.job(&[input.clone()], &output).unwrap()).unwrap();
+            std::fs::read(&output).unwrap()
+        };
+        let expected = made(set);
+        let found = made(&|o| o.stage = stages.iter().map(|text| text.parse().unwrap()).collect());
+        assert!(found == expected, "{number}: {stages:?}");
+        assert!(found != std::fs::read(&input).unwrap());
+    }
+    let names = SHORT.iter().flat_map(|(_, stages)| *stages);
+    let tried: Vec<_> = names.map(|text| text.split(':').next().unwrap()).collect();
+    let untried = stage_names().find(|known| known.name != "where" && !tried.contains(&known.name));
+    assert!(untried.is_none(), "{:?}", untried.map(|known| known.name));
+}
+
+#[test]
+fn conditions_see_what_the_stages_before_them_made() {
+    let place = Place::new();
+    let input = survey(&place);
+    let output = place.path().join("out.las");
+    let with_heights = chain(job(&[&input], &output), &["height-above-ground"]);
+    run(&with_heights).unwrap();
+    let all = whole(&output).records;
+    let height = |record: &[u8]| i32::from_le_bytes(number(record, record.len() - 4));
+    // A height of one unit is 100 steps, and points without a height are neither above nor below.
+    let is_high = |record: &&Vec<u8>| height(record) > 200 && record[16] != 6;
+    let expected: Vec<_> = all.iter().filter(is_high).cloned().collect();
+    let texts = ["height-above-ground", "where:HeightAboveGround > 2 and classification != 6"];
+    run(&chain(job(&[&input], &output), &texts)).unwrap();
+    assert!(
+        whole(&output).records == expected && expected.len() > 100 && expected.len() < all.len()
+    );
+
+    // Before other stages, it takes from them what it drops.
+    let few = ["where:classification = 2", "thin:5:highest"];
+    run(&chain(job(&[&input], &output), &few)).unwrap();
+    assert!(whole(&output).records.iter().all(|record| record[16] == 2));
+}
+
+/// A chain of random stages.
+fn random_chain(state: &mut u64) -> Vec<&'static str> {
+    const ALL: &[&str] = &[
+        "dedupe",
+        "noise",
+        "noise:statistical:k=6,m=2",
+        "ground:pmf",
+        "ground:csf",
+        "height-above-ground",
+        "height-classes",
+        "assign:user_data = 2 * classification",
+        "assign:intensity = 7",
+        "where:z > 3",
+        "where:user_data < 5",
+        "drop-overlap:2",
+        "thin:1.5:lowest",
+        "thin:0.8:random=3",
+        "poisson:0.6",
+        "reproject:EPSG:32633",
+        "sort:morton",
+        "sort:time",
+    ];
+    let mut below = |count: usize| {
+        *state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (*state >> 33) as usize % count
+    };
+    (0..1 + below(5)).map(|_| ALL[below(ALL.len())]).collect()
+}
+
+#[test]
+fn random_chains_are_the_same_by_threads_memory_and_plan() {
+    let place = Place::new();
+    let input = survey(&place);
+    let (mut state, mut planned_chains) = (1, 0);
+    for number in 0..24 {
+        let texts = random_chain(&mut state);
+        let output = place.path().join("out.las");
+        let mut expected = None;
+        for (threads, memory) in [(1, 192), (3, 1024)] {
+            let resources = Resources { threads, memory: memory << 20, temp_dir: None };
+            let job = TranslateJob { resources, ..job(&[&input], &output) };
+            let told = run(&chain(job, &texts)).map(|_| std::fs::read(&output).unwrap());
+            let found = told.map_err(|error| error.to_string());
+            let before: &Result<Vec<u8>, String> = expected.get_or_insert_with(|| found.clone());
+            let errors = [&found, &before].map(|told| told.as_ref().err().cloned());
+            assert!(found == *before, "{texts:?} {threads} {memory}: {errors:?}");
+        }
+        if !expected.is_some_and(|found| found.is_ok()) {
+            continue;
+        }
+        let squares = PointTiling { side: 17.0, buffer: 2.0, flag: Default::default() };
+        let folder = place.path().join(format!("whole{number}"));
+        let whole = TranslateJob { squares: Some((squares, true)), ..job(&[&input], &folder) };
+        let whole = chain(whole, &texts);
+        let work = place.path().join(format!("work{number}"));
+        if is_planned(&whole, &work) {
+            run(&whole).unwrap();
+            planned(&whole, &work, 2);
+            assert!(files(&work.join("points")) == files(&folder), "{texts:?}");
+            planned_chains += 1;
+        }
+    }
+    assert!(planned_chains > 5, "{planned_chains}");
+}
+
+/// Whether a plan takes a job; it says what it does not take.
+fn is_planned(job: &TranslateJob, folder: &Path) -> bool {
+    let plan = PlanPointsJob {
+        job: job.clone(),
+        folder: folder.with_extension("tried"),
+        cut: Some(2),
+        skipped: vec![],
+    };
+    match plan_points(&plan, &terrane_engine::Silent, &Default::default()) {
+        Ok(_) => true,
+        Err(error) => {
+            let text = error.to_string();
+            assert!(text.contains("`plan points`"), "{text}");
+            false
+        }
+    }
+}
+
+#[test]
+fn what_is_no_stage_is_refused() {
+    for (text, told) in [
+        ("", "expected one of dedupe"),
+        ("thin", "thin: expected CELL"),
+        ("thin:0", "thin: expected CELL"),
+        ("Thin:1", "expected one of"),
+        ("dedupe:1", "dedupe: it takes nothing"),
+        ("where:", "where: "),
+        ("where:z", "not a condition"),
+        ("assign:z = 3", "coordinate"),
+        ("poisson:-1", "poisson: expected a distance"),
+        ("reproject", "reproject: expected a CRS"),
+        ("sort", "expected morton or time"),
+        ("noise:best", "noise: "),
+        ("ground:best", "ground: "),
+        ("ground:csf:reclassify=7", "noise and cannot become ground"),
+        ("height-above-ground:w", "expected dimension or z"),
+        ("height-classes:3", "height-classes: "),
+        ("drop-overlap:x", "drop-overlap: expected a number"),
+    ] {
+        let error = text.parse::<StageText>().unwrap_err();
+        assert!(error.contains(told), "{text}: {error}");
+    }
+    let place = Place::new();
+    let input = survey(&place);
+    let output = place.path().join("out.laz");
+    for (texts, told) in [
+        (&["where:colour = 3"][..], "no attribute"),
+        (&["where:HeightAboveGround > 1", "thin:2"], "no attribute"),
+        (&["thin:0.0001"], "smaller than the coordinate resolution"),
+        (&["reproject:EPSG:4326", "poisson:1"], "requires projected coordinates"),
+        (&["dedupe"; 65], "65 stages exceed the limit of 64"),
+    ] {
+        let error = run(&chain(job(&[&input], &output), texts)).unwrap_err();
+        assert!(error.to_string().contains(told), "{texts:?}: {error}");
+        assert!(!output.exists());
+    }
+}
