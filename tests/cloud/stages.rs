@@ -92,7 +92,7 @@ fn short_options_are_stages() {
             let mut options = PointsOptions::default();
             options.replacing.overwrite = true;
             set(&mut options);
-            run(&options.job(&[input.clone()], &output).unwrap()).unwrap();
+            run(&options.job(std::slice::from_ref(&input), &output).unwrap()).unwrap();
             std::fs::read(&output).unwrap()
         };
         let expected = made(set);
@@ -175,10 +175,10 @@ fn random_chains_are_the_same_by_threads_memory_and_plan() {
             let told = run(&chain(job, &texts)).map(|_| std::fs::read(&output).unwrap());
             let found = told.map_err(|error| error.to_string());
             let before: &Result<Vec<u8>, String> = expected.get_or_insert_with(|| found.clone());
-            let errors = [&found, &before].map(|told| told.as_ref().err().cloned());
+            let errors = [&found, before].map(|told| told.as_ref().err().cloned());
             assert!(found == *before, "{texts:?} {threads} {memory}: {errors:?}");
         }
-        if !expected.is_some_and(|found| found.is_ok()) {
+        if expected.is_none_or(|found| found.is_err()) {
             continue;
         }
         let squares = PointTiling { side: 17.0, buffer: 2.0, flag: Default::default() };
