@@ -2,15 +2,17 @@
 
 use std::path::Path;
 
+use terrane_cloud::{CloudFilter, CloudOpenOptions};
 use terrane_engine::Resources;
+use terrane_lidar::grid::GroundFrom;
 use terrane_lidar::points::plan::{PlanPointsJob, plan_points};
 use terrane_lidar::points::{
-    AnyStage, HeightsAs, Overlap, PointTiling, PointsOptions, Sort, StageText, TranslateJob,
-    stage_names,
+    AnyStage, CellThinning, Dedupe, HeightQuery, HeightsAs, Overlap, PointTiling, PointsOptions,
+    Sort, StageText, TranslateJob, stage_names,
 };
 
 use crate::above;
-use crate::cloud_support::Place;
+use crate::cloud_support::{Made, Packing, Place};
 use crate::noise_plan::{files, planned};
 use crate::translate::{job, number, run, whole};
 
@@ -246,10 +248,64 @@ fn what_is_no_stage_is_refused() {
         (&["where:HeightAboveGround > 1", "thin:2"], "no attribute"),
         (&["thin:0.0001"], "smaller than the coordinate resolution"),
         (&["reproject:EPSG:4326", "poisson:1"], "requires projected coordinates"),
+        (&["where:HeightAboveGround > 2 or z > 0", "height-above-ground"], "no attribute"),
+        (&["where:classification != 2", "height-above-ground"], "no points of class 2"),
         (&["dedupe"; 65], "65 stages exceed the limit of 64"),
     ] {
         let error = run(&chain(job(&[&input], &output), texts)).unwrap_err();
         assert!(error.to_string().contains(told), "{texts:?}: {error}");
         assert!(!output.exists());
     }
+}
+
+#[test]
+fn heights_of_heights_are_those_of_two_runs() {
+    let place = Place::new();
+    // Far from the origin of the coordinates, with an offset of z, which heights do not have.
+    let input = above::survey(&place, "cloud,size=60,density=6,seed=5", 6, "survey.las");
+    let mut bytes = std::fs::read(&input).unwrap();
+    // Offset, highest and lowest z of the header.
+    for at in [171, 211, 219] {
+        let z = f64::from_le_bytes(*bytes[at..].first_chunk().unwrap());
+        bytes[at..at + 8].copy_from_slice(&(z + 100.0).to_le_bytes());
+    }
+    std::fs::write(&input, bytes).unwrap();
+    let [first, twice, once] = ["1.las", "2.las", "3.las"].map(|name| place.path().join(name));
+    run(&chain(job(&[&input], &first), &["height-above-ground:z"])).unwrap();
+    run(&chain(job(&[first.to_str().unwrap()], &twice), &["height-classes"])).unwrap();
+    run(&chain(job(&[&input], &once), &["height-above-ground:z", "height-classes"])).unwrap();
+    assert!(whole(&once).records == whole(&twice).records);
+    assert!(whole(&once).records.iter().any(|record| record[16] == 5));
+}
+
+#[test]
+fn duplicates_of_other_classes_may_be_ground() {
+    let place = Place::new();
+    let made = Made::new(6, Packing::Fixed(700), 3_000);
+    let records = (0..3_000).flat_map(|i| {
+        let at = [i % 60 * 90, i / 60 * 90, i * 31 % 97];
+        // The first is kept, and the second is ground.
+        [1, 2].map(|class| {
+            let mut record = made.records[0].clone();
+            record[..12].copy_from_slice(at.map(i32::to_le_bytes).as_flattened());
+            (record[14], record[15], record[16]) = (0x11, 0, class);
+            record
+        })
+    });
+    let input = place.write("in.laz", &Made { records: records.collect(), ..made.clone() }.bytes());
+    let output = place.path().join("out.las");
+    let cloud = CloudOpenOptions {
+        filter: CloudFilter { classes: Some(vec![1]), ..CloudFilter::default() },
+        ..CloudOpenOptions::default()
+    };
+    let asked = HeightQuery { heights: Some(HeightsAs::Dimension), ..HeightQuery::default() };
+    let job = TranslateJob { cloud, ..job(&[&input], &output) };
+    let report = run(&job.clone().stage(Dedupe).classify(asked.clone())).unwrap();
+    let told = "ground: 3000 points of class 2".to_owned();
+    assert!(report.points == 3_000 && report.notes.contains(&told), "{:?}", report.notes);
+    // After a choice among them, the ground is among those that are left.
+    let error = run(&job
+        .stage("9".parse::<CellThinning>().unwrap())
+        .classify(HeightQuery { from: GroundFrom::Class, ..asked }));
+    assert!(error.unwrap_err().to_string().contains("no points of class 2"));
 }

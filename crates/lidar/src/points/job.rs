@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::split::AttributeSplit;
-use super::stages::{AnyStage, Classify, ClassifyNoise, HeightQuery, HeightsAs, StageReach};
+use super::stages::{AnyStage, Classify, ClassifyNoise, HeightQuery, StageReach};
 use super::tiled_output::PointTiling;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::write::{PointPacking, packing_by_name};
@@ -173,14 +173,6 @@ impl TranslateJob {
     /// Whether no step depends on the positions of several points.
     fn is_copy(&self) -> bool {
         self.squares.is_none() && !self.stages.iter().any(|stage| stage.stage().is_spatial())
-    }
-
-    /// How heights above ground are stored.
-    pub(super) fn heights(&self) -> impl Iterator<Item = HeightsAs> + '_ {
-        self.stages.iter().filter_map(|stage| match stage {
-            AnyStage::HeightQuery(query) => query.heights,
-            _ => None,
-        })
     }
 
     /// The dimensions that stages add to the records.

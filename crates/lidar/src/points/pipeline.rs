@@ -1,11 +1,13 @@
 //! Stages from a file of JSON: a list of stages, or a pipeline of PDAL. Filters that both programs have are read, with
 //! the defaults of PDAL; everything else is refused by name.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 use serde_json::{Map, Value};
 
-use super::stages::{AnyStage, StageText};
+use super::stages::{AnyStage, StageText, stage_names};
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
@@ -21,6 +23,30 @@ struct PipelineFilter {
     stages: fn(&[String]) -> std::result::Result<Vec<String>, String>,
 }
 
+/// The points that the ground filters leave out, as terrane always does.
+const NOISE: (&str, &str) = ("ignore", "Classification[7:7]");
+
+/// Fails for other points to be left out than noise.
+fn refuse_ignored(limits: &str) -> std::result::Result<(), String> {
+    let is_noise = |limit: &str| {
+        let limit = limit.trim();
+        limit.is_empty() || limit == NOISE.1 || limit == "Classification[18:18]"
+    };
+    match limits.split(',').all(is_noise) {
+        true => Ok(()),
+        false => Err(format!("\"ignore\" of {limits:?} is not supported; noise is always ignored")),
+    }
+}
+
+/// Parameters of a method: names and numbers.
+fn parameters(names: &[&str], values: &[String]) -> std::result::Result<String, String> {
+    let all = names.iter().zip(values).map(|(name, value)| match value.parse::<f64>() {
+        Ok(number) if number.is_finite() => Ok(format!("{name}={number}")),
+        _ => Err(format!("{value:?} is not a number")),
+    });
+    Ok(all.collect::<std::result::Result<Vec<_>, String>>()?.join(","))
+}
+
 /// The filters that are read.
 const FILTERS: &[PipelineFilter] = &[
     PipelineFilter {
@@ -30,12 +56,11 @@ const FILTERS: &[PipelineFilter] = &[
     },
     PipelineFilter {
         name: "filters.csf",
-        options: &[("resolution", "1"), ("rigidness", "3"), ("threshold", "0.5")],
+        options: &[("resolution", "1"), ("rigidness", "3"), ("threshold", "0.5"), NOISE],
         stages: |values| {
-            let [cloth, rigidness, threshold] = values else { return Ok(Vec::new()) };
-            Ok(vec![format!(
-                "ground:csf:cloth={cloth},rigidness={rigidness},threshold={threshold}"
-            )])
+            let names = ["cloth", "rigidness", "threshold"];
+            refuse_ignored(&values[3])?;
+            Ok(vec![format!("ground:csf:{}", parameters(&names, values)?)])
         },
     },
     PipelineFilter {
@@ -59,8 +84,9 @@ const FILTERS: &[PipelineFilter] = &[
         name: "filters.outlier",
         options: &[("method", "statistical"), ("mean_k", "8"), ("multiplier", "2"), ("class", "7")],
         stages: |values| match values {
-            [method, k, m, class] if method.eq_ignore_ascii_case("statistical") => {
-                Ok(vec![format!("noise:statistical:k={k},m={m},class={class}")])
+            [method, numbers @ ..] if method.eq_ignore_ascii_case("statistical") => {
+                let names = ["k", "m", "class"];
+                Ok(vec![format!("noise:statistical:{}", parameters(&names, numbers)?)])
             }
             _ => Err(format!("method {:?} is not supported; write statistical", values[0])),
         },
@@ -77,7 +103,7 @@ const FILTERS: &[PipelineFilter] = &[
     },
     PipelineFilter {
         name: "filters.sample",
-        options: &[("radius", "1")],
+        options: &[("radius", "")],
         stages: |values| Ok(vec![format!("poisson:{}", values[0])]),
     },
     PipelineFilter {
@@ -88,11 +114,12 @@ const FILTERS: &[PipelineFilter] = &[
             ("slope", "0.15"),
             ("threshold", "0.5"),
             ("window", "18"),
+            NOISE,
         ],
         stages: |values| {
-            let keys = ["cell", "scalar", "slope", "threshold", "window"].iter().zip(values);
-            let parameters: Vec<_> = keys.map(|(key, value)| format!("{key}={value}")).collect();
-            Ok(vec![format!("ground:smrf:{}", parameters.join(","))])
+            let names = ["cell", "scalar", "slope", "threshold", "window"];
+            refuse_ignored(&values[5])?;
+            Ok(vec![format!("ground:smrf:{}", parameters(&names, values)?)])
         },
     },
     PipelineFilter {
@@ -112,14 +139,15 @@ const FILTERS: &[PipelineFilter] = &[
 /// place in the list.
 pub(super) fn read(path: &Path) -> Result<Vec<AnyStage>> {
     let fail = |e| Error::read(path, e);
-    let bytes = std::fs::metadata(path).map_err(fail)?.len();
-    limits::check("the size of the pipeline in bytes", bytes, MAX_BYTES)
+    let mut text = String::new();
+    let file = File::open(path).map_err(fail)?;
+    let bytes = file.take(MAX_BYTES + 1).read_to_string(&mut text).map_err(fail)?;
+    limits::check("the size of the pipeline in bytes", bytes as u64, MAX_BYTES)
         .map_err(|e| e.in_file(path))?;
-    let text = std::fs::read_to_string(path).map_err(fail)?;
     let json: Value =
         serde_json::from_str(&text).map_err(|e| Error::bad_input(e.to_string()).in_file(path))?;
     let list = match &json {
-        Value::Object(whole) => whole.get("pipeline").and_then(Value::as_array),
+        Value::Object(whole) if whole.len() == 1 => whole.get("pipeline").and_then(Value::as_array),
         whole => whole.as_array(),
     };
     let list = list.ok_or_else(|| {
@@ -155,7 +183,8 @@ fn stages_of(step: &Value) -> std::result::Result<Vec<AnyStage>, String> {
 /// Whether a text names a file: PDAL takes texts for files.
 fn is_file(text: &str) -> bool {
     let name = text.split(':').next().unwrap_or_default();
-    name.contains(['.', '/', '\\', '*'])
+    let is_known = stage_names().any(|known| known.name == name.trim());
+    !is_known && text.contains(['.', '/', '\\', '*'])
 }
 
 /// The stages of a filter of PDAL, as text.
@@ -236,12 +265,12 @@ fn limit_condition(limit: &str) -> Option<(&str, String)> {
     let mut sides = Vec::new();
     for (sign, bound) in [(low_sign, low), (high_sign, high)] {
         if !bound.trim().is_empty() {
-            let bound: f64 = bound.trim().parse().ok()?;
+            let bound = bound.trim().parse().ok().filter(|bound: &f64| bound.is_finite())?;
             sides.push(format!("\"{name}\" {sign} {bound}"));
         }
     }
     let both = sides.join(" and ");
-    let is_valid = !sides.is_empty() && !name.is_empty();
+    let is_valid = !sides.is_empty() && !name.is_empty() && !name.contains('"');
     is_valid.then(|| (name, if is_not { format!("not ({both})") } else { format!("({both})") }))
 }
 
@@ -261,7 +290,7 @@ mod tests {
         let json = r#"{"pipeline": [
             {"type": "filters.outlier", "mean_k": 12},
             {"type": "filters.csf", "resolution": 0.5, "tag": "ground"},
-            {"type": "filters.smrf", "slope": 0.2},
+            {"type": "filters.smrf", "slope": 0.2, "ignore": "Classification[7:7]"},
             {"type": "filters.hag_delaunay"},
             {"type": "filters.assign", "value": ["Classification = 3", "Intensity = Intensity / 2"]},
             {"type": "filters.range", "limits": "Classification[2:2],Z(0:],Classification[3:5)"},
@@ -319,6 +348,12 @@ mod tests {
             ("[{\"type\": \"filters.range\", \"limits\": \"Z[1:x]\"}]", "not a limit"),
             ("[{\"type\": \"filters.range\", \"limits\": \"Z[1:2\"}]", "not a limit"),
             ("[{\"type\": \"filters.sort\", \"dimension\": \"Z\"}]", "GpsTime"),
+            ("[{\"type\": \"filters.sample\"}]", "lacks \"radius\""),
+            ("[{\"type\": \"filters.csf\", \"threshold\": \"0.5:reclassify=9\"}]", "not a number"),
+            ("[{\"type\": \"filters.csf\", \"ignore\": \"Classification[6:6]\"}]", "\"ignore\""),
+            ("[{\"type\": \"filters.range\", \"limits\": \"Z[0:inf]\"}]", "not a limit"),
+            ("[\"C:\\\\data\\\\in.las\"]", "is a file"),
+            ("{\"pipeline\": [], \"stages\": []}", "no list of stages"),
         ] {
             let error = stages(json).unwrap_err().to_string();
             assert!(error.contains(told) && error.contains("pipeline.json"), "{json}: {error}");

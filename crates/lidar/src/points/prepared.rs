@@ -61,8 +61,7 @@ pub(super) fn prepared<T: Send>(
     let packing = job.packing()?;
     let converter = converter(job, cloud)?;
     let (format, columns) = (converter.format(), converter.columns());
-    let input = StageInput { info: converter.info(), format, columns: &columns, packing, job };
-    let chain = StageChain::open(&job.stages, input)?;
+    let chain = chain(job, &converter)?;
     let split = job.split.as_ref().map(|split| SplitColumn::new(split, format, &columns));
     let split = split.transpose()?;
     let source = InputRecords::within(cloud, &converter, subset.map(TileSubset::window))
@@ -170,6 +169,27 @@ impl Prepared<'_> {
             .map(|(number, query)| query.scan(records, &context(number), input.as_ref(), known));
         Ok(CloudKnowledge { seen: seen.transpose()?, noise })
     }
+}
+
+/// The stages of a job.
+///
+/// # Errors
+/// As [`StageChain::open`].
+pub(super) fn chain(
+    job: &TranslateJob,
+    converter: &PointFormatConverter<'_>,
+) -> Result<StageChain> {
+    let info = converter.info();
+    let input = StageInput {
+        info,
+        format: converter.format(),
+        columns: &converter.columns(),
+        packing: job.packing()?,
+        job,
+        is_above_ground: false,
+        height_step: info.frame.scale[2],
+    };
+    StageChain::open(&job.stages, input)
 }
 
 /// The reader of the points of a job.

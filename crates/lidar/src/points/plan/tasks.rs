@@ -11,7 +11,7 @@ use super::manifest::{PlannedTranslateJob, PointTileBlocks, PointTileTask, Point
 use super::report::{PointTileRun, PointTileStatus, PointsWritten};
 use crate::grid::CellSurroundings;
 use crate::points::job::TranslateJob;
-use crate::points::prepared::{converter, prepared};
+use crate::points::prepared::{chain, converter, prepared};
 use crate::points::stages::AnyStage;
 use crate::points::tile_subset::{CloudKnowledge, TileSubset, window};
 use crate::points::tiled_output::{self, Spans};
@@ -52,7 +52,9 @@ impl PointTilesPlan {
         at: RunControl<'_>,
     ) -> Result<(Self, OpenedTranslate)> {
         let mut opened = OpenedTranslate::new(job.clone())?;
-        let info = converter(&opened.job, &opened.cloud)?.info().clone();
+        let converter = converter(&opened.job, &opened.cloud)?;
+        chain(&opened.job, &converter)?;
+        let info = converter.info().clone();
         let mut method = PlannedTranslateJob::of(job, &info)?;
         method.set_files(opened.cloud.files())?;
         opened.job.stages = method.stages.clone();

@@ -150,7 +150,7 @@ struct AssignedRecords<'a> {
     assigning: &'a AttributeAssigner,
     /// Bytes of a record.
     record: usize,
-    /// The point cloud whose parts are the units.
+    /// The input.
     cloud: &'a PointCloud,
 }
 
@@ -159,7 +159,12 @@ impl AssignedRecords<'_> {
         let [x, y, z] = self.assigning.place(record);
         let error = Error::bad_input(what).at(format_args!("the point at {x}, {y}, {z}"));
         let error = error.remedy("change ‹attribute›, or exclude such points with ‹where›");
-        match self.cloud.file_of(unit).and_then(|number| self.cloud.files().get(number)) {
+        let file = self.records.unit(unit).file.map(|file| file.name);
+        let only = || match self.cloud.files() {
+            [only] => Some(only.as_str()),
+            _ => None,
+        };
+        match file.or_else(only) {
             Some(name) => error.in_file(&path_of(name)),
             None => error,
         }

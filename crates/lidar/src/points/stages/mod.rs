@@ -76,6 +76,16 @@ pub(super) trait Stage {
         false
     }
 
+    /// Whether z becomes a height above ground.
+    fn replaces_z(&self) -> bool {
+        false
+    }
+
+    /// Whether it leaves every point where it is, but for duplicates, so that ground can be searched among more points.
+    fn keeps_points(&self) -> bool {
+        self.drops_duplicates()
+    }
+
     /// Bytes of memory for `points` of a point cloud, and for each thread.
     fn needed(&self, _info: &CloudInfo, _points: u64) -> [u64; 2] {
         [0; 2]
@@ -109,6 +119,10 @@ pub(super) struct StageInput<'a> {
     /// How the output is packed.
     pub(super) packing: PointPacking,
     pub(super) job: &'a super::TranslateJob,
+    /// Whether z is a height above ground.
+    pub(super) is_above_ground: bool,
+    /// Step of the heights of added dimensions.
+    pub(super) height_step: f64,
 }
 
 /// A stage whose options are checked.
@@ -163,6 +177,7 @@ pub(super) struct ChainLink {
     /// Frame, bounds and CRS of its input.
     info: CloudInfo,
     drops_duplicates: bool,
+    keeps_points: bool,
 }
 
 /// Stages, each for the output of the one before.
@@ -186,12 +201,26 @@ impl StageChain {
             .remedy("run some of them, and the others on the output"));
         }
         let mut chain = Self { links: Vec::new(), output: input.info.clone() };
-        for stage in stages.iter().map(AnyStage::stage) {
-            let opened = stage.open(&StageInput { info: &chain.output, ..input })?;
+        let mut is_above_ground = input.is_above_ground;
+        for (number, stage) in stages.iter().map(AnyStage::stage).enumerate() {
+            // A dimension has no values before the stage that adds it.
+            let later = stages[number..].iter().filter_map(|stage| stage.stage().dimension());
+            let later: Vec<_> = later.map(|dimension| dimension.name).collect();
+            let earlier = stages[..number].iter().filter_map(|stage| stage.stage().dimension());
+            let earlier: Vec<_> = earlier.map(|dimension| dimension.name).collect();
+            let has_values = |column: &&PointColumn| {
+                earlier.contains(&column.name()) || !later.contains(&column.name())
+            };
+            let columns: Vec<_> = input.columns.iter().filter(has_values).cloned().collect();
+            let info = &chain.output;
+            let opened =
+                stage.open(&StageInput { info, columns: &columns, is_above_ground, ..input })?;
+            is_above_ground |= stage.replaces_z();
             let output = opened.output().unwrap_or_else(|| chain.output.clone());
             let info = std::mem::replace(&mut chain.output, output);
             let drops_duplicates = stage.drops_duplicates();
-            chain.links.push(ChainLink { stage: opened, info, drops_duplicates });
+            let keeps_points = stage.keeps_points();
+            chain.links.push(ChainLink { stage: opened, info, drops_duplicates, keeps_points });
         }
         Ok(chain)
     }
@@ -241,7 +270,7 @@ fn run<T>(
     notes: &mut Vec<String>,
     act: impl FnOnce(&dyn PointRecords) -> Result<T>,
 ) -> Result<T> {
-    let Some(ChainLink { stage, info, drops_duplicates }) = links.get(next) else {
+    let Some(ChainLink { stage, info, drops_duplicates, .. }) = links.get(next) else {
         return act(records);
     };
     if *drops_duplicates && keeps_duplicates {
@@ -253,6 +282,11 @@ fn run<T>(
 }
 
 impl StageContext<'_> {
+    /// Whether the stages before this one keep every point where it is, but for duplicates.
+    pub(super) fn has_all_points(&self) -> bool {
+        self.before.iter().all(|link| link.keeps_points)
+    }
+
     /// Passes other records through the stages before this one, but for the removal of duplicates if it
     /// `keeps_duplicates`.
     ///

@@ -32,7 +32,7 @@ impl FromStr for Overlap {
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         let cell = text.trim().parse().ok().filter(|side: &f64| *side > 0.0 && side.is_finite());
         match (text, cell) {
-            ("" | AUTO, _) => Ok(Self::default()),
+            (AUTO, _) => Ok(Self::default()),
             (_, Some(_)) => Ok(Self { cell }),
             (_, None) => Err("expected a number above 0, or auto".to_owned()),
         }
@@ -49,11 +49,15 @@ impl fmt::Display for Overlap {
 }
 
 impl Overlap {
-    pub(super) const NAMES: [StageName; 1] = [StageName::of::<Self>(
-        "drop-overlap",
-        "[CELL]",
-        "in each cell keep the flight line (point source) with the smallest scan angle",
-    )];
+    pub(super) const NAMES: [StageName; 1] = [StageName {
+        name: "drop-overlap",
+        arguments: "[CELL]",
+        about: "in each cell keep the flight line (point source) with the smallest scan angle",
+        parse: |text| match text {
+            "" => Ok(Self::default().into()),
+            _ => text.parse::<Self>().map(Into::into),
+        },
+    }];
 
     /// The side of cells over a cloud.
     fn side(&self, info: &CloudInfo) -> f64 {

@@ -5,7 +5,6 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput, StageReach};
-use crate::points::stages::ground::HeightsAs;
 use crate::records::selection::place;
 use crate::records::{PointRecords, RecordUnit, Take};
 use terrane_base::error::{Error, Result};
@@ -51,13 +50,13 @@ impl Stage for Reproject {
         Ok(StageReach::Cloud("a tile in the target CRS needs all points"))
     }
 
-    fn open(&self, StageInput { info, job, .. }: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {
+    fn open(&self, input: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {
+        let StageInput { info, job, .. } = *input;
         let corners = info.bounds.map(|ends| ends.map(|point| info.frame.world(point)));
         let extent = corners.map(|[low, high]| [low[0], low[1], high[0], high[1]]);
         let name = job.input.first().map(|name| path_of(name).into_owned()).unwrap_or_default();
         let operation = self.0.operation(&name, &info.crs, extent, &job.resources)?;
-        let is_above = job.heights().any(|heights| heights == HeightsAs::Z);
-        if is_above && !operation.keeps_heights() {
+        if input.is_above_ground && !operation.keeps_heights() {
             return Err(Error::usage(
                 "heights above ground do not support a change of the vertical CRS",
             )

@@ -14,9 +14,10 @@ use crate::points::stages::noise::noise_index::Noise;
 use crate::points::tile_subset::TileSubset;
 use crate::records::{PointRecords, over};
 use terrane_base::error::Result;
+use terrane_base::geom::{Point, PointFrame};
 use terrane_cloud::{
-    CloudFilter, CloudOpenOptions, LasOutputFormat, NewDimension, NewDimensionValue, PointCloud,
-    PointFormatConverter,
+    CloudFilter, CloudInfo, CloudOpenOptions, LasOutputFormat, NewDimension, NewDimensionValue,
+    PointCloud, PointFormatConverter,
 };
 use terrane_delaunay::SiteWindow;
 
@@ -66,14 +67,19 @@ impl HeightQuery {
         records: &'r dyn PointRecords,
         around: &StageContext<'r>,
     ) -> Result<AnnotatedRecords<'r>> {
-        let (work, search) = (around.work, self.search(around));
+        let work = around.work;
+        let (info, shift) = method_frame(around);
+        let search = self.search(around, &info, shift);
         let heights_at = match self.heights {
             Some(HeightsAs::Dimension) => work.converter.added_at(HEIGHTS.name),
             _ => None,
         };
-        let Some(input) = GroundInput::open(work.job, work.subset.is_some())? else {
-            return search.annotate(records, None, heights_at);
+        // The ground is searched among more points than the requested ones unless a stage before has chosen some.
+        let input = match around.has_all_points() {
+            true => GroundInput::open(work.job, work.subset.is_some())?,
+            false => None,
         };
+        let Some(input) = input else { return search.annotate(records, None, heights_at) };
         let converter = input.converter(work.job)?;
         let noise = work.subset.and_then(TileSubset::noise).map(Noise::of_ground);
         let all =
@@ -90,7 +96,8 @@ impl HeightQuery {
         input: Option<&GroundInput>,
         known: Option<(&ClassifyNoise, StageContext<'_>, &mut Noise)>,
     ) -> Result<CloudOverview> {
-        let search = self.search(around);
+        let (info, shift) = method_frame(around);
+        let search = self.search(around, &info, shift);
         let Some(input) = input else { return search.scan(records) };
         let converter = input.converter(around.work.job)?;
         let all = InputRecords::within(&input.cloud, &converter, None);
@@ -105,14 +112,13 @@ impl HeightQuery {
         search.scan(over(&marked, &all))
     }
 
-    fn search<'a>(&'a self, around: &StageContext<'a>) -> GroundHeightSearch<'a> {
+    fn search<'a>(
+        &'a self,
+        around: &StageContext<'a>,
+        info: &'a CloudInfo,
+        shift: [i32; 3],
+    ) -> GroundHeightSearch<'a> {
         let (work, shares) = (around.work, &around.work.shares);
-        // The methods work in the frame of the cloud, until a stage changes it.
-        let is_input = around.info.frame == work.converter.info().frame;
-        let (info, shift) = match is_input {
-            true => (work.cloud, work.converter.shift()),
-            false => (around.info, [0; 3]),
-        };
         let square = self.square(info);
         GroundHeightSearch {
             above: self,
@@ -139,4 +145,30 @@ impl HeightQuery {
         let metres = MetricFrame::of(&work.cloud.crs, &work.cloud.frame)?;
         Ok(Some(around(&self.from.method(), &metres, seen.last, subset.ground())))
     }
+}
+
+/// Frame, bounds and CRS that the methods work in, and the offset of records in steps: those of the cloud along axes that
+/// no stage has changed.
+fn method_frame(around: &StageContext<'_>) -> (CloudInfo, [i32; 3]) {
+    let (cloud, input) = (around.work.cloud, around.work.converter.info());
+    let (mut info, mut shift) = (around.info.clone(), [0; 3]);
+    let axis_of = |frame: &PointFrame, axis: usize| (frame.scale[axis], frame.offset[axis]);
+    let is_kept = |axis| axis_of(&around.info.frame, axis) == axis_of(&input.frame, axis);
+    let is_moved = !(is_kept(0) && is_kept(1))
+        || around.info.crs.horizontal_unit() != input.crs.horizontal_unit();
+    if is_moved {
+        return (info, shift);
+    }
+    for axis in (0..3).filter(|axis| is_kept(*axis)) {
+        info.frame.offset[axis] = cloud.frame.offset[axis];
+        shift[axis] = around.work.converter.shift()[axis];
+    }
+    info.bounds = info.bounds.map(|ends| {
+        ends.map(|Point { x, y, z }| Point {
+            x: x.wrapping_sub(shift[0]),
+            y: y.wrapping_sub(shift[1]),
+            z: z.wrapping_sub(shift[2]),
+        })
+    });
+    (info, shift)
 }

@@ -9,7 +9,7 @@ use terrane_options::Choice;
 use super::reclassify::Reclassify;
 use super::results::VALUES;
 use crate::grid::surface_model::{MetricFrame, NOISE, square_bytes};
-use crate::grid::{GroundFrom, WORKER};
+use crate::grid::{GROUND, GroundFrom, WORKER};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, PointFrame};
 use terrane_cloud::{CloudInfo, Flags, PointFormat};
@@ -203,15 +203,20 @@ impl HeightQuery {
     }
 
     /// One query with the results of this one and then of the `next`, if there is one: a `next` that takes its ground
-    /// from the classes finds the ground of this one.
+    /// from the classes finds the ground that this one found or took from them.
     pub(in crate::points) fn joined(&self, next: &Self) -> Option<Self> {
         let classify = [self.classify.as_slice(), &next.classify].concat();
-        let is_joined = next.from == GroundFrom::Auto
+        let is_same_ground = next.from == GroundFrom::Class
             && !next.finds_ground()
-            && self.finds_ground()
-            && self.heights.is_none()
+            && (self.finds_ground() || self.from == GroundFrom::Class);
+        let mut classes = self.layers().into_iter().flat_map(|HeightClasses(all)| all);
+        let is_joined = is_same_ground
+            && self.heights != Some(HeightsAs::Z)
+            && (self.heights.is_none() || next.heights.is_none())
+            && !classes.any(|(class, _)| *class == GROUND)
             && refuse_twice(&classify).is_ok();
-        is_joined.then_some(Self { from: self.from, heights: next.heights, classify })
+        let heights = self.heights.or(next.heights);
+        is_joined.then_some(Self { from: self.from, heights, classify })
     }
 
     /// # Errors

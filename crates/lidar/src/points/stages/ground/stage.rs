@@ -6,7 +6,7 @@ use crate::points::stages::{
     OpenStage, Stage, StageContext, StageInput, StageName, StageOutput, StageReach,
 };
 use crate::records::PointRecords;
-use terrane_base::error::Result;
+use terrane_base::error::{Error, Result};
 use terrane_cloud::{CloudInfo, NewDimension};
 use terrane_options::Choice;
 
@@ -28,7 +28,7 @@ impl HeightQuery {
             parse: |text| {
                 let text = if text.is_empty() { HeightsAs::Dimension.name() } else { text };
                 let heights = Some(HeightsAs::named(text)?);
-                Ok(Self { heights, ..Self::default() }.into())
+                Ok(Self { heights, from: GroundFrom::Class, classify: Vec::new() }.into())
             },
         },
         StageName {
@@ -40,7 +40,8 @@ impl HeightQuery {
                     "" => HeightClasses::default(),
                     _ => text.parse()?,
                 };
-                Ok(Self { classify: vec![Classify::Height(classes)], ..Self::default() }.into())
+                let classify = vec![Classify::Height(classes)];
+                Ok(Self { from: GroundFrom::Class, heights: None, classify }.into())
             },
         },
     ];
@@ -53,7 +54,7 @@ impl HeightQuery {
         };
         let from = match method {
             "" => GroundFrom::Auto,
-            _ => method.parse().map_err(|error: terrane_base::error::Error| error.to_string())?,
+            _ => method.parse().map_err(|error: Error| error.to_string())?,
         };
         Ok(Self { from, heights: None, classify: vec![Classify::Ground(classes)] })
     }
@@ -68,6 +69,10 @@ impl Stage for HeightQuery {
         Ok(StageReach::Statistics)
     }
 
+    fn replaces_z(&self) -> bool {
+        self.heights == Some(HeightsAs::Z)
+    }
+
     fn needed(&self, info: &CloudInfo, _: u64) -> [u64; 2] {
         Self::needed(self, info)
     }
@@ -78,6 +83,13 @@ impl Stage for HeightQuery {
 
     fn open(&self, input: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {
         self.check(input.format)?;
+        let is_dimension = self.heights == Some(HeightsAs::Dimension);
+        if is_dimension && input.info.frame.scale[2] != input.height_step {
+            return Err(Error::usage(
+                "‹height_above_ground› as a dimension has the z scale of the input, which another stage has changed",
+            )
+            .remedy("put it before the stage that reprojects, or pass z"));
+        }
         Ok(Box::new(GroundStage { query: self.clone(), output: self.info(input.info) }))
     }
 }

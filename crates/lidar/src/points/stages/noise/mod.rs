@@ -119,6 +119,10 @@ impl Stage for ClassifyNoise {
         }
     }
 
+    fn keeps_points(&self) -> bool {
+        true
+    }
+
     fn needed(&self, _: &CloudInfo, points: u64) -> [u64; 2] {
         [points / 8 + partition::tables(points) + DIVIDING, THREAD + self.0.bytes(partition::MOST)]
     }
