@@ -85,7 +85,7 @@ impl HeightQuery {
         let all =
             InputRecords::within(&input.cloud, &converter, self.around_ground(work)?).with(noise);
         around
-            .run_before(input.is_same, &all, |all| search.annotate(records, Some(all), heights_at))
+            .run_before(!input.is_same, &all, |all| search.annotate(records, Some(all), heights_at))
     }
 
     /// Statistics of the ground for a plan: among `input`, with its noise recorded, or among `records`.
