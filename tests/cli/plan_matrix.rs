@@ -149,7 +149,7 @@ impl Kind {
 }
 
 /// The files of an output.
-fn files(output: &Path) -> Vec<PathBuf> {
+pub(crate) fn files(output: &Path) -> Vec<PathBuf> {
     if !output.is_dir() {
         return vec![output.to_path_buf()];
     }
@@ -493,82 +493,6 @@ fn too_little_memory_and_not_yet_have_codes_of_their_own() {
         let enough = least.div_ceil(1 << 20).to_string() + "M";
         work.place.ok(&["run", "work", "--memory", &enough, "-q"]);
         work.check("in the least memory told");
-    }
-}
-
-/// Bytes that were expected, by bytes that there are.
-fn ratios(place: &Place, output: &str) -> [f64; 2] {
-    let planned = json(&place.ok(&["status", "work", "--json"]).out);
-    place.ok(&["run", "work", "-q"]);
-    let done = json(&place.ok(&["status", "work", "--json"]).out);
-    // Many small files take whole blocks of the disk.
-    let block = if place.path("work").join(output).is_dir() { 4096 } else { 1 };
-    let length = |file: PathBuf| file.metadata().unwrap().len().next_multiple_of(block);
-    let bytes: u64 = files(&place.path("work").join(output)).into_iter().map(length).sum();
-    assert_eq!(done["disk_needed"], 0);
-    let ratio = |expected: &Value, bytes: f64| expected.as_f64().unwrap() / bytes;
-    [
-        ratio(&planned["disk_needed"], done["object_bytes"].as_f64().unwrap()),
-        ratio(&planned["output_bytes"], bytes as f64),
-    ]
-}
-
-#[test]
-fn the_disk_that_a_plan_expects_is_what_it_takes() {
-    let tin = |input: &str, error: &str, tile: &str, format: &str| {
-        let place = Place::new();
-        let how = ["--max-error", error, "--tile", tile, "--format", format, "-q"];
-        place.ok(&[&["plan", "tin", input, "-o", "work"], &how[..]].concat());
-        let ending = format.to_lowercase();
-        (format!("{input} {error} {tile} {format}"), ratios(&place, &format!("mesh.{ending}")))
-    };
-    let grid = |how: &[&str], output: &str| {
-        let place = Place::new();
-        let input = "synth:cloud,size=800,density=0.7,seed=3";
-        place.ok(&[&["plan", "grid", input, "-o", "work", "--tile", "256", "-q"], how].concat());
-        (how.join(" "), ratios(&place, output))
-    };
-    let points = |how: &[&str]| {
-        let place = Place::new();
-        place.ok(&["synth", "cloud,size=600,density=0.7,seed=3", "c.laz", "-q"]);
-        place.ok(&[&["plan", "points", "c.laz", "-o", "work", "-q"], how].concat());
-        (format!("points {how:?}"), ratios(&place, "points"))
-    };
-    let tiles = |side: usize, how: &[&str]| {
-        let place = crate::tiles::place(side);
-        place.ok(&[&["plan", "tiles", "dem.asc", "-o", "work", "-q"], how].concat());
-        (format!("tiles of {side} {how:?}"), ratios(&place, "tiles"))
-    };
-    let cloud = |side: u32, error: &str, format: &str| {
-        let place = Place::new();
-        place.ok(&["synth", &format!("cloud,size={side},density=0.7,seed=3"), "c.laz", "-q"]);
-        let how = ["--max-error", error, "--format", format, "-q"];
-        place.ok(&[&["plan", "tin", "c.laz", "-o", "work"], &how[..]].concat());
-        let ending = format.to_lowercase();
-        (format!("cloud of {side} {error} {format}"), ratios(&place, &format!("mesh.{ending}")))
-    };
-    for (what, found) in [
-        cloud(900, "0.2", "PLY"),
-        cloud(400, "2", "OBJ"),
-        cloud(400, "0", "PLY"),
-        points(&["--tile", "100"]),
-        points(&["--tile", "150", "--buffer", "15", "--class", "2", "--tile-format", "las"]),
-        tiles(1000, &[]),
-        tiles(700, &["--no-gzip", "--no-normals"]),
-        tin("synth:rough,size=1200", "2", "512", "PLY"),
-        tin("synth:rough,size=1000", "2", "256", "GLB"),
-        tin("synth:rough,size=800", "30", "64", "STL"),
-        tin("synth:coast,size=1300", "4", "256", "PLY"),
-        tin("synth:smooth,size=3000", "2", "256", "OBJ"),
-        grid(&["--cell", "1", "--stat", "mean"], "grid.tif"),
-        grid(
-            &["--cell", "2", "--stat", "tin:max_edge=9,count", "--co", "COMPRESS=ZSTD"],
-            "grid.tif",
-        ),
-        grid(&["--cell", "1", "--stat", "max", "--format", "COG"], "grid.tif"),
-    ] {
-        println!("{what}: {found:.2?}");
-        assert!(found.iter().all(|ratio| (0.97..=1.5).contains(ratio)), "{what}: {found:.2?}");
     }
 }
 

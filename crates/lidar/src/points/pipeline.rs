@@ -161,7 +161,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<AnyStage>> {
             Error::bad_input(what)
                 .at(format_args!("stage {}", number + 1))
                 .in_file(path)
-                .remedy("see the stages in ‹terrane points --help›")
+                .remedy("write texts as ‹stage› takes them, or filters that both programs have")
         })?;
         stages.extend(found);
     }
