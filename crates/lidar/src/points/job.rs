@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::split::AttributeSplit;
+use super::stages::ground::GroundInput;
 use super::stages::{AnyStage, Classify, ClassifyNoise, HeightQuery, StageReach};
 use super::tiled_output::PointTiling;
 use terrane_base::error::{Error, Result};
@@ -111,27 +112,34 @@ impl TranslateJob {
         })
     }
 
-    /// Bytes of memory beside records in flight, for `points` read of a point cloud or a part of it; and for
-    /// each thread. `info` tells of the input of each stage.
+    /// Bytes of memory beside records in flight, for `points` read of a point cloud or a part of it. `info` tells of
+    /// the input of each stage.
     pub(super) fn needed<'i>(
         &self,
         packing: PointPacking,
         info: impl Fn(usize) -> &'i CloudInfo,
         points: u64,
         is_part: bool,
-    ) -> [u64; 2] {
+    ) -> StageNeeds {
         let is_spread =
             packing == PointPacking::Nodes || self.squares.is_some() || self.split.is_some();
-        let mut needed = [if is_spread { SPREAD } else { 0 }, 0];
+        let mut needed = StageNeeds {
+            output: if is_spread { SPREAD } else { 0 },
+            stages: Vec::with_capacity(self.stages.len()),
+            thread: 0,
+        };
         let ground =
             self.stages.iter().rposition(|stage| matches!(stage, AnyStage::HeightQuery(_)));
+        let is_filtered = GroundInput::is_filtered(&self.cloud.filter);
         for (number, stage) in self.stages.iter().map(AnyStage::stage).enumerate() {
             let info = info(number);
             let [all, each] = stage.needed(info, points);
-            // However far around a part the ground is read.
-            let is_again = is_part && ground.is_some_and(|at| number < at);
+            // The points that the ground may come from pass it as well: however far around a part, or of all classes.
+            let is_again = ground.is_some_and(|at| number < at)
+                && (is_part || is_filtered && !stage.drops_duplicates());
             let again = if is_again { stage.needed(info, info.count)[0] } else { 0 };
-            needed = [needed[0] + all + again, needed[1].max(each)];
+            needed.stages.push(all + again);
+            needed.thread = needed.thread.max(each);
         }
         needed
     }
@@ -200,6 +208,34 @@ impl TranslateJob {
             (None, Some(split)) => Ok(split.packing()),
             (None, None) => packing(&self.output),
         }
+    }
+}
+
+/// Bytes of memory beside records in flight.
+#[derive(Debug, PartialEq)]
+pub(super) struct StageNeeds {
+    /// For each stage, as long as the work takes.
+    pub(super) stages: Vec<u64>,
+    /// For the output.
+    pub(super) output: u64,
+    /// For each thread.
+    pub(super) thread: u64,
+}
+
+impl StageNeeds {
+    /// All but those of threads.
+    pub(super) fn total(&self) -> u64 {
+        self.output + self.of_stages()
+    }
+
+    /// Those of all stages.
+    pub(super) fn of_stages(&self) -> u64 {
+        self.stages.iter().sum()
+    }
+
+    /// The part of a stage of `all` bytes: what no other stage and no output needs.
+    pub(super) fn share(&self, number: usize, all: u64) -> u64 {
+        all - (self.total() - self.stages[number])
     }
 }
 

@@ -1,5 +1,6 @@
 //! Division of the memory of a job on points.
 
+use super::job::StageNeeds;
 use crate::records::RecordFlow;
 use terrane_base::error::Result;
 use terrane_cloud::write::CHUNK;
@@ -19,43 +20,78 @@ const ROUND: u64 = 16 << 20;
 pub(super) struct TranslateMemory {
     pub(super) threads: usize,
     pub(super) flow: RecordFlow,
-    /// Bytes for steps before writing.
-    pub(super) marks: u64,
+    /// Bytes for all stages and the output.
+    marks: u64,
+    needs: StageNeeds,
 }
 
 impl TranslateMemory {
-    /// The division for records of this size and extra bytes, given the needs of earlier steps and of each of
-    /// their threads.
+    /// The division for records of this size and extra bytes, given the needs of the stages.
     pub(super) fn new(
         resources: &Resources,
         record: usize,
         extra: usize,
-        [needed, thread_needed]: [u64; 2],
+        needs: StageNeeds,
     ) -> Result<Self> {
         let chunk = (CHUNK * record) as u64;
-        let [least, worker] = Self::min_memory(record, extra, [needed, thread_needed]);
+        let [least, worker] = Self::min_memory(record, extra, &needs);
         let Some(rest) = resources.memory.checked_sub(least) else {
             return Err(too_little(resources.memory, least));
         };
         let threads = resources.threads.clamp(1, 1 + (rest / (2 * worker)) as usize);
         let rest = rest - worker * (threads as u64 - 1);
         let round = (2 * chunk + rest / 4).min(ROUND * threads as u64);
-        Ok(Self { threads, flow: RecordFlow { record, round }, marks: needed + rest / 2 })
+        let marks = needs.total() + rest / 2;
+        Ok(Self { threads, flow: RecordFlow { record, round }, marks, needs })
     }
 
     /// Least memory, and its part for a thread.
-    pub(super) fn min_memory(
-        record: usize,
-        extra: usize,
-        [needed, thread_needed]: [u64; 2],
-    ) -> [u64; 2] {
+    pub(super) fn min_memory(record: usize, extra: usize, needs: &StageNeeds) -> [u64; 2] {
         let chunk = (CHUNK * record) as u64;
-        let worker = (READING + READING_EXTRA * extra as u64 + PACKING * chunk).max(thread_needed);
-        [PROGRAM + worker + 4 * chunk + needed, worker]
+        let worker = (READING + READING_EXTRA * extra as u64 + PACKING * chunk).max(needs.thread);
+        [PROGRAM + worker + 4 * chunk + needs.total(), worker]
+    }
+
+    /// Bytes for a stage while the others hold what they need.
+    pub(super) fn of_stage(&self, number: usize) -> u64 {
+        self.needs.share(number, self.marks)
+    }
+
+    /// Bytes for the output while the stages hold what they need.
+    pub(super) fn of_output(&self) -> u64 {
+        self.marks - self.needs.of_stages()
     }
 
     /// For the columns of an octree: bytes of one in memory, and of all pending ones.
     pub(super) fn columns(&self) -> [u64; 2] {
-        [self.marks / 32, self.marks / 4]
+        [self.of_output() / 32, self.of_output() / 4]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_stage_uses_what_the_others_hold() {
+        for (stages, output) in
+            [(vec![], 9), (vec![5], 0), (vec![70_000_000; 20], 32), (vec![3, 0, 8], 1)]
+        {
+            let held: u64 = stages.iter().sum();
+            let needs = || StageNeeds { output, stages: stages.clone(), thread: 7 };
+            let [least, _] = TranslateMemory::min_memory(38, 0, &needs());
+            for more in [0, 1 << 20, 1 << 30] {
+                let memory = least + more;
+                let resources = Resources { memory, threads: 3, temp_dir: None };
+                let shares = TranslateMemory::new(&resources, 38, 0, needs()).unwrap();
+                for (number, needed) in stages.iter().enumerate() {
+                    let share = shares.of_stage(number);
+                    assert!(share >= *needed && share + held - needed + output <= memory);
+                }
+                assert!(shares.of_output() >= output && shares.of_output() + held <= memory);
+            }
+            let little = Resources { memory: least - 1, threads: 3, temp_dir: None };
+            assert!(TranslateMemory::new(&little, 38, 0, needs()).is_err());
+        }
     }
 }

@@ -204,5 +204,5 @@ pub(super) fn converter<'a>(
 pub(super) fn min_memory(job: &TranslateJob, cloud: &PointCloud, points: u64) -> Result<[u64; 2]> {
     let converter = converter(job, cloud)?;
     let needed = job.needed(job.packing()?, |_| converter.info(), points, true);
-    Ok(TranslateMemory::min_memory(converter.size(), converter.extra_bytes(), needed))
+    Ok(TranslateMemory::min_memory(converter.size(), converter.extra_bytes(), &needed))
 }

@@ -98,7 +98,7 @@ impl TranslateContext<'_> {
             split.is_ours(folder)
         })?;
         let (flow, threads) = (self.shares.flow, self.shares.threads);
-        let buckets = Buckets::new(self.folder(), MAX_FILES, self.shares.marks / 2);
+        let buckets = Buckets::new(self.folder(), MAX_FILES, self.shares.of_output() / 2);
         let names = split.distribute(records, flow, &buckets, self.at)?;
         let all = FilledBuckets { buckets: &buckets, count: names.len(), options: &self.options };
         let written = all.write(
@@ -120,7 +120,7 @@ impl TranslateContext<'_> {
         records: &dyn PointRecords,
         folder: &Path,
     ) -> Result<SplitFiles> {
-        let memory = self.shares.marks / 2;
+        let memory = self.shares.of_output() / 2;
         let splitter =
             PointTileSplitter::new(squares, spans, self.info, self.folder(), memory, &self.options);
         splitter.write(records, self.shares.flow, self.shares.threads, folder, self.at)

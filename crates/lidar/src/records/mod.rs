@@ -132,6 +132,43 @@ fn report_unit(records: &dyn PointRecords, unit: usize, at: RunControl<'_>) {
     }
 }
 
+/// Records that are changed or dropped one by one. `each` gets the unit, the record and a stack for formulas, and tells
+/// whether the record is kept.
+pub(crate) struct EachRecord<'a, F> {
+    pub(crate) records: &'a dyn PointRecords,
+    /// Bytes of a record.
+    pub(crate) record: usize,
+    pub(crate) each: F,
+}
+
+impl<F> PointRecords for EachRecord<'_, F>
+where
+    F: Fn(usize, &mut [u8], &mut Vec<f64>) -> Result<bool> + Sync,
+{
+    fn units(&self) -> usize {
+        self.records.units()
+    }
+
+    fn unit(&self, unit: usize) -> RecordUnit<'_> {
+        self.records.unit(unit)
+    }
+
+    fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
+        let (mut made, mut stack) = (Vec::new(), Vec::new());
+        self.records.read(unit, &mut |bytes| {
+            made.clear();
+            for record in bytes.chunks_exact(self.record) {
+                let first = made.len();
+                made.extend_from_slice(record);
+                if !(self.each)(unit, &mut made[first..], &mut stack)? {
+                    made.truncate(first);
+                }
+            }
+            take(&made)
+        })
+    }
+}
+
 /// All records of a unit.
 fn read_unit(records: &dyn PointRecords, unit: usize, at: RunControl<'_>) -> Result<Vec<u8>> {
     report_unit(records, unit, at);

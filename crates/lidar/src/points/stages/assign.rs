@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::operand::{RecordOperand, column};
 use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput};
 use crate::records::selection::place;
-use crate::records::{PointRecords, RecordUnit, Take};
+use crate::records::{EachRecord, PointRecords};
 use terrane_base::error::{Error, Result};
 use terrane_base::formula::Formula;
 use terrane_base::geom::Ruler;
@@ -103,7 +103,12 @@ impl OpenStage for AttributeAssigner {
         around: &StageContext<'r>,
     ) -> Result<StageOutput<'r>> {
         let (record, cloud) = (around.work.shares.flow.record, around.work.input);
-        Ok(StageOutput::new(AssignedRecords { records, assigning: self, record, cloud }))
+        let each = move |unit, record: &mut [u8], stack: &mut Vec<f64>| {
+            let set = self.set(record, stack);
+            set.map_err(|what| self.failure(file_of(records, unit, cloud), record, &what))?;
+            Ok(true)
+        };
+        Ok(StageOutput::new(EachRecord { records, record, each }))
     }
 }
 
@@ -138,59 +143,32 @@ impl AttributeAssigner {
         Ok(())
     }
 
+    fn failure(&self, file: Option<&str>, record: &[u8], what: &str) -> Error {
+        let [x, y, z] = self.place(record);
+        let error = Error::bad_input(what).at(format_args!("the point at {x}, {y}, {z}"));
+        let error = error.remedy("change ‹attribute›, or exclude such points with ‹where›");
+        match file {
+            Some(name) => error.in_file(&path_of(name)),
+            None => error,
+        }
+    }
+
     fn place(&self, record: &[u8]) -> [f64; 3] {
         let at = place(record);
         [0, 1, 2].map(|axis| self.rulers[axis].at([at.x, at.y, at.z][axis].into()))
     }
 }
 
-/// Records with assigned attributes.
-struct AssignedRecords<'a> {
+/// The file of a unit, if it is of one.
+fn file_of<'a>(
     records: &'a dyn PointRecords,
-    assigning: &'a AttributeAssigner,
-    /// Bytes of a record.
-    record: usize,
-    /// The input.
+    unit: usize,
     cloud: &'a PointCloud,
-}
-
-impl AssignedRecords<'_> {
-    fn failure(&self, unit: usize, record: &[u8], what: &str) -> Error {
-        let [x, y, z] = self.assigning.place(record);
-        let error = Error::bad_input(what).at(format_args!("the point at {x}, {y}, {z}"));
-        let error = error.remedy("change ‹attribute›, or exclude such points with ‹where›");
-        let file = self.records.unit(unit).file.map(|file| file.name);
-        let only = || match self.cloud.files() {
-            [only] => Some(only.as_str()),
-            _ => None,
-        };
-        match file.or_else(only) {
-            Some(name) => error.in_file(&path_of(name)),
-            None => error,
-        }
-    }
-}
-
-impl PointRecords for AssignedRecords<'_> {
-    fn units(&self) -> usize {
-        self.records.units()
-    }
-
-    fn unit(&self, unit: usize) -> RecordUnit<'_> {
-        self.records.unit(unit)
-    }
-
-    fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
-        let (mut set, mut stack) = (Vec::new(), Vec::new());
-        self.records.read(unit, &mut |bytes| {
-            set.clear();
-            set.extend_from_slice(bytes);
-            for record in set.chunks_exact_mut(self.record) {
-                let done = self.assigning.set(record, &mut stack);
-                done.map_err(|what| self.failure(unit, record, &what))?;
-            }
-            take(&set)
-        })
+) -> Option<&'a str> {
+    match (records.unit(unit).file, cloud.files()) {
+        (Some(file), _) => Some(file.name),
+        (None, [only]) => Some(only),
+        (None, _) => None,
     }
 }
 

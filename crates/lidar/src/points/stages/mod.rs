@@ -282,6 +282,11 @@ fn run<T>(
 }
 
 impl StageContext<'_> {
+    /// Bytes of memory for this stage.
+    pub(super) fn memory(&self) -> u64 {
+        self.work.shares.of_stage(self.before.len())
+    }
+
     /// Whether the stages before this one keep every point where it is, but for duplicates.
     pub(super) fn has_all_points(&self) -> bool {
         self.before.iter().all(|link| link.keeps_points)
@@ -310,7 +315,7 @@ impl StageContext<'_> {
     ) -> Result<ChosenRecords<'r>> {
         let TranslateContext { at, shares, .. } = self.work;
         at.progress.begin(progress, total(records));
-        let (flow, memory) = (shares.flow, shares.marks);
+        let (flow, memory) = (shares.flow, self.memory());
         let chosen = ChosenRecords::new(records, choice, flow, memory, self.work.folder(), *at)?;
         at.progress.end();
         Ok(chosen)

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput, StageReach};
 use crate::records::selection::place;
-use crate::records::{PointRecords, RecordUnit, Take};
+use crate::records::{EachRecord, PointRecords};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point, PointFrame, REACH};
 use terrane_cloud::CloudInfo;
@@ -81,7 +81,12 @@ impl OpenStage for CloudReprojection {
         around: &StageContext<'r>,
     ) -> Result<StageOutput<'r>> {
         let record = around.work.shares.flow.record;
-        let records = Box::new(MovedRecords { records, to: self, record });
+        let each = |_, record: &mut [u8], _: &mut Vec<f64>| {
+            let Point { x, y, z } = self.place(record)?;
+            record[..12].copy_from_slice([x, y, z].map(i32::to_le_bytes).as_flattened());
+            Ok(true)
+        };
+        let records = Box::new(EachRecord { records, record, each });
         Ok(StageOutput { records, notes: self.notes.clone() })
     }
 }
@@ -197,17 +202,10 @@ fn power_of_ten(power: i32) -> f64 {
     format!("1e{power}").parse().unwrap_or(1.0)
 }
 
-/// Reprojected records.
-struct MovedRecords<'a> {
-    records: &'a dyn PointRecords,
-    to: &'a CloudReprojection,
-    /// Bytes of a record.
-    record: usize,
-}
-
-impl MovedRecords<'_> {
+impl CloudReprojection {
+    /// The position of a record in the frame of the output.
     fn place(&self, record: &[u8]) -> Result<Point> {
-        let CloudReprojection { operation, from, info, .. } = self.to;
+        let Self { operation, from, info, .. } = self;
         let world = operation.point(from.world(place(record)))?;
         let steps = [0, 1, 2].map(|axis| info.frame.steps(axis, world[axis]).round());
         let [x, y, z] = steps.map(|step| step as i32);
@@ -224,28 +222,5 @@ impl MovedRecords<'_> {
             ))
             .remedy("exclude it with ‹bounds›")),
         }
-    }
-}
-
-impl PointRecords for MovedRecords<'_> {
-    fn units(&self) -> usize {
-        self.records.units()
-    }
-
-    fn unit(&self, unit: usize) -> RecordUnit<'_> {
-        self.records.unit(unit)
-    }
-
-    fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
-        let mut moved = Vec::new();
-        self.records.read(unit, &mut |bytes| {
-            moved.clear();
-            moved.extend_from_slice(bytes);
-            for record in moved.chunks_exact_mut(self.record) {
-                let Point { x, y, z } = self.place(record)?;
-                record[..12].copy_from_slice([x, y, z].map(i32::to_le_bytes).as_flattened());
-            }
-            take(&moved)
-        })
     }
 }

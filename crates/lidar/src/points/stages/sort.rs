@@ -77,7 +77,7 @@ impl OpenStage for Sort {
         around: &StageContext<'r>,
     ) -> Result<StageOutput<'r>> {
         let (work, format) = (around.work, around.work.options.format);
-        let (flow, memory, folder) = (work.shares.flow, work.shares.marks / 4, work.folder());
+        let (flow, memory, folder) = (work.shares.flow, around.memory() / 4, work.folder());
         SortedRecords::new(records, *self, format, flow, memory, folder, work.at)
             .map(StageOutput::new)
     }

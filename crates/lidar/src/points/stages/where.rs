@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::operand::RecordOperand;
 use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput};
-use crate::records::{PointRecords, RecordUnit, Take};
+use crate::records::{EachRecord, PointRecords};
 use terrane_base::error::Result;
 use terrane_base::formula::Formula;
 use terrane_cloud::Condition;
@@ -56,37 +56,9 @@ impl OpenStage for RecordCondition {
         around: &StageContext<'r>,
     ) -> Result<StageOutput<'r>> {
         let record = around.work.shares.flow.record;
-        Ok(StageOutput::new(MatchingRecords { records, condition: &self.0, record }))
-    }
-}
-
-/// The records for which a condition holds.
-struct MatchingRecords<'a> {
-    records: &'a dyn PointRecords,
-    condition: &'a Formula<RecordOperand>,
-    /// Bytes of a record.
-    record: usize,
-}
-
-impl PointRecords for MatchingRecords<'_> {
-    fn units(&self) -> usize {
-        self.records.units()
-    }
-
-    fn unit(&self, unit: usize) -> RecordUnit<'_> {
-        self.records.unit(unit)
-    }
-
-    fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
-        let (mut kept, mut stack) = (Vec::new(), Vec::new());
-        self.records.read(unit, &mut |bytes| {
-            kept.clear();
-            for record in bytes.chunks_exact(self.record) {
-                if self.condition.holds(&mut stack, |operand| operand.decimal(record)) {
-                    kept.extend_from_slice(record);
-                }
-            }
-            take(&kept)
-        })
+        let each = |_, record: &mut [u8], stack: &mut Vec<f64>| {
+            Ok(self.0.holds(stack, |operand| operand.decimal(record)))
+        };
+        Ok(StageOutput::new(EachRecord { records, record, each }))
     }
 }

@@ -44,8 +44,7 @@ impl GroundInput {
     pub(in crate::points) fn open(job: &TranslateJob, is_part: bool) -> Result<Option<Self>> {
         let options = job.reading();
         let chosen = &options.filter;
-        let is_same =
-            chosen.classes.is_none() && chosen.returns.is_none() && chosen.condition.is_none();
+        let is_same = !Self::is_filtered(chosen);
         if is_same && !is_part {
             return Ok(None);
         }
@@ -53,6 +52,11 @@ impl GroundInput {
             CloudFilter { classes: None, returns: None, condition: None, ..options.filter };
         let cloud = terrane_cloud::open(&job.input, &CloudOpenOptions { filter, ..options })?;
         Ok(Some(Self { cloud, target: job.target()?, is_same }))
+    }
+
+    /// Whether a filter keeps points from the output that may be ground.
+    pub(in crate::points) fn is_filtered(filter: &CloudFilter) -> bool {
+        filter.classes.is_some() || filter.returns.is_some() || filter.condition.is_some()
     }
 
     fn converter(&self, job: &TranslateJob) -> Result<PointFormatConverter<'_>> {
@@ -127,7 +131,7 @@ impl HeightQuery {
             format: work.converter.format(),
             flow: shares.flow,
             threads: shares.threads,
-            memory: shares.marks.saturating_sub(square),
+            memory: around.memory().saturating_sub(square),
             square,
             folder: work.folder(),
             keeps_withheld: work.job.cloud.filter.keep_withheld,

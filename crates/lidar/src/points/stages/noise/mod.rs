@@ -98,7 +98,7 @@ impl ClassifyNoise {
             format: work.converter.format(),
             flow: work.shares.flow,
             threads: work.shares.threads,
-            memory: work.shares.marks,
+            memory: around.memory(),
             folder: work.folder(),
             keeps_withheld: work.job.cloud.filter.keep_withheld,
             at: work.at,

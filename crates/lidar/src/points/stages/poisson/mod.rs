@@ -88,7 +88,7 @@ impl OpenStage for PoissonSampling {
             format: work.options.format,
             flow: work.shares.flow,
             threads: work.shares.threads,
-            memory: work.shares.marks,
+            memory: around.memory(),
             folder: work.folder(),
             at: work.at,
         };
