@@ -309,3 +309,50 @@ fn duplicates_of_other_classes_may_be_ground() {
         .classify(HeightQuery { from: GroundFrom::Class, ..asked }));
     assert!(error.unwrap_err().to_string().contains("no points of class 2"));
 }
+
+#[test]
+fn heights_are_joined_with_the_ground_before_them_only_where_nothing_changes() {
+    let place = Place::new();
+    let input = survey(&place);
+    let output = place.path().join("out.las");
+    // Each chain beside the same with something between its last two stages that keeps them apart.
+    for (texts, last) in [
+        (&["ground:csf"][..], "height-above-ground"),
+        (&["ground:csf"], "height-classes"),
+        (&["height-above-ground"], "height-classes"),
+        (&["ground:csf", "height-above-ground"], "height-classes"),
+        (&["ground:csf", "height-above-ground:z"], "height-classes"),
+        // Points between 0 and 6 become ground.
+        (&["ground:csf", "height-classes:2=0,5=6"], "height-above-ground"),
+    ] {
+        let made = |texts: &[&str]| {
+            run(&chain(job(&[&input], &output), texts)).unwrap();
+            std::fs::read(&output).unwrap()
+        };
+        let apart = made(&[texts, &["where:z > -1000", last]].concat());
+        assert!(made(&[texts, &[last]].concat()) == apart, "{texts:?} {last}");
+    }
+    // Heights after a change of the vertical CRS are no reason to refuse it.
+    let moved = ["reproject:EPSG:32633", "height-above-ground:z"];
+    run(&chain(job(&[&input], &output), &moved)).unwrap();
+}
+
+#[test]
+fn a_plan_of_what_cannot_be_done_is_refused() {
+    let place = Place::new();
+    let input = above::survey(&place, "cloud,size=30,density=4,seed=2", 0, "plain.las");
+    let squares = PointTiling { side: 10.0, buffer: 0.0, flag: Default::default() };
+    for (text, told) in [("sort:time", "GPS times"), ("height-classes:64=3", "class 64")] {
+        let folder = place.path().join("tiles");
+        let job = TranslateJob { squares: Some((squares, true)), ..job(&[&input], &folder) };
+        let work = place.path().join("work");
+        let plan = PlanPointsJob {
+            job: chain(job, &[text]),
+            folder: work.clone(),
+            cut: None,
+            skipped: vec![],
+        };
+        let error = plan_points(&plan, &terrane_engine::Silent, &Default::default()).unwrap_err();
+        assert!(error.to_string().contains(told) && !work.exists(), "{error}");
+    }
+}
