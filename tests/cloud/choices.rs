@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use terrane_engine::Resources;
-use terrane_lidar::points::{Assignments, Overlap, Sort, TranslateJob};
+use terrane_lidar::points::{Assign, Overlap, Sort, TranslateJob};
 
 use crate::cloud_support::{Made, Packing, Place, raw};
 use crate::translate::{job, number, run, whole};
@@ -92,10 +92,10 @@ fn attributes_are_set_one_after_the_other() {
             "OWN = z * 2 - intensity",
             "nir=1",
         ];
-        let all = assign.map(|text| text.parse().unwrap()).to_vec();
-        let told = run(&job(&[&input], &output).stage(Assignments(all.clone()))).unwrap_err();
+        let all = assign.map(|text| text.parse::<Assign>().unwrap()).to_vec();
+        let told = run(&job(&[&input], &output).stages(all.clone())).unwrap_err();
         assert!(told.to_string().contains("no attribute \"nir\""), "{told}");
-        run(&job(&[&input], &output).stage(Assignments(all[..3].to_vec()))).unwrap();
+        run(&job(&[&input], &output).stages(all[..3].to_vec())).unwrap();
         let found = whole(&output).records;
         assert_eq!(found.len(), 5000);
         for (before, after) in made.records.iter().zip(&found) {
@@ -120,8 +120,8 @@ fn attributes_are_set_one_after_the_other() {
             ("intensity=intensity/(class-class)", "intensity: division by zero"),
             ("gps_time=1e300*1e300", "gps_time: numeric overflow"),
         ] {
-            let assign = vec![text.parse().unwrap()];
-            let error = run(&job(&[&input], &output).stage(Assignments(assign))).unwrap_err();
+            let assign = text.parse::<Assign>().unwrap();
+            let error = run(&job(&[&input], &output).stage(assign)).unwrap_err();
             let error = error.to_string();
             assert!(error.contains(told) && error.contains("in.laz"), "{error}");
             assert!(error.contains("the point at "), "{error}");

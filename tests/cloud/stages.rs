@@ -223,7 +223,7 @@ fn what_is_no_stage_is_refused() {
         ("thin", "thin: expected CELL"),
         ("thin:0", "thin: expected CELL"),
         ("Thin:1", "expected one of"),
-        ("dedupe:1", "dedupe: it takes nothing"),
+        ("dedupe:1", "dedupe: expected no arguments"),
         ("where:", "where: "),
         ("where:z", "not a condition"),
         ("assign:z = 3", "coordinate"),
@@ -303,6 +303,10 @@ fn duplicates_of_other_classes_may_be_ground() {
     let report = run(&job.clone().stage(Dedupe).classify(asked.clone())).unwrap();
     let told = "ground: 3000 points of class 2".to_owned();
     assert!(report.points == 3_000 && report.notes.contains(&told), "{:?}", report.notes);
+    // Attributes and order do not hinder the search.
+    let same = chain(job.clone(), &["assign:user_data = 1", "sort:morton"]);
+    let report = run(&same.classify(asked.clone())).unwrap();
+    assert!(report.notes.contains(&"ground: 3000 points of class 2".to_owned()));
     // After a choice among them, the ground is among those that are left.
     let error = run(&job
         .stage("9".parse::<CellThinning>().unwrap())

@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use super::split::AttributeSplit;
 use super::stages::ground::GroundInput;
-use super::stages::{AnyStage, Classify, ClassifyNoise, HeightQuery, StageReach};
+use super::stages::{
+    AnyStage, Classify, ClassifyNoise, HeightQuery, PointSetEffect, Stage, StageReach,
+};
 use super::tiled_output::PointTiling;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::write::{PointPacking, packing_by_name};
@@ -108,7 +110,7 @@ impl TranslateJob {
     pub(super) fn reach(&self, info: &CloudInfo) -> Result<f64> {
         self.stages.iter().try_fold(0.0, |sum, stage| match stage.stage().reach(info)? {
             StageReach::Within(distance) => Ok(sum + distance),
-            StageReach::Statistics | StageReach::Cloud(_) => Ok(sum),
+            StageReach::Statistics | StageReach::Cloud { .. } => Ok(sum),
         })
     }
 
@@ -130,14 +132,22 @@ impl TranslateJob {
         };
         let ground =
             self.stages.iter().rposition(|stage| matches!(stage, AnyStage::HeightQuery(_)));
-        let is_filtered = GroundInput::is_filtered(&self.cloud.filter);
+        // Of a part, or of some classes.
+        let is_wide = is_part || GroundInput::is_filtered(&self.cloud.filter);
+        let is_again = |number: usize, stage: &dyn Stage| {
+            let before = ground.map(|at| &self.stages[..at]).unwrap_or_default();
+            let is_passed = number < before.len()
+                && !before.iter().any(|stage| stage.stage().effect() == PointSetEffect::Selects);
+            is_wide && is_passed && (is_part || stage.effect() == PointSetEffect::Unchanged)
+        };
         for (number, stage) in self.stages.iter().map(AnyStage::stage).enumerate() {
             let info = info(number);
             let [all, each] = stage.needed(info, points);
-            // The points that the ground may come from pass it as well: however far around a part, or of all classes.
-            let is_again = ground.is_some_and(|at| number < at)
-                && (is_part || is_filtered && !stage.drops_duplicates());
-            let again = if is_again { stage.needed(info, info.count)[0] } else { 0 };
+            // The points that the ground may come from pass it as well.
+            let again = match is_again(number, stage) {
+                true => stage.needed(info, info.count)[0],
+                false => 0,
+            };
             needed.stages.push(all + again);
             needed.thread = needed.thread.max(each);
         }

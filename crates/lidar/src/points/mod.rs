@@ -34,8 +34,8 @@ pub use prepared::run;
 pub use report::TranslateReport;
 pub use split::AttributeSplit;
 pub use stages::{
-    AnyStage, Assign, Assignments, CellThinning, Classify, ClassifyNoise, Dedupe, HeightClasses,
-    HeightQuery, HeightsAs, KEPT, Overlap, PoissonSampling, Reclassify, Reproject, Sort, StageName,
-    StageText, ThinningRule, Where, stage_names,
+    AnyStage, Assign, CellThinning, Classify, ClassifyNoise, Dedupe, HeightClasses, HeightQuery,
+    HeightsAs, KEPT, Overlap, PoissonSampling, Reclassify, Reproject, Sort, StageName, StageText,
+    ThinningRule, Where, stage_names,
 };
 pub use tiled_output::{BufferFlag, PointTiling};

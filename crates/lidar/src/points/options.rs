@@ -8,7 +8,7 @@ use super::job::TranslateJob;
 use super::pipeline;
 use super::split::AttributeSplit;
 use super::stages::{
-    AnyStage, Assign, Assignments, CellThinning, Classify, Dedupe, HeightQuery, HeightsAs, Overlap,
+    AnyStage, Assign, CellThinning, Classify, Dedupe, HeightQuery, HeightsAs, Overlap,
     PoissonSampling, Reproject, Sort, StageText, refuse_twice,
 };
 use super::tiled_output::{BufferFlag, PointTiling};
@@ -72,15 +72,15 @@ pub struct PointsOptions {
     /// selects the point
     #[option(value = "CELL[:WHICH]", with = AsNumber, heading = "Thinning")]
     pub thin: Option<CellThinning>,
-    /// Thin to a minimum 3D distance between points, in coordinate units (Poisson disc sampling). The selection is
+    /// Thin to a minimum 3D distance between points, in coordinate units (Poisson disk sampling). The selection is
     /// reproducible
     #[option(value = "DISTANCE", range = OptionRange::POSITIVE, heading = "Thinning")]
     pub thin_distance: Option<f64>,
-    /// One more stage, NAME or NAME:ARGUMENTS, after those of other options and before ‹sort›; in the order given.
-    /// Repeatable, also with the same name
+    /// Stage to run after those of other options and before ‹sort›: NAME or NAME:ARGUMENTS. Repeatable; stages run in the
+    /// order given
     #[option(value = "STAGE", with = AsText, heading = "Stages")]
     pub stage: Vec<StageText>,
-    /// Stages from a JSON file: a list of these, or a PDAL pipeline of filters that both programs have
+    /// JSON file of stages: a list of NAME:ARGUMENTS, or a PDAL pipeline of supported filters
     #[option(value = "FILE", with = FileName, heading = "Stages")]
     pub pipeline: Option<PathBuf>,
     /// Write a folder of square tiles with this side, one file each, named by the lower left corner
@@ -174,10 +174,9 @@ impl PointsOptions {
             heights: self.height_above_ground,
             classify: self.classify.clone(),
         };
-        let assigned = (!self.attribute.is_empty()).then(|| Assignments(self.attribute.clone()));
         job.stages(self.dedupe.then_some(Dedupe))
             .classify(ground)
-            .stages(assigned)
+            .stages(self.attribute.clone())
             .stages(self.drop_overlap)
             .stages(self.thin)
             .stages(self.thin_distance.map(PoissonSampling))

@@ -24,13 +24,13 @@ struct PipelineFilter {
 }
 
 /// The points that the ground filters leave out, as terrane always does.
-const NOISE: (&str, &str) = ("ignore", "Classification[7:7]");
+const IGNORE: (&str, &str) = ("ignore", "Classification[7:7]");
 
 /// Fails for other points to be left out than noise.
 fn refuse_ignored(limits: &str) -> std::result::Result<(), String> {
     let is_noise = |limit: &str| {
         let limit = limit.trim();
-        limit.is_empty() || limit == NOISE.1 || limit == "Classification[18:18]"
+        limit.is_empty() || limit == IGNORE.1 || limit == "Classification[18:18]"
     };
     match limits.split(',').all(is_noise) {
         true => Ok(()),
@@ -56,7 +56,7 @@ const FILTERS: &[PipelineFilter] = &[
     },
     PipelineFilter {
         name: "filters.csf",
-        options: &[("resolution", "1"), ("rigidness", "3"), ("threshold", "0.5"), NOISE],
+        options: &[("resolution", "1"), ("rigidness", "3"), ("threshold", "0.5"), IGNORE],
         stages: |values| {
             let names = ["cloth", "rigidness", "threshold"];
             refuse_ignored(&values[3])?;
@@ -114,7 +114,7 @@ const FILTERS: &[PipelineFilter] = &[
             ("slope", "0.15"),
             ("threshold", "0.5"),
             ("window", "18"),
-            NOISE,
+            IGNORE,
         ],
         stages: |values| {
             let names = ["cell", "scalar", "slope", "threshold", "window"];
@@ -151,7 +151,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<AnyStage>> {
         whole => whole.as_array(),
     };
     let list = list.ok_or_else(|| {
-        Error::bad_input("it is no list of stages")
+        Error::bad_input("expected a list of stages")
             .in_file(path)
             .remedy("write [\"NAME:ARGUMENTS\", ...] or a pipeline of PDAL")
     })?;
@@ -161,7 +161,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<AnyStage>> {
             Error::bad_input(what)
                 .at(format_args!("stage {}", number + 1))
                 .in_file(path)
-                .remedy("write texts as ‹stage› takes them, or filters that both programs have")
+                .remedy("write NAME:ARGUMENTS as in ‹stage›, or a supported PDAL filter")
         })?;
         stages.extend(found);
     }
@@ -184,7 +184,8 @@ fn stages_of(step: &Value) -> std::result::Result<Vec<AnyStage>, String> {
 fn is_file(text: &str) -> bool {
     let name = text.split(':').next().unwrap_or_default();
     let is_known = stage_names().any(|known| known.name == name.trim());
-    !is_known && text.contains(['.', '/', '\\', '*'])
+    let is_drive = text[name.len()..].starts_with(":\\");
+    !is_known && (is_drive || name.contains(['.', '/', '\\', '*']))
 }
 
 /// The stages of a filter of PDAL, as text.
@@ -207,7 +208,7 @@ fn texts_of(filter: &Map<String, Value>) -> std::result::Result<Vec<String>, Str
         None if default.is_empty() => Err(format!("{name} lacks {key:?}")),
         None => Ok((*default).to_owned()),
         Some(value) => {
-            text_of(value).ok_or_else(|| format!("{name}: {key:?} is no text or number"))
+            text_of(value).ok_or_else(|| format!("{name}: {key:?} is not a string or number"))
         }
     });
     (known.stages)(&values.collect::<std::result::Result<Vec<_>, String>>()?)
@@ -328,18 +329,19 @@ mod tests {
     fn what_has_no_counterpart_is_refused_by_name_and_place() {
         for (json, told) in [
             ("{", "EOF"),
-            ("3", "no list of stages"),
-            ("{\"stages\": []}", "no list of stages"),
+            ("3", "expected a list of stages"),
+            ("{\"stages\": []}", "expected a list of stages"),
             ("[\"dedupe\", \"in.laz\"]", "stage 2"),
             ("[\"in.laz\"]", "\"in.laz\" is a file"),
             ("[\"better\"]", "expected one of dedupe"),
+            ("[\"thinn:0.5\"]", "not thinn"),
             ("[4]", "expected a text or an object"),
             ("[{}]", "no \"type\""),
             ("[{\"type\": \"readers.las\", \"filename\": \"a\"}]", "readers.las is not supported"),
             ("[{\"type\": \"filters.cluster\"}]", "filters.cluster is not supported"),
             ("[{\"type\": \"filters.csf\", \"iterations\": 3}]", "filters.csf with \"iterations\""),
             ("[{\"type\": \"filters.csf\", \"rigidness\": 9}]", "rigidness"),
-            ("[{\"type\": \"filters.csf\", \"rigidness\": true}]", "no text or number"),
+            ("[{\"type\": \"filters.csf\", \"rigidness\": true}]", "not a string or number"),
             ("[{\"type\": \"filters.outlier\", \"method\": \"radius\"}]", "\"radius\" is not"),
             ("[{\"type\": \"filters.assign\", \"value\": \"Z = 3 WHERE X > 1\"}]", "WHERE"),
             ("[{\"type\": \"filters.assign\"}]", "lacks \"value\""),
@@ -353,7 +355,7 @@ mod tests {
             ("[{\"type\": \"filters.csf\", \"ignore\": \"Classification[6:6]\"}]", "\"ignore\""),
             ("[{\"type\": \"filters.range\", \"limits\": \"Z[0:inf]\"}]", "not a limit"),
             ("[\"C:\\\\data\\\\in.las\"]", "is a file"),
-            ("{\"pipeline\": [], \"stages\": []}", "no list of stages"),
+            ("{\"pipeline\": [], \"stages\": []}", "expected a list of stages"),
         ] {
             let error = stages(json).unwrap_err().to_string();
             assert!(error.contains(told) && error.contains("pipeline.json"), "{json}: {error}");

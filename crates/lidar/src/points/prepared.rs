@@ -1,5 +1,6 @@
 //! A prepared job on points: run whole, run on a subset of tiles, or analysed for a plan.
 
+use std::collections::BTreeSet;
 use std::time::Instant;
 
 use super::context::TranslateContext;
@@ -104,7 +105,8 @@ impl Prepared<'_> {
         let (work, mut notes) = (&self.work, Vec::new());
         let files = self.chain.run(self.source, work, &mut notes, |records| work.write(records))?;
         // Several may say that the unit is a guess.
-        notes.dedup();
+        let mut told = BTreeSet::new();
+        notes.retain(|note| told.insert(note.clone()));
         Ok((files, notes))
     }
 
@@ -186,6 +188,7 @@ pub(super) fn chain(
         columns: &converter.columns(),
         packing: job.packing()?,
         job,
+        is_last: false,
         is_above_ground: false,
         height_step: info.frame.scale[2],
     };

@@ -98,11 +98,11 @@ impl PlannedTranslateJob {
             )
             .remedy("pass ‹tile›, the side of the tiles"));
         };
-        for stage in stages.iter().map(AnyStage::stage) {
-            if let StageReach::Cloud(reason) = stage.reach(info)? {
-                let option = stage.option();
+        for stage in stages {
+            if let StageReach::Cloud { option, reason } = stage.stage().reach(info)? {
+                let name = stage.name();
                 return Err(Error::usage(format!(
-                    "‹{option}› is not supported by `plan points` ({reason})"
+                    "‹{option}› (stage {name}) is not supported by `plan points` ({reason})"
                 ))
                 .remedy(format!(
                     "plan without it, then run ‹terrane points› with ‹{option}› on the tiles"
@@ -111,7 +111,8 @@ impl PlannedTranslateJob {
         }
         job.surveyed(info)?;
         // What depends on the extent is that of the whole cloud.
-        let stages = stages.iter().map(|stage| stage.stage().over(info).unwrap_or(stage.clone()));
+        let stages =
+            stages.iter().map(|stage| stage.stage().resolved(info).unwrap_or(stage.clone()));
         Ok(Self {
             input: input.clone(),
             cloud: cloud.clone(),

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use super::operand::{RecordOperand, column};
-use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput};
+use super::{OpenStage, PointSetEffect, Stage, StageContext, StageInput, StageName, StageOutput};
 use crate::records::selection::place;
 use crate::records::{EachRecord, PointRecords};
 use terrane_base::error::{Error, Result};
@@ -16,7 +16,7 @@ use terrane_cloud::write::PointColumn;
 use terrane_cloud::{AXES, PointCloud, PointSource};
 use terrane_files::path_of;
 
-/// An attribute and its formula.
+/// Sets an attribute to the value of a formula.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Assign {
@@ -35,7 +35,7 @@ impl FromStr for Assign {
         let name = name.trim().trim_matches('"').to_owned();
         if AXES.iter().any(|axis| name.eq_ignore_ascii_case(axis)) {
             return Err(format!(
-                "{name} is a coordinate, not an attribute: pass ‹to_crs› to transform coordinates"
+                "{name} is a coordinate, not an attribute: pass ‹to_crs› to transform coordinates, or ‹height_above_ground› z"
             ));
         }
         Ok(Self { text: text.to_owned(), name, formula: Formula::number(formula)? })
@@ -62,19 +62,7 @@ impl fmt::Display for Assign {
     }
 }
 
-/// Assigns attributes, in order.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Assignments(pub Vec<Assign>);
-
-impl FromStr for Assignments {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        Ok(Self(vec![text.parse()?]))
-    }
-}
-
-impl Assignments {
+impl Assign {
     pub(super) const NAMES: [StageName; 1] = [StageName::of::<Self>(
         "assign",
         "NAME=FORMULA",
@@ -82,9 +70,9 @@ impl Assignments {
     )];
 }
 
-impl Stage for Assignments {
-    fn option(&self) -> &'static str {
-        "attribute"
+impl Stage for Assign {
+    fn effect(&self) -> PointSetEffect {
+        PointSetEffect::Unchanged
     }
 
     fn is_spatial(&self) -> bool {
@@ -92,7 +80,7 @@ impl Stage for Assignments {
     }
 
     fn open(&self, input: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {
-        Ok(Box::new(AttributeAssigner::new(&self.0, input)?))
+        Ok(Box::new(AttributeAssigner::new(self, input)?))
     }
 }
 
@@ -112,35 +100,31 @@ impl OpenStage for AttributeAssigner {
     }
 }
 
-/// Assignments to records of one format.
+/// An assignment to records of one format.
 struct AttributeAssigner {
     rulers: [Ruler; 3],
-    steps: Vec<(PointColumn, Formula<RecordOperand>)>,
+    column: PointColumn,
+    formula: Formula<RecordOperand>,
 }
 
 impl AttributeAssigner {
     /// # Errors
     /// Unknown names.
-    fn new(assignments: &[Assign], input: &StageInput<'_>) -> Result<Self> {
-        let mut steps = Vec::with_capacity(assignments.len());
-        for Assign { name, formula, .. } in assignments {
-            let column = column(name, input.format, input.columns)?;
-            let formula = formula.resolve(|name| RecordOperand::of(name, input))?;
-            steps.push((column, formula));
-        }
-        Ok(Self { rulers: [0, 1, 2].map(|axis| input.info.frame.ruler(axis)), steps })
+    fn new(Assign { name, formula, .. }: &Assign, input: &StageInput<'_>) -> Result<Self> {
+        Ok(Self {
+            rulers: [0, 1, 2].map(|axis| input.info.frame.ruler(axis)),
+            column: column(name, input.format, input.columns)?,
+            formula: formula.resolve(|name| RecordOperand::of(name, input))?,
+        })
     }
 
     fn set(&self, record: &mut [u8], stack: &mut Vec<f64>) -> std::result::Result<(), String> {
-        for (column, formula) in &self.steps {
-            let number = formula.compute(stack, |operand| match operand.number(record) {
-                number if number.is_finite() => Ok(number),
-                _ => Err(format!("{} has no value", operand.name())),
-            });
-            let number = number.map_err(|what| format!("{}: {what}", column.name()))?;
-            column.set(record, number)?;
-        }
-        Ok(())
+        let number = self.formula.compute(stack, |operand| match operand.number(record) {
+            number if number.is_finite() => Ok(number),
+            _ => Err(format!("{} has no value", operand.name())),
+        });
+        let number = number.map_err(|what| format!("{}: {what}", self.column.name()))?;
+        self.column.set(record, number)
     }
 
     fn failure(&self, file: Option<&str>, record: &[u8], what: &str) -> Error {

@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput};
+use super::{OpenStage, PointSetEffect, Stage, StageContext, StageInput, StageName, StageOutput};
 use crate::records::PointRecords;
 use crate::records::selection::{ChosenRecords, Group, Rank, RecordRanking, needed, place};
 use terrane_base::bits::ordered;
@@ -19,7 +19,7 @@ impl FromStr for Dedupe {
     type Err = &'static str;
 
     fn from_str(text: &str) -> std::result::Result<Self, Self::Err> {
-        if text.is_empty() { Ok(Self) } else { Err("it takes nothing") }
+        if text.is_empty() { Ok(Self) } else { Err("expected no arguments") }
     }
 }
 
@@ -41,16 +41,12 @@ impl Dedupe {
 }
 
 impl Stage for Dedupe {
-    fn option(&self) -> &'static str {
-        "dedupe"
-    }
-
     fn is_spatial(&self) -> bool {
         false
     }
 
-    fn drops_duplicates(&self) -> bool {
-        true
+    fn effect(&self) -> PointSetEffect {
+        PointSetEffect::DropsDuplicates
     }
 
     fn needed(&self, _: &CloudInfo, points: u64) -> [u64; 2] {

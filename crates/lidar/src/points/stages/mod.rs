@@ -1,5 +1,4 @@
-//! Stages: the steps of a job on points. A stage is one file with its options, and states what it needs: the job reads,
-//! orders, shares memory and plans from that alone.
+//! Stages of a job on points. Each is one file with its options, memory and reach.
 
 mod assign;
 mod dedupe;
@@ -26,7 +25,7 @@ use terrane_cloud::write::{PointColumn, PointPacking};
 use terrane_cloud::{CloudInfo, NewDimension, PointFormat};
 use terrane_engine::transform::Transformed;
 
-pub use assign::{Assign, Assignments};
+pub use assign::Assign;
 pub use dedupe::Dedupe;
 pub(super) use ground::queries::refuse_twice;
 pub use ground::{Classify, HeightClasses, HeightQuery, HeightsAs, Reclassify};
@@ -49,14 +48,33 @@ pub(super) enum StageReach {
     Within(f64),
     /// At statistics of the whole point cloud, which a plan computes once.
     Statistics,
-    /// Anywhere, for this reason.
-    Cloud(&'static str),
+    /// Anywhere.
+    Cloud {
+        /// The option that stands for the stage.
+        option: &'static str,
+        /// Why plans do not support it.
+        reason: &'static str,
+    },
+}
+
+/// What a stage does to the set of points. Ground is searched among more points than those that are written, unless a
+/// stage before has selected some.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum PointSetEffect {
+    /// Points stay where they are; their attributes may change.
+    Unchanged,
+    /// Only their order changes.
+    Reorders,
+    /// Duplicates are dropped and nothing else.
+    DropsDuplicates,
+    /// Points are dropped or moved.
+    Selects,
 }
 
 /// A step of a job on points.
 pub(super) trait Stage {
-    /// The option that asks for it.
-    fn option(&self) -> &'static str;
+    /// What it does to the set of points.
+    fn effect(&self) -> PointSetEffect;
 
     /// How far around a point it has to look.
     ///
@@ -71,19 +89,9 @@ pub(super) trait Stage {
         true
     }
 
-    /// Whether it drops duplicates and nothing else. They do not hinder a search for the ground among more points.
-    fn drops_duplicates(&self) -> bool {
-        false
-    }
-
     /// Whether z becomes a height above ground.
     fn replaces_z(&self) -> bool {
         false
-    }
-
-    /// Whether it leaves every point where it is, but for duplicates, so that ground can be searched among more points.
-    fn keeps_points(&self) -> bool {
-        self.drops_duplicates()
     }
 
     /// Bytes of memory for `points` of a point cloud, and for each thread.
@@ -96,8 +104,8 @@ pub(super) trait Stage {
         None
     }
 
-    /// The same with what depends on the extent of the whole point cloud.
-    fn over(&self, _: &CloudInfo) -> Option<AnyStage> {
+    /// The stage with the defaults that it takes from the whole point cloud, if any.
+    fn resolved(&self, _: &CloudInfo) -> Option<AnyStage> {
         None
     }
 
@@ -119,6 +127,8 @@ pub(super) struct StageInput<'a> {
     /// How the output is packed.
     pub(super) packing: PointPacking,
     pub(super) job: &'a super::TranslateJob,
+    /// Whether no stage follows.
+    pub(super) is_last: bool,
     /// Whether z is a height above ground.
     pub(super) is_above_ground: bool,
     /// Step of the heights of added dimensions.
@@ -176,8 +186,7 @@ pub(super) struct ChainLink {
     stage: Box<dyn OpenStage>,
     /// Frame, bounds and CRS of its input.
     info: CloudInfo,
-    drops_duplicates: bool,
-    keeps_points: bool,
+    effect: PointSetEffect,
 }
 
 /// Stages, each for the output of the one before.
@@ -201,7 +210,7 @@ impl StageChain {
             .remedy("run some of them, and the others on the output"));
         }
         let mut chain = Self { links: Vec::new(), output: input.info.clone() };
-        let mut is_above_ground = input.is_above_ground;
+        let (mut is_above_ground, height_step) = (false, input.info.frame.scale[2]);
         for (number, stage) in stages.iter().map(AnyStage::stage).enumerate() {
             // A dimension has no values before the stage that adds it.
             let later = stages[number..].iter().filter_map(|stage| stage.stage().dimension());
@@ -213,14 +222,19 @@ impl StageChain {
             };
             let columns: Vec<_> = input.columns.iter().filter(has_values).cloned().collect();
             let info = &chain.output;
-            let opened =
-                stage.open(&StageInput { info, columns: &columns, is_above_ground, ..input })?;
+            let is_last = number + 1 == stages.len();
+            let opened = stage.open(&StageInput {
+                info,
+                columns: &columns,
+                is_last,
+                is_above_ground,
+                height_step,
+                ..input
+            })?;
             is_above_ground |= stage.replaces_z();
             let output = opened.output().unwrap_or_else(|| chain.output.clone());
             let info = std::mem::replace(&mut chain.output, output);
-            let drops_duplicates = stage.drops_duplicates();
-            let keeps_points = stage.keeps_points();
-            chain.links.push(ChainLink { stage: opened, info, drops_duplicates, keeps_points });
+            chain.links.push(ChainLink { stage: opened, info, effect: stage.effect() });
         }
         Ok(chain)
     }
@@ -246,7 +260,7 @@ impl StageChain {
         notes: &mut Vec<String>,
         act: impl FnOnce(&dyn PointRecords) -> Result<T>,
     ) -> Result<T> {
-        run(&self.links, 0, false, records, work, notes, act)
+        run(&self.links, 0, |_| true, records, work, notes, act)
     }
 
     /// What a stage works with.
@@ -259,26 +273,23 @@ impl StageChain {
     }
 }
 
-/// Passes records through the stages from number `next` on, but for the removal of duplicates if it
-/// `keeps_duplicates`.
+/// Passes records through the stages from number `next` on whose effect is wanted.
 fn run<T>(
     links: &[ChainLink],
     next: usize,
-    keeps_duplicates: bool,
+    is_wanted: fn(PointSetEffect) -> bool,
     records: &dyn PointRecords,
     work: &TranslateContext<'_>,
     notes: &mut Vec<String>,
     act: impl FnOnce(&dyn PointRecords) -> Result<T>,
 ) -> Result<T> {
-    let Some(ChainLink { stage, info, drops_duplicates, .. }) = links.get(next) else {
-        return act(records);
-    };
-    if *drops_duplicates && keeps_duplicates {
-        return run(links, next + 1, keeps_duplicates, records, work, notes, act);
+    let Some(ChainLink { stage, info, effect }) = links.get(next) else { return act(records) };
+    if !is_wanted(*effect) {
+        return run(links, next + 1, is_wanted, records, work, notes, act);
     }
     let made = stage.apply(records, &StageContext { work, info, before: &links[..next] })?;
     notes.extend(made.notes);
-    run(links, next + 1, keeps_duplicates, &*made.records, work, notes, act)
+    run(links, next + 1, is_wanted, &*made.records, work, notes, act)
 }
 
 impl StageContext<'_> {
@@ -287,23 +298,22 @@ impl StageContext<'_> {
         self.work.shares.of_stage(self.before.len())
     }
 
-    /// Whether the stages before this one keep every point where it is, but for duplicates.
-    pub(super) fn has_all_points(&self) -> bool {
-        self.before.iter().all(|link| link.keeps_points)
+    /// Whether a stage before this one has selected points.
+    pub(super) fn is_selected(&self) -> bool {
+        self.before.iter().any(|link| link.effect == PointSetEffect::Selects)
     }
 
-    /// Passes other records through the stages before this one, but for the removal of duplicates if it
-    /// `keeps_duplicates`.
+    /// Passes other records through the stages before this one whose effect is wanted.
     ///
     /// # Errors
     /// As [`StageChain::run`].
     pub(super) fn run_before<T>(
         &self,
-        keeps_duplicates: bool,
+        is_wanted: fn(PointSetEffect) -> bool,
         records: &dyn PointRecords,
         act: impl FnOnce(&dyn PointRecords) -> Result<T>,
     ) -> Result<T> {
-        run(self.before, 0, keeps_duplicates, records, self.work, &mut Vec::new(), act)
+        run(self.before, 0, is_wanted, records, self.work, &mut Vec::new(), act)
     }
 
     /// The best record of each group.
@@ -371,6 +381,13 @@ macro_rules! stages {
         })*
 
         impl AnyStage {
+            /// The first name of its kind.
+            pub(super) fn name(&self) -> &'static str {
+                match self {
+                    $(Self::$kind(_) => $kind::NAMES[0].name,)*
+                }
+            }
+
             pub(super) fn stage(&self) -> &dyn Stage {
                 match self {
                     $(Self::$kind(stage) => stage,)*
@@ -387,7 +404,7 @@ stages![
     Dedupe,
     ClassifyNoise,
     HeightQuery,
-    Assignments,
+    Assign,
     Where,
     Overlap,
     CellThinning,

@@ -6,7 +6,8 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    AnyStage, OpenStage, Stage, StageContext, StageInput, StageName, StageOutput, StageReach,
+    AnyStage, OpenStage, PointSetEffect, Stage, StageContext, StageInput, StageName, StageOutput,
+    StageReach,
 };
 use crate::records::PointRecords;
 use crate::records::selection::{Group, Rank, RecordRanking, needed, place};
@@ -66,8 +67,8 @@ impl Overlap {
 }
 
 impl Stage for Overlap {
-    fn option(&self) -> &'static str {
-        "drop_overlap"
+    fn effect(&self) -> PointSetEffect {
+        PointSetEffect::Selects
     }
 
     fn reach(&self, _: &CloudInfo) -> Result<StageReach> {
@@ -78,7 +79,7 @@ impl Stage for Overlap {
         [needed(points), 0]
     }
 
-    fn over(&self, info: &CloudInfo) -> Option<AnyStage> {
+    fn resolved(&self, info: &CloudInfo) -> Option<AnyStage> {
         Some(Self { cell: Some(self.side(info)) }.into())
     }
 
@@ -115,7 +116,7 @@ impl FlightLines {
             return Err(Error::usage(format!(
                 "cells of {side} are smaller than the coordinate resolution"
             ))
-            .remedy("pass a larger ‹drop_overlap›=CELL"));
+            .remedy("pass a larger cell"));
         }
         Ok(Self {
             side,

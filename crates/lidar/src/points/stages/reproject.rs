@@ -1,10 +1,12 @@
-//! Reprojects points: after selection and classification, before sorting and tiling.
+//! Reprojects points; later stages use the new CRS.
 
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput, StageReach};
+use super::{
+    OpenStage, PointSetEffect, Stage, StageContext, StageInput, StageName, StageOutput, StageReach,
+};
 use crate::records::selection::place;
 use crate::records::{EachRecord, PointRecords};
 use terrane_base::error::{Error, Result};
@@ -42,12 +44,15 @@ impl Reproject {
 }
 
 impl Stage for Reproject {
-    fn option(&self) -> &'static str {
-        "to_crs"
+    fn effect(&self) -> PointSetEffect {
+        PointSetEffect::Selects
     }
 
     fn reach(&self, _: &CloudInfo) -> Result<StageReach> {
-        Ok(StageReach::Cloud("a tile in the target CRS needs all points"))
+        Ok(StageReach::Cloud {
+            option: "to_crs",
+            reason: "a tile in the target CRS needs all points",
+        })
     }
 
     fn open(&self, input: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {

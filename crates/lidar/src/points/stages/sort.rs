@@ -1,4 +1,4 @@
-//! External sort of records: sorted runs that fit into memory are spilled and merged.
+//! Sorts points: runs that fit into memory are sorted, spilled and merged.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use terrane_options::Choice;
 
-use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput};
+use super::{OpenStage, PointSetEffect, Stage, StageContext, StageInput, StageName, StageOutput};
 use crate::records::selection::{place, time};
 use crate::records::{PointRecords, RecordFlow, RecordUnit, Take, total};
 use terrane_base::bits::ordered;
@@ -46,8 +46,8 @@ impl FromStr for Sort {
 }
 
 impl Stage for Sort {
-    fn option(&self) -> &'static str {
-        "sort"
+    fn effect(&self) -> PointSetEffect {
+        PointSetEffect::Reorders
     }
 
     fn is_spatial(&self) -> bool {
@@ -59,7 +59,7 @@ impl Stage for Sort {
     }
 
     fn open(&self, input: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {
-        if input.packing == PointPacking::Nodes {
+        if input.is_last && input.packing == PointPacking::Nodes {
             return Err(Error::usage(
                 "‹sort› has no effect on COPC, which has the order of its octree",
             )

@@ -5,7 +5,9 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput, StageReach};
+use super::{
+    OpenStage, PointSetEffect, Stage, StageContext, StageInput, StageName, StageOutput, StageReach,
+};
 use crate::records::PointRecords;
 use crate::records::selection::{Group, Rank, RecordRanking, needed, place};
 use terrane_base::bits::{mixed, ordered};
@@ -92,8 +94,8 @@ impl CellThinning {
 }
 
 impl Stage for CellThinning {
-    fn option(&self) -> &'static str {
-        "thin"
+    fn effect(&self) -> PointSetEffect {
+        PointSetEffect::Selects
     }
 
     fn reach(&self, _: &CloudInfo) -> Result<StageReach> {

@@ -5,7 +5,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use super::operand::RecordOperand;
-use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput};
+use super::{OpenStage, PointSetEffect, Stage, StageContext, StageInput, StageName, StageOutput};
 use crate::records::{EachRecord, PointRecords};
 use terrane_base::error::Result;
 use terrane_base::formula::Formula;
@@ -32,8 +32,8 @@ impl Where {
 }
 
 impl Stage for Where {
-    fn option(&self) -> &'static str {
-        "stage"
+    fn effect(&self) -> PointSetEffect {
+        PointSetEffect::Selects
     }
 
     fn is_spatial(&self) -> bool {

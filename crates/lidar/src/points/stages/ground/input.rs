@@ -8,9 +8,9 @@ use crate::grid::surface_model::{CloudOverview, MetricFrame, around};
 use crate::points::context::TranslateContext;
 use crate::points::input_records::InputRecords;
 use crate::points::job::TranslateJob;
-use crate::points::stages::StageContext;
 use crate::points::stages::noise::ClassifyNoise;
 use crate::points::stages::noise::noise_index::Noise;
+use crate::points::stages::{PointSetEffect, StageContext};
 use crate::points::tile_subset::TileSubset;
 use crate::records::{PointRecords, over};
 use terrane_base::error::Result;
@@ -79,17 +79,21 @@ impl HeightQuery {
             _ => None,
         };
         // The ground is searched among more points than the requested ones unless a stage before has chosen some.
-        let input = match around.has_all_points() {
-            true => GroundInput::open(work.job, work.subset.is_some())?,
-            false => None,
+        let input = match around.is_selected() {
+            true => None,
+            false => GroundInput::open(work.job, work.subset.is_some())?,
         };
         let Some(input) = input else { return search.annotate(records, None, heights_at) };
         let converter = input.converter(work.job)?;
         let noise = work.subset.and_then(TileSubset::noise).map(Noise::of_ground);
         let all =
             InputRecords::within(&input.cloud, &converter, self.around_ground(work)?).with(noise);
-        around
-            .run_before(!input.is_same, &all, |all| search.annotate(records, Some(all), heights_at))
+        // Of more classes, all duplicates may be ground.
+        let is_wanted = match input.is_same {
+            true => |effect| effect != PointSetEffect::Reorders,
+            false => |effect| effect == PointSetEffect::Unchanged,
+        };
+        around.run_before(is_wanted, &all, |all| search.annotate(records, Some(all), heights_at))
     }
 
     /// Statistics of the ground for a plan: among `input`, with its noise recorded, or among `records`.

@@ -3,7 +3,7 @@
 use super::{Classify, HeightClasses, HeightQuery, HeightsAs, Reclassify};
 use crate::grid::GroundFrom;
 use crate::points::stages::{
-    OpenStage, Stage, StageContext, StageInput, StageName, StageOutput, StageReach,
+    OpenStage, PointSetEffect, Stage, StageContext, StageInput, StageName, StageOutput, StageReach,
 };
 use crate::records::PointRecords;
 use terrane_base::error::{Error, Result};
@@ -61,8 +61,8 @@ impl HeightQuery {
 }
 
 impl Stage for HeightQuery {
-    fn option(&self) -> &'static str {
-        if self.heights.is_some() { "height_above_ground" } else { "classify" }
+    fn effect(&self) -> PointSetEffect {
+        PointSetEffect::Selects
     }
 
     fn reach(&self, _: &CloudInfo) -> Result<StageReach> {
@@ -85,9 +85,10 @@ impl Stage for HeightQuery {
         self.check(input.format)?;
         let is_dimension = self.heights == Some(HeightsAs::Dimension);
         if is_dimension && input.info.frame.scale[2] != input.height_step {
-            return Err(Error::usage(
-                "‹height_above_ground› as a dimension has the z scale of the input, which another stage has changed",
-            )
+            let (needed, scale) = (input.height_step, input.info.frame.scale[2]);
+            return Err(Error::usage(format!(
+                "‹height_above_ground› as a dimension requires the z scale of the input ({needed}); a stage before changed it to {scale}"
+            ))
             .remedy("put it before the stage that reprojects, or pass z"));
         }
         Ok(Box::new(GroundStage { query: self.clone(), output: self.info(input.info) }))

@@ -15,7 +15,9 @@ use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
 use super::ground::queries::{is_known_noise, is_there};
-use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput, StageReach};
+use super::{
+    OpenStage, PointSetEffect, Stage, StageContext, StageInput, StageName, StageOutput, StageReach,
+};
 use crate::grid::surface_model::MetricFrame;
 use crate::records::numbered::{self, RecordNumbers};
 use crate::records::selection::place;
@@ -108,10 +110,6 @@ impl ClassifyNoise {
 }
 
 impl Stage for ClassifyNoise {
-    fn option(&self) -> &'static str {
-        "classify"
-    }
-
     fn reach(&self, info: &CloudInfo) -> Result<StageReach> {
         match self.0.is_local() {
             true => reach(&self.0, info).map(StageReach::Within),
@@ -119,8 +117,8 @@ impl Stage for ClassifyNoise {
         }
     }
 
-    fn keeps_points(&self) -> bool {
-        true
+    fn effect(&self) -> PointSetEffect {
+        PointSetEffect::Unchanged
     }
 
     fn needed(&self, _: &CloudInfo, points: u64) -> [u64; 2] {

@@ -16,7 +16,9 @@ use std::sync::Mutex;
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
-use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput, StageReach};
+use super::{
+    OpenStage, PointSetEffect, Stage, StageContext, StageInput, StageName, StageOutput, StageReach,
+};
 use crate::point_index::Tiling;
 use crate::records::numbered::{self, RecordNumbers};
 use crate::records::selection::{ChosenRecords, place, time};
@@ -57,12 +59,15 @@ impl PoissonSampling {
 }
 
 impl Stage for PoissonSampling {
-    fn option(&self) -> &'static str {
-        "thin_distance"
+    fn effect(&self) -> PointSetEffect {
+        PointSetEffect::Selects
     }
 
     fn reach(&self, _: &CloudInfo) -> Result<StageReach> {
-        Ok(StageReach::Cloud("a point may depend on distant ones"))
+        Ok(StageReach::Cloud {
+            option: "thin_distance",
+            reason: "a point may depend on distant ones",
+        })
     }
 
     fn needed(&self, info: &CloudInfo, _: u64) -> [u64; 2] {
