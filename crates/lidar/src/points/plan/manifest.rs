@@ -102,7 +102,7 @@ impl PlannedTranslateJob {
             if let StageReach::Cloud { option, reason } = stage.stage().reach(info)? {
                 let name = stage.name();
                 return Err(Error::usage(format!(
-                    "‹{option}› (stage {name}) is not supported by `plan points` ({reason})"
+                    "‹{option}› is not supported by `plan points`, nor is the stage {name} ({reason})"
                 ))
                 .remedy(format!(
                     "plan without it, then run ‹terrane points› with ‹{option}› on the tiles"
