@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use terrane_cloud::{CloudFilter, CloudOpenOptions};
-use terrane_engine::Resources;
+use terrane_engine::{Progress, Resources};
 use terrane_lidar::grid::GroundFrom;
 use terrane_lidar::points::plan::{PlanPointsJob, plan_points};
 use terrane_lidar::points::{
@@ -341,8 +341,21 @@ fn heights_are_joined_with_the_ground_before_them_only_where_nothing_changes() {
     run(&chain(job(&[&input], &output), &moved)).unwrap();
 }
 
+/// Fails where points are read.
+struct Unread;
+
+impl Progress for Unread {
+    fn begin(&self, stage: &str, _: u64) {
+        panic!("{stage} has begun");
+    }
+
+    fn advance(&self, _: u64) {}
+
+    fn end(&self) {}
+}
+
 #[test]
-fn a_plan_of_what_cannot_be_done_is_refused() {
+fn a_plan_of_what_cannot_be_done_is_refused_before_points_are_read() {
     let place = Place::new();
     let input = above::survey(&place, "cloud,size=30,density=4,seed=2", 0, "plain.las");
     let squares = PointTiling { side: 10.0, buffer: 0.0, flag: Default::default() };
@@ -356,7 +369,7 @@ fn a_plan_of_what_cannot_be_done_is_refused() {
             cut: None,
             skipped: vec![],
         };
-        let error = plan_points(&plan, &terrane_engine::Silent, &Default::default()).unwrap_err();
+        let error = plan_points(&plan, &Unread, &Default::default()).unwrap_err();
         assert!(error.to_string().contains(told) && !work.exists(), "{error}");
     }
 }
