@@ -108,7 +108,7 @@ pub use terrane_lidar::grid::{Canopy, Compat, GridOptions, GridReport, GroundFro
 #[cfg(feature = "lidar")]
 pub use terrane_lidar::points::{
     Assign, BufferFlag, CellThinning, Classify, HeightClasses, HeightsAs, Overlap, PointsOptions,
-    Reclassify, Sort, ThinningRule, TileFormat, TranslateReport,
+    Reclassify, Sort, StageText, ThinningRule, TileFormat, TranslateReport,
 };
 pub use terrane_raster::{
     ArrayGrid, ArraySample, GridInfo, GridNote, Inputs, SampleType, WaterReport,

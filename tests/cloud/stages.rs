@@ -98,7 +98,8 @@ fn short_options_are_stages() {
             std::fs::read(&output).unwrap()
         };
         let expected = made(set);
-        let found = made(&|o| o.stage = stages.iter().map(|text| text.parse().unwrap()).collect());
+        let found =
+            made(&|o| o.stages.stage = stages.iter().map(|text| text.parse().unwrap()).collect());
         assert!(found == expected, "{number}: {stages:?}");
         assert!(found != std::fs::read(&input).unwrap());
     }

@@ -3,6 +3,7 @@
 
 mod facade;
 mod plan_grid;
+mod staged;
 mod tiles;
 mod tin;
 mod tin_files;

@@ -16,6 +16,7 @@ pub mod ground_units;
 pub mod input;
 pub mod json;
 pub mod local_frame;
+pub mod made_input;
 pub mod memory;
 pub mod operation;
 pub mod options;

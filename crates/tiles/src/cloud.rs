@@ -2,32 +2,32 @@
 
 use std::path::{Path, PathBuf};
 
-use tempfile::TempDir;
-
 use super::job::{TilesJob, check_formats};
 use super::make::{run, run_in};
 use super::options::{CloudTilesOptions, ModelOptions};
 use super::report::TilesReport;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as cloud, CloudOpenOptions};
+use terrane_engine::made_input::MadeInput;
 use terrane_engine::memory::with_polygons;
 use terrane_engine::operation::{Divisible, Operation, RunRequest, Writes};
 use terrane_engine::options::{CloudInput, GridInput};
 use terrane_engine::outputs::place;
-use terrane_engine::plan::{DiskCheck, OutputForm, RunJob, refuse_file};
+use terrane_engine::plan::{DiskCheck, OutputForm, POINTS, RunControl, RunJob, refuse_file};
 use terrane_engine::skip_bad::Skipped;
-use terrane_engine::{Cancel, Progress, Resources, feature_files};
+use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::atomic::refuse_existing;
-use terrane_files::{folder_for, name_of, path_of};
+use terrane_files::path_of;
 use terrane_lidar::grid::GridOptions;
 use terrane_lidar::grid::plan::{PlanGridJob, plan_grid};
 use terrane_lidar::grid::{self, GridJob, Placement, SurfaceModel};
+use terrane_lidar::points::{StagedCloud, StagedPlace};
 use terrane_raster::Inputs;
 
 /// Format of the model file: all properties of a grid, in memory-mapped blocks.
 const FORMAT: &str = "store";
-/// Contents of a work folder: the model and the tiles.
-const PARTS: [&str; 2] = ["model", "tiles"];
+/// Contents of a work folder: the model, the tiles, and points that were made for them.
+const PARTS: [&str; 3] = ["model", "tiles", POINTS];
 /// File name of the model.
 const MODEL: &str = "model.tif";
 
@@ -73,16 +73,6 @@ fn lies_in(path: &Path, folder: &Path) -> bool {
         || std::fs::canonicalize(folder).is_ok_and(|folder| place(path).starts_with(folder))
 }
 
-/// A finished model, deleted on drop unless it is in a work folder.
-pub struct BuiltCloudModel {
-    /// Name of the point cloud.
-    pub inputs: Inputs,
-    path: PathBuf,
-    /// Report and notes of the model.
-    pub notes: Vec<String>,
-    _temporary: Option<TempDir>,
-}
-
 /// Makes tiles of a point cloud; the input of `job` is ignored. The output appears only on success. With a work
 /// folder the model and the tiles resume after an interruption.
 ///
@@ -124,21 +114,6 @@ pub fn run_cloud(
 }
 
 impl CloudModel {
-    fn made(
-        &self,
-        path: PathBuf,
-        notes: Vec<String>,
-        temporary: Option<TempDir>,
-    ) -> Result<BuiltCloudModel> {
-        let label = self.input.label().map(str::to_owned).unwrap_or_else(|| {
-            let names = self.input.names();
-            let files = cloud::files(names).unwrap_or_else(|_| names.to_vec());
-            feature_files::in_order(&files).to_string()
-        });
-        let inputs = Inputs::labelled(vec![name_of(path.clone())?], label);
-        Ok(BuiltCloudModel { inputs, path, notes, _temporary: temporary })
-    }
-
     /// Makes the model in a temporary folder beside `output`.
     pub fn make(
         &self,
@@ -146,16 +121,14 @@ impl CloudModel {
         resources: &Resources,
         progress: &dyn Progress,
         cancel: &Cancel,
-    ) -> Result<BuiltCloudModel> {
-        let folder = folder_for(output, resources.temp_dir.as_deref());
-        let job = self.job(resources)?;
-        let temporary = tempfile::Builder::new()
-            .prefix(".terrane-")
-            .tempdir_in(folder)
-            .map_err(|e| Error::write(folder, e))?;
-        let path = temporary.path().join(MODEL);
-        let made = grid::run(&GridJob { output: path.clone(), ..job }, progress, cancel)?;
-        self.made(path, made.notes, Some(temporary))
+    ) -> Result<MadeInput> {
+        MadeInput::temporary(self.label(), output, MODEL, resources, |path| {
+            let at = RunControl { progress, cancel };
+            self.with_job(StagedPlace::Beside(path), resources, at, |job| {
+                let job = GridJob { output: path.to_path_buf(), ..job };
+                Ok(grid::run(&job, progress, cancel)?.notes)
+            })
+        })
     }
 
     /// Makes the model by a plan in a folder, or reuses a finished one.
@@ -165,44 +138,70 @@ impl CloudModel {
         resources: &Resources,
         progress: &dyn Progress,
         cancel: &Cancel,
-    ) -> Result<BuiltCloudModel> {
-        let job = self.job(resources)?;
+    ) -> Result<MadeInput> {
         let folder = work_folder.folder.join(PARTS[0]);
         std::fs::create_dir_all(&folder).map_err(|e| Error::write(&folder, e))?;
         let path = folder.join(MODEL);
-        let plan = PlanGridJob {
-            job: GridJob { output: path.clone(), overwrite: true, ..job },
-            folder: folder.clone(),
-            cut: None,
-            skipped: work_folder.skipped.to_vec(),
-        };
-        plan_grid(&plan, progress, cancel)?;
-        let run = RunJob {
-            folder,
-            task: None,
-            output: Some(path.clone()),
-            overwrite: true,
-            form: OutputForm::default(),
-            disk: work_folder.disk,
-            resources: resources.clone(),
-        };
-        let made = GridOptions::run_plan(&run, progress, cancel)?.of.grid;
-        self.made(path, made.map_or_else(Vec::new, |made| made.notes), None)
+        let points = work_folder.folder.join(PARTS[2]);
+        let at = RunControl { progress, cancel };
+        let notes = self.with_job(StagedPlace::In(&points), resources, at, |job| {
+            let plan = PlanGridJob {
+                job: GridJob { output: path.clone(), overwrite: true, ..job },
+                folder: folder.clone(),
+                cut: None,
+                skipped: work_folder.skipped.to_vec(),
+            };
+            plan_grid(&plan, progress, cancel)?;
+            let run = RunJob {
+                folder: folder.clone(),
+                task: None,
+                output: Some(path.clone()),
+                overwrite: true,
+                form: OutputForm::default(),
+                disk: work_folder.disk,
+                resources: resources.clone(),
+            };
+            let made = GridOptions::run_plan(&run, progress, cancel)?.of.grid;
+            Ok(made.map_or_else(Vec::new, |made| made.notes))
+        })?;
+        MadeInput::kept(self.label(), path, notes)
+    }
+
+    /// Calls `act` with the job of the model of the points, or of those that stages make of them; returns all notes.
+    fn with_job(
+        &self,
+        place: StagedPlace<'_>,
+        resources: &Resources,
+        at: RunControl<'_>,
+        act: impl FnOnce(GridJob) -> Result<Vec<String>>,
+    ) -> Result<Vec<String>> {
+        let source =
+            StagedCloud { inputs: &self.input, cloud: &self.cloud, has_ground_classes: true };
+        let stages = &self.model.stages;
+        let (notes, before) = stages.before(source, place, resources, at, |inputs, cloud| {
+            act(self.job(inputs, cloud, resources)?)
+        })?;
+        Ok([before, notes].concat())
     }
 
     /// The job of the model, without its output.
     ///
     /// # Errors
     /// A point cloud that cannot be opened, lacks a CRS, or has too few points to estimate their spacing.
-    fn job(&self, resources: &Resources) -> Result<GridJob> {
-        let names = self.input.names();
-        if cloud::source(names, &self.cloud)?.info().crs.is_unknown() {
+    fn job(
+        &self,
+        inputs: &Inputs,
+        cloud: CloudOpenOptions,
+        resources: &Resources,
+    ) -> Result<GridJob> {
+        let names = inputs.names();
+        if cloud::source(names, &cloud)?.info().crs.is_unknown() {
             let error = Error::bad_input("CRS is missing");
             return Err(self.in_input(error.remedy("pass it, such as ‹crs› EPSG:2154")));
         }
         let model = GridJob::of_preset(names.to_vec(), PathBuf::new(), SurfaceModel::Dtm, 1.0);
         let model = GridJob {
-            cloud: self.cloud.clone(),
+            cloud,
             format: Some(FORMAT.to_owned()),
             ground: self.model.ground,
             placement: Placement { cell: self.model.cell, ..Placement::default() },
@@ -212,20 +211,14 @@ impl CloudModel {
         model.settled().map_err(|error| self.in_input(error))
     }
 
+    fn label(&self) -> String {
+        MadeInput::label(&self.input)
+    }
+
     /// Names the input in an error, if it is a single file.
     fn in_input(&self, error: Error) -> Error {
         match self.input.names() {
             [name] => error.in_file(&path_of(name)),
-            _ => error,
-        }
-    }
-}
-
-impl BuiltCloudModel {
-    /// Reports an error of the model as an error of the point cloud.
-    pub fn renamed(&self, error: Error) -> Error {
-        match error.path() {
-            Some(path) if path == self.path => error.renamed(Path::new(&self.inputs.to_string())),
             _ => error,
         }
     }

@@ -34,7 +34,7 @@ mod scan;
 mod tasks;
 mod tiles_3d;
 
-pub use cloud::{BuiltCloudModel, CloudModel, ModelWorkFolder, run_cloud};
+pub use cloud::{CloudModel, ModelWorkFolder, run_cloud};
 pub use format::TilesFormat;
 pub use georeference::{AS_GIVEN, ON_ELLIPSOID, WITH_GEOID};
 pub use job::{PlanJob, TilesJob};
@@ -45,3 +45,4 @@ pub use options::{
 };
 pub use outside::TilesBeyond;
 pub use report::{StatusReport, TileLevelReport, TilesReport, TilesRun, TilesStatus};
+pub use terrane_lidar::points::CloudStages;

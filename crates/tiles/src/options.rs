@@ -7,6 +7,7 @@ use super::outside::TilesBeyond;
 use terrane_engine::Resources;
 use terrane_engine::options::{CellSize, CloudInput, FileName, GridInput, Replacing, Resuming};
 use terrane_lidar::grid::{AsText, GroundFrom};
+use terrane_lidar::points::CloudStages;
 
 /// Content of tiles
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
@@ -117,6 +118,8 @@ pub struct CloudTilesOptions {
 
 const OF_WATER: &[OptionRule] = &[OptionRule::Needs("water_mask", &["water"])];
 
+terrane_engine::has_within!(CloudTilesOptions: ModelOptions => [CloudStages]);
+
 /// Terrain model of a point cloud
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(heading = "Model of the ground", setters = group)]
@@ -130,4 +133,7 @@ pub struct ModelOptions {
     /// cloud has ground points, else csf-ptd)
     #[option(value = "HOW", with = AsText)]
     pub ground: GroundFrom,
+    /// Stages before.
+    #[option(flatten)]
+    pub stages: CloudStages,
 }

@@ -26,7 +26,7 @@ const WHOLE: u64 = 1 << 30;
 
 /// State of a file when the plan was made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct InputFile {
+pub(crate) struct InputFile {
     name: String,
     bytes: u64,
     /// Modification time, in nanoseconds since 1970.
@@ -37,7 +37,7 @@ pub(super) struct InputFile {
 }
 
 /// Reads the state of `paths`, in parallel.
-pub(super) fn stat(paths: &[PathBuf]) -> Result<Vec<InputFile>> {
+pub(crate) fn stat(paths: &[PathBuf]) -> Result<Vec<InputFile>> {
     let sizes = paths.par_iter().map(|path| std::fs::metadata(path).map_or(0, |meta| meta.len()));
     let is_small = sizes.sum::<u64>() <= WHOLE;
     paths.par_iter().map(|path| InputFile::of(path, is_small)).collect()
@@ -83,7 +83,7 @@ impl InputFile {
     }
 
     /// Adopts the modification time of `other` if both are known to have the same bytes.
-    pub(super) fn forgive_time(&mut self, other: &Self) {
+    pub(crate) fn forgive_time(&mut self, other: &Self) {
         if self.whole && self.digest == other.digest {
             self.modified = other.modified;
         }

@@ -5,6 +5,7 @@
 //! |---|---|
 //! | `plan.json` | the plan |
 //! | `objects/` | the result of each task that is done |
+//! | `points/` | points that were made for the tasks, if any |
 //! | `finished.json` | where the result is written, and its digest once it is there |
 //! | `lock` | held by a run of all pending tasks |
 
@@ -28,12 +29,13 @@ pub use artifact::{CheckDepth, damaged_object};
 pub use difference::refuse_another;
 pub use digest::{Digest, digest_of};
 pub use files::with_companions;
+pub(crate) use files::{InputFile, stat};
 pub use folder::TaskStates;
 pub use kind::{
     MadeArtifact, Numbered, OutputForm, OutputRequest, PlanStep, PlannedWork, RunControl,
 };
 pub use manifest::{noted_path, write_json};
-pub use plan_file::{PLAN, PlanManifest, refuse_file};
+pub use plan_file::{PLAN, POINTS, PlanManifest, refuse_file};
 pub use plan_file::{PlanKind, kind};
 pub use planned::{PlannedGrid, grid_files};
 pub use report::{DescribesRun, Forecast, LastOutput, RunReport, StatusReport, TaskReport};

@@ -24,6 +24,8 @@ use terrane_files::atomic::{AtomicFile, is_temporary, refuse_stdout};
 pub const PLAN: &str = "plan.json";
 /// Maximum size of a plan file: enough for millions of tasks and a million files.
 const MAX_BYTES: u64 = 1 << 30;
+/// Folder of points that were made for the tasks.
+pub const POINTS: &str = "points";
 
 /// Kind of a plan's output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -265,9 +267,9 @@ impl<W: PlannedWork> PlanManifest<W> {
     }
 }
 
-/// True for what an interrupted attempt to write a plan leaves in its folder.
+/// True for what lies in a folder before its plan is written: points, and what an interrupted attempt left.
 fn is_left_over(name: &OsStr) -> bool {
-    name == OBJECTS || name.to_str().is_some_and(is_temporary)
+    name == OBJECTS || name == POINTS || name.to_str().is_some_and(is_temporary)
 }
 
 /// Fails if `path` is a file.

@@ -1,14 +1,18 @@
 //! A mesh of a cloud as an operation: at once, or by plan.
 
 use std::path::Path;
+use std::time::Instant;
 
 use super::job::{CloudTinJob, CloudTinReport};
 use super::make::run;
 use super::options::CloudTinOptions;
 use super::plan::run_in;
+use crate::points::StagedPlace;
 use terrane_base::error::Result;
 use terrane_engine::operation::{Operation, RunRequest, Writes};
 use terrane_engine::options::CloudInput;
+use terrane_engine::plan::POINTS;
+use terrane_files::atomic::refuse_existing;
 use terrane_raster::Inputs;
 
 impl Operation for CloudTinOptions {
@@ -23,11 +27,22 @@ impl Operation for CloudTinOptions {
     }
 
     fn run(&self, request: RunRequest<'_>) -> Result<CloudTinReport> {
-        let RunRequest { inputs, output, skipped, is_measured, progress, cancel } = request;
-        let job = CloudTinJob { measure: is_measured, ..self.job(inputs, output)? };
-        match &self.resuming.workdir {
-            None => run(&job, progress, cancel),
-            Some(folder) => run_in(folder, &job, skipped, self.resuming.disk(), progress, cancel),
-        }
+        let start = Instant::now();
+        let RunRequest { output, skipped, is_measured, progress, cancel, .. } = request;
+        refuse_existing(output, self.file.replacing.overwrite)?;
+        let workdir = self.resuming.workdir.as_deref();
+        let points = workdir.map(|folder| folder.join(POINTS));
+        let place = points.as_deref().map_or(StagedPlace::Beside(output), StagedPlace::In);
+        let (mut report, notes) = self.with_job(request, output, place, |job| {
+            let job = CloudTinJob { measure: is_measured, ..job };
+            match workdir {
+                None => run(&job, progress, cancel),
+                Some(folder) => {
+                    run_in(folder, &job, skipped, self.resuming.disk(), progress, cancel)
+                }
+            }
+        })?;
+        report.run.wall_seconds = start.elapsed().as_secs_f64();
+        Ok(CloudTinReport { notes: [notes, report.notes].concat(), ..report })
     }
 }

@@ -5,11 +5,14 @@ use std::path::Path;
 use terrane_options::{OptionRange, OptionRule, Options};
 
 use super::job::CloudTinJob;
+use crate::points::{CloudStages, StagedCloud, StagedPlace};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::CloudOpenOptions;
 use terrane_engine::Resources;
 use terrane_engine::local_frame::LocalFrame;
+use terrane_engine::operation::RunRequest;
 use terrane_engine::options::{CloudInput, Constraints, FileOutput, Resuming};
+use terrane_engine::plan::RunControl;
 use terrane_raster::Inputs;
 
 /// Simplify a point cloud into a triangle mesh with a proven vertical error bound
@@ -26,6 +29,9 @@ pub struct CloudTinOptions {
     /// How the cloud is read.
     #[option(flatten)]
     pub cloud: CloudInput,
+    /// Stages before.
+    #[option(flatten)]
+    pub stages: CloudStages,
     /// The mesh file.
     #[option(flatten)]
     pub file: FileOutput,
@@ -49,13 +55,23 @@ const RULES: &[OptionRule] = &[
 ];
 
 impl CloudTinOptions {
-    /// The job on some files.
+    /// Calls `act` with the job on some files, or on the points that stages make of them.
     ///
     /// # Errors
-    /// No target; polygons that cannot be read.
-    pub fn job(&self, inputs: &Inputs, output: &Path) -> Result<CloudTinJob> {
-        let options = self.cloud.options(&self.resources)?;
-        Ok(CloudTinJob { options, ..self.unread(inputs, output)? })
+    /// No target; polygons that cannot be read; those of the stages and of `act`.
+    pub(super) fn with_job<R>(
+        &self,
+        RunRequest { inputs, progress, cancel, .. }: RunRequest<'_>,
+        output: &Path,
+        place: StagedPlace<'_>,
+        act: impl FnOnce(CloudTinJob) -> Result<R>,
+    ) -> Result<(R, Vec<String>)> {
+        let cloud = &self.cloud.options(&self.resources)?;
+        let source = StagedCloud { inputs, cloud, has_ground_classes: false };
+        let at = RunControl { progress, cancel };
+        self.stages.before(source, place, &self.resources, at, |inputs, options| {
+            act(CloudTinJob { options, ..self.unread(inputs, output)? })
+        })
     }
 
     /// The job without its clip polygons.

@@ -9,7 +9,7 @@ use super::surface_model::kinds::{GroundFrom, SurfaceModel};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as cloud, CloudFilter, CloudOpenOptions};
 use terrane_engine::Resources;
-use terrane_files::folder_for;
+use terrane_files::{folder_for, shown_all};
 use terrane_gridding::canopy::CanopyAlgorithm;
 use terrane_gridding::{
     self as gridding, Canopy, StatisticDefaults, StatisticRecipe, StatisticRequest,
@@ -22,6 +22,9 @@ use terrane_raster::write::{self, BandName, GridFormat, GridWriteOptions};
 pub struct GridJob {
     /// Files, folders, patterns or lists of clouds.
     pub input: Vec<String>,
+    /// Their name in the report, if it is another.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub label: Option<String>,
     /// How they are read.
     #[serde(flatten)]
     pub cloud: CloudOpenOptions,
@@ -85,6 +88,7 @@ impl GridJob {
     ) -> Self {
         Self {
             input: input.into_iter().map(Into::into).collect(),
+            label: None,
             cloud: CloudOpenOptions::default(),
             output: output.into(),
             format: None,
@@ -106,6 +110,11 @@ impl GridJob {
             overwrite: false,
             resources: Resources::default(),
         }
+    }
+
+    /// The name of the input.
+    pub(super) fn label(&self) -> String {
+        self.label.clone().unwrap_or_else(|| shown_all(&self.input))
     }
 
     /// As [`new`](Self::new), for a terrain model.

@@ -217,7 +217,7 @@ impl<'a> GridMaker<'a> {
 pub(super) fn report(job: &GridJob, info: &GridInfo, extent: &GridExtent) -> GridReport {
     let t = info.transform;
     GridReport {
-        input: job.input.join(", "),
+        input: job.label(),
         output: job.output.display().to_string(),
         format: job.format().map_or(String::new(), |format| format.name.to_owned()),
         width: info.width,

@@ -1,6 +1,7 @@
 //! Options of grids of clouds.
 
 use std::path::Path;
+use std::time::Instant;
 
 use terrane_options::{OptionRange, OptionRule, Options, settled};
 
@@ -10,6 +11,7 @@ use super::job::{GridJob, NODATA};
 use super::make::run;
 use super::report::GridReport;
 use super::surface_model::kinds::{GroundFrom, SurfaceModel};
+use crate::points::{CloudStages, StagedCloud, StagedPlace};
 use terrane_base::error::{Error, Result};
 use terrane_engine::Resources;
 use terrane_engine::operation::{Operation, RunRequest, Writes};
@@ -17,6 +19,8 @@ use terrane_engine::options::{
     BoundsText, CellSize, CloudInput, FileName, FileOutput, FiniteOrNan, GridOutput, PositionText,
     SampleTypeName,
 };
+use terrane_engine::plan::RunControl;
+use terrane_files::atomic::refuse_existing;
 use terrane_gridding::{Canopy, parse_list};
 use terrane_raster::{Inputs, SampleType};
 
@@ -102,6 +106,9 @@ pub struct GridOptions {
     /// How the cloud is read.
     #[option(flatten)]
     pub cloud: CloudInput,
+    /// Stages before.
+    #[option(flatten)]
+    pub stages: CloudStages,
     /// Memory, threads and temporary files.
     #[option(flatten)]
     pub resources: Resources,
@@ -127,13 +134,23 @@ impl GridOptions {
         presets.into_iter().find(|(is_given, _)| *is_given).map(|(_, preset)| preset)
     }
 
-    /// The job on some files.
+    /// Calls `act` with the job on some files, or on the points that stages make of them.
     ///
     /// # Errors
-    /// Unknown statistics; polygons that cannot be read.
-    pub fn job(&self, inputs: &Inputs, output: &Path) -> Result<GridJob> {
-        let cloud = self.cloud.options(&self.resources)?;
-        Ok(GridJob { cloud, ..settled(self)?.unread(inputs, output)? })
+    /// Unknown statistics; polygons that cannot be read; those of the stages and of `act`.
+    pub(super) fn with_job<R>(
+        &self,
+        RunRequest { inputs, progress, cancel, .. }: RunRequest<'_>,
+        output: &Path,
+        place: StagedPlace<'_>,
+        act: impl FnOnce(GridJob) -> Result<R>,
+    ) -> Result<(R, Vec<String>)> {
+        let cloud = &self.cloud.options(&self.resources)?;
+        let source = StagedCloud { inputs, cloud, has_ground_classes: self.preset().is_some() };
+        let at = RunControl { progress, cancel };
+        self.stages.before(source, place, &self.resources, at, |inputs, cloud| {
+            act(GridJob { cloud, ..settled(self)?.unread(inputs, output)? })
+        })
     }
 
     /// The job without its clip polygons.
@@ -144,6 +161,7 @@ impl GridOptions {
             |own| Ok(vec![own.band()]),
         )?;
         Ok(GridJob {
+            label: inputs.label().map(str::to_owned),
             format: self.file.format.clone(),
             creation: self.creation.in_order(),
             preset,
@@ -189,6 +207,13 @@ impl Operation for GridOptions {
     }
 
     fn run(&self, request: RunRequest<'_>) -> Result<GridReport> {
-        run(&self.job(request.inputs, request.output)?, request.progress, request.cancel)
+        let (start, RunRequest { output, progress, cancel, .. }) = (Instant::now(), request);
+        refuse_existing(output, self.file.replacing.overwrite)?;
+        let (mut report, notes) =
+            self.with_job(request, output, StagedPlace::Beside(output), |job| {
+                run(&job, progress, cancel)
+            })?;
+        report.run.wall_seconds = start.elapsed().as_secs_f64();
+        Ok(GridReport { notes: [notes, report.notes].concat(), ..report })
     }
 }

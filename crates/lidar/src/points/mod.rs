@@ -23,6 +23,7 @@ pub mod plan;
 mod prepared;
 mod report;
 mod split;
+mod staged;
 mod stages;
 mod tile_subset;
 mod tiled_output;
@@ -33,6 +34,7 @@ pub use options::{PointsOptions, PointsSetters, TileFormat};
 pub use prepared::run;
 pub use report::TranslateReport;
 pub use split::AttributeSplit;
+pub use staged::{CloudStages, CloudStagesSetters, StagedCloud, StagedPlace};
 pub use stages::{
     AnyStage, Assign, CellThinning, Classify, ClassifyNoise, Dedupe, HeightClasses, HeightQuery,
     HeightsAs, KEPT, Overlap, PoissonSampling, Reclassify, Reproject, Sort, StageName, StageText,

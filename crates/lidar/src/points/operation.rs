@@ -26,7 +26,7 @@ impl Operation for PointsOptions {
     fn check(&self, output: &Path) -> Result<()> {
         match self.is_folder() {
             true => refuse_file_name(output),
-            false => self.unread(&[], output, None).packing().map(drop),
+            false => self.unread(&[], output, Vec::new()).packing().map(drop),
         }
     }
 

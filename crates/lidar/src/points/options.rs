@@ -1,15 +1,15 @@
 //! Options of points that are written.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use terrane_options::{Choice, OptionKind, OptionRange, OptionRule, Options};
 
 use super::job::TranslateJob;
-use super::pipeline;
 use super::split::AttributeSplit;
+use super::staged::CloudStages;
 use super::stages::{
     AnyStage, Assign, CellThinning, Classify, Dedupe, HeightQuery, HeightsAs, Overlap,
-    PoissonSampling, Reproject, Sort, StageText, refuse_twice,
+    PoissonSampling, Reproject, Sort, refuse_twice,
 };
 use super::tiled_output::{BufferFlag, PointTiling};
 use crate::grid::{AsText, GroundFrom};
@@ -17,12 +17,12 @@ use terrane_base::error::Result;
 use terrane_cloud::{CloudOpenOptions, LasVersion, PointFormat};
 use terrane_engine::Resources;
 use terrane_engine::options::{
-    AsFormula, AsNumber, CloudInput, FileName, PointFormatNumber, Replacing, Reprojection, Resuming,
+    AsFormula, AsNumber, CloudInput, PointFormatNumber, Replacing, Reprojection, Resuming,
 };
 
 terrane_engine::by_text!(AsFormula, OptionKind::Shaped("str"), Assign);
 terrane_engine::by_text!(AsNumber, OptionKind::Shaped("float | str"), Overlap CellThinning);
-terrane_engine::by_text!(AsText, OptionKind::Text, Classify StageText);
+terrane_engine::by_text!(AsText, OptionKind::Text, Classify);
 
 /// Filter, merge, thin, classify and convert point clouds, with all attributes
 ///
@@ -76,13 +76,9 @@ pub struct PointsOptions {
     /// reproducible
     #[option(value = "DISTANCE", range = OptionRange::POSITIVE, heading = "Thinning")]
     pub thin_distance: Option<f64>,
-    /// Stage to run after those of other options and before ‹sort›: NAME or NAME:ARGUMENTS. Repeatable; stages run in the
-    /// order given
-    #[option(value = "STAGE", with = AsText, heading = "Stages")]
-    pub stage: Vec<StageText>,
-    /// JSON file of stages: a list of NAME:ARGUMENTS, or a PDAL pipeline of supported filters
-    #[option(value = "FILE", with = FileName, heading = "Stages")]
-    pub pipeline: Option<PathBuf>,
+    /// Further stages: they run after those of other options and before ‹sort›.
+    #[option(flatten)]
+    pub stages: CloudStages,
     /// Write a folder of square tiles with this side, one file each, named by the lower left corner
     #[option(value = "SIDE", range = OptionRange::POSITIVE, heading = "Folders")]
     pub tile: Option<f64>,
@@ -117,7 +113,6 @@ pub struct PointsOptions {
 }
 
 const RULES: &[OptionRule] = &[
-    OptionRule::NotWith("stage", &["pipeline"]),
     OptionRule::NotWith("tile", &["split"]),
     OptionRule::Needs("buffer", &["tile"]),
     OptionRule::Needs("buffer_flag", &["buffer"]),
@@ -143,17 +138,15 @@ impl PointsOptions {
     pub fn job(&self, inputs: &[String], output: &Path) -> Result<TranslateJob> {
         refuse_twice(&self.classify)?;
         let cloud = self.cloud.options(&self.resources)?;
-        let pipeline = self.pipeline.as_deref().map(pipeline::read).transpose()?;
-        let stages = pipeline.into_iter().flatten();
-        Ok(TranslateJob { cloud, ..self.unread(inputs, output, stages) })
+        Ok(TranslateJob { cloud, ..self.unread(inputs, output, self.stages.all()?) })
     }
 
-    /// The job without its clip polygons; `pipeline` are the stages of its file.
+    /// The job without its clip polygons, with these further stages.
     pub(super) fn unread(
         &self,
         inputs: &[String],
         output: &Path,
-        pipeline: impl IntoIterator<Item = AnyStage>,
+        further: Vec<AnyStage>,
     ) -> TranslateJob {
         let is_plain = self.tile_format == TileFormat::Las;
         let tiling =
@@ -181,8 +174,7 @@ impl PointsOptions {
             .stages(self.thin)
             .stages(self.thin_distance.map(PoissonSampling))
             .stages(self.reprojection.transform().map(Reproject))
-            .stages(self.stage.iter().map(|stage| stage.stage().clone()))
-            .stages(pipeline)
+            .stages(further)
             .stages(self.sort)
     }
 }

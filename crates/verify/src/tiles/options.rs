@@ -4,7 +4,7 @@ use terrane_options::Options;
 
 use terrane_engine::Resources;
 use terrane_engine::options::{CloudInput, FileName, GridInput};
-use terrane_tiles::ModelOptions;
+use terrane_tiles::{CloudStages, ModelOptions};
 
 /// Verify terrain tiles against their grid
 #[derive(Clone, Debug, PartialEq, Options)]
@@ -21,6 +21,8 @@ pub struct TilesProof {
     #[option(flatten)]
     pub resources: Resources,
 }
+
+terrane_engine::has_within!(CloudTilesProof: ModelOptions => [CloudStages]);
 
 /// Verify terrain tiles against the terrain model of their point cloud
 #[derive(Clone, Debug, PartialEq, Options)]

@@ -23,6 +23,7 @@ use std::path::Path;
 use super::job::{CloudTinJob, CloudTinReport};
 use super::options::CloudTinOptions;
 use super::regions::REGION_POINTS;
+use crate::points::StagedPlace;
 use tasks::{CloudMesh, CloudTinScan, OpenedCloudTin};
 use terrane_base::error::{Error, Result};
 use terrane_engine::operation::{Divisible, RunRequest};
@@ -47,16 +48,17 @@ impl Divisible for CloudTinOptions {
         request: RunRequest<'_>,
         task_size: Option<u32>,
     ) -> Result<StatusReport<PointStatus>> {
-        let RunRequest { inputs, output: folder, skipped, progress, cancel, .. } = request;
+        let RunRequest { output: folder, skipped, progress, cancel, .. } = request;
         let format = by_path(Path::new(""), Some(self.file.format.as_deref().unwrap_or("PLY")))?;
         let output = folder.join("mesh").with_extension(format.extensions[0]);
-        let job = CloudTinJob {
-            format: Some(format.name.to_owned()),
-            measure: false,
-            ..self.job(inputs, &output)?
-        };
-        let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
-        plan_cloud_tin(&PlanCloudTinJob { job, folder, cut: task_size, skipped }, progress, cancel)
+        let points = StagedPlace::In(&folder.join(plan::POINTS));
+        let (status, _) = self.with_job(request, &output, points, |job| {
+            let job = CloudTinJob { format: Some(format.name.to_owned()), measure: false, ..job };
+            let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
+            let plan = PlanCloudTinJob { job, folder, cut: task_size, skipped };
+            plan_cloud_tin(&plan, progress, cancel)
+        })?;
+        Ok(status)
     }
 }
 

@@ -37,6 +37,7 @@ use terrane_engine::skip_bad::LostPoints;
 use terrane_files::atomic::AtomicFile;
 use terrane_files::{name_of, path_of};
 use terrane_mesh::{self as mesh, MeshFormat, check_prj};
+use terrane_raster::Inputs;
 
 /// Rounds of tasks that check the mesh.
 const ROUNDS: u32 = 2;
@@ -57,6 +58,9 @@ pub(super) struct CloudMesh {
 #[derive(Clone, Serialize, Deserialize)]
 struct PlannedCloudTinJob {
     inputs: Vec<String>,
+    /// Name of the source in the mesh, if it is not that of the files.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    source: Option<String>,
     #[serde(flatten)]
     options: CloudOpenOptions,
     format: String,
@@ -203,7 +207,8 @@ impl CloudMesh {
         };
         let (options, max_error) = (job.options.clone(), job.tolerance);
         let format = job.format()?.name.to_owned();
-        let method = PlannedCloudTinJob { inputs, options, format, max_error, cut };
+        let label = job.inputs.label().map(str::to_owned);
+        let method = PlannedCloudTinJob { inputs, source: label, options, format, max_error, cut };
         let mesh = Self { method, cloud: CloudHeaderSummary::of(source.info())?, seen };
         mesh.check().map(|()| mesh)
     }
@@ -469,11 +474,16 @@ impl PlannedWork for CloudMesh {
         let Self { method, cloud, .. } = &plan.work;
         let resources = beside_polygons(&method.options, &resources);
         let options = CloudOpenOptions { threads: resources.threads, ..method.options.clone() };
+        let inputs = Inputs::from(method.inputs.clone());
+        let inputs = match &method.source {
+            Some(source) => inputs.called(source.clone()),
+            None => inputs,
+        };
         let job = CloudTinJob {
             overwrite,
             options,
             format: Some(method.format.clone()),
-            ..CloudTinJob::new(method.inputs.clone(), output, method.max_error, resources)
+            ..CloudTinJob::new(inputs, output, method.max_error, resources)
         };
         let opened = OpenedCloudTin::new(job, plan.label.clone())?;
         refuse_another(

@@ -18,6 +18,7 @@ use super::job::GridJob;
 use super::options::GridOptions;
 use super::report::GridReport;
 use super::surface_model::{CloudOverview, SurfaceModel, SurfaceModelContext};
+use crate::points::StagedPlace;
 use manifest::{BLOCK, CloudGridPlan, GridTileTask, MOST_SIDE};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as cloud, PointSource, ReturnCounts};
@@ -28,7 +29,7 @@ use terrane_engine::plan::{
 };
 use terrane_engine::skip_bad::LostPoints;
 use terrane_engine::{Cancel, Progress, Resources};
-use terrane_files::{name_of, refuse_in_memory, shown_all};
+use terrane_files::{name_of, refuse_in_memory};
 use terrane_raster::write::{self, by_name};
 use tile::OpenedCloudGrid;
 
@@ -76,16 +77,19 @@ impl Divisible for GridOptions {
         request: RunRequest<'_>,
         task_size: Option<u32>,
     ) -> Result<StatusReport<CellStatus>> {
-        let RunRequest { inputs, output: folder, skipped, progress, cancel, .. } = request;
+        let RunRequest { output: folder, skipped, progress, cancel, .. } = request;
         let format = by_name(self.file.format.as_deref().unwrap_or("GTiff"))?;
         let output = folder.join("grid").with_extension(format.extensions[0]);
         // What a plan wrote before is told of by the run.
         let mut planned = self.clone();
         planned.file.replacing.overwrite = true;
         planned.check(&output)?;
-        let job = planned.job(inputs, &output)?;
-        let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
-        plan_grid(&PlanGridJob { job, folder, cut: task_size, skipped }, progress, cancel)
+        let points = StagedPlace::In(&folder.join(plan::POINTS));
+        let (status, _) = planned.with_job(request, &output, points, |job| {
+            let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
+            plan_grid(&PlanGridJob { job, folder, cut: task_size, skipped }, progress, cancel)
+        })?;
+        Ok(status)
     }
 }
 
@@ -135,8 +139,7 @@ pub fn plan_grid(
         Some(plan) => plan.needs,
         None => probe::expect(&opened, &grid.grid, at)?,
     };
-    let label = shown_all(&job.input);
-    PlanManifest::new(grid, (label, files), needs, skipped)?.put(folder)?;
+    PlanManifest::new(grid, (job.label(), files), needs, skipped)?.put(folder)?;
     plan::status::<CloudGridPlan>(folder)
 }
 
