@@ -10,6 +10,7 @@ use super::memory_shares::TranslateMemory;
 use super::report::TranslateReport;
 use super::split::SplitColumn;
 use super::stages::ground::GroundInput;
+use super::stages::noise::NoiseMarks;
 use super::stages::noise::noise_index::Noise;
 use super::stages::{Dedupe, StageChain, StageInput};
 use super::tile_subset::{CloudKnowledge, TileSubset};
@@ -152,17 +153,12 @@ impl Prepared<'_> {
         let single = surveyed.dedupe.filter(|_| is_own);
         let single = single.map(|number| Dedupe::select(*source, &context(number))).transpose()?;
         let records = over(&single, *source);
-        let marked = surveyed
-            .noise
-            .map(|(number, stage)| stage.mark(records, &context(number)))
-            .transpose()?;
-        let mut noise = match &marked {
-            Some(marked) => {
-                let (own, notes) = (marked.noted(single.as_ref())?, marked.notes.clone());
-                Some(Noise { own, ground: None, notes })
-            }
-            None => None,
-        };
+        let marks = surveyed.noise.map(|(number, stage)| stage.mark(records, &context(number)));
+        let marks = marks.transpose()?;
+        let noted = marks.as_ref().map(|marks| marks.noted(single.as_ref())).transpose()?;
+        let notes = marks.iter().flat_map(|marks| marks.notes.clone()).collect();
+        let mut noise = noted.map(|own| Noise { own, ground: None, notes });
+        let marked = marks.map(NoiseMarks::records);
         let records = over(&marked, records);
         let known = surveyed.noise.zip(noise.as_mut());
         let known = known.map(|((number, stage), noise)| (stage, context(number), noise));

@@ -3,12 +3,15 @@
 //! All threads read the units of one round while those of the previous round are consumed in order. So the
 //! bytes depend on neither threads nor memory.
 
+mod each;
 pub(crate) mod numbered;
 mod packing;
 pub(crate) mod selection;
+pub(crate) mod values;
 
 use rayon::prelude::*;
 
+pub(crate) use each::{EachRecord, RecordAt};
 pub(crate) use packing::RecordPacker;
 
 use terrane_base::error::Result;
@@ -129,43 +132,6 @@ fn pass(produced: &[Vec<u8>], take: &mut Take<'_>) -> Result<()> {
 fn report_unit(records: &dyn PointRecords, unit: usize, at: RunControl<'_>) {
     if let Some(file) = records.unit(unit).file {
         at.progress.file(file);
-    }
-}
-
-/// Records that are changed or dropped one by one. `each` gets the unit, the record and a stack for formulas, and tells
-/// whether the record is kept.
-pub(crate) struct EachRecord<'a, F> {
-    pub(crate) records: &'a dyn PointRecords,
-    /// Bytes of a record.
-    pub(crate) record: usize,
-    pub(crate) each: F,
-}
-
-impl<F> PointRecords for EachRecord<'_, F>
-where
-    F: Fn(usize, &mut [u8], &mut Vec<f64>) -> Result<bool> + Sync,
-{
-    fn units(&self) -> usize {
-        self.records.units()
-    }
-
-    fn unit(&self, unit: usize) -> RecordUnit<'_> {
-        self.records.unit(unit)
-    }
-
-    fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
-        let (mut made, mut stack) = (Vec::new(), Vec::new());
-        self.records.read(unit, &mut |bytes| {
-            made.clear();
-            for record in bytes.chunks_exact(self.record) {
-                let first = made.len();
-                made.extend_from_slice(record);
-                if !(self.each)(unit, &mut made[first..], &mut stack)? {
-                    made.truncate(first);
-                }
-            }
-            take(&made)
-        })
     }
 }
 

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::operand::{RecordOperand, column};
 use super::{OpenStage, PointSetEffect, Stage, StageContext, StageInput, StageName, StageOutput};
 use crate::records::selection::place;
-use crate::records::{EachRecord, PointRecords};
+use crate::records::{EachRecord, PointRecords, RecordAt};
 use terrane_base::error::{Error, Result};
 use terrane_base::formula::Formula;
 use terrane_base::geom::Ruler;
@@ -91,12 +91,12 @@ impl OpenStage for AttributeAssigner {
         around: &StageContext<'r>,
     ) -> Result<StageOutput<'r>> {
         let (record, cloud) = (around.work.shares.flow.record, around.work.input);
-        let each = move |unit, record: &mut [u8], stack: &mut Vec<f64>| {
+        let each = move |at: RecordAt, record: &mut [u8], stack: &mut Vec<f64>| {
             let set = self.set(record, stack);
-            set.map_err(|what| self.failure(file_of(records, unit, cloud), record, &what))?;
+            set.map_err(|what| self.failure(file_of(records, at.unit, cloud), record, &what))?;
             Ok(true)
         };
-        Ok(StageOutput::new(EachRecord { records, record, each }))
+        Ok(StageOutput::new(EachRecord::new(records, record, each)))
     }
 }
 

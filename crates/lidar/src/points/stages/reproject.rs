@@ -86,12 +86,12 @@ impl OpenStage for CloudReprojection {
         around: &StageContext<'r>,
     ) -> Result<StageOutput<'r>> {
         let record = around.work.shares.flow.record;
-        let each = |_, record: &mut [u8], _: &mut Vec<f64>| {
+        let each = |_, record: &mut [u8], (): &mut ()| {
             let Point { x, y, z } = self.place(record)?;
             record[..12].copy_from_slice([x, y, z].map(i32::to_le_bytes).as_flattened());
             Ok(true)
         };
-        let records = Box::new(EachRecord { records, record, each });
+        let records = Box::new(EachRecord::new(records, record, each));
         Ok(StageOutput { records, notes: self.notes.clone() })
     }
 }

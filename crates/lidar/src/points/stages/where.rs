@@ -59,6 +59,6 @@ impl OpenStage for RecordCondition {
         let each = |_, record: &mut [u8], stack: &mut Vec<f64>| {
             Ok(self.0.holds(stack, |operand| operand.decimal(record)))
         };
-        Ok(StageOutput::new(EachRecord { records, record, each }))
+        Ok(StageOutput::new(EachRecord::new(records, record, each)))
     }
 }

@@ -8,15 +8,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use bytemuck::{Pod, Zeroable};
 
 use super::queries::{Classify, HeightQuery, HeightsAs, is_known_noise, is_there};
-use super::results::{AnnotatedRecords, NO_HEIGHT, PointAnnotations, Z};
 use crate::grid::surface_model::{
     CloudOverview, GroundFilter, MetricFrame, NOISE, found_by, no_ground, no_ground_of_class,
 };
 use crate::grid::{CloudSurfaces, GROUND, GroundFrom, more_is_needed, tiling};
 use crate::point_index::PointStore;
+use crate::points::stages::StageOutput;
 use crate::points::tile_subset::TileSubset;
 use crate::records::numbered::{self, RecordNumbers};
 use crate::records::selection::place;
+use crate::records::values::RecordValues;
 use crate::records::{PointRecords, RecordFlow, total};
 use terrane_base::attribute::Return;
 use terrane_base::error::{Error, Result};
@@ -34,6 +35,10 @@ const TILE_SHARE: u64 = 8;
 const PARTS: u64 = 4;
 /// Strips of a tile that are processed in turn.
 const STRIPS: i32 = 32;
+/// Marks the lack of a height.
+const NO_HEIGHT: i32 = i32::MIN;
+/// Offset of z in a record.
+const Z: usize = 8;
 /// Classes of points that were never classified, and that are unclassified.
 const NO_CLASS: [u8; 2] = [0, 1];
 
@@ -199,10 +204,10 @@ impl GroundHeightSearch<'_> {
         records: &'r dyn PointRecords,
         ground_records: Option<&dyn PointRecords>,
         heights_at: Option<usize>,
-    ) -> Result<AnnotatedRecords<'r>> {
+    ) -> Result<StageOutput<'r>> {
         let GroundSearchResult { surface, entries, numbers, mut notes } =
             self.find(records, ground_records)?;
-        let values = PointAnnotations::new(numbers.total, self.folder);
+        let values = RecordValues::new(numbers.total, self.folder);
         let counts = match surface {
             Some(surface) => {
                 let counts = self.annotate_tiles(&surface, &entries, &values);
@@ -218,7 +223,17 @@ impl GroundHeightSearch<'_> {
         let is_z = self.above.heights == Some(HeightsAs::Z);
         let heights_at = if is_z { Some(Z) } else { heights_at };
         let (format, record) = (self.format, self.flow.record);
-        Ok(AnnotatedRecords { records, format, record, heights_at, values, numbers, notes })
+        let set = move |record: &mut [u8], [_, class, steps]: [u32; 3]| {
+            if is_z && steps == NO_HEIGHT as u32 {
+                return false;
+            }
+            format.set_class(record, class as u8);
+            if let Some(at) = heights_at {
+                record[at..at + size_of::<i32>()].copy_from_slice(&steps.to_le_bytes());
+            }
+            true
+        };
+        Ok(StageOutput { records: Box::new(values.records(records, record, numbers, set)), notes })
     }
 
     /// Statistics of the ground of all points, for work on a subset of tiles.
@@ -403,7 +418,7 @@ impl GroundHeightSearch<'_> {
         &self,
         ground: &CloudSurfaces,
         entries: &Buckets<GroundQueryPoint>,
-        values: &PointAnnotations,
+        values: &RecordValues<3>,
     ) -> Result<GroundClassCounts> {
         let squares = tiling(self.info).count() as u64;
         self.at.progress.begin("heights", squares);
@@ -432,7 +447,7 @@ impl GroundHeightSearch<'_> {
         square: usize,
         ground: &CloudSurfaces,
         entries: &Buckets<GroundQueryPoint>,
-        values: &PointAnnotations,
+        values: &RecordValues<3>,
         counts: &mut GroundClassCounts,
     ) -> Result<()> {
         if ground.store().is_exceeded() {
@@ -450,7 +465,7 @@ impl GroundHeightSearch<'_> {
                 let class = self.class(entry, &known, height, counts);
                 let height = height.map_or(NO_HEIGHT, |height| height.round() as i32);
                 counts.without += u64::from(height == NO_HEIGHT);
-                writer.put(entry.number, class, height)?;
+                writer.put(entry.number, [0, class.into(), height as u32])?;
             }
         }
         entries.forget(square);

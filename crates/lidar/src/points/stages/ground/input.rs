@@ -3,16 +3,15 @@
 use super::HeightQuery;
 use super::ground_search::GroundHeightSearch;
 use super::queries::HeightsAs;
-use super::results::AnnotatedRecords;
 use crate::grid::surface_model::{CloudOverview, MetricFrame, around};
 use crate::points::context::TranslateContext;
 use crate::points::input_records::InputRecords;
 use crate::points::job::TranslateJob;
 use crate::points::stages::noise::ClassifyNoise;
 use crate::points::stages::noise::noise_index::Noise;
-use crate::points::stages::{PointSetEffect, StageContext};
+use crate::points::stages::{PointSetEffect, StageContext, StageOutput};
 use crate::points::tile_subset::TileSubset;
-use crate::records::{PointRecords, over};
+use crate::records::PointRecords;
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, PointFrame};
 use terrane_cloud::{
@@ -70,7 +69,7 @@ impl HeightQuery {
         &self,
         records: &'r dyn PointRecords,
         around: &StageContext<'r>,
-    ) -> Result<AnnotatedRecords<'r>> {
+    ) -> Result<StageOutput<'r>> {
         let work = around.work;
         let (info, shift) = method_frame(around);
         let search = self.search(around, &info, shift);
@@ -109,15 +108,10 @@ impl HeightQuery {
         let Some(input) = input else { return search.scan(records) };
         let converter = input.converter(around.work.job)?;
         let all = InputRecords::within(&input.cloud, &converter, None);
-        let marked = match known {
-            Some((stage, context, noise)) => {
-                let marked = stage.mark(&all, &context)?;
-                noise.ground = Some(marked.noted(None)?);
-                Some(marked)
-            }
-            None => None,
-        };
-        search.scan(over(&marked, &all))
+        let Some((stage, context, noise)) = known else { return search.scan(&all) };
+        let marks = stage.mark(&all, &context)?;
+        noise.ground = Some(marks.noted(None)?);
+        search.scan(&marks.records())
     }
 
     fn search<'a>(

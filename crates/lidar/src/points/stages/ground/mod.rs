@@ -9,7 +9,6 @@ mod ground_search;
 mod input;
 pub(super) mod queries;
 mod reclassify;
-mod results;
 mod stage;
 
 pub(in crate::points) use input::GroundInput;

@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 use terrane_options::Choice;
 
 use super::reclassify::Reclassify;
-use super::results::VALUES;
 use crate::grid::surface_model::{MetricFrame, NOISE, square_bytes};
 use crate::grid::{GROUND, GroundFrom, WORKER};
+use crate::records::values::VALUES;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, PointFrame};
 use terrane_cloud::{CloudInfo, Flags, PointFormat};

@@ -111,8 +111,6 @@ impl OpenStage for GroundStage {
         records: &'r dyn PointRecords,
         around: &StageContext<'r>,
     ) -> Result<StageOutput<'r>> {
-        let mut annotated = self.query.annotate(records, around)?;
-        let notes = std::mem::take(&mut annotated.notes);
-        Ok(StageOutput { records: Box::new(annotated), notes })
+        self.query.annotate(records, around)
     }
 }

@@ -21,7 +21,7 @@ use super::{
 use crate::grid::surface_model::MetricFrame;
 use crate::records::numbered::{self, RecordNumbers};
 use crate::records::selection::place;
-use crate::records::{PointRecords, RecordFlow, RecordUnit, Take, total};
+use crate::records::{EachRecord, PointRecords, RecordAt, RecordFlow, total};
 use partition::{NoisePartsBuilder, NoisePoint, NoiseTiles};
 use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, Result};
@@ -92,7 +92,7 @@ impl ClassifyNoise {
         &self,
         records: &'r dyn PointRecords,
         around: &StageContext<'r>,
-    ) -> Result<MarkedRecords<'r>> {
+    ) -> Result<NoiseMarks<'r>> {
         let StageContext { work, info, .. } = *around;
         let search = NoiseSearch {
             request: &self.0,
@@ -137,9 +137,9 @@ impl OpenStage for ClassifyNoise {
         records: &'r dyn PointRecords,
         around: &StageContext<'r>,
     ) -> Result<StageOutput<'r>> {
-        let mut marked = self.mark(records, around)?;
-        let notes = std::mem::take(&mut marked.notes);
-        Ok(StageOutput { records: Box::new(marked), notes })
+        let mut marks = self.mark(records, around)?;
+        let notes = std::mem::take(&mut marks.notes);
+        Ok(StageOutput { records: Box::new(marks.records()), notes })
     }
 }
 
@@ -189,7 +189,7 @@ impl NoiseSearch<'_> {
     ///
     /// # Errors
     /// As for [`reach`].
-    fn mark_records<'r>(&self, records: &'r dyn PointRecords) -> Result<MarkedRecords<'r>> {
+    fn mark_records<'r>(&self, records: &'r dyn PointRecords) -> Result<NoiseMarks<'r>> {
         let (space, is_guess) = space(self.info)?;
         self.request.reach(&space)?;
         let (numbers, parts) = self.divide(records, &space)?;
@@ -199,7 +199,7 @@ impl NoiseSearch<'_> {
         let noise = noise.into_inner().unwrap_or_default();
         let notes = self.notes_on_noise(&noise, &limit, &space, is_guess);
         let (format, record, class) = (self.format, self.flow.record, self.request.class());
-        Ok(MarkedRecords { records, format, record, class, noise, numbers, notes })
+        Ok(NoiseMarks { records, format, record, class, noise, numbers, notes })
     }
 
     /// Points that are neither noise yet nor withheld, by parts.
@@ -315,8 +315,8 @@ fn mark_records(noise: &Mutex<BitSet>, limit: &ScoreLimit, scores: &[NoiseScore]
     }
 }
 
-/// Records with classified noise.
-pub(in crate::points) struct MarkedRecords<'a> {
+/// The noise among records.
+pub(in crate::points) struct NoiseMarks<'a> {
     records: &'a dyn PointRecords,
     format: PointFormat,
     record: usize,
@@ -326,27 +326,16 @@ pub(in crate::points) struct MarkedRecords<'a> {
     pub(in crate::points) notes: Vec<String>,
 }
 
-impl PointRecords for MarkedRecords<'_> {
-    fn units(&self) -> usize {
-        self.records.units()
-    }
-
-    fn unit(&self, unit: usize) -> RecordUnit<'_> {
-        self.records.unit(unit)
-    }
-
-    fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
-        let (mut number, mut marked) = (self.numbers.first(unit) as usize, Vec::new());
-        self.records.read(unit, &mut |bytes| {
-            marked.clear();
-            marked.extend_from_slice(bytes);
-            for record in marked.chunks_exact_mut(self.record) {
-                if self.noise.contains(number) {
-                    self.format.set_class(record, self.class);
-                }
-                number += 1;
+impl<'a> NoiseMarks<'a> {
+    /// The records with classified noise.
+    pub(in crate::points) fn records(self) -> impl PointRecords + 'a {
+        let Self { records, format, record, class, noise, numbers, .. } = self;
+        let each = move |at: RecordAt, record: &mut [u8], (): &mut ()| {
+            if noise.contains(at.number as usize) {
+                format.set_class(record, class);
             }
-            take(&marked)
-        })
+            Ok(true)
+        };
+        EachRecord::new(records, record, each).numbered(numbers)
     }
 }

@@ -5,7 +5,7 @@ use std::str::Split;
 
 use serde::{Deserialize, Serialize};
 
-use super::MarkedRecords;
+use super::NoiseMarks;
 use crate::records::selection::ChosenRecords;
 use terrane_base::error::{Error, ErrorKind, Result};
 
@@ -115,7 +115,7 @@ impl Marks<'_> {
     }
 }
 
-impl MarkedRecords<'_> {
+impl NoiseMarks<'_> {
     /// The noise for a plan, by indices of records in their parts, after the removal of duplicates in `single`.
     ///
     /// # Errors
