@@ -76,17 +76,17 @@ pub struct PointFormatConverter<'a> {
     /// One per file.
     conversions: Vec<PointFormatConversion>,
     /// Added dimensions: names and offsets in a record.
-    added: Vec<(&'static str, usize)>,
+    added: Vec<(String, usize)>,
     notes: Vec<String>,
 }
 
 /// A dimension that a job adds to the records, and fills later.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NewDimension {
-    /// Its name; a dimension of this name is replaced.
-    pub name: &'static str,
-    /// Its description.
-    pub about: &'static str,
+    /// Its name, of at most 32 bytes; a dimension of this name is replaced.
+    pub name: String,
+    /// Its description, of at most 32 bytes.
+    pub about: String,
     /// How its values are stored.
     pub value: NewDimensionValue,
 }
@@ -96,6 +96,17 @@ pub struct NewDimension {
 pub enum NewDimensionValue {
     /// Steps of heights (`i32`); the minimum is nodata.
     HeightSteps,
+    /// Numbers (`f32`); NaN is nodata.
+    Single,
+    /// Numbers (`f64`); NaN is nodata.
+    Double,
+}
+
+impl NewDimension {
+    /// A dimension of numbers.
+    pub fn new(name: &str, about: &str, value: NewDimensionValue) -> Self {
+        Self { name: name.to_owned(), about: about.to_owned(), value }
+    }
 }
 
 impl<'a> PointFormatConverter<'a> {
@@ -116,11 +127,9 @@ impl<'a> PointFormatConverter<'a> {
         let (info, as_stored) = cloud.as_stored();
         let mut extra = ExtraBytes::of_all(&origins)?;
         // Before the conversions, which move extra bytes to where they are among all of them.
-        dimensions.iter().for_each(|dimension| extra.remove(dimension.name));
-        let added = dimensions.iter().map(|NewDimension { name, about, value }| match value {
-            NewDimensionValue::HeightSteps => {
-                (*name, format.size() + extra.push_steps(name, about, info.frame.scale[2]))
-            }
+        dimensions.iter().for_each(|dimension| extra.remove(&dimension.name));
+        let added = dimensions.iter().map(|new| {
+            (new.name.clone(), format.size() + extra.push_new(new, info.frame.scale[2]))
         });
         let added = added.collect();
         let (vlrs, mut notes) = records(&origins, format)?;
@@ -192,7 +201,7 @@ impl<'a> PointFormatConverter<'a> {
 
     /// Offset of an added dimension in a record.
     pub fn added_at(&self, name: &str) -> Option<usize> {
-        self.added.iter().find(|(added, _)| *added == name).map(|(_, at)| *at)
+        self.added.iter().find(|(added, _)| added == name).map(|(_, at)| *at)
     }
 
     /// Options of a file with these records, or with the records in another frame and CRS.

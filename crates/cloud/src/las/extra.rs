@@ -7,6 +7,7 @@ use terrane_base::error::{Error, Result};
 
 use super::bytes::LasHeaderBytes;
 use crate::column::{ColumnEncoding, PointColumn};
+use crate::converter::{NewDimension, NewDimensionValue};
 
 /// User id and record id of the Extra Bytes VLR.
 pub(crate) const USER: &str = "LASF_Spec";
@@ -89,16 +90,24 @@ impl ExtraBytesDimension {
         Some(Self { about, size, before: 0 })
     }
 
-    /// A signed 32-bit integer with a scale; its minimum is nodata.
-    fn of_steps(name: &str, about: &str, step: f64) -> Self {
+    /// An added dimension; `step` is that of heights.
+    fn of_new(NewDimension { name, about, value }: &NewDimension, step: f64) -> Self {
         let mut bytes = [0; BYTES];
         let mut put = |at: usize, value: &[u8]| bytes[at..at + value.len()].copy_from_slice(value);
-        put(KIND, &[STEPS, HAS_NONE | HAS_SCALE]);
+        let (kind, none) = match value {
+            NewDimensionValue::HeightSteps => {
+                put(SCALE, &step.to_le_bytes());
+                (STEPS, i64::from(i32::MIN).to_le_bytes())
+            }
+            NewDimensionValue::Single => (SINGLES, f64::NAN.to_le_bytes()),
+            NewDimensionValue::Double => (SINGLES + 1, f64::NAN.to_le_bytes()),
+        };
+        let has_scale = if kind == STEPS { HAS_SCALE } else { 0 };
+        put(KIND, &[kind, HAS_NONE | has_scale]);
         put(NAME.start, name.as_bytes());
-        put(NONE, &i64::from(i32::MIN).to_le_bytes());
-        put(SCALE, &step.to_le_bytes());
+        put(NONE, &none);
         put(ABOUT.start, about.as_bytes());
-        Self { about: bytes, size: size_of::<i32>(), before: 0 }
+        Self { about: bytes, size: SIZES[usize::from(kind) - 1], before: 0 }
     }
 
     fn name(&self) -> String {
@@ -267,10 +276,10 @@ impl ExtraBytes {
         self.dimensions.retain(|dimension| dimension.name() != name);
     }
 
-    /// Adds a dimension of scaled integers; returns its offset within the extra bytes.
-    pub(crate) fn push_steps(&mut self, name: &str, about: &str, step: f64) -> usize {
+    /// Adds a dimension, with this step of heights; returns its offset within the extra bytes.
+    pub(crate) fn push_new(&mut self, new: &NewDimension, step: f64) -> usize {
         let at = self.bytes() - self.plain;
-        self.dimensions.push(ExtraBytesDimension::of_steps(name, about, step));
+        self.dimensions.push(ExtraBytesDimension::of_new(new, step));
         at
     }
 

@@ -18,6 +18,7 @@ mod lowest_in_cells;
 mod lowest_points;
 mod method;
 pub mod method_call;
+pub mod neighbors;
 pub mod noise;
 mod outliers;
 pub mod pmf;

@@ -196,7 +196,7 @@ impl TranslateJob {
     /// The dimensions that stages add to the records.
     pub(super) fn dimensions(&self) -> Vec<NewDimension> {
         let mut all: Vec<NewDimension> = Vec::new();
-        for dimension in self.stages.iter().filter_map(|stage| stage.stage().dimension()) {
+        for dimension in self.stages.iter().flat_map(|stage| stage.stage().dimensions()) {
             if !all.contains(&dimension) {
                 all.push(dimension);
             }

@@ -4,17 +4,17 @@ use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_base::parameters::Parameter;
 
-use super::position::{Bounds, NoiseSpace};
 use super::score_statistics::ScoreSums;
 use crate::method_call;
+use crate::neighbors::{MetricSpace, NeighborParts};
 
 /// One method of the registry.
 pub type Method = method_call::FinderMethod<NoiseFinder>;
 /// A method with its parameters.
 pub type Request = method_call::FinderRequest<NoiseFinder>;
 
-type Reach = fn(&Request, &NoiseSpace) -> Result<[i64; 3]>;
-type Scores = fn(&Request, &NoiseSpace, &[Point], &mut dyn NeighborParts) -> Result<Vec<u64>>;
+type Reach = fn(&Request, &MetricSpace) -> Result<[i64; 3]>;
+type Scores = fn(&Request, &MetricSpace, &[Point], &mut dyn NeighborParts) -> Result<Vec<u64>>;
 
 /// How a method finds noise.
 #[derive(Clone, Copy, Debug)]
@@ -32,25 +32,12 @@ pub struct NoiseFinder {
 pub(super) const CLASS: Parameter =
     Parameter::new("class", 7.0, [7.0, 18.0], "noise class: 7 (low) or 18 (high)").ends();
 
-/// The points around a part of a cloud, in parts of their own.
-pub trait NeighborParts {
-    /// The bounds of the next part, the nearest first; `None` if its squared distance from the bounds of the
-    /// part, in square metres, is not below `within`, which must not increase between calls.
-    fn next(&mut self, within: f64) -> Option<Bounds>;
-
-    /// Adds the points of that part.
-    ///
-    /// # Errors
-    /// Read errors.
-    fn load(&mut self, points: &mut Vec<Point>) -> Result<()>;
-}
-
 /// The threshold of scores.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ScoreLimit {
     /// Noise has at most this number of points.
     Few(u64),
-    /// Noise is above this distance, in [`NoiseSpace::unit`]s.
+    /// Noise is above this distance, in [`MetricSpace::unit`]s.
     Far(f64),
 }
 

@@ -6,20 +6,18 @@
 //! ([`ScoreSums`]) that are independent of the order.
 
 mod finder;
-mod position;
 mod score_statistics;
 mod statistical;
-mod tree;
 mod voxel;
 
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 
 use crate::method_call::FinderRegistry;
+use crate::neighbors::{MetricSpace, NeighborParts};
 use finder::CLASS;
 
-pub use finder::{Method, NeighborParts, NoiseFinder, Request, ScoreLimit};
-pub use position::{Bounds, NoiseSpace};
+pub use finder::{Method, NoiseFinder, Request, ScoreLimit};
 pub use score_statistics::ScoreSums;
 
 /// All methods. A new one is a file in this folder and a line here.
@@ -48,7 +46,7 @@ impl Request {
     ///
     /// # Errors
     /// Point clouds that are unsuitable for the method.
-    pub fn reach(&self, space: &NoiseSpace) -> Result<[i64; 3]> {
+    pub fn reach(&self, space: &MetricSpace) -> Result<[i64; 3]> {
         self.finder().reach.map_or(Ok([0; 3]), |reach| reach(self, space))
     }
 
@@ -58,7 +56,7 @@ impl Request {
     /// Errors of reading the neighbours.
     pub fn scores(
         &self,
-        space: &NoiseSpace,
+        space: &MetricSpace,
         own: &[Point],
         around: &mut dyn NeighborParts,
     ) -> Result<Vec<u64>> {

@@ -2,12 +2,12 @@
 
 use proptest::prelude::*;
 
-use super::position::bounds;
 use super::*;
+use crate::neighbors::{Bounds, bounds};
 
 /// Parts of a cloud around one of them.
 struct Others {
-    space: NoiseSpace,
+    space: MetricSpace,
     own: Bounds,
     /// The furthest first.
     left: Vec<Vec<Point>>,
@@ -15,7 +15,7 @@ struct Others {
 }
 
 impl Others {
-    fn of(space: NoiseSpace, parts: &[Vec<Point>], own: usize) -> Self {
+    fn of(space: MetricSpace, parts: &[Vec<Point>], own: usize) -> Self {
         let of = |part: &[Point]| bounds(part.iter().copied()).unwrap();
         let around = of(&parts[own]);
         let others = parts.iter().enumerate().filter(|(i, _)| *i != own).map(|(_, part)| part);
@@ -50,7 +50,7 @@ fn parts(points: &[Point], side: i32) -> Vec<Vec<(usize, Point)>> {
 }
 
 /// The scores of all, part by part.
-fn scores(asked: &Request, space: NoiseSpace, points: &[Point], side: i32) -> Vec<u64> {
+fn scores(asked: &Request, space: MetricSpace, points: &[Point], side: i32) -> Vec<u64> {
     let parts = parts(points, side);
     let places: Vec<Vec<Point>> =
         parts.iter().map(|part| part.iter().map(|(_, point)| *point).collect()).collect();
@@ -74,7 +74,7 @@ fn noise(asked: &Request, scores: &[u64]) -> Vec<bool> {
 }
 
 /// Points that have few others in the cubes around theirs, all counted for each.
-fn alone(space: &NoiseSpace, points: &[Point], side: f64, most: usize) -> Vec<bool> {
+fn alone(space: &MetricSpace, points: &[Point], side: f64, most: usize) -> Vec<bool> {
     let cube = |p: &Point| {
         let steps = [p.x, p.y, p.z];
         [0, 1, 2].map(|i| {
@@ -91,7 +91,7 @@ fn alone(space: &NoiseSpace, points: &[Point], side: f64, most: usize) -> Vec<bo
 }
 
 /// The mean distances of all points to `k` others, each by sorting all, in metres.
-fn means(space: &NoiseSpace, points: &[Point], k: usize) -> Vec<f64> {
+fn means(space: &MetricSpace, points: &[Point], k: usize) -> Vec<f64> {
     let far = |a: &Point, b: &Point| {
         let along = |a: i32, b: i32, step: f64| (f64::from(a) - f64::from(b)) * step;
         let [x, y, z] = space.step;
@@ -124,8 +124,8 @@ fn cloud(seed: u64, count: usize, extent: i32, height: i32) -> Vec<Point> {
     points
 }
 
-fn space(step: [f64; 3], zero: [i64; 3]) -> NoiseSpace {
-    NoiseSpace { step, zero }
+fn space(step: [f64; 3], zero: [i64; 3]) -> MetricSpace {
+    MetricSpace { step, zero }
 }
 
 proptest! {
@@ -197,7 +197,7 @@ fn parameters_are_read_and_refused_by_name() {
     assert!(told("moss").contains("known methods are voxel, statistical"), "{}", told("moss"));
     assert!(told("voxel:class=8").contains("class=7 (7 or 18)"), "{}", told("voxel:class=8"));
     assert!(told("statistical:k=0").contains("k=8 (a whole number from 1 to 100)"));
-    let coarse = NoiseSpace { step: [5.0, 0.01, 0.01], zero: [0; 3] };
+    let coarse = MetricSpace { step: [5.0, 0.01, 0.01], zero: [0; 3] };
     assert!(
         Request::DEFAULT
             .reach(&coarse)

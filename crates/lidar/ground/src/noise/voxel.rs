@@ -6,8 +6,8 @@
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 
-use super::finder::{CLASS, Method, NeighborParts, NoiseFinder, Request, ScoreLimit};
-use super::position::{Bounds, NoiseSpace};
+use super::finder::{CLASS, Method, NoiseFinder, Request, ScoreLimit};
+use crate::neighbors::{Bounds, MetricSpace, NeighborParts};
 use terrane_base::parameters::Parameter;
 
 pub(super) const METHOD: Method = Method {
@@ -52,7 +52,7 @@ struct Voxels {
 }
 
 impl Voxels {
-    fn new(request: &Request, space: &NoiseSpace) -> Result<Self> {
+    fn new(request: &Request, space: &MetricSpace) -> Result<Self> {
         let side = request.value("step");
         if let Some(step) = space.step.into_iter().find(|step| side < *step) {
             return Err(too_small(side, step));
@@ -103,7 +103,7 @@ impl VoxelCounts {
 
 fn scores(
     request: &Request,
-    space: &NoiseSpace,
+    space: &MetricSpace,
     own: &[Point],
     around: &mut dyn NeighborParts,
 ) -> Result<Vec<u64>> {

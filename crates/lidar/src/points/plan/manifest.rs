@@ -101,11 +101,20 @@ impl PlannedTranslateJob {
         for stage in stages {
             if let StageReach::Cloud { option, reason } = stage.stage().reach(info)? {
                 let name = stage.name();
-                return Err(Error::usage(format!(
-                    "‹{option}› is not supported by `plan points`, nor is the stage {name} ({reason})"
-                ))
-                .remedy(format!(
-                    "plan without it, then run ‹terrane points› with ‹{option}› on the tiles"
+                let [what, with] = match option {
+                    Some(option) => [
+                        format!(
+                            "‹{option}› is not supported by `plan points`, nor is the stage {name}"
+                        ),
+                        format!("‹{option}›"),
+                    ],
+                    None => [
+                        format!("the stage {name} is not supported by `plan points`"),
+                        name.to_owned(),
+                    ],
+                };
+                return Err(Error::usage(format!("{what} ({reason})")).remedy(format!(
+                    "plan without it, then run ‹terrane points› with {with} on the tiles"
                 )));
             }
         }

@@ -3,6 +3,7 @@
 mod assign;
 mod dedupe;
 pub(super) mod ground;
+mod neighborhoods;
 pub(super) mod noise;
 mod operand;
 mod overlap;
@@ -50,8 +51,8 @@ pub(super) enum StageReach {
     Statistics,
     /// Anywhere.
     Cloud {
-        /// The option that stands for the stage.
-        option: &'static str,
+        /// The option that stands for the stage, if any.
+        option: Option<&'static str>,
         /// Why plans do not support it.
         reason: &'static str,
     },
@@ -99,9 +100,9 @@ pub(super) trait Stage {
         [0; 2]
     }
 
-    /// The dimension that it adds to the records, if any.
-    fn dimension(&self) -> Option<NewDimension> {
-        None
+    /// The dimensions that it adds to the records.
+    fn dimensions(&self) -> Vec<NewDimension> {
+        Vec::new()
     }
 
     /// The stage with the defaults that it takes from the whole point cloud, if any.
@@ -213,12 +214,14 @@ impl StageChain {
         let (mut is_above_ground, height_step) = (false, input.info.frame.scale[2]);
         for (number, stage) in stages.iter().map(AnyStage::stage).enumerate() {
             // A dimension has no values before the stage that adds it.
-            let later = stages[number..].iter().filter_map(|stage| stage.stage().dimension());
-            let later: Vec<_> = later.map(|dimension| dimension.name).collect();
-            let earlier = stages[..number].iter().filter_map(|stage| stage.stage().dimension());
-            let earlier: Vec<_> = earlier.map(|dimension| dimension.name).collect();
+            let added = |stages: &[AnyStage]| {
+                let all = stages.iter().flat_map(|stage| stage.stage().dimensions());
+                all.map(|dimension| dimension.name).collect::<Vec<_>>()
+            };
+            let (earlier, later) = (added(&stages[..number]), added(&stages[number..]));
             let has_values = |column: &&PointColumn| {
-                earlier.contains(&column.name()) || !later.contains(&column.name())
+                let is_of = |names: &[String]| names.iter().any(|name| name == column.name());
+                is_of(&earlier) || !is_of(&later)
             };
             let columns: Vec<_> = input.columns.iter().filter(has_values).cloned().collect();
             let info = &chain.output;

@@ -50,7 +50,7 @@ impl Stage for Reproject {
 
     fn reach(&self, _: &CloudInfo) -> Result<StageReach> {
         Ok(StageReach::Cloud {
-            option: "to_crs",
+            option: Some("to_crs"),
             reason: "a tile in the target CRS needs all points",
         })
     }

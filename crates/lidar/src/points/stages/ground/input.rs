@@ -21,11 +21,12 @@ use terrane_cloud::{
 use terrane_delaunay::SiteWindow;
 
 /// The dimension of heights above ground, as other programs name it.
-pub(super) const HEIGHTS: NewDimension = NewDimension {
-    name: "HeightAboveGround",
-    about: "Height above ground",
-    value: NewDimensionValue::HeightSteps,
-};
+const HEIGHTS: &str = "HeightAboveGround";
+
+/// The dimension of heights above ground.
+pub(super) fn height_dimension() -> NewDimension {
+    NewDimension::new(HEIGHTS, "Height above ground", NewDimensionValue::HeightSteps)
+}
 
 /// A point cloud with more than the requested points.
 pub(in crate::points) struct GroundInput {
@@ -74,7 +75,7 @@ impl HeightQuery {
         let (info, shift) = method_frame(around);
         let search = self.search(around, &info, shift);
         let heights_at = match self.heights {
-            Some(HeightsAs::Dimension) => work.converter.added_at(HEIGHTS.name),
+            Some(HeightsAs::Dimension) => work.converter.added_at(HEIGHTS),
             _ => None,
         };
         // The ground is searched among more points than the requested ones unless a stage before has chosen some.

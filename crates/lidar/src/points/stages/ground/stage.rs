@@ -1,5 +1,6 @@
 //! Heights and classes from the ground, as a stage.
 
+use super::input::height_dimension;
 use super::{Classify, HeightClasses, HeightQuery, HeightsAs, Reclassify};
 use crate::grid::GroundFrom;
 use crate::points::stages::{
@@ -77,8 +78,9 @@ impl Stage for HeightQuery {
         Self::needed(self, info)
     }
 
-    fn dimension(&self) -> Option<NewDimension> {
-        (self.heights == Some(HeightsAs::Dimension)).then_some(super::input::HEIGHTS)
+    fn dimensions(&self) -> Vec<NewDimension> {
+        let is_dimension = self.heights == Some(HeightsAs::Dimension);
+        is_dimension.then(height_dimension).into_iter().collect()
     }
 
     fn open(&self, input: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {

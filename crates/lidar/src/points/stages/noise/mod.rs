@@ -5,9 +5,7 @@
 //! ```
 
 pub(in crate::points) mod noise_index;
-mod partition;
 
-use std::path::Path;
 use std::str::FromStr;
 use std::sync::Mutex;
 
@@ -15,30 +13,22 @@ use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
 use super::ground::queries::{is_known_noise, is_there};
+use super::neighborhoods::{self, Neighborhood, Neighborhoods, metric_space};
 use super::{
     OpenStage, PointSetEffect, Stage, StageContext, StageInput, StageName, StageOutput, StageReach,
 };
 use crate::grid::surface_model::MetricFrame;
-use crate::records::numbered::{self, RecordNumbers};
-use crate::records::selection::place;
-use crate::records::{EachRecord, PointRecords, RecordAt, RecordFlow, total};
-use partition::{NoisePartsBuilder, NoisePoint, NoiseTiles};
+use crate::records::numbered::RecordNumbers;
+use crate::records::{EachRecord, PointRecords, RecordAt};
 use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{CloudInfo, PointFormat};
-use terrane_engine::plan::RunControl;
-use terrane_engine::workers;
-use terrane_files::{Buckets, lock};
-use terrane_ground::noise::{NoiseSpace, Request, ScoreLimit, ScoreSums};
+use terrane_files::{Buckets, lock, unlocked};
+use terrane_ground::neighbors::MetricSpace;
+use terrane_ground::noise::{Request, ScoreLimit, ScoreSums};
 
-/// Points divided together.
-const TOGETHER: usize = 1 << 14;
-/// Least bytes for points being divided.
-const DIVIDING: u64 = 4 << 20;
-/// Bytes of a thread beside its scores.
-const THREAD: u64 = 2 << 20;
-/// Largest distance from coordinate zero, in steps.
-const MAX_STEPS: f64 = 1e18;
+/// The stage in messages.
+const STAGE: &str = "‹classify› noise";
 /// Buckets of scores.
 const BUCKETS: u64 = 64;
 
@@ -93,19 +83,19 @@ impl ClassifyNoise {
         records: &'r dyn PointRecords,
         around: &StageContext<'r>,
     ) -> Result<NoiseMarks<'r>> {
-        let StageContext { work, info, .. } = *around;
-        let search = NoiseSearch {
-            request: &self.0,
-            info,
-            format: work.converter.format(),
-            flow: work.shares.flow,
-            threads: work.shares.threads,
-            memory: around.memory(),
-            folder: work.folder(),
-            keeps_withheld: work.job.cloud.filter.keep_withheld,
-            at: work.at,
-        };
-        search.mark_records(records)
+        let (request, work) = (&self.0, around.work);
+        let (space, is_guess) = metric_space(around.info, STAGE)?;
+        request.reach(&space)?;
+        let (format, keeps_withheld) =
+            (work.converter.format(), work.job.cloud.filter.keep_withheld);
+        let memory = around.memory() / 2;
+        let points = Neighborhoods::new(records, &space, around, memory, |record| {
+            !is_known_noise(format, record) && is_there(format, keeps_withheld, record)
+        })?;
+        let (noise, limit) = judge(request, &space, &points, around)?;
+        let notes = notes_on_noise(request, &noise, &limit, &space, is_guess);
+        let (record, class, numbers) = (work.shares.flow.record, request.class(), points.numbers);
+        Ok(NoiseMarks { records, format, record, class, noise, numbers, notes })
     }
 }
 
@@ -122,7 +112,8 @@ impl Stage for ClassifyNoise {
     }
 
     fn needed(&self, _: &CloudInfo, points: u64) -> [u64; 2] {
-        [points / 8 + partition::tables(points) + DIVIDING, THREAD + self.0.bytes(partition::MOST)]
+        let [all, each] = neighborhoods::needed(points, |most| self.0.bytes(most));
+        [points / 8 + all, each]
     }
 
     fn open(&self, input: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {
@@ -146,165 +137,66 @@ impl OpenStage for ClassifyNoise {
 /// Distance in world units along x or y beyond which points do not matter; 0 if all may.
 ///
 /// # Errors
-/// As [`space`], and cubes smaller than a step.
+/// Coordinates without a unit of length; cubes smaller than a step.
 fn reach(request: &Request, info: &CloudInfo) -> Result<f64> {
-    let [x, y, _] = request.reach(&space(info)?.0)?;
+    let [x, y, _] = request.reach(&metric_space(info, STAGE)?.0)?;
     Ok((x as f64 * info.frame.scale[0]).max(y as f64 * info.frame.scale[1]))
 }
 
-/// Scale and origin of points in metres, and whether metres are assumed.
-///
-/// # Errors
-/// Coordinates without a unit of length.
-fn space(info: &CloudInfo) -> Result<(NoiseSpace, bool)> {
-    let metres = MetricFrame::of(&info.crs, &info.frame).map_err(|_| {
-        Error::usage("‹classify› noise requires coordinates in a unit of length")
-            .remedy("reproject the points with ‹to_crs› first")
-    })?;
-    let frame = &info.frame;
-    let zero = [0, 1, 2].map(|axis| {
-        (frame.offset[axis] / frame.scale[axis]).round().clamp(-MAX_STEPS, MAX_STEPS) as i64
-    });
-    Ok((NoiseSpace { step: metres.step, zero }, metres.is_guess))
-}
-
-/// Context of the search for noise.
-struct NoiseSearch<'a> {
-    request: &'a Request,
-    /// Frame and bounds of the records.
-    info: &'a CloudInfo,
-    format: PointFormat,
-    flow: RecordFlow,
-    threads: usize,
-    /// Bytes for points.
-    memory: u64,
-    folder: &'a Path,
-    /// Whether points marked as withheld are included.
-    keeps_withheld: bool,
-    at: RunControl<'a>,
-}
-
-impl NoiseSearch<'_> {
-    /// The records with classified noise.
-    ///
-    /// # Errors
-    /// As for [`reach`].
-    fn mark_records<'r>(&self, records: &'r dyn PointRecords) -> Result<NoiseMarks<'r>> {
-        let (space, is_guess) = space(self.info)?;
-        self.request.reach(&space)?;
-        let (numbers, parts) = self.divide(records, &space)?;
-        let noise = Mutex::new(BitSet::new(numbers.total as usize));
-        let limit = self.judge(&space, &parts, &noise)?;
-        drop(parts);
-        let noise = noise.into_inner().unwrap_or_default();
-        let notes = self.notes_on_noise(&noise, &limit, &space, is_guess);
-        let (format, record, class) = (self.format, self.flow.record, self.request.class());
-        Ok(NoiseMarks { records, format, record, class, noise, numbers, notes })
-    }
-
-    /// Points that are neither noise yet nor withheld, by parts.
-    fn divide<'s>(
-        &'s self,
-        records: &dyn PointRecords,
-        space: &'s NoiseSpace,
-    ) -> Result<(RecordNumbers, NoiseTiles<'s>)> {
-        let points = total(records);
-        self.at.progress.begin("places", points);
-        let bounds = self.info.bounds.unwrap_or_default();
-        let mut builder =
-            NoisePartsBuilder::new(space, bounds, points, self.folder, self.memory / 2);
-        let mut some = Vec::with_capacity(TOGETHER);
-        let numbers = numbered::pass(records, self.flow, self.at, &mut |number, record| {
-            if self.is_candidate(record) {
-                some.push(NoisePoint::new(place(record), number));
+/// Finds the noise among points, and its threshold.
+fn judge(
+    request: &Request,
+    space: &MetricSpace,
+    points: &Neighborhoods<'_>,
+    around: &StageContext<'_>,
+) -> Result<(BitSet, ScoreLimit)> {
+    let noise = Mutex::new(BitSet::new(points.numbers.total as usize));
+    let sums = Mutex::new(ScoreSums::default());
+    let stored = Buckets::new(around.work.folder(), BUCKETS as usize, around.memory() / 4);
+    let local = request.is_local().then(|| request.limit(&ScoreSums::default()));
+    let act = |sums: &mut ScoreSums, mut near: Neighborhood<'_>| {
+        let scores = request.scores(space, &near.points, &mut near.around)?;
+        let scores = near.numbers.iter().zip(scores);
+        let scores: Vec<_> =
+            scores.map(|(number, score)| NoiseScore { number: *number, score }).collect();
+        match &local {
+            Some(limit) => mark_records(&noise, limit, &scores),
+            None => {
+                scores.iter().for_each(|scored| sums.add(scored.score));
+                stored.push((near.part % BUCKETS) as usize, &scores)?;
             }
-            if some.len() == TOGETHER { builder.add(&mut some) } else { Ok(()) }
-        })?;
-        builder.add(&mut some)?;
-        let parts = builder.finish(self.at)?;
-        self.at.progress.end();
-        Ok((numbers, parts))
-    }
-
-    fn is_candidate(&self, record: &[u8]) -> bool {
-        !is_known_noise(self.format, record) && is_there(self.format, self.keeps_withheld, record)
-    }
-
-    /// Finds the noise and its threshold.
-    fn judge(
-        &self,
-        space: &NoiseSpace,
-        parts: &NoiseTiles<'_>,
-        noise: &Mutex<BitSet>,
-    ) -> Result<ScoreLimit> {
-        let (request, sums) = (self.request, Mutex::new(ScoreSums::default()));
-        let stored = Buckets::new(self.folder, BUCKETS as usize, self.memory / 4);
-        let local = request.is_local().then(|| request.limit(&ScoreSums::default()));
-        self.at.progress.begin("noise", parts.count());
-        workers::run(
-            self.threads,
-            parts.count(),
-            self.at.cancel,
-            ScoreSums::default,
-            |sums, part| {
-                let scores = self.scores(space, parts, part)?;
-                match &local {
-                    Some(limit) => mark_records(noise, limit, &scores),
-                    None => {
-                        scores.iter().for_each(|scored| sums.add(scored.score));
-                        stored.push((part % BUCKETS) as usize, &scores)?;
-                    }
-                }
-                self.at.progress.advance(1);
-                Ok(())
-            },
-            |of_thread| {
-                lock(&sums).merge(&of_thread);
-                Ok(())
-            },
-        )?;
-        self.at.progress.end();
-        let limit = local.unwrap_or_else(|| request.limit(&lock(&sums)));
-        for bucket in 0..BUCKETS as usize {
-            self.at.cancel.check()?;
-            stored.read(bucket, |scores| mark_records(noise, &limit, scores))?;
         }
-        Ok(limit)
+        Ok(())
+    };
+    points.each("noise", act, |of_thread| {
+        lock(&sums).merge(&of_thread);
+        Ok(())
+    })?;
+    let limit = local.unwrap_or_else(|| request.limit(&lock(&sums)));
+    for bucket in 0..BUCKETS as usize {
+        around.work.at.cancel.check()?;
+        stored.read(bucket, |scores| mark_records(&noise, &limit, scores))?;
     }
+    Ok((unlocked(noise), limit))
+}
 
-    /// The scores of the points of a part.
-    fn scores(
-        &self,
-        space: &NoiseSpace,
-        parts: &NoiseTiles<'_>,
-        part: u64,
-    ) -> Result<Vec<NoiseScore>> {
-        let (mut points, mut numbers) = (Vec::new(), Vec::new());
-        parts.load(part, &mut points, &mut numbers)?;
-        let scores = self.request.scores(space, &points, &mut parts.around(part))?;
-        let scores = numbers.into_iter().zip(scores);
-        Ok(scores.map(|(number, score)| NoiseScore { number, score }).collect())
-    }
-
-    /// Notes on the noise, one line each.
-    fn notes_on_noise(
-        &self,
-        noise: &BitSet,
-        limit: &ScoreLimit,
-        space: &NoiseSpace,
-        is_guess: bool,
-    ) -> Vec<String> {
-        let count: u64 = noise.words().iter().map(|word| u64::from(word.count_ones())).sum();
-        let far = match limit {
-            ScoreLimit::Few(_) => String::new(),
-            ScoreLimit::Far(distance) => {
-                format!(", more than {:.3} m from others", distance * space.unit())
-            }
-        };
-        let (class, request) = (self.request.class(), self.request);
-        let note = format!("noise: {count} points of class {class} by {request}{far}");
-        [note].into_iter().chain(is_guess.then(|| MetricFrame::GUESS.to_owned())).collect()
-    }
+/// Notes on the noise, one line each.
+fn notes_on_noise(
+    request: &Request,
+    noise: &BitSet,
+    limit: &ScoreLimit,
+    space: &MetricSpace,
+    is_guess: bool,
+) -> Vec<String> {
+    let count: u64 = noise.words().iter().map(|word| u64::from(word.count_ones())).sum();
+    let far = match limit {
+        ScoreLimit::Few(_) => String::new(),
+        ScoreLimit::Far(distance) => {
+            format!(", more than {:.3} m from others", distance * space.unit())
+        }
+    };
+    let note = format!("noise: {count} points of class {} by {request}{far}", request.class());
+    [note].into_iter().chain(is_guess.then(|| MetricFrame::GUESS.to_owned())).collect()
 }
 
 /// Marks noise.

@@ -65,7 +65,7 @@ impl Stage for PoissonSampling {
 
     fn reach(&self, _: &CloudInfo) -> Result<StageReach> {
         Ok(StageReach::Cloud {
-            option: "thin_distance",
+            option: Some("thin_distance"),
             reason: "a point may depend on distant ones",
         })
     }

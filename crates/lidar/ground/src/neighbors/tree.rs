@@ -2,14 +2,15 @@
 
 use terrane_base::geom::Point;
 
-use super::position::{Bounds, NoiseSpace, bounds, gaps};
+use super::Neighbor;
+use super::position::{Bounds, MetricSpace, bounds, gaps};
 
 /// Most points of a leaf.
 const LEAF: usize = 12;
 
 /// A k-d tree.
-pub(super) struct NoiseKdTree<'a> {
-    space: &'a NoiseSpace,
+pub(super) struct PointKdTree<'a> {
+    space: &'a MetricSpace,
     bounds: Option<Bounds>,
     points: Vec<Point>,
     /// Split axis and position of each node; the root is node 1.
@@ -19,8 +20,8 @@ pub(super) struct NoiseKdTree<'a> {
 /// Points of a node, by their places, and its number.
 type Node = (usize, usize, usize);
 
-impl<'a> NoiseKdTree<'a> {
-    pub(super) fn new(space: &'a NoiseSpace, mut points: Vec<Point>) -> Self {
+impl<'a> PointKdTree<'a> {
+    pub(super) fn new(space: &'a MetricSpace, mut points: Vec<Point>) -> Self {
         let all = bounds(points.iter().copied());
         let mut splits = Vec::new();
         let mut left: Vec<Node> = vec![(0, points.len(), 1)];
@@ -39,20 +40,27 @@ impl<'a> NoiseKdTree<'a> {
         Self { space, bounds: all, points, splits }
     }
 
-    /// Puts the squared distances of points to one into `nearest`, which holds the least so far in their order.
-    pub(super) fn search(&self, at: Point, nearest: &mut [f64]) {
+    /// Puts the points near one into `nearest`, which holds the nearest so far in their order.
+    pub(super) fn search<N: Neighbor>(&self, at: Point, nearest: &mut [N]) {
         let Some(bounds) = self.bounds else { return };
         self.visit((0, self.points.len(), 1), gaps(bounds, [at; 2]), at, nearest);
     }
 
     /// Looks at the points of a node that is `off` steps away along each axis.
-    fn visit(&self, (first, end, node): Node, off: [f64; 3], at: Point, nearest: &mut [f64]) {
-        if self.space.square(off) >= furthest(nearest) {
+    fn visit<N: Neighbor>(
+        &self,
+        (first, end, node): Node,
+        off: [f64; 3],
+        at: Point,
+        nearest: &mut [N],
+    ) {
+        if self.space.square(off) > furthest(nearest).square() {
             return;
         }
         if end - first <= LEAF {
             let points = &self.points[first..end];
-            return points.iter().for_each(|point| offer(self.space.between(at, *point), nearest));
+            let near = points.iter().map(|point| N::new(self.space.between(at, *point), *point));
+            return near.for_each(|point| offer(point, nearest));
         }
         let ((axis, split), middle) = (self.splits[node], middle(first, end));
         let beyond = split - f64::from(along(at, axis));
@@ -76,27 +84,27 @@ fn along(point: Point, axis: usize) -> i32 {
 }
 
 /// The axis of the largest extent.
-fn longest(space: &NoiseSpace, points: &[Point]) -> usize {
+fn longest(space: &MetricSpace, points: &[Point]) -> usize {
     let extent = bounds(points.iter().copied()).map_or([0.0; 3], |[low, high]| {
         [0, 1, 2].map(|i| (f64::from(along(high, i)) - f64::from(along(low, i))) * space.step[i])
     });
     (1..3).fold(0, |best, axis| if extent[axis] > extent[best] { axis } else { best })
 }
 
-/// The largest of sorted distances.
-fn furthest(nearest: &[f64]) -> f64 {
-    nearest.last().copied().unwrap_or(0.0)
+/// The last of sorted points.
+fn furthest<N: Neighbor>(nearest: &[N]) -> N {
+    nearest.last().copied().unwrap_or(N::NONE)
 }
 
-/// Puts a distance among the least, if it is one of them.
-fn offer(square: f64, nearest: &mut [f64]) {
-    if square >= furthest(nearest) {
+/// Puts a point among the nearest, if it is one of them.
+fn offer<N: Neighbor>(point: N, nearest: &mut [N]) {
+    if nearest.is_empty() || point >= furthest(nearest) {
         return;
     }
     let mut at = nearest.len() - 1;
-    while at > 0 && nearest[at - 1] > square {
+    while at > 0 && nearest[at - 1] > point {
         nearest[at] = nearest[at - 1];
         at -= 1;
     }
-    nearest[at] = square;
+    nearest[at] = point;
 }

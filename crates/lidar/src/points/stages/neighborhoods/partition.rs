@@ -14,7 +14,7 @@ use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_engine::plan::RunControl;
 use terrane_files::Buckets;
-use terrane_ground::noise::{Bounds, NeighborParts, NoiseSpace};
+use terrane_ground::neighbors::{Bounds, MetricSpace, NeighborParts};
 
 /// Average number of points of a cell.
 const AVERAGE: u64 = 1 << 12;
@@ -34,13 +34,13 @@ const TOGETHER: usize = 1 << 12;
 /// A point and the number of its record.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct NoisePoint {
+pub(super) struct NumberedPoint {
     place: [i32; 3],
     spare: u32,
     number: u64,
 }
 
-impl NoisePoint {
+impl NumberedPoint {
     pub(super) fn new(Point { x, y, z }: Point, number: u64) -> Self {
         Self { place: [x, y, z], spare: 0, number }
     }
@@ -61,7 +61,7 @@ fn cells_for(points: u64) -> u64 {
 }
 
 /// A box in cells.
-struct NoiseCellBox {
+struct PartCells {
     low: [i64; 3],
     side: [i64; 3],
     counts: [i64; 3],
@@ -69,9 +69,9 @@ struct NoiseCellBox {
     first: usize,
 }
 
-impl NoiseCellBox {
+impl PartCells {
     /// About `count` cells, as cubic as possible.
-    fn new([low, high]: Bounds, space: &NoiseSpace, count: u64, first: usize) -> Self {
+    fn new([low, high]: Bounds, space: &MetricSpace, count: u64, first: usize) -> Self {
         let (low, high) = (steps(low), steps(high));
         let extent = [0, 1, 2].map(|axis| (high[axis] - low[axis]).max(0) + 1);
         let (mut side, mut cells) = (extent, 1);
@@ -108,12 +108,12 @@ fn steps(Point { x, y, z }: Point) -> [i64; 3] {
 }
 
 /// Points by cell.
-struct NoiseGridLevel {
-    entries: Buckets<NoisePoint>,
+struct PartLevel {
+    entries: Buckets<NumberedPoint>,
     bounds: Vec<Option<Bounds>>,
 }
 
-impl NoiseGridLevel {
+impl PartLevel {
     fn new(cells: usize, folder: &Path, memory: u64) -> Self {
         Self { entries: Buckets::new(folder, cells, memory), bounds: vec![None; cells] }
     }
@@ -130,7 +130,7 @@ impl NoiseGridLevel {
 
 /// Some points of a cell, or all of them.
 #[derive(Clone, Copy)]
-struct NoiseTile {
+struct PointPart {
     level: usize,
     cell: usize,
     first: u64,
@@ -139,46 +139,46 @@ struct NoiseTile {
 }
 
 /// All points.
-pub(super) struct NoiseTiles<'a> {
-    space: &'a NoiseSpace,
-    levels: Vec<NoiseGridLevel>,
-    parts: Vec<NoiseTile>,
+pub(super) struct PointParts<'a> {
+    space: &'a MetricSpace,
+    levels: Vec<PartLevel>,
+    parts: Vec<PointPart>,
 }
 
 /// Builder of parts.
-pub(super) struct NoisePartsBuilder<'a> {
-    space: &'a NoiseSpace,
+pub(super) struct PointPartsBuilder<'a> {
+    space: &'a MetricSpace,
     folder: &'a Path,
     memory: u64,
-    cells: NoiseCellBox,
-    level: NoiseGridLevel,
+    cells: PartCells,
+    level: PartLevel,
 }
 
-impl<'a> NoisePartsBuilder<'a> {
+impl<'a> PointPartsBuilder<'a> {
     /// For about `points` points within bounds, of which `memory` bytes stay in memory.
     pub(super) fn new(
-        space: &'a NoiseSpace,
+        space: &'a MetricSpace,
         bounds: Bounds,
         points: u64,
         folder: &'a Path,
         memory: u64,
     ) -> Self {
-        let cells = NoiseCellBox::new(bounds, space, cells_for(points), 0);
-        let level = NoiseGridLevel::new(cells.count(), folder, memory / 2);
+        let cells = PartCells::new(bounds, space, cells_for(points), 0);
+        let level = PartLevel::new(cells.count(), folder, memory / 2);
         Self { space, folder, memory, cells, level }
     }
 
     /// Adds points, draining `entries`.
-    pub(super) fn add(&mut self, entries: &mut Vec<NoisePoint>) -> Result<()> {
+    pub(super) fn add(&mut self, entries: &mut Vec<NumberedPoint>) -> Result<()> {
         put(&mut self.level, &self.cells, entries)?;
         entries.clear();
         Ok(())
     }
 
     /// Divides cells that have too many points.
-    pub(super) fn finish(self, at: RunControl<'_>) -> Result<NoiseTiles<'a>> {
+    pub(super) fn finish(self, at: RunControl<'_>) -> Result<PointParts<'a>> {
         let Self { space, folder, memory, level, .. } = self;
-        let mut parts = NoiseTiles { space, levels: Vec::new(), parts: Vec::new() };
+        let mut parts = PointParts { space, levels: Vec::new(), parts: Vec::new() };
         let mut next = Some(level);
         while let Some(level) = next {
             at.cancel.check()?;
@@ -196,8 +196,8 @@ impl<'a> NoisePartsBuilder<'a> {
 }
 
 /// Adds points to their cells.
-fn put(level: &mut NoiseGridLevel, cells: &NoiseCellBox, entries: &[NoisePoint]) -> Result<()> {
-    let mut all: Vec<(usize, NoisePoint)> =
+fn put(level: &mut PartLevel, cells: &PartCells, entries: &[NumberedPoint]) -> Result<()> {
+    let mut all: Vec<(usize, NumberedPoint)> =
         entries.iter().map(|entry| (cells.of(entry.point()), *entry)).collect();
     // One push for each cell, not for each point: a push locks its bucket. Stable, so that points stay as they came.
     all.sort_by_key(|(cell, _)| *cell);
@@ -215,25 +215,25 @@ fn put(level: &mut NoiseGridLevel, cells: &NoiseCellBox, entries: &[NoisePoint])
 
 /// Moves the points of some cells of a level into smaller ones.
 fn divided(
-    level: &NoiseGridLevel,
+    level: &PartLevel,
     crowded: &[(usize, Bounds)],
-    space: &NoiseSpace,
+    space: &MetricSpace,
     folder: &Path,
     memory: u64,
     at: RunControl<'_>,
-) -> Result<NoiseGridLevel> {
+) -> Result<PartLevel> {
     let points: u64 = crowded.iter().map(|(cell, _)| level.entries.len(*cell)).sum();
     let average = AVERAGE.max(points / MAX_CELLS);
     let (mut all, mut first) = (Vec::new(), 0);
     for (cell, bounds) in crowded {
         let cells =
             // Two at least: one would be as crowded as before.
-            NoiseCellBox::new(*bounds, space, (level.entries.len(*cell) / average).max(2), first);
+            PartCells::new(*bounds, space, (level.entries.len(*cell) / average).max(2), first);
         first += cells.count();
         all.push(cells);
     }
-    let mut next = NoiseGridLevel::new(first, folder, memory);
-    let mut some = vec![NoisePoint::zeroed(); TOGETHER];
+    let mut next = PartLevel::new(first, folder, memory);
+    let mut some = vec![NumberedPoint::zeroed(); TOGETHER];
     for ((cell, _), cells) in crowded.iter().zip(&all) {
         at.cancel.check()?;
         let mut first = 0;
@@ -247,9 +247,9 @@ fn divided(
     Ok(next)
 }
 
-impl NoiseTiles<'_> {
+impl PointParts<'_> {
     /// Adds the cells of the next level as parts, except those with too many points that can be divided.
-    fn take(&mut self, level: &NoiseGridLevel) -> Vec<(usize, Bounds)> {
+    fn take(&mut self, level: &PartLevel) -> Vec<(usize, Bounds)> {
         let (depth, mut crowded) = (self.levels.len(), Vec::new());
         for (cell, bounds) in level.bounds.iter().enumerate() {
             let Some(bounds) = *bounds else { continue };
@@ -260,7 +260,7 @@ impl NoiseTiles<'_> {
             }
             for first in (0..count).step_by(MOST as usize) {
                 let count = (count - first).min(MOST);
-                self.parts.push(NoiseTile { level: depth, cell, first, count, bounds });
+                self.parts.push(PointPart { level: depth, cell, first, count, bounds });
             }
         }
         crowded
@@ -288,9 +288,9 @@ impl NoiseTiles<'_> {
         NearestParts { parts: self, own: part as usize, queue: None, current: None }
     }
 
-    fn each(&self, part: &NoiseTile, take: &mut dyn FnMut(&NoisePoint)) -> Result<()> {
+    fn each(&self, part: &PointPart, take: &mut dyn FnMut(&NumberedPoint)) -> Result<()> {
         let (entries, end) = (&self.levels[part.level].entries, part.first + part.count);
-        let mut some = vec![NoisePoint::zeroed(); TOGETHER.min(part.count as usize)];
+        let mut some = vec![NumberedPoint::zeroed(); TOGETHER.min(part.count as usize)];
         let mut first = part.first;
         while first < end {
             let count = (end - first).min(some.len() as u64) as usize;
@@ -303,8 +303,8 @@ impl NoiseTiles<'_> {
 }
 
 /// The parts around one, the nearest first.
-pub(super) struct NearestParts<'a> {
-    parts: &'a NoiseTiles<'a>,
+pub(in crate::points::stages) struct NearestParts<'a> {
+    parts: &'a PointParts<'a>,
     own: usize,
     /// Sorted by the bits of their squared distances, which have the same order.
     queue: Option<BinaryHeap<Reverse<(u64, usize)>>>,

@@ -4,7 +4,7 @@ use terrane_base::geom::Point;
 
 /// Scale and origin of points.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NoiseSpace {
+pub struct MetricSpace {
     /// Metres of a step along each axis.
     pub step: [f64; 3],
     /// Steps from coordinate zero to the origin.
@@ -17,20 +17,20 @@ pub type Bounds = [Point; 2];
 /// Fractions of the longest step that distances are counted in.
 const PARTS: f64 = 1024.0;
 
-impl NoiseSpace {
+impl MetricSpace {
     /// Metres of the unit that distances are counted in.
     pub fn unit(&self) -> f64 {
         self.step.into_iter().fold(0.0, f64::max) / PARTS
     }
 
     /// The squared distance of two points, in square metres.
-    pub(super) fn between(&self, a: Point, b: Point) -> f64 {
+    pub(crate) fn between(&self, a: Point, b: Point) -> f64 {
         self.square(apart(a, b).map(f64::abs))
     }
 
     /// The same of steps along the axes. No number of it gets less when steps get more: bounds hold for what is within
     /// them to the last bit.
-    pub(super) fn square(&self, steps: [f64; 3]) -> f64 {
+    pub(crate) fn square(&self, steps: [f64; 3]) -> f64 {
         let [x, y, z] = [0, 1, 2].map(|axis| steps[axis] * self.step[axis]);
         x * x + y * y + z * z
     }
@@ -53,7 +53,7 @@ pub(super) fn gaps(a: Bounds, b: Bounds) -> [f64; 3] {
 }
 
 /// The bounds of points; `None` for no points.
-pub(super) fn bounds(points: impl Iterator<Item = Point>) -> Option<Bounds> {
+pub(crate) fn bounds(points: impl Iterator<Item = Point>) -> Option<Bounds> {
     points.map(|point| [point; 2]).reduce(|[low, high], [point, _]| {
         [
             Point { x: low.x.min(point.x), y: low.y.min(point.y), z: low.z.min(point.z) },
