@@ -35,9 +35,9 @@ pub use prepared::run;
 pub use report::TranslateReport;
 pub use split::AttributeSplit;
 pub use staged::{CloudStages, CloudStagesSetters, StagedCloud, StagedPlace};
+pub use stages::kinds::*;
 pub use stages::{
-    AnyStage, Assign, CellThinning, Classify, ClassifyNoise, Dedupe, HeightClasses, HeightQuery,
-    HeightsAs, KEPT, Overlap, PoissonSampling, Reclassify, Reproject, Sort, StageName, StageText,
-    ThinningRule, Where, stage_names,
+    AnyStage, Classify, HeightClasses, HeightsAs, KEPT, Reclassify, StageName, StageText,
+    ThinningRule, stage_names,
 };
 pub use tiled_output::{BufferFlag, PointTiling};

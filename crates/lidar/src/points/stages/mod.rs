@@ -26,18 +26,11 @@ use terrane_cloud::write::{PointColumn, PointPacking};
 use terrane_cloud::{CloudInfo, NewDimension, PointFormat};
 use terrane_engine::transform::Transformed;
 
-pub use assign::Assign;
-pub use dedupe::Dedupe;
 pub(super) use ground::queries::refuse_twice;
-pub use ground::{Classify, HeightClasses, HeightQuery, HeightsAs, Reclassify};
-pub use noise::ClassifyNoise;
+pub use ground::{Classify, HeightClasses, HeightsAs, Reclassify};
+pub(super) use kinds::*;
 pub(super) use operand::column;
-pub use overlap::Overlap;
-pub use poisson::PoissonSampling;
-pub use reproject::Reproject;
-pub use sort::Sort;
-pub use thin::{CellThinning, KEPT, ThinningRule};
-pub use r#where::Where;
+pub use thin::{KEPT, ThinningRule};
 
 /// Most stages of a chain: records pass through all of them at once.
 const MAX_STAGES: usize = 64;
@@ -75,7 +68,9 @@ pub(super) enum PointSetEffect {
 /// A step of a job on points.
 pub(super) trait Stage {
     /// What it does to the set of points.
-    fn effect(&self) -> PointSetEffect;
+    fn effect(&self) -> PointSetEffect {
+        PointSetEffect::Unchanged
+    }
 
     /// How far around a point it has to look.
     ///
@@ -367,9 +362,14 @@ where
     arguments.parse::<S>().map(Into::into).map_err(|error| error.to_string())
 }
 
-/// The kinds of stages: each type has its `NAMES`.
+/// The kinds of stages: their files and types, each of which has its `NAMES`.
 macro_rules! stages {
-    ($($kind:ident),* $(,)?) => {
+    ($($file:ident::$kind:ident),* $(,)?) => {
+        /// The types of stages.
+        pub(in crate::points) mod kinds {
+            $(pub use super::$file::$kind;)*
+        }
+
         /// A stage of any kind.
         #[allow(missing_docs)]
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -404,16 +404,16 @@ macro_rules! stages {
 }
 
 stages![
-    Dedupe,
-    ClassifyNoise,
-    HeightQuery,
-    Assign,
-    Where,
-    Overlap,
-    CellThinning,
-    PoissonSampling,
-    Reproject,
-    Sort,
+    dedupe::Dedupe,
+    noise::ClassifyNoise,
+    ground::HeightQuery,
+    assign::Assign,
+    r#where::Where,
+    overlap::Overlap,
+    thin::CellThinning,
+    poisson::PoissonSampling,
+    reproject::Reproject,
+    sort::Sort,
 ];
 
 /// All stages, by name.
