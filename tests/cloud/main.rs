@@ -13,6 +13,7 @@ mod filters;
 mod formats;
 mod noise;
 mod noise_plan;
+mod normals;
 mod octree;
 mod stages;
 mod synth;

@@ -29,6 +29,9 @@ fn chain(job: TranslateJob, texts: &[&str]) -> TranslateJob {
     job.stages(texts.iter().map(|text| stage(text)))
 }
 
+/// Stages that no option stands for; other tests try them.
+const WITHOUT_OPTION: &[&str] = &["where", "normals"];
+
 /// Options, and the stages that they stand for.
 type Short = (fn(&mut PointsOptions), &'static [&'static str]);
 
@@ -105,7 +108,8 @@ fn short_options_are_stages() {
     }
     let names = SHORT.iter().flat_map(|(_, stages)| *stages);
     let tried: Vec<_> = names.map(|text| text.split(':').next().unwrap()).collect();
-    let untried = stage_names().find(|known| known.name != "where" && !tried.contains(&known.name));
+    let is_tried = |name: &&str| tried.contains(name) || WITHOUT_OPTION.contains(name);
+    let untried = stage_names().find(|known| !is_tried(&known.name));
     assert!(untried.is_none(), "{:?}", untried.map(|known| known.name));
 }
 
@@ -151,6 +155,8 @@ fn random_chain(state: &mut u64) -> Vec<&'static str> {
         "thin:1.5:lowest",
         "thin:0.8:random=3",
         "poisson:0.6",
+        "normals:k=5",
+        "where:NormalZ > 0.8",
         "reproject:EPSG:32633",
         "sort:morton",
         "sort:time",
@@ -236,6 +242,7 @@ fn what_is_no_stage_is_refused() {
         ("ground:csf:reclassify=7", "noise and cannot become ground"),
         ("height-above-ground:w", "expected dimension or z"),
         ("height-classes:3", "height-classes: "),
+        ("normals:k=2", "normals: expected k=NUMBER"),
         ("drop-overlap:x", "drop-overlap: expected a number"),
     ] {
         let error = text.parse::<StageText>().unwrap_err();
@@ -249,6 +256,7 @@ fn what_is_no_stage_is_refused() {
         (&["where:HeightAboveGround > 1", "thin:2"], "no attribute"),
         (&["thin:0.0001"], "smaller than the coordinate resolution"),
         (&["reproject:EPSG:4326", "poisson:1"], "requires projected coordinates"),
+        (&["reproject:EPSG:4326", "normals"], "requires coordinates in a unit of length"),
         (&["where:HeightAboveGround > 2 or z > 0", "height-above-ground"], "no attribute"),
         (&["where:classification != 2", "height-above-ground"], "no points of class 2"),
         (&["dedupe"; 65], "65 stages exceed the limit of 64"),

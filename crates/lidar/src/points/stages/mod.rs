@@ -5,6 +5,7 @@ mod dedupe;
 pub(super) mod ground;
 mod neighborhoods;
 pub(super) mod noise;
+mod normals;
 mod operand;
 mod overlap;
 mod poisson;
@@ -412,6 +413,7 @@ stages![
     overlap::Overlap,
     thin::CellThinning,
     poisson::PoissonSampling,
+    normals::Normals,
     reproject::Reproject,
     sort::Sort,
 ];
