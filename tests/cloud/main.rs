@@ -11,6 +11,7 @@ mod columns;
 mod discs;
 mod filters;
 mod formats;
+mod lookups;
 mod noise;
 mod noise_plan;
 mod normals;

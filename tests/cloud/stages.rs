@@ -30,7 +30,7 @@ fn chain(job: TranslateJob, texts: &[&str]) -> TranslateJob {
 }
 
 /// Stages that no option stands for; other tests try them.
-const WITHOUT_OPTION: &[&str] = &["where", "normals"];
+const WITHOUT_OPTION: &[&str] = &["where", "normals", "overlay", "sample-grid", "colour"];
 
 /// Options, and the stages that they stand for.
 type Short = (fn(&mut PointsOptions), &'static [&'static str]);

@@ -79,13 +79,15 @@ impl MadeInput {
         Ok(Self { _temporary: Some(temporary), ..Self::kept(label, path, notes)? })
     }
 
-    /// A file that `make` writes into a work folder, unless it is there already.
+    /// A file that `make` writes into a work folder, unless it is there already; `beside` are files that it reads beside
+    /// the point cloud.
     ///
     /// # Errors
     /// As [`MadeInput::temporary`]; a file that was made there of other files or by another `request`.
     pub fn in_folder(
         label: String,
         source: &Inputs,
+        beside: Vec<PathBuf>,
         folder: &Path,
         name: &str,
         request: &dyn erased_serde::Serialize,
@@ -97,7 +99,7 @@ impl MadeInput {
         let invalid = |e| Error::new(ErrorKind::Internal, format!("the request is not JSON: {e}"));
         let files = cloud::files(source.names())?;
         let files = files.iter().filter(|name| !is_made(name));
-        let files = files.map(|name| path_of(name).into_owned()).collect();
+        let files = files.map(|name| path_of(name).into_owned()).chain(beside).collect();
         let mut made = MadeOf {
             revision: REVISION,
             request: json::to_value(request).map_err(invalid)?,

@@ -101,12 +101,26 @@ fn polygons(name: &str, resources: &Resources) -> Result<Arc<Clip>> {
 /// # Errors
 /// As for the clip polygons of a grid.
 pub fn polygon(name: &str, resources: &Resources) -> Result<FilterPolygon> {
+    let (polygon, crs, path) = polygons_with(name, resources, |_| Ok(()))?;
+    Ok(polygon.of_file(&path, crs))
+}
+
+/// Reads polygons, their CRS and their path, and passes their features to `take`.
+///
+/// # Errors
+/// As [`polygon`]; the errors of `take`.
+pub fn polygons_with(
+    name: &str,
+    resources: &Resources,
+    mut take: impl FnMut(&Feature) -> Result<()>,
+) -> Result<(FilterPolygon, Crs, PathBuf)> {
     let mut rings = PolygonRings::default();
     let (path, crs) = rings_of(name, "cloud", PolygonRings::EDGE_BYTES, resources, |feature| {
+        take(feature)?;
         rings.begin_feature()?;
         feature.geometry.parts().try_for_each(|ring| rings.push(ring.xy))
     })?;
-    Ok(FilterPolygon::new(rings).of_file(&path, crs))
+    Ok((FilterPolygon::new(rings), crs, path))
 }
 
 /// Passes all features of a clip polygon file on; returns its path and CRS.

@@ -127,6 +127,7 @@ impl TranslateJob {
             packing == PointPacking::Nodes || self.squares.is_some() || self.split.is_some();
         let mut needed = StageNeeds {
             output: if is_spread { SPREAD } else { 0 },
+            held: 0,
             stages: Vec::with_capacity(self.stages.len()),
             thread: 0,
         };
@@ -228,6 +229,8 @@ pub(super) struct StageNeeds {
     pub(super) stages: Vec<u64>,
     /// For the output.
     pub(super) output: u64,
+    /// For the files that stages read.
+    pub(super) held: u64,
     /// For each thread.
     pub(super) thread: u64,
 }
@@ -235,12 +238,7 @@ pub(super) struct StageNeeds {
 impl StageNeeds {
     /// All but those of threads.
     pub(super) fn total(&self) -> u64 {
-        self.output + self.of_stages()
-    }
-
-    /// Those of all stages.
-    pub(super) fn of_stages(&self) -> u64 {
-        self.stages.iter().sum()
+        self.output + self.held + self.stages.iter().sum::<u64>()
     }
 
     /// The part of a stage of `all` bytes: what no other stage and no output needs.

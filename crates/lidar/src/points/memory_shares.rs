@@ -59,7 +59,7 @@ impl TranslateMemory {
 
     /// Bytes for the output while the stages hold what they need.
     pub(super) fn of_output(&self) -> u64 {
-        self.marks - self.needs.of_stages()
+        self.marks - (self.needs.total() - self.needs.output)
     }
 
     /// For the columns of an octree: bytes of one in memory, and of all pending ones.
@@ -77,8 +77,9 @@ mod tests {
         for (stages, output) in
             [(vec![], 9), (vec![5], 0), (vec![70_000_000; 20], 32), (vec![3, 0, 8], 1)]
         {
-            let held: u64 = stages.iter().sum();
-            let needs = || StageNeeds { output, stages: stages.clone(), thread: 7 };
+            let all: u64 = stages.iter().sum::<u64>() + 1000 * output;
+            let held = 1000 * output;
+            let needs = || StageNeeds { output, held, stages: stages.clone(), thread: 7 };
             let [least, _] = TranslateMemory::min_memory(38, 0, &needs());
             for more in [0, 1 << 20, 1 << 30] {
                 let memory = least + more;
@@ -86,9 +87,9 @@ mod tests {
                 let shares = TranslateMemory::new(&resources, 38, 0, needs()).unwrap();
                 for (number, needed) in stages.iter().enumerate() {
                     let share = shares.of_stage(number);
-                    assert!(share >= *needed && share + held - needed + output <= memory);
+                    assert!(share >= *needed && share + all - needed + output <= memory);
                 }
-                assert!(shares.of_output() >= output && shares.of_output() + held <= memory);
+                assert!(shares.of_output() >= output && shares.of_output() + all <= memory);
             }
             let little = Resources { memory: least - 1, threads: 3, temp_dir: None };
             assert!(TranslateMemory::new(&little, 38, 0, needs()).is_err());

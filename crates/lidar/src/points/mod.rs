@@ -37,7 +37,7 @@ pub use split::AttributeSplit;
 pub use staged::{CloudStages, CloudStagesSetters, StagedCloud, StagedPlace};
 pub use stages::kinds::*;
 pub use stages::{
-    AnyStage, Classify, HeightClasses, HeightsAs, KEPT, Reclassify, StageName, StageText,
-    ThinningRule, stage_names,
+    AnyStage, Classify, HeightClasses, HeightsAs, KEPT, OverlayValue, Reclassify, SampledBands,
+    StageName, StageText, ThinningRule, stage_names,
 };
 pub use tiled_output::{BufferFlag, PointTiling};

@@ -55,6 +55,11 @@ const FILTERS: &[PipelineFilter] = &[
         stages: |values| values[0].split('\n').map(assign).collect(),
     },
     PipelineFilter {
+        name: "filters.colorization",
+        options: &[("raster", ""), ("dimensions", "Red:1:1.0, Green:2:1.0, Blue:3:1.0")],
+        stages: |values| values[1].split(',').map(|band| colour_band(&values[0], band)).collect(),
+    },
+    PipelineFilter {
         name: "filters.csf",
         options: &[("resolution", "1"), ("rigidness", "3"), ("threshold", "0.5"), IGNORE],
         stages: |values| {
@@ -81,6 +86,17 @@ const FILTERS: &[PipelineFilter] = &[
         stages: |_| Ok(vec!["sort:morton".to_owned()]),
     },
     PipelineFilter {
+        name: "filters.normal",
+        options: &[("knn", "8")],
+        stages: |values| {
+            // PDAL counts the point itself.
+            let others = values[0].parse::<u32>().ok().and_then(|knn| knn.checked_sub(1));
+            let others =
+                others.ok_or_else(|| format!("\"knn\" {:?} is not a number", values[0]))?;
+            Ok(vec![format!("normals:k={others}")])
+        },
+    },
+    PipelineFilter {
         name: "filters.outlier",
         options: &[("method", "statistical"), ("mean_k", "8"), ("multiplier", "2"), ("class", "7")],
         stages: |values| match values {
@@ -90,6 +106,11 @@ const FILTERS: &[PipelineFilter] = &[
             }
             _ => Err(format!("method {:?} is not supported; write statistical", values[0])),
         },
+    },
+    PipelineFilter {
+        name: "filters.overlay",
+        options: &[("datasource", ""), ("dimension", ""), ("column", "CLS")],
+        stages: |values| Ok(vec![format!("overlay:{}:{}={}", values[0], values[1], values[2])]),
     },
     PipelineFilter {
         name: "filters.range",
@@ -228,6 +249,19 @@ fn text_of(value: &Value) -> Option<String> {
     }
 }
 
+/// "Red:1:1.0" as a stage.
+fn colour_band(raster: &str, band: &str) -> std::result::Result<String, String> {
+    let parts: Vec<_> = band.split(':').map(str::trim).collect();
+    match parts[..] {
+        [name, number] | [name, number, "1" | "1.0"] if number.parse::<u32>().is_ok() => {
+            Ok(format!("sample-grid:{raster}:{name}:nearest:band={number}"))
+        }
+        _ => {
+            Err(format!("{band:?} is not a dimension, a band and a scale of 1, such as Red:1:1.0"))
+        }
+    }
+}
+
 /// "Classification = 2" as a stage.
 fn assign(value: &str) -> std::result::Result<String, String> {
     match value.to_ascii_lowercase().contains(" where ") {
@@ -299,6 +333,9 @@ mod tests {
             {"type": "filters.expression", "expression": "Z > 1 && !(ReturnNumber == 2)"},
             {"type": "filters.merge"},
             {"type": "filters.sample", "radius": 0.25},
+            {"type": "filters.normal", "knn": 9},
+            {"type": "filters.overlay", "datasource": "lakes.shp", "dimension": "Classification"},
+            {"type": "filters.colorization", "raster": "photo.tif"},
             {"type": "filters.reprojection", "out_srs": "EPSG:4326"},
             {"type": "filters.sort", "dimension": "GpsTime"},
             {"type": "filters.mortonorder"},
@@ -315,6 +352,11 @@ mod tests {
             "where:(not (\"Intensity\" >= 7 and \"Intensity\" <= 9))",
             "where:Z > 1 && !(ReturnNumber == 2)",
             "poisson:0.25",
+            "normals:k=8",
+            "overlay:lakes.shp:Classification=CLS",
+            "sample-grid:photo.tif:Red:nearest",
+            "sample-grid:photo.tif:Green:nearest:band=2",
+            "sample-grid:photo.tif:Blue:nearest:band=3",
             "reproject:EPSG:4326",
             "sort:time",
             "sort:morton",
@@ -351,6 +393,11 @@ mod tests {
             ("[{\"type\": \"filters.range\", \"limits\": \"Z[1:2\"}]", "not a limit"),
             ("[{\"type\": \"filters.sort\", \"dimension\": \"Z\"}]", "GpsTime"),
             ("[{\"type\": \"filters.sample\"}]", "lacks \"radius\""),
+            ("[{\"type\": \"filters.normal\", \"knn\": 2.5}]", "not a number"),
+            (
+                "[{\"type\": \"filters.colorization\", \"raster\": \"a\", \"dimensions\": \"Red:1:256\"}]",
+                "a scale of 1",
+            ),
             ("[{\"type\": \"filters.csf\", \"threshold\": \"0.5:reclassify=9\"}]", "not a number"),
             ("[{\"type\": \"filters.csf\", \"ignore\": \"Classification[6:6]\"}]", "\"ignore\""),
             ("[{\"type\": \"filters.range\", \"limits\": \"Z[0:inf]\"}]", "not a limit"),

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::context::TranslateContext;
 use super::input_records::InputRecords;
-use super::job::TranslateJob;
+use super::job::{StageNeeds, TranslateJob};
 use super::memory_shares::TranslateMemory;
 use super::report::TranslateReport;
 use super::split::SplitColumn;
@@ -70,6 +70,7 @@ pub(super) fn prepared<T: Send>(
         .with(subset.and_then(TileSubset::noise).map(|noise| &noise.own));
     let needed =
         job.needed(packing, |number| chain.input(number), source.count(), subset.is_some());
+    let needed = StageNeeds { held: chain.bytes(), ..needed };
     let shares =
         TranslateMemory::new(&job.resources, converter.size(), converter.extra_bytes(), needed)?;
     let threads = shares.threads;
@@ -182,6 +183,7 @@ pub(super) fn chain(
         info,
         format: converter.format(),
         columns: &converter.columns(),
+        added: &[],
         packing: job.packing()?,
         job,
         is_last: false,
@@ -203,5 +205,6 @@ pub(super) fn converter<'a>(
 pub(super) fn min_memory(job: &TranslateJob, cloud: &PointCloud, points: u64) -> Result<[u64; 2]> {
     let converter = converter(job, cloud)?;
     let needed = job.needed(job.packing()?, |_| converter.info(), points, true);
+    let needed = StageNeeds { held: chain(job, &converter)?.bytes(), ..needed };
     Ok(TranslateMemory::min_memory(converter.size(), converter.extra_bytes(), &needed))
 }

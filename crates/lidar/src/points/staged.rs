@@ -123,7 +123,8 @@ impl CloudStages {
             }
             StagedPlace::In(folder) => {
                 let request = StagedRequest { stages: &stages, cloud: &own };
-                MadeInput::in_folder(label, inputs, folder, POINTS, &request, make)
+                let beside = stages.iter().flat_map(|stage| stage.stage().files()).collect();
+                MadeInput::in_folder(label, inputs, beside, folder, POINTS, &request, make)
             }
         }?;
         let cloud = CloudOpenOptions { filter: rest, threads: own.threads, ..Default::default() };

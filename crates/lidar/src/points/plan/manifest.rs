@@ -120,14 +120,14 @@ impl PlannedTranslateJob {
         }
         job.surveyed(info)?;
         // What depends on the extent is that of the whole cloud.
-        let stages =
-            stages.iter().map(|stage| stage.stage().resolved(info).unwrap_or(stage.clone()));
+        let resolved =
+            |stage: &AnyStage| Ok(stage.stage().resolved(info)?.unwrap_or_else(|| stage.clone()));
         Ok(Self {
             input: input.clone(),
             cloud: cloud.clone(),
             format: format.map(PointFormat::number),
             version: *version,
-            stages: stages.collect(),
+            stages: stages.iter().map(resolved).collect::<Result<_>>()?,
             squares,
             is_plain,
         })

@@ -67,7 +67,9 @@ impl PointTilesPlan {
     /// Its input files.
     pub(super) fn files(&self, opened: &OpenedTranslate) -> Vec<PathBuf> {
         let on_disk = if opened.cloud.files().is_empty() { &[][..] } else { self.method.input() };
-        on_disk.iter().map(|name| terrane_files::path_of(name).into_owned()).collect()
+        let of_cloud = on_disk.iter().map(|name| terrane_files::path_of(name).into_owned());
+        let of_stages = self.method.stages.iter().flat_map(|stage| stage.stage().files());
+        of_cloud.chain(of_stages).collect()
     }
 }
 

@@ -3,18 +3,22 @@
 mod assign;
 mod dedupe;
 pub(super) mod ground;
+mod lookup;
 mod neighborhoods;
 pub(super) mod noise;
 mod normals;
 mod operand;
 mod overlap;
+mod overlay;
 mod poisson;
 mod reproject;
+mod sample_grid;
 mod sort;
 mod thin;
 mod r#where;
 
 use std::fmt;
+use std::path::PathBuf;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
@@ -31,6 +35,8 @@ pub(super) use ground::queries::refuse_twice;
 pub use ground::{Classify, HeightClasses, HeightsAs, Reclassify};
 pub(super) use kinds::*;
 pub(super) use operand::column;
+pub use overlay::OverlayValue;
+pub use sample_grid::SampledBands;
 pub use thin::{KEPT, ThinningRule};
 
 /// Most stages of a chain: records pass through all of them at once.
@@ -101,9 +107,18 @@ pub(super) trait Stage {
         Vec::new()
     }
 
-    /// The stage with the defaults that it takes from the whole point cloud, if any.
-    fn resolved(&self, _: &CloudInfo) -> Option<AnyStage> {
-        None
+    /// The stage as a plan records it, if it is another: with the defaults that it takes from the whole point cloud, and
+    /// absolute paths.
+    ///
+    /// # Errors
+    /// Paths that cannot be made absolute.
+    fn resolved(&self, _: &CloudInfo) -> Result<Option<AnyStage>> {
+        Ok(None)
+    }
+
+    /// The files that it reads.
+    fn files(&self) -> Vec<PathBuf> {
+        Vec::new()
     }
 
     /// The stage for records of an input.
@@ -121,6 +136,8 @@ pub(super) struct StageInput<'a> {
     pub(super) format: PointFormat,
     /// Their columns except the coordinates.
     pub(super) columns: &'a [PointColumn],
+    /// The same, and those of dimensions that the stage adds.
+    pub(super) added: &'a [PointColumn],
     /// How the output is packed.
     pub(super) packing: PointPacking,
     pub(super) job: &'a super::TranslateJob,
@@ -137,6 +154,11 @@ pub(super) trait OpenStage: Send + Sync {
     /// Frame, bounds and CRS of its output, if not those of its input.
     fn output(&self) -> Option<CloudInfo> {
         None
+    }
+
+    /// Bytes that it holds beside those of [`Stage::needed`].
+    fn bytes(&self) -> u64 {
+        0
     }
 
     /// The report on a reprojection.
@@ -214,17 +236,21 @@ impl StageChain {
                 let all = stages.iter().flat_map(|stage| stage.stage().dimensions());
                 all.map(|dimension| dimension.name).collect::<Vec<_>>()
             };
-            let (earlier, later) = (added(&stages[..number]), added(&stages[number..]));
-            let has_values = |column: &&PointColumn| {
-                let is_of = |names: &[String]| names.iter().any(|name| name == column.name());
-                is_of(&earlier) || !is_of(&later)
+            let columns_before = |number: usize| {
+                let (earlier, later) = (added(&stages[..number]), added(&stages[number..]));
+                let has_values = |column: &&PointColumn| {
+                    let is_of = |names: &[String]| names.iter().any(|name| name == column.name());
+                    is_of(&earlier) || !is_of(&later)
+                };
+                input.columns.iter().filter(has_values).cloned().collect::<Vec<_>>()
             };
-            let columns: Vec<_> = input.columns.iter().filter(has_values).cloned().collect();
+            let (columns, with_own) = (columns_before(number), columns_before(number + 1));
             let info = &chain.output;
             let is_last = number + 1 == stages.len();
             let opened = stage.open(&StageInput {
                 info,
                 columns: &columns,
+                added: &with_own,
                 is_last,
                 is_above_ground,
                 height_step,
@@ -241,6 +267,11 @@ impl StageChain {
     /// Frame, bounds and CRS of the input of a stage.
     pub(super) fn input(&self, number: usize) -> &CloudInfo {
         &self.links[number].info
+    }
+
+    /// Bytes that the stages hold.
+    pub(super) fn bytes(&self) -> u64 {
+        self.links.iter().map(|link| link.stage.bytes()).sum()
     }
 
     /// The report on its last reprojection.
@@ -409,6 +440,8 @@ stages![
     noise::ClassifyNoise,
     ground::HeightQuery,
     assign::Assign,
+    overlay::Overlay,
+    sample_grid::SampleGrid,
     r#where::Where,
     overlap::Overlap,
     thin::CellThinning,

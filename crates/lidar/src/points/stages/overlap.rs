@@ -79,8 +79,8 @@ impl Stage for Overlap {
         [needed(points), 0]
     }
 
-    fn resolved(&self, info: &CloudInfo) -> Option<AnyStage> {
-        Some(Self { cell: Some(self.side(info)) }.into())
+    fn resolved(&self, info: &CloudInfo) -> Result<Option<AnyStage>> {
+        Ok(Some(Self { cell: Some(self.side(info)) }.into()))
     }
 
     fn open(&self, input: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {
