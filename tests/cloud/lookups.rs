@@ -175,6 +175,15 @@ fn samples_of_a_grid_are_interpolated() {
         let intensity = u16::from_le_bytes(*record[12..].first_chunk().unwrap());
         assert_eq!(f64::from(intensity), added(&record).round());
     }
+    // A dimension of a formula has no value where the grid has none.
+    let texts = [&format!("sample-grid:{grid}:Ground"), "dimension:Above = (z - Ground) / 2"];
+    run(&chain(job(&[&input], &output), &texts)).unwrap();
+    for record in whole(&output).records {
+        let ground = f64::from_le_bytes(*record[record.len() - 16..].first_chunk().unwrap());
+        let z = f64::from(raw(&record)[2]) / 1000.0;
+        let (found, expected) = (added(&record), (z - ground) / 2.0);
+        assert!(found == expected || found.is_nan() && ground.is_nan(), "{found} {expected}");
+    }
     for (stage, told) in [
         (format!("sample-grid:{grid}:return_number"), "does not fit into return_number"),
         (format!("sample-grid:{grid}:Ground:band=2"), "band 2"),

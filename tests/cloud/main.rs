@@ -19,6 +19,7 @@ mod octree;
 mod stages;
 mod synth;
 mod translate;
+mod tree_tops;
 mod versions;
 mod whole;
 mod write;

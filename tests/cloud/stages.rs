@@ -30,7 +30,8 @@ fn chain(job: TranslateJob, texts: &[&str]) -> TranslateJob {
 }
 
 /// Stages that no option stands for; other tests try them.
-const WITHOUT_OPTION: &[&str] = &["where", "normals", "overlay", "sample-grid", "colour"];
+const WITHOUT_OPTION: &[&str] =
+    &["where", "normals", "overlay", "sample-grid", "colour", "dimension", "tree-tops"];
 
 /// Options, and the stages that they stand for.
 type Short = (fn(&mut PointsOptions), &'static [&'static str]);
@@ -156,6 +157,10 @@ fn random_chain(state: &mut u64) -> Vec<&'static str> {
         "thin:0.8:random=3",
         "poisson:0.6",
         "normals:k=5",
+        "tree-tops:1.5:min=0",
+        "dimension:Slope = 1 - NormalZ",
+        "dimension:High = 2 * z",
+        "where:High > 9",
         "where:NormalZ > 0.8",
         "reproject:EPSG:32633",
         "sort:morton",
@@ -178,7 +183,7 @@ fn random_chains_are_the_same_by_threads_memory_and_plan() {
         let texts = random_chain(&mut state);
         let output = place.path().join("out.las");
         let mut expected = None;
-        for (threads, memory) in [(1, 192), (3, 1024)] {
+        for (threads, memory) in [(1, 256), (3, 1024)] {
             let resources = Resources { threads, memory: memory << 20, temp_dir: None };
             let job = TranslateJob { resources, ..job(&[&input], &output) };
             let told = run(&chain(job, &texts)).map(|_| std::fs::read(&output).unwrap());
@@ -242,6 +247,8 @@ fn what_is_no_stage_is_refused() {
         ("ground:csf:reclassify=7", "noise and cannot become ground"),
         ("height-above-ground:w", "expected dimension or z"),
         ("height-classes:3", "height-classes: "),
+        ("tree-tops:5:max=3", "tree-tops: expected min=HEIGHT"),
+        ("dimension:intensity = 3", "is an attribute of LAS"),
         ("normals:k=2", "normals: expected k=NUMBER"),
         ("drop-overlap:x", "drop-overlap: expected a number"),
     ] {

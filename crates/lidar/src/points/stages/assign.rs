@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
+use super::lookup::{attribute_name, dimension_of};
 use super::operand::{RecordOperand, column};
 use super::{OpenStage, PointSetEffect, Stage, StageContext, StageInput, StageName, StageOutput};
 use crate::records::selection::place;
@@ -13,7 +14,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::formula::Formula;
 use terrane_base::geom::Ruler;
 use terrane_cloud::write::PointColumn;
-use terrane_cloud::{AXES, PointCloud, PointSource};
+use terrane_cloud::{AXES, NewDimension, PointCloud, PointSource};
 use terrane_files::path_of;
 
 /// Sets an attribute to the value of a formula.
@@ -70,6 +71,48 @@ impl Assign {
     )];
 }
 
+/// Adds a dimension with the value of a formula; NaN where an operand has no value.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AddDimension(Assign);
+
+impl FromStr for AddDimension {
+    type Err = String;
+
+    /// "NAME=FORMULA", such as "Change = z - Before".
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let assign: Assign = text.parse()?;
+        match dimension_of(&attribute_name(&assign.name)?, "") {
+            Some(_) => Ok(Self(assign)),
+            None => Err(format!("{} is an attribute of LAS: use assign", assign.name)),
+        }
+    }
+}
+
+impl AddDimension {
+    pub(super) const NAMES: [StageName; 1] = [StageName::of::<Self>(
+        "dimension",
+        "NAME=FORMULA",
+        "add a dimension with the value of a formula of attributes, x, y and z",
+    )];
+}
+
+impl Stage for AddDimension {
+    fn is_spatial(&self) -> bool {
+        false
+    }
+
+    fn dimensions(&self) -> Vec<NewDimension> {
+        dimension_of(&self.0.name, "Of a formula").into_iter().collect()
+    }
+
+    fn open(&self, input: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {
+        Ok(Box::new(AttributeAssigner {
+            skips_nodata: true,
+            ..AttributeAssigner::new(&self.0, input)?
+        }))
+    }
+}
+
 impl Stage for Assign {
     fn effect(&self) -> PointSetEffect {
         PointSetEffect::Unchanged
@@ -105,6 +148,8 @@ struct AttributeAssigner {
     rulers: [Ruler; 3],
     column: PointColumn,
     formula: Formula<RecordOperand>,
+    /// Whether points without a value of an operand stay as they are, instead of being an error.
+    skips_nodata: bool,
 }
 
 impl AttributeAssigner {
@@ -113,8 +158,9 @@ impl AttributeAssigner {
     fn new(Assign { name, formula, .. }: &Assign, input: &StageInput<'_>) -> Result<Self> {
         Ok(Self {
             rulers: [0, 1, 2].map(|axis| input.info.frame.ruler(axis)),
-            column: column(name, input.format, input.columns)?,
+            column: column(name, input.format, input.added)?,
             formula: formula.resolve(|name| RecordOperand::of(name, input))?,
+            skips_nodata: false,
         })
     }
 
@@ -123,6 +169,9 @@ impl AttributeAssigner {
             number if number.is_finite() => Ok(number),
             _ => Err(format!("{} has no value", operand.name())),
         });
+        if self.skips_nodata && number.is_err() {
+            return Ok(());
+        }
         let number = number.map_err(|what| format!("{}: {what}", self.column.name()))?;
         self.column.set(record, number)
     }
@@ -167,5 +216,9 @@ mod tests {
         }
         let quoted: Assign = "\"my own\" = z / 2".parse().unwrap();
         assert_eq!(quoted.name, "my own");
+        for text in ["z=1", "intensity=1", "a:b=1", "=1"] {
+            assert!(text.parse::<AddDimension>().is_err(), "{text}");
+        }
+        assert!("Change = z - Before".parse::<AddDimension>().is_ok());
     }
 }

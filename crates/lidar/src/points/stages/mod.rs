@@ -15,6 +15,7 @@ mod reproject;
 mod sample_grid;
 mod sort;
 mod thin;
+mod tree_tops;
 mod r#where;
 
 use std::fmt;
@@ -440,12 +441,14 @@ stages![
     noise::ClassifyNoise,
     ground::HeightQuery,
     assign::Assign,
+    assign::AddDimension,
     overlay::Overlay,
     sample_grid::SampleGrid,
     r#where::Where,
     overlap::Overlap,
     thin::CellThinning,
     poisson::PoissonSampling,
+    tree_tops::TreeTops,
     normals::Normals,
     reproject::Reproject,
     sort::Sort,
