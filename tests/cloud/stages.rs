@@ -13,6 +13,7 @@ use terrane_lidar::points::{
 
 use crate::above;
 use crate::cloud_support::{Made, Packing, Place};
+use crate::data;
 use crate::noise_plan::{files, planned};
 use crate::translate::{job, number, run, whole};
 
@@ -176,10 +177,53 @@ fn random_chain(state: &mut u64) -> Vec<&'static str> {
 
 #[test]
 fn random_chains_are_the_same_by_threads_memory_and_plan() {
+    assert!(planned_chains(24, 1) > 5);
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn two_hundred_random_chains_are_the_same_by_threads_memory_and_plan() {
+    assert!(planned_chains(200, 77) > 40);
+}
+
+#[test]
+#[ignore = "needs TERRANE_DATA"]
+fn chains_on_clouds_of_others_are_the_same_by_threads_and_memory() {
+    let place = Place::new();
+    let clouds = [data::files("lidar"), data::files("lidar/formats")].concat();
+    let is_las = |path: &&std::path::PathBuf| {
+        path.extension().is_some_and(|ending| ending == "las" || ending == "laz")
+    };
+    let (mut state, mut made) = (5, 0);
+    for cloud in clouds.iter().filter(is_las) {
+        for _ in 0..2 {
+            let texts = random_chain(&mut state);
+            let output = place.path().join("out.las");
+            let [one, other] = [(1, 512), (3, 1024)].map(|(threads, memory)| {
+                let resources = Resources { threads, memory: memory << 20, temp_dir: None };
+                let job = job(&[cloud.to_str().unwrap()], &output);
+                let told = run(&chain(TranslateJob { resources, ..job }, &texts));
+                told.map(|_| std::fs::read(&output).unwrap()).map_err(|error| error.to_string())
+            });
+            let told = one.as_ref().err();
+            assert!(
+                one == other,
+                "{} {texts:?} {told:?} {:?}",
+                cloud.display(),
+                other.as_ref().err()
+            );
+            made += usize::from(one.is_ok());
+        }
+    }
+    assert!(made > 20, "{made}");
+}
+
+/// Makes random chains; returns how many a plan has made, too.
+fn planned_chains(count: usize, mut state: u64) -> usize {
     let place = Place::new();
     let input = survey(&place);
-    let (mut state, mut planned_chains) = (1, 0);
-    for number in 0..24 {
+    let mut planned_chains = 0;
+    for number in 0..count {
         let texts = random_chain(&mut state);
         let output = place.path().join("out.las");
         let mut expected = None;
@@ -207,7 +251,7 @@ fn random_chains_are_the_same_by_threads_memory_and_plan() {
             planned_chains += 1;
         }
     }
-    assert!(planned_chains > 5, "{planned_chains}");
+    planned_chains
 }
 
 /// Whether a plan takes a job; it says what it does not take.
