@@ -259,17 +259,27 @@ fn entries(place: &Place) -> BTreeSet<PathBuf> {
     fs::read_dir(place.path("")).unwrap().map(|entry| entry.unwrap().path()).collect()
 }
 
-/// Each command finds the inputs of the page and no output of another command.
 #[cfg(unix)]
 #[test]
 fn equivalents_of_other_programs_run() {
-    let text = include_str!("../docs/src/guide/coming-from.md");
-    let place = follow("coming-from.md", text);
+    run_equivalents("coming-from.md", include_str!("../docs/src/guide/coming-from.md"), 50);
+}
+
+#[cfg(unix)]
+#[test]
+fn ten_jobs_run() {
+    run_equivalents("ten-jobs.md", include_str!("../docs/src/tutorials/ten-jobs.md"), 10);
+}
+
+/// Each command finds the inputs of the page and no output of another command.
+#[cfg(unix)]
+fn run_equivalents(page: &str, text: &str, count: usize) {
+    let place = follow(page, text);
     let inputs = entries(&place);
     let commands = equivalents(text);
-    assert!(commands.len() >= 50, "only {} commands found", commands.len());
+    assert!(commands.len() >= count, "only {} commands found", commands.len());
     for command in commands {
-        shell(&place, "coming-from.md", command);
+        shell(&place, page, command);
         let outputs: Vec<_> = entries(&place).difference(&inputs).cloned().collect();
         let reads_only =
             ["terrane info ", "terrane verify "].iter().any(|v| command.starts_with(v));
