@@ -72,7 +72,7 @@ impl Cloud {
     /// # fn main() -> terrane::Result<()> {
     /// use terrane::prelude::*;
     /// # let folder = tempfile::tempdir().unwrap();
-    /// # let [path, thin, high, parts] = ["points.xyz", "thin.laz", "high.csv", "parts"].map(|name| folder.path().join(name));
+    /// # let [path, thin, high, parts, grid] = ["points.xyz", "thin.laz", "high.csv", "parts", "lowest.tif"].map(|name| folder.path().join(name));
     /// use terrane::{Assign, HeightsAs, CellThinning};
     /// std::fs::write(&path, "x y z class\n0 0 1 2\n4 0 3 2\n0 4 1 2\n1 1 9.25 5\n").unwrap();
     /// let cloud = terrane::open_cloud(format!("cloud:{}", path.display()))?;
@@ -83,6 +83,9 @@ impl Cloud {
     /// let text = std::fs::read_to_string(&high).unwrap();
     /// assert!(text.lines().nth(4).unwrap().starts_with("1,1,7.75,")); // the ground is at 1.5 there
     /// assert_eq!(cloud.points().split("class").write(&parts)?.files, 2);
+    /// // Stages run before grids, meshes and tiles, too.
+    /// let stages = ["height-above-ground:z", "where:z > 2"].map(|text| text.parse::<terrane::StageText>().unwrap());
+    /// assert_eq!(cloud.grid(2.0).stage(stages).write(&grid)?.points.read, 1);
     /// # Ok(())
     /// # }
     /// ```

@@ -77,6 +77,25 @@ pub fn known(name: &str) -> Option<&'static PointAttribute> {
     })
 }
 
+/// Further fields of points, with other names: flags and small numbers.
+const FIELDS: [(&str, &str); 7] = [
+    ("synthetic", ""),
+    ("key_point", ""),
+    ("withheld", ""),
+    ("overlap", ""),
+    ("scanner_channel", "scan_channel"),
+    ("scan_direction", "scan_direction_flag"),
+    ("edge_of_flight_line", ""),
+];
+
+/// The name of the column of an attribute or of another field of points, by any of its names; `None` for extra bytes.
+pub fn field(name: &str) -> Option<&'static str> {
+    let text = plain(name);
+    let is_it = |(field, other): &&(&str, &str)| plain(field) == text || plain(other) == text;
+    let field = || FIELDS.iter().filter(|_| !text.is_empty()).find(is_it).map(|(field, _)| *field);
+    known(name).map(|attribute| attribute.name).or_else(field)
+}
+
 fn plain(name: &str) -> String {
     name.replace('_', "").to_ascii_lowercase()
 }
@@ -155,5 +174,15 @@ mod tests {
         assert_eq!(known("CLASS").map(|attribute| attribute.name), Some(CLASS));
         assert_eq!(known("PointSourceId").map(|found| found.name), Some("point_source_id"));
         assert!(known("amplitude").is_none());
+        for (name, expected) in [
+            ("KeyPoint", Some("key_point")),
+            ("ScanDirectionFlag", Some("scan_direction")),
+            ("edgeofflightline", Some("edge_of_flight_line")),
+            ("Intensity", Some("intensity")),
+            ("", None),
+            ("NormalX", None),
+        ] {
+            assert_eq!(field(name), expected, "{name}");
+        }
     }
 }

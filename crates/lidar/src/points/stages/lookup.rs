@@ -80,7 +80,7 @@ impl<V: PlaceValues> OpenStage for ValueLookup<V> {
 /// The dimension of a name, unless it is an attribute of LAS.
 pub(super) fn dimension_of(name: &str, about: &str) -> Option<NewDimension> {
     let new = NewDimension::new(name, about, NewDimensionValue::Double);
-    attribute::known(name).is_none().then_some(new)
+    attribute::field(name).is_none().then_some(new)
 }
 
 /// The name of an attribute or of a new dimension.

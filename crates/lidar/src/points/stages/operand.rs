@@ -68,7 +68,7 @@ pub(in crate::points) fn column(
     format: PointFormat,
     columns: &[PointColumn],
 ) -> Result<PointColumn> {
-    let known = attribute::known(name.trim()).map_or(name.trim(), |attribute| attribute.name);
+    let known = attribute::field(name.trim()).unwrap_or(name.trim());
     let found = columns.iter().find(|column| column.name().trim().eq_ignore_ascii_case(known));
     found.cloned().ok_or_else(|| {
         let number = format.number();
