@@ -14,6 +14,7 @@ mod formats;
 mod noise;
 mod noise_plan;
 mod octree;
+mod qa;
 mod stages;
 mod synth;
 mod translate;

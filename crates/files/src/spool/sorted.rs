@@ -56,6 +56,11 @@ impl<T: KeyedRecord> SortedRecords<T> {
         (key.saturating_sub(self.low) / self.width).min(BUCKETS - 1) as usize
     }
 
+    /// Bytes written to files so far.
+    pub fn spilled(&self) -> u64 {
+        self.buckets.spilled()
+    }
+
     /// Passes on all records in the order of their keys.
     ///
     /// # Errors

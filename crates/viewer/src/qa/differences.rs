@@ -16,8 +16,8 @@ use terrane_files::{KeyedRecord, SortedRecords};
 
 /// Last returns of a line in a cell in which it is compared.
 pub(super) const MIN_RETURNS: u64 = 3;
-/// The default range of heights, as a share of the side of a cell: a slope of 11 degrees.
-pub(super) const USUAL_SLOPE: f64 = 0.2;
+/// The default range of heights, as a share of the side of a cell: a slope of 6 degrees.
+pub(super) const USUAL_SLOPE: f64 = 0.1;
 /// Most pairs of lines. More mean that the ids are not those of flight lines.
 const MAX_PAIRS: usize = 1 << 17;
 /// Differences that are gathered before they are sorted.

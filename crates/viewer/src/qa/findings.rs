@@ -2,6 +2,7 @@
 
 use chrono::{Days, NaiveDate};
 
+use super::page::exact;
 use super::report::QaFinding;
 use super::tally::{AllowedTimes, FileTally, QaRange};
 use terrane_cloud::{PointFormat, StatedHeader, StatedLas, class_name};
@@ -131,7 +132,7 @@ impl FileFindings<'_> {
 
     fn times(&mut self) {
         let FileTally { time, bad_times, late_times, .. } = *self.tally;
-        let range = time.map_or(String::new(), |it| format!(" ({} to {})", it.low, it.high));
+        let range = time.map_or(String::new(), |it| format!(" ({} to {})", exact(it.low), exact(it.high)));
         if time == Some(QaRange { low: 0.0, high: 0.0 }) {
             self.add("all GPS times are 0");
         } else if bad_times > 0 {
@@ -186,7 +187,10 @@ impl FileFindings<'_> {
             };
             self.add(format!(
                 "{what} in {name}: {} to {} stated, {} to {} found",
-                stated[0], stated[1], found[0], found[1]
+                exact(stated[0]),
+                exact(stated[1]),
+                exact(found[0]),
+                exact(found[1])
             ));
         }
     }

@@ -341,9 +341,7 @@ fn schemas(format: u8) -> Value {
 
 /// A file as seen from the folder of the index.
 fn relative(file: &Path, index: &Path) -> Result<String> {
-    let absolute = |path: &Path| {
-        std::path::absolute(path).map_err(|e| Error::read(path, e))
-    };
+    let absolute = |path: &Path| std::path::absolute(path).map_err(|e| Error::read(path, e));
     let (file, index) = (absolute(file)?, absolute(index)?);
     let folder = index.parent().unwrap_or(Path::new(""));
     let (own, base): (Vec<Component<'_>>, Vec<Component<'_>>) =
@@ -352,5 +350,6 @@ fn relative(file: &Path, index: &Path) -> Result<String> {
     let up = base[common..].iter().map(|_| "..".to_owned());
     let down = own[common..].iter().map(|part| part.as_os_str().to_string_lossy().into_owned());
     let parts: Vec<String> = up.chain(down).collect();
-    Ok(format!("./{}", parts.join("/")))
+    let base = if common == base.len() { "./" } else { "" };
+    Ok(base.to_owned() + &parts.join("/"))
 }

@@ -99,6 +99,7 @@ impl QaJob<'_> {
         };
         let survey = reading.run(&resources, request.progress, request.cancel)?;
         let QaSurvey { files: tallies, lines, cells, unplaced } = survey;
+        let spilled = cells.spilled();
         if unplaced > 0 {
             notes.push(format!(
                 "{unplaced} points are too far outside the bounds of their header to have a cell"
@@ -141,7 +142,7 @@ impl QaJob<'_> {
                 tallies: &tallies,
                 files: &report.file_list,
             };
-            notes.extend(index.write(runs)?);
+            notes.extend(index.write(runs)?.into_iter().map(|note| format!("index: {note}")));
         }
         let mut page = QaPage::default();
         if let (Some(summary), Some(lattice)) = (summary, &lattice) {
@@ -163,7 +164,9 @@ impl QaJob<'_> {
         let html = page.html(&report);
         file.write_all(html.as_bytes()).map_err(|e| Error::write(request.output, e))?;
         report.output_bytes = file.commit()?;
-        report.run = RunStatistics::since(started, &options.resources).with_threads(memory.threads);
+        report.run = RunStatistics::since(started, &options.resources)
+            .with_threads(memory.threads)
+            .with_spilled(Some(spilled));
         Ok(report)
     }
 

@@ -43,7 +43,7 @@ pub struct QaOptions {
         value = "RANGE",
         range = OptionRange::POSITIVE,
         heading = "Report",
-        default_text = "a fifth of the cell size"
+        default_text = "a tenth of the cell size"
     )]
     pub max_range: Option<f64>,
     /// Write the footprints of the files with their attributes to this file: GeoJSON, FlatGeobuf, Shapefile or another

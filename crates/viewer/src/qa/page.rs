@@ -88,7 +88,7 @@ impl QaPage {
         let unit = format!("square {}", report.area_unit);
         let text = format!(
             "Points and pulses (last returns) per {unit} in cells of {cell}, over the footprint: {} occupied cells and \
-             {} empty cells that they enclose, {} {unit}. Withheld points are left out unless asked for. Cells at the \
+             {} empty cells that they enclose. Its area is {}. Withheld points are left out unless asked for. Cells at the \
              border are partly outside the survey.",
             count(report.occupied_cells),
             count(report.enclosed_cells),
@@ -202,12 +202,13 @@ fn summary(report: &QaReport) -> String {
         ("points", count(report.contents.stats.census.kept)),
         ("CRS", report.crs.clone()),
         ("units", units),
+        ("unit of areas", format!("square {}", report.area_unit)),
         ("filters", filters),
         ("findings in headers", count(report.findings.len() as u64)),
     ] {
         table.row(&[name.to_owned(), value]);
     }
-    let notes = report.notes.iter().map(|note| paragraph(&format!("Note: {note}.")));
+    let notes = report.notes.iter().map(|note| paragraph(&format!("Note: {}.", note.replace(['‹', '›'], ""))));
     table.html() + &notes.collect::<String>()
 }
 
@@ -222,10 +223,9 @@ fn voids(report: &QaReport, out: &mut String) {
     let Some(voids) = &report.voids else { return };
     out.push_str("<h2>Voids</h2>\n");
     let text = format!(
-        "Groups of empty cells, connected by sides and enclosed by occupied cells, of {} square {} or more: {}, together \
-         {}.",
+        "Groups of empty cells, connected by sides and enclosed by occupied cells, with an area of {} or more: {}, \
+         together {}.",
         number(voids.min_area),
-        report.area_unit,
         count(voids.count),
         number(voids.area)
     );
@@ -236,8 +236,8 @@ fn voids(report: &QaReport, out: &mut String) {
     let mut table = HtmlTable::new(&["area", "cells", "west", "south", "east", "north", "inside"]);
     for void in &voids.largest {
         let mut row = vec![number(void.area), count(void.cells)];
-        row.extend(void.bounds.map(|at| at.to_string()));
-        row.push(format!("{}, {}", void.inside[0], void.inside[1]));
+        row.extend(void.bounds.map(exact));
+        row.push(void.inside.map(exact).join(", "));
         table.row(&row);
     }
     out.push_str(&table.html());
@@ -293,7 +293,7 @@ fn contents(report: &QaReport, out: &mut String) {
     }
     if let Some([low, high]) = stats.bounds {
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
-            table.row(&[name.to_owned(), format!("{} to {}", low[axis], high[axis])]);
+            table.row(&[name.to_owned(), format!("{} to {}", exact(low[axis]), exact(high[axis]))]);
         }
     }
     out.push_str(&table.html());
@@ -340,7 +340,7 @@ fn paragraph(text: &str) -> String {
 }
 
 fn range(range: Option<QaRange>) -> String {
-    range.map_or("-".to_owned(), |QaRange { low, high }| format!("{low} to {high}"))
+    range.map_or("-".to_owned(), |QaRange { low, high }| format!("{} to {}", exact(low), exact(high)))
 }
 
 /// A count with spaces between thousands.
@@ -350,8 +350,17 @@ fn count(value: u64) -> String {
     groups.collect::<Vec<_>>().join("\u{202f}")
 }
 
+/// A coordinate or a time, without the digits that binary fractions add.
+pub(super) fn exact(value: f64) -> String {
+    let text = format!("{value:.9}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
 /// About four digits.
 fn number(value: f64) -> String {
+    if (1e4..1e15).contains(&value) {
+        return count(value.round() as u64);
+    }
     let decimals = match value.abs() {
         100.0.. => 1,
         1.0.. => 2,
