@@ -248,7 +248,7 @@ impl<O: Operation<Input: OperationInput, Report: Summarize> + HasGroup<Replacing
             Writes::Mesh => vec![lists::meshes()],
             Writes::Tiles | Writes::Points | Writes::Picture | Writes::Page | Writes::Report => {
                 Vec::new()
-            },
+            }
         };
         let of_options = lists::of_options(O::TABLE).collect();
         [O::Input::lists(), of_options, written, vec![lists::EXIT_CODES.to_owned()]].concat()

@@ -261,9 +261,10 @@ fn footprints(index: &std::path::Path, files: &[Made]) -> usize {
         }
         for (row, col) in (-2..40).flat_map(|row| (-2..40).map(move |col| (row, col))) {
             let at = [1000.5 + f64::from(col), 2000.5 + f64::from(row)];
-            let crossings = rings.iter().flat_map(|ring| ring.windows(2)).filter(|pair| {
-                (pair[0][1] > at[1]) != (pair[1][1] > at[1]) && pair[0][0] > at[0]
-            });
+            let crossings = rings
+                .iter()
+                .flat_map(|ring| ring.windows(2))
+                .filter(|pair| (pair[0][1] > at[1]) != (pair[1][1] > at[1]) && pair[0][0] > at[0]);
             assert_eq!(crossings.count() % 2 == 1, occupied.contains(&[row, col]), "{row} {col}");
         }
         count += 1;
@@ -287,7 +288,8 @@ fn threads_memory_and_the_order_of_files_change_no_byte() {
         let mut random = Random::of(seed + 9);
         for record in &mut made.records {
             let place = [random.below(90_000), random.below(90_000), random.below(30)];
-            record[..12].copy_from_slice(place.map(|at| at as i32).map(i32::to_le_bytes).as_flattened());
+            record[..12]
+                .copy_from_slice(place.map(|at| at as i32).map(i32::to_le_bytes).as_flattened());
         }
     }
     let mut files: Vec<String> = ["a.laz", "b.laz"]
@@ -354,7 +356,11 @@ fn wrong_headers_are_found() {
         (6, bound(187, -1.0), "the bounds are wider than the points in x: "),
         (6, bound(195, 0.5), "the bounds are wider than the points in y: "),
         (6, in_point(22, (-1.0_f64).to_le_bytes().to_vec()), "GPS times are outside a week, "),
-        (6, standard(f64::NAN.to_le_bytes().to_vec()), "GPS times are before the start of GPS time"),
+        (
+            6,
+            standard(f64::NAN.to_le_bytes().to_vec()),
+            "GPS times are before the start of GPS time",
+        ),
         (6, standard((-2e9_f64).to_le_bytes().to_vec()), "GPS times are before the start"),
         (6, standard(late), "GPS times are after the creation date: 1 points"),
         (6, in_point(16, vec![40]), "class 40 is reserved in point format 6: 1 points"),
@@ -398,7 +404,8 @@ fn wrong_headers_are_found() {
 fn odd_clouds_have_a_report() {
     let place = Place::new();
     let page = place.path().join("qa.html");
-    let none = place.write("none.las", &sound(&Made { records: Vec::new(), ..survey(6, 1, 1, [0, 0]) }));
+    let none =
+        place.write("none.las", &sound(&Made { records: Vec::new(), ..survey(6, 1, 1, [0, 0]) }));
     let report = job(&[none]).write(&page).unwrap();
     assert_eq!((report.cell, report.density.is_none(), report.lines.len()), (None, true, 0));
     assert!(std::fs::read_to_string(&page).unwrap().contains("There are no points."));
@@ -424,8 +431,11 @@ fn odd_clouds_have_a_report() {
     assert!(std::fs::read_to_string(&page).unwrap().contains("too many pairs"));
 
     // Degrees: areas are on the ground.
-    let text: String =
-        (0..400).map(|i| format!("{} {} 5\n", 7.0 + f64::from(i % 20) * 1e-4, 60.0 + f64::from(i / 20) * 1e-4)).collect();
+    let text: String = (0..400)
+        .map(|i| {
+            format!("{} {} 5\n", 7.0 + f64::from(i % 20) * 1e-4, 60.0 + f64::from(i / 20) * 1e-4)
+        })
+        .collect();
     let file = format!("cloud:{}", place.write("degrees.xyz", text.as_bytes()));
     let report = job(&[file]).crs("EPSG:4326").write(&page).unwrap();
     let (cell, area) = (report.cell.unwrap(), report.cell_area.unwrap());

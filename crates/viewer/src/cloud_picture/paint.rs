@@ -170,7 +170,9 @@ impl CellColoring {
         let cells = LegendLine::Text(format!("cells of {} {unit}", map.cells.side), String::new());
         match self {
             Self::Density(max) => vec![
-                LegendLine::Bar((0..256).map(|i| density_colour(&DENSITIES, f64::from(i) / 255.0)).collect()),
+                LegendLine::Bar(
+                    (0..256).map(|i| density_colour(&DENSITIES, f64::from(i) / 255.0)).collect(),
+                ),
                 LegendLine::Text(
                     "0".to_owned(),
                     format!("{} and more", short(max / map.cells.area())),

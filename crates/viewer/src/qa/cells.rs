@@ -94,7 +94,8 @@ impl CellPass<'_> {
             picture: QaPicture::new(lattice),
             runs: None,
         };
-        let runs = self.has_footprints.then(|| RunWriter::new(self.files, self.folder, self.budget));
+        let runs =
+            self.has_footprints.then(|| RunWriter::new(self.files, self.folder, self.budget));
         let tracker = VoidTracker::new(min_cells);
         let mut sums = CellSums { lattice, summary, tracker, runs, lines: Vec::new() };
         let mut cell: Vec<CellTally> = Vec::new();

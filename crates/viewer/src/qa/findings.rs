@@ -2,7 +2,7 @@
 
 use chrono::{Days, NaiveDate};
 
-use super::page::exact;
+use super::page::{exact, file_name};
 use super::report::QaFinding;
 use super::tally::{AllowedTimes, FileTally, QaRange};
 use terrane_cloud::{PointFormat, StatedHeader, StatedLas, class_name};
@@ -50,7 +50,9 @@ pub(super) fn findings(
             found.others(first);
         }
         let file = shown(header.name);
-        all.extend(found.found.into_iter().map(|finding| QaFinding { file: file.clone(), finding }));
+        all.extend(
+            found.found.into_iter().map(|finding| QaFinding { file: file.clone(), finding }),
+        );
     }
     all
 }
@@ -124,7 +126,8 @@ impl FileFindings<'_> {
             ));
         }
         let limit = if is_new { 180.0 } else { 90.0 };
-        if let Some(QaRange { low, high }) = tally.angle.filter(|it| -it.low.min(-it.high) > limit) {
+        if let Some(QaRange { low, high }) = tally.angle.filter(|it| -it.low.min(-it.high) > limit)
+        {
             self.add(format!("scan angles are beyond {limit} degrees: {low} to {high}"));
         }
         self.times();
@@ -132,7 +135,8 @@ impl FileFindings<'_> {
 
     fn times(&mut self) {
         let FileTally { time, bad_times, late_times, .. } = *self.tally;
-        let range = time.map_or(String::new(), |it| format!(" ({} to {})", exact(it.low), exact(it.high)));
+        let range =
+            time.map_or(String::new(), |it| format!(" ({} to {})", exact(it.low), exact(it.high)));
         if time == Some(QaRange { low: 0.0, high: 0.0 }) {
             self.add("all GPS times are 0");
         } else if bad_times > 0 {
@@ -197,7 +201,7 @@ impl FileFindings<'_> {
 
     /// Differences from the first file.
     fn others(&mut self, first: &StatedHeader<'_>) {
-        let (own, name) = (self.header, shown(first.name));
+        let (own, name) = (self.header, file_name(&shown(first.name)));
         if own.format != first.format {
             let [own, other] = [own.format, first.format];
             self.add(format!("the point format is {own}, that of {name} is {other}"));

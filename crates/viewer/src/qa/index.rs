@@ -113,7 +113,14 @@ impl TileIndex<'_> {
         if let Some(runs) = runs {
             runs.read(&mut |run| {
                 while file < run.file as usize {
-                    self.write_file(file, &own, beyond, operation.as_ref(), &mut *sink, &mut notes)?;
+                    self.write_file(
+                        file,
+                        &own,
+                        beyond,
+                        operation.as_ref(),
+                        &mut *sink,
+                        &mut notes,
+                    )?;
                     own.clear();
                     (file, beyond) = (file + 1, 0);
                 }
@@ -241,9 +248,10 @@ impl TileIndex<'_> {
         let [low, high] = entry.bounds.unwrap_or([[0.0; 3]; 2]);
         let is_compressed = header.name.to_lowercase().ends_with("laz");
         let mut properties = vec![
-            ("datetime", entry.created.as_ref().map_or(Value::Null, |day| {
-                json!(format!("{day}T00:00:00Z"))
-            })),
+            (
+                "datetime",
+                entry.created.as_ref().map_or(Value::Null, |day| json!(format!("{day}T00:00:00Z"))),
+            ),
             ("pc:count", json!(entry.points)),
             ("pc:type", json!("lidar")),
             ("pc:encoding", json!(if is_compressed { "LASzip" } else { "ASPRS LAS" })),
@@ -263,7 +271,8 @@ impl TileIndex<'_> {
         }
         let [west, south, east, north] = extent.get().unwrap_or_default();
         let href = relative(&path_of(header.name), self.path)?;
-        let id = path_of(header.name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let id =
+            path_of(header.name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let foreign = [
             ("stac_version", json!(STAC_VERSION)),
             ("stac_extensions", json!(EXTENSIONS)),
@@ -313,7 +322,8 @@ fn json_geometry(shape: &CoordinateSequence) -> Value {
         let starts = std::iter::once(0).chain(ends.iter().copied());
         starts.zip(ends.to_vec()).collect::<Vec<_>>()
     };
-    let rings: Vec<&[[f64; 2]]> = starts(ends).into_iter().map(|(from, to)| &xy[from..to]).collect();
+    let rings: Vec<&[[f64; 2]]> =
+        starts(ends).into_iter().map(|(from, to)| &xy[from..to]).collect();
     let polygons: Vec<&[&[[f64; 2]]]> =
         starts(polygons).into_iter().map(|(from, to)| &rings[from..to]).collect();
     json!({ "type": "MultiPolygon", "coordinates": polygons })

@@ -14,9 +14,7 @@ use super::lattice::QaLattice;
 use super::options::QaOptions;
 use super::page::QaPage;
 use super::picture::PICTURE_BYTES;
-use super::report::{
-    QaComparison, QaContents, QaFile, QaLine, QaReport, QaRequirement,
-};
+use super::report::{QaComparison, QaContents, QaFile, QaLine, QaReport, QaRequirement};
 use super::survey::{QaReading, QaSurvey, WORKER};
 use super::tally::{FileTally, LineTallies};
 use terrane_base::error::{Error, Result};
@@ -49,7 +47,8 @@ struct QaMemory {
 impl QaMemory {
     fn divide(resources: &Resources, has_index: bool, reserved: u64) -> Result<Self> {
         let least = if has_index { POLYGON_BYTES.max(MIN_CELLS) } else { MIN_CELLS };
-        let Some(rest) = beside_program(resources.memory).checked_sub(PICTURE_BYTES + least + WORKER)
+        let Some(rest) =
+            beside_program(resources.memory).checked_sub(PICTURE_BYTES + least + WORKER)
         else {
             let required = PROGRAM + PICTURE_BYTES + least + WORKER + reserved;
             let mib = required.div_ceil(1 << 20);
@@ -127,8 +126,8 @@ impl QaJob<'_> {
         report.findings = findings(&headers, &tallies, is_whole);
         report.headers_compared = is_whole;
         report.file_list = file_list(&headers, &tallies, lattice.as_ref(), summary.as_ref());
-        report.comparison = max_range
-            .map(|max_range| QaComparison { min_returns: MIN_RETURNS, max_range });
+        report.comparison =
+            max_range.map(|max_range| QaComparison { min_returns: MIN_RETURNS, max_range });
         let runs = summary.as_mut().and_then(|summary| summary.runs.take());
         if let Some(path) = index {
             let index = TileIndex {
@@ -154,7 +153,9 @@ impl QaJob<'_> {
             self.fill(&mut report, summary, lattice)?;
         }
         notes.extend(LostPoints::of(&cloud).notes());
-        notes.extend(request.skipped.iter().map(|it| format!("{} is left out: {}", it.file, it.reason)));
+        notes.extend(
+            request.skipped.iter().map(|it| format!("{} is left out: {}", it.file, it.reason)),
+        );
         if report.lines.iter().map(|line| line.line).eq([0]) {
             notes.push("all point source ids are 0: flight lines are unknown".to_owned());
         }
@@ -228,24 +229,19 @@ impl QaJob<'_> {
         report.footprint_area = (summary.occupied + summary.enclosed) as f64 * lattice.area;
         report.density = summary.points.report(lattice.area, None);
         report.pulse_density = summary.pulses.report(lattice.area, required);
-        report.min_density = report.pulse_density.as_ref().zip(required).map(|(density, required)| {
-            QaRequirement {
+        report.min_density =
+            report.pulse_density.as_ref().zip(required).map(|(density, required)| QaRequirement {
                 required,
                 is_met: density.mean >= required,
                 below: density.below.unwrap_or_default(),
-            }
-        });
+            });
         report.voids = (summary.occupied > 0).then_some(summary.voids);
         report.overlaps = summary.comparison.finish(lattice)?;
         Ok(())
     }
 }
 
-fn line_list(
-    lines: &LineTallies,
-    summary: &CellSummary,
-    lattice: &QaLattice,
-) -> Vec<QaLine> {
+fn line_list(lines: &LineTallies, summary: &CellSummary, lattice: &QaLattice) -> Vec<QaLine> {
     let all = lines.0.iter().map(|(line, tally)| {
         let area = summary.lines.get(line).copied().unwrap_or(0) as f64 * lattice.area;
         QaLine {

@@ -1,10 +1,10 @@
 //! The report as one HTML file without scripts, which loads nothing.
 
 use std::fmt::Write;
+use std::path::Path;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use serde_json::Value;
 
 use super::picture::DrawnPicture;
 use super::report::{QaDensity, QaOverlap, QaReport};
@@ -24,6 +24,25 @@ pub(super) struct QaPage {
     pub(super) differences: Option<DrawnPicture>,
     /// Cells along the side of a pixel.
     pub(super) step: u64,
+}
+
+/// The folder of all files, as given, up to the name of each. The page shows names without it: those of a run in another
+/// folder are the same.
+fn common_folder(report: &QaReport) -> String {
+    let mut names = report.file_list.iter().map(|file| file.file.as_str());
+    let Some(first) = names.next() else { return String::new() };
+    let folder = |text: &str| text.rfind(['/', '\\']).map_or(0, |at| at + 1);
+    let mut length = folder(first);
+    for name in names {
+        let same = first[..length].chars().zip(name.chars()).take_while(|(a, b)| a == b);
+        length = folder(&first[..same.map(|(c, _)| c.len_utf8()).sum()]);
+    }
+    first[..length].to_owned()
+}
+
+/// A text with names of files, without their common folder.
+fn without_folder(text: &str, folder: &str) -> String {
+    if folder.is_empty() { text.to_owned() } else { text.replace(folder, "") }
 }
 
 /// A table under construction.
@@ -64,15 +83,16 @@ impl HtmlTable {
 impl QaPage {
     /// The whole page.
     pub(super) fn html(&self, report: &QaReport) -> String {
-        let title = format!("Quality of {}", report.input);
+        let folder = common_folder(report);
+        let title = format!("Quality of {}", without_folder(&report.input, &folder));
         let mut out = HEAD.replace("{{title}}", &escape(&title));
-        out.push_str(&summary(report));
+        out.push_str(&summary(report, &folder));
         self.density(report, &mut out);
         voids(report, &mut out);
         lines(report, &mut out);
         self.overlaps(report, &mut out);
         contents(report, &mut out);
-        headers(report, &mut out);
+        headers(report, &folder, &mut out);
         out.push_str("</main>\n</body>\n</html>\n");
         out
     }
@@ -147,7 +167,15 @@ impl QaPage {
         );
         out.push_str(&paragraph(&text));
         let mut table = HtmlTable::new(&[
-            "lines", "area", "cells", "compared", "mean", "median", "RMSE", "95 % of |dz|", "largest |dz|",
+            "lines",
+            "area",
+            "cells",
+            "compared",
+            "mean",
+            "median",
+            "RMSE",
+            "95 % of |dz|",
+            "largest |dz|",
         ]);
         for overlap in overlaps {
             table.row(&overlap_row(overlap));
@@ -163,7 +191,11 @@ impl QaPage {
         let [width, height] = picture.size;
         let colours: Vec<String> =
             picture.colours.iter().map(|[r, g, b]| format!("rgb({r},{g},{b})")).collect();
-        let cells = if self.step == 1 { "a cell".to_owned() } else { format!("{0} x {0} cells", self.step) };
+        let cells = if self.step == 1 {
+            "a cell".to_owned()
+        } else {
+            format!("{0} x {0} cells", self.step)
+        };
         let _ = writeln!(
             out,
             "<figure><img width=\"{width}\" height=\"{height}\" alt=\"{what}\" src=\"data:image/png;base64,{data}\">\n\
@@ -178,13 +210,14 @@ impl QaPage {
 
 fn overlap_row(overlap: &QaOverlap) -> Vec<String> {
     let optional = |value: Option<f64>| value.map_or("-".to_owned(), height);
-    let QaOverlap { lines: [a, b], area, cells, compared, mean, median, rmse, p95, largest } = overlap;
+    let QaOverlap { lines: [a, b], area, cells, compared, mean, median, rmse, p95, largest } =
+        overlap;
     let mut row = vec![format!("{a}, {b}"), number(*area), count(*cells), count(*compared)];
     row.extend([mean, median, rmse, p95, largest].map(|value| optional(*value)));
     row
 }
 
-fn summary(report: &QaReport) -> String {
+fn summary(report: &QaReport, folder: &str) -> String {
     let units = match &report.vertical_unit {
         Some(up) => format!("{}, heights in {up}", report.horizontal_unit),
         None => format!("{}, unit of heights unknown", report.horizontal_unit),
@@ -192,7 +225,11 @@ fn summary(report: &QaReport) -> String {
     let filters = match report.filters.is_empty() {
         true => "none".to_owned(),
         false => {
-            let all = report.filters.iter().map(|(name, value)| format!("{name} {}", plain(value)));
+            let all = report.filters.iter().map(|(name, value)| match value.as_str() {
+                Some(path) if name == "clip" => format!("clip {}", file_name(path)),
+                Some(text) => format!("{name} {text}"),
+                None => format!("{name} {value}"),
+            });
             all.collect::<Vec<_>>().join("; ")
         }
     };
@@ -204,19 +241,21 @@ fn summary(report: &QaReport) -> String {
         ("units", units),
         ("unit of areas", format!("square {}", report.area_unit)),
         ("filters", filters),
+        ("index", report.index.as_deref().map_or_else(|| "none".to_owned(), file_name)),
         ("findings in headers", count(report.findings.len() as u64)),
     ] {
         table.row(&[name.to_owned(), value]);
     }
-    let notes = report.notes.iter().map(|note| paragraph(&format!("Note: {}.", note.replace(['‹', '›'], ""))));
+    let notes = report.notes.iter().map(|note| {
+        let note = without_folder(note, folder).replace(['‹', '›'], "");
+        paragraph(&format!("Note: {note}."))
+    });
     table.html() + &notes.collect::<String>()
 }
 
-fn plain(value: &Value) -> String {
-    match value {
-        Value::String(text) => text.clone(),
-        other => other.to_string(),
-    }
+/// The last part of a path.
+pub(super) fn file_name(path: &str) -> String {
+    Path::new(path).file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 fn voids(report: &QaReport, out: &mut String) {
@@ -246,7 +285,14 @@ fn voids(report: &QaReport, out: &mut String) {
 fn lines(report: &QaReport, out: &mut String) {
     out.push_str("<h2>Flight lines</h2>\n");
     let mut table = HtmlTable::new(&[
-        "point source id", "points", "last returns", "area", "density", "pulses", "GPS time", "scan angle",
+        "point source id",
+        "points",
+        "last returns",
+        "area",
+        "density",
+        "pulses",
+        "GPS time",
+        "scan angle",
     ]);
     for line in &report.lines {
         table.row(&[
@@ -299,7 +345,7 @@ fn contents(report: &QaReport, out: &mut String) {
     out.push_str(&table.html());
 }
 
-fn headers(report: &QaReport, out: &mut String) {
+fn headers(report: &QaReport, folder: &str, out: &mut String) {
     out.push_str("<h2>Headers against contents</h2>\n");
     if !report.headers_compared {
         out.push_str(&paragraph(
@@ -311,7 +357,7 @@ fn headers(report: &QaReport, out: &mut String) {
     } else {
         let mut table = HtmlTable::new(&["file", "finding"]);
         for finding in &report.findings {
-            table.row(&[finding.file.clone(), finding.finding.clone()]);
+            table.row(&[without_folder(&finding.file, folder), finding.finding.clone()]);
         }
         out.push_str(&table.html());
     }
@@ -321,7 +367,7 @@ fn headers(report: &QaReport, out: &mut String) {
     let mut table = HtmlTable::new(&heads);
     for file in &report.file_list {
         table.row(&[
-            file.file.clone(),
+            without_folder(&file.file, folder),
             count(file.points),
             number(file.area),
             number(file.density),
@@ -340,7 +386,9 @@ fn paragraph(text: &str) -> String {
 }
 
 fn range(range: Option<QaRange>) -> String {
-    range.map_or("-".to_owned(), |QaRange { low, high }| format!("{} to {}", exact(low), exact(high)))
+    range.map_or("-".to_owned(), |QaRange { low, high }| {
+        format!("{} to {}", exact(low), exact(high))
+    })
 }
 
 /// A count with spaces between thousands.

@@ -111,7 +111,14 @@ impl QaPicture {
                 });
             }
         };
-        encode_png((&mut png, Path::new("picture")), size, fill, resources, &Silent, &Cancel::default())?;
+        encode_png(
+            (&mut png, Path::new("picture")),
+            size,
+            fill,
+            resources,
+            &Silent,
+            &Cancel::default(),
+        )?;
         Ok(DrawnPicture { png, size: self.size, highest, colours })
     }
 }

@@ -22,10 +22,9 @@ pub struct QaRange {
 /// Extends a range by another one; values that are not numbers are no part of it.
 pub(super) fn extend(range: &mut Option<QaRange>, by: Option<QaRange>) {
     let Some(by) = by.filter(|by| by.low <= by.high) else { return };
-    *range = Some(range.map_or(by, |own| QaRange {
-        low: own.low.min(by.low),
-        high: own.high.max(by.high),
-    }));
+    *range = Some(
+        range.map_or(by, |own| QaRange { low: own.low.min(by.low), high: own.high.max(by.high) }),
+    );
 }
 
 fn at(value: f64) -> Option<QaRange> {

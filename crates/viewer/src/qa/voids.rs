@@ -152,12 +152,7 @@ impl VoidTracker {
     }
 
     /// Counts the groups that end below the row, and keeps the others.
-    fn close(
-        &mut self,
-        groups: &[EnclosedCells],
-        parents: &mut [usize],
-        runs: &mut Vec<VoidRun>,
-    ) {
+    fn close(&mut self, groups: &[EnclosedCells], parents: &mut [usize], runs: &mut Vec<VoidRun>) {
         let mut kept = vec![None; groups.len()];
         self.groups.clear();
         for run in runs.iter_mut() {
