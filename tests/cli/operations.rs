@@ -242,7 +242,7 @@ fn unseen(place: &Place, operation: &AnyOperation) -> Vec<String> {
             ("keep_degrees", _) => "degrees.asc",
             ("layer", _) => "two.topojson",
             ("crs", _) => "cloud:cloud.xyz",
-            ("dedupe" | "drop_overlap", _) => "twice*.las",
+            ("dedupe" | "drop_overlap" | "max_range", _) => "twice*.las",
             _ => input(operation),
         };
         let written = write_both(place, operation, &options, input);
