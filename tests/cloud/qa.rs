@@ -450,8 +450,8 @@ fn odd_clouds_have_a_report() {
     let end = bytes.len();
     bytes[end - 2500..end - 2000].fill(255);
     let file = place.write("damaged.laz", &bytes);
-    assert!(job(&[file.clone()]).write(&page).is_err());
-    let report = job(&[file.clone()]).salvage(true).write(&page).unwrap();
+    assert!(job(std::slice::from_ref(&file)).write(&page).is_err());
+    let report = job(std::slice::from_ref(&file)).salvage(true).write(&page).unwrap();
     assert!(report.findings.iter().any(|it| it.finding.ends_with("stated points are unreadable")));
     let report = job(&[file]).salvage(true).class(vec![2]).write(&page).unwrap();
     assert!(!report.headers_compared && report.filters["class"] == serde_json::json!([2]));

@@ -27,5 +27,6 @@ pub use out::AppendWriter;
 pub use position::{read_exact_at, write_all_at};
 pub use raw::{RawFile, RawFileReader, RowRun, to_usize};
 pub use spool::{
-    BucketWriter, Buckets, KeyedRecord, SortedRecords, SpoolExtent, SpoolFile, folder_for, nameless,
+    AggregatedRecords, BucketWriter, Buckets, KeyedRecord, SpoolExtent, SpoolFile, folder_for,
+    nameless,
 };

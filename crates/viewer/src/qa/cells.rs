@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::density::CellCounts;
 use super::differences::{LineComparison, LineInCell};
-use super::footprint::{CellRun, RunWriter};
+use super::footprint::{FootprintRun, RunWriter};
 use super::lattice::QaLattice;
 use super::picture::QaPicture;
 use super::report::QaVoids;
@@ -13,7 +13,7 @@ use super::tally::CellTally;
 use super::voids::VoidTracker;
 use terrane_base::error::Result;
 use terrane_engine::Cancel;
-use terrane_files::SortedRecords;
+use terrane_files::AggregatedRecords;
 
 /// Points and cells of a file.
 #[derive(Clone, Copy, Debug, Default)]
@@ -36,7 +36,7 @@ pub(super) struct CellSummary {
     pub(super) comparison: LineComparison,
     pub(super) picture: QaPicture,
     /// Footprints of the files, if asked for.
-    pub(super) runs: Option<SortedRecords<CellRun>>,
+    pub(super) runs: Option<AggregatedRecords<FootprintRun>>,
 }
 
 /// How cells are summed up.
@@ -70,7 +70,7 @@ impl CellPass<'_> {
     /// Temporary files that cannot be read or written; cancelled.
     pub(super) fn run(
         &self,
-        cells: SortedRecords<CellTally>,
+        cells: AggregatedRecords<CellTally>,
         cancel: &Cancel,
     ) -> Result<CellSummary> {
         let lattice = self.lattice;

@@ -12,7 +12,7 @@ use super::lattice::QaLattice;
 use super::report::QaOverlap;
 use super::tally::CellTally;
 use terrane_base::error::Result;
-use terrane_files::{KeyedRecord, SortedRecords};
+use terrane_files::{AggregatedRecords, KeyedRecord};
 
 /// Last returns of a line in a cell in which it is compared.
 pub(super) const MIN_RETURNS: u64 = 3;
@@ -101,7 +101,7 @@ pub(super) struct LineComparison {
     pairs: BTreeMap<[u16; 2], PairTally>,
     is_overflow: bool,
     gathered: Vec<LineDifference>,
-    sorted: SortedRecords<LineDifference>,
+    sorted: AggregatedRecords<LineDifference>,
 }
 
 impl LineComparison {
@@ -114,7 +114,7 @@ impl LineComparison {
             pairs: BTreeMap::new(),
             is_overflow: false,
             gathered: Vec::with_capacity(GATHERED + 2),
-            sorted: SortedRecords::new(folder, [0, 1 << 97], budget),
+            sorted: AggregatedRecords::new(folder, [0, 1 << 97], budget),
         }
     }
 

@@ -12,7 +12,7 @@ use bytemuck::{Pod, Zeroable};
 use super::lattice::QaLattice;
 use super::voids::root;
 use terrane_base::error::Result;
-use terrane_files::{KeyedRecord, SortedRecords};
+use terrane_files::{AggregatedRecords, KeyedRecord};
 use terrane_vector::CoordinateSequence;
 
 /// Most runs of a footprint; beyond, its bounding box is written.
@@ -25,7 +25,7 @@ const GATHERED: usize = 1 << 12;
 /// Cells of a file next to each other in a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct CellRun {
+pub(super) struct FootprintRun {
     pub(super) file: u32,
     row: i32,
     /// First and last column.
@@ -33,7 +33,7 @@ pub(super) struct CellRun {
     to: i32,
 }
 
-impl KeyedRecord for CellRun {
+impl KeyedRecord for FootprintRun {
     fn key(&self) -> u128 {
         let [row, from] = [self.row, self.from].map(|at| u128::from(at as u32 ^ 1 << 31));
         u128::from(self.file) << 64 | row << 32 | from
@@ -46,9 +46,9 @@ impl KeyedRecord for CellRun {
 
 /// Joins cells, which come in the order of rows, to runs.
 pub(super) struct RunWriter {
-    open: HashMap<u32, CellRun>,
-    gathered: Vec<CellRun>,
-    sorted: SortedRecords<CellRun>,
+    open: HashMap<u32, FootprintRun>,
+    gathered: Vec<FootprintRun>,
+    sorted: AggregatedRecords<FootprintRun>,
 }
 
 impl RunWriter {
@@ -57,12 +57,12 @@ impl RunWriter {
         Self {
             open: HashMap::new(),
             gathered: Vec::with_capacity(GATHERED),
-            sorted: SortedRecords::new(folder, range, budget),
+            sorted: AggregatedRecords::new(folder, range, budget),
         }
     }
 
     pub(super) fn add(&mut self, file: u32, [row, col]: [i32; 2]) -> Result<()> {
-        let new = CellRun { file, row, from: col, to: col };
+        let new = FootprintRun { file, row, from: col, to: col };
         let run = self.open.entry(file).or_insert(new);
         if run.row == row && i64::from(run.to) + 1 >= i64::from(col) {
             run.to = col;
@@ -73,7 +73,7 @@ impl RunWriter {
         if self.gathered.len() == GATHERED { self.sorted.push(&mut self.gathered) } else { Ok(()) }
     }
 
-    pub(super) fn finish(mut self) -> Result<SortedRecords<CellRun>> {
+    pub(super) fn finish(mut self) -> Result<AggregatedRecords<FootprintRun>> {
         self.gathered.extend(self.open.values());
         self.sorted.push(&mut self.gathered)?;
         Ok(self.sorted)
@@ -99,7 +99,7 @@ impl BorderEdge {
 }
 
 /// The polygons of the runs of a file, which are in the order of rows and columns.
-pub(super) fn polygons(runs: &[CellRun], lattice: &QaLattice) -> CoordinateSequence {
+pub(super) fn polygons(runs: &[FootprintRun], lattice: &QaLattice) -> CoordinateSequence {
     let mut parents: Vec<usize> = (0..runs.len()).collect();
     let mut edges = edges(runs, &mut parents);
     edges.sort_unstable_by_key(|edge| (edge.from, edge.to));
@@ -131,10 +131,10 @@ pub(super) fn polygons(runs: &[CellRun], lattice: &QaLattice) -> CoordinateSeque
 }
 
 /// All pieces of the border. Joins runs that share a side.
-fn edges(runs: &[CellRun], parents: &mut [usize]) -> Vec<BorderEdge> {
+fn edges(runs: &[FootprintRun], parents: &mut [usize]) -> Vec<BorderEdge> {
     let mut edges = Vec::new();
-    let rows: Vec<&[CellRun]> = runs.chunk_by(|a, b| a.row == b.row).collect();
-    let (mut below, mut first_below): (&[CellRun], usize) = (&[], 0);
+    let rows: Vec<&[FootprintRun]> = runs.chunk_by(|a, b| a.row == b.row).collect();
+    let (mut below, mut first_below): (&[FootprintRun], usize) = (&[], 0);
     let mut first = 0;
     for row in rows {
         let at = row[0].row;
@@ -144,7 +144,7 @@ fn edges(runs: &[CellRun], parents: &mut [usize]) -> Vec<BorderEdge> {
             below = &[];
         }
         horizontal(at, (below, first_below), (row, first), parents, &mut edges);
-        for (run, CellRun { from, to, .. }) in (first..).zip(row) {
+        for (run, FootprintRun { from, to, .. }) in (first..).zip(row) {
             let [top, right] = [at + 1, to + 1];
             edges.push(BorderEdge { from: [at, right], to: [top, right], run });
             edges.push(BorderEdge { from: [top, *from], to: [at, *from], run });
@@ -160,8 +160,8 @@ fn edges(runs: &[CellRun], parents: &mut [usize]) -> Vec<BorderEdge> {
 /// The border along the line between two rows, each with the index of its first run.
 fn horizontal(
     line: i32,
-    (below, first_below): (&[CellRun], usize),
-    (above, first_above): (&[CellRun], usize),
+    (below, first_below): (&[FootprintRun], usize),
+    (above, first_above): (&[FootprintRun], usize),
     parents: &mut [usize],
     edges: &mut Vec<BorderEdge>,
 ) {

@@ -5,7 +5,7 @@ use std::path::{Component, Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::footprint::{CellRun, MAX_RUNS, polygons};
+use super::footprint::{FootprintRun, MAX_RUNS, polygons};
 use super::lattice::QaLattice;
 use super::report::QaFile;
 use super::tally::FileTally;
@@ -14,7 +14,7 @@ use terrane_base::geom::{Crs, wkt};
 use terrane_cloud::{PointFormat, StatedHeader};
 use terrane_crs::CoordinateOperation;
 use terrane_engine::transform::PositionExtent;
-use terrane_files::{SortedRecords, path_of};
+use terrane_files::{AggregatedRecords, path_of};
 use terrane_vector::{
     self as vector, CoordinateSequence, Feature, FeatureSink, FieldDefinition, FieldKind, Geometry,
     GeometryType, Id, JsonMember, LayerHeader, PropertyValue, VectorFormat, VectorWriteOptions,
@@ -95,7 +95,10 @@ impl TileIndex<'_> {
     ///
     /// # Errors
     /// A file that exists or cannot be written; temporary files that cannot be read.
-    pub(super) fn write(&self, runs: Option<SortedRecords<CellRun>>) -> Result<Vec<String>> {
+    pub(super) fn write(
+        &self,
+        runs: Option<AggregatedRecords<FootprintRun>>,
+    ) -> Result<Vec<String>> {
         let mut notes = Vec::new();
         let operation = match self.format {
             IndexFormat::Vpc => {
@@ -108,7 +111,7 @@ impl TileIndex<'_> {
             IndexFormat::Features(_) => None,
         };
         let mut sink = self.create(operation.is_some())?;
-        let mut own: Vec<CellRun> = Vec::new();
+        let mut own: Vec<FootprintRun> = Vec::new();
         let (mut file, mut beyond) = (0, 0);
         if let Some(runs) = runs {
             runs.read(&mut |run| {
@@ -173,7 +176,7 @@ impl TileIndex<'_> {
     fn write_file(
         &self,
         file: usize,
-        runs: &[CellRun],
+        runs: &[FootprintRun],
         beyond: u64,
         operation: Option<&CoordinateOperation>,
         sink: &mut dyn FeatureSink,

@@ -129,6 +129,16 @@ impl QaJob<'_> {
         report.comparison =
             max_range.map(|max_range| QaComparison { min_returns: MIN_RETURNS, max_range });
         let runs = summary.as_mut().and_then(|summary| summary.runs.take());
+        let mut page = QaPage::default();
+        if let (Some(summary), Some(lattice)) = (summary, &lattice) {
+            let most = summary.points.percentile(98);
+            page.density = Some(summary.picture.densities(most, &resources)?);
+            page.differences = summary.picture.differences(&resources)?;
+            page.step = summary.picture.step();
+            report.lines = line_list(&lines, &summary, lattice);
+            self.fill(&mut report, summary, lattice)?;
+        }
+        let mut file = AtomicFile::create(request.output, overwrite)?;
         if let Some(path) = index {
             let index = TileIndex {
                 path,
@@ -143,15 +153,6 @@ impl QaJob<'_> {
             };
             notes.extend(index.write(runs)?.into_iter().map(|note| format!("index: {note}")));
         }
-        let mut page = QaPage::default();
-        if let (Some(summary), Some(lattice)) = (summary, &lattice) {
-            let most = summary.points.percentile(98);
-            page.density = Some(summary.picture.densities(most, &resources)?);
-            page.differences = summary.picture.differences(&resources)?;
-            page.step = summary.picture.step();
-            report.lines = line_list(&lines, &summary, lattice);
-            self.fill(&mut report, summary, lattice)?;
-        }
         notes.extend(LostPoints::of(&cloud).notes());
         notes.extend(
             request.skipped.iter().map(|it| format!("{} is left out: {}", it.file, it.reason)),
@@ -161,7 +162,6 @@ impl QaJob<'_> {
         }
         report.notes = notes;
         request.cancel.check()?;
-        let mut file = AtomicFile::create(request.output, overwrite)?;
         let html = page.html(&report);
         file.write_all(html.as_bytes()).map_err(|e| Error::write(request.output, e))?;
         report.output_bytes = file.commit()?;

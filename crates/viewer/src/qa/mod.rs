@@ -2,7 +2,7 @@
 //! of the files.
 //!
 //! One pass over the points counts them by file, by flight line, and by cell, flight line and file. The counts of cells
-//! are sorted by row and column outside memory ([`SortedRecords`](terrane_files::SortedRecords)). A pass over them, cell by
+//! are sorted by row and column outside memory ([`AggregatedRecords`](terrane_files::AggregatedRecords)). A pass over them, cell by
 //! cell, finds everything else: in memory are a row of empty cells, two pictures, and counts by line, by pair of lines and
 //! by file. Sums are of integers or in the order of cells, so threads, memory and the order of files do not matter.
 

@@ -11,7 +11,7 @@ use terrane_base::error::Result;
 use terrane_cloud::{Flags, InspectedPoint, PointCloud, PointSource};
 use terrane_engine::input::workers;
 use terrane_engine::{Cancel, FileAt, Progress, Resources};
-use terrane_files::{KeyedRecord, SortedRecords, lock};
+use terrane_files::{AggregatedRecords, KeyedRecord, lock};
 
 /// Cells that a thread holds.
 const HELD: usize = 1 << 15;
@@ -24,7 +24,7 @@ pub(super) struct QaSurvey {
     /// By file, in the order of the cloud's files.
     pub(super) files: Vec<FileTally>,
     pub(super) lines: LineTallies,
-    pub(super) cells: SortedRecords<CellTally>,
+    pub(super) cells: AggregatedRecords<CellTally>,
     /// Points without a cell, because they are too far outside the bounds of their header.
     pub(super) unplaced: u64,
 }
@@ -46,7 +46,7 @@ pub(super) struct QaReading<'a> {
 /// Counts of one thread.
 struct QaWorker<'a> {
     reading: &'a QaReading<'a>,
-    cells: &'a SortedRecords<CellTally>,
+    cells: &'a AggregatedRecords<CellTally>,
     files: &'a Mutex<Vec<FileTally>>,
     lines: LineTallies,
     held: Vec<CellTally>,
@@ -67,7 +67,7 @@ impl QaReading<'_> {
     ) -> Result<QaSurvey> {
         let rows = self.lattice.map_or(0, |lattice| lattice.size[1]);
         let range = [0, i64::try_from(rows).unwrap_or(i64::MAX)].map(CellTally::row_key);
-        let cells = SortedRecords::new(self.folder, range, self.budget);
+        let cells = AggregatedRecords::new(self.folder, range, self.budget);
         let files = Mutex::new(vec![FileTally::default(); self.cloud.files().len()]);
         let next = AtomicUsize::new(0);
         progress.begin("read", self.cloud.info().count);

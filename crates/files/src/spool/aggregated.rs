@@ -21,7 +21,7 @@ pub trait KeyedRecord: Pod + Send + Sync {
 
 /// Collects records from any thread, then passes them on in the order of their keys, one per key.
 #[derive(Debug)]
-pub struct SortedRecords<T> {
+pub struct AggregatedRecords<T> {
     buckets: Buckets<T>,
     low: u128,
     /// Keys per bucket.
@@ -30,7 +30,7 @@ pub struct SortedRecords<T> {
     folder: PathBuf,
 }
 
-impl<T: KeyedRecord> SortedRecords<T> {
+impl<T: KeyedRecord> AggregatedRecords<T> {
     /// For keys of about `low` to `high`, in about `budget` bytes of memory and unnamed files in `folder`. Keys outside are
     /// allowed.
     pub fn new(folder: &Path, [low, high]: [u128; 2], budget: u64) -> Self {
@@ -156,7 +156,7 @@ mod tests {
             high in prop::sample::select(vec![0_u128, 5, u128::MAX]),
         ) {
             let folder = tempfile::tempdir().unwrap();
-            let sorted = SortedRecords::new(folder.path(), [0, high], budget);
+            let sorted = AggregatedRecords::new(folder.path(), [0, high], budget);
             let mut twin = BTreeMap::new();
             for run in keys.chunks(100) {
                 let run = run.iter().map(|(a, b)| CountedKey { key: [*a, *b], count: 1 });
