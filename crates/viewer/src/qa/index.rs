@@ -14,6 +14,7 @@ use terrane_base::geom::{Crs, wkt};
 use terrane_cloud::{PointFormat, StatedHeader};
 use terrane_crs::CoordinateOperation;
 use terrane_engine::transform::PositionExtent;
+use terrane_files::format::by_extension;
 use terrane_files::{AggregatedRecords, path_of};
 use terrane_vector::{
     self as vector, CoordinateSequence, Feature, FeatureSink, FieldDefinition, FieldKind, Geometry,
@@ -62,17 +63,22 @@ impl IndexFormat {
     /// By the extension of a file.
     ///
     /// # Errors
-    /// Unknown extensions; formats without polygons or attributes.
+    /// Extensions of no format, or of one without polygons or attributes.
     pub(super) fn of(path: &Path) -> Result<Self> {
         if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(VPC)) {
             return Ok(Self::Vpc);
         }
-        let format = vector::by_path(path, None).map_err(|e| e.in_file(path))?;
-        if !format.holds.kinds.contains(&GeometryType::MultiPolygon) || !format.holds.properties {
-            return Err(Error::usage(format!("{} does not hold footprints of files", format.name))
+        let format = by_extension(vector::FORMATS, path).filter(|format| {
+            let holds = &format.holds;
+            format.create.is_some()
+                && holds.properties
+                && holds.kinds.contains(&GeometryType::MultiPolygon)
+        });
+        let format = format.ok_or_else(|| {
+            Error::usage("no format of tile indexes has this extension")
                 .in_file(path)
-                .remedy("use .geojson, .fgb, .shp or .vpc"));
-        }
+                .remedy("use .geojson, .fgb, .shp or .vpc")
+        })?;
         Ok(Self::Features(format))
     }
 }
@@ -90,6 +96,59 @@ pub(super) struct TileIndex<'a> {
     pub(super) files: &'a [QaFile],
 }
 
+/// An index whose files come in their order.
+struct IndexWriter<'a> {
+    index: &'a TileIndex<'a>,
+    /// To WGS 84, for a Virtual Point Cloud.
+    operation: Option<CoordinateOperation>,
+    sink: Box<dyn FeatureSink>,
+    /// The next file, its runs, and the number of those beyond [`MAX_RUNS`].
+    file: usize,
+    runs: Vec<FootprintRun>,
+    beyond: u64,
+    notes: Vec<String>,
+}
+
+impl IndexWriter<'_> {
+    fn add(&mut self, run: FootprintRun) -> Result<()> {
+        self.end_files(run.file as usize)?;
+        match self.runs.len() < MAX_RUNS {
+            true => self.runs.push(run),
+            false => self.beyond += 1,
+        }
+        Ok(())
+    }
+
+    /// Writes the files before `end`.
+    fn end_files(&mut self, end: usize) -> Result<()> {
+        while self.file < end {
+            let (index, is_box) = (self.index, self.beyond > 0);
+            let shape = match index.lattice {
+                _ if is_box => self.bounding_box(),
+                Some(lattice) => polygons(&self.runs, lattice),
+                None => CoordinateSequence::default(),
+            };
+            let feature = match index.format {
+                IndexFormat::Features(_) => index.feature(self.file, shape, is_box)?,
+                IndexFormat::Vpc => index.item(self.file, shape, self.operation.as_ref())?,
+            };
+            self.sink.write(&feature)?;
+            self.runs.clear();
+            (self.file, self.beyond) = (self.file + 1, 0);
+        }
+        Ok(())
+    }
+
+    fn bounding_box(&mut self) -> CoordinateSequence {
+        let file = &self.index.files[self.file];
+        self.notes.push(format!(
+            "the footprint of {} is its bounding box: it has more than {MAX_RUNS} runs of cells",
+            file.file
+        ));
+        bounding_box(file)
+    }
+}
+
 impl TileIndex<'_> {
     /// Writes the index of files with the runs of their cells; returns notes.
     ///
@@ -99,46 +158,22 @@ impl TileIndex<'_> {
         &self,
         runs: Option<AggregatedRecords<FootprintRun>>,
     ) -> Result<Vec<String>> {
-        let mut notes = Vec::new();
-        let operation = match self.format {
-            IndexFormat::Vpc => {
-                let found = CoordinateOperation::to_wgs84(self.crs, None);
-                if let Err(error) = &found {
-                    notes.push(format!("geometries of the index are not in WGS 84: {error}"));
-                }
-                found.ok()
+        let (mut operation, mut notes) = (None, Vec::new());
+        if let IndexFormat::Vpc = self.format {
+            match CoordinateOperation::to_wgs84(self.crs, None) {
+                Ok(found) => operation = Some(found),
+                Err(error) => notes.push(format!("geometries are not in WGS 84: {error}")),
             }
-            IndexFormat::Features(_) => None,
-        };
-        let mut sink = self.create(operation.is_some())?;
-        let mut own: Vec<FootprintRun> = Vec::new();
-        let (mut file, mut beyond) = (0, 0);
+        }
+        let sink = self.create(operation.is_some())?;
+        let (file, runs_of_file, beyond) = (0, Vec::new(), 0);
+        let mut writer =
+            IndexWriter { index: self, operation, sink, file, runs: runs_of_file, beyond, notes };
         if let Some(runs) = runs {
-            runs.read(&mut |run| {
-                while file < run.file as usize {
-                    self.write_file(
-                        file,
-                        &own,
-                        beyond,
-                        operation.as_ref(),
-                        &mut *sink,
-                        &mut notes,
-                    )?;
-                    own.clear();
-                    (file, beyond) = (file + 1, 0);
-                }
-                match own.len() < MAX_RUNS {
-                    true => own.push(*run),
-                    false => beyond += 1,
-                }
-                Ok(())
-            })?;
+            runs.read(&mut |run| writer.add(*run))?;
         }
-        while file < self.headers.len() {
-            self.write_file(file, &own, beyond, operation.as_ref(), &mut *sink, &mut notes)?;
-            own.clear();
-            (file, beyond) = (file + 1, 0);
-        }
+        writer.end_files(self.headers.len())?;
+        let IndexWriter { sink, mut notes, .. } = writer;
         notes.extend(sink.finish(&[])?.notes);
         Ok(notes)
     }
@@ -171,33 +206,6 @@ impl TileIndex<'_> {
                 vector::create(self.path, format, &layer, &options)
             }
         }
-    }
-
-    fn write_file(
-        &self,
-        file: usize,
-        runs: &[FootprintRun],
-        beyond: u64,
-        operation: Option<&CoordinateOperation>,
-        sink: &mut dyn FeatureSink,
-        notes: &mut Vec<String>,
-    ) -> Result<()> {
-        let entry = &self.files[file];
-        let shape = match self.lattice {
-            Some(lattice) if beyond == 0 => polygons(runs, lattice),
-            _ => {
-                notes.push(format!(
-                    "the footprint of {} is its bounding box: it has more than {MAX_RUNS} runs of cells",
-                    entry.file
-                ));
-                bounding_box(entry)
-            }
-        };
-        let feature = match self.format {
-            IndexFormat::Features(_) => self.feature(file, shape, beyond > 0)?,
-            IndexFormat::Vpc => self.item(file, shape, operation)?,
-        };
-        sink.write(&feature)
     }
 
     fn feature(&self, file: usize, shape: CoordinateSequence, is_box: bool) -> Result<Feature> {

@@ -40,6 +40,18 @@ fn common_folder(report: &QaReport) -> String {
     first[..length].to_owned()
 }
 
+/// The files, in their order, however they were given.
+fn subject(report: &QaReport, folder: &str) -> String {
+    match report.file_list.as_slice() {
+        [] => report.input.clone(),
+        [only] => without_folder(&only.file, folder),
+        [first, others @ ..] => {
+            let more = count(others.len() as u64);
+            format!("{} and {more} more", without_folder(&first.file, folder))
+        }
+    }
+}
+
 /// A text with names of files, without their common folder.
 fn without_folder(text: &str, folder: &str) -> String {
     if folder.is_empty() { text.to_owned() } else { text.replace(folder, "") }
@@ -84,7 +96,7 @@ impl QaPage {
     /// The whole page.
     pub(super) fn html(&self, report: &QaReport) -> String {
         let folder = common_folder(report);
-        let title = format!("Quality of {}", without_folder(&report.input, &folder));
+        let title = format!("Quality of {}", subject(report, &folder));
         let mut out = HEAD.replace("{{title}}", &escape(&title));
         out.push_str(&summary(report, &folder));
         self.density(report, &mut out);
