@@ -8,7 +8,7 @@ use terrane::{QaOptions, QaReport};
 use terrane_base::geom::wkt;
 use terrane_engine::operation::Job;
 use terrane_raster::Inputs;
-use terrane_vector::{self as vector, VectorOpenOptions};
+use terrane_vector::{self as vector, PartRole, VectorOpenOptions};
 
 use crate::cloud_support::{Made, Packing, Place, Random, raw};
 
@@ -259,17 +259,36 @@ fn footprints(index: &std::path::Path, files: &[Made]) -> usize {
                 ring.iter().map(|at| at.map(|value| value.round() as i64)).collect();
             assert_eq!(corners.len() + 1, ring.len(), "a ring touches itself: {ring:?}");
         }
+        let mut outer: Vec<[f64; 2]> = Vec::new();
+        for part in feature.geometry.parts() {
+            assert_eq!(signed_area(part.xy) > 0.0, part.role == PartRole::Outer);
+            if part.role == PartRole::Outer {
+                outer = part.xy.to_vec();
+            }
+            // The cell north-east of the lowest corner.
+            let low = part
+                .xy
+                .iter()
+                .copied()
+                .min_by(|a, b| a[1].total_cmp(&b[1]).then(a[0].total_cmp(&b[0])));
+            assert!(is_within(low.unwrap().map(|at| at + 0.5), &outer));
+        }
         for (row, col) in (-2..40).flat_map(|row| (-2..40).map(move |col| (row, col))) {
             let at = [1000.5 + f64::from(col), 2000.5 + f64::from(row)];
-            let crossings = rings
-                .iter()
-                .flat_map(|ring| ring.windows(2))
-                .filter(|pair| (pair[0][1] > at[1]) != (pair[1][1] > at[1]) && pair[0][0] > at[0]);
-            assert_eq!(crossings.count() % 2 == 1, occupied.contains(&[row, col]), "{row} {col}");
+            let around = rings.iter().filter(|ring| is_within(at, ring)).count();
+            assert_eq!(around % 2 == 1, occupied.contains(&[row, col]), "{row} {col}");
         }
         count += 1;
     }
     count
+}
+
+/// Whether a place is within a ring along the axes.
+fn is_within(at: [f64; 2], ring: &[[f64; 2]]) -> bool {
+    let crossings = ring
+        .windows(2)
+        .filter(|pair| (pair[0][1] > at[1]) != (pair[1][1] > at[1]) && pair[0][0] > at[0]);
+    crossings.count() % 2 == 1
 }
 
 fn signed_area(ring: &[[f64; 2]]) -> f64 {
