@@ -140,6 +140,8 @@ pub use terrane_viewer::info::{
 #[cfg(feature = "viewer")]
 pub use terrane_viewer::page::{CloudPageOptions, LinePageOptions, PageOptions, PageReport};
 #[cfg(feature = "viewer")]
+pub use terrane_viewer::qa::{QaOptions, QaReport};
+#[cfg(feature = "viewer")]
 pub use terrane_viewer::view::{PictureOptions, ViewReport};
 
 /// The code of the tutorial, tested with that of the documentation.

@@ -21,6 +21,8 @@ use terrane_tiles::{CloudTilesOptions, TilesOptions};
 #[cfg(feature = "viewer")]
 use terrane_viewer::page::{CloudPageOptions, LinePageOptions, PageOptions};
 #[cfg(feature = "viewer")]
+use terrane_viewer::qa::QaOptions;
+#[cfg(feature = "viewer")]
 use terrane_viewer::view::PictureOptions;
 
 /// All operations that write a file, in the order of the help.
@@ -55,6 +57,8 @@ pub const OPERATIONS: &[AnyOperation] = &[
     AnyOperation::of::<CloudPageOptions>(),
     #[cfg(feature = "viewer")]
     AnyOperation::of::<LinePageOptions>(),
+    #[cfg(feature = "viewer")]
+    AnyOperation::of::<QaOptions>(),
 ];
 
 #[cfg(all(test, feature = "cli"))]

@@ -40,4 +40,6 @@ pub use terrane_viewer::info::{
 #[cfg(feature = "viewer")]
 pub use terrane_viewer::page::{CloudPageSetters, LinePageSetters, PageSetters, TilesPageSetters};
 #[cfg(feature = "viewer")]
+pub use terrane_viewer::qa::QaSetters;
+#[cfg(feature = "viewer")]
 pub use terrane_viewer::view::{ExaggerationSetters, LightingSetters, PictureSetters};

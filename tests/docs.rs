@@ -378,6 +378,7 @@ fn members_of_reports_are_told_of() {
         "view dem.tif --html grid.html",
         "view lines.geojson --html lines.html",
         "view c.laz --html c.html",
+        "qa c.laz qa.html --min-density 1 --index index.geojson",
         "demo --methods",
         "info dem.tif --stats",
         "info c.laz --stats",

@@ -338,6 +338,8 @@ fn jobs() -> Vec<String> {
         add(format!("info ../in/{input} --json"));
     }
     add("info ../in/dense.laz --stats --json".into());
+    add("qa ../in/dense.laz o.html --cell 2 --min-density 3".into());
+    add("qa ../in/dense.laz p.html --index o.geojson".into());
     for what in ["density", "voids", "height", "class"] {
         add(format!("info ../in/dense.laz --picture o.png --picture-of {what} --cell 1"));
     }

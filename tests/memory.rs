@@ -240,6 +240,8 @@ const JOBS: &[&str] = &[
     "grid dense.laz o.tif --cell 1 --stat tin",
     "grid dense.laz o.tif --cell 1 --stat natural",
     "grid sparse.laz o.tif --cell 4 --stat natural",
+    "qa dense.laz o.html --cell 0.3 --index o.fgb",
+    "qa sparse.laz o.html --cell 0.5",
     "grid dense.laz o.tif --cell 1 --dtm",
     "grid dense.laz o.tif --cell 1 --chm",
     "grid dense.laz o.tif --cell 1 --chm --canopy spike-free",

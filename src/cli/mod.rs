@@ -14,6 +14,7 @@ mod man;
 mod operation;
 mod plan;
 mod points;
+mod qa;
 #[cfg(test)]
 mod reference;
 mod shared;
@@ -43,6 +44,7 @@ use terrane_terrain::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
 };
+use terrane_viewer::qa::QaOptions;
 
 /// All verbs, in the order of the help.
 const VERBS: &[VerbEntry] = &[
@@ -50,6 +52,7 @@ const VERBS: &[VerbEntry] = &[
     VerbEntry::of::<verify::VerifyArgs>(),
     VerbEntry::of::<info::InfoArgs>(),
     VerbEntry::of::<view::ViewArgs>(),
+    VerbEntry::of::<operation::OperationArgs<QaOptions>>(),
     VerbEntry::of::<operation::OperationArgs<ConvertOptions>>(),
     VerbEntry::of::<operation::OperationArgs<GridOptions>>(),
     VerbEntry::of::<operation::OperationArgs<PointsOptions>>(),

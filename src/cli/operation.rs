@@ -246,7 +246,9 @@ impl<O: Operation<Input: OperationInput, Report: Summarize> + HasGroup<Replacing
             Writes::Colours => vec![lists::creation_options()],
             Writes::Lines => vec![lists::features_written()],
             Writes::Mesh => vec![lists::meshes()],
-            Writes::Tiles | Writes::Points | Writes::Picture | Writes::Page => Vec::new(),
+            Writes::Tiles | Writes::Points | Writes::Picture | Writes::Page | Writes::Report => {
+                Vec::new()
+            }
         };
         let of_options = lists::of_options(O::TABLE).collect();
         [O::Input::lists(), of_options, written, vec![lists::EXIT_CODES.to_owned()]].concat()

@@ -5,6 +5,7 @@ use terrane_viewer::info::{
     CloudInfoOptions, FeaturesInfoOptions, GridInfoOptions, MeshInfoOptions,
 };
 use terrane_viewer::page::{CloudPageOptions, LinePageOptions, PageOptions};
+use terrane_viewer::qa::QaOptions;
 use terrane_viewer::view::PictureOptions;
 
 use super::{Cloud, Data, Features, Grid, Mesh};
@@ -70,6 +71,25 @@ impl Cloud {
     /// # }
     /// ```
     pub fn page(&self) -> Job<'_, CloudPageOptions> {
+        self.job(|_| {})
+    }
+
+    /// A report on the quality of the point cloud: density, voids, flight lines and headers, as one HTML file.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [path, page, index] = ["cloud.xyz", "qa.html", "files.geojson"].map(|name| folder.path().join(name));
+    /// # let text: String = (0..2000).map(|i| format!("{} {} {}\n", i % 50, i / 50, i % 7)).collect();
+    /// # std::fs::write(&path, text).unwrap();
+    /// let cloud = terrane::open_cloud(format!("cloud:{}", path.display()))?; // "cloud.xyz"
+    /// let report = cloud.qa().cell(5.0).min_density(0.5).index(&index).write(&page)?;
+    /// assert!(report.min_density.unwrap().is_met && report.findings.is_empty());
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn qa(&self) -> Job<'_, QaOptions> {
         self.job(|_| {})
     }
 

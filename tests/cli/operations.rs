@@ -54,7 +54,7 @@ fn needed(operation: &AnyOperation) -> Map<String, Json> {
 fn output(operation: &AnyOperation, options: &Map<String, Json>) -> &'static str {
     match (operation.name, options.get("format").and_then(Json::as_str)) {
         ("picture", _) => "out.png",
-        ("page" | "cloud-page" | "line-page", _) => "out.html",
+        ("page" | "cloud-page" | "line-page" | "qa", _) => "out.html",
         ("tiles" | "cloud-tiles", _) => "out",
         ("tin", _) if options.contains_key("split") => "out",
         ("tin" | "cloud-tin", Some("STL")) => "out.stl",
@@ -242,7 +242,7 @@ fn unseen(place: &Place, operation: &AnyOperation) -> Vec<String> {
             ("keep_degrees", _) => "degrees.asc",
             ("layer", _) => "two.topojson",
             ("crs", _) => "cloud:cloud.xyz",
-            ("dedupe" | "drop_overlap", _) => "twice*.las",
+            ("dedupe" | "drop_overlap" | "max_range", _) => "twice*.las",
             _ => input(operation),
         };
         let written = write_both(place, operation, &options, input);
@@ -316,6 +316,10 @@ fn taken(path: &Path) -> Vec<u8> {
     let kept = path.with_file_name("kept");
     if kept.exists() {
         std::fs::remove_dir_all(kept).unwrap();
+    }
+    let index = path.with_file_name("footprints.geojson");
+    if index.exists() {
+        std::fs::remove_file(index).unwrap();
     }
     let prj = path.with_extension("prj");
     if path.file_stem() == Some("out".as_ref()) && prj.exists() {

@@ -16,6 +16,7 @@ mod noise;
 mod noise_plan;
 mod normals;
 mod octree;
+mod qa;
 mod stages;
 mod synth;
 mod translate;

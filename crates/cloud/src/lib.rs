@@ -11,6 +11,7 @@ mod format;
 mod frame;
 mod header_summary;
 mod in_memory;
+mod inspect;
 mod las;
 pub mod lazip;
 mod open;
@@ -38,11 +39,13 @@ pub use converter::{
 pub use filter::{CloudFilter, CompiledFilter, FilterRecord, FilterVerdict};
 pub use format::PointFormat;
 pub use in_memory::{InMemoryCloud, PointFlags};
+pub use inspect::{InspectedPoint, StatedHeader, StatedLas};
+pub use las::LegacyCounts;
 pub use open::{CloudOpenOptions, PointCloud, files, files_below, is_cloud, is_cloud_below, open};
 pub use polygon::{FilterPolygon, PolygonRings};
 pub use raw::Flags;
 pub use source::{AttributeSource, BATCH, CloudInfo, Each, PointSource, ReturnCounts};
-pub use spacing::{round_side, round_up};
+pub use spacing::{round_side, round_up, side_of};
 pub use version::LasVersion;
 
 pub use terrane_base::attribute::Return;

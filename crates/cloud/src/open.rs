@@ -108,7 +108,7 @@ impl PointCloud {
         each: &mut dyn FnMut(&FilterRecord),
     ) -> Result<ReturnCounts> {
         let (_, member, inner) = self.part(part)?;
-        member.records(inner, each)
+        member.records(inner, false, &mut |record, _| each(record))
     }
 
     /// Extent in the common lattice of the files, where points have their stored steps, and true; else in the frame,

@@ -1,6 +1,6 @@
 //! Metadata of a file of a cloud.
 
-use super::column::{PointColumn, TIME, columns};
+use super::column::{PointColumn, columns};
 use super::format::PointFormat;
 use super::las::{ExtraBytes, LasFile};
 use super::source_file::CloudFile;
@@ -52,7 +52,7 @@ impl<'a> CloudFileOrigin<'a> {
     }
 
     /// Epoch of its GPS times.
-    fn times(&self) -> GpsTimeEpoch {
+    pub(super) fn times(&self) -> GpsTimeEpoch {
         let is_standard = self.text.is_some_and(|text| text.is_standard);
         let of_text = if is_standard { GpsTimeEpoch::USUAL } else { GpsTimeEpoch::Week };
         self.las.map_or(of_text, |file| GpsTimeEpoch::of(&file.header))
@@ -61,7 +61,7 @@ impl<'a> CloudFileOrigin<'a> {
     pub(super) fn has_time(&self) -> bool {
         match self.text {
             None => self.format.places().time.is_some(),
-            Some(text) => text.columns().iter().any(|column| column.name() == TIME),
+            Some(text) => text.has_time(),
         }
     }
 }

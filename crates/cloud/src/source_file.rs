@@ -10,6 +10,7 @@ use terrane_files::lock;
 
 use super::attributes::{AttributeReader, AttributeTable};
 use super::filter::{CloudFilter, FilterRecord, FilterVerdict};
+use super::format::PointFormat;
 use super::frame::ClaimedExtent;
 use super::las::{self, LasFile, LasPointBlock, LegacyLasRecord, ModernLasRecord, unpacked};
 use super::lazip::FieldSelection;
@@ -55,6 +56,17 @@ impl CloudFile {
         match self {
             Self::Las(file) => PointFrame { scale: file.header.scale, offset: file.header.offset },
             Self::Text(file) => file.lattice,
+        }
+    }
+
+    /// Point format of its records, and whether they have GPS times.
+    pub(super) fn attributes(&self) -> Result<(PointFormat, bool)> {
+        match self {
+            Self::Las(file) => {
+                let format = PointFormat::new(file.header.format)?;
+                Ok((format, format.time_at().is_some()))
+            }
+            Self::Text(file) => Ok((file.format(), file.has_time())),
         }
     }
 
@@ -129,11 +141,14 @@ impl RecordBlockVisitor for RecordFilter<'_, '_> {
     }
 }
 
+/// Consumer of filtered records, and of their bytes where whole records are read.
+pub(super) type RecordConsumer<'a> = dyn FnMut(&FilterRecord, &[u8]) + 'a;
+
 /// Visitor of filtered records.
 struct FilteredRecordVisitor<'a> {
     pass: &'a PointFilterPass,
     census: ReturnCounts,
-    each: &'a mut dyn FnMut(&FilterRecord),
+    each: &'a mut RecordConsumer<'a>,
 }
 
 impl RecordBlockVisitor for FilteredRecordVisitor<'_> {
@@ -160,7 +175,7 @@ impl RecordVisitor for FilteredRecordVisitor<'_> {
                 FilterVerdict::Filtered => self.census.filtered += 1,
                 FilterVerdict::Keep => {
                     self.census.kept += 1;
-                    (self.each)(&record);
+                    (self.each)(&record, bytes);
                 }
             }
         }
@@ -307,15 +322,16 @@ impl CloudSourceFile {
         Ok(self.with_lost(part, filter.census, lost))
     }
 
-    /// Passes on whole filtered points of a part.
+    /// Passes on filtered points of a part, with their bytes if `whole`.
     pub(super) fn records(
         &self,
         part: usize,
-        each: &mut dyn FnMut(&FilterRecord),
+        whole: bool,
+        each: &mut RecordConsumer<'_>,
     ) -> Result<ReturnCounts> {
         let Some(pass) = &self.pass else { return Ok(ReturnCounts::default()) };
         let mut visitor = FilteredRecordVisitor { pass, census: ReturnCounts::default(), each };
-        let lost = with_buffers(|buffers| match pass.needs_records() {
+        let lost = with_buffers(|buffers| match whole || pass.needs_records() {
             true => self.take(part, &mut buffers.records, &mut visitor),
             false => self.visit(part, FieldSelection::ALL, &mut buffers.records, &mut visitor),
         })?;

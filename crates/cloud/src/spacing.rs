@@ -9,11 +9,16 @@ const POINTS_OF_CELL: f64 = 4.0;
 
 /// Cell size for four points on average within the bounds (twice the point spacing), rounded up to 1, 2 or 5 times a
 /// power of ten; at least a step of the coordinates. In units of x and y.
-pub fn round_side(info: &CloudInfo, [low, high]: [Point; 2]) -> f64 {
+pub fn round_side(info: &CloudInfo, bounds: [Point; 2]) -> f64 {
+    side_of(POINTS_OF_CELL, info, bounds)
+}
+
+/// As [`round_side`], for this number of points on average.
+pub fn side_of(points: f64, info: &CloudInfo, [low, high]: [Point; 2]) -> f64 {
     let [west, south, _] = info.frame.world(low);
     let [east, north, _] = info.frame.world(high);
     let area = (east - west) * (north - south);
-    let by_density = (area * POINTS_OF_CELL / info.count.max(1) as f64).sqrt();
+    let by_density = (area * points / info.count.max(1) as f64).sqrt();
     round_up(by_density.max(info.frame.scale[0]).max(info.frame.scale[1]))
 }
 

@@ -24,6 +24,14 @@ impl GpsTimeEpoch {
     /// Adjusted standard GPS times.
     pub(super) const USUAL: Self = Self::Gps(BILLION);
 
+    /// Seconds from the start of GPS time to time 0; `None` for seconds of a week.
+    pub(super) fn offset(self) -> Option<f64> {
+        match self {
+            Self::Week => None,
+            Self::Gps(millions) => Some(f64::from(millions) * 1e6),
+        }
+    }
+
     pub(super) fn of(header: &LasHeader) -> Self {
         match header.encoding & (STANDARD | OFFSET) {
             both if both == STANDARD | OFFSET && header.version >= [1, 5] => {

@@ -110,6 +110,8 @@ pub enum Writes {
     Picture,
     /// A page for browsers: an HTML file.
     Page,
+    /// A report for people: an HTML file.
+    Report,
 }
 
 /// A group of options for reading the input of an operation.

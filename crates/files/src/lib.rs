@@ -26,4 +26,7 @@ pub use name::{name_of, path_of, shown, shown_all};
 pub use out::AppendWriter;
 pub use position::{read_exact_at, write_all_at};
 pub use raw::{RawFile, RawFileReader, RowRun, to_usize};
-pub use spool::{BucketWriter, Buckets, SpoolExtent, SpoolFile, folder_for, nameless};
+pub use spool::{
+    AggregatedRecords, BucketWriter, Buckets, KeyedRecord, SpoolExtent, SpoolFile, folder_for,
+    nameless,
+};

@@ -37,6 +37,12 @@ pub struct CloudStats {
 
 impl CloudStats {
     fn add(&mut self, record: &FilterRecord) {
+        self.count(record);
+        self.spread.add(record.world[2]);
+    }
+
+    /// Counts a point without its height.
+    pub(crate) fn count(&mut self, record: &FilterRecord) {
         *self.classes.entry(record.class).or_default() += 1;
         *self.returns.entry(record.number).or_default() += 1;
         self.last += u64::from(record.number >= record.returns);
@@ -46,10 +52,10 @@ impl CloudStats {
             }
         }
         self.bounds = joined(self.bounds, Some([record.world; 2]));
-        self.spread.add(record.world[2]);
     }
 
-    fn and(mut self, other: Self) -> Self {
+    /// Merges both.
+    pub(crate) fn and(mut self, other: Self) -> Self {
         self.census.add(&other.census);
         self.last += other.last;
         other.classes.into_iter().for_each(|(k, n)| *self.classes.entry(k).or_default() += n);

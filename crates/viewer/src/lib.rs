@@ -6,6 +6,7 @@ pub mod heights;
 pub mod html;
 pub mod info;
 pub mod page;
+pub mod qa;
 pub mod render;
 pub mod serve;
 pub mod view;

@@ -152,22 +152,35 @@ const BAND: usize = 64;
 /// Writes a picture of `width` x `height` pixels. `fill` makes any row, in RGBA, from its number.
 pub(crate) fn write_png(
     file: &mut AtomicFile,
-    [width, height]: [usize; 2],
+    size: [usize; 2],
     fill: impl Fn(usize, &mut [u8]) + Sync,
     resources: &Resources,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<()> {
     let path = file.path().to_path_buf();
-    let mut out = BufWriter::new(file);
+    progress.begin("paint", size[1] as u64);
+    encode_png((BufWriter::new(file), &path), size, fill, resources, progress, cancel)?;
+    progress.end();
+    Ok(())
+}
+
+/// As [`write_png`], to a writer; errors name its path.
+pub(crate) fn encode_png(
+    (mut out, path): (impl Write, &Path),
+    [width, height]: [usize; 2],
+    fill: impl Fn(usize, &mut [u8]) + Sync,
+    resources: &Resources,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<()> {
     let mut encoder = png::Encoder::new(&mut out, width as u32, height as u32);
     encoder.set_color(png::ColorType::Rgba);
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-    let mut writer = encoder.write_header().map_err(|e| png_error(&path, e))?;
-    let mut stream = writer.stream_writer().map_err(|e| png_error(&path, e))?;
+    let mut writer = encoder.write_header().map_err(|e| png_error(path, e))?;
+    let mut stream = writer.stream_writer().map_err(|e| png_error(path, e))?;
     let workers = input::workers(resources)?;
     let mut band = vec![0; width * 4 * BAND];
-    progress.begin("paint", height as u64);
     for first in (0..height).step_by(BAND) {
         cancel.check()?;
         let rows = BAND.min(height - first);
@@ -176,13 +189,12 @@ pub(crate) fn write_png(
             let lines = band.par_chunks_mut(width * 4).enumerate();
             lines.for_each(|(row, line)| fill(first + row, line));
         });
-        stream.write_all(band).map_err(|e| Error::write(&path, e))?;
+        stream.write_all(band).map_err(|e| Error::write(path, e))?;
         progress.advance(rows as u64);
     }
-    progress.end();
-    stream.finish().map_err(|e| png_error(&path, e))?;
-    writer.finish().map_err(|e| png_error(&path, e))?;
-    out.flush().map_err(|e| Error::write(&path, e))
+    stream.finish().map_err(|e| png_error(path, e))?;
+    writer.finish().map_err(|e| png_error(path, e))?;
+    out.flush().map_err(|e| Error::write(path, e))
 }
 
 fn png_error(path: &Path, e: png::EncodingError) -> Error {

@@ -12,6 +12,15 @@ pub(crate) const SIZES: [u16; 4] = [227, 235, 375, 393];
 /// Maximum header bytes that are read.
 pub(super) const MAX_BYTES: u64 = 393;
 
+/// Counts in 32 bits, beside the counts in 64 bits of LAS 1.4 and later.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LegacyCounts {
+    /// All points.
+    pub points: u64,
+    /// Points by return, from the first.
+    pub returns: Vec<u64>,
+}
+
 /// The header of a LAS file.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LasHeader {
@@ -29,6 +38,9 @@ pub(crate) struct LasHeader {
     /// Record length.
     pub(crate) record: u16,
     pub(crate) count: u64,
+    /// Points by return; and the legacy counts of LAS 1.4 and later.
+    pub(crate) returns: Vec<u64>,
+    pub(crate) legacy: Option<LegacyCounts>,
     pub(crate) scale: [f64; 3],
     pub(crate) offset: [f64; 3],
     pub(crate) low: [f64; 3],
@@ -74,6 +86,14 @@ impl LasHeader {
         let version = [b.u8(24), b.u8(25)];
         let is_long = version >= [1, 4];
         let (count, notes) = count(b, is_long);
+        let narrow = LegacyCounts {
+            points: b.u32(107).into(),
+            returns: (0..5).map(|i| b.u32(111 + 4 * i).into()).collect(),
+        };
+        let (returns, legacy) = match is_long {
+            true => ((0..15).map(|i| b.u64(255 + 8 * i)).collect(), Some(narrow)),
+            false => (narrow.returns, None),
+        };
         Self {
             version,
             source: b.u16(4),
@@ -84,6 +104,8 @@ impl LasHeader {
             is_compressed: b.u8(104) & 0x80 != 0,
             record: b.u16(105),
             count,
+            returns,
+            legacy,
             scale: [131, 139, 147].map(|at| b.f64(at)),
             offset: [155, 163, 171].map(|at| b.f64(at)),
             // Maximum and minimum of each axis follow each other.

@@ -21,6 +21,7 @@ use terrane_files::RawFile;
 pub(super) use self::crs::{IS_WKT, PROJECTION, WKT};
 pub(super) use copc::OCTREE;
 pub(super) use extra::{ExtraBytes, RecordByteCopy};
+pub use header::LegacyCounts;
 pub(super) use header::{LasHeader, SIZES};
 pub(super) use read::{LasPointBlock, LasReadBuffers};
 pub(super) use record::{LegacyLasRecord, ModernLasRecord, OVERLAP_CLASS, unpacked};

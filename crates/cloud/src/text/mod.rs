@@ -13,7 +13,7 @@ use terrane_files::{self, RawFile};
 
 use line::{PointLineGrammar, TextPointValues, content};
 
-use super::column::PointColumn;
+use super::column::{PointColumn, TIME};
 use super::format::PointFormat;
 use super::frame::ClaimedExtent;
 use super::quantization::{PointLattice, PositionSpan};
@@ -124,6 +124,11 @@ impl TextFile {
     /// The point format with all columns.
     pub(super) fn format(&self) -> PointFormat {
         self.lines.grammar.format()
+    }
+
+    /// Whether its points have GPS times.
+    pub(super) fn has_time(&self) -> bool {
+        self.columns().iter().any(|column| column.name() == TIME)
     }
 
     /// The fields with a column, except class and returns.

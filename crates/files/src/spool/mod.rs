@@ -1,11 +1,12 @@
 //! Temporary storage outside memory: extents of one unnamed file in the temporary folder. The file is created
 //! with the first extent and removed by the system when the process ends. [`Buckets`] keeps records in memory
-//! up to a budget and then in extents. For data written sequentially and read once see
-//! [`AppendWriter`](crate::AppendWriter).
+//! up to a budget and then in extents; [`AggregatedRecords`] sorts them by key and merges those of equal keys. For
+//! data written sequentially and read once see [`AppendWriter`](crate::AppendWriter).
 //!
 //! What is written from front to back and then read once, without a share of memory, is no spool: see
 //! [`AppendWriter`](crate::AppendWriter).
 
+mod aggregated;
 mod buckets;
 
 use std::collections::BTreeMap;
@@ -19,6 +20,7 @@ use crate::fault::{self, FaultPoint};
 use crate::{lock, read_exact_at, write_all_at};
 use terrane_base::error::{Error, ErrorKind, Result};
 
+pub use aggregated::{AggregatedRecords, KeyedRecord};
 pub use buckets::{BucketWriter, Buckets};
 
 /// Folder for temporary files of the output at `path`: `asked` if given, else the folder of the output.

@@ -15,6 +15,7 @@ use crate::view::write_png;
 use map::{PictureCells, PointDensityMap};
 use paint::CloudPicture;
 pub use paint::PictureContent;
+pub(crate) use paint::{DENSITIES, density_colour};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{PointCloud, PointSource};
 use terrane_engine::input::workers;

@@ -37,7 +37,7 @@ const PAPER: [u8; 4] = [255; 4];
 const INK: [u8; 4] = [26, 33, 51, 255];
 const CLEAR: [u8; 4] = [0; 4];
 /// Colours of densities, low to high.
-const DENSITIES: [[u8; 3]; 6] =
+pub(crate) const DENSITIES: [[u8; 3]; 6] =
     [[250, 240, 206], [186, 214, 150], [96, 172, 152], [44, 118, 152], [46, 66, 126], [44, 20, 70]];
 const FILLED: [u8; 3] = [206, 216, 210];
 const VOID: [u8; 3] = [200, 54, 48];
@@ -158,7 +158,7 @@ impl CellColoring {
     /// The colour of a cell with points.
     fn of(&self, map: &PointDensityMap, cell: usize) -> [u8; 3] {
         match self {
-            Self::Density(max) => between(map.counts[cell] as f64 / max),
+            Self::Density(max) => density_colour(&DENSITIES, map.counts[cell] as f64 / max),
             Self::Voids => FILLED,
             Self::Height(tint, frame) => rounded(tint.colour(height(frame, map.top(cell).0))),
             Self::Class => class_colour(map.top(cell).1),
@@ -170,7 +170,9 @@ impl CellColoring {
         let cells = LegendLine::Text(format!("cells of {} {unit}", map.cells.side), String::new());
         match self {
             Self::Density(max) => vec![
-                LegendLine::Bar((0..256).map(|i| between(f64::from(i) / 255.0)).collect()),
+                LegendLine::Bar(
+                    (0..256).map(|i| density_colour(&DENSITIES, f64::from(i) / 255.0)).collect(),
+                ),
                 LegendLine::Text(
                     "0".to_owned(),
                     format!("{} and more", short(max / map.cells.area())),
@@ -226,12 +228,12 @@ fn dense(map: &PointDensityMap) -> f64 {
     counts.select_nth_unstable(at).1.max(&mut 1).to_owned() as f64
 }
 
-/// A colour of densities, at 0 to 1.
-fn between(at: f64) -> [u8; 3] {
-    let place = at.clamp(0.0, 1.0) * (DENSITIES.len() - 1) as f64;
-    let stop = (place as usize).min(DENSITIES.len() - 2);
+/// The colour at 0 to 1 between colours from low to high.
+pub(crate) fn density_colour(colours: &[[u8; 3]], at: f64) -> [u8; 3] {
+    let place = at.clamp(0.0, 1.0) * (colours.len() - 1) as f64;
+    let stop = (place as usize).min(colours.len() - 2);
     let mix = place - stop as f64;
-    let [from, to] = [DENSITIES[stop], DENSITIES[stop + 1]];
+    let [from, to] = [colours[stop], colours[stop + 1]];
     std::array::from_fn(|i| {
         let (from, to) = (f64::from(from[i]), f64::from(to[i]));
         (from + (to - from) * mix).round() as u8

@@ -17,6 +17,7 @@
 | `simplify` | lines and polygons with fewer vertices |
 | `verify` | verification of a mesh |
 | `info`, `info_mesh`, `info_cloud`, `info_features` | properties of data |
+| `qa` | report on the quality of a point cloud |
 | `picture`, `page`, `cloud_page`, `line_page` | pictures, and pages for browsers |
 | `plan` | resumable jobs for many processes |
 | `Delatin` | meshes with the interface of pydelatin |
@@ -70,6 +71,7 @@ if TYPE_CHECKING:
         plan_tiles,
         plan_tin,
         points,
+        qa,
         roughness,
         simplify_file,
         slope,
@@ -97,7 +99,7 @@ _WHERE = {
     "_mesh": "Mesh",
     "_operations": "aspect chm cloud_page cloud_tiles color_relief contour convert curvature dsm dtm grid hillshade "
     "info info_cloud info_features info_mesh line_page page picture plan plan_cloud_tin plan_grid plan_points plan_tiles plan_tin points "
-    "roughness simplify_file slope tiles tin tpi tri verify verify_cloud verify_cloud_tiles verify_tiles write_cloud_tin write_tin",
+    "qa roughness simplify_file slope tiles tin tpi tri verify verify_cloud verify_cloud_tiles verify_tiles write_cloud_tin write_tin",
     "_plans": "Plan open_plan",
     "_terrane": "__version__",
     "_report": "Report",
@@ -161,6 +163,7 @@ __all__ = [
     "plan_tiles",
     "plan_tin",
     "points",
+    "qa",
     "roughness",
     "simplify",
     "simplify_file",

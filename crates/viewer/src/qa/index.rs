@@ -1,0 +1,376 @@
+//! The tile index: a feature per file with its footprint, in any format of features that is written, or as a Virtual
+//! Point Cloud: STAC items with the extensions "pointcloud" 1.0.0 and "projection" 1.1.0.
+
+use std::path::{Component, Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use super::footprint::{FootprintRun, MAX_RUNS, polygons};
+use super::lattice::QaLattice;
+use super::report::QaFile;
+use super::tally::FileTally;
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Crs, wkt};
+use terrane_cloud::{PointFormat, StatedHeader};
+use terrane_crs::CoordinateOperation;
+use terrane_engine::transform::PositionExtent;
+use terrane_files::format::by_extension;
+use terrane_files::{AggregatedRecords, path_of};
+use terrane_vector::{
+    self as vector, CoordinateSequence, Feature, FeatureSink, FieldDefinition, FieldKind, Geometry,
+    GeometryType, Id, JsonMember, LayerHeader, PropertyValue, VectorFormat, VectorWriteOptions,
+};
+
+/// Extension of Virtual Point Clouds.
+const VPC: &str = "vpc";
+/// Versions of the items and of their extensions.
+const STAC_VERSION: &str = "1.0.0";
+const EXTENSIONS: [&str; 2] = [
+    "https://stac-extensions.github.io/pointcloud/v1.0.0/schema.json",
+    "https://stac-extensions.github.io/projection/v1.1.0/schema.json",
+];
+
+/// Attributes of a file, with names that fit into dBASE tables.
+const FIELDS: [(&str, FieldKind); 18] = [
+    ("file", FieldKind::Text),
+    ("points", FieldKind::Int),
+    ("area", FieldKind::Real),
+    ("density", FieldKind::Real),
+    ("classes", FieldKind::Text),
+    ("x_min", FieldKind::Real),
+    ("y_min", FieldKind::Real),
+    ("z_min", FieldKind::Real),
+    ("x_max", FieldKind::Real),
+    ("y_max", FieldKind::Real),
+    ("z_max", FieldKind::Real),
+    ("time_min", FieldKind::Real),
+    ("time_max", FieldKind::Real),
+    ("version", FieldKind::Text),
+    ("format", FieldKind::Int),
+    ("created", FieldKind::Text),
+    ("crs", FieldKind::Text),
+    ("footprint", FieldKind::Text),
+];
+
+/// The format of an index.
+#[derive(Clone, Copy)]
+pub(super) enum IndexFormat {
+    Features(&'static VectorFormat),
+    Vpc,
+}
+
+impl IndexFormat {
+    /// By the extension of a file.
+    ///
+    /// # Errors
+    /// Extensions of no format, or of one without polygons or attributes.
+    pub(super) fn of(path: &Path) -> Result<Self> {
+        if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(VPC)) {
+            return Ok(Self::Vpc);
+        }
+        let format = by_extension(vector::FORMATS, path).filter(|format| {
+            let holds = &format.holds;
+            format.create.is_some()
+                && holds.properties
+                && holds.kinds.contains(&GeometryType::MultiPolygon)
+        });
+        let format = format.ok_or_else(|| {
+            Error::usage("no format of tile indexes has this extension")
+                .in_file(path)
+                .remedy("use .geojson, .fgb, .shp or .vpc")
+        })?;
+        Ok(Self::Features(format))
+    }
+}
+
+/// What is written.
+pub(super) struct TileIndex<'a> {
+    pub(super) path: &'a Path,
+    pub(super) format: IndexFormat,
+    pub(super) overwrite: bool,
+    pub(super) temp_dir: Option<PathBuf>,
+    pub(super) crs: &'a Crs,
+    pub(super) lattice: Option<&'a QaLattice>,
+    pub(super) headers: &'a [StatedHeader<'a>],
+    pub(super) tallies: &'a [FileTally],
+    pub(super) files: &'a [QaFile],
+}
+
+/// An index whose files come in their order.
+struct IndexWriter<'a> {
+    index: &'a TileIndex<'a>,
+    /// To WGS 84, for a Virtual Point Cloud.
+    operation: Option<CoordinateOperation>,
+    sink: Box<dyn FeatureSink>,
+    /// The next file, its runs, and the number of those beyond [`MAX_RUNS`].
+    file: usize,
+    runs: Vec<FootprintRun>,
+    beyond: u64,
+    notes: Vec<String>,
+}
+
+impl IndexWriter<'_> {
+    fn add(&mut self, run: FootprintRun) -> Result<()> {
+        self.end_files(run.file as usize)?;
+        match self.runs.len() < MAX_RUNS {
+            true => self.runs.push(run),
+            false => self.beyond += 1,
+        }
+        Ok(())
+    }
+
+    /// Writes the files before `end`.
+    fn end_files(&mut self, end: usize) -> Result<()> {
+        while self.file < end {
+            let (index, is_box) = (self.index, self.beyond > 0);
+            let shape = match index.lattice {
+                _ if is_box => self.bounding_box(),
+                Some(lattice) => polygons(&self.runs, lattice),
+                None => CoordinateSequence::default(),
+            };
+            let feature = match index.format {
+                IndexFormat::Features(_) => index.feature(self.file, shape, is_box)?,
+                IndexFormat::Vpc => index.item(self.file, shape, self.operation.as_ref())?,
+            };
+            self.sink.write(&feature)?;
+            self.runs.clear();
+            (self.file, self.beyond) = (self.file + 1, 0);
+        }
+        Ok(())
+    }
+
+    fn bounding_box(&mut self) -> CoordinateSequence {
+        let file = &self.index.files[self.file];
+        self.notes.push(format!(
+            "the footprint of {} is its bounding box: it has more than {MAX_RUNS} runs of cells",
+            file.file
+        ));
+        bounding_box(file)
+    }
+}
+
+impl TileIndex<'_> {
+    /// Writes the index of files with the runs of their cells; returns notes.
+    ///
+    /// # Errors
+    /// A file that exists or cannot be written; temporary files that cannot be read.
+    pub(super) fn write(
+        &self,
+        runs: Option<AggregatedRecords<FootprintRun>>,
+    ) -> Result<Vec<String>> {
+        let (mut operation, mut notes) = (None, Vec::new());
+        if let IndexFormat::Vpc = self.format {
+            match CoordinateOperation::to_wgs84(self.crs, None) {
+                Ok(found) => operation = Some(found),
+                Err(error) => notes.push(format!("geometries are not in WGS 84: {error}")),
+            }
+        }
+        let sink = self.create(operation.is_some())?;
+        let (file, runs_of_file, beyond) = (0, Vec::new(), 0);
+        let mut writer =
+            IndexWriter { index: self, operation, sink, file, runs: runs_of_file, beyond, notes };
+        if let Some(runs) = runs {
+            runs.read(&mut |run| writer.add(*run))?;
+        }
+        writer.end_files(self.headers.len())?;
+        let IndexWriter { sink, mut notes, .. } = writer;
+        notes.extend(sink.finish(&[])?.notes);
+        Ok(notes)
+    }
+
+    fn create(&self, is_wgs84: bool) -> Result<Box<dyn FeatureSink>> {
+        let options = VectorWriteOptions {
+            overwrite: self.overwrite,
+            temp_dir: self.temp_dir.clone(),
+            ..VectorWriteOptions::default()
+        };
+        let field = |(name, kind): &(&str, FieldKind)| FieldDefinition {
+            name: (*name).into(),
+            kind: *kind,
+            width: None,
+            decimals: None,
+        };
+        let layer = LayerHeader {
+            name: Some("footprints".to_owned()),
+            crs: self.crs.clone(),
+            schema: Some(FIELDS.iter().map(field).collect()),
+            ..LayerHeader::default()
+        };
+        match self.format {
+            IndexFormat::Features(format) => vector::create(self.path, format, &layer, &options),
+            IndexFormat::Vpc => {
+                let format = vector::by_path(self.path, Some("GeoJSON"))?;
+                // Geometries that cannot be reprojected are declared to be in no CRS.
+                let crs = if is_wgs84 { wkt::of_srs("EPSG:4326") } else { Crs::default() };
+                let layer = LayerHeader { name: None, schema: None, crs, ..layer };
+                vector::create(self.path, format, &layer, &options)
+            }
+        }
+    }
+
+    fn feature(&self, file: usize, shape: CoordinateSequence, is_box: bool) -> Result<Feature> {
+        let QaFile { file: name, points, area, density, bounds, gps_time, .. } = &self.files[file];
+        let QaFile { version, point_format, created, crs, .. } = &self.files[file];
+        let real = |value: Option<f64>| {
+            value.filter(|value| value.is_finite()).map_or(PropertyValue::Null, PropertyValue::Real)
+        };
+        let text = |value: Option<&String>| {
+            value.map_or(PropertyValue::Null, |text| PropertyValue::Text(text.clone()))
+        };
+        let classes = &self.tallies[file].stats.classes;
+        let classes: Vec<String> =
+            classes.iter().map(|(class, points)| format!("{class}:{points}")).collect();
+        let [low, high] = [0, 1].map(|end| bounds.map(|ends| ends[end]));
+        let values = [
+            text(Some(name)),
+            PropertyValue::Int(i64::try_from(*points).unwrap_or(i64::MAX)),
+            real(Some(*area)),
+            real(Some(*density)),
+            text(Some(&classes.join(" "))),
+            real(low.map(|at| at[0])),
+            real(low.map(|at| at[1])),
+            real(low.map(|at| at[2])),
+            real(high.map(|at| at[0])),
+            real(high.map(|at| at[1])),
+            real(high.map(|at| at[2])),
+            real(gps_time.map(|time| time.low)),
+            real(gps_time.map(|time| time.high)),
+            text(version.as_ref()),
+            PropertyValue::Int((*point_format).into()),
+            text(created.as_ref()),
+            text(Some(crs)),
+            PropertyValue::Text(if is_box { "bounding box" } else { "occupied cells" }.to_owned()),
+        ];
+        let mut feature = Feature { geometry: geometry(shape)?, ..Feature::default() };
+        for ((name, _), value) in FIELDS.into_iter().zip(values) {
+            feature.properties.push(name, value);
+        }
+        Ok(feature)
+    }
+
+    /// A STAC item.
+    fn item(
+        &self,
+        file: usize,
+        mut shape: CoordinateSequence,
+        operation: Option<&CoordinateOperation>,
+    ) -> Result<Feature> {
+        let (entry, header) = (&self.files[file], &self.headers[file]);
+        let [low, high] = entry.bounds.unwrap_or([[0.0; 3]; 2]);
+        let is_compressed = header.name.to_lowercase().ends_with("laz");
+        let mut properties = vec![
+            (
+                "datetime",
+                entry.created.as_ref().map_or(Value::Null, |day| json!(format!("{day}T00:00:00Z"))),
+            ),
+            ("pc:count", json!(entry.points)),
+            ("pc:type", json!("lidar")),
+            ("pc:encoding", json!(if is_compressed { "LASzip" } else { "ASPRS LAS" })),
+            ("pc:schemas", schemas(header.format)),
+            ("pc:density", json!(entry.density)),
+            ("proj:bbox", json!([low[0], low[1], low[2], high[0], high[1], high[2]])),
+            ("proj:geometry", json_geometry(&shape)),
+        ];
+        properties.push(("proj:wkt2", self.crs.to_wkt().map_or(Value::Null, Value::from)));
+        properties.push(("proj:epsg", json!(self.crs.epsg)));
+        let mut extent = PositionExtent::NONE;
+        for at in &mut shape.xy {
+            if let Some(operation) = operation {
+                *at = operation.position(*at)?;
+            }
+            extent.add(*at);
+        }
+        let [west, south, east, north] = extent.get().unwrap_or_default();
+        let href = relative(&path_of(header.name), self.path)?;
+        let id =
+            path_of(header.name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let foreign = [
+            ("stac_version", json!(STAC_VERSION)),
+            ("stac_extensions", json!(EXTENSIONS)),
+            ("bbox", json!([west, south, low[2], east, north, high[2]])),
+            ("links", json!([])),
+            ("assets", json!({ "data": { "href": href, "roles": ["data"] } })),
+        ];
+        let mut feature = Feature {
+            // Files of several folders may have one name.
+            id: Some(Id::Text(format!("{file}-{id}"))),
+            geometry: geometry(shape)?,
+            ..Feature::default()
+        };
+        for (name, value) in foreign {
+            feature.foreign.push(JsonMember { name: name.to_owned(), json: value.to_string() });
+        }
+        for (name, value) in properties {
+            feature.properties.push(name, PropertyValue::Json(value.to_string()));
+        }
+        Ok(feature)
+    }
+}
+
+/// The footprint of a file without cells is empty.
+fn geometry(shape: CoordinateSequence) -> Result<Geometry> {
+    match shape.xy.is_empty() {
+        true => Ok(Geometry::default()),
+        false => Geometry::new(GeometryType::MultiPolygon, shape),
+    }
+}
+
+fn bounding_box(file: &QaFile) -> CoordinateSequence {
+    let Some([[west, south, _], [east, north, _]]) = file.bounds else {
+        return CoordinateSequence::default();
+    };
+    let corners = [[west, south], [east, south], [east, north], [west, north], [west, south]];
+    let mut shape = CoordinateSequence::of(corners.to_vec());
+    shape.end_part();
+    shape.end_polygon();
+    shape
+}
+
+/// A multipolygon of GeoJSON.
+fn json_geometry(shape: &CoordinateSequence) -> Value {
+    let CoordinateSequence { xy, ends, polygons, .. } = shape;
+    let starts = |ends: &[usize]| {
+        let starts = std::iter::once(0).chain(ends.iter().copied());
+        starts.zip(ends.to_vec()).collect::<Vec<_>>()
+    };
+    let rings: Vec<&[[f64; 2]]> =
+        starts(ends).into_iter().map(|(from, to)| &xy[from..to]).collect();
+    let polygons: Vec<&[&[[f64; 2]]]> =
+        starts(polygons).into_iter().map(|(from, to)| &rings[from..to]).collect();
+    json!({ "type": "MultiPolygon", "coordinates": polygons })
+}
+
+/// Dimensions of a point format, by the names of PDAL.
+fn schemas(format: u8) -> Value {
+    let common = [
+        ("X", "floating", 8),
+        ("Y", "floating", 8),
+        ("Z", "floating", 8),
+        ("Intensity", "unsigned", 2),
+        ("ReturnNumber", "unsigned", 1),
+        ("NumberOfReturns", "unsigned", 1),
+        ("Classification", "unsigned", 1),
+        ("ScanAngleRank", "floating", 4),
+        ("UserData", "unsigned", 1),
+        ("PointSourceId", "unsigned", 2),
+    ];
+    let has_time = PointFormat::new(format).is_ok_and(|format| format.time_at().is_some());
+    let time = has_time.then_some(("GpsTime", "floating", 8));
+    let all = common.into_iter().chain(time);
+    all.map(|(name, kind, size)| json!({ "name": name, "type": kind, "size": size })).collect()
+}
+
+/// A file as seen from the folder of the index.
+fn relative(file: &Path, index: &Path) -> Result<String> {
+    let absolute = |path: &Path| std::path::absolute(path).map_err(|e| Error::read(path, e));
+    let (file, index) = (absolute(file)?, absolute(index)?);
+    let folder = index.parent().unwrap_or(Path::new(""));
+    let (own, base): (Vec<Component<'_>>, Vec<Component<'_>>) =
+        (file.components().collect(), folder.components().collect());
+    let common = own.iter().zip(&base).take_while(|(a, b)| a == b).count();
+    let up = base[common..].iter().map(|_| "..".to_owned());
+    let down = own[common..].iter().map(|part| part.as_os_str().to_string_lossy().into_owned());
+    let parts: Vec<String> = up.chain(down).collect();
+    let base = if common == base.len() { "./" } else { "" };
+    Ok(base.to_owned() + &parts.join("/"))
+}
