@@ -29,8 +29,11 @@ impl Operation for CloudTinOptions {
     fn run(&self, request: RunRequest<'_>) -> Result<CloudTinReport> {
         let start = Instant::now();
         let RunRequest { output, skipped, is_measured, progress, cancel, .. } = request;
-        refuse_existing(output, self.file.replacing.overwrite)?;
         let workdir = self.resuming.workdir.as_deref();
+        // Work in a folder may have written the output already.
+        if workdir.is_none() {
+            refuse_existing(output, self.file.replacing.overwrite)?;
+        }
         let points = workdir.map(|folder| folder.join(POINTS));
         let place = points.as_deref().map_or(StagedPlace::Beside(output), StagedPlace::In);
         let (mut report, notes) = self.with_job(request, output, place, |job| {

@@ -102,9 +102,10 @@ impl<'a> PreparedCloudTin<'a> {
         let bounds = info.bounds.ok_or_else(no_surface)?;
         let constraints = features.on_cloud(info, bounds)?;
         let files = if points.files().is_empty() { job.inputs.names() } else { points.files() };
-        let source = job.inputs.label().map(str::to_owned);
-        let source =
-            source.unwrap_or_else(|| feature_files::source(&feature_files::in_order(files)));
+        let source = match job.inputs.label() {
+            Some(_) => feature_files::source(&job.inputs),
+            None => feature_files::source(&feature_files::in_order(files)),
+        };
         let mut header = header(job, &source, info, constraints.and_heights(bounds), format)?;
         let (placed, notes) =
             job.placing.place(&info.crs, header.bounds, info.frame.scale, format)?;

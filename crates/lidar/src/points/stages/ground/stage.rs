@@ -19,7 +19,7 @@ impl HeightQuery {
         StageName {
             name: "ground",
             arguments: "[METHOD][:reclassify=CLASS,...]",
-            about: "classify ground (class 2), as ‹classify› ground with ‹ground› METHOD",
+            about: "classify ground (class 2) by a method, such as csf:cloth=0.5",
             parse: |text| Self::of_ground(text).map(Into::into),
         },
         StageName {

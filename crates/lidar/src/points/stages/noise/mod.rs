@@ -71,7 +71,7 @@ impl ClassifyNoise {
     pub(super) const NAMES: [StageName; 1] = [StageName::of::<Self>(
         "noise",
         "[METHOD]",
-        "classify noise (class 7), as ‹classify› noise",
+        "classify noise (class 7) by a method, such as statistical:k=12",
     )];
 
     /// The records with classified noise.
