@@ -194,10 +194,9 @@ fn eigen(mut matrix: [[f64; 3]; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
                 [row[p], row[q]] =
                     [cosine * row[p] - sine * row[q], sine * row[p] + cosine * row[q]];
             }
-            for i in 0..3 {
-                let (a, b) = (matrix[p][i], matrix[q][i]);
-                [matrix[p][i], matrix[q][i]] = [cosine * a - sine * b, sine * a + cosine * b];
-            }
+            let (first, second) = (matrix[p], matrix[q]);
+            matrix[p] = [0, 1, 2].map(|i| cosine * first[i] - sine * second[i]);
+            matrix[q] = [0, 1, 2].map(|i| sine * first[i] + cosine * second[i]);
             // What is left of it is rounding, and would be rotated again and again.
             (matrix[p][q], matrix[q][p]) = (0.0, 0.0);
             for row in &mut vectors {
@@ -253,8 +252,8 @@ mod tests {
                 for axis in 0..3 {
                     prop_assert!((turned[axis] - values[i] * vector[axis]).abs() <= size * 1e-12);
                 }
-                for j in 0..3 {
-                    let dot: f64 = (0..3).map(|axis| vector[axis] * vectors[axis][j]).sum();
+                let dots = [0, 1, 2].map(|j| (0..3).map(|axis| vector[axis] * vectors[axis][j]).sum::<f64>());
+                for (j, dot) in dots.into_iter().enumerate() {
                     prop_assert!((dot - f64::from(u8::from(i == j))).abs() < 1e-12);
                 }
             }

@@ -226,7 +226,7 @@ fn bilinear(grid: &dyn GridSource, at: [f64; 2], size: [u32; 2]) -> Result<f64> 
     let count = part.map(|part| if part > 0.0 { 2 } else { 1 });
     let mut values = [0.0; 4];
     let rect = Rect::new(first[0] as u32, first[1] as u32, count[0], count[1]);
-    let values = &mut values[..rect.len() as usize];
+    let values = &mut values[..rect.len()];
     grid.read_f64(rect, values)?;
     let along = |row: &[f64]| match row {
         [a, b] => a + (b - a) * part[0],
