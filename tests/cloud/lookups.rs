@@ -106,6 +106,77 @@ fn the_last_polygon_around_a_point_counts() {
     }
 }
 
+/// The names of the extra bytes of a file, from their descriptions.
+fn dimensions(path: &std::path::Path) -> Vec<String> {
+    let vlrs = whole(path).vlrs;
+    let about = vlrs.iter().find(|(user, number, _)| user == "LASF_Spec" && *number == 4);
+    let about = about.map(|(_, _, data)| data.chunks(192)).into_iter().flatten();
+    about
+        .map(|about| String::from_utf8_lossy(&about[4..36]).trim_end_matches('\0').to_owned())
+        .collect()
+}
+
+#[test]
+fn each_name_is_one_dimension() {
+    let place = Place::new();
+    let area = place.write("area.wkt", b"POLYGON ((0.005 0.005, 99 0.005, 99 99, 0.005 0.005))");
+    let all = place.write("all.wkt", b"POLYGON ((-1 -1, 99 -1, 99 99, -1 99, -1 -1))");
+    let grid = place.write(
+        "grid.asc",
+        b"ncols 2\nnrows 2\nxllcorner -40\nyllcorner -40\ncellsize 80\n5 5\n5 5\n",
+    );
+    let mut made = cloud(6, &places(500));
+    made.records.iter_mut().for_each(|record| record[16] = 2);
+    let input = place.write("in.laz", &made.bytes());
+    let output = place.path().join("out.las");
+    let [area, all, grid] = [("overlay", area), ("overlay", all), ("sample-grid", grid)]
+        .map(|(stage, file)| format!("{stage}:{file}:"));
+    let stages = |texts: &[&str]| {
+        run(&chain(job(&[&input], &output), texts)).unwrap();
+        (dimensions(&output), whole(&output).records)
+    };
+    let height = |record: &[u8]| i32::from_le_bytes(*record[30..].first_chunk().unwrap());
+    let expected = stages(&["height-above-ground"]);
+    // The stage that gives a type gives it to all.
+    let found = stages(&[&format!("{all}HEIGHTaboveGROUND=0.777"), "height-above-ground"]);
+    assert_eq!((found.0.len(), found.1), (1, expected.1));
+    let texts = [
+        "height-above-ground",
+        &format!("{all}HeightAboveGround=0.777"),
+        "where:heightaboveground = 0.777",
+    ];
+    let (names, records) = stages(&texts);
+    assert!(names.len() == 1 && records.len() == 500 && height(&records[0]) == 777);
+    for texts in [
+        [&format!("{all}A=1"), &format!("{grid}a")],
+        [&format!("{grid}A"), &format!("{area}A=4")],
+        [&"dimension:A=z".to_owned(), &"dimension:a=5".to_owned()],
+    ] {
+        let (names, records) = stages(&texts.map(String::as_str));
+        assert!(names.len() == 1 && records[0].len() == 38, "{texts:?} {names:?}");
+        assert!(records.iter().all(|record| !added(record).is_nan()), "{texts:?}");
+    }
+    // A dimension that the files have is set, whatever its type; other points keep their values.
+    stages(&["height-above-ground"]);
+    let old = place.path().join("old.las");
+    std::fs::rename(&output, &old).unwrap();
+    let old = old.to_str().unwrap();
+    run(&chain(job(&[old], &output), &[&format!("{area}heightaboveground=0.777")])).unwrap();
+    let (before, after) = (whole(std::path::Path::new(old)).records, whole(&output).records);
+    let mut counts = [0; 2];
+    for (before, after) in before.iter().zip(&after) {
+        let is_set = height(after) == 777;
+        assert!(is_set || height(after) == height(before));
+        counts[usize::from(is_set)] += 1;
+    }
+    assert!(counts.iter().all(|count| *count > 50) && dimensions(&output).len() == 1, "{counts:?}");
+    // Flags are no dimensions, by any name.
+    let (names, records) = stages(&[&format!("{all}KeyPoint=1"), &format!("{all}withheld=1")]);
+    assert!(names.is_empty() && records.iter().all(|record| record[15] & 6 == 6));
+    let error = "dimension:KeyPoint=1".parse::<StageText>().unwrap_err();
+    assert!(error.contains("is an attribute of LAS"), "{error}");
+}
+
 #[test]
 fn samples_of_a_grid_are_interpolated() {
     let place = Place::new();

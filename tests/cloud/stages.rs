@@ -298,6 +298,7 @@ fn what_is_no_stage_is_refused() {
         (&["where:HeightAboveGround > 1", "thin:2"], "no attribute"),
         (&["thin:0.0001"], "smaller than the coordinate resolution"),
         (&["reproject:EPSG:4326", "poisson:1"], "requires projected coordinates"),
+        (&["reproject:EPSG:4326", "tree-tops:5"], "requires projected coordinates"),
         (&["reproject:EPSG:4326", "normals"], "requires coordinates in a unit of length"),
         (&["where:HeightAboveGround > 2 or z > 0", "height-above-ground"], "no attribute"),
         (&["where:classification != 2", "height-above-ground"], "no points of class 2"),

@@ -135,12 +135,42 @@ fn work_is_not_resumed_with_other_stages_or_files() {
     let told = run(&["thin:2:lowest"], "1G").unwrap_err();
     assert!(told.contains("points.las: was made of other files, or by other stages"), "{told}");
     assert_eq!(std::fs::metadata(&points).unwrap().modified().unwrap(), kept, "made again");
-    // What was interrupted before its record was written is made again, and is the same.
-    std::fs::remove_file(work.join("points/points.json")).unwrap();
+    // What was interrupted before its record was finished is made again, and is the same.
+    let record = work.join("points/points.json");
+    let mut json: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(&record).unwrap()).unwrap();
+    json["made"] = serde_json::Value::Null;
+    std::fs::write(&record, json.to_string()).unwrap();
     assert_eq!(run(&["thin:1:lowest"], "1G").unwrap()[0], first[0]);
     survey(folder, 10);
     let told = run(&["thin:1:lowest"], "1G").unwrap_err();
     assert!(told.contains("was made of other files"), "{told}");
+}
+
+#[test]
+fn folders_of_others_are_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let (folder, input) = (folder.path(), survey(folder.path(), 9));
+    let cloud = open_cloud(input.as_str()).unwrap();
+    for (file, told) in
+        [("points/points.las", "was not made by stages"), ("notes.txt", "is not empty")]
+    {
+        let work = folder.join(told.replace(' ', "-"));
+        let theirs = work.join(file);
+        std::fs::create_dir_all(theirs.parent().unwrap()).unwrap();
+        std::fs::write(&theirs, "theirs").unwrap();
+        let mesh = cloud.tin().max_error(0.3).stage(stages(&["dedupe"]));
+        let mesh = mesh.workdir(&work).write(folder.join("mesh.stl")).unwrap_err().to_string();
+        let plan = cloud.grid(1.0).stage(stages(&["dedupe"])).plan(&work, None);
+        let plan = plan.map(|_| ()).unwrap_err().to_string();
+        assert!(mesh.contains(told) && plan.contains(told), "{mesh} {plan}");
+        assert_eq!(std::fs::read(&theirs).unwrap(), b"theirs");
+        assert_eq!(std::fs::read_dir(&work).unwrap().count(), 1, "something was written");
+    }
+    // What plans refuse is refused before the stages.
+    let plan = cloud.grid(1.0).stage(stages(&["dedupe"])).plan(folder.join("odd"), 7);
+    let told = plan.map(|_| ()).unwrap_err().to_string();
+    assert!(told.contains("not a multiple of 256") && !folder.join("odd").exists(), "{told}");
 }
 
 #[test]

@@ -24,15 +24,23 @@ pub struct MadeInput {
 }
 
 /// What a file in a work folder was made of.
-#[derive(PartialEq, Serialize, Deserialize)]
+#[derive(Serialize, Deserialize)]
 struct MadeOf {
     revision: u32,
     request: serde_json::Value,
     files: Vec<InputFile>,
+    /// The file, once it is finished.
+    made: Option<InputFile>,
     notes: Vec<String>,
 }
 
 impl MadeOf {
+    /// Whether both are of the same files, by the same request.
+    fn is_of(&self, other: &Self) -> bool {
+        (self.revision, &self.request, &self.files)
+            == (other.revision, &other.request, &other.files)
+    }
+
     /// That of an earlier run.
     fn recorded(path: &Path) -> Option<Self> {
         serde_json::from_slice(&std::fs::read(path).ok()?).ok()
@@ -83,7 +91,7 @@ impl MadeInput {
     /// the point cloud.
     ///
     /// # Errors
-    /// As [`MadeInput::temporary`]; a file that was made there of other files or by another `request`.
+    /// As [`MadeInput::temporary`]; a file that was not made there, or of other files, or by another `request`.
     pub fn in_folder(
         label: String,
         source: &Inputs,
@@ -94,7 +102,6 @@ impl MadeInput {
         make: impl FnOnce(&Path) -> Result<Vec<String>>,
     ) -> Result<Self> {
         refuse_in_memory(source.names())?;
-        std::fs::create_dir_all(folder).map_err(|e| Error::write(folder, e))?;
         let (path, record) = (folder.join(name), folder.join(name).with_extension("json"));
         let invalid = |e| Error::new(ErrorKind::Internal, format!("the request is not JSON: {e}"));
         let files = cloud::files(source.names())?;
@@ -104,23 +111,33 @@ impl MadeInput {
             revision: REVISION,
             request: json::to_value(request).map_err(invalid)?,
             files: stat(&with_companions(files))?,
+            made: None,
             notes: Vec::new(),
         };
-        if let Some(there) = MadeOf::recorded(&record).filter(|_| path.exists()) {
-            there
-                .files
-                .iter()
-                .zip(&mut made.files)
-                .for_each(|(there, here)| here.forgive_time(there));
-            made.notes.clone_from(&there.notes);
-            return match there == made {
-                true => Self::kept(label, path, made.notes),
-                false => Err(Error::usage("was made of other files, or by other stages")
-                    .in_file(&path)
-                    .remedy("choose another folder, or remove this one")),
-            };
+        let refused = |what: &str| {
+            let error = Error::usage(what).in_file(&path);
+            error.remedy("choose another work folder, or remove this one")
+        };
+        match MadeOf::recorded(&record) {
+            None if path.exists() => return Err(refused("was not made by stages")),
+            None => {}
+            Some(there) => {
+                let files = there.files.iter().zip(&mut made.files);
+                files.for_each(|(there, here)| here.forgive_time(there));
+                if !there.is_of(&made) {
+                    return Err(refused("was made of other files, or by other stages"));
+                }
+                if let Some(file) = there.made.as_ref().filter(|_| path.exists()) {
+                    file.check(false)?;
+                    return Self::kept(label, path, there.notes);
+                }
+            }
         }
+        std::fs::create_dir_all(folder).map_err(|e| Error::write(folder, e))?;
+        // What is there without the rest of its record was interrupted.
+        write_json(&record, &made)?;
         made.notes = make(&path)?;
+        made.made = stat(std::slice::from_ref(&path))?.pop();
         write_json(&record, &made)?;
         Self::kept(label, path, made.notes)
     }

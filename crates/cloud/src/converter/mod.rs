@@ -83,12 +83,14 @@ pub struct PointFormatConverter<'a> {
 /// A dimension that a job adds to the records, and fills later.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NewDimension {
-    /// Its name, of at most 32 bytes; a dimension of this name is replaced.
+    /// Its name, of at most 32 bytes, compared in any letter case.
     pub name: String,
     /// Its description, of at most 32 bytes.
     pub about: String,
     /// How its values are stored.
     pub value: NewDimensionValue,
+    /// Whether a dimension of this name that the files have is kept instead; otherwise it is replaced.
+    pub is_kept: bool,
 }
 
 /// How the values of an added dimension are stored.
@@ -105,7 +107,7 @@ pub enum NewDimensionValue {
 impl NewDimension {
     /// A dimension of numbers.
     pub fn new(name: &str, about: &str, value: NewDimensionValue) -> Self {
-        Self { name: name.to_owned(), about: about.to_owned(), value }
+        Self { name: name.to_owned(), about: about.to_owned(), value, is_kept: false }
     }
 }
 
@@ -127,8 +129,10 @@ impl<'a> PointFormatConverter<'a> {
         let (info, as_stored) = cloud.as_stored();
         let mut extra = ExtraBytes::of_all(&origins)?;
         // Before the conversions, which move extra bytes to where they are among all of them.
+        let is_new = |new: &&NewDimension| !(new.is_kept && extra.has(&new.name));
+        let dimensions: Vec<_> = dimensions.iter().filter(is_new).collect();
         dimensions.iter().for_each(|dimension| extra.remove(&dimension.name));
-        let added = dimensions.iter().map(|new| {
+        let added = dimensions.into_iter().map(|new| {
             (new.name.clone(), format.size() + extra.push_new(new, info.frame.scale[2]))
         });
         let added = added.collect();
@@ -201,7 +205,7 @@ impl<'a> PointFormatConverter<'a> {
 
     /// Offset of an added dimension in a record.
     pub fn added_at(&self, name: &str) -> Option<usize> {
-        self.added.iter().find(|(added, _)| added == name).map(|(_, at)| *at)
+        self.added.iter().find(|(added, _)| added.eq_ignore_ascii_case(name)).map(|(_, at)| *at)
     }
 
     /// Options of a file with these records, or with the records in another frame and CRS.

@@ -91,7 +91,7 @@ impl ExtraBytesDimension {
     }
 
     /// An added dimension; `step` is that of heights.
-    fn of_new(NewDimension { name, about, value }: &NewDimension, step: f64) -> Self {
+    fn of_new(NewDimension { name, about, value, .. }: &NewDimension, step: f64) -> Self {
         let mut bytes = [0; BYTES];
         let mut put = |at: usize, value: &[u8]| bytes[at..at + value.len()].copy_from_slice(value);
         let (kind, none) = match value {
@@ -273,7 +273,12 @@ impl ExtraBytes {
 
     /// Removes the dimensions of this name.
     pub(crate) fn remove(&mut self, name: &str) {
-        self.dimensions.retain(|dimension| dimension.name() != name);
+        self.dimensions.retain(|dimension| !dimension.name().eq_ignore_ascii_case(name));
+    }
+
+    /// Whether there is a dimension of this name, of numbers.
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.columns(0).iter().any(|column| column.name().eq_ignore_ascii_case(name))
     }
 
     /// Adds a dimension, with this step of heights; returns its offset within the extra bytes.

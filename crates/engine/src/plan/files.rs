@@ -63,7 +63,7 @@ impl InputFile {
         Ok(Self { name: name_of(path.to_path_buf())?, bytes, modified, whole, digest })
     }
 
-    fn check(&self, by_content: bool) -> Result<()> {
+    pub(crate) fn check(&self, by_content: bool) -> Result<()> {
         let path = self.path();
         let fail = |e| Error::read(&path, e);
         let mut file = File::open(&path).map_err(fail)?;

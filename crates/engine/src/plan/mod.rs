@@ -35,7 +35,7 @@ pub use kind::{
     MadeArtifact, Numbered, OutputForm, OutputRequest, PlanStep, PlannedWork, RunControl,
 };
 pub use manifest::{noted_path, write_json};
-pub use plan_file::{PLAN, POINTS, PlanManifest, refuse_file};
+pub use plan_file::{PLAN, POINTS, PlanManifest, refuse_file, refuse_others};
 pub use plan_file::{PlanKind, kind};
 pub use planned::{PlannedGrid, grid_files};
 pub use report::{DescribesRun, Forecast, LastOutput, RunReport, StatusReport, TaskReport};

@@ -228,12 +228,7 @@ impl<W: PlannedWork> PlanManifest<W> {
         }
         let fail = |e| Error::write(path, e);
         make_folder(path)?;
-        let mut entries = std::fs::read_dir(path).map_err(fail)?.flatten();
-        if entries.any(|entry| !is_left_over(&entry.file_name())) {
-            return Err(Error::usage("is not empty and does not hold a plan")
-                .in_file(path)
-                .remedy("choose an empty or new folder"));
-        }
+        refuse_others(path)?;
         std::fs::create_dir_all(path.join(OBJECTS)).map_err(fail)?;
         let mut file = AtomicFile::create(&path.join(PLAN), false)?;
         file.write_all(self.to_text()?.as_bytes())
@@ -264,6 +259,23 @@ impl<W: PlannedWork> PlanManifest<W> {
         let files = there.files.iter().zip(&mut here.files);
         files.for_each(|(there, here)| here.forgive_time(there));
         difference(&by_place(&there), &by_place(&here))
+    }
+}
+
+/// Fails for a folder that holds neither a plan nor what may lie in a folder before its plan.
+///
+/// # Errors
+/// A folder with other contents, or that cannot be read.
+pub fn refuse_others(path: &Path) -> Result<()> {
+    if path.join(PLAN).exists() || !path.exists() {
+        return Ok(());
+    }
+    let mut entries = std::fs::read_dir(path).map_err(|e| Error::read(path, e))?.flatten();
+    match entries.any(|entry| !is_left_over(&entry.file_name())) {
+        false => Ok(()),
+        true => Err(Error::usage("is not empty and does not hold a plan")
+            .in_file(path)
+            .remedy("choose an empty or new folder")),
     }
 }
 

@@ -11,7 +11,6 @@ use crate::points::StagedPlace;
 use terrane_base::error::Result;
 use terrane_engine::operation::{Operation, RunRequest, Writes};
 use terrane_engine::options::CloudInput;
-use terrane_engine::plan::POINTS;
 use terrane_files::atomic::refuse_existing;
 use terrane_raster::Inputs;
 
@@ -34,8 +33,7 @@ impl Operation for CloudTinOptions {
         if workdir.is_none() {
             refuse_existing(output, self.file.replacing.overwrite)?;
         }
-        let points = workdir.map(|folder| folder.join(POINTS));
-        let place = points.as_deref().map_or(StagedPlace::Beside(output), StagedPlace::In);
+        let place = workdir.map_or(StagedPlace::Beside(output), StagedPlace::OfPlan);
         let (mut report, notes) = self.with_job(request, output, place, |job| {
             let job = CloudTinJob { measure: is_measured, ..job };
             match workdir {

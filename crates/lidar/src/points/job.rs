@@ -1,5 +1,6 @@
 //! A points-to-points job, and its checks before any point is read.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use super::split::AttributeSplit;
@@ -194,15 +195,15 @@ impl TranslateJob {
         self.squares.is_none() && !self.stages.iter().any(|stage| stage.stage().is_spatial())
     }
 
-    /// The dimensions that stages add to the records.
+    /// The dimensions that stages add to the records, each once: one that takes what is there has the type that another
+    /// stage gives it.
     pub(super) fn dimensions(&self) -> Vec<NewDimension> {
-        let mut all: Vec<NewDimension> = Vec::new();
-        for dimension in self.stages.iter().flat_map(|stage| stage.stage().dimensions()) {
-            if !all.contains(&dimension) {
-                all.push(dimension);
-            }
-        }
-        all
+        let all = self.stages.iter().flat_map(|stage| stage.stage().dimensions());
+        let (kept, mut new): (Vec<_>, Vec<_>) = all.partition(|dimension| dimension.is_kept);
+        new.extend(kept);
+        let mut names = HashSet::new();
+        new.retain(|dimension| names.insert(dimension.name.to_ascii_lowercase()));
+        new
     }
 
     /// Format of the output.

@@ -110,7 +110,7 @@ const FILTERS: &[PipelineFilter] = &[
     PipelineFilter {
         name: "filters.overlay",
         options: &[("datasource", ""), ("dimension", ""), ("column", "CLS")],
-        stages: |values| Ok(vec![format!("overlay:{}:{}={}", values[0], values[1], values[2])]),
+        stages: |values| Ok(vec![format!("overlay:{}:{}=\"{}\"", values[0], values[1], values[2])]),
     },
     PipelineFilter {
         name: "filters.range",
@@ -353,7 +353,7 @@ mod tests {
             "where:Z > 1 && !(ReturnNumber == 2)",
             "poisson:0.25",
             "normals:k=8",
-            "overlay:lakes.shp:Classification=CLS",
+            "overlay:lakes.shp:Classification=\"CLS\"",
             "sample-grid:photo.tif:Red:nearest",
             "sample-grid:photo.tif:Green:nearest:band=2",
             "sample-grid:photo.tif:Blue:nearest:band=3",

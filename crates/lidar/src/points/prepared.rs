@@ -184,6 +184,7 @@ pub(super) fn chain(
         format: converter.format(),
         columns: &converter.columns(),
         added: &[],
+        is_new: &|name| converter.added_at(name).is_some(),
         packing: job.packing()?,
         job,
         is_last: false,

@@ -18,7 +18,7 @@ use terrane_cloud::{CloudFilter, CloudOpenOptions};
 use terrane_engine::Resources;
 use terrane_engine::made_input::MadeInput;
 use terrane_engine::options::FileName;
-use terrane_engine::plan::RunControl;
+use terrane_engine::plan::{self, RunControl};
 use terrane_raster::Inputs;
 
 terrane_engine::by_text!(AsText, OptionKind::Text, StageText);
@@ -32,7 +32,7 @@ const POINTS: &str = "points.las";
 #[non_exhaustive]
 pub struct CloudStages {
     /// Stage on points: NAME or NAME:ARGUMENTS, as listed by terrane points ‹help›. Repeatable; stages run in the order
-    /// given, in terrane points after those of other options and before ‹sort›, elsewhere before anything else
+    /// given, after filters; in terrane points also after other options, but before ‹sort›
     #[option(value = "STAGE", with = AsText)]
     pub stage: Vec<StageText>,
     /// JSON file of stages: a list of NAME:ARGUMENTS, or a PDAL pipeline of supported filters
@@ -58,8 +58,10 @@ pub struct StagedCloud<'a> {
 pub enum StagedPlace<'a> {
     /// In a temporary folder beside this output.
     Beside(&'a Path),
-    /// In this folder, to be found there by a run that resumes.
+    /// In a folder of a work folder, to be found there by a run that resumes.
     In(&'a Path),
+    /// In the folder of a plan.
+    OfPlan(&'a Path),
 }
 
 /// What the points depend on.
@@ -98,6 +100,10 @@ impl CloudStages {
         if stages.is_empty() {
             return Ok((act(inputs, cloud.clone())?, Vec::new()));
         }
+        if let StagedPlace::OfPlan(folder) = place {
+            plan::refuse_file(folder)?;
+            plan::refuse_others(folder)?;
+        }
         let (mut own, mut rest) = (cloud.clone(), CloudFilter::default());
         rest.keep_withheld = own.filter.keep_withheld;
         if has_ground_classes {
@@ -121,7 +127,10 @@ impl CloudStages {
             StagedPlace::Beside(output) => {
                 MadeInput::temporary(label, output, POINTS, resources, make)
             }
-            StagedPlace::In(folder) => {
+            StagedPlace::In(folder) | StagedPlace::OfPlan(folder) => {
+                let is_plan = matches!(place, StagedPlace::OfPlan(_));
+                let folder =
+                    &if is_plan { folder.join(plan::POINTS) } else { folder.to_path_buf() };
                 let request = StagedRequest { stages: &stages, cloud: &own };
                 let beside = stages.iter().flat_map(|stage| stage.stage().files()).collect();
                 MadeInput::in_folder(label, inputs, beside, folder, POINTS, &request, make)

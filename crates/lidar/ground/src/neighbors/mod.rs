@@ -106,8 +106,12 @@ pub fn nearest<N: Neighbor>(
     drop(tree);
     let Some(all) = bounds(own.iter().copied()) else { return Ok(nearest) };
     let mut read = Vec::new();
-    // A point at the same distance as the furthest known one may come before it.
-    while let Some(next) = around.next(nearest.furthest_of(&open).next_up()) {
+    loop {
+        open.retain(|i| nearest.furthest(*i) > 0.0);
+        // A point at the same distance as the furthest known one may come before it.
+        let most = nearest.furthest_of(&open);
+        let within = if open.is_empty() { 0.0 } else { most.next_up() };
+        let Some(next) = around.next(within) else { break };
         // All that follow are no nearer.
         let away = space.gap(all, next);
         open.retain(|i| nearest.furthest(*i) >= away);

@@ -54,7 +54,9 @@ impl<'a> PointKdTree<'a> {
         at: Point,
         nearest: &mut [N],
     ) {
-        if self.space.square(off) > furthest(nearest).square() {
+        let most = furthest(nearest).square();
+        // Beside points at no distance there is none nearer.
+        if self.space.square(off) > most || most == 0.0 {
             return;
         }
         if end - first <= LEAF {

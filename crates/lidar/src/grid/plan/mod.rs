@@ -84,11 +84,12 @@ impl Divisible for GridOptions {
         let mut planned = self.clone();
         planned.file.replacing.overwrite = true;
         planned.check(&output)?;
-        let points = StagedPlace::In(&folder.join(plan::POINTS));
-        let (status, _) = planned.with_job(request, &output, points, |job| {
-            let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
-            plan_grid(&PlanGridJob { job, folder, cut: task_size, skipped }, progress, cancel)
-        })?;
+        check_task(&planned.water, task_size)?;
+        let (status, _) =
+            planned.with_job(request, &output, StagedPlace::OfPlan(folder), |job| {
+                let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
+                plan_grid(&PlanGridJob { job, folder, cut: task_size, skipped }, progress, cancel)
+            })?;
         Ok(status)
     }
 }
@@ -106,20 +107,7 @@ pub fn plan_grid(
     cancel: &Cancel,
 ) -> Result<GridStatus> {
     let plan::PlanJob { job, folder, cut, skipped } = job;
-    if job.water.is_some() {
-        return Err(Error::usage("‹water› is not supported by `plan grid` (the level of a lake needs its whole bank)")
-            .remedy(
-                "plan without it, and pass ‹water› to ‹terrane convert›, ‹terrane tin› or ‹terrane contour› afterwards",
-            ));
-    }
-    if let Some(side) = cut.filter(|side| *side == 0 || !side.is_multiple_of(BLOCK)) {
-        return Err(Error::usage(format!("‹task_size› {side} is not a multiple of {BLOCK}"))
-            .remedy(format!("pass a multiple such as {BLOCK} or {}", 2 * BLOCK)));
-    }
-    if let Some(side) = cut.filter(|side| *side > MOST_SIDE) {
-        return Err(Error::usage(format!("‹task_size› {side} exceeds the limit of {MOST_SIDE}"))
-            .remedy(format!("pass {MOST_SIDE} or less")));
-    }
+    check_task(&job.water, *cut)?;
     refuse_in_memory(job.input.iter().chain(&job.placement.like))?;
     job.check()?;
     let job = &job.settled()?;
@@ -141,6 +129,25 @@ pub fn plan_grid(
     };
     PlanManifest::new(grid, (job.label(), files), needs, skipped)?.put(folder)?;
     plan::status::<CloudGridPlan>(folder)
+}
+
+/// Fails for water, and for tile sizes that are not multiples of 256 cells.
+fn check_task(water: &Option<String>, cut: Option<u32>) -> Result<()> {
+    if water.is_some() {
+        return Err(Error::usage("‹water› is not supported by `plan grid` (the level of a lake needs its whole bank)")
+            .remedy(
+                "plan without it, and pass ‹water› to ‹terrane convert›, ‹terrane tin› or ‹terrane contour› afterwards",
+            ));
+    }
+    if let Some(side) = cut.filter(|side| *side == 0 || !side.is_multiple_of(BLOCK)) {
+        return Err(Error::usage(format!("‹task_size› {side} is not a multiple of {BLOCK}"))
+            .remedy(format!("pass a multiple such as {BLOCK} or {}", 2 * BLOCK)));
+    }
+    if let Some(side) = cut.filter(|side| *side > MOST_SIDE) {
+        return Err(Error::usage(format!("‹task_size› {side} exceeds the limit of {MOST_SIDE}"))
+            .remedy(format!("pass {MOST_SIDE} or less")));
+    }
+    Ok(())
 }
 
 /// Statistics of the whole point cloud for a terrain model.

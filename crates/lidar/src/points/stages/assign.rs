@@ -179,7 +179,7 @@ impl AttributeAssigner {
     fn failure(&self, file: Option<&str>, record: &[u8], what: &str) -> Error {
         let [x, y, z] = self.place(record);
         let error = Error::bad_input(what).at(format_args!("the point at {x}, {y}, {z}"));
-        let error = error.remedy("change ‹attribute›, or exclude such points with ‹where›");
+        let error = error.remedy("change the formula, or exclude such points with ‹where›");
         match file {
             Some(name) => error.in_file(&path_of(name)),
             None => error,

@@ -1,6 +1,6 @@
 //! Attributes by the place of each point: what a stage looks up in polygons or grids.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::operand::column;
 use super::{OpenStage, StageContext, StageInput, StageOutput};
@@ -8,7 +8,7 @@ use crate::records::selection::place;
 use crate::records::{EachRecord, PointRecords};
 use terrane_base::attribute;
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::Point;
+use terrane_base::geom::{Point, Ruler};
 use terrane_cloud::AXES;
 use terrane_cloud::write::PointColumn;
 use terrane_cloud::{NewDimension, NewDimensionValue};
@@ -32,7 +32,9 @@ pub(super) trait PlaceValues: Send + Sync {
 pub(super) struct ValueLookup<V> {
     columns: Vec<PointColumn>,
     values: V,
-    path: std::path::PathBuf,
+    path: PathBuf,
+    rulers: [Ruler; 3],
+    notes: Vec<String>,
 }
 
 impl<V: PlaceValues> ValueLookup<V> {
@@ -48,7 +50,20 @@ impl<V: PlaceValues> ValueLookup<V> {
     ) -> Result<Self> {
         let columns = names.iter().map(|name| column(name.as_ref(), input.format, input.added));
         let columns = columns.collect::<Result<_>>()?;
-        Ok(Self { columns, values, path: path.to_path_buf() })
+        let new = names.iter().filter(|name| (input.is_new)(name.as_ref()));
+        let notes = new.map(|name| new_dimension_note(name.as_ref())).collect();
+        let rulers = [0, 1, 2].map(|axis| input.info.frame.ruler(axis));
+        Ok(Self { columns, values, path: path.to_path_buf(), rulers, notes })
+    }
+
+    /// The error of a value that does not fit.
+    fn failure(&self, record: &[u8], what: String) -> Error {
+        let Point { x, y, z } = place(record);
+        let [x, y, z] = [(0, x), (1, y), (2, z)].map(|(axis, at)| self.rulers[axis].at(at.into()));
+        Error::bad_input(what)
+            .at(format_args!("the point at {x}, {y}, {z}"))
+            .in_file(&self.path)
+            .remedy("choose another attribute or value in the stage")
     }
 }
 
@@ -67,20 +82,25 @@ impl<V: PlaceValues> OpenStage for ValueLookup<V> {
             self.values.values(place(record), values)?;
             for (column, value) in self.columns.iter().zip(values) {
                 if !value.is_nan() {
-                    let set = column.set(record, *value);
-                    set.map_err(|what| Error::bad_input(what).in_file(&self.path))?;
+                    column.set(record, *value).map_err(|what| self.failure(record, what))?;
                 }
             }
             Ok(true)
         };
-        Ok(StageOutput::new(EachRecord::new(records, around.work.shares.flow.record, each)))
+        let records = Box::new(EachRecord::new(records, around.work.shares.flow.record, each));
+        Ok(StageOutput { records, notes: self.notes.clone() })
     }
 }
 
-/// The dimension of a name, unless it is an attribute of LAS.
+/// A note on a dimension that the files do not have: its name may be mistyped.
+pub(super) fn new_dimension_note(name: &str) -> String {
+    format!("stages: {name} is a new dimension")
+}
+
+/// The dimension of a name, unless it is an attribute of LAS: one that the files have, or a new one.
 pub(super) fn dimension_of(name: &str, about: &str) -> Option<NewDimension> {
     let new = NewDimension::new(name, about, NewDimensionValue::Double);
-    attribute::field(name).is_none().then_some(new)
+    attribute::field(name).is_none().then_some(NewDimension { is_kept: true, ..new })
 }
 
 /// The name of an attribute or of a new dimension.
@@ -94,8 +114,8 @@ pub(super) fn attribute_name(name: &str) -> std::result::Result<String, String> 
     }
     match (1..=MAX_NAME).contains(&name.len()) && !name.contains(['\0', ':', '=']) {
         true => Ok(name.to_owned()),
-        false => {
-            Err(format!("{name:?} is not a name of an attribute, of at most {MAX_NAME} bytes"))
-        }
+        false => Err(format!(
+            "{name:?} is not the name of an attribute: new ones have 1 to {MAX_NAME} bytes without : and ="
+        )),
     }
 }

@@ -139,6 +139,8 @@ pub(super) struct StageInput<'a> {
     pub(super) columns: &'a [PointColumn],
     /// The same, and those of dimensions that the stage adds.
     pub(super) added: &'a [PointColumn],
+    /// Whether a dimension of this name is added to the records.
+    pub(super) is_new: &'a dyn Fn(&str) -> bool,
     /// How the output is packed.
     pub(super) packing: PointPacking,
     pub(super) job: &'a super::TranslateJob,
@@ -235,12 +237,15 @@ impl StageChain {
             // A dimension has no values before the stage that adds it.
             let added = |stages: &[AnyStage]| {
                 let all = stages.iter().flat_map(|stage| stage.stage().dimensions());
-                all.map(|dimension| dimension.name).collect::<Vec<_>>()
+                let names = all.map(|dimension| dimension.name);
+                names.filter(|name| (input.is_new)(name)).collect::<Vec<_>>()
             };
             let columns_before = |number: usize| {
                 let (earlier, later) = (added(&stages[..number]), added(&stages[number..]));
                 let has_values = |column: &&PointColumn| {
-                    let is_of = |names: &[String]| names.iter().any(|name| name == column.name());
+                    let is_of = |names: &[String]| {
+                        names.iter().any(|name| name.eq_ignore_ascii_case(column.name()))
+                    };
                     is_of(&earlier) || !is_of(&later)
                 };
                 input.columns.iter().filter(has_values).cloned().collect::<Vec<_>>()

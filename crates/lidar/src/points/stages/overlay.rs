@@ -32,23 +32,32 @@ pub enum OverlayValue {
     Field(String),
 }
 
+impl OverlayValue {
+    fn of(text: &str) -> Self {
+        let number = text.parse().ok().filter(|number: &f64| number.is_finite());
+        number.map_or_else(|| Self::Field(text.to_owned()), Self::Number)
+    }
+}
+
+/// What is expected of a text.
+const EXPECTED: &str = "expected FILE:ATTRIBUTE=FIELD, or =NUMBER";
+
 impl FromStr for Overlay {
     type Err = String;
 
-    /// "lakes.geojson:classification=9", "parcels.shp:owner=ID".
+    /// "lakes.geojson:classification=9", "parcels.shp:owner=ID", "parcels.shp:owner=\"2020\"".
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let parts = text
-            .rsplit_once('=')
-            .and_then(|(before, value)| Some((before.rsplit_once(':')?, value)));
-        let ((file, name), value) = parts.ok_or("expected FILE:ATTRIBUTE=FIELD, or =NUMBER")?;
-        let value = match value.trim() {
-            "" => return Err("expected the name of a field, or a number, after =".to_owned()),
-            value => value
-                .parse()
-                .ok()
-                .filter(|number: &f64| number.is_finite())
-                .map_or_else(|| OverlayValue::Field(value.to_owned()), OverlayValue::Number),
+        // In quotes it is a field, whatever it looks like.
+        let quoted = text.trim_end().strip_suffix('"').and_then(|text| text.rsplit_once("=\""));
+        let (before, value) = match (quoted, text.rsplit_once('=')) {
+            (Some((before, field)), _) => (before, OverlayValue::Field(field.to_owned())),
+            (None, Some((before, value))) => (before, OverlayValue::of(value.trim())),
+            (None, None) => return Err(EXPECTED.to_owned()),
         };
+        let (file, name) = before.rsplit_once(':').ok_or(EXPECTED)?;
+        if value == OverlayValue::Field(String::new()) {
+            return Err("expected the name of a field, or a number, after =".to_owned());
+        }
         if file.is_empty() {
             return Err("expected the name of a file".to_owned());
         }
@@ -111,13 +120,26 @@ fn number_of(value: Option<&terrane_vector::PropertyValue>, field: &str) -> Resu
     match value {
         None | Some(Value::Null) => Ok(f64::NAN),
         Some(Value::Bool(is_true)) => Ok(f64::from(u8::from(*is_true))),
-        Some(Value::Int(number)) => Ok(*number as f64),
+        Some(Value::Int(number)) if number.unsigned_abs() <= MAX_WHOLE => Ok(*number as f64),
+        Some(Value::Int(number)) => Err(too_large(field, &number.to_string())),
         Some(Value::Real(number)) => Ok(*number),
-        Some(Value::Text(text)) => text.trim().parse().map_err(|_| not_a_number(field, text)),
+        Some(Value::Text(text)) => match text.trim().parse::<f64>() {
+            Ok(number) if number.abs() > MAX_WHOLE as f64 => Err(too_large(field, text)),
+            Ok(number) if number.is_finite() => Ok(number),
+            _ => Err(not_a_number(field, text)),
+        },
         Some(Value::Date(text) | Value::DateTime(text) | Value::Json(text)) => {
             Err(not_a_number(field, text))
         }
     }
+}
+
+/// Largest whole number of which all smaller ones are exact.
+const MAX_WHOLE: u64 = 1 << 53;
+
+fn too_large(field: &str, number: &str) -> Error {
+    Error::unsupported(format!("field {field:?} is {number}: numbers beyond 2^53 are not exact"))
+        .remedy("choose another field")
 }
 
 fn not_a_number(field: &str, text: &str) -> Error {
@@ -159,8 +181,13 @@ mod tests {
         assert_eq!(lakes.value, OverlayValue::Number(9.0));
         let owner = read("a=b/parcels.geojson:owner=ID 2").unwrap();
         assert_eq!(owner.value, OverlayValue::Field("ID 2".to_owned()));
+        let year = read("a.shp:year=\"2020\"").unwrap();
+        assert_eq!(year.value, OverlayValue::Field("2020".to_owned()));
+        let equals = read("a.shp:year=\"a=b\"").unwrap();
+        assert_eq!(equals.value, OverlayValue::Field("a=b".to_owned()));
         for text in [
             "",
+            "a.shp:year=\"\"",
             "lakes.shp",
             "lakes.shp:class",
             "lakes.shp:class=",

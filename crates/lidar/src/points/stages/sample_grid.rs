@@ -92,6 +92,31 @@ impl SampleGrid {
             SampledBands::Attribute { name, band, .. } => vec![(*band, name)],
         }
     }
+
+    /// A band.
+    fn band(&self, band: u32, input: &StageInput<'_>) -> Result<SampledBand> {
+        let names = std::slice::from_ref(&self.grid);
+        let open = |bytes: u64, colours: bool| {
+            let options = GridOpenOptions {
+                band,
+                colours,
+                cache_bytes: bytes as usize,
+                temp_dir: input.job.resources.temp_dir.clone(),
+                ..GridOpenOptions::default()
+            };
+            raster::open_all(names, &options)
+        };
+        let is_colour = self.bands == SampledBands::Colours;
+        // The bands of a picture, unless they are encoded heights.
+        let any = |bytes| match open(bytes, is_colour) {
+            Err(error) if !is_colour => open(bytes, true).map_err(|_| error),
+            opened => opened,
+        };
+        let grid = any(CACHE)?;
+        let bytes = CACHE.max(4 * grid.block_bytes());
+        let grid = if bytes > CACHE { any(bytes)? } else { grid };
+        Ok(SampledBand { grid, bytes })
+    }
 }
 
 impl Stage for SampleGrid {
@@ -118,19 +143,14 @@ impl Stage for SampleGrid {
     fn open(&self, input: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {
         let (path, frame) = (path_of(&self.grid).into_owned(), &input.info.frame);
         let is_colour = self.bands == SampledBands::Colours;
-        let mut bands = Vec::new();
-        for (band, _) in self.attributes() {
-            let mut options =
-                GridOpenOptions { band, colours: is_colour, ..GridOpenOptions::default() };
-            options.cache_bytes = CACHE as usize;
-            options.temp_dir.clone_from(&input.job.resources.temp_dir);
-            let mut grid = raster::open_all(std::slice::from_ref(&self.grid), &options)?;
-            if grid.block_bytes() * 4 > CACHE {
-                options.cache_bytes = 4 * grid.block_bytes() as usize;
-                grid = raster::open_all(std::slice::from_ref(&self.grid), &options)?;
-            }
-            bands.push(SampledBand { grid, bytes: options.cache_bytes as u64 });
-        }
+        let bands = self.attributes().into_iter().map(|(band, _)| {
+            let opened = self.band(band, input);
+            opened.map_err(|error| match is_colour && band > 1 {
+                true => error.remedy("name a picture with three bands, red, green and blue"),
+                false => error,
+            })
+        });
+        let bands = bands.collect::<Result<Vec<_>>>()?;
         let info = bands[0].grid.info();
         if !info.georeferenced {
             return Err(Error::bad_input("has no georeference")

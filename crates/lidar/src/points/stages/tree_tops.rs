@@ -18,7 +18,7 @@ use super::{
 use crate::records::PointRecords;
 use crate::records::selection::{ChosenRecords, place};
 use terrane_base::bits::BitSet;
-use terrane_base::error::Result;
+use terrane_base::error::{Error, Result};
 use terrane_base::geom::{DistancePredicate, Point};
 use terrane_cloud::CloudInfo;
 use terrane_files::{lock, unlocked};
@@ -85,6 +85,12 @@ impl Stage for TreeTops {
     }
 
     fn open(&self, input: &StageInput<'_>) -> Result<Box<dyn OpenStage>> {
+        if input.info.crs.horizontal_unit() == "degree" {
+            return Err(Error::usage(
+                "the stage tree-tops requires projected coordinates; these are in degrees",
+            )
+            .remedy("reproject the points with ‹to_crs› first"));
+        }
         let (frame, radius) = (&input.info.frame, self.window / 2.0);
         let [x, y, _] = frame.scale;
         Ok(Box::new(TopSearch {
