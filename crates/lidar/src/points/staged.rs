@@ -13,7 +13,7 @@ use super::pipeline;
 use super::prepared::run;
 use super::stages::{AnyStage, StageText};
 use crate::grid::AsText;
-use terrane_base::error::Result;
+use terrane_base::error::{ErrorKind, Result};
 use terrane_cloud::{CloudFilter, CloudOpenOptions};
 use terrane_engine::Resources;
 use terrane_engine::made_input::MadeInput;
@@ -116,7 +116,12 @@ impl CloudStages {
                 overwrite: true,
                 ..TranslateJob::new(inputs.names().to_vec(), path)
             };
-            let report = run(&job.stages(stages.clone()), at.progress, at.cancel)?;
+            let report = run(&job.stages(stages.clone()), at.progress, at.cancel);
+            // What the operation needs of its points is known after the stages alone.
+            let report = report.map_err(|error| match error.kind() {
+                ErrorKind::Resource => error.at("the stages, without what follows them"),
+                _ => error,
+            })?;
             let read = report.census.unwrap_or_default().read;
             let note = format!("stages: {} of {read} points", report.points);
             Ok([vec![note], report.notes].concat())
