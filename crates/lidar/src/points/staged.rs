@@ -32,7 +32,7 @@ const POINTS: &str = "points.las";
 #[non_exhaustive]
 pub struct CloudStages {
     /// Stage on points: NAME or NAME:ARGUMENTS, as listed by terrane points ‹help›. Repeatable; stages run in the order
-    /// given, after filters; in terrane points also after other options, but before ‹sort›
+    /// given, after filters; in terrane points also after other options, before points are sorted
     #[option(value = "STAGE", with = AsText)]
     pub stage: Vec<StageText>,
     /// JSON file of stages: a list of NAME:ARGUMENTS, or a PDAL pipeline of supported filters
