@@ -16,7 +16,7 @@ impl Summarize for QaReport {
             rows.push(("density", format!("{points} points, {pulses} pulses per square {unit}")));
         }
         if let Some(required) = &self.min_density {
-            let verdict = if required.is_met { "met" } else { "not met" };
+            let verdict = required.verdict();
             let [density, below] = [required.required, required.below * 100.0].map(text::number);
             rows.push((
                 "required",

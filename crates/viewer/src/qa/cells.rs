@@ -39,6 +39,14 @@ pub(super) struct CellSummary {
     pub(super) runs: Option<AggregatedRecords<FootprintRun>>,
 }
 
+impl CellSummary {
+    /// Mean number of points of occupied cells; 0 without any.
+    pub(super) fn mean_points(&self) -> f64 {
+        let points: u64 = self.files.iter().map(|file| file.points).sum();
+        points as f64 / self.occupied.max(1) as f64
+    }
+}
+
 /// How cells are summed up.
 pub(super) struct CellPass<'a> {
     pub(super) lattice: &'a QaLattice,

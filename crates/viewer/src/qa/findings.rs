@@ -202,7 +202,7 @@ impl FileFindings<'_> {
     /// Differences from the first file.
     fn others(&mut self, first: &StatedHeader<'_>) {
         let (own, name) = (self.header, file_name(&shown(first.name)));
-        if own.format != first.format {
+        if own.las.is_some() && first.las.is_some() && own.format != first.format {
             let [own, other] = [own.format, first.format];
             self.add(format!("the point format is {own}, that of {name} is {other}"));
         }

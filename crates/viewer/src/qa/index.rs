@@ -83,6 +83,14 @@ impl IndexFormat {
     }
 }
 
+/// The files of an index: that of a Shapefile has companion files.
+pub(super) fn written_files(index: &Path) -> Vec<PathBuf> {
+    let is_shape = index.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("shp"));
+    let companions = ["shx", "dbf", "cpg", "prj"].map(|ending| index.with_extension(ending));
+    let companions = companions.into_iter().filter(|_| is_shape);
+    std::iter::once(index.to_path_buf()).chain(companions).collect()
+}
+
 /// What is written.
 pub(super) struct TileIndex<'a> {
     pub(super) path: &'a Path,
@@ -150,14 +158,14 @@ impl IndexWriter<'_> {
 }
 
 impl TileIndex<'_> {
-    /// Writes the index of files with the runs of their cells; returns notes.
+    /// Writes the index of files with the runs of their cells; returns it, to be finished, and notes.
     ///
     /// # Errors
     /// A file that exists or cannot be written; temporary files that cannot be read.
     pub(super) fn write(
         &self,
         runs: Option<AggregatedRecords<FootprintRun>>,
-    ) -> Result<Vec<String>> {
+    ) -> Result<(Box<dyn FeatureSink>, Vec<String>)> {
         let (mut operation, mut notes) = (None, Vec::new());
         if let IndexFormat::Vpc = self.format {
             match CoordinateOperation::to_wgs84(self.crs, None) {
@@ -173,9 +181,7 @@ impl TileIndex<'_> {
             runs.read(&mut |run| writer.add(*run))?;
         }
         writer.end_files(self.headers.len())?;
-        let IndexWriter { sink, mut notes, .. } = writer;
-        notes.extend(sink.finish(&[])?.notes);
-        Ok(notes)
+        Ok((writer.sink, writer.notes))
     }
 
     fn create(&self, is_wgs84: bool) -> Result<Box<dyn FeatureSink>> {
@@ -236,7 +242,7 @@ impl TileIndex<'_> {
             real(gps_time.map(|time| time.low)),
             real(gps_time.map(|time| time.high)),
             text(version.as_ref()),
-            PropertyValue::Int((*point_format).into()),
+            point_format.map_or(PropertyValue::Null, |format| PropertyValue::Int(format.into())),
             text(created.as_ref()),
             text(Some(crs)),
             PropertyValue::Text(if is_box { "bounding box" } else { "occupied cells" }.to_owned()),

@@ -10,7 +10,7 @@ use super::differences::{MIN_RETURNS, USUAL_SLOPE};
 use super::findings::{allowed_times, created, findings};
 use super::footprint::POLYGON_BYTES;
 use super::index::{IndexFormat, TileIndex};
-use super::lattice::QaLattice;
+use super::lattice::{POINTS_OF_CELL, QaLattice};
 use super::options::QaOptions;
 use super::page::QaPage;
 use super::picture::PICTURE_BYTES;
@@ -27,6 +27,10 @@ use terrane_engine::skip_bad::LostPoints;
 use terrane_files::atomic::{AtomicFile, refuse_existing};
 use terrane_files::{folder_for, shown};
 
+/// With fewer points per occupied cell, a cell without points is no void but lies between points.
+const MIN_MEAN_POINTS: f64 = 4.0;
+/// With more in cells of the default size, ten times [`POINTS_OF_CELL`], the bounds are mostly empty.
+const MAX_MEAN_POINTS: f64 = 10.0 * POINTS_OF_CELL;
 /// Least bytes for cells.
 const MIN_CELLS: u64 = 8 << 20;
 
@@ -136,9 +140,10 @@ impl QaJob<'_> {
             page.differences = summary.picture.differences(&resources)?;
             page.step = summary.picture.step();
             report.lines = line_list(&lines, &summary, lattice);
-            self.fill(&mut report, summary, lattice)?;
+            self.fill(&mut report, summary, lattice, &mut notes)?;
         }
         let mut file = AtomicFile::create(request.output, overwrite)?;
+        let mut written = None;
         if let Some(path) = index {
             let index = TileIndex {
                 path,
@@ -151,7 +156,9 @@ impl QaJob<'_> {
                 tallies: &tallies,
                 files: &report.file_list,
             };
-            notes.extend(index.write(runs)?.into_iter().map(|note| format!("index: {note}")));
+            let (sink, found) = index.write(runs)?;
+            notes.extend(found.into_iter().map(of_index));
+            written = Some(sink);
         }
         notes.extend(LostPoints::of(&cloud).notes());
         notes.extend(
@@ -161,9 +168,13 @@ impl QaJob<'_> {
             notes.push("all point source ids are 0: flight lines are unknown".to_owned());
         }
         report.notes = notes;
-        request.cancel.check()?;
         let html = page.html(&report);
         file.write_all(html.as_bytes()).map_err(|e| Error::write(request.output, e))?;
+        request.cancel.check()?;
+        // A run that fails before leaves the files of an earlier one.
+        if let Some(sink) = written {
+            report.notes.extend(sink.finish(&[])?.notes.into_iter().map(of_index));
+        }
         report.output_bytes = file.commit()?;
         report.run = RunStatistics::since(started, &options.resources)
             .with_threads(memory.threads)
@@ -200,7 +211,12 @@ impl QaJob<'_> {
             footprint_area: 0.0,
             density: None,
             pulse_density: None,
-            min_density: None,
+            // Without points, no cell has the required density.
+            min_density: options.min_density.map(|required| QaRequirement {
+                required,
+                is_met: Some(false),
+                below: 1.0,
+            }),
             voids: None,
             lines: Vec::new(),
             overlaps: Some(Vec::new()),
@@ -222,19 +238,37 @@ impl QaJob<'_> {
     }
 
     /// Adds the results of cells.
-    fn fill(&self, report: &mut QaReport, summary: CellSummary, lattice: &QaLattice) -> Result<()> {
+    fn fill(
+        &self,
+        report: &mut QaReport,
+        summary: CellSummary,
+        lattice: &QaLattice,
+        notes: &mut Vec<String>,
+    ) -> Result<()> {
         let required = self.options.min_density;
         report.occupied_cells = summary.occupied;
         report.enclosed_cells = summary.enclosed;
         report.footprint_area = (summary.occupied + summary.enclosed) as f64 * lattice.area;
         report.density = summary.points.report(lattice.area, None);
         report.pulse_density = summary.pulses.report(lattice.area, required);
-        report.min_density =
-            report.pulse_density.as_ref().zip(required).map(|(density, required)| QaRequirement {
-                required,
-                is_met: density.mean >= required,
-                below: density.below.unwrap_or_default(),
-            });
+        let mean = summary.mean_points();
+        let is_judged = mean >= MIN_MEAN_POINTS;
+        if let (Some(density), Some(requirement)) = (&report.pulse_density, &mut report.min_density)
+        {
+            requirement.is_met = is_judged.then_some(density.mean >= requirement.required);
+            requirement.below = density.below.unwrap_or_default();
+        }
+        if summary.occupied > 0 && !is_judged {
+            notes.push(
+                "cells are smaller than the point spacing; densities are too high: choose a larger ‹cell›".to_owned(),
+            );
+        }
+        if self.options.cell.is_none() && mean > MAX_MEAN_POINTS {
+            notes.push(
+                "the bounds of the headers are much larger than the survey: set the size of cells with ‹cell›"
+                    .to_owned(),
+            );
+        }
         report.voids = (summary.occupied > 0).then_some(summary.voids);
         report.overlaps = summary.comparison.finish(lattice)?;
         Ok(())
@@ -256,6 +290,10 @@ fn line_list(lines: &LineTallies, summary: &CellSummary, lattice: &QaLattice) ->
         }
     });
     all.collect()
+}
+
+fn of_index(note: String) -> String {
+    format!("index: {note}")
 }
 
 fn per_area(points: u64, area: f64) -> f64 {
@@ -280,7 +318,7 @@ fn file_list(
             bounds: tally.stats.bounds,
             gps_time: tally.time,
             version: header.las.map(|las| format!("{}.{}", las.version[0], las.version[1])),
-            point_format: header.format,
+            point_format: header.las.map(|_| header.format),
             created: header.las.and_then(|las| created(&las)).map(|day| day.to_string()),
             crs: header.crs.label(),
         }

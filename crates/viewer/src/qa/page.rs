@@ -52,9 +52,21 @@ fn subject(report: &QaReport, folder: &str) -> String {
     }
 }
 
-/// A text with names of files, without their common folder.
-fn without_folder(text: &str, folder: &str) -> String {
-    if folder.is_empty() { text.to_owned() } else { text.replace(folder, "") }
+/// The name of a file without the common folder.
+fn without_folder(name: &str, folder: &str) -> String {
+    name.strip_prefix(folder).unwrap_or(name).to_owned()
+}
+
+/// A note without the folder of the files whose names begin a word.
+fn short_note(note: &str, folder: &str) -> String {
+    let (mut out, mut from) = (String::new(), 0);
+    for (at, _) in note.match_indices(folder).filter(|_| !folder.is_empty()) {
+        if at == 0 || note[..at].ends_with(' ') {
+            out.push_str(&note[from..at]);
+            from = at + folder.len();
+        }
+    }
+    out + &note[from..]
 }
 
 /// A table under construction.
@@ -115,6 +127,7 @@ impl QaPage {
             (&report.density, &report.pulse_density, report.cell)
         else {
             out.push_str(&paragraph("There are no points."));
+            requirement(report, out);
             return;
         };
         let unit = format!("square {}", report.area_unit);
@@ -140,18 +153,7 @@ impl QaPage {
         }
         row("highest", &|it| number(it.highest));
         out.push_str(&table.html());
-        if let Some(required) = &report.min_density {
-            let verdict = if required.is_met { "met" } else { "not met" };
-            let class = if required.is_met { "met" } else { "missed" };
-            let _ = writeln!(
-                out,
-                "<p><b class=\"{class}\">{verdict}</b>: mean density of pulses {}, required {}. {} % of the cells are \
-                 below the required density.</p>",
-                number(pulses.mean),
-                number(required.required),
-                number(required.below * 100.0)
-            );
-        }
+        requirement(report, out);
         if let Some(picture) = &self.density {
             // Counts per cell to densities.
             let highest = picture.highest / report.cell_area.unwrap_or(1.0);
@@ -220,6 +222,20 @@ impl QaPage {
     }
 }
 
+fn requirement(report: &QaReport, out: &mut String) {
+    let Some(required) = &report.min_density else { return };
+    let class = if required.is_met == Some(true) { "met" } else { "missed" };
+    let _ = writeln!(
+        out,
+        "<p><b class=\"{class}\">{}</b>: mean density of pulses {}, required {}. {} % of the cells are below the \
+         required density.</p>",
+        required.verdict(),
+        number(report.pulse_density.as_ref().map_or(0.0, |pulses| pulses.mean)),
+        number(required.required),
+        number(required.below * 100.0)
+    );
+}
+
 fn overlap_row(overlap: &QaOverlap) -> Vec<String> {
     let optional = |value: Option<f64>| value.map_or("-".to_owned(), height);
     let QaOverlap { lines: [a, b], area, cells, compared, mean, median, rmse, p95, largest } =
@@ -259,7 +275,7 @@ fn summary(report: &QaReport, folder: &str) -> String {
         table.row(&[name.to_owned(), value]);
     }
     let notes = report.notes.iter().map(|note| {
-        let note = without_folder(note, folder).replace(['‹', '›'], "");
+        let note = short_note(note, folder).replace(['‹', '›'], "");
         paragraph(&format!("Note: {note}."))
     });
     table.html() + &notes.collect::<String>()
@@ -384,7 +400,7 @@ fn headers(report: &QaReport, folder: &str, out: &mut String) {
             number(file.area),
             number(file.density),
             file.version.clone().unwrap_or_else(|| "-".to_owned()),
-            file.point_format.to_string(),
+            file.point_format.map_or_else(|| "-".to_owned(), |format| format.to_string()),
             file.created.clone().unwrap_or_else(|| "-".to_owned()),
             range(file.gps_time),
             file.crs.clone(),
@@ -420,6 +436,9 @@ pub(super) fn exact(value: f64) -> String {
 fn number(value: f64) -> String {
     if (1e4..1e15).contains(&value) {
         return count(value.round() as u64);
+    }
+    if value != 0.0 && !(1e-4..1e15).contains(&value.abs()) {
+        return format!("{value:.3e}");
     }
     let decimals = match value.abs() {
         100.0.. => 1,

@@ -77,10 +77,21 @@ pub struct QaDensity {
 pub struct QaRequirement {
     /// Pulses per unit of area.
     pub required: f64,
-    /// Whether the mean density of pulses in the footprint reaches it.
-    pub is_met: bool,
+    /// Whether the mean density of pulses in the footprint reaches it; absent if cells are smaller than the point spacing.
+    pub is_met: Option<bool>,
     /// Share of the cells of the footprint below it, from 0 to 1.
     pub below: f64,
+}
+
+impl QaRequirement {
+    /// "met", "not met" or "not judged".
+    pub fn verdict(&self) -> &'static str {
+        match self.is_met {
+            Some(true) => "met",
+            Some(false) => "not met",
+            None => "not judged",
+        }
+    }
 }
 
 /// Groups of empty cells, connected by sides, that occupied cells enclose.
@@ -186,9 +197,9 @@ pub struct QaFile {
     pub density: f64,
     pub bounds: Option<[Point3; 2]>,
     pub gps_time: Option<QaRange>,
-    /// LAS version and point format.
+    /// LAS version and point format; absent for text files.
     pub version: Option<String>,
-    pub point_format: u8,
+    pub point_format: Option<u8>,
     pub created: Option<String>,
     pub crs: String,
 }
