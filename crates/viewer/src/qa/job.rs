@@ -6,7 +6,7 @@ use std::time::Instant;
 use terrane_options::changed;
 
 use super::cells::{CellPass, CellSummary};
-use super::differences::{MIN_RETURNS, USUAL_SLOPE};
+use super::differences::{MAX_PAIRS, MIN_RETURNS, USUAL_SLOPE};
 use super::findings::{allowed_times, created, findings};
 use super::footprint::POLYGON_BYTES;
 use super::index::{IndexFormat, TileIndex};
@@ -17,6 +17,7 @@ use super::picture::PICTURE_BYTES;
 use super::report::{QaComparison, QaContents, QaFile, QaLine, QaReport, QaRequirement};
 use super::survey::{QaReading, QaSurvey, WORKER};
 use super::tally::{FileTally, LineTallies};
+use super::voids::{GAP_BYTES, MAX_GAPS};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as clouds, CloudFilter, PointCloud, PointSource, StatedHeader};
 use terrane_engine::Resources;
@@ -52,9 +53,9 @@ impl QaMemory {
     fn divide(resources: &Resources, has_index: bool, reserved: u64) -> Result<Self> {
         let least = if has_index { POLYGON_BYTES.max(MIN_CELLS) } else { MIN_CELLS };
         let Some(rest) =
-            beside_program(resources.memory).checked_sub(PICTURE_BYTES + least + WORKER)
+            beside_program(resources.memory).checked_sub(PICTURE_BYTES + GAP_BYTES + least + WORKER)
         else {
-            let required = PROGRAM + PICTURE_BYTES + least + WORKER + reserved;
+            let required = PROGRAM + PICTURE_BYTES + GAP_BYTES + least + WORKER + reserved;
             let mib = required.div_ceil(1 << 20);
             return Err(short(format!("the report needs {mib} MiB of memory"), required));
         };
@@ -219,7 +220,8 @@ impl QaJob<'_> {
             }),
             voids: None,
             lines: Vec::new(),
-            overlaps: Some(Vec::new()),
+            overlaps: Vec::new(),
+            overlaps_left_out: 0,
             comparison: None,
             contents: QaContents {
                 stats: all.stats,
@@ -269,8 +271,20 @@ impl QaJob<'_> {
                     .to_owned(),
             );
         }
-        report.voids = (summary.occupied > 0).then_some(summary.voids);
-        report.overlaps = summary.comparison.finish(lattice)?;
+        if summary.voids.is_none() {
+            notes.push(format!(
+                "voids are not counted: a row of cells has {MAX_GAPS} gaps or more; choose a larger ‹cell›"
+            ));
+        }
+        report.voids = summary.voids.filter(|_| summary.occupied > 0);
+        (report.overlaps, report.overlaps_left_out) = summary.comparison.finish(lattice)?;
+        if report.overlaps_left_out > 0 {
+            notes.push(format!(
+                "{MAX_PAIRS} pairs of lines are compared; {} overlaps of other pairs, counted by cell, are left out: \
+                 these point source ids may not be flight lines",
+                report.overlaps_left_out
+            ));
+        }
         Ok(())
     }
 }

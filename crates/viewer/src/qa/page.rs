@@ -163,16 +163,18 @@ impl QaPage {
 
     fn overlaps(&self, report: &QaReport, out: &mut String) {
         out.push_str("<h2>Overlap of flight lines</h2>\n");
-        let (Some(overlaps), Some(rule)) = (&report.overlaps, &report.comparison) else {
-            out.push_str(&paragraph(
-                "Not compared: too many pairs of point source ids, which may not be flight lines.",
-            ));
+        let overlaps = &report.overlaps;
+        if report.overlaps_left_out > 0 {
+            out.push_str(&paragraph(&format!(
+                "There are too many pairs of point source ids, which may not be flight lines: {} overlaps of other pairs, \
+                 counted by cell, are left out.",
+                count(report.overlaps_left_out)
+            )));
+        }
+        let Some(rule) = report.comparison.filter(|_| !overlaps.is_empty()) else {
+            out.push_str(&paragraph("No flight lines are compared."));
             return;
         };
-        if overlaps.is_empty() {
-            out.push_str(&paragraph("No flight lines overlap."));
-            return;
-        }
         let text = format!(
             "Mean height of the last returns of the first line minus that of the second, in cells where each line has \
              {} last returns or more within {} of height.",

@@ -39,8 +39,9 @@ pub struct QaReport {
     pub min_density: Option<QaRequirement>,
     pub voids: Option<QaVoids>,
     pub lines: Vec<QaLine>,
-    /// Pairs of lines that overlap; absent if they are too many to be flight lines.
-    pub overlaps: Option<Vec<QaOverlap>>,
+    /// Pairs of lines that overlap, at most 4096; and how often others overlap, counted by cell.
+    pub overlaps: Vec<QaOverlap>,
+    pub overlaps_left_out: u64,
     pub comparison: Option<QaComparison>,
     /// All points that pass the filters, with withheld ones.
     pub contents: QaContents,
