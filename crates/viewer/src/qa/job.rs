@@ -80,6 +80,15 @@ impl QaJob<'_> {
         opening.any_extent = true;
         let is_whole =
             opening.filter == CloudFilter { keep_withheld: true, ..CloudFilter::default() };
+        if let Some(path) = index.filter(|_| !is_whole)
+            && matches!(IndexFormat::of(path)?, IndexFormat::Vpc)
+        {
+            return Err(Error::usage(
+                "a Virtual Point Cloud describes whole files, but filters leave points out",
+            )
+            .in_file(path)
+            .remedy("remove the filters, or use .geojson, .fgb or .shp"));
+        }
         let resources = beside_polygons(&opening, &options.resources);
         let memory = QaMemory::divide(&resources, index.is_some(), polygon_bytes(&opening))?;
         let resources = Resources { threads: memory.threads, ..resources };
