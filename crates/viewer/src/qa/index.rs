@@ -12,8 +12,8 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, wkt};
 use terrane_cloud::StatedHeader;
 use terrane_crs::CoordinateOperation;
-use terrane_files::format::by_extension;
 use terrane_files::AggregatedRecords;
+use terrane_files::format::by_extension;
 use terrane_vector::{
     self as vector, CoordinateSequence, Feature, FeatureSink, FieldDefinition, FieldKind, Geometry,
     GeometryType, LayerHeader, PropertyValue, VectorFormat, VectorWriteOptions,
@@ -177,7 +177,8 @@ impl TileIndex<'_> {
             match CoordinateOperation::to_wgs84(self.crs, None) {
                 Ok(found) => operation = Some(found),
                 Err(_) if !self.crs.is_named() => notes.push(
-                    "geometries are not in WGS 84: the CRS is unknown; set it with ‹crs›".to_owned(),
+                    "geometries are not in WGS 84: the CRS is unknown; set it with ‹crs›"
+                        .to_owned(),
                 ),
                 Err(error) => notes.push(format!("geometries are not in WGS 84: {error}")),
             }

@@ -51,17 +51,18 @@ struct QaMemory {
 
 impl QaMemory {
     fn divide(resources: &Resources, has_index: bool, reserved: u64) -> Result<Self> {
-        let least = if has_index { POLYGON_BYTES.max(MIN_CELLS) } else { MIN_CELLS };
+        // Polygons are made when the cells and gaps are gone.
+        let least = if has_index { POLYGON_BYTES } else { 0 }.max(MIN_CELLS + GAP_BYTES);
         let Some(rest) =
-            beside_program(resources.memory).checked_sub(PICTURE_BYTES + GAP_BYTES + least + WORKER)
+            beside_program(resources.memory).checked_sub(PICTURE_BYTES + least + WORKER)
         else {
-            let required = PROGRAM + PICTURE_BYTES + GAP_BYTES + least + WORKER + reserved;
+            let required = PROGRAM + PICTURE_BYTES + least + WORKER + reserved;
             let mib = required.div_ceil(1 << 20);
             return Err(short(format!("the report needs {mib} MiB of memory"), required));
         };
         let threads = resources.threads.clamp(1, 1 + (rest / 2 / WORKER) as usize);
         // One part in eight for fragmentation.
-        let cells = least + (rest - (threads as u64 - 1) * WORKER) / 8 * 7;
+        let cells = least - GAP_BYTES + (rest - (threads as u64 - 1) * WORKER) / 8 * 7;
         Ok(Self { threads, cells, others: WORKER / 4 })
     }
 }

@@ -50,7 +50,9 @@ impl QaLattice {
         let size = span.map(|[low, high]| high.abs_diff(low).saturating_add(1));
         let first = span.map(|[low, _]| low);
         if size.iter().any(|cells| *cells > MAX_CELLS) {
-            let message = format!("cell size {side} divides the bounds into more than 2^31 cells along an axis");
+            let message = format!(
+                "cell size {side} divides the bounds into more than 2^31 cells along an axis"
+            );
             return Err(Error::usage(message).remedy("choose a larger ‹cell›"));
         }
         let crs = &info.crs;

@@ -456,3 +456,23 @@ fn height(value: f64) -> String {
     let text = format!("{value:.4}");
     if text == "-0.0000" { "0.0000".to_owned() } else { text }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{number, short_note};
+
+    #[test]
+    fn small_and_large_numbers_have_exponents() {
+        let all = [0.0, 2.5e-5, -2.5e-9, 1e-4, 12.0, 1e15].map(number);
+        assert_eq!(all, ["0.0000", "2.500e-5", "-2.500e-9", "0.0001", "12.00", "1.000e15"]);
+    }
+
+    #[test]
+    fn notes_lose_the_folder_of_names_only() {
+        assert_eq!(
+            short_note("a/x.las: a/data/y.las is left out", "a/"),
+            "x.las: data/y.las is left out"
+        );
+        assert_eq!(short_note("as it is", ""), "as it is");
+    }
+}
