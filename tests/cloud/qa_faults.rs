@@ -4,7 +4,7 @@ use std::process::Command;
 
 use serde_json::Value;
 use terrane::prelude::*;
-use terrane_engine::Cancel;
+use terrane_engine::{Cancel, Progress};
 
 use crate::cloud_support::{Made, Packing, Place};
 use crate::qa::{job, sound, survey};
@@ -50,20 +50,35 @@ fn a_report_does_not_replace_the_index() {
     assert!(!done.status.success() && said.contains("choose another name"), "{said}");
 }
 
+/// Cancels a job after its pass over the cells.
+struct LateCancel(Cancel);
+
+impl Progress for LateCancel {
+    fn begin(&self, stage: &str, _: u64) {
+        if stage == "cells" {
+            self.0.cancel();
+        }
+    }
+
+    fn advance(&self, _: u64) {}
+
+    fn end(&self) {}
+}
+
 #[test]
 fn a_run_that_fails_leaves_the_index() {
     let place = Place::new();
-    let file = place.write("a.las", &sound(&survey(6, 500, 1, [0, 0])));
-    let index = place.path().join("index.geojson");
+    // No cell whose pass would check for itself.
+    let file =
+        place.write("a.las", &sound(&Made { records: Vec::new(), ..survey(6, 1, 1, [0, 0]) }));
+    let file = [file, place.write("b.las", &sound(&survey(6, 1, 1, [0, 0])))];
+    let [page, index] = ["qa.html", "index.geojson"].map(|name| place.path().join(name));
     std::fs::write(&index, "earlier").unwrap();
-    let folder = place.path().join("qa.html");
-    std::fs::create_dir(&folder).unwrap();
-    assert!(job(&[file.clone()]).index(&index).write(&folder).is_err());
     let cancel = Cancel::default();
-    cancel.cancel();
-    let page = place.path().join("b.html");
-    assert!(job(&[file]).cancel(&cancel).index(&index).write(&page).is_err());
+    let job = job(&file).cancel(&cancel).progress(LateCancel(cancel.clone()));
+    assert!(job.index(&index).write(&page).is_err());
     assert_eq!(std::fs::read_to_string(&index).unwrap(), "earlier");
+    assert!(!page.exists());
 }
 
 #[test]

@@ -109,10 +109,11 @@ impl FileFindings<'_> {
         let is_new = PointFormat::new(format).is_ok_and(PointFormat::is_new);
         for (class, points) in &tally.stats.classes {
             // Key points and overlap became flags; classes above 18 are new.
-            let is_reserved = match is_new {
-                true => matches!(class, 8 | 12) || class_name(*class) == "reserved",
-                false => matches!(class, 10 | 11 | 13..),
-            };
+            let is_reserved = self.header.las.is_some()
+                && match is_new {
+                    true => matches!(class, 8 | 12) || class_name(*class) == "reserved",
+                    false => matches!(class, 10 | 11 | 13..),
+                };
             if is_reserved {
                 self.add(format!(
                     "class {class} is reserved in point format {format}: {points} points"
