@@ -76,7 +76,8 @@ fn a_run_that_fails_leaves_the_index() {
     std::fs::write(&index, "earlier").unwrap();
     let cancel = Cancel::default();
     let job = job(&file).cancel(&cancel).progress(LateCancel(cancel.clone()));
-    assert!(job.index(&index).write(&page).is_err());
+    let error = job.index(&index).write(&page).unwrap_err();
+    assert_eq!(error.kind(), terrane_base::error::ErrorKind::Interrupted, "{error}");
     assert_eq!(std::fs::read_to_string(&index).unwrap(), "earlier");
     assert!(!page.exists());
 }
