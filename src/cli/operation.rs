@@ -444,5 +444,7 @@ fn check_files<O: Operation + HasGroup<Replacing>>(
         true => check::folder(output)?,
         false => check::new_file(output, overwrite || resumes)?,
     }
+    let index = named(options, "index").map(|name| path_of(&name).into_owned());
+    let outputs: Vec<&Path> = outputs.into_iter().chain(index.as_deref()).collect();
     check::report(report, files, &outputs, overwrite)
 }

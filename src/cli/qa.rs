@@ -16,7 +16,7 @@ impl Summarize for QaReport {
             rows.push(("density", format!("{points} points, {pulses} pulses per square {unit}")));
         }
         if let Some(required) = &self.min_density {
-            let verdict = if required.is_met { "met" } else { "not met" };
+            let verdict = required.verdict();
             let [density, below] = [required.required, required.below * 100.0].map(text::number);
             rows.push((
                 "required",
@@ -28,12 +28,10 @@ impl Summarize for QaReport {
             let count = text::count(voids.count);
             rows.push(("voids", format!("{count} of {least} or more, together {area}")));
         }
-        let overlaps = self.overlaps.as_ref().map_or("not compared".to_owned(), |overlaps| {
-            let worst = overlaps.iter().filter_map(|QaOverlap { rmse, .. }| *rmse);
-            let worst = worst.max_by(f64::total_cmp).map(text::number);
-            let worst = worst.map_or(String::new(), |worst| format!(", RMSE at most {worst}"));
-            format!("{} overlap{worst}", text::count(overlaps.len() as u64))
-        });
+        let worst = self.overlaps.iter().filter_map(|QaOverlap { rmse, .. }| *rmse);
+        let worst = worst.max_by(f64::total_cmp).map(text::number);
+        let worst = worst.map_or(String::new(), |worst| format!(", RMSE at most {worst}"));
+        let overlaps = format!("{} overlap{worst}", text::count(self.overlaps.len() as u64));
         rows.push((
             "lines",
             format!("{}; pairs: {overlaps}", text::count(self.lines.len() as u64)),

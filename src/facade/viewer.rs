@@ -85,7 +85,7 @@ impl Cloud {
     /// # std::fs::write(&path, text).unwrap();
     /// let cloud = terrane::open_cloud(format!("cloud:{}", path.display()))?; // "cloud.xyz"
     /// let report = cloud.qa().cell(5.0).min_density(0.5).index(&index).write(&page)?;
-    /// assert!(report.min_density.unwrap().is_met && report.findings.is_empty());
+    /// assert!(report.min_density.unwrap().is_met == Some(true) && report.findings.is_empty());
     /// # Ok(())
     /// # }
     /// ```

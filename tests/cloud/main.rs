@@ -17,6 +17,7 @@ mod noise_plan;
 mod normals;
 mod octree;
 mod qa;
+mod qa_faults;
 mod stages;
 mod synth;
 mod translate;

@@ -29,7 +29,8 @@ pub(super) struct CellSummary {
     pub(super) occupied: u64,
     /// Empty cells that occupied ones enclose.
     pub(super) enclosed: u64,
-    pub(super) voids: QaVoids,
+    /// `None` if a row has too many gaps.
+    pub(super) voids: Option<QaVoids>,
     /// Number of cells of each flight line.
     pub(super) lines: BTreeMap<u16, u64>,
     pub(super) files: Vec<FileCells>,
@@ -37,6 +38,14 @@ pub(super) struct CellSummary {
     pub(super) picture: QaPicture,
     /// Footprints of the files, if asked for.
     pub(super) runs: Option<AggregatedRecords<FootprintRun>>,
+}
+
+impl CellSummary {
+    /// Mean number of points of occupied cells; 0 without any.
+    pub(super) fn mean_points(&self) -> f64 {
+        let points: u64 = self.files.iter().map(|file| file.points).sum();
+        points as f64 / self.occupied.max(1) as f64
+    }
 }
 
 /// How cells are summed up.
@@ -81,13 +90,7 @@ impl CellPass<'_> {
             pulses: CellCounts::default(),
             occupied: 0,
             enclosed: 0,
-            voids: QaVoids {
-                min_area: self.min_void,
-                count: 0,
-                cells: 0,
-                area: 0.0,
-                largest: Vec::new(),
-            },
+            voids: None,
             lines: BTreeMap::new(),
             files: vec![FileCells::default(); self.files],
             comparison: LineComparison::new(self.max_range, lattice, self.folder, self.budget),
@@ -164,7 +167,8 @@ impl CellSums<'_> {
     }
 
     fn finish(self, min_void: f64) -> Result<CellSummary> {
-        let (voids, enclosed) = self.tracker.finish(min_void, self.lattice);
+        let (voids, enclosed) = self.tracker.finish(min_void, self.lattice).unzip();
+        let enclosed = enclosed.unwrap_or(0);
         let mut summary = CellSummary { voids, enclosed, ..self.summary };
         summary.points.add(0, enclosed);
         summary.pulses.add(0, enclosed);

@@ -19,7 +19,7 @@ pub(super) const MIN_RETURNS: u64 = 3;
 /// The default range of heights, as a share of the side of a cell: a slope of 6 degrees.
 pub(super) const USUAL_SLOPE: f64 = 0.1;
 /// Most pairs of lines. More mean that the ids are not those of flight lines.
-const MAX_PAIRS: usize = 1 << 17;
+pub(super) const MAX_PAIRS: usize = 1 << 12;
 /// Differences that are gathered before they are sorted.
 const GATHERED: usize = 1 << 12;
 
@@ -99,7 +99,8 @@ pub(super) struct LineComparison {
     /// Largest range of heights, in steps.
     max_range: f64,
     pairs: BTreeMap<[u16; 2], PairTally>,
-    is_overflow: bool,
+    /// Overlaps of other pairs, counted by cell.
+    left_out: u64,
     gathered: Vec<LineDifference>,
     sorted: AggregatedRecords<LineDifference>,
 }
@@ -112,7 +113,7 @@ impl LineComparison {
         Self {
             max_range: steps + 1e-6 * steps.max(1.0),
             pairs: BTreeMap::new(),
-            is_overflow: false,
+            left_out: 0,
             gathered: Vec::with_capacity(GATHERED + 2),
             sorted: AggregatedRecords::new(folder, [0, 1 << 97], budget),
         }
@@ -121,21 +122,25 @@ impl LineComparison {
     /// Compares the lines of a cell; returns the largest difference in world units, if any two were compared.
     pub(super) fn add(&mut self, lines: &[LineInCell], lattice: &QaLattice) -> Result<Option<f64>> {
         let mut largest = None::<f64>;
-        if self.is_overflow || lines.len() * lines.len().saturating_sub(1) / 2 > MAX_PAIRS {
-            self.give_up();
+        let count = lines.len() * lines.len().saturating_sub(1) / 2;
+        if count > MAX_PAIRS {
+            self.left_out += count as u64;
             return Ok(None);
         }
         for (at, a) in lines.iter().enumerate() {
             for b in &lines[at + 1..] {
                 let lines = [a.line, b.line];
-                let pair = self.pairs.entry(lines).or_default();
-                pair.cells += 1;
-                if !self.is_flat(a) || !self.is_flat(b) {
+                if self.pairs.len() == MAX_PAIRS && !self.pairs.contains_key(&lines) {
+                    self.left_out += 1;
                     continue;
                 }
-                if let Some(pair) = self.pairs.get_mut(&lines) {
-                    pair.compared += 1;
+                let is_compared = self.is_flat(a) && self.is_flat(b);
+                let pair = self.pairs.entry(lines).or_default();
+                pair.cells += 1;
+                if !is_compared {
+                    continue;
                 }
+                pair.compared += 1;
                 let difference = (a.mean() - b.mean()) * lattice.height_step();
                 self.gathered.push(LineDifference::new(lines, false, difference));
                 self.gathered.push(LineDifference::new(lines, true, difference.abs()));
@@ -145,9 +150,6 @@ impl LineComparison {
                 }
             }
         }
-        if self.pairs.len() > MAX_PAIRS {
-            self.give_up();
-        }
         Ok(largest)
     }
 
@@ -156,16 +158,8 @@ impl LineComparison {
         line.last >= MIN_RETURNS && range <= self.max_range
     }
 
-    fn give_up(&mut self) {
-        self.is_overflow = true;
-        self.pairs.clear();
-    }
-
-    /// The report on all pairs that overlap; `None` if they are too many.
-    pub(super) fn finish(mut self, lattice: &QaLattice) -> Result<Option<Vec<QaOverlap>>> {
-        if self.is_overflow {
-            return Ok(None);
-        }
+    /// The report on the pairs that overlap, and how many overlaps of others are left out, counted by cell.
+    pub(super) fn finish(mut self, lattice: &QaLattice) -> Result<(Vec<QaOverlap>, u64)> {
         self.sorted.push(&mut self.gathered)?;
         let overlaps = self.pairs.iter().map(|(lines, pair)| QaOverlap {
             lines: *lines,
@@ -188,7 +182,7 @@ impl LineComparison {
             }
             Ok(())
         })?;
-        Ok(Some(overlaps))
+        Ok((overlaps, self.left_out))
     }
 }
 

@@ -109,10 +109,11 @@ impl FileFindings<'_> {
         let is_new = PointFormat::new(format).is_ok_and(PointFormat::is_new);
         for (class, points) in &tally.stats.classes {
             // Key points and overlap became flags; classes above 18 are new.
-            let is_reserved = match is_new {
-                true => matches!(class, 8 | 12) || class_name(*class) == "reserved",
-                false => matches!(class, 10 | 11 | 13..),
-            };
+            let is_reserved = self.header.las.is_some()
+                && match is_new {
+                    true => matches!(class, 8 | 12) || class_name(*class) == "reserved",
+                    false => matches!(class, 10 | 11 | 13..),
+                };
             if is_reserved {
                 self.add(format!(
                     "class {class} is reserved in point format {format}: {points} points"
@@ -202,7 +203,7 @@ impl FileFindings<'_> {
     /// Differences from the first file.
     fn others(&mut self, first: &StatedHeader<'_>) {
         let (own, name) = (self.header, file_name(&shown(first.name)));
-        if own.format != first.format {
+        if own.las.is_some() && first.las.is_some() && own.format != first.format {
             let [own, other] = [own.format, first.format];
             self.add(format!("the point format is {own}, that of {name} is {other}"));
         }

@@ -1,35 +1,28 @@
 //! The tile index: a feature per file with its footprint, in any format of features that is written, or as a Virtual
-//! Point Cloud: STAC items with the extensions "pointcloud" 1.0.0 and "projection" 1.1.0.
+//! Point Cloud.
 
-use std::path::{Component, Path, PathBuf};
-
-use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
 
 use super::footprint::{FootprintRun, MAX_RUNS, polygons};
 use super::lattice::QaLattice;
 use super::report::QaFile;
 use super::tally::FileTally;
+use super::vpc;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, wkt};
-use terrane_cloud::{PointFormat, StatedHeader};
+use terrane_cloud::StatedHeader;
 use terrane_crs::CoordinateOperation;
-use terrane_engine::transform::PositionExtent;
+use terrane_files::AggregatedRecords;
 use terrane_files::format::by_extension;
-use terrane_files::{AggregatedRecords, path_of};
 use terrane_vector::{
     self as vector, CoordinateSequence, Feature, FeatureSink, FieldDefinition, FieldKind, Geometry,
-    GeometryType, Id, JsonMember, LayerHeader, PropertyValue, VectorFormat, VectorWriteOptions,
+    GeometryType, LayerHeader, PropertyValue, VectorFormat, VectorWriteOptions,
 };
 
 /// Extension of Virtual Point Clouds.
 const VPC: &str = "vpc";
-/// Versions of the items and of their extensions.
-const STAC_VERSION: &str = "1.0.0";
-const EXTENSIONS: [&str; 2] = [
-    "https://stac-extensions.github.io/pointcloud/v1.0.0/schema.json",
-    "https://stac-extensions.github.io/projection/v1.1.0/schema.json",
-];
-
+/// Most bytes of a text in a dBASE table.
+const MAX_TEXT: usize = 254;
 /// Attributes of a file, with names that fit into dBASE tables.
 const FIELDS: [(&str, FieldKind); 18] = [
     ("file", FieldKind::Text),
@@ -83,6 +76,14 @@ impl IndexFormat {
     }
 }
 
+/// The files of an index: that of a Shapefile has companion files.
+pub(super) fn written_files(index: &Path) -> Vec<PathBuf> {
+    let is_shape = index.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("shp"));
+    let companions = ["shx", "dbf", "cpg", "prj"].map(|ending| index.with_extension(ending));
+    let companions = companions.into_iter().filter(|_| is_shape);
+    std::iter::once(index.to_path_buf()).chain(companions).collect()
+}
+
 /// What is written.
 pub(super) struct TileIndex<'a> {
     pub(super) path: &'a Path,
@@ -128,11 +129,24 @@ impl IndexWriter<'_> {
                 Some(lattice) => polygons(&self.runs, lattice),
                 None => CoordinateSequence::default(),
             };
-            let feature = match index.format {
-                IndexFormat::Features(_) => index.feature(self.file, shape, is_box)?,
-                IndexFormat::Vpc => index.item(self.file, shape, self.operation.as_ref())?,
-            };
-            self.sink.write(&feature)?;
+            match index.format {
+                IndexFormat::Features(format) => {
+                    let mut feature = index.feature(self.file, shape, is_box)?;
+                    if format.name == "Shapefile" {
+                        shorten(&mut feature, &index.files[self.file].file, &mut self.notes);
+                    }
+                    self.sink.write(&feature)?;
+                }
+                IndexFormat::Vpc => {
+                    match vpc::item(index, self.file, shape, self.operation.as_ref())? {
+                        Ok(item) => self.sink.write(&item)?,
+                        Err(reason) => {
+                            let file = &index.files[self.file].file;
+                            self.notes.push(format!("{file} is left out: {reason}"));
+                        }
+                    }
+                }
+            }
             self.runs.clear();
             (self.file, self.beyond) = (self.file + 1, 0);
         }
@@ -150,18 +164,22 @@ impl IndexWriter<'_> {
 }
 
 impl TileIndex<'_> {
-    /// Writes the index of files with the runs of their cells; returns notes.
+    /// Writes the index of files with the runs of their cells; returns it, to be finished, and notes.
     ///
     /// # Errors
     /// A file that exists or cannot be written; temporary files that cannot be read.
     pub(super) fn write(
         &self,
         runs: Option<AggregatedRecords<FootprintRun>>,
-    ) -> Result<Vec<String>> {
+    ) -> Result<(Box<dyn FeatureSink>, Vec<String>)> {
         let (mut operation, mut notes) = (None, Vec::new());
         if let IndexFormat::Vpc = self.format {
             match CoordinateOperation::to_wgs84(self.crs, None) {
                 Ok(found) => operation = Some(found),
+                Err(_) if !self.crs.is_named() => notes.push(
+                    "geometries are not in WGS 84: the CRS is unknown; set it with ‹crs›"
+                        .to_owned(),
+                ),
                 Err(error) => notes.push(format!("geometries are not in WGS 84: {error}")),
             }
         }
@@ -173,9 +191,7 @@ impl TileIndex<'_> {
             runs.read(&mut |run| writer.add(*run))?;
         }
         writer.end_files(self.headers.len())?;
-        let IndexWriter { sink, mut notes, .. } = writer;
-        notes.extend(sink.finish(&[])?.notes);
-        Ok(notes)
+        Ok((writer.sink, writer.notes))
     }
 
     fn create(&self, is_wgs84: bool) -> Result<Box<dyn FeatureSink>> {
@@ -236,7 +252,7 @@ impl TileIndex<'_> {
             real(gps_time.map(|time| time.low)),
             real(gps_time.map(|time| time.high)),
             text(version.as_ref()),
-            PropertyValue::Int((*point_format).into()),
+            point_format.map_or(PropertyValue::Null, |format| PropertyValue::Int(format.into())),
             text(created.as_ref()),
             text(Some(crs)),
             PropertyValue::Text(if is_box { "bounding box" } else { "occupied cells" }.to_owned()),
@@ -247,68 +263,24 @@ impl TileIndex<'_> {
         }
         Ok(feature)
     }
+}
 
-    /// A STAC item.
-    fn item(
-        &self,
-        file: usize,
-        mut shape: CoordinateSequence,
-        operation: Option<&CoordinateOperation>,
-    ) -> Result<Feature> {
-        let (entry, header) = (&self.files[file], &self.headers[file]);
-        let [low, high] = entry.bounds.unwrap_or([[0.0; 3]; 2]);
-        let is_compressed = header.name.to_lowercase().ends_with("laz");
-        let mut properties = vec![
-            (
-                "datetime",
-                entry.created.as_ref().map_or(Value::Null, |day| json!(format!("{day}T00:00:00Z"))),
-            ),
-            ("pc:count", json!(entry.points)),
-            ("pc:type", json!("lidar")),
-            ("pc:encoding", json!(if is_compressed { "LASzip" } else { "ASPRS LAS" })),
-            ("pc:schemas", schemas(header.format)),
-            ("pc:density", json!(entry.density)),
-            ("proj:bbox", json!([low[0], low[1], low[2], high[0], high[1], high[2]])),
-            ("proj:geometry", json_geometry(&shape)),
-        ];
-        properties.push(("proj:wkt2", self.crs.to_wkt().map_or(Value::Null, Value::from)));
-        properties.push(("proj:epsg", json!(self.crs.epsg)));
-        let mut extent = PositionExtent::NONE;
-        for at in &mut shape.xy {
-            if let Some(operation) = operation {
-                *at = operation.position(*at)?;
-            }
-            extent.add(*at);
+/// Shortens texts to what a dBASE table holds.
+fn shorten(feature: &mut Feature, file: &str, notes: &mut Vec<String>) {
+    for (name, value) in &mut feature.properties.0 {
+        let PropertyValue::Text(text) = value else { continue };
+        if text.len() > MAX_TEXT {
+            let end = (0..=MAX_TEXT).rfind(|end| text.is_char_boundary(*end)).unwrap_or(0);
+            // Whole words: a class with part of its count is wrong.
+            let end = text[..end].rfind(' ').unwrap_or(end);
+            text.truncate(end);
+            notes.push(format!("{name} of {file} is shortened to {MAX_TEXT} bytes"));
         }
-        let [west, south, east, north] = extent.get().unwrap_or_default();
-        let href = relative(&path_of(header.name), self.path)?;
-        let id =
-            path_of(header.name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let foreign = [
-            ("stac_version", json!(STAC_VERSION)),
-            ("stac_extensions", json!(EXTENSIONS)),
-            ("bbox", json!([west, south, low[2], east, north, high[2]])),
-            ("links", json!([])),
-            ("assets", json!({ "data": { "href": href, "roles": ["data"] } })),
-        ];
-        let mut feature = Feature {
-            // Files of several folders may have one name.
-            id: Some(Id::Text(format!("{file}-{id}"))),
-            geometry: geometry(shape)?,
-            ..Feature::default()
-        };
-        for (name, value) in foreign {
-            feature.foreign.push(JsonMember { name: name.to_owned(), json: value.to_string() });
-        }
-        for (name, value) in properties {
-            feature.properties.push(name, PropertyValue::Json(value.to_string()));
-        }
-        Ok(feature)
     }
 }
 
 /// The footprint of a file without cells is empty.
-fn geometry(shape: CoordinateSequence) -> Result<Geometry> {
+pub(super) fn geometry(shape: CoordinateSequence) -> Result<Geometry> {
     match shape.xy.is_empty() {
         true => Ok(Geometry::default()),
         false => Geometry::new(GeometryType::MultiPolygon, shape),
@@ -324,53 +296,4 @@ fn bounding_box(file: &QaFile) -> CoordinateSequence {
     shape.end_part();
     shape.end_polygon();
     shape
-}
-
-/// A multipolygon of GeoJSON.
-fn json_geometry(shape: &CoordinateSequence) -> Value {
-    let CoordinateSequence { xy, ends, polygons, .. } = shape;
-    let starts = |ends: &[usize]| {
-        let starts = std::iter::once(0).chain(ends.iter().copied());
-        starts.zip(ends.to_vec()).collect::<Vec<_>>()
-    };
-    let rings: Vec<&[[f64; 2]]> =
-        starts(ends).into_iter().map(|(from, to)| &xy[from..to]).collect();
-    let polygons: Vec<&[&[[f64; 2]]]> =
-        starts(polygons).into_iter().map(|(from, to)| &rings[from..to]).collect();
-    json!({ "type": "MultiPolygon", "coordinates": polygons })
-}
-
-/// Dimensions of a point format, by the names of PDAL.
-fn schemas(format: u8) -> Value {
-    let common = [
-        ("X", "floating", 8),
-        ("Y", "floating", 8),
-        ("Z", "floating", 8),
-        ("Intensity", "unsigned", 2),
-        ("ReturnNumber", "unsigned", 1),
-        ("NumberOfReturns", "unsigned", 1),
-        ("Classification", "unsigned", 1),
-        ("ScanAngleRank", "floating", 4),
-        ("UserData", "unsigned", 1),
-        ("PointSourceId", "unsigned", 2),
-    ];
-    let has_time = PointFormat::new(format).is_ok_and(|format| format.time_at().is_some());
-    let time = has_time.then_some(("GpsTime", "floating", 8));
-    let all = common.into_iter().chain(time);
-    all.map(|(name, kind, size)| json!({ "name": name, "type": kind, "size": size })).collect()
-}
-
-/// A file as seen from the folder of the index.
-fn relative(file: &Path, index: &Path) -> Result<String> {
-    let absolute = |path: &Path| std::path::absolute(path).map_err(|e| Error::read(path, e));
-    let (file, index) = (absolute(file)?, absolute(index)?);
-    let folder = index.parent().unwrap_or(Path::new(""));
-    let (own, base): (Vec<Component<'_>>, Vec<Component<'_>>) =
-        (file.components().collect(), folder.components().collect());
-    let common = own.iter().zip(&base).take_while(|(a, b)| a == b).count();
-    let up = base[common..].iter().map(|_| "..".to_owned());
-    let down = own[common..].iter().map(|part| part.as_os_str().to_string_lossy().into_owned());
-    let parts: Vec<String> = up.chain(down).collect();
-    let base = if common == base.len() { "./" } else { "" };
-    Ok(base.to_owned() + &parts.join("/"))
 }

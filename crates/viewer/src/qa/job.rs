@@ -6,17 +6,18 @@ use std::time::Instant;
 use terrane_options::changed;
 
 use super::cells::{CellPass, CellSummary};
-use super::differences::{MIN_RETURNS, USUAL_SLOPE};
+use super::differences::{MAX_PAIRS, MIN_RETURNS, USUAL_SLOPE};
 use super::findings::{allowed_times, created, findings};
 use super::footprint::POLYGON_BYTES;
 use super::index::{IndexFormat, TileIndex};
-use super::lattice::QaLattice;
+use super::lattice::{POINTS_OF_CELL, QaLattice};
 use super::options::QaOptions;
 use super::page::QaPage;
 use super::picture::PICTURE_BYTES;
 use super::report::{QaComparison, QaContents, QaFile, QaLine, QaReport, QaRequirement};
 use super::survey::{QaReading, QaSurvey, WORKER};
 use super::tally::{FileTally, LineTallies};
+use super::voids::{GAP_BYTES, MAX_GAPS};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as clouds, CloudFilter, PointCloud, PointSource, StatedHeader};
 use terrane_engine::Resources;
@@ -27,6 +28,10 @@ use terrane_engine::skip_bad::LostPoints;
 use terrane_files::atomic::{AtomicFile, refuse_existing};
 use terrane_files::{folder_for, shown};
 
+/// With fewer points per occupied cell, a cell without points is no void but lies between points.
+const MIN_MEAN_POINTS: f64 = 4.0;
+/// With more in cells of the default size, ten times [`POINTS_OF_CELL`], the bounds are mostly empty.
+const MAX_MEAN_POINTS: f64 = 10.0 * POINTS_OF_CELL;
 /// Least bytes for cells.
 const MIN_CELLS: u64 = 8 << 20;
 
@@ -46,7 +51,8 @@ struct QaMemory {
 
 impl QaMemory {
     fn divide(resources: &Resources, has_index: bool, reserved: u64) -> Result<Self> {
-        let least = if has_index { POLYGON_BYTES.max(MIN_CELLS) } else { MIN_CELLS };
+        // Polygons are made when the cells and gaps are gone.
+        let least = if has_index { POLYGON_BYTES } else { 0 }.max(MIN_CELLS + GAP_BYTES);
         let Some(rest) =
             beside_program(resources.memory).checked_sub(PICTURE_BYTES + least + WORKER)
         else {
@@ -56,7 +62,7 @@ impl QaMemory {
         };
         let threads = resources.threads.clamp(1, 1 + (rest / 2 / WORKER) as usize);
         // One part in eight for fragmentation.
-        let cells = least + (rest - (threads as u64 - 1) * WORKER) / 8 * 7;
+        let cells = least - GAP_BYTES + (rest - (threads as u64 - 1) * WORKER) / 8 * 7;
         Ok(Self { threads, cells, others: WORKER / 4 })
     }
 }
@@ -75,6 +81,15 @@ impl QaJob<'_> {
         opening.any_extent = true;
         let is_whole =
             opening.filter == CloudFilter { keep_withheld: true, ..CloudFilter::default() };
+        if let Some(path) = index.filter(|_| !is_whole)
+            && matches!(IndexFormat::of(path)?, IndexFormat::Vpc)
+        {
+            return Err(Error::usage(
+                "a Virtual Point Cloud describes whole files, but filters leave points out",
+            )
+            .in_file(path)
+            .remedy("remove the filters, or use .geojson, .fgb or .shp"));
+        }
         let resources = beside_polygons(&opening, &options.resources);
         let memory = QaMemory::divide(&resources, index.is_some(), polygon_bytes(&opening))?;
         let resources = Resources { threads: memory.threads, ..resources };
@@ -136,9 +151,10 @@ impl QaJob<'_> {
             page.differences = summary.picture.differences(&resources)?;
             page.step = summary.picture.step();
             report.lines = line_list(&lines, &summary, lattice);
-            self.fill(&mut report, summary, lattice)?;
+            self.fill(&mut report, summary, lattice, &mut notes)?;
         }
         let mut file = AtomicFile::create(request.output, overwrite)?;
+        let mut written = None;
         if let Some(path) = index {
             let index = TileIndex {
                 path,
@@ -151,7 +167,9 @@ impl QaJob<'_> {
                 tallies: &tallies,
                 files: &report.file_list,
             };
-            notes.extend(index.write(runs)?.into_iter().map(|note| format!("index: {note}")));
+            let (sink, found) = index.write(runs)?;
+            notes.extend(found.into_iter().map(of_index));
+            written = Some(sink);
         }
         notes.extend(LostPoints::of(&cloud).notes());
         notes.extend(
@@ -161,9 +179,13 @@ impl QaJob<'_> {
             notes.push("all point source ids are 0: flight lines are unknown".to_owned());
         }
         report.notes = notes;
-        request.cancel.check()?;
         let html = page.html(&report);
         file.write_all(html.as_bytes()).map_err(|e| Error::write(request.output, e))?;
+        request.cancel.check()?;
+        // A run that fails before leaves the files of an earlier one.
+        if let Some(sink) = written {
+            report.notes.extend(sink.finish(&[])?.notes.into_iter().map(of_index));
+        }
         report.output_bytes = file.commit()?;
         report.run = RunStatistics::since(started, &options.resources)
             .with_threads(memory.threads)
@@ -200,10 +222,16 @@ impl QaJob<'_> {
             footprint_area: 0.0,
             density: None,
             pulse_density: None,
-            min_density: None,
+            // Without points, no cell has the required density.
+            min_density: options.min_density.map(|required| QaRequirement {
+                required,
+                is_met: Some(false),
+                below: 1.0,
+            }),
             voids: None,
             lines: Vec::new(),
-            overlaps: Some(Vec::new()),
+            overlaps: Vec::new(),
+            overlaps_left_out: 0,
             comparison: None,
             contents: QaContents {
                 stats: all.stats,
@@ -222,21 +250,51 @@ impl QaJob<'_> {
     }
 
     /// Adds the results of cells.
-    fn fill(&self, report: &mut QaReport, summary: CellSummary, lattice: &QaLattice) -> Result<()> {
+    fn fill(
+        &self,
+        report: &mut QaReport,
+        summary: CellSummary,
+        lattice: &QaLattice,
+        notes: &mut Vec<String>,
+    ) -> Result<()> {
         let required = self.options.min_density;
         report.occupied_cells = summary.occupied;
         report.enclosed_cells = summary.enclosed;
         report.footprint_area = (summary.occupied + summary.enclosed) as f64 * lattice.area;
         report.density = summary.points.report(lattice.area, None);
         report.pulse_density = summary.pulses.report(lattice.area, required);
-        report.min_density =
-            report.pulse_density.as_ref().zip(required).map(|(density, required)| QaRequirement {
-                required,
-                is_met: density.mean >= required,
-                below: density.below.unwrap_or_default(),
-            });
-        report.voids = (summary.occupied > 0).then_some(summary.voids);
-        report.overlaps = summary.comparison.finish(lattice)?;
+        let mean = summary.mean_points();
+        let is_judged = mean >= MIN_MEAN_POINTS;
+        if let (Some(density), Some(requirement)) = (&report.pulse_density, &mut report.min_density)
+        {
+            requirement.is_met = is_judged.then_some(density.mean >= requirement.required);
+            requirement.below = density.below.unwrap_or_default();
+        }
+        if summary.occupied > 0 && !is_judged {
+            notes.push(
+                "cells are smaller than the point spacing; densities are too high: choose a larger ‹cell›".to_owned(),
+            );
+        }
+        if self.options.cell.is_none() && mean > MAX_MEAN_POINTS {
+            notes.push(
+                "the bounds of the headers are much larger than the survey: set the size of cells with ‹cell›"
+                    .to_owned(),
+            );
+        }
+        if summary.voids.is_none() {
+            notes.push(format!(
+                "voids are not counted: a row of cells has {MAX_GAPS} gaps or more; choose a larger ‹cell›"
+            ));
+        }
+        report.voids = summary.voids.filter(|_| summary.occupied > 0);
+        (report.overlaps, report.overlaps_left_out) = summary.comparison.finish(lattice)?;
+        if report.overlaps_left_out > 0 {
+            notes.push(format!(
+                "{MAX_PAIRS} pairs of lines are compared; {} overlaps of other pairs, counted by cell, are left out: \
+                 these point source ids may not be flight lines",
+                report.overlaps_left_out
+            ));
+        }
         Ok(())
     }
 }
@@ -256,6 +314,10 @@ fn line_list(lines: &LineTallies, summary: &CellSummary, lattice: &QaLattice) ->
         }
     });
     all.collect()
+}
+
+fn of_index(note: String) -> String {
+    format!("index: {note}")
 }
 
 fn per_area(points: u64, area: f64) -> f64 {
@@ -280,7 +342,7 @@ fn file_list(
             bounds: tally.stats.bounds,
             gps_time: tally.time,
             version: header.las.map(|las| format!("{}.{}", las.version[0], las.version[1])),
-            point_format: header.format,
+            point_format: header.las.map(|_| header.format),
             created: header.las.and_then(|las| created(&las)).map(|day| day.to_string()),
             crs: header.crs.label(),
         }

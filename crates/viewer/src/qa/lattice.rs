@@ -8,7 +8,10 @@ use terrane_gridding::{CellEdgeRule, CellLattice};
 
 /// Average number of points of a cell of the default size: its side is four times the point spacing, the size of a data
 /// void in the Lidar Base Specification of the USGS.
-const POINTS_OF_CELL: f64 = 16.0;
+pub(super) const POINTS_OF_CELL: f64 = 16.0;
+
+/// Most columns or rows, whose indices are 32-bit integers.
+const MAX_CELLS: u64 = i32::MAX as u64;
 
 /// Cells with corners at multiples of their size.
 pub(super) struct QaLattice {
@@ -30,7 +33,7 @@ impl QaLattice {
     /// Over the bounds of the headers.
     ///
     /// # Errors
-    /// A cell below the scale of the points; latitudes beyond the poles.
+    /// A cell below the scale of the points, or too small or large for its number or area; latitudes beyond the poles.
     pub(super) fn new(
         info: &CloudInfo,
         bounds: [Point; 2],
@@ -46,6 +49,12 @@ impl QaLattice {
         let span = lattice.span(bounds);
         let size = span.map(|[low, high]| high.abs_diff(low).saturating_add(1));
         let first = span.map(|[low, _]| low);
+        if size.iter().any(|cells| *cells > MAX_CELLS) {
+            let message = format!(
+                "cell size {side} divides the bounds into more than 2^31 cells along an axis"
+            );
+            return Err(Error::usage(message).remedy("choose a larger ‹cell›"));
+        }
         let crs = &info.crs;
         let (sides, area_unit, metres) = match crs.horizontal_unit() {
             "degree" => {
@@ -63,6 +72,10 @@ impl QaLattice {
             unit => ([side; 2], unit, crs.horizontal_metres().unwrap_or(1.0)),
         };
         let area = sides[0] * sides[1];
+        if !area.is_normal() {
+            let message = format!("the area of cells of size {side} is not a finite number");
+            return Err(Error::usage(message).remedy("choose another ‹cell›"));
+        }
         // Heights without a unit are in that of x and y, or in metres.
         let up = crs.vertical_metres().unwrap_or(metres);
         let rise = area.sqrt() * metres / up;

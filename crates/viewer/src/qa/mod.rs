@@ -21,6 +21,7 @@ mod report;
 mod survey;
 mod tally;
 mod voids;
+mod vpc;
 
 pub use options::{QaOptions, QaSetters};
 pub use report::{

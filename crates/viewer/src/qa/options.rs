@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 
 use terrane_options::{OptionRange, Options};
 
-use super::index::IndexFormat;
+use super::index::{IndexFormat, written_files};
 use super::job::QaJob;
 use super::report::QaReport;
 use terrane_base::error::Result;
 use terrane_cloud as clouds;
 use terrane_engine::Resources;
-use terrane_engine::operation::{Operation, RunRequest, Writes};
+use terrane_engine::operation::{Operation, RunRequest, Writes, read_beside};
 use terrane_engine::options::{CloudInput, FileName, Replacing};
 use terrane_engine::outputs::{check_ending, not_among};
 
@@ -75,7 +75,10 @@ impl Operation for QaOptions {
 
     fn run(&self, request: RunRequest<'_>) -> Result<QaReport> {
         if let Some(index) = &self.index {
-            not_among(&clouds::files(request.inputs.names())?, &[request.output, index])?;
+            let read = [clouds::files(request.inputs.names())?, read_beside(self)?].concat();
+            let written = written_files(index);
+            let written = written.iter().map(PathBuf::as_path).chain([request.output]);
+            not_among(&read, &written.collect::<Vec<_>>())?;
         }
         QaJob { options: self, request }.run()
     }

@@ -52,9 +52,21 @@ fn subject(report: &QaReport, folder: &str) -> String {
     }
 }
 
-/// A text with names of files, without their common folder.
-fn without_folder(text: &str, folder: &str) -> String {
-    if folder.is_empty() { text.to_owned() } else { text.replace(folder, "") }
+/// The name of a file without the common folder.
+fn without_folder(name: &str, folder: &str) -> String {
+    name.strip_prefix(folder).unwrap_or(name).to_owned()
+}
+
+/// A note without the folder of the files whose names begin a word.
+fn short_note(note: &str, folder: &str) -> String {
+    let (mut out, mut from) = (String::new(), 0);
+    for (at, _) in note.match_indices(folder).filter(|_| !folder.is_empty()) {
+        if at == 0 || note[..at].ends_with(' ') {
+            out.push_str(&note[from..at]);
+            from = at + folder.len();
+        }
+    }
+    out + &note[from..]
 }
 
 /// A table under construction.
@@ -115,6 +127,7 @@ impl QaPage {
             (&report.density, &report.pulse_density, report.cell)
         else {
             out.push_str(&paragraph("There are no points."));
+            requirement(report, out);
             return;
         };
         let unit = format!("square {}", report.area_unit);
@@ -140,18 +153,7 @@ impl QaPage {
         }
         row("highest", &|it| number(it.highest));
         out.push_str(&table.html());
-        if let Some(required) = &report.min_density {
-            let verdict = if required.is_met { "met" } else { "not met" };
-            let class = if required.is_met { "met" } else { "missed" };
-            let _ = writeln!(
-                out,
-                "<p><b class=\"{class}\">{verdict}</b>: mean density of pulses {}, required {}. {} % of the cells are \
-                 below the required density.</p>",
-                number(pulses.mean),
-                number(required.required),
-                number(required.below * 100.0)
-            );
-        }
+        requirement(report, out);
         if let Some(picture) = &self.density {
             // Counts per cell to densities.
             let highest = picture.highest / report.cell_area.unwrap_or(1.0);
@@ -161,16 +163,18 @@ impl QaPage {
 
     fn overlaps(&self, report: &QaReport, out: &mut String) {
         out.push_str("<h2>Overlap of flight lines</h2>\n");
-        let (Some(overlaps), Some(rule)) = (&report.overlaps, &report.comparison) else {
-            out.push_str(&paragraph(
-                "Not compared: too many pairs of point source ids, which may not be flight lines.",
-            ));
+        let overlaps = &report.overlaps;
+        if report.overlaps_left_out > 0 {
+            out.push_str(&paragraph(&format!(
+                "There are too many pairs of point source ids, which may not be flight lines: {} overlaps of other pairs, \
+                 counted by cell, are left out.",
+                count(report.overlaps_left_out)
+            )));
+        }
+        let Some(rule) = report.comparison.filter(|_| !overlaps.is_empty()) else {
+            out.push_str(&paragraph("No flight lines are compared."));
             return;
         };
-        if overlaps.is_empty() {
-            out.push_str(&paragraph("No flight lines overlap."));
-            return;
-        }
         let text = format!(
             "Mean height of the last returns of the first line minus that of the second, in cells where each line has \
              {} last returns or more within {} of height.",
@@ -220,6 +224,20 @@ impl QaPage {
     }
 }
 
+fn requirement(report: &QaReport, out: &mut String) {
+    let Some(required) = &report.min_density else { return };
+    let class = if required.is_met == Some(true) { "met" } else { "missed" };
+    let _ = writeln!(
+        out,
+        "<p><b class=\"{class}\">{}</b>: mean density of pulses {}, required {}. {} % of the cells are below the \
+         required density.</p>",
+        required.verdict(),
+        number(report.pulse_density.as_ref().map_or(0.0, |pulses| pulses.mean)),
+        number(required.required),
+        number(required.below * 100.0)
+    );
+}
+
 fn overlap_row(overlap: &QaOverlap) -> Vec<String> {
     let optional = |value: Option<f64>| value.map_or("-".to_owned(), height);
     let QaOverlap { lines: [a, b], area, cells, compared, mean, median, rmse, p95, largest } =
@@ -259,7 +277,7 @@ fn summary(report: &QaReport, folder: &str) -> String {
         table.row(&[name.to_owned(), value]);
     }
     let notes = report.notes.iter().map(|note| {
-        let note = without_folder(note, folder).replace(['‹', '›'], "");
+        let note = short_note(note, folder).replace(['‹', '›'], "");
         paragraph(&format!("Note: {note}."))
     });
     table.html() + &notes.collect::<String>()
@@ -384,7 +402,7 @@ fn headers(report: &QaReport, folder: &str, out: &mut String) {
             number(file.area),
             number(file.density),
             file.version.clone().unwrap_or_else(|| "-".to_owned()),
-            file.point_format.to_string(),
+            file.point_format.map_or_else(|| "-".to_owned(), |format| format.to_string()),
             file.created.clone().unwrap_or_else(|| "-".to_owned()),
             range(file.gps_time),
             file.crs.clone(),
@@ -421,6 +439,9 @@ fn number(value: f64) -> String {
     if (1e4..1e15).contains(&value) {
         return count(value.round() as u64);
     }
+    if value != 0.0 && !(1e-4..1e15).contains(&value.abs()) {
+        return format!("{value:.3e}");
+    }
     let decimals = match value.abs() {
         100.0.. => 1,
         1.0.. => 2,
@@ -434,4 +455,24 @@ fn height(value: f64) -> String {
     // No negative zero.
     let text = format!("{value:.4}");
     if text == "-0.0000" { "0.0000".to_owned() } else { text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{number, short_note};
+
+    #[test]
+    fn small_and_large_numbers_have_exponents() {
+        let all = [0.0, 2.5e-5, -2.5e-9, 1e-4, 12.0, 1e15].map(number);
+        assert_eq!(all, ["0.0000", "2.500e-5", "-2.500e-9", "0.0001", "12.00", "1.000e15"]);
+    }
+
+    #[test]
+    fn notes_lose_the_folder_of_names_only() {
+        assert_eq!(
+            short_note("a/x.las: a/data/y.las is left out", "a/"),
+            "x.las: data/y.las is left out"
+        );
+        assert_eq!(short_note("as it is", ""), "as it is");
+    }
 }

@@ -39,8 +39,9 @@ pub struct QaReport {
     pub min_density: Option<QaRequirement>,
     pub voids: Option<QaVoids>,
     pub lines: Vec<QaLine>,
-    /// Pairs of lines that overlap; absent if they are too many to be flight lines.
-    pub overlaps: Option<Vec<QaOverlap>>,
+    /// Pairs of lines that overlap, at most 4096; and how often others overlap, counted by cell.
+    pub overlaps: Vec<QaOverlap>,
+    pub overlaps_left_out: u64,
     pub comparison: Option<QaComparison>,
     /// All points that pass the filters, with withheld ones.
     pub contents: QaContents,
@@ -77,10 +78,21 @@ pub struct QaDensity {
 pub struct QaRequirement {
     /// Pulses per unit of area.
     pub required: f64,
-    /// Whether the mean density of pulses in the footprint reaches it.
-    pub is_met: bool,
+    /// Whether the mean density of pulses in the footprint reaches it; absent if cells are smaller than the point spacing.
+    pub is_met: Option<bool>,
     /// Share of the cells of the footprint below it, from 0 to 1.
     pub below: f64,
+}
+
+impl QaRequirement {
+    /// "met", "not met" or "not judged".
+    pub fn verdict(&self) -> &'static str {
+        match self.is_met {
+            Some(true) => "met",
+            Some(false) => "not met",
+            None => "not judged",
+        }
+    }
 }
 
 /// Groups of empty cells, connected by sides, that occupied cells enclose.
@@ -186,9 +198,9 @@ pub struct QaFile {
     pub density: f64,
     pub bounds: Option<[Point3; 2]>,
     pub gps_time: Option<QaRange>,
-    /// LAS version and point format.
+    /// LAS version and point format; absent for text files.
     pub version: Option<String>,
-    pub point_format: u8,
+    pub point_format: Option<u8>,
     pub created: Option<String>,
     pub crs: String,
 }

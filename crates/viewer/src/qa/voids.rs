@@ -10,6 +10,10 @@ use super::report::{QaVoid, QaVoids};
 
 /// Voids that are listed.
 const LISTED: usize = 20;
+/// Most gaps of a row.
+pub(super) const MAX_GAPS: usize = 1 << 15;
+/// Bytes of two rows of gaps: runs, groups and their numbers.
+pub(super) const GAP_BYTES: u64 = MAX_GAPS as u64 * 320;
 
 /// Empty cells of a row, both ends included.
 #[derive(Clone, Copy, Debug)]
@@ -67,11 +71,18 @@ pub(super) struct VoidTracker {
     /// Fewer cells are no void.
     min_cells: u64,
     row: i64,
-    /// Occupied columns of the row.
-    occupied: Vec<i64>,
-    /// Runs of the row before, and their groups.
+    /// Last occupied column of the row.
+    last: Option<i64>,
+    /// Empty runs of the row, and of the row before.
+    current: Vec<VoidRun>,
     runs: Vec<VoidRun>,
+    /// Groups of the row before, then of the row; and the list of the next row.
     groups: Vec<EnclosedCells>,
+    next: Vec<EnclosedCells>,
+    parents: Vec<usize>,
+    kept: Vec<Option<usize>>,
+    /// Whether a row has more than [`MAX_GAPS`].
+    is_overflow: bool,
     empty: u64,
     count: u64,
     cells: u64,
@@ -86,9 +97,14 @@ impl VoidTracker {
         Self {
             min_cells,
             row: i64::MIN,
-            occupied: Vec::new(),
+            last: None,
+            current: Vec::new(),
             runs: vec![BELOW],
             groups: vec![EnclosedCells::OUTSIDE],
+            next: Vec::new(),
+            parents: Vec::new(),
+            kept: Vec::new(),
+            is_overflow: false,
             empty: 0,
             count: 0,
             cells: 0,
@@ -98,6 +114,9 @@ impl VoidTracker {
 
     /// Adds an occupied cell.
     pub(super) fn add(&mut self, [row, col]: [i64; 2]) {
+        if self.is_overflow {
+            return;
+        }
         if row != self.row {
             self.end_row();
             if row != self.row.saturating_add(1) {
@@ -106,69 +125,62 @@ impl VoidTracker {
             }
             self.row = row;
         }
-        self.occupied.push(col);
+        let from = self.last.map_or(i64::MIN, |last| last + 1);
+        if from < col {
+            self.current.push(VoidRun { from, to: col - 1, group: 0 });
+        }
+        self.last = Some(col);
+        self.is_overflow = self.current.len() >= MAX_GAPS;
     }
 
     fn end_row(&mut self) {
-        if self.occupied.is_empty() {
-            return;
-        }
-        let mut groups = std::mem::take(&mut self.groups);
-        let mut parents: Vec<usize> = (0..groups.len()).collect();
-        let mut runs = self.gaps(&mut groups, &mut parents);
-        let mut above = 0;
-        for run in &runs {
-            // Runs of both rows are sorted; one may touch several of the other.
-            while self.runs.get(above).is_some_and(|below| below.to < run.from) {
-                above += 1;
-            }
-            for below in self.runs[above..].iter().take_while(|below| below.from <= run.to) {
-                unite(&mut groups, &mut parents, below.group, run.group);
-            }
-        }
-        self.close(&groups, &mut parents, &mut runs);
-        self.occupied.clear();
-    }
-
-    /// The empty runs of the row, each a group of its own; those at its ends are open.
-    fn gaps(&self, groups: &mut Vec<EnclosedCells>, parents: &mut Vec<usize>) -> Vec<VoidRun> {
-        let starts = std::iter::once(None).chain(self.occupied.iter().copied().map(Some));
-        let ends = self.occupied.iter().copied().map(Some).chain([None]);
-        let mut runs = Vec::new();
-        for (start, end) in starts.zip(ends) {
-            let from = start.map_or(i64::MIN, |col| col + 1);
-            let to = end.map_or(i64::MAX, |col| col - 1);
-            if from > to {
-                continue;
-            }
-            runs.push(VoidRun { from, to, group: groups.len() });
-            parents.push(groups.len());
-            groups.push(match (start, end) {
-                (Some(_), Some(_)) => EnclosedCells::of_run(self.row, from, to),
-                _ => EnclosedCells::OUTSIDE,
+        let Some(last) = self.last.take() else { return };
+        self.current.push(VoidRun { from: last + 1, to: i64::MAX, group: 0 });
+        let Self { row, current, runs, groups, parents, .. } = self;
+        for run in current.iter_mut() {
+            run.group = groups.len();
+            groups.push(match (run.from, run.to) {
+                (i64::MIN, _) | (_, i64::MAX) => EnclosedCells::OUTSIDE,
+                (from, to) => EnclosedCells::of_run(*row, from, to),
             });
         }
-        runs
+        parents.clear();
+        parents.extend(0..groups.len());
+        let mut above = 0;
+        for run in current.iter() {
+            // Runs of both rows are sorted; one may touch several of the other.
+            while runs.get(above).is_some_and(|below| below.to < run.from) {
+                above += 1;
+            }
+            for below in runs[above..].iter().take_while(|below| below.from <= run.to) {
+                unite(groups, parents, below.group, run.group);
+            }
+        }
+        self.close();
     }
 
     /// Counts the groups that end below the row, and keeps the others.
-    fn close(&mut self, groups: &[EnclosedCells], parents: &mut [usize], runs: &mut Vec<VoidRun>) {
-        let mut kept = vec![None; groups.len()];
-        self.groups.clear();
-        for run in runs.iter_mut() {
+    fn close(&mut self) {
+        let Self { current, groups, next, parents, kept, .. } = self;
+        kept.clear();
+        kept.resize(groups.len(), None);
+        for run in current.iter_mut() {
             let root = root(parents, run.group);
             run.group = *kept[root].get_or_insert_with(|| {
-                self.groups.push(groups[root]);
-                self.groups.len() - 1
+                next.push(groups[root]);
+                next.len() - 1
             });
         }
-        for group in 0..groups.len() {
-            let is_ended = parents[group] == group && kept[group].is_none();
-            if is_ended && !groups[group].is_open {
-                self.count(&groups[group]);
+        for at in 0..self.groups.len() {
+            let group = self.groups[at];
+            if self.parents[at] == at && self.kept[at].is_none() && !group.is_open {
+                self.count(&group);
             }
         }
-        self.runs = std::mem::take(runs);
+        std::mem::swap(&mut self.groups, &mut self.next);
+        std::mem::swap(&mut self.runs, &mut self.current);
+        self.next.clear();
+        self.current.clear();
     }
 
     fn count(&mut self, group: &EnclosedCells) {
@@ -189,8 +201,11 @@ impl VoidTracker {
         self.largest.truncate(LISTED);
     }
 
-    /// The voids, and the number of all enclosed empty cells.
-    pub(super) fn finish(mut self, min_area: f64, lattice: &QaLattice) -> (QaVoids, u64) {
+    /// The voids, and the number of all enclosed empty cells; `None` if a row has too many gaps.
+    pub(super) fn finish(mut self, min_area: f64, lattice: &QaLattice) -> Option<(QaVoids, u64)> {
+        if self.is_overflow {
+            return None;
+        }
         self.end_row();
         self.shorten();
         let places = self.largest.iter().map(|group| {
@@ -211,7 +226,7 @@ impl VoidTracker {
             area: self.cells as f64 * lattice.area,
             largest: places.collect(),
         };
-        (voids, self.empty)
+        Some((voids, self.empty))
     }
 }
 
