@@ -17,6 +17,25 @@ use terrane_gridding::{CellEdgeRule, CellLattice};
 /// Default maximum number of cells along a side.
 const USUAL_SIDE: f64 = 1000.0;
 
+/// Cells over the bounds of a cloud: their lattice, the indices of the one in the south-west, and columns and rows.
+///
+/// # Errors
+/// Cells below the scale of the points.
+pub(crate) fn cells_over(
+    info: &CloudInfo,
+    bounds: [Point; 2],
+    side: f64,
+) -> Result<(CellLattice, [i64; 2], [u64; 2])> {
+    if info.frame.scale[..2].iter().any(|step| side < *step) {
+        let message = format!("cell size {side} is below the coordinate scale of the points");
+        return Err(Error::usage(message).remedy("choose a larger ‹cell›"));
+    }
+    let lattice = CellLattice::new(&info.frame, [0.0; 2], [side; 2], CellEdgeRule::default());
+    let span = lattice.span(bounds);
+    let size = span.map(|[low, high]| high.abs_diff(low).saturating_add(1));
+    Ok((lattice, span.map(|[low, _]| low), size))
+}
+
 /// Cells of the plane, from the north-west on.
 pub(super) struct PictureCells {
     pub(super) side: f64,
@@ -29,13 +48,7 @@ pub(super) struct PictureCells {
 impl PictureCells {
     pub(super) fn new(info: &CloudInfo, bounds: [Point; 2], side: Option<f64>) -> Result<Self> {
         let side = side.unwrap_or_else(|| usual_side(info, bounds));
-        if info.frame.scale[..2].iter().any(|step| side < *step) {
-            let message = format!("cell size {side} is below the coordinate scale of the points");
-            return Err(Error::usage(message).remedy("choose a larger ‹cell›"));
-        }
-        let lattice = CellLattice::new(&info.frame, [0.0; 2], [side; 2], CellEdgeRule::default());
-        let span = lattice.span(bounds);
-        let size = span.map(|[low, high]| high.abs_diff(low).saturating_add(1));
+        let (lattice, first, size) = cells_over(info, bounds, side)?;
         let limit = u64::from(MAX_PICTURE_SIDE);
         if let Some(cells) = size.into_iter().find(|cells| *cells > limit) {
             let message = format!(
@@ -44,7 +57,7 @@ impl PictureCells {
             );
             return Err(Error::usage(message).remedy("choose a larger ‹cell›"));
         }
-        Ok(Self { side, lattice, first: span.map(|[low, _]| low), size: size.map(|n| n as usize) })
+        Ok(Self { side, lattice, first, size: size.map(|n| n as usize) })
     }
 
     pub(super) fn count(&self) -> u64 {

@@ -12,6 +12,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use crate::view::write_png;
+pub(crate) use map::cells_over;
 use map::{PictureCells, PointDensityMap};
 use paint::CloudPicture;
 pub use paint::PictureContent;

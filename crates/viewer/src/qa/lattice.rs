@@ -1,10 +1,11 @@
 //! Cells of the plane, their place and their area on the ground.
 
+use crate::cloud_picture::cells_over;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, PointFrame};
 use terrane_cloud::{CloudInfo, FilterRecord, round_up, side_of};
 use terrane_engine::local_frame::spheroid;
-use terrane_gridding::{CellEdgeRule, CellLattice};
+use terrane_gridding::CellLattice;
 
 /// Average number of points of a cell of the default size: its side is four times the point spacing, the size of a data
 /// void in the Lidar Base Specification of the USGS.
@@ -41,14 +42,7 @@ impl QaLattice {
         notes: &mut Vec<String>,
     ) -> Result<Self> {
         let side = side.unwrap_or_else(|| round_up(side_of(POINTS_OF_CELL, info, bounds)));
-        if info.frame.scale[..2].iter().any(|step| side < *step) {
-            let message = format!("cell size {side} is below the coordinate scale of the points");
-            return Err(Error::usage(message).remedy("choose a larger ‹cell›"));
-        }
-        let lattice = CellLattice::new(&info.frame, [0.0; 2], [side; 2], CellEdgeRule::default());
-        let span = lattice.span(bounds);
-        let size = span.map(|[low, high]| high.abs_diff(low).saturating_add(1));
-        let first = span.map(|[low, _]| low);
+        let (lattice, first, size) = cells_over(info, bounds, side)?;
         if size.iter().any(|cells| *cells > MAX_CELLS) {
             let message = format!(
                 "cell size {side} divides the bounds into more than 2^31 cells along an axis"
