@@ -144,7 +144,7 @@ impl CloudModel {
         let path = folder.join(MODEL);
         let points = work_folder.folder.join(PARTS[2]);
         let at = RunControl { progress, cancel };
-        let notes = self.with_job(StagedPlace::In(&points), resources, at, |job| {
+        let notes = self.with_job(StagedPlace::In(points), resources, at, |job| {
             let plan = PlanGridJob {
                 job: GridJob { output: path.clone(), overwrite: true, ..job },
                 folder: folder.clone(),

@@ -33,7 +33,10 @@ impl Operation for CloudTinOptions {
         if workdir.is_none() {
             refuse_existing(output, self.file.replacing.overwrite)?;
         }
-        let place = workdir.map_or(StagedPlace::Beside(output), StagedPlace::OfPlan);
+        let place = match workdir {
+            None => StagedPlace::Beside(output),
+            Some(folder) => StagedPlace::of_plan(folder)?,
+        };
         let (mut report, notes) = self.with_job(request, output, place, |job| {
             let job = CloudTinJob { measure: is_measured, ..job };
             match workdir {

@@ -54,14 +54,24 @@ pub struct StagedCloud<'a> {
 }
 
 /// Where the points after the stages are kept.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub enum StagedPlace<'a> {
     /// In a temporary folder beside this output.
     Beside(&'a Path),
-    /// In a folder of a work folder, to be found there by a run that resumes.
-    In(&'a Path),
+    /// In this folder, to be found there by a run that resumes.
+    In(PathBuf),
+}
+
+impl StagedPlace<'_> {
     /// In the folder of a plan.
-    OfPlan(&'a Path),
+    ///
+    /// # Errors
+    /// A file, or a folder with other contents.
+    pub(crate) fn of_plan(folder: &Path) -> Result<Self> {
+        plan::refuse_file(folder)?;
+        plan::refuse_others(folder)?;
+        Ok(Self::In(folder.join(plan::POINTS)))
+    }
 }
 
 /// What the points depend on.
@@ -100,10 +110,6 @@ impl CloudStages {
         if stages.is_empty() {
             return Ok((act(inputs, cloud.clone())?, Vec::new()));
         }
-        if let StagedPlace::OfPlan(folder) = place {
-            plan::refuse_file(folder)?;
-            plan::refuse_others(folder)?;
-        }
         let (mut own, mut rest) = (cloud.clone(), CloudFilter::default());
         rest.keep_withheld = own.filter.keep_withheld;
         if has_ground_classes {
@@ -132,13 +138,10 @@ impl CloudStages {
             StagedPlace::Beside(output) => {
                 MadeInput::temporary(label, output, POINTS, resources, make)
             }
-            StagedPlace::In(folder) | StagedPlace::OfPlan(folder) => {
-                let is_plan = matches!(place, StagedPlace::OfPlan(_));
-                let folder =
-                    &if is_plan { folder.join(plan::POINTS) } else { folder.to_path_buf() };
+            StagedPlace::In(folder) => {
                 let request = StagedRequest { stages: &stages, cloud: &own };
                 let beside = stages.iter().flat_map(|stage| stage.stage().files()).collect();
-                MadeInput::in_folder(label, inputs, beside, folder, POINTS, &request, make)
+                MadeInput::in_folder(label, inputs, beside, &folder, POINTS, &request, make)
             }
         }?;
         let cloud = CloudOpenOptions { filter: rest, threads: own.threads, ..Default::default() };

@@ -52,12 +52,14 @@ impl Divisible for CloudTinOptions {
         let format = by_path(Path::new(""), Some(self.file.format.as_deref().unwrap_or("PLY")))?;
         let output = folder.join("mesh").with_extension(format.extensions[0]);
         refuse_lines(&self.unread(request.inputs, &output)?)?;
-        let (status, _) = self.with_job(request, &output, StagedPlace::OfPlan(folder), |job| {
-            let job = CloudTinJob { format: Some(format.name.to_owned()), measure: false, ..job };
-            let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
-            let plan = PlanCloudTinJob { job, folder, cut: task_size, skipped };
-            plan_cloud_tin(&plan, progress, cancel)
-        })?;
+        let (status, _) =
+            self.with_job(request, &output, StagedPlace::of_plan(folder)?, |job| {
+                let job =
+                    CloudTinJob { format: Some(format.name.to_owned()), measure: false, ..job };
+                let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
+                let plan = PlanCloudTinJob { job, folder, cut: task_size, skipped };
+                plan_cloud_tin(&plan, progress, cancel)
+            })?;
         Ok(status)
     }
 }

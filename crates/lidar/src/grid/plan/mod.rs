@@ -86,7 +86,7 @@ impl Divisible for GridOptions {
         planned.check(&output)?;
         check_task(&planned.water, task_size)?;
         let (status, _) =
-            planned.with_job(request, &output, StagedPlace::OfPlan(folder), |job| {
+            planned.with_job(request, &output, StagedPlace::of_plan(folder)?, |job| {
                 let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
                 plan_grid(&PlanGridJob { job, folder, cut: task_size, skipped }, progress, cancel)
             })?;

@@ -6,9 +6,8 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use super::lookup::{attribute_name, dimension_of};
-use super::operand::{RecordOperand, column};
+use super::operand::{RecordOperand, at_record, column};
 use super::{OpenStage, PointSetEffect, Stage, StageContext, StageInput, StageName, StageOutput};
-use crate::records::selection::place;
 use crate::records::{EachRecord, PointRecords, RecordAt};
 use terrane_base::error::{Error, Result};
 use terrane_base::formula::Formula;
@@ -177,18 +176,12 @@ impl AttributeAssigner {
     }
 
     fn failure(&self, file: Option<&str>, record: &[u8], what: &str) -> Error {
-        let [x, y, z] = self.place(record);
-        let error = Error::bad_input(what).at(format_args!("the point at {x}, {y}, {z}"));
+        let error = at_record(Error::bad_input(what), &self.rulers, record);
         let error = error.remedy("change the formula, or exclude such points with ‹where›");
         match file {
             Some(name) => error.in_file(&path_of(name)),
             None => error,
         }
-    }
-
-    fn place(&self, record: &[u8]) -> [f64; 3] {
-        let at = place(record);
-        [0, 1, 2].map(|axis| self.rulers[axis].at([at.x, at.y, at.z][axis].into()))
     }
 }
 

@@ -2,16 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use super::operand::column;
+use super::operand::{at_record, column};
 use super::{OpenStage, StageContext, StageInput, StageOutput};
 use crate::records::selection::place;
 use crate::records::{EachRecord, PointRecords};
 use terrane_base::attribute;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, Ruler};
-use terrane_cloud::AXES;
 use terrane_cloud::write::PointColumn;
-use terrane_cloud::{NewDimension, NewDimensionValue};
+use terrane_cloud::{AXES, NewDimension, NewDimensionValue};
 
 /// Longest name of a new dimension, in bytes.
 const MAX_NAME: usize = 32;
@@ -51,17 +50,16 @@ impl<V: PlaceValues> ValueLookup<V> {
         let columns = names.iter().map(|name| column(name.as_ref(), input.format, input.added));
         let columns = columns.collect::<Result<_>>()?;
         let new = names.iter().filter(|name| (input.is_new)(name.as_ref()));
-        let notes = new.map(|name| new_dimension_note(name.as_ref())).collect();
+        // The name may be mistyped.
+        let notes = new.map(|name| format!("stages: {} is a new dimension", name.as_ref()));
+        let notes = notes.collect();
         let rulers = [0, 1, 2].map(|axis| input.info.frame.ruler(axis));
         Ok(Self { columns, values, path: path.to_path_buf(), rulers, notes })
     }
 
     /// The error of a value that does not fit.
     fn failure(&self, record: &[u8], what: String) -> Error {
-        let Point { x, y, z } = place(record);
-        let [x, y, z] = [(0, x), (1, y), (2, z)].map(|(axis, at)| self.rulers[axis].at(at.into()));
-        Error::bad_input(what)
-            .at(format_args!("the point at {x}, {y}, {z}"))
+        at_record(Error::bad_input(what), &self.rulers, record)
             .in_file(&self.path)
             .remedy("choose another attribute or value in the stage")
     }
@@ -90,11 +88,6 @@ impl<V: PlaceValues> OpenStage for ValueLookup<V> {
         let records = Box::new(EachRecord::new(records, around.work.shares.flow.record, each));
         Ok(StageOutput { records, notes: self.notes.clone() })
     }
-}
-
-/// A note on a dimension that the files do not have: its name may be mistyped.
-pub(super) fn new_dimension_note(name: &str) -> String {
-    format!("stages: {name} is a new dimension")
 }
 
 /// The dimension of a name, unless it is an attribute of LAS: one that the files have, or a new one.

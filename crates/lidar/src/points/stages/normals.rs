@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::neighborhoods::{self, Neighborhood, Neighborhoods, metric_space};
 use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput, StageReach};
+use crate::grid::surface_model::MetricFrame;
 use crate::records::PointRecords;
 use crate::records::values::{RecordValues, VALUES};
 use terrane_base::error::Result;
@@ -128,7 +129,7 @@ impl OpenStage for Normals {
         };
         let numbers = points.numbers;
         let records = values.records(records, work.shares.flow.record, numbers, set);
-        let notes = is_guess.then(|| crate::grid::surface_model::MetricFrame::GUESS.to_owned());
+        let notes = is_guess.then(|| MetricFrame::GUESS.to_owned());
         Ok(StageOutput { records: Box::new(records), notes: notes.into_iter().collect() })
     }
 }

@@ -4,9 +4,16 @@ use super::StageInput;
 use crate::records::selection::place;
 use terrane_base::attribute;
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::Ruler;
+use terrane_base::geom::{Point, Ruler};
 use terrane_cloud::write::PointColumn;
 use terrane_cloud::{AXES, PointFormat};
+
+/// An error at the place of a record.
+pub(super) fn at_record(error: Error, rulers: &[Ruler; 3], record: &[u8]) -> Error {
+    let Point { x, y, z } = place(record);
+    let [x, y, z] = [(0, x), (1, y), (2, z)].map(|(axis, at)| rulers[axis].at(at.into()));
+    error.at(format_args!("the point at {x}, {y}, {z}"))
+}
 
 /// An operand of a formula.
 pub(super) enum RecordOperand {

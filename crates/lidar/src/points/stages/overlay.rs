@@ -1,5 +1,6 @@
 //! Attributes from the polygons that points lie in.
 
+use std::path::PathBuf;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
@@ -11,6 +12,7 @@ use terrane_base::geom::Point;
 use terrane_cloud::{CloudInfo, FilterPolygon, NewDimension};
 use terrane_engine::feature_files;
 use terrane_engine::reading::polygons_with;
+use terrane_vector::PropertyValue as Value;
 
 /// Sets an attribute of the points in each polygon; where several overlap, the last one counts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -82,7 +84,7 @@ impl Stage for Overlay {
         Ok(Some(Self { file: feature_files::absolute(&self.file)?, ..self.clone() }.into()))
     }
 
-    fn files(&self) -> Vec<std::path::PathBuf> {
+    fn files(&self) -> Vec<PathBuf> {
         feature_files::files(&self.file)
     }
 
@@ -115,8 +117,7 @@ impl Stage for Overlay {
 }
 
 /// The number in a field; NaN for none.
-fn number_of(value: Option<&terrane_vector::PropertyValue>, field: &str) -> Result<f64> {
-    use terrane_vector::PropertyValue as Value;
+fn number_of(value: Option<&Value>, field: &str) -> Result<f64> {
     match value {
         None | Some(Value::Null) => Ok(f64::NAN),
         Some(Value::Bool(is_true)) => Ok(f64::from(u8::from(*is_true))),
