@@ -30,12 +30,10 @@ impl Summarize for QaReport {
         }
         let worst = self.overlaps.iter().filter_map(|QaOverlap { rmse, .. }| *rmse);
         let worst = worst.max_by(f64::total_cmp).map(text::number);
-        let worst = worst.map_or(String::new(), |worst| format!(", RMSE at most {worst}"));
-        let overlaps = format!("{} overlap{worst}", text::count(self.overlaps.len() as u64));
-        rows.push((
-            "lines",
-            format!("{}; pairs: {overlaps}", text::count(self.lines.len() as u64)),
-        ));
+        let worst = worst.map_or(String::new(), |worst| format!(", RMSE up to {worst}"));
+        let overlaps =
+            format!("{} overlapping pairs{worst}", text::count(self.overlaps.len() as u64));
+        rows.push(("lines", format!("{}; {overlaps}", text::count(self.lines.len() as u64))));
         rows.push(("findings", text::count(self.findings.len() as u64)));
         rows.extend(report::took(&self.run, None, ""));
         rows.extend(report::notes(&self.notes));

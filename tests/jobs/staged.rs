@@ -133,7 +133,7 @@ fn work_is_not_resumed_with_other_stages_or_files() {
     assert_eq!(run(&["thin:1:lowest"], "256M").unwrap()[0], first[0]);
     assert_eq!(std::fs::metadata(&points).unwrap().modified().unwrap(), kept, "made again");
     let told = run(&["thin:2:lowest"], "1G").unwrap_err();
-    assert!(told.contains("points.las: was made of other files, or by other stages"), "{told}");
+    assert!(told.contains("points.las: was made of other files, or with other options"), "{told}");
     assert_eq!(std::fs::metadata(&points).unwrap().modified().unwrap(), kept, "made again");
     // What was interrupted before its record was finished is made again, and is the same.
     let record = work.join("points/points.json");
@@ -153,7 +153,7 @@ fn folders_of_others_are_left_alone() {
     let (folder, input) = (folder.path(), survey(folder.path(), 9));
     let cloud = open_cloud(input.as_str()).unwrap();
     for (file, told) in
-        [("points/points.las", "was not made by stages"), ("notes.txt", "is not empty")]
+        [("points/points.las", "is not a file of this job"), ("notes.txt", "is not empty")]
     {
         let work = folder.join(told.replace(' ', "-"));
         let theirs = work.join(file);

@@ -119,13 +119,13 @@ impl MadeInput {
             error.remedy("choose another work folder, or remove this one")
         };
         match MadeOf::recorded(&record) {
-            None if path.exists() => return Err(refused("was not made by stages")),
+            None if path.exists() => return Err(refused("is not a file of this job")),
             None => {}
             Some(there) => {
                 let files = there.files.iter().zip(&mut made.files);
                 files.for_each(|(there, here)| here.forgive_time(there));
                 if !there.is_of(&made) {
-                    return Err(refused("was made of other files, or by other stages"));
+                    return Err(refused("was made of other files, or with other options"));
                 }
                 if let Some(file) = there.made.as_ref().filter(|_| path.exists()) {
                     file.check(false)?;

@@ -5,7 +5,7 @@
 //! |---|---|
 //! | `plan.json` | the plan |
 //! | `objects/` | the result of each task that is done |
-//! | `points/` | points that were made for the tasks, if any |
+//! | `points/` | the points after stages, if any, which the tasks read |
 //! | `finished.json` | where the result is written, and its digest once it is there |
 //! | `lock` | held by a run of all pending tasks |
 

@@ -24,7 +24,7 @@ use terrane_files::atomic::{AtomicFile, is_temporary, refuse_stdout};
 pub const PLAN: &str = "plan.json";
 /// Maximum size of a plan file: enough for millions of tasks and a million files.
 const MAX_BYTES: u64 = 1 << 30;
-/// Folder of points that were made for the tasks.
+/// Folder of the points after stages, which the tasks read.
 pub const POINTS: &str = "points";
 
 /// Kind of a plan's output.

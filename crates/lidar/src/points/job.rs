@@ -195,8 +195,8 @@ impl TranslateJob {
         self.squares.is_none() && !self.stages.iter().any(|stage| stage.stage().is_spatial())
     }
 
-    /// The dimensions that stages add to the records, each once: one that takes what is there has the type that another
-    /// stage gives it.
+    /// The dimensions that stages add to the records. Stages that name the same dimension share it; the type is that of a
+    /// stage that replaces it.
     pub(super) fn dimensions(&self) -> Vec<NewDimension> {
         let all = self.stages.iter().flat_map(|stage| stage.stage().dimensions());
         let (kept, mut new): (Vec<_>, Vec<_>) = all.partition(|dimension| dimension.is_kept);

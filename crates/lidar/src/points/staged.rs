@@ -49,7 +49,7 @@ pub struct StagedCloud<'a> {
     pub inputs: &'a Inputs,
     /// How they are read.
     pub cloud: &'a CloudOpenOptions,
-    /// Whether the classes of the filter are those of the ground of a model, and remain for the model.
+    /// Whether the classes of the filter select the ground of a model, and are applied after the stages.
     pub has_ground_classes: bool,
 }
 
@@ -123,9 +123,10 @@ impl CloudStages {
                 ..TranslateJob::new(inputs.names().to_vec(), path)
             };
             let report = run(&job.stages(stages.clone()), at.progress, at.cancel);
-            // What the operation needs of its points is known after the stages alone.
             let report = report.map_err(|error| match error.kind() {
-                ErrorKind::Resource => error.at("the stages, without what follows them"),
+                ErrorKind::Resource => {
+                    error.at("the stages (the operation after them may need more)")
+                }
                 _ => error,
             })?;
             let read = report.census.unwrap_or_default().read;

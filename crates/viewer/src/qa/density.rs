@@ -7,7 +7,7 @@ use super::report::QaDensity;
 /// Reported percentiles.
 const PERCENTILES: [u64; 7] = [1, 5, 25, 50, 75, 95, 99];
 
-/// Cells by their number of points. The numbers that differ are at most as many as the root of twice the points.
+/// Cells by their number of points. There are at most sqrt(2 * points) + 1 distinct numbers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct CellCounts(BTreeMap<u64, u64>);
 

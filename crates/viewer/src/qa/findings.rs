@@ -208,7 +208,7 @@ impl FileFindings<'_> {
             self.add(format!("the point format is {own}, that of {name} is {other}"));
         }
         if own.time_offset != first.time_offset {
-            self.add(format!("GPS times have another epoch than those of {name}"));
+            self.add(format!("the GPS time encoding differs from that of {name}"));
         }
         let [crs, other] = [own.crs, first.crs].map(terrane_base::geom::Crs::label);
         if crs != other {

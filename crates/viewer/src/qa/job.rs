@@ -28,7 +28,7 @@ use terrane_engine::skip_bad::LostPoints;
 use terrane_files::atomic::{AtomicFile, refuse_existing};
 use terrane_files::{folder_for, shown};
 
-/// With fewer points per occupied cell, a cell without points is no void but lies between points.
+/// With fewer points per occupied cell, a cell without points is a gap between points, not a void.
 const MIN_MEAN_POINTS: f64 = 4.0;
 /// With more in cells of the default size, ten times [`POINTS_OF_CELL`], the bounds are mostly empty.
 const MAX_MEAN_POINTS: f64 = 10.0 * POINTS_OF_CELL;

@@ -38,7 +38,7 @@ pub struct QaOptions {
         default_text = "a cell"
     )]
     pub min_void: Option<f64>,
-    /// Largest range of heights of a flight line in a cell in which it is compared with others
+    /// Compare flight lines only in cells where the heights of each span at most this
     #[option(
         value = "RANGE",
         range = OptionRange::POSITIVE,
@@ -46,7 +46,7 @@ pub struct QaOptions {
         default_text = "a tenth of the cell size"
     )]
     pub max_range: Option<f64>,
-    /// Write the footprints of the files with their attributes to this file: GeoJSON, FlatGeobuf, Shapefile or another
+    /// Tile index: write the footprint and the attributes of each file to this file: GeoJSON, FlatGeobuf, Shapefile or another
     /// format of features by its extension, or a Virtual Point Cloud (.vpc)
     #[option(value = "FILE", with = FileName, heading = "Report")]
     pub index: Option<PathBuf>,

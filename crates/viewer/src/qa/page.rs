@@ -10,6 +10,7 @@ use super::picture::DrawnPicture;
 use super::report::{QaDensity, QaOverlap, QaReport};
 use super::tally::QaRange;
 use crate::html::escape;
+use terrane_base::frontend::Frontend;
 use terrane_cloud::class_name;
 
 /// Most rows of a table; the report in JSON has all.
@@ -226,7 +227,11 @@ impl QaPage {
 
 fn requirement(report: &QaReport, out: &mut String) {
     let Some(required) = &report.min_density else { return };
-    let class = if required.is_met == Some(true) { "met" } else { "missed" };
+    let class = match required.is_met {
+        Some(true) => "met",
+        Some(false) => "missed",
+        None => "",
+    };
     let _ = writeln!(
         out,
         "<p><b class=\"{class}\">{}</b>: mean density of pulses {}, required {}. {} % of the cells are below the \
@@ -277,7 +282,8 @@ fn summary(report: &QaReport, folder: &str) -> String {
         table.row(&[name.to_owned(), value]);
     }
     let notes = report.notes.iter().map(|note| {
-        let note = short_note(note, folder).replace(['‹', '›'], "");
+        let note = short_note(note, folder);
+        let note = Frontend::CommandLine.spell(&note);
         paragraph(&format!("Note: {note}."))
     });
     table.html() + &notes.collect::<String>()

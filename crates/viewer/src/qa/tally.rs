@@ -39,7 +39,7 @@ const WEEK: f64 = 604_800.0;
 pub(super) struct AllowedTimes {
     /// See [`StatedHeader::time_offset`](terrane_cloud::StatedHeader::time_offset).
     pub(super) offset: Option<f64>,
-    /// The last time before the end of the day of creation, if stated.
+    /// The end of the day after the creation, if stated: later times are findings.
     pub(super) created: Option<f64>,
 }
 

@@ -10,7 +10,7 @@ use super::report::{QaVoid, QaVoids};
 
 /// Voids that are listed.
 const LISTED: usize = 20;
-/// Most gaps of a row.
+/// With this number of gaps in a row, or more, voids are not counted.
 pub(super) const MAX_GAPS: usize = 1 << 15;
 /// Bytes of two rows of gaps: runs, groups and their numbers.
 pub(super) const GAP_BYTES: u64 = MAX_GAPS as u64 * 320;
@@ -81,7 +81,7 @@ pub(super) struct VoidTracker {
     next: Vec<EnclosedCells>,
     parents: Vec<usize>,
     kept: Vec<Option<usize>>,
-    /// Whether a row has more than [`MAX_GAPS`].
+    /// Whether a row has [`MAX_GAPS`] or more.
     is_overflow: bool,
     empty: u64,
     count: u64,

@@ -1,5 +1,6 @@
 //! Assigns attributes of points by formulas of other attributes.
 
+use std::cell::Cell;
 use std::fmt;
 use std::str::FromStr;
 
@@ -70,7 +71,7 @@ impl Assign {
     )];
 }
 
-/// Adds a dimension with the value of a formula; NaN where an operand has no value.
+/// Sets or adds a dimension with the value of a formula; points without a value of an operand are skipped.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AddDimension(Assign);
 
@@ -91,7 +92,7 @@ impl AddDimension {
     pub(super) const NAMES: [StageName; 1] = [StageName::of::<Self>(
         "dimension",
         "NAME=FORMULA",
-        "add a dimension with the value of a formula of attributes, x, y and z",
+        "set or add a dimension with the value of a formula of attributes, x, y and z",
     )];
 }
 
@@ -164,11 +165,15 @@ impl AttributeAssigner {
     }
 
     fn set(&self, record: &mut [u8], stack: &mut Vec<f64>) -> std::result::Result<(), String> {
+        let is_missing = Cell::new(false);
         let number = self.formula.compute(stack, |operand| match operand.number(record) {
             number if number.is_finite() => Ok(number),
-            _ => Err(format!("{} has no value", operand.name())),
+            _ => {
+                is_missing.set(true);
+                Err(format!("{} has no value", operand.name()))
+            }
         });
-        if self.skips_nodata && number.is_err() {
+        if self.skips_nodata && is_missing.get() {
             return Ok(());
         }
         let number = number.map_err(|what| format!("{}: {what}", self.column.name()))?;

@@ -1,4 +1,4 @@
-//! Attributes by the place of each point: what a stage looks up in polygons or grids.
+//! Attributes by the position of each point: values of polygons or grids.
 
 use std::path::{Path, PathBuf};
 
@@ -15,8 +15,8 @@ use terrane_cloud::{AXES, NewDimension, NewDimensionValue};
 /// Longest name of a new dimension, in bytes.
 const MAX_NAME: usize = 32;
 
-/// What has values at places.
-pub(super) trait PlaceValues: Send + Sync {
+/// Values by x and y, such as those of polygons or a grid.
+pub(super) trait PositionValues: Send + Sync {
     /// The values at the place of a point, in the order of the columns; NaN for none, which changes nothing.
     ///
     /// # Errors
@@ -36,7 +36,7 @@ pub(super) struct ValueLookup<V> {
     notes: Vec<String>,
 }
 
-impl<V: PlaceValues> ValueLookup<V> {
+impl<V: PositionValues> ValueLookup<V> {
     /// Sets the attributes of these names to values of the file.
     ///
     /// # Errors
@@ -65,7 +65,7 @@ impl<V: PlaceValues> ValueLookup<V> {
     }
 }
 
-impl<V: PlaceValues> OpenStage for ValueLookup<V> {
+impl<V: PositionValues> OpenStage for ValueLookup<V> {
     fn bytes(&self) -> u64 {
         self.values.bytes()
     }

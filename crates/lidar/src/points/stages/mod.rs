@@ -193,7 +193,7 @@ impl<'r> StageOutput<'r> {
     }
 }
 
-/// What a stage works with.
+/// A run, and the stages before one of a chain.
 #[derive(Clone, Copy)]
 pub(super) struct StageContext<'a> {
     pub(super) work: &'a TranslateContext<'a>,
@@ -299,7 +299,7 @@ impl StageChain {
         run(&self.links, 0, |_| true, records, work, notes, act)
     }
 
-    /// What a stage works with.
+    /// The context of a stage by its number.
     pub(super) fn context<'a>(
         &'a self,
         number: usize,
@@ -372,7 +372,7 @@ impl StageContext<'_> {
 pub struct StageName {
     /// The name.
     pub name: &'static str,
-    /// What follows it after a colon, if anything may.
+    /// Syntax of its arguments, which follow after a colon.
     pub arguments: &'static str,
     /// What the stage does.
     pub about: &'static str,

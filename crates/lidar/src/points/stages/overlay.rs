@@ -5,8 +5,9 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use super::lookup::{PlaceValues, ValueLookup, attribute_name, dimension_of};
+use super::lookup::{PositionValues, ValueLookup, attribute_name, dimension_of};
 use super::{AnyStage, OpenStage, Stage, StageInput, StageName};
+use terrane_base::digits::MAX_EXACT;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 use terrane_cloud::{CloudInfo, FilterPolygon, NewDimension};
@@ -121,11 +122,11 @@ fn number_of(value: Option<&Value>, field: &str) -> Result<f64> {
     match value {
         None | Some(Value::Null) => Ok(f64::NAN),
         Some(Value::Bool(is_true)) => Ok(f64::from(u8::from(*is_true))),
-        Some(Value::Int(number)) if number.unsigned_abs() <= MAX_WHOLE => Ok(*number as f64),
+        Some(Value::Int(number)) if number.unsigned_abs() <= MAX_EXACT => Ok(*number as f64),
         Some(Value::Int(number)) => Err(too_large(field, &number.to_string())),
         Some(Value::Real(number)) => Ok(*number),
         Some(Value::Text(text)) => match text.trim().parse::<f64>() {
-            Ok(number) if number.abs() > MAX_WHOLE as f64 => Err(too_large(field, text)),
+            Ok(number) if number.abs() > MAX_EXACT as f64 => Err(too_large(field, text)),
             Ok(number) if number.is_finite() => Ok(number),
             _ => Err(not_a_number(field, text)),
         },
@@ -134,9 +135,6 @@ fn number_of(value: Option<&Value>, field: &str) -> Result<f64> {
         }
     }
 }
-
-/// Largest whole number of which all smaller ones are exact.
-const MAX_WHOLE: u64 = 1 << 53;
 
 fn too_large(field: &str, number: &str) -> Error {
     Error::unsupported(format!("field {field:?} is {number}: numbers beyond 2^53 are not exact"))
@@ -155,7 +153,7 @@ struct FeatureValues {
     values: Vec<f64>,
 }
 
-impl PlaceValues for FeatureValues {
+impl PositionValues for FeatureValues {
     fn values(&self, at: Point, out: &mut [f64]) -> Result<()> {
         let feature = self.polygons.last_around(at.x.into(), at.y.into());
         out[0] = feature.map_or(f64::NAN, |feature| self.values[feature as usize]);

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::lookup::{PlaceValues, ValueLookup, attribute_name, dimension_of};
+use super::lookup::{PositionValues, ValueLookup, attribute_name, dimension_of};
 use super::{AnyStage, OpenStage, Stage, StageInput, StageName};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Point, Rect, Ruler};
@@ -76,10 +76,10 @@ impl SampleGrid {
         },
         StageName {
             name: "colour",
-            arguments: "PICTURE",
-            about: "set the colours to those of a picture with a georeference, such as an orthophoto",
+            arguments: "IMAGE",
+            about: "set the colours to those of a georeferenced image, such as an orthophoto",
             parse: |text| match text {
-                "" => Err("expected the name of a picture".to_owned()),
+                "" => Err("expected the name of an image".to_owned()),
                 _ => Ok(Self { grid: text.to_owned(), bands: SampledBands::Colours }.into()),
             },
         },
@@ -146,7 +146,7 @@ impl Stage for SampleGrid {
         let bands = self.attributes().into_iter().map(|(band, _)| {
             let opened = self.band(band, input);
             opened.map_err(|error| match is_colour && band > 1 {
-                true => error.remedy("name a picture with three bands, red, green and blue"),
+                true => error.remedy("name an image with three bands, red, green and blue"),
                 false => error,
             })
         });
@@ -205,7 +205,7 @@ struct GridValues {
     bands: Vec<SampledBand>,
 }
 
-impl PlaceValues for GridValues {
+impl PositionValues for GridValues {
     fn values(&self, at: Point, out: &mut [f64]) -> Result<()> {
         let [x, y] = [self.rulers[0].at(at.x.into()), self.rulers[1].at(at.y.into())];
         let at = self.transform.invert(x, y);

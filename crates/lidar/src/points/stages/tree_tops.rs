@@ -1,4 +1,4 @@
-//! Tree tops: points that no other point near them is above.
+//! Tree tops: local maxima of z in a circular window.
 //!
 //! The local maximum filter of Popescu & Wynne, "Seeing the trees in the forest" (2004), on points instead of a grid, as
 //! `locate_trees(lmf())` of lidR. Heights are those above ground where z is one.
@@ -57,7 +57,7 @@ impl TreeTops {
     pub(super) const NAMES: [StageName; 1] = [StageName::of::<Self>(
         "tree-tops",
         "WINDOW[:min=HEIGHT]",
-        "keep points that are the highest in a circle of this diameter, from z 2 or HEIGHT",
+        "keep local maxima of z in a circle of this diameter, at least HEIGHT (default 2)",
     )];
 }
 
@@ -82,7 +82,7 @@ impl Stage for TreeTops {
             return Err(Error::usage(
                 "the stage tree-tops requires projected coordinates; these are in degrees",
             )
-            .remedy("reproject the points with ‹to_crs› first"));
+            .remedy("reproject the points first, as by the stage reproject:CRS"));
         }
         let (frame, radius) = (&input.info.frame, self.window / 2.0);
         let [x, y, _] = frame.scale;

@@ -24,7 +24,7 @@ const THREAD: u64 = 2 << 20;
 /// Largest distance from coordinate zero, in steps.
 const MAX_STEPS: f64 = 1e18;
 
-/// Bytes for `points` of a cloud, and for each thread that works on a part with `bytes` for so many points.
+/// Bytes for `points` points, and for each thread; `bytes(n)` is for a part of n points.
 pub(super) fn needed(points: u64, bytes: impl Fn(u64) -> u64) -> [u64; 2] {
     [tables(points) + DIVIDING, THREAD + bytes(MOST)]
 }
@@ -36,7 +36,7 @@ pub(super) fn needed(points: u64, bytes: impl Fn(u64) -> u64) -> [u64; 2] {
 pub(super) fn metric_space(info: &CloudInfo, stage: &str) -> Result<(MetricSpace, bool)> {
     let metres = MetricFrame::of(&info.crs, &info.frame).map_err(|_| {
         Error::usage(format!("{stage} requires coordinates in a unit of length"))
-            .remedy("reproject the points with ‹to_crs› first")
+            .remedy("reproject the points first, as by the stage reproject:CRS")
     })?;
     let frame = &info.frame;
     let zero = [0, 1, 2].map(|axis| {
@@ -91,7 +91,7 @@ impl<'a> Neighborhoods<'a> {
         Ok(Self { around, parts, numbers })
     }
 
-    /// Calls `act` for each part, by all threads, each of which has a state that `finish` gets at the end.
+    /// Runs `act` on each part in all threads; `finish` gets the state of each thread at the end.
     ///
     /// # Errors
     /// Those of both.
