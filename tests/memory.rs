@@ -319,6 +319,7 @@ const JOBS: &[&str] = &[
     "points dense.laz o10.laz --classify noise:statistical:k=20",
     "points dense.laz o11.laz --stage normals:k=20 --stage where:NormalZ>0.5",
     "points dense.laz o12.laz --stage tree-tops:3 --stage sample-grid:dem.tif:Ground",
+    "points dense.laz o13.laz --stage trees:2:min=0",
     "points dense.laz o5 --tile 100 --buffer 5",
     "points dense.laz o2.laz --to-crs EPSG:4326",
     "points dense.laz o6.laz --thin-distance 0.3",

@@ -6,7 +6,9 @@ use crate::write::{options, records, write};
 use terrane_base::attribute::ATTRIBUTES;
 use terrane_base::geom::Point;
 use terrane_cloud::write::{PointPacking, PointRecord};
-use terrane_cloud::{CloudFilter, CloudOpenOptions, PointSource, Return, ReturnCounts, open};
+use terrane_cloud::{
+    CloudFilter, CloudOpenOptions, PointBatch, PointSource, Return, ReturnCounts, open,
+};
 
 /// The value that a reader of such a file has to find.
 fn written(record: &PointRecord, name: &str, is_new: bool) -> f64 {
@@ -40,14 +42,15 @@ fn has(format: u8, name: &str) -> bool {
 
 /// All points of a source with these attributes.
 fn told(source: &dyn PointSource, names: &[String]) -> (Vec<Point>, Vec<Vec<f64>>, ReturnCounts) {
-    let reader = source.columns(names).unwrap();
+    let selection = source.select(names).unwrap();
     let (mut points, mut all, mut census) =
         (Vec::new(), vec![Vec::new(); names.len()], ReturnCounts::default());
     for part in 0..source.parts() {
-        let read = reader.read(part, &mut |batch, columns| {
-            assert!(columns.iter().all(|column| column.len() == batch.len()));
-            points.extend_from_slice(batch);
-            all.iter_mut().zip(columns).for_each(|(all, column)| all.extend(column));
+        let read = source.read(part, &selection, &mut |batch| {
+            let PointBatch { positions, attributes } = batch;
+            assert!(attributes.iter().all(|column| column.len() == positions.len()));
+            points.extend_from_slice(positions);
+            all.iter_mut().zip(attributes).for_each(|(all, column)| all.extend(column));
             Ok(())
         });
         census.add(&read.unwrap());
@@ -58,7 +61,7 @@ fn told(source: &dyn PointSource, names: &[String]) -> (Vec<Point>, Vec<Vec<f64>
 fn plain(source: &dyn PointSource) -> (Vec<Point>, ReturnCounts) {
     let (mut points, mut census) = (Vec::new(), ReturnCounts::default());
     for part in 0..source.parts() {
-        let read = source.read(part, &mut |batch| {
+        let read = source.positions(part, &mut |batch| {
             points.extend_from_slice(batch);
             Ok(())
         });
@@ -120,7 +123,7 @@ fn attributes_are_as_they_were_written() {
             assert!(census.kept > 1000 && few == more[..2]);
             let lacking = ATTRIBUTES.iter().map(|a| a.name).find(|name| !has(format, name));
             for name in lacking.into_iter().chain(["amplitude"]) {
-                let error = cloud.columns(&[name.to_owned()]).err().unwrap().to_string();
+                let error = cloud.select(&[name.to_owned()]).err().unwrap().to_string();
                 assert!(error.contains(name) && error.contains(".las"), "{error}");
             }
         }
@@ -137,8 +140,8 @@ fn times_that_are_counted_otherwise_are_refused_only_where_they_are_asked_for() 
         write(&folder.path().join(name), &options, &near(10)).unwrap();
     }
     let cloud = opened(folder.path(), &CloudOpenOptions::default());
-    assert!(cloud.columns(&["intensity".to_owned()]).is_ok());
-    let error = cloud.columns(&["gps_time".to_owned()]).err().unwrap().to_string();
+    assert!(cloud.select(&["intensity".to_owned()]).is_ok());
+    let error = cloud.select(&["gps_time".to_owned()]).err().unwrap().to_string();
     assert!(error.contains("b.las") && error.contains("GPS time encoding differs"), "{error}");
 }
 
@@ -161,9 +164,9 @@ fn damage_is_an_error_or_salvaged() {
             std::fs::write(&path, bytes).unwrap();
             let names = ["intensity", "gps_time"].map(str::to_owned);
             let cloud = opened(&path, &CloudOpenOptions::default());
-            let reader = cloud.columns(&names).unwrap();
-            let failed =
-                (0..cloud.parts()).filter(|part| reader.read(*part, &mut |_, _| Ok(())).is_err());
+            let selection = cloud.select(&names).unwrap();
+            let failed = (0..cloud.parts())
+                .filter(|part| cloud.read(*part, &selection, &mut |_| Ok(())).is_err());
             assert_eq!(failed.count(), 1, "{format} {share}");
             let salvage = CloudOpenOptions { salvage: true, ..CloudOpenOptions::default() };
             let (points, columns, census) = told(&opened(&path, &salvage), &names);

@@ -32,7 +32,7 @@ fn chain(job: TranslateJob, texts: &[&str]) -> TranslateJob {
 
 /// Stages that no option stands for; other tests try them.
 const WITHOUT_OPTION: &[&str] =
-    &["where", "normals", "overlay", "sample-grid", "colour", "dimension", "tree-tops"];
+    &["where", "normals", "overlay", "sample-grid", "colour", "dimension", "tree-tops", "trees"];
 
 /// Options, and the stages that they stand for.
 type Short = (fn(&mut PointsOptions), &'static [&'static str]);
@@ -159,6 +159,8 @@ fn random_chain(state: &mut u64) -> Vec<&'static str> {
         "poisson:0.6",
         "normals:k=5",
         "tree-tops:1.5:min=0",
+        "trees:2:min=0",
+        "where:TreeID > 3",
         "dimension:Slope = 1 - NormalZ",
         "dimension:High = 2 * z",
         "where:High > 9",
@@ -283,6 +285,7 @@ fn what_is_no_stage_is_refused() {
         ("height-above-ground:w", "expected dimension or z"),
         ("height-classes:3", "height-classes: "),
         ("tree-tops:5:max=3", "tree-tops: expected min=HEIGHT"),
+        ("trees:5:radius=x", "trees: expected a share"),
         ("dimension:intensity = 3", "is an attribute of LAS"),
         ("normals:k=2", "normals: expected k=NUMBER"),
         ("drop-overlap:x", "drop-overlap: expected a number"),
@@ -299,6 +302,7 @@ fn what_is_no_stage_is_refused() {
         (&["thin:0.0001"], "smaller than the coordinate resolution"),
         (&["reproject:EPSG:4326", "poisson:1"], "requires projected coordinates"),
         (&["reproject:EPSG:4326", "tree-tops:5"], "requires projected coordinates"),
+        (&["reproject:EPSG:4326", "trees:5"], "requires coordinates in a unit of length"),
         (&["reproject:EPSG:4326", "normals"], "requires coordinates in a unit of length"),
         (&["where:HeightAboveGround > 2 or z > 0", "height-above-ground"], "no attribute"),
         (&["where:classification != 2", "height-above-ground"], "no points of class 2"),

@@ -253,7 +253,7 @@ fn filters_act_on_synthetic_clouds() {
                 points.extend_from_slice(batch);
                 Ok(())
             };
-            census.add(&source.read(part, &mut take).unwrap());
+            census.add(&source.positions(part, &mut take).unwrap());
         }
         let expected: Vec<Point> = echoes.iter().filter(|e| wanted(e)).map(|e| e.point).collect();
         assert!(!expected.is_empty(), "{filter:?}");

@@ -1,4 +1,4 @@
-//! Tree tops beside a search of all pairs, and by plan.
+//! Tree tops and trees beside searches of all pairs, and by threads, memory and plan.
 
 use terrane_engine::Resources;
 use terrane_lidar::points::{PointTiling, StageText, TranslateJob};
@@ -70,4 +70,75 @@ fn tops_are_the_same_by_threads_memory_and_plan() {
     let work = place.path().join("work");
     planned(&whole, &work, 1);
     assert!(files(&work.join("points")) == files(&folder));
+}
+
+/// The number of the tree of a record; 0 for none.
+fn tree(record: &[u8]) -> u32 {
+    u32::from_le_bytes(*record.last_chunk().unwrap())
+}
+
+/// The trees of points, by the nearest of all tops.
+fn trees(made: &Made, tops: &[[i32; 3]], radius: f64, height: f64) -> Vec<u32> {
+    let mut tops = tops.to_vec();
+    tops.sort_unstable();
+    let z = |at: &[i32; 3]| f64::from(at[2]) * made.scale[2] + made.offset[2];
+    let square = |a: &[i32; 3], b: &[i32; 3]| {
+        let apart = [0, 1].map(|i| f64::from(a[i] - b[i]) * made.scale[i]);
+        apart[0].powi(2) + apart[1].powi(2)
+    };
+    let of = |at: [i32; 3]| {
+        let nearest = tops.iter().enumerate();
+        let (number, top) =
+            nearest.min_by(|(_, a), (_, b)| square(&at, a).total_cmp(&square(&at, b))).unwrap();
+        let top_z = z(top).max(0.0);
+        let is_in = square(&at, top) <= (radius * top_z).powi(2) && z(&at) >= height * top_z;
+        if is_in { number as u32 + 1 } else { 0 }
+    };
+    made.records.iter().map(|record| of(raw(record))).collect()
+}
+
+#[test]
+fn points_belong_to_the_nearest_tree_that_is_high_enough() {
+    let place = Place::new();
+    let made = crowns(4000);
+    let input = place.write("in.laz", &made.bytes());
+    let [tops, output] = ["tops.las", "out.las"].map(|name| place.path().join(name));
+    for (window, more, radius, height) in [
+        (3.0, "", 0.6, 0.3),
+        (7.0, ":radius=0.2:height=0.5", 0.2, 0.5),
+        (0.5, ":height=0", 0.6, 0.0),
+        (9.0, ":min=-1:radius=10:height=0", 10.0, 0.0),
+    ] {
+        let stages = [format!("tree-tops:{window}"), format!("trees:{window}{more}")];
+        let min = if more.contains("min") { ":min=-1" } else { "" };
+        let [tops_stage, trees_stage] = [stages[0].clone() + min, stages[1].clone()]
+            .map(|text| text.parse::<StageText>().unwrap().stage().clone());
+        run(&job(&[&input], &tops).stage(tops_stage)).unwrap();
+        run(&job(&[&input], &output).stage(trees_stage)).unwrap();
+        let tops: Vec<_> = whole(&tops).records.iter().map(|record| raw(record)).collect();
+        let expected = trees(&made, &tops, radius, height);
+        let found: Vec<u32> = whole(&output).records.iter().map(|record| tree(record)).collect();
+        assert_eq!(found, expected, "{window}{more}");
+        let without = found.iter().filter(|number| **number == 0).count();
+        assert!(found.iter().max().is_some_and(|most| *most as usize == tops.len()));
+        assert!(height == 0.0 || (1..4000).contains(&without), "{without}");
+    }
+}
+
+#[test]
+fn trees_are_the_same_by_threads_and_memory() {
+    let place = Place::new();
+    let input = place.write("in.laz", &crowns(60_000).bytes());
+    let chain = ["trees:5", "where:TreeID > 7"];
+    let stages = chain.map(|text| text.parse::<StageText>().unwrap().stage().clone());
+    let made = |threads, memory: u64| {
+        let output = place.path().join("out.las");
+        let resources = Resources { threads, memory: memory << 20, temp_dir: None };
+        let job = TranslateJob { resources, ..job(&[&input], &output) };
+        run(&job.stages(stages.clone())).unwrap();
+        whole(&output).records
+    };
+    let records = made(1, 1024);
+    assert!(made(3, 128) == records && records.iter().all(|record| tree(record) > 7));
+    assert!(!records.is_empty());
 }

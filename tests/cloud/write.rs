@@ -282,7 +282,7 @@ fn world(source: &dyn PointSource) -> Vec<[f64; 3]> {
             all.extend(batch.iter().map(|point| frame.world(*point)));
             Ok(())
         };
-        source.read(part, &mut take).unwrap();
+        source.positions(part, &mut take).unwrap();
     }
     all
 }

@@ -347,7 +347,7 @@ pub(crate) fn read_all(cloud: &PointCloud) -> Result<(Vec<[f64; 3]>, ReturnCount
     let info = cloud.info();
     for part in 0..cloud.parts() {
         let mut handed = 0;
-        let found = cloud.read(part, &mut |batch| {
+        let found = cloud.positions(part, &mut |batch| {
             assert!(!batch.is_empty() && batch.len() <= cloud::BATCH);
             let [low, high] = info.bounds.expect("points lie somewhere");
             for point in batch {

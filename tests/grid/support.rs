@@ -6,7 +6,9 @@ use std::path::Path;
 
 use terrane::Result;
 use terrane_base::geom::{Crs, Point, PointFrame};
-use terrane_cloud::{BATCH, CloudInfo, PointSource, ReturnCounts};
+use terrane_cloud::{
+    AttributeSelection, BATCH, CloudInfo, PointBatch, PointConsumer, PointSource, ReturnCounts,
+};
 use terrane_engine::{Cancel, Silent};
 use terrane_gridding::{Statistic, parse_list};
 use terrane_lidar::grid::{GridJob, GridReport, grid};
@@ -48,10 +50,14 @@ impl PointSource for Memory {
     fn read(
         &self,
         part: usize,
-        each: &mut dyn FnMut(&[Point]) -> Result<()>,
+        _selection: &AttributeSelection,
+        each: &mut PointConsumer<'_>,
     ) -> Result<ReturnCounts> {
         let count = self.points_of(part);
-        self.parts[part].chunks(BATCH).try_for_each(each)?;
+        let batches = self.parts[part].chunks(BATCH);
+        batches
+            .map(|positions| PointBatch { positions, ..PointBatch::default() })
+            .try_for_each(each)?;
         Ok(ReturnCounts { read: count, kept: count, ..ReturnCounts::default() })
     }
 }

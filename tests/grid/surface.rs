@@ -19,7 +19,7 @@ fn all(source: &dyn PointSource) -> Vec<Point> {
             points.extend_from_slice(batch);
             Ok(())
         };
-        source.read(part, &mut each).unwrap();
+        source.positions(part, &mut each).unwrap();
     }
     points
 }

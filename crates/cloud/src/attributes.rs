@@ -1,4 +1,4 @@
-//! Attributes of points as numeric columns, independent of the file format.
+//! Points in batches: positions, and the attributes that were asked for as columns of numbers.
 
 use terrane_base::attribute::{self, CLASS, RETURN, RETURNS};
 use terrane_base::error::{Error, Result};
@@ -6,21 +6,66 @@ use terrane_base::geom::{Point, Ruler};
 
 use super::column::PointColumn;
 use super::raw::RawPoint;
-use super::source::Each;
+use super::source::{BATCH, PointConsumer};
 
 /// Attributes of every point source.
-const COMMON: [(&str, AttributeReader); 3] = [
+const COMMON: [(&str, AttributeReader); 4] = [
     (CLASS, AttributeReader::Class),
     (RETURN, AttributeReader::Number),
     (RETURNS, AttributeReader::Returns),
+    (CLASS_FLAGS, AttributeReader::Flags),
 ];
 
+/// Name of the attribute of the [`Flags`](crate::Flags) of a point.
+pub const CLASS_FLAGS: &str = "class_flags";
+
+/// A batch of points with the selected attributes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PointBatch<'a> {
+    /// Positions in the frame of the cloud, at most [`BATCH`].
+    pub positions: &'a [Point],
+    /// A column for each selected attribute, in the order of their names; NaN is nodata.
+    pub attributes: &'a [Vec<f64>],
+}
+
+/// Attributes selected from a source of points; none by default.
+#[derive(Clone, Debug, Default)]
+pub struct AttributeSelection {
+    /// For each file; all are equally long.
+    files: Vec<Vec<AttributeReader>>,
+}
+
+impl AttributeSelection {
+    /// For the files of a source.
+    pub(crate) fn new(files: Vec<Vec<AttributeReader>>) -> Self {
+        Self { files }
+    }
+
+    /// For a source that is one file.
+    pub(crate) fn of_one(names: &[String], columns: &[PointColumn]) -> Result<Self> {
+        Ok(Self { files: vec![readers(names, columns)?] })
+    }
+
+    /// The readers of a file.
+    pub(crate) fn of_file(&self, file: usize) -> &[AttributeReader] {
+        self.files.get(file).map_or(&[], Vec::as_slice)
+    }
+
+    /// The columns of whole records that are read.
+    pub(crate) fn columns(&self) -> impl Iterator<Item = &PointColumn> {
+        self.files.iter().flatten().filter_map(AttributeReader::column)
+    }
+}
+
 /// Location of an attribute of a point.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) enum AttributeReader {
     Class,
     Number,
     Returns,
+    Flags,
+    /// An attribute that a file lacks.
+    Absent,
     /// A field of the whole record.
     Field(PointColumn),
 }
@@ -45,6 +90,8 @@ impl AttributeReader {
             Self::Class => raw.class().into(),
             Self::Number => raw.returns()[0].into(),
             Self::Returns => raw.returns()[1].into(),
+            Self::Flags => raw.flags().0.into(),
+            Self::Absent => f64::NAN,
             Self::Field(column) => column.number(record),
         }
     }
@@ -64,6 +111,12 @@ impl AttributeReader {
 /// Errors of [`reader`].
 pub(crate) fn readers(names: &[String], columns: &[PointColumn]) -> Result<Vec<AttributeReader>> {
     names.iter().map(|asked| reader(asked, columns)).collect()
+}
+
+/// As [`readers`], where an attribute may be absent.
+pub(crate) fn readers_or_absent(names: &[String], columns: &[PointColumn]) -> Vec<AttributeReader> {
+    let readers = names.iter().map(|asked| reader(asked, columns));
+    readers.map(|reader| reader.unwrap_or(AttributeReader::Absent)).collect()
 }
 
 /// The reader of the attribute with this name or alias, for records with these columns.
@@ -97,35 +150,49 @@ fn is_same_name(a: &str, b: &str) -> bool {
     a.trim().eq_ignore_ascii_case(b.trim())
 }
 
-/// A batch of points with their columns.
-pub(crate) struct AttributeTable<'a> {
+/// The points of a batch, while it is filled.
+pub(crate) struct PointTable<'a> {
+    pub(crate) positions: Vec<Point>,
     readers: &'a [AttributeReader],
-    points: Vec<Point>,
     columns: Vec<Vec<f64>>,
 }
 
-impl<'a> AttributeTable<'a> {
-    pub(crate) fn new(readers: &'a [AttributeReader]) -> Self {
-        Self { readers, points: Vec::new(), columns: vec![Vec::new(); readers.len()] }
+impl<'a> PointTable<'a> {
+    /// An empty one; `positions` is a buffer.
+    pub(crate) fn new(mut positions: Vec<Point>, readers: &'a [AttributeReader]) -> Self {
+        positions.clear();
+        Self { positions, readers, columns: vec![Vec::new(); readers.len()] }
     }
 
-    pub(crate) fn len(&self) -> usize {
-        self.points.len()
+    /// Whether it has positions alone.
+    pub(crate) fn is_plain(&self) -> bool {
+        self.readers.is_empty()
     }
 
-    /// Appends a point with its record, which only some readers need.
+    /// Appends a point with its record, which only some readers need; passes on a full batch.
     #[inline(always)]
-    pub(crate) fn push<R: RawPoint>(&mut self, point: Point, raw: R, record: &[u8]) {
-        self.points.push(point);
+    pub(crate) fn push<R: RawPoint>(
+        &mut self,
+        point: Point,
+        raw: R,
+        record: &[u8],
+        each: &mut PointConsumer<'_>,
+    ) -> Result<()> {
+        self.positions.push(point);
         for (column, reader) in self.columns.iter_mut().zip(self.readers) {
             column.push(reader.value(raw, record));
         }
+        if self.positions.len() < BATCH { Ok(()) } else { self.flush(each) }
     }
 
-    /// Passes the points on and clears the batch.
-    pub(crate) fn flush(&mut self, each: &mut Each<'_>) -> Result<()> {
-        let done = if self.points.is_empty() { Ok(()) } else { each(&self.points, &self.columns) };
-        self.points.clear();
+    /// Passes the points on and removes them.
+    pub(crate) fn flush(&mut self, each: &mut PointConsumer<'_>) -> Result<()> {
+        // Without attributes there may be more points than in a batch.
+        let done = self
+            .positions
+            .chunks(BATCH)
+            .try_for_each(|positions| each(PointBatch { positions, attributes: &self.columns }));
+        self.positions.clear();
         self.columns.iter_mut().for_each(Vec::clear);
         done
     }

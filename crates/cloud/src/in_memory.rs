@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use super::attributes::{AttributeReader, AttributeTable, readers};
+use super::attributes::{AttributeSelection, PointTable};
 use super::filter::CompiledFilter;
 use super::frame::FrameTransform;
 use super::open::CloudOpenOptions;
 use super::point_filter::PointFilterPass;
 use super::quantization::{PointLattice, PositionSpan, decimals};
 use super::raw::{Flags, RawPoint};
-use super::source::{AttributeSource, BATCH, CloudInfo, Each, PointSource, ReturnCounts};
+use super::source::{BATCH, CloudInfo, PointConsumer, PointSource, ReturnCounts};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point};
 use terrane_files::{InMemoryRegistry, InMemoryResource};
@@ -160,50 +160,24 @@ impl PointSource for InMemoryCloudSource {
     fn read(
         &self,
         part: usize,
-        each: &mut dyn FnMut(&[Point]) -> Result<()>,
+        selection: &AttributeSelection,
+        each: &mut PointConsumer<'_>,
     ) -> Result<ReturnCounts> {
-        let (mut census, mut points) = (ReturnCounts::default(), Vec::new());
+        let mut counts = ReturnCounts::default();
         if let Some(pass) = &self.pass {
-            let first = (part * BATCH) as u64;
-            let records = self.part(part).iter().copied();
-            if pass.needs_records() {
-                for (index, record) in (first..).zip(records) {
-                    points.extend(pass.pick(record, &[], index, &mut census)?);
-                }
-            } else {
-                pass.filter(records, first, &mut points, &mut census)?;
-            }
-            each(&points)?;
+            let records = self.part(part).iter().map(|point| (&[][..], *point));
+            let mut table = PointTable::new(Vec::new(), selection.of_file(0));
+            pass.batch(records, (part * BATCH) as u64, &mut table, &mut counts, each)?;
         }
-        Ok(census)
+        Ok(counts)
     }
 
-    fn columns(&self, names: &[String]) -> Result<Box<dyn AttributeSource + '_>> {
-        Ok(Box::new(InMemoryAttributes { open: self, readers: readers(names, &[])? }))
+    fn select(&self, names: &[String]) -> Result<AttributeSelection> {
+        AttributeSelection::of_one(names, &[])
     }
 
     fn notes(&self) -> &[String] {
         &self.notes
-    }
-}
-
-/// The same with attributes.
-struct InMemoryAttributes<'a> {
-    open: &'a InMemoryCloudSource,
-    readers: Vec<AttributeReader>,
-}
-
-impl AttributeSource for InMemoryAttributes<'_> {
-    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<ReturnCounts> {
-        let (mut census, mut table) = (ReturnCounts::default(), AttributeTable::new(&self.readers));
-        let Some(pass) = &self.open.pass else { return Ok(census) };
-        let first = (part * BATCH) as u64;
-        for (index, point) in (first..).zip(self.open.part(part)) {
-            if let Some(place) = pass.pick(*point, &[], index, &mut census)? {
-                table.push(place, *point, &[]);
-            }
-        }
-        table.flush(each).map(|()| census)
     }
 }
 
@@ -218,7 +192,7 @@ mod tests {
         let source = source(&[name.to_owned()], options).unwrap();
         let (mut points, mut census) = (Vec::new(), ReturnCounts::default());
         for part in 0..source.parts() {
-            let found = source.read(part, &mut |batch| {
+            let found = source.positions(part, &mut |batch| {
                 points.extend_from_slice(batch);
                 Ok(())
             });
@@ -297,7 +271,7 @@ mod tests {
             found = source.info().frame.world(batch[0]);
             Ok(())
         };
-        source.read(0, &mut keep).unwrap();
+        source.positions(0, &mut keep).unwrap();
         assert!((found[0] - third).abs() < 1e-9 && (found[2] - 1000.0 - third).abs() < 1e-6);
     }
 }

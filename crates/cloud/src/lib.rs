@@ -30,12 +30,10 @@ mod times;
 mod version;
 pub mod write;
 
+pub use attributes::{AttributeSelection, CLASS_FLAGS, PointBatch};
 pub use class::class_name;
 pub use condition::{AXES, Condition};
-pub use converter::{
-    AppearanceReader, LasOutputFormat, NewDimension, NewDimensionValue, PointAppearance,
-    PointFormatConverter,
-};
+pub use converter::{LasOutputFormat, NewDimension, NewDimensionValue, PointFormatConverter};
 pub use filter::{CloudFilter, CompiledFilter, FilterRecord, FilterVerdict};
 pub use format::PointFormat;
 pub use in_memory::{InMemoryCloud, PointFlags};
@@ -44,7 +42,7 @@ pub use las::LegacyCounts;
 pub use open::{CloudOpenOptions, PointCloud, files, files_below, is_cloud, is_cloud_below, open};
 pub use polygon::{FilterPolygon, PolygonRings};
 pub use raw::Flags;
-pub use source::{AttributeSource, BATCH, CloudInfo, Each, PointSource, ReturnCounts};
+pub use source::{BATCH, CloudInfo, PointConsumer, PointSource, ReturnCounts};
 pub use spacing::{round_side, round_up, side_of};
 pub use version::LasVersion;
 

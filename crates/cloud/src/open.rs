@@ -15,8 +15,8 @@ use terrane_base::error::{Error, Result, all};
 use terrane_base::geom::{Crs, Point, PointFrame};
 use terrane_files::{FileKind, RawFile, on_threads, path_of, shown};
 
-use super::attributes::{self, AttributeReader};
-use super::column::TIME;
+use super::attributes::{self, AttributeReader, AttributeSelection};
+use super::column::{PointColumn, TIME};
 use super::condition::CompiledCondition;
 use super::consistency;
 use super::filter::{CloudFilter, CompiledFilter, FilterRecord};
@@ -24,7 +24,7 @@ use super::frame::{self, ClaimedExtent, CommonFrame, FrameTransform};
 use super::las::LasFile;
 use super::origin::CloudFileOrigin;
 use super::point_filter::PointFilterPass;
-use super::source::{AttributeSource, CloudInfo, Each, PointSource, ReturnCounts};
+use super::source::{CloudInfo, PointConsumer, PointSource, ReturnCounts};
 use super::source_file::{CloudFile, CloudSourceFile, with_buffers};
 use super::text::TextFile;
 use super::times::GpsTimeEpoch;
@@ -140,6 +140,33 @@ impl PointCloud {
     }
 }
 
+impl PointCloud {
+    /// As [`PointSource::select`], but an attribute that a file lacks has no data there.
+    ///
+    /// # Errors
+    /// Files whose GPS times have different epochs, where times are asked for.
+    pub fn select_present(&self, names: &[String]) -> Result<AttributeSelection> {
+        self.selected(names, |names, columns| Ok(attributes::readers_or_absent(names, columns)))
+    }
+
+    fn selected(
+        &self,
+        names: &[String],
+        readers: impl Fn(&[String], &[PointColumn]) -> Result<Vec<AttributeReader>>,
+    ) -> Result<AttributeSelection> {
+        let origins = self.origins().collect::<Result<Vec<_>>>()?;
+        let files = origins.iter().map(|origin| {
+            readers(names, &origin.columns()).map_err(|e| e.in_file(&path_of(origin.name)))
+        });
+        let selection = AttributeSelection::new(files.collect::<Result<_>>()?);
+        // Times of the files must have one epoch.
+        if selection.columns().any(|column| column.name == TIME) {
+            GpsTimeEpoch::of_all(&origins)?;
+        }
+        Ok(selection)
+    }
+}
+
 impl PointSource for PointCloud {
     fn files(&self) -> &[String] {
         &self.names
@@ -189,39 +216,15 @@ impl PointSource for PointCloud {
     fn read(
         &self,
         part: usize,
-        each: &mut dyn FnMut(&[Point]) -> Result<()>,
+        selection: &AttributeSelection,
+        each: &mut PointConsumer<'_>,
     ) -> Result<ReturnCounts> {
-        let (_, member, inner) = self.part(part)?;
-        with_buffers(|buffers| member.read(inner, buffers, each))
+        let (number, member, inner) = self.part(part)?;
+        with_buffers(|buffers| member.read(inner, selection.of_file(number), buffers, each))
     }
 
-    fn columns(&self, names: &[String]) -> Result<Box<dyn AttributeSource + '_>> {
-        let mut readers = Vec::new();
-        let origins = self.origins().collect::<Result<Vec<_>>>()?;
-        for origin in &origins {
-            let found = attributes::readers(names, &origin.columns());
-            readers.push(found.map_err(|e| e.in_file(&path_of(origin.name)))?);
-        }
-        let mut columns = readers.iter().flatten().filter_map(AttributeReader::column);
-        // Times of the files must have one epoch.
-        if columns.any(|column| column.name == TIME) {
-            GpsTimeEpoch::of_all(&origins)?;
-        }
-        Ok(Box::new(CloudAttributeSource { cloud: self, readers }))
-    }
-}
-
-/// Attribute source of the files of a cloud.
-struct CloudAttributeSource<'a> {
-    cloud: &'a PointCloud,
-    /// One list per file.
-    readers: Vec<Vec<AttributeReader>>,
-}
-
-impl AttributeSource for CloudAttributeSource<'_> {
-    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<ReturnCounts> {
-        let (number, member, inner) = self.cloud.part(part)?;
-        with_buffers(|buffers| member.columns(inner, &self.readers[number], buffers, each))
+    fn select(&self, names: &[String]) -> Result<AttributeSelection> {
+        self.selected(names, attributes::readers)
     }
 }
 

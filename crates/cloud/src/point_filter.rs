@@ -3,11 +3,12 @@
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 
+use super::attributes::PointTable;
 use super::condition::CompiledCondition;
 use super::filter::{CloudFilter, CompiledFilter, FilterRecord, FilterVerdict};
 use super::frame::{ClaimedExtent, FrameTransform};
 use super::raw::{Flags, RawPoint};
-use super::source::ReturnCounts;
+use super::source::{PointConsumer, ReturnCounts};
 
 /// Filter of the points of one file.
 #[derive(Clone, Debug)]
@@ -73,12 +74,34 @@ impl PointFilterPass {
         }
     }
 
-    /// Counts `records` in `census` and appends filtered points to `out`, where no whole records are needed. `first`
-    /// is the index of the first one in its file.
+    /// Counts `records` in `census` and passes on filtered points by way of `table`, which is empty afterwards. `first`
+    /// is the index of the first record in its file; bytes of records are used only if the table or the filters need them.
     ///
     /// # Errors
     /// A point outside the bounds of the header, unless these are skipped.
-    pub(super) fn filter<R: RawPoint>(
+    pub(super) fn batch<'r, R: RawPoint>(
+        &self,
+        records: impl ExactSizeIterator<Item = (&'r [u8], R)> + Clone,
+        first: u64,
+        table: &mut PointTable<'_>,
+        census: &mut ReturnCounts,
+        each: &mut PointConsumer<'_>,
+    ) -> Result<()> {
+        if table.is_plain() && !self.needs_records() {
+            let records = records.map(|(_, raw)| raw);
+            self.filter(records, first, &mut table.positions, census)?;
+        } else {
+            for (index, (bytes, raw)) in (first..).zip(records) {
+                if let Some(point) = self.pick(raw, bytes, index, census)? {
+                    table.push(point, raw, bytes, each)?;
+                }
+            }
+        }
+        table.flush(each)
+    }
+
+    /// The same for positions alone, where no whole records are needed: they replace those in `out`.
+    fn filter<R: RawPoint>(
         &self,
         records: impl ExactSizeIterator<Item = R> + Clone,
         first: u64,

@@ -5,6 +5,8 @@ use serde::{Deserialize, Serialize};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point, PointFrame};
 
+use super::attributes::{AttributeSelection, PointBatch};
+
 /// Maximum points of a batch.
 pub const BATCH: usize = 1 << 16;
 
@@ -69,23 +71,43 @@ pub trait PointSource: Send + Sync {
         self.info().bounds
     }
 
-    /// Reads a part and passes on its filtered points in batches of at most [`BATCH`].
+    /// Reads a part and passes on its filtered points with the selected attributes, in batches of at most [`BATCH`].
+    /// Only the attributes selected and those that filters need are decoded.
     ///
     /// # Errors
     /// Damage that is not skipped, and errors of `each`.
     fn read(
         &self,
         part: usize,
-        each: &mut dyn FnMut(&[Point]) -> Result<()>,
+        selection: &AttributeSelection,
+        each: &mut PointConsumer<'_>,
     ) -> Result<ReturnCounts>;
 
-    /// An attribute source for these attributes, by the names of [`terrane_base::attribute`] or of extra bytes.
+    /// As [`read`](Self::read), with positions alone.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    fn positions(
+        &self,
+        part: usize,
+        each: &mut dyn FnMut(&[Point]) -> Result<()>,
+    ) -> Result<ReturnCounts> {
+        self.read(part, &AttributeSelection::default(), &mut |batch| each(batch.positions))
+    }
+
+    /// A selection of these attributes for [`read`](Self::read), by the names of [`terrane_base::attribute`] or of
+    /// extra bytes, and [`CLASS_FLAGS`](crate::CLASS_FLAGS).
     ///
     /// # Errors
     /// An attribute that the points of some file lack.
-    fn columns(&self, names: &[String]) -> Result<Box<dyn AttributeSource + '_>> {
-        let names = names.join(", ");
-        Err(Error::unsupported(format!("this point source has no attribute {names}")))
+    fn select(&self, names: &[String]) -> Result<AttributeSelection> {
+        match names {
+            [] => Ok(AttributeSelection::default()),
+            _ => Err(Error::unsupported(format!(
+                "this point source has no attribute {}",
+                names.join(", ")
+            ))),
+        }
     }
 
     /// The source files, by name.
@@ -109,15 +131,5 @@ pub trait PointSource: Send + Sync {
     }
 }
 
-/// Reads points together with some of their attributes.
-pub trait AttributeSource: Send + Sync {
-    /// Reads a part and passes on its filtered points, at most [`BATCH`] at a time, with a column for each attribute;
-    /// NaN is nodata.
-    ///
-    /// # Errors
-    /// As for [`PointSource::read`].
-    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<ReturnCounts>;
-}
-
-/// Consumer of points with their columns.
-pub type Each<'a> = dyn FnMut(&[Point], &[Vec<f64>]) -> Result<()> + 'a;
+/// Consumer of the batches of points.
+pub type PointConsumer<'a> = dyn FnMut(PointBatch<'_>) -> Result<()> + 'a;

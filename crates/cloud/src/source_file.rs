@@ -8,7 +8,7 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Crs, Point, PointFrame};
 use terrane_files::lock;
 
-use super::attributes::{AttributeReader, AttributeTable};
+use super::attributes::{AttributeReader, PointTable};
 use super::filter::{CloudFilter, FilterRecord, FilterVerdict};
 use super::format::PointFormat;
 use super::frame::ClaimedExtent;
@@ -17,7 +17,7 @@ use super::lazip::FieldSelection;
 use super::point_filter::PointFilterPass;
 use super::point_format::PointFormatConversion;
 use super::raw::{Flags, RawPoint};
-use super::source::{self, BATCH, ReturnCounts};
+use super::source::{PointConsumer, ReturnCounts};
 use super::text::{self, TextFile};
 
 /// A file of either kind.
@@ -96,48 +96,31 @@ pub(super) fn with_buffers<T>(work: impl FnOnce(&mut SourceFileBuffers) -> T) ->
     result
 }
 
-/// Consumer of the points of a block.
-type Each<'a> = dyn FnMut(&[Point]) -> Result<()> + 'a;
-
-/// Visitor of the records of a block, by format.
-trait RecordBlockVisitor {
-    fn visit<R: RawPoint>(
+/// Visitor of the points of a block, by format. Points come with the bytes of their records where these are read, else
+/// with none.
+trait RecordVisitor {
+    fn visit<'r, R: RawPoint>(
         &mut self,
         first: u64,
-        records: impl ExactSizeIterator<Item = R> + Clone,
+        records: impl ExactSizeIterator<Item = (&'r [u8], R)> + Clone,
     ) -> Result<()>;
 }
 
-/// Filters records into points.
-struct RecordFilter<'a, 'b> {
+/// Passes on filtered points in batches.
+struct PointBatcher<'a, 'b> {
     pass: &'a PointFilterPass,
-    points: &'a mut Vec<Point>,
-    census: ReturnCounts,
-    each: &'a mut Each<'b>,
+    table: PointTable<'a>,
+    counts: ReturnCounts,
+    each: &'a mut PointConsumer<'b>,
 }
 
-impl RecordVisitor for RecordFilter<'_, '_> {
-    fn take<'r, R: RawPoint>(
+impl RecordVisitor for PointBatcher<'_, '_> {
+    fn visit<'r, R: RawPoint>(
         &mut self,
         first: u64,
-        records: impl Iterator<Item = (&'r [u8], R)>,
+        records: impl ExactSizeIterator<Item = (&'r [u8], R)> + Clone,
     ) -> Result<()> {
-        self.points.clear();
-        for (index, (bytes, raw)) in (first..).zip(records) {
-            self.points.extend(self.pass.pick(raw, bytes, index, &mut self.census)?);
-        }
-        self.points.chunks(BATCH).try_for_each(&mut *self.each)
-    }
-}
-
-impl RecordBlockVisitor for RecordFilter<'_, '_> {
-    fn visit<R: RawPoint>(
-        &mut self,
-        first: u64,
-        records: impl ExactSizeIterator<Item = R> + Clone,
-    ) -> Result<()> {
-        self.pass.filter(records, first, self.points, &mut self.census)?;
-        self.points.chunks(BATCH).try_for_each(&mut *self.each)
+        self.pass.batch(records, first, &mut self.table, &mut self.counts, self.each)
     }
 }
 
@@ -151,21 +134,11 @@ struct FilteredRecordVisitor<'a> {
     each: &'a mut RecordConsumer<'a>,
 }
 
-impl RecordBlockVisitor for FilteredRecordVisitor<'_> {
-    fn visit<R: RawPoint>(
-        &mut self,
-        first: u64,
-        records: impl ExactSizeIterator<Item = R> + Clone,
-    ) -> Result<()> {
-        self.take(first, records.map(|raw| (&[][..], raw)))
-    }
-}
-
 impl RecordVisitor for FilteredRecordVisitor<'_> {
-    fn take<'r, R: RawPoint>(
+    fn visit<'r, R: RawPoint>(
         &mut self,
         first: u64,
-        records: impl Iterator<Item = (&'r [u8], R)>,
+        records: impl ExactSizeIterator<Item = (&'r [u8], R)> + Clone,
     ) -> Result<()> {
         for (index, (bytes, raw)) in (first..).zip(records) {
             let record = self.pass.record(raw, index);
@@ -183,48 +156,6 @@ impl RecordVisitor for FilteredRecordVisitor<'_> {
     }
 }
 
-/// Visitor of whole records of a block, by format.
-trait RecordVisitor {
-    fn take<'r, R: RawPoint>(
-        &mut self,
-        first: u64,
-        records: impl Iterator<Item = (&'r [u8], R)>,
-    ) -> Result<()>;
-}
-
-/// Passes on filtered points with attributes.
-struct AttributeVisitor<'a, 'b> {
-    pass: &'a PointFilterPass,
-    table: AttributeTable<'a>,
-    census: ReturnCounts,
-    each: &'a mut source::Each<'b>,
-}
-
-impl RecordVisitor for AttributeVisitor<'_, '_> {
-    fn take<'r, R: RawPoint>(
-        &mut self,
-        first: u64,
-        records: impl Iterator<Item = (&'r [u8], R)>,
-    ) -> Result<()> {
-        for (index, (record, raw)) in (first..).zip(records) {
-            if let Some(point) = self.pass.pick(raw, record, index, &mut self.census)? {
-                self.table.push(point, raw, record);
-            }
-        }
-        self.table.flush(self.each)
-    }
-}
-
-impl RecordBlockVisitor for AttributeVisitor<'_, '_> {
-    fn visit<R: RawPoint>(
-        &mut self,
-        first: u64,
-        records: impl ExactSizeIterator<Item = R> + Clone,
-    ) -> Result<()> {
-        self.take(first, records.map(|raw| (&[][..], raw)))
-    }
-}
-
 /// Passes on filtered records in another point format.
 struct RecordConverter<'a, 'b> {
     pass: &'a PointFilterPass,
@@ -237,10 +168,10 @@ struct RecordConverter<'a, 'b> {
 }
 
 impl RecordVisitor for RecordConverter<'_, '_> {
-    fn take<'r, R: RawPoint>(
+    fn visit<'r, R: RawPoint>(
         &mut self,
         first: u64,
-        records: impl Iterator<Item = (&'r [u8], R)>,
+        records: impl ExactSizeIterator<Item = (&'r [u8], R)> + Clone,
     ) -> Result<()> {
         self.out.clear();
         for (index, (record, raw)) in (first..).zip(records) {
@@ -305,21 +236,25 @@ impl CloudSourceFile {
         lock(&self.lost).values().sum()
     }
 
-    /// Passes on the filtered points of a part.
+    /// Passes on the filtered points of a part with the attributes that are read.
     pub(super) fn read(
         &self,
         part: usize,
+        readers: &[AttributeReader],
         buffers: &mut SourceFileBuffers,
-        each: &mut Each<'_>,
+        each: &mut PointConsumer<'_>,
     ) -> Result<ReturnCounts> {
         let Some(pass) = &self.pass else { return Ok(ReturnCounts::default()) };
         let SourceFileBuffers { records, points } = buffers;
-        let mut filter = RecordFilter { pass, points, census: ReturnCounts::default(), each };
-        let lost = match pass.needs_records() {
-            true => self.take(part, records, &mut filter),
-            false => self.visit(part, pass.needed_fields(), records, &mut filter),
-        }?;
-        Ok(self.with_lost(part, filter.census, lost))
+        let table = PointTable::new(std::mem::take(points), readers);
+        let mut batcher = PointBatcher { pass, table, counts: ReturnCounts::default(), each };
+        let wanted = match readers.iter().any(AttributeReader::needs_record) {
+            true => FieldSelection::RECORDS,
+            false => pass.needed_fields(readers),
+        };
+        let lost = self.visit(part, wanted, records, &mut batcher);
+        *points = batcher.table.positions;
+        Ok(self.with_lost(part, batcher.counts, lost?))
     }
 
     /// Passes on filtered points of a part, with their bytes if `whole`.
@@ -331,10 +266,12 @@ impl CloudSourceFile {
     ) -> Result<ReturnCounts> {
         let Some(pass) = &self.pass else { return Ok(ReturnCounts::default()) };
         let mut visitor = FilteredRecordVisitor { pass, census: ReturnCounts::default(), each };
-        let lost = with_buffers(|buffers| match whole || pass.needs_records() {
-            true => self.take(part, &mut buffers.records, &mut visitor),
-            false => self.visit(part, FieldSelection::ALL, &mut buffers.records, &mut visitor),
-        })?;
+        let wanted = match whole || pass.needs_records() {
+            true => FieldSelection::RECORDS,
+            false => FieldSelection::ALL,
+        };
+        let lost =
+            with_buffers(|buffers| self.visit(part, wanted, &mut buffers.records, &mut visitor))?;
         Ok(self.with_lost(part, visitor.census, lost))
     }
 
@@ -356,112 +293,56 @@ impl CloudSourceFile {
             out: Vec::new(),
             each,
         };
-        let lost = self.take(part, &mut buffers.records, &mut converter)?;
+        let wanted = FieldSelection::RECORDS;
+        let lost = self.visit(part, wanted, &mut buffers.records, &mut converter)?;
         Ok(self.with_lost(part, converter.census, lost))
     }
 
-    /// Passes on the filtered points of a part with attributes.
-    pub(super) fn columns(
-        &self,
-        part: usize,
-        readers: &[AttributeReader],
-        buffers: &mut SourceFileBuffers,
-        each: &mut source::Each<'_>,
-    ) -> Result<ReturnCounts> {
-        let Some(pass) = &self.pass else { return Ok(ReturnCounts::default()) };
-        let mut visitor = AttributeVisitor {
-            pass,
-            table: AttributeTable::new(readers),
-            census: ReturnCounts::default(),
-            each,
-        };
-        let needs_records =
-            pass.needs_records() || readers.iter().any(AttributeReader::needs_record);
-        let lost = match needs_records {
-            true => self.take(part, &mut buffers.records, &mut visitor),
-            false => {
-                let wanted = FieldSelection { class: true, ..pass.needed_fields() };
-                self.visit(part, wanted, &mut buffers.records, &mut visitor)
-            }
-        }?;
-        Ok(self.with_lost(part, visitor.census, lost))
-    }
-
-    /// Passes the whole records of a part to `taker`, block by block; returns the number of lost points.
-    fn take(
-        &self,
-        part: usize,
-        buffers: &mut las::LasReadBuffers,
-        taker: &mut impl RecordVisitor,
-    ) -> Result<u64> {
-        match &self.file {
-            CloudFile::Las(file) => {
-                let (size, is_new) = (usize::from(file.header.record), file.header.is_new());
-                file.records(
-                    part,
-                    FieldSelection::RECORDS,
-                    self.salvage,
-                    buffers,
-                    &mut |first, block| {
-                        let LasPointBlock::Records(records) = block else {
-                            return Err(no_records());
-                        };
-                        let records = records.chunks_exact(size);
-                        match is_new {
-                            true => taker.take(first, records.map(|r| (r, ModernLasRecord::of(r)))),
-                            false => {
-                                taker.take(first, records.map(|r| (r, LegacyLasRecord::of(r))))
-                            }
-                        }
-                        .map_err(|e| e.in_file(&file.path))
-                    },
-                )
-            }
-            CloudFile::Text(file) => {
-                let size = file.format().size();
-                file.records(part, self.salvage, &mut |first, lines: &[text::TextPoint]| {
-                    let records: Vec<_> = lines.iter().map(text::TextPoint::record).collect();
-                    taker
-                        .take(first, records.iter().map(|r| (&r[..size], ModernLasRecord::of(r))))
-                        .map_err(|e| e.in_file(&file.path))
-                })
-            }
-        }
-    }
-
-    /// Passes the records of a part to `visitor`, block by block; returns the number of lost points.
+    /// Passes the points of a part to `visitor`, block by block, with the bytes of their records if `wanted`; returns
+    /// the number of lost points.
     fn visit(
         &self,
         part: usize,
         wanted: FieldSelection,
         buffers: &mut las::LasReadBuffers,
-        visitor: &mut impl RecordBlockVisitor,
+        visitor: &mut impl RecordVisitor,
     ) -> Result<u64> {
         match &self.file {
             CloudFile::Las(file) => {
-                let in_file = |e: Error| e.in_file(&file.path);
-                let (record, is_new) = (usize::from(file.header.record), file.header.is_new());
+                let (size, is_new) = (usize::from(file.header.record), file.header.is_new());
                 file.records(part, wanted, self.salvage, buffers, &mut |first, block| {
                     match (block, is_new) {
-                        (LasPointBlock::Fields(f), true) => {
-                            visitor.visit(first, unpacked::<true>(f))
+                        (LasPointBlock::Fields(_), _) if wanted.records => Err(no_records()),
+                        (LasPointBlock::Fields(fields), true) => {
+                            visitor.visit(first, unpacked::<true>(fields).map(without_bytes))
                         }
-                        (LasPointBlock::Fields(f), false) => {
-                            visitor.visit(first, unpacked::<false>(f))
+                        (LasPointBlock::Fields(fields), false) => {
+                            visitor.visit(first, unpacked::<false>(fields).map(without_bytes))
                         }
-                        (LasPointBlock::Records(r), true) => {
-                            visitor.visit(first, r.chunks_exact(record).map(ModernLasRecord::of))
+                        (LasPointBlock::Records(bytes), true) => {
+                            let records = bytes.chunks_exact(size);
+                            visitor.visit(first, records.map(|r| (r, ModernLasRecord::of(r))))
                         }
-                        (LasPointBlock::Records(r), false) => {
-                            visitor.visit(first, r.chunks_exact(record).map(LegacyLasRecord::of))
+                        (LasPointBlock::Records(bytes), false) => {
+                            let records = bytes.chunks_exact(size);
+                            visitor.visit(first, records.map(|r| (r, LegacyLasRecord::of(r))))
                         }
                     }
-                    .map_err(in_file)
+                    .map_err(|e| e.in_file(&file.path))
                 })
             }
             CloudFile::Text(file) => {
-                file.records(part, self.salvage, &mut |first, records: &[text::TextPoint]| {
-                    let visited = visitor.visit(first, records.iter().copied());
+                let size = file.format().size();
+                file.records(part, self.salvage, &mut |first, lines: &[text::TextPoint]| {
+                    let visited = match wanted.records {
+                        true => {
+                            let records: Vec<_> =
+                                lines.iter().map(text::TextPoint::record).collect();
+                            let records = records.iter().map(|record| &record[..size]);
+                            visitor.visit(first, records.zip(lines.iter().copied()))
+                        }
+                        false => visitor.visit(first, lines.iter().copied().map(without_bytes)),
+                    };
                     visited.map_err(|e| e.in_file(&file.path))
                 })
             }
@@ -469,11 +350,23 @@ impl CloudSourceFile {
     }
 }
 
+/// A point whose record is not read.
+fn without_bytes<R: RawPoint>(raw: R) -> (&'static [u8], R) {
+    (&[], raw)
+}
+
 impl PointFilterPass {
-    /// Fields needed for each point, beside x, y and return numbers.
-    fn needed_fields(&self) -> FieldSelection {
-        let filter = self.options();
+    /// What is decoded of each point, beside x, y and return numbers.
+    fn needed_fields(&self, readers: &[AttributeReader]) -> FieldSelection {
+        if self.needs_records() {
+            return FieldSelection::RECORDS;
+        }
+        let (filter, has) = (self.options(), |reader| readers.contains(&reader));
         let flags = !filter.keep_withheld || filter.drop != Flags::default();
-        FieldSelection { class: filter.classes.is_some(), flags, ..FieldSelection::ALL }
+        FieldSelection {
+            class: filter.classes.is_some() || has(AttributeReader::Class),
+            flags: flags || has(AttributeReader::Flags),
+            ..FieldSelection::ALL
+        }
     }
 }

@@ -1,12 +1,12 @@
 //! Synthetic clouds as sources of points: `synth:cloud,size=1000,density=8,seed=7` in place of a file.
 
-use super::attributes::{AttributeReader, AttributeTable, readers};
+use super::attributes::{AttributeSelection, PointTable};
 use super::column;
 use super::condition::CompiledCondition;
 use super::filter::{CloudFilter, CompiledFilter, FilterRecord, FilterVerdict};
 use super::las::ModernLasRecord;
 use super::raw::Flags;
-use super::source::{AttributeSource, BATCH, CloudInfo, Each, PointSource, ReturnCounts};
+use super::source::{CloudInfo, PointConsumer, PointSource, ReturnCounts};
 use super::write;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point, PointFrame};
@@ -190,47 +190,29 @@ impl PointSource for SyntheticCloud {
     fn read(
         &self,
         part: usize,
-        each: &mut dyn FnMut(&[Point]) -> Result<()>,
+        selection: &AttributeSelection,
+        each: &mut PointConsumer<'_>,
     ) -> Result<ReturnCounts> {
-        let mut points = Vec::new();
-        let census = self.filter(part, |echo| {
-            points.push(echo.point);
-            Ok(())
+        let (format, mut bytes) = (full()?, Vec::new());
+        let mut table = PointTable::new(Vec::new(), selection.of_file(0));
+        let counts = self.filter(part, |echo| {
+            if !table.is_plain() {
+                bytes.clear();
+                format.encode(&[echo.into()], &mut bytes);
+            }
+            table.push(echo.point, ModernLasRecord::of(&bytes), &bytes, each)
         })?;
-        points.chunks(BATCH).try_for_each(each)?;
-        Ok(census)
+        table.flush(each).map(|()| counts)
     }
 
-    fn columns(&self, names: &[String]) -> Result<Box<dyn AttributeSource + '_>> {
-        let format = full()?;
-        let readers = readers(names, &column::columns(format, &[]))?;
-        Ok(Box::new(SyntheticAttributeSource { cloud: self, format, readers }))
+    fn select(&self, names: &[String]) -> Result<AttributeSelection> {
+        AttributeSelection::of_one(names, &column::columns(full()?, &[]))
     }
 }
 
 /// The point format with all attributes of returns.
 fn full() -> Result<write::PointFormat> {
     write::PointFormat::new(8)
-}
-
-/// The same with attributes, those of records in files.
-struct SyntheticAttributeSource<'a> {
-    cloud: &'a SyntheticCloud,
-    format: write::PointFormat,
-    readers: Vec<AttributeReader>,
-}
-
-impl AttributeSource for SyntheticAttributeSource<'_> {
-    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<ReturnCounts> {
-        let (mut table, mut bytes) = (AttributeTable::new(&self.readers), Vec::new());
-        let census = self.cloud.filter(part, |echo| {
-            bytes.clear();
-            self.format.encode(&[echo.into()], &mut bytes);
-            table.push(echo.point, ModernLasRecord::of(&bytes), &bytes);
-            if table.len() < BATCH { Ok(()) } else { table.flush(each) }
-        })?;
-        table.flush(each).map(|()| census)
-    }
 }
 
 /// Flags of a return, with the bits of LAS 1.4.

@@ -2,7 +2,9 @@
 
 use terrane_base::error::Result;
 use terrane_base::geom::{Crs, Point, PointFrame};
-use terrane_cloud::{CloudInfo, PointSource, ReturnCounts};
+use terrane_cloud::{
+    AttributeSelection, CloudInfo, PointBatch, PointConsumer, PointSource, ReturnCounts,
+};
 
 /// Points in memory, in parts of a thousand.
 pub(crate) struct PointSample {
@@ -47,11 +49,12 @@ impl PointSource for PointSample {
     fn read(
         &self,
         part: usize,
-        each: &mut dyn FnMut(&[Point]) -> Result<()>,
+        _selection: &AttributeSelection,
+        each: &mut PointConsumer<'_>,
     ) -> Result<ReturnCounts> {
-        let points = self.points.chunks(PART).nth(part).unwrap_or_default();
-        each(points)?;
-        let count = points.len() as u64;
+        let positions = self.points.chunks(PART).nth(part).unwrap_or_default();
+        each(PointBatch { positions, ..PointBatch::default() })?;
+        let count = positions.len() as u64;
         Ok(ReturnCounts { read: count, kept: count, ..ReturnCounts::default() })
     }
 }

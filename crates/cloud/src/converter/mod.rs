@@ -3,8 +3,6 @@
 //! Records are converted byte by byte. Files with a common lattice keep their stored integers. A value that the
 //! output cannot store is an error.
 
-mod colored_points;
-
 use std::collections::HashSet;
 
 use terrane_base::error::{Error, Result};
@@ -22,7 +20,6 @@ use crate::source_file::with_buffers;
 use crate::times::GpsTimeEpoch;
 use crate::version::{LasVersion, PointPacking};
 use crate::write::{CloudWriteOptions, CopiedMetadata, Vlr};
-pub use colored_points::{AppearanceReader, PointAppearance};
 
 /// Numbers of [`extra::USER`] records: superseded ones, and waveform packet descriptors, followed by the record with
 /// the waveform data.
@@ -98,6 +95,8 @@ pub struct NewDimension {
 pub enum NewDimensionValue {
     /// Steps of heights (`i32`); the minimum is nodata.
     HeightSteps,
+    /// Whole numbers (`u32`); 0 is nodata.
+    Whole,
     /// Numbers (`f32`); NaN is nodata.
     Single,
     /// Numbers (`f64`); NaN is nodata.

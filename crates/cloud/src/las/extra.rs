@@ -33,7 +33,7 @@ const SCALE: usize = 112;
 const OFFSET: usize = 136;
 /// Bytes of a triple of values: nodata, scale, offset.
 const THREE: usize = 24;
-/// Offset of the description text; data type of signed 32-bit integers.
+/// Offset of the description text; data type of signed 32-bit integers, after that of unsigned ones.
 const ABOUT: Range<usize> = 160..BYTES;
 const STEPS: u8 = 6;
 /// Last digit of data types of 32-bit floats.
@@ -99,6 +99,7 @@ impl ExtraBytesDimension {
                 put(SCALE, &step.to_le_bytes());
                 (STEPS, i64::from(i32::MIN).to_le_bytes())
             }
+            NewDimensionValue::Whole => (STEPS - 1, [0; 8]),
             NewDimensionValue::Single => (SINGLES, f64::NAN.to_le_bytes()),
             NewDimensionValue::Double => (SINGLES + 1, f64::NAN.to_le_bytes()),
         };

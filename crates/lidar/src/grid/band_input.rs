@@ -44,15 +44,15 @@ pub(super) struct BandInput<'a> {
     cols: Vec<i32>,
     rows: Vec<i32>,
     /// Points with their cells, each for one block.
-    batch: PointBatch,
-    spare: PointBatch,
+    batch: CellPoints,
+    spare: CellPoints,
     /// The part of a run that lies in the block itself.
-    inside: PointBatch,
+    inside: CellPoints,
 }
 
 /// Points for blocks.
 #[derive(Default)]
-struct PointBatch {
+struct CellPoints {
     blocks: Vec<u32>,
     /// Column and row of the cell that holds the point.
     places: Vec<(i32, i32)>,
@@ -85,9 +85,9 @@ impl<'a> BandInput<'a> {
             regions: regions.collect(),
             cols: Vec::new(),
             rows: Vec::new(),
-            batch: PointBatch::default(),
-            spare: PointBatch::default(),
-            inside: PointBatch::default(),
+            batch: CellPoints::default(),
+            spare: CellPoints::default(),
+            inside: CellPoints::default(),
         }
     }
 
@@ -237,7 +237,7 @@ struct BlockRun<'a> {
 
 impl BlockRun<'_> {
     /// The points in the cells of the block itself.
-    fn inside<'a>(&'a self, window: Rect, inside: &'a mut PointBatch) -> CellHits<'a> {
+    fn inside<'a>(&'a self, window: Rect, inside: &'a mut CellPoints) -> CellHits<'a> {
         if self.places.iter().all(|(col, row)| is_in(window, *col, *row)) {
             return CellHits {
                 cells: self.cells,
@@ -265,7 +265,7 @@ impl BlockRun<'_> {
     }
 }
 
-impl PointBatch {
+impl CellPoints {
     fn clear(&mut self) {
         self.blocks.clear();
         self.places.clear();

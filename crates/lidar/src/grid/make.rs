@@ -17,7 +17,7 @@ use super::surface_model::{self, CloudOverview, PreparedSurfaceModel, SurfaceMod
 use crate::point_index::{PointStore, PointStoreCoverage, parts_in};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::PointFrame;
-use terrane_cloud::{self as cloud, AttributeSource, PointSource};
+use terrane_cloud::{self as cloud, PointSource};
 use terrane_engine::memory::with_polygons;
 use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::skip_bad::LostPoints;
@@ -101,7 +101,7 @@ impl<'a> GridMaker<'a> {
         let start = Instant::now();
         let Self { job, extent, progress, cancel, .. } = self;
         let recipe = StatisticRecipe::new(&job.stats, &job.rules(extent.cell()));
-        let columns = self.columns(&recipe)?;
+        let selection = self.points.select(&recipe.attributes())?;
         let info = extent.written(job);
         let format = job.format()?;
         let mut sink = format.create(&job.output, &info, &job.write_options())?;
@@ -114,10 +114,9 @@ impl<'a> GridMaker<'a> {
         }
         let budget = GridBudget::divide(&job.resources, work, count)?;
         let blocks = CellBlocks::new(&recipe, extent, &budget, job.spill_folder());
-        let columns = columns.as_deref();
         let reader = CloudReader {
             source: self.points,
-            columns,
+            selection: &selection,
             parts,
             extent,
             recipe: &recipe,
@@ -155,12 +154,6 @@ impl<'a> GridMaker<'a> {
                 .with_spilled(blocks.spilled_bytes() + spilled),
             ..report(job, &info, extent)
         }))
-    }
-
-    /// The reader of the attributes that the statistics need, if any.
-    fn columns(&self, recipe: &StatisticRecipe) -> Result<Option<Box<dyn AttributeSource + '_>>> {
-        let names = recipe.attributes();
-        (!names.is_empty()).then(|| self.points.columns(&names)).transpose()
     }
 
     /// The parts to read.

@@ -8,16 +8,15 @@ use super::extent::GridExtent;
 use super::queue::ReadQueue;
 use crate::point_index::PointStore;
 use terrane_base::error::Result;
-use terrane_base::geom::Point;
-use terrane_cloud::{AttributeSource, PointSource, ReturnCounts};
+use terrane_cloud::{AttributeSelection, PointBatch, PointSource, ReturnCounts};
 use terrane_engine::{Cancel, FileAt, Progress};
 use terrane_gridding::{SelectedPoints, StatisticRecipe, SubjectSelector};
 
 /// A cloud and the blocks it goes into.
 pub(super) struct CloudReader<'a> {
     pub(super) source: &'a dyn PointSource,
-    /// Reads the attributes that the recipe needs, if any.
-    pub(super) columns: Option<&'a dyn AttributeSource>,
+    /// The attributes that the recipe needs.
+    pub(super) selection: &'a AttributeSelection,
     /// The parts of it that are read.
     pub(super) parts: Vec<usize>,
     pub(super) extent: &'a GridExtent,
@@ -83,19 +82,11 @@ impl CloudReader<'_> {
             cancel.check()?;
             let part = self.parts[part];
             FileAt::report_part(progress, self.source, part);
-            census.add(&self.read(part, &mut worker)?);
+            let selection = self.selection;
+            census.add(&self.source.read(part, selection, &mut |batch| worker.take(batch))?);
             progress.advance(self.source.points_of(part));
         }
         Ok(ReadOutcome { census, outside: worker.outside() })
-    }
-
-    fn read(&self, part: usize, worker: &mut GridReadWorker<'_>) -> Result<ReturnCounts> {
-        match self.columns {
-            Some(columns) => {
-                columns.read(part, &mut |points, columns| worker.take(points, columns))
-            }
-            None => self.source.read(part, &mut |points| worker.take(points, &[])),
-        }
     }
 }
 
@@ -125,14 +116,15 @@ impl<'a> GridReadWorker<'a> {
     }
 
     /// Adds a batch of points to the blocks they touch.
-    fn take(&mut self, points: &[Point], columns: &[Vec<f64>]) -> Result<()> {
+    fn take(&mut self, batch: PointBatch<'_>) -> Result<()> {
+        let PointBatch { positions: points, attributes } = batch;
         let Self { store, lanes, selected, apart } = self;
         store.map_or(Ok(()), |store| store.add(points))?;
         apart.iter_mut().for_each(|outside| outside.take(points));
         lanes.iter_mut().try_for_each(|(selector, lane)| match selector {
             None => lane.take(points, &[]),
             Some(selector) => {
-                selector.select(points, columns, selected);
+                selector.select(points, attributes, selected);
                 lane.take(&selected.points, &selected.reals)
             }
         })

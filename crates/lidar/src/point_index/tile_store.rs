@@ -156,7 +156,7 @@ impl PointStore {
             |counts, part| {
                 let part = parts[part as usize];
                 FileAt::report_part(filling.progress, source, part);
-                let read = source.read(part, &mut |batch| take(batch))?;
+                let read = source.positions(part, &mut |batch| take(batch))?;
                 counts.add(&read);
                 filling.progress.advance(read.read);
                 Ok(())

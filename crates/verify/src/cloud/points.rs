@@ -40,7 +40,7 @@ impl PointFiller<'_> {
     fn read(&mut self, part: usize) -> Result<()> {
         let Self { context, layout, findings, writer } = self;
         FileAt::report_part(context.work.progress, context.source, part);
-        let counts = context.source.read(part, &mut |batch| {
+        let counts = context.source.positions(part, &mut |batch| {
             batch.iter().try_for_each(|&point| {
                 let point = place(point, context.bounds)?;
                 findings.hull.add([point.x, point.y]);

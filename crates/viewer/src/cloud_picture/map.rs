@@ -5,12 +5,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use rayon::prelude::*;
 
 use crate::render::MAX_PICTURE_SIDE;
+use terrane_base::attribute::CLASS;
 use terrane_base::bits::ordered;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
-use terrane_cloud::{
-    AppearanceReader, CloudInfo, PointAppearance, PointCloud, PointSource, round_side, round_up,
-};
+use terrane_cloud::{CloudInfo, PointCloud, PointSource, round_side, round_up};
 use terrane_engine::{Cancel, FileAt, Progress};
 use terrane_gridding::{CellEdgeRule, CellLattice};
 
@@ -119,17 +118,17 @@ impl PointDensityMap {
         cancel: &Cancel,
     ) -> Result<Self> {
         let (counts, tops) = (zeros(cells.count()), zeros(cells.count()));
-        let reader = AppearanceReader::new(cloud)?;
+        let selection = cloud.select(&[CLASS.to_owned()])?;
         progress.begin("points", cloud.info().count);
         let read = (0..cloud.parts()).into_par_iter().try_for_each(|part| {
             FileAt::report_part(progress, cloud, part);
-            reader.read(part, &mut |points| {
+            cloud.read(part, &selection, &mut |batch| {
                 cancel.check()?;
-                for PointAppearance { point, class, .. } in points {
+                for (point, class) in batch.positions.iter().zip(&batch.attributes[0]) {
                     let Some(cell) = cells.of(*point) else { continue };
                     // Sums and maxima do not depend on the order of threads.
                     counts[cell].fetch_add(1, Ordering::Relaxed);
-                    let top = ordered(point.z) << 8 | u64::from(*class);
+                    let top = ordered(point.z) << 8 | u64::from(*class as u8);
                     tops[cell].fetch_max(top, Ordering::Relaxed);
                 }
                 Ok(())

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::point_sample::{self, PagePointTally, Ranked};
+use super::point_sample::{self, PageCloudPoint, PagePointTally, Ranked};
 use super::{PageJob, PageReport, facts};
 use crate::html::HtmlPage;
 use crate::html::pack::{PackedArray, QuantizedAxis};
@@ -10,7 +10,7 @@ use crate::render::class_colour;
 use terrane_base::error::{Error, Result};
 use terrane_base::frontend::Frontend;
 use terrane_base::geom::PointFrame;
-use terrane_cloud::{CloudOpenOptions, PointAppearance, PointCloud, PointSource, class_name};
+use terrane_cloud::{CloudOpenOptions, PointCloud, PointSource, class_name};
 use terrane_engine::input::workers;
 use terrane_engine::memory::{PROGRAM, beside_program, short, with_polygons};
 use terrane_engine::{Cancel, Progress, Resources};
@@ -122,7 +122,7 @@ fn place(
 }
 
 /// Class, return number, number of returns and flags in one number: 8, 4, 4 and 4 bits.
-fn packed_flags(seen: &PointAppearance) -> i32 {
+fn packed_flags(seen: &PageCloudPoint) -> i32 {
     let [number, returns] = seen.returns.map(|n| i32::from(n & 15));
     i32::from(seen.class) | number << 8 | returns << 12 | i32::from(seen.flags.0) << 16
 }
@@ -222,7 +222,7 @@ mod tests {
     fn what_is_known_of_a_point_is_packed_apart() {
         let flags = terrane_cloud::Flags::WITHHELD.and(terrane_cloud::Flags::OVERLAP);
         let seen =
-            PointAppearance { class: 200, returns: [3, 15], flags, ..PointAppearance::default() };
+            PageCloudPoint { class: 200, returns: [3, 15], flags, ..PageCloudPoint::default() };
         assert_eq!(packed_flags(&seen), 200 | 3 << 8 | 15 << 12 | 12 << 16);
     }
 }

@@ -6,17 +6,55 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
+use terrane_base::attribute::{CLASS, RETURN, RETURNS};
 use terrane_base::bits::{mixed, ordered};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
-use terrane_cloud::{
-    AppearanceReader, BATCH, PointAppearance, PointCloud, PointSource, ReturnCounts,
-};
+use terrane_cloud::{BATCH, CLASS_FLAGS, Flags, PointBatch, PointCloud, PointSource, ReturnCounts};
 use terrane_engine::{Cancel, FileAt, Progress};
 use terrane_files::lock;
 
+/// A point of a page.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct PageCloudPoint {
+    /// Position in the frame of the cloud.
+    pub(super) point: Point,
+    pub(super) intensity: u16,
+    pub(super) class: u8,
+    /// Return number from 1, and number of returns; 0 if unknown.
+    pub(super) returns: [u8; 2],
+    pub(super) flags: Flags,
+    /// Red, green, blue as stored; 0 if absent.
+    pub(super) colour: [u16; 3],
+}
+
+/// The attributes of a [`PageCloudPoint`], in the order of [`PageCloudPoint::of`].
+const ATTRIBUTES: [&str; 8] =
+    ["intensity", CLASS, RETURN, RETURNS, CLASS_FLAGS, "red", "green", "blue"];
+
+impl PageCloudPoint {
+    /// The points of a batch with [`ATTRIBUTES`].
+    fn of(batch: PointBatch<'_>) -> impl Iterator<Item = Self> {
+        let columns: [&[f64]; ATTRIBUTES.len()] =
+            std::array::from_fn(|attribute| batch.attributes[attribute].as_slice());
+        batch.positions.iter().enumerate().map(move |(at, point)| {
+            // What a file lacks is NaN, of which casts make 0.
+            let [intensity, class, number, returns, flags, red, green, blue] =
+                columns.map(|column| column[at]);
+            Self {
+                point: *point,
+                intensity: intensity as u16,
+                class: class as u8,
+                returns: [number as u8, returns as u8],
+                flags: Flags(flags as u8),
+                colour: [red, green, blue].map(|value| value as u16),
+            }
+        })
+    }
+}
+
 /// A rank and its point: hash of the position, later the place along a curve.
-pub(super) type Ranked = (u64, PointAppearance);
+pub(super) type Ranked = (u64, PageCloudPoint);
 
 /// Statistics of all points, shown or not.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,7 +76,7 @@ impl Default for PagePointTally {
 }
 
 impl PagePointTally {
-    fn add(&mut self, seen: &PointAppearance) {
+    fn add(&mut self, seen: &PageCloudPoint) {
         self.classes[usize::from(seen.class)] += 1;
         self.returns[usize::from(seen.returns[0] & 15)] += 1;
         self.strongest = self.strongest.max(seen.intensity);
@@ -70,10 +108,10 @@ impl PagePointSample {
         Self { max, limit: AtomicU64::new(u64::MAX), points: Mutex::default() }
     }
 
-    fn offer(&self, points: &[PointAppearance]) {
+    fn offer(&self, points: impl Iterator<Item = PageCloudPoint>) {
         // An outdated limit is too high: it lets superfluous points in, and loses none.
         let limit = self.limit.load(Ordering::Relaxed);
-        let ranked = points.iter().map(|seen| (rank(seen.point), *seen));
+        let ranked = points.map(|seen| (rank(seen.point), seen));
         let candidates: Vec<Ranked> = ranked.filter(|(rank, _)| *rank <= limit).collect();
         let mut sample = lock(&self.points);
         sample.extend(candidates);
@@ -118,15 +156,15 @@ pub(super) fn select(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<(Vec<Ranked>, PagePointTally)> {
-    let (reader, sample) = (AppearanceReader::new(cloud)?, PagePointSample::new(max));
+    let selection = cloud.select_present(&ATTRIBUTES.map(str::to_owned))?;
+    let sample = PagePointSample::new(max);
     progress.begin("points", cloud.info().count);
     let read = (0..cloud.parts()).into_par_iter().map(|part| {
         FileAt::report_part(progress, cloud, part);
         let mut tally = PagePointTally::default();
-        tally.census = reader.read(part, &mut |points| {
+        tally.census = cloud.read(part, &selection, &mut |batch| {
             cancel.check()?;
-            points.iter().for_each(|seen| tally.add(seen));
-            points.chunks(BATCH).for_each(|batch| sample.offer(batch));
+            sample.offer(PageCloudPoint::of(batch).inspect(|seen| tally.add(seen)));
             Ok(())
         })?;
         progress.advance(cloud.points_of(part));
@@ -165,12 +203,12 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn seen(x: i32, y: i32, z: i32, class: u8) -> PointAppearance {
-        PointAppearance { point: Point::new(x, y, z), class, ..PointAppearance::default() }
+    fn seen(x: i32, y: i32, z: i32, class: u8) -> PageCloudPoint {
+        PageCloudPoint { point: Point::new(x, y, z), class, ..PageCloudPoint::default() }
     }
 
     /// All at once, and sorted.
-    fn chosen(points: &[PointAppearance], most: usize) -> Vec<Ranked> {
+    fn chosen(points: &[PageCloudPoint], most: usize) -> Vec<Ranked> {
         let mut all: Vec<Ranked> = points.iter().map(|seen| (rank(seen.point), *seen)).collect();
         all.sort_unstable();
         all.truncate(most);
@@ -184,12 +222,12 @@ mod tests {
             most in 0usize..300,
             batch in 1usize..90,
         ) {
-            let mut points: Vec<PointAppearance> = points.iter().map(|(x, y, z, c)| seen(*x, *y, *z, *c)).collect();
+            let mut points: Vec<PageCloudPoint> = points.iter().map(|(x, y, z, c)| seen(*x, *y, *z, *c)).collect();
             let expected = chosen(&points, most);
             points.reverse();
             let fewest = PagePointSample::new(most);
             for some in points.chunks(batch) {
-                fewest.offer(some);
+                fewest.offer(some.iter().copied());
                 fewest.shorten(&mut lock(&fewest.points));
             }
             let mut kept = fewest.finish();
@@ -206,11 +244,11 @@ mod tests {
 
     #[test]
     fn a_tenth_of_a_lattice_is_a_tenth_of_each_of_its_parts() {
-        let points: Vec<PointAppearance> =
+        let points: Vec<PageCloudPoint> =
             (0..90_000).map(|i| seen(i % 300, i / 300, 7, 2)).collect();
         let kept = chosen(&points, 9_000);
         let mut parts = [0; 9];
-        for (_, PointAppearance { point, .. }) in &kept {
+        for (_, PageCloudPoint { point, .. }) in &kept {
             parts[(point.x / 100 + point.y / 100 * 3) as usize] += 1;
         }
         // Each of 1,000, whose standard deviation is 30.
@@ -219,7 +257,7 @@ mod tests {
 
     #[test]
     fn neighbours_come_together() {
-        let square: Vec<PointAppearance> =
+        let square: Vec<PageCloudPoint> =
             (0..4_096).map(|i| seen(i % 64 - 9, i / 64 + 5, 0, 0)).collect();
         let mut points = chosen(&square, usize::MAX);
         arrange(&mut points);

@@ -166,7 +166,7 @@ impl SurfaceModelContext<'_> {
         }
         let second = self.source(no_noise(), Some(Return::Number(2)))?;
         for part in 0..second.parts() {
-            if second.read(part, &mut |_| Ok(()))?.kept > 0 {
+            if second.positions(part, &mut |_| Ok(()))?.kept > 0 {
                 return Ok(false);
             }
             self.cancel.check()?;

@@ -16,6 +16,7 @@ mod sample_grid;
 mod sort;
 mod thin;
 mod tree_tops;
+mod trees;
 mod r#where;
 
 use std::fmt;
@@ -454,6 +455,7 @@ stages![
     thin::CellThinning,
     poisson::PoissonSampling,
     tree_tops::TreeTops,
+    trees::Trees,
     normals::Normals,
     reproject::Reproject,
     sort::Sort,

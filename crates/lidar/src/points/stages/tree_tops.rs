@@ -14,11 +14,12 @@ use super::neighborhoods::{self, Neighborhood, Neighborhoods};
 use super::{
     OpenStage, PointSetEffect, Stage, StageContext, StageInput, StageName, StageOutput, StageReach,
 };
-use crate::records::PointRecords;
+use crate::records::numbered::RecordNumbers;
 use crate::records::selection::{ChosenRecords, place};
+use crate::records::{PointRecords, total};
 use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{DistancePredicate, Point};
+use terrane_base::geom::{DistancePredicate, Point, PointFrame};
 use terrane_cloud::CloudInfo;
 use terrane_files::{lock, unlocked};
 use terrane_ground::neighbors::{MetricSpace, NeighborParts};
@@ -84,19 +85,25 @@ impl Stage for TreeTops {
             )
             .remedy("reproject the points first, as by the stage reproject:CRS"));
         }
-        let (frame, radius) = (&input.info.frame, self.window / 2.0);
+        Ok(Box::new(self.search(&input.info.frame)))
+    }
+}
+
+impl TreeTops {
+    /// The search for tops among points of a frame.
+    pub(super) fn search(&self, frame: &PointFrame) -> TopSearch {
         let [x, y, _] = frame.scale;
-        Ok(Box::new(TopSearch {
+        TopSearch {
             // Distances are those of x and y.
             space: MetricSpace { step: [x, y, 0.0], zero: [0; 3] },
-            circle: DistancePredicate::new([x, y, 1.0], radius),
+            circle: DistancePredicate::new([x, y, 1.0], self.window / 2.0),
             lowest: frame.ruler(2).place(self.min),
-        }))
+        }
     }
 }
 
 /// The search for tops among points of one frame.
-struct TopSearch {
+pub(super) struct TopSearch {
     space: MetricSpace,
     circle: DistancePredicate,
     /// In steps.
@@ -109,30 +116,45 @@ impl OpenStage for TopSearch {
         records: &'r dyn PointRecords,
         around: &StageContext<'r>,
     ) -> Result<StageOutput<'r>> {
+        let most = total(records);
+        let tops = Mutex::new(BitSet::new(most as usize));
+        let numbers = self.run(records, around, |_, number| {
+            lock(&tops).insert(number as usize);
+        })?;
+        let (tops, record) = (unlocked(tops), around.work.shares.flow.record);
+        Ok(StageOutput::new(ChosenRecords::of(records, record, numbers, tops)))
+    }
+}
+
+impl TopSearch {
+    /// Calls `take` with each top and the number of its record, in any order.
+    ///
+    /// # Errors
+    /// Those of reading.
+    pub(super) fn run(
+        &self,
+        records: &dyn PointRecords,
+        around: &StageContext<'_>,
+        take: impl Fn(Point, u64) + Sync,
+    ) -> Result<RecordNumbers> {
         let is_high = |record: &[u8]| f64::from(place(record).z) >= self.lowest;
         let memory = around.memory() / 2;
         let points = Neighborhoods::new(records, &self.space, around, memory, is_high)?;
-        let tops = Mutex::new(BitSet::new(points.numbers.total as usize));
         points.each(
             "tree tops",
             |(): &mut (), mut near: Neighborhood<'_>| {
                 let found = self.tops(&near.points, &mut near.around)?;
-                let mut tops = lock(&tops);
-                for (number, is_top) in near.numbers.iter().zip(found) {
-                    if is_top {
-                        tops.insert(*number as usize);
-                    }
+                let all = near.points.iter().zip(&near.numbers).zip(found);
+                for ((point, number), _) in all.filter(|(_, is_top)| *is_top) {
+                    take(*point, *number);
                 }
                 Ok(())
             },
             |()| Ok(()),
         )?;
-        let (tops, record) = (unlocked(tops), around.work.shares.flow.record);
-        Ok(StageOutput::new(ChosenRecords::of(records, record, points.numbers, tops)))
+        Ok(points.numbers)
     }
-}
 
-impl TopSearch {
     /// Which points of a part are tops.
     fn tops(&self, own: &[Point], around: &mut dyn NeighborParts) -> Result<Vec<bool>> {
         let mut is_top = vec![true; own.len()];
