@@ -24,6 +24,7 @@ mod help;
 mod info_features;
 mod info_quality;
 mod jobs;
+mod killed_stages;
 mod line;
 mod line_hierarchy;
 mod manners;
