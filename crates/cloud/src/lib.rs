@@ -1,4 +1,9 @@
-//! Point clouds: point sources that are read in chunks, independent of the file formats.
+//! Point clouds: point sources that are read in parts, independent of the file formats.
+//!
+//! Points have two forms. [`PointSource::read`] hands on batches: positions in the frame of the cloud, and the attributes
+//! that were selected as columns of numbers; nothing else is decoded. This is for work on points. The records of
+//! [`PointFormatConverter::read`] are bytes of one point format, which carry all that a file holds, known or not. This is
+//! for writing points, and for stages, which change single fields of them.
 
 mod attributes;
 mod class;
