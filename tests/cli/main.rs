@@ -4,6 +4,8 @@
 mod cli_support;
 #[path = "../common/data.rs"]
 mod data;
+#[path = "../common/file_server.rs"]
+mod file_server;
 #[allow(dead_code, unreachable_pub)]
 #[path = "../common/raster_support/tiff_builder.rs"]
 mod tiff_builder;
@@ -45,6 +47,7 @@ mod points_inputs;
 mod points_where;
 mod print;
 mod relief;
+mod remote;
 mod resume;
 mod serve;
 mod shapes;

@@ -63,6 +63,8 @@ impl Place {
     pub fn command(&self, args: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_terrane"));
         command.args(args).current_dir(self.folder.path());
+        // Made when a file of a server is read.
+        command.env("TERRANE_CACHE", self.path("cache"));
         command
     }
 

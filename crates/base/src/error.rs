@@ -181,11 +181,12 @@ impl Error {
         error
     }
 
-    /// A missing input file; for remote paths the message says that they are not supported.
+    /// A missing input file; for an address the message says that its kind is not supported.
     pub fn missing(path: &Path) -> Self {
         match is_address(path) {
-            true => Self::unsupported("remote paths are not supported")
-                .remedy("download the file first (curl -LO URL) and pass the local copy"),
+            true => Self::unsupported("addresses of this kind are not supported").remedy(
+                "pass one of https, s3, gs or az, or download the file (curl -LO URL) and pass the local copy",
+            ),
             false => Self::not_found("no such file").remedy("check the name"),
         }
         .in_file(path)

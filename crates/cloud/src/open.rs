@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use terrane_base::error::{Error, Result, all};
 use terrane_base::geom::{Crs, Point, PointFrame};
-use terrane_files::{FileKind, RawFile, on_threads, path_of, shown};
+use terrane_files::{FileKind, RawFile, absolute, on_threads, path_of, shown};
 
 use super::attributes::{self, AttributeReader, AttributeSelection};
 use super::column::{PointColumn, TIME};
@@ -277,9 +277,7 @@ fn plain(inputs: &[String]) -> Vec<String> {
 
 fn distinct(mut files: Vec<String>) -> Vec<String> {
     // Absolute paths, as in plans, are valid in any working directory.
-    files.sort_by_cached_key(|name| {
-        std::path::absolute(path_of(name)).unwrap_or_default().into_os_string()
-    });
+    files.sort_by_cached_key(|name| absolute(&path_of(name)).unwrap_or_default().into_os_string());
     let mut seen = HashSet::new();
     files.retain(|name| {
         let path = path_of(name);

@@ -310,6 +310,10 @@ impl CloudSourceFile {
         match &self.file {
             CloudFile::Las(file) => {
                 let (size, is_new) = (usize::from(file.header.record), file.header.is_new());
+                let filter = self.pass.as_ref().map(PointFilterPass::options);
+                file.prefetch(part, |next| {
+                    filter.is_some_and(|filter| self.touches(next, filter))
+                })?;
                 file.records(part, wanted, self.salvage, buffers, &mut |first, block| {
                     match (block, is_new) {
                         (LasPointBlock::Fields(_), _) if wanted.records => Err(no_records()),

@@ -224,6 +224,10 @@ impl GridSource for JointlyValidBand {
     fn copied(&self, rect: Rect) {
         self.all.iter().for_each(|band| band.copied(rect));
     }
+
+    fn expect(&self, rect: Rect) {
+        self.all.iter().for_each(|band| band.expect(rect));
+    }
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::Resources;
 use crate::memory::{PROGRAM, short};
 use terrane_base::error::{Error, Result};
-use terrane_files::{is_in_memory, name_of, path_of};
+use terrane_files::{is_in_memory, is_remote, name_of, path_of};
 use terrane_raster::Inputs;
 use terrane_vector::{self as vector, Feature, FeatureSource};
 
@@ -27,7 +27,8 @@ impl AuxiliaryFeatures {
     /// Opens a file of `what`. Reads the first object of TopoJSON.
     pub fn open(name: &str, what: &str, bytes_each: u64, remedy: &'static str) -> Result<Self> {
         let path = path_of(name).into_owned();
-        if vector::synthetic(&path).is_none() && !path.exists() {
+        let is_there = path.exists() || is_remote(&path);
+        if vector::synthetic(&path).is_none() && !is_there {
             return Err(Error::missing(&path).or(&format!("name a file of {what}")));
         }
         let source = vector::open(&path, &vector::VectorOpenOptions::default())?;
@@ -80,7 +81,7 @@ pub fn absolute(name: &str) -> Result<String> {
     if vector::synthetic(&path).is_some() {
         return Ok(name.to_owned());
     }
-    name_of(std::path::absolute(&path).map_err(|e| Error::read(&path, e))?)
+    name_of(terrane_files::absolute(&path)?)
 }
 
 /// The file and its companion files.

@@ -1,6 +1,5 @@
 //! Opens and measures a surface from any file, grid or mesh, out of core.
 
-use std::io::Read;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -9,7 +8,7 @@ use serde::Serialize;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{self, Point3, Rect};
-use terrane_files::{is_made, path_of};
+use terrane_files::{RawFile, is_made, path_of};
 use terrane_mesh::{self as mesh, MeshInfo, MeshSource};
 use terrane_raster::{self as raster, GridInfo, GridOpenOptions, GridSource};
 
@@ -71,11 +70,7 @@ fn has_extension(name: &str, extensions: &[&str]) -> bool {
 
 /// The first 512 bytes of a file, or all of a shorter one.
 fn head(path: &Path) -> Result<Vec<u8>> {
-    let fail = |e| Error::read(path, e);
-    let mut head = Vec::with_capacity(512);
-    let file = std::fs::File::open(path).map_err(fail)?;
-    file.take(512).read_to_end(&mut head).map_err(fail)?;
-    Ok(head)
+    RawFile::open(path)?.head(512)
 }
 
 /// Height statistics of a grid.

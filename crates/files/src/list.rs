@@ -9,7 +9,7 @@ use terrane_base::limits;
 
 use super::glob;
 use super::in_memory::is_made;
-use super::name::{name_of, path_of, shown};
+use super::name::{is_file, name_of, path_of, shown};
 
 /// Prefix of the path of a text list.
 const LIST_PREFIX: char = '@';
@@ -158,7 +158,7 @@ fn names(place: &Path, found: Vec<PathBuf>, nothing: &str) -> Result<Vec<String>
 fn is_list(path: &Path) -> bool {
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     LIST_ENDINGS.contains(&ending.as_str())
-        && first_line(path).is_some_and(|line| resolve(path, &line).is_file())
+        && first_line(path).is_some_and(|line| is_file(&resolve(path, &line)))
 }
 
 fn first_line(list: &Path) -> Option<String> {
@@ -225,7 +225,7 @@ fn listed(list: &Path) -> Result<Vec<String>> {
             continue;
         }
         let path = resolve(list, &line);
-        if !path.is_file() {
+        if !is_file(&path) {
             let line: String = shown(&line).chars().take(200).collect();
             return Err(Error::bad_input(format!(
                 "lists {line}, which does not exist or is not a file"

@@ -8,7 +8,7 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-use terrane_base::error::Result;
+use terrane_base::error::{Error, Result, is_address};
 
 /// The character that stands for byte 0; those of bytes below 128 are not used.
 #[cfg(unix)]
@@ -66,6 +66,33 @@ pub fn path_of(name: &str) -> Cow<'_, Path> {
 #[cfg(not(unix))]
 pub fn path_of(name: &str) -> Cow<'_, Path> {
     Cow::Borrowed(Path::new(name))
+}
+
+/// The absolute path of a file; addresses stay as they are.
+///
+/// # Errors
+/// An empty path, or a current folder that does not exist.
+pub fn absolute(path: &Path) -> Result<PathBuf> {
+    match is_address(path) {
+        true => Ok(path.to_owned()),
+        false => std::path::absolute(path).map_err(|error| Error::read(path, error)),
+    }
+}
+
+/// Whether a path may name a file that can be read: one that is there, or an address.
+pub fn is_file(path: &Path) -> bool {
+    path.is_file() || is_remote(path)
+}
+
+/// Whether a path is an address that can be read.
+pub fn is_remote(path: &Path) -> bool {
+    #[cfg(feature = "remote")]
+    return crate::remote::is_remote(path);
+    #[cfg(not(feature = "remote"))]
+    {
+        let _ = path;
+        false
+    }
 }
 
 /// A name for display; bytes that are not text are shown as the replacement character.

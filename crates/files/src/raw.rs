@@ -3,20 +3,36 @@
 
 use std::fs::File;
 use std::io;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
+#[cfg(feature = "remote")]
+use std::sync::Arc;
 
 use crate::position::read_exact_at;
+#[cfg(feature = "remote")]
+use crate::remote::{self, RemoteFile};
 use terrane_base::error::{Error, ErrorKind, Result};
 
+/// Bytes of a remote file asked for ahead of sequential reading.
+#[cfg(feature = "remote")]
+const AHEAD: u64 = 4 << 20;
 /// Maximum number of bytes read at once for adjacent rows.
 const RUN_BYTES: usize = 1 << 20;
 
 /// An open input file of known length.
 #[derive(Debug)]
 pub struct RawFile {
-    file: File,
+    bytes: FileBytes,
     len: u64,
     path: PathBuf,
+}
+
+/// Where the bytes of a file are.
+#[derive(Debug)]
+enum FileBytes {
+    Local(File),
+    #[cfg(feature = "remote")]
+    Remote(Arc<RemoteFile>),
 }
 
 /// Equally spaced rows of bytes in a file.
@@ -33,8 +49,14 @@ pub struct RowRun {
 }
 
 impl RawFile {
-    /// Opens the regular, non-empty file at `path`.
+    /// Opens the regular, non-empty file at `path`, or at an address (`https://host/file`, `s3://bucket/key`).
     pub fn open(path: &Path) -> Result<Self> {
+        #[cfg(feature = "remote")]
+        if remote::is_remote(path) {
+            let file = remote::open(path)?;
+            let (len, path) = (file.bytes(), path.to_path_buf());
+            return Ok(Self { bytes: FileBytes::Remote(file), len, path });
+        }
         let meta = std::fs::metadata(path).map_err(|e| Error::read(path, e))?;
         if meta.is_dir() {
             return Err(Error::usage("is a folder, not a file").in_file(path));
@@ -51,7 +73,7 @@ impl RawFile {
         if len == 0 {
             return Err(Error::bad_input("file is empty").in_file(path).remedy("copy it again"));
         }
-        Ok(Self { file, len, path: path.to_path_buf() })
+        Ok(Self { bytes: FileBytes::Local(file), len, path: path.to_path_buf() })
     }
 
     /// Length in bytes at the time of opening.
@@ -72,14 +94,54 @@ impl RawFile {
                 "file is truncated or damaged: {bytes} bytes expected at offset {offset}, file ends at {}",
                 self.len
             ))
-            .in_file(&self.path)),
+            .in_file(&self.path)
+            .remedy("copy it again")),
         }
     }
 
     /// Fills `out` from the bytes at `offset`.
     pub fn read_at(&self, offset: u64, out: &mut [u8]) -> Result<()> {
+        self.read_on(offset, out, 0)
+    }
+
+    /// As [`read_at`](Self::read_at), where the next `ahead` bytes will be read soon: of a remote file, they are asked for
+    /// with these.
+    pub fn read_on(&self, offset: u64, out: &mut [u8], ahead: u64) -> Result<()> {
         self.check_range(offset, out.len() as u64)?;
-        read_exact_at(&self.file, out, offset).map_err(|e| self.failed(offset, e))
+        match &self.bytes {
+            FileBytes::Local(file) => {
+                read_exact_at(file, out, offset).map_err(|e| self.failed(offset, e))
+            }
+            #[cfg(feature = "remote")]
+            FileBytes::Remote(file) => file.read_at(offset, out, ahead),
+        }
+    }
+
+    /// Whether reading waits for a server, so that [`prefetch`](Self::prefetch) pays.
+    pub fn is_remote(&self) -> bool {
+        !matches!(self.bytes, FileBytes::Local(_))
+    }
+
+    /// What tells the contents of a remote file from others of the same length, if the server says.
+    pub fn version(&self) -> Option<&str> {
+        match &self.bytes {
+            FileBytes::Local(_) => None,
+            #[cfg(feature = "remote")]
+            FileBytes::Remote(file) => file.version(),
+        }
+    }
+
+    /// Asks a server for the ranges of bytes that are `needed`, all at once; if some were not there, also for those that
+    /// lie `ahead`. Of a local file nothing is read.
+    ///
+    /// # Errors
+    /// Those of reading.
+    pub fn prefetch(&self, needed: &[Range<u64>], ahead: &[Range<u64>]) -> Result<()> {
+        match &self.bytes {
+            FileBytes::Local(_) => Ok(()),
+            #[cfg(feature = "remote")]
+            FileBytes::Remote(file) => file.prefetch(needed, ahead),
+        }
     }
 
     /// Reads `bytes` bytes at `offset`; the caller has capped `bytes`.
@@ -152,7 +214,13 @@ pub struct RawFileReader<'a> {
 impl io::Read for RawFileReader<'_> {
     fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
         let bytes = (out.len() as u64).min(self.file.len.saturating_sub(self.at)) as usize;
-        read_exact_at(&self.file.file, &mut out[..bytes], self.at)?;
+        match &self.file.bytes {
+            FileBytes::Local(file) => read_exact_at(file, &mut out[..bytes], self.at)?,
+            #[cfg(feature = "remote")]
+            FileBytes::Remote(file) => {
+                file.read_at(self.at, &mut out[..bytes], AHEAD).map_err(io::Error::other)?;
+            }
+        }
         self.at += bytes as u64;
         Ok(bytes)
     }

@@ -17,6 +17,10 @@ macro_rules! hints_go_to {
         fn copied(&self, rect: terrane_base::geom::Rect) {
             self.$inner.copied(rect);
         }
+
+        fn expect(&self, rect: terrane_base::geom::Rect) {
+            self.$inner.expect(rect);
+        }
     };
 }
 
@@ -223,6 +227,9 @@ pub trait GridSource: Send + Sync {
 
     /// Hint that all of `rect` has been read: mapped pages may be dropped, since reading them again is cheap.
     fn copied(&self, _rect: Rect) {}
+
+    /// Hint that all of `rect` will be read, from the top: a remote file is asked for more at once.
+    fn expect(&self, _rect: Rect) {}
 }
 
 /// The common name of a height unit, and its original spelling if different.

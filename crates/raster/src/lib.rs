@@ -66,10 +66,12 @@ pub use water::{Water, WaterFeatures, WaterReport};
 /// Errors of [`open`]; inconsistent files; clip polygons with another CRS, without a sample, or larger than
 /// the cache; a box without a cell.
 pub fn open_all(inputs: &[String], options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
-    match options.bbox {
+    let grid = match options.bbox {
         Some(bbox) => subset::part(bbox, options, |options| open_clipped(inputs, options)),
         None => open_clipped(inputs, options),
-    }
+    }?;
+    grid.expect(grid.info().bounds());
+    Ok(grid)
 }
 
 /// The grid within the clip polygons, if any.

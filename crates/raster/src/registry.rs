@@ -1,7 +1,5 @@
 //! Registry of grid formats for reading, and format detection.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 use crate::format::{GridOpenOptions, RasterFormat};
@@ -12,7 +10,7 @@ use crate::{
 };
 use terrane_base::error::{Error, Result};
 use terrane_files::format::by_extension;
-use terrane_files::{is_in_memory, path_of};
+use terrane_files::{RawFile, is_in_memory, path_of};
 
 /// All formats that can be read. A new one is one file and one line here.
 pub const FORMATS: &[RasterFormat] = &[
@@ -107,17 +105,10 @@ pub fn has_header(path: &Path) -> bool {
 
 /// The first bytes of a regular file.
 pub(crate) fn head_of(path: &Path) -> Result<Vec<u8>> {
-    let fail = |e| Error::read(path, e);
-    let meta = std::fs::metadata(path).map_err(fail)?;
-    if !meta.is_file() {
+    if path.is_dir() {
         return Err(Error::usage("is not a file").in_file(path));
     }
-    let mut head = Vec::new();
-    File::open(path).and_then(|f| f.take(HEAD_BYTES).read_to_end(&mut head)).map_err(fail)?;
-    if head.is_empty() {
-        return Err(Error::bad_input("file is empty").in_file(path).remedy("copy it again"));
-    }
-    Ok(head)
+    RawFile::open(path)?.head(HEAD_BYTES)
 }
 
 fn unknown_format(path: &Path) -> Error {

@@ -79,6 +79,10 @@ impl<'a, S: Deref<Target = dyn GridSource + 'a> + Send + Sync> GridSource for No
     fn copied(&self, rect: Rect) {
         self.inner.copied(self.behind(rect));
     }
+
+    fn expect(&self, rect: Rect) {
+        self.inner.expect(self.behind(rect));
+    }
 }
 
 #[cfg(test)]

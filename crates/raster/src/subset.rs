@@ -68,6 +68,10 @@ impl GridSource for WindowedGrid {
     fn copied(&self, rect: Rect) {
         self.inner.copied(self.whole(rect));
     }
+
+    fn expect(&self, rect: Rect) {
+        self.inner.expect(self.whole(rect));
+    }
 }
 
 fn window(info: &GridInfo, [x0, y0, x1, y1]: [f64; 4]) -> Result<Rect> {

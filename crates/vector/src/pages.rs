@@ -8,6 +8,8 @@ use terrane_files::RawFile;
 
 /// Bytes read at a time for adjacent records.
 const CHUNK_BYTES: u64 = 1 << 18;
+/// Bytes of a remote file asked for ahead of adjacent records.
+const AHEAD: u64 = 4 << 20;
 /// Minimum number of bytes read for scattered records.
 const PAGE_BYTES: u64 = 1 << 12;
 
@@ -49,12 +51,13 @@ impl PagedFile {
         limits::check("feature size in bytes", bytes, limits::MAX_FEATURE_BYTES)?;
         let end = self.base.saturating_add(self.buffer.len() as u64);
         // A chunk where the file is read on; after a jump most of a chunk would be read in vain.
-        let least = if (self.base..=end).contains(&offset) { CHUNK_BYTES } else { PAGE_BYTES };
+        let is_next = (self.base..=end).contains(&offset);
+        let [least, ahead] = if is_next { [CHUNK_BYTES, AHEAD] } else { [PAGE_BYTES, 0] };
         let window = bytes.max(least).min(self.file.size() - offset);
         // The buffer is valid only after a complete read.
         self.base = u64::MAX;
         self.buffer.resize(window as usize, 0);
-        self.file.read_at(offset, &mut self.buffer)?;
+        self.file.read_on(offset, &mut self.buffer, ahead)?;
         self.base = offset;
         Ok(())
     }

@@ -8,7 +8,7 @@ use terrane_cloud as cloud;
 use terrane_engine::Resources;
 use terrane_engine::input::is_mesh;
 use terrane_engine::skip_bad::{self, ReadableFiles, Skipped};
-use terrane_files::{is_made, path_of};
+use terrane_files::{is_file, is_made, is_remote, path_of};
 use terrane_raster as raster;
 use terrane_vector as vector;
 
@@ -73,7 +73,7 @@ impl InputFileKind<'_> {
 
 /// True for a vector file.
 pub(crate) fn are_lines(path: &Path) -> bool {
-    path.is_file() && vector::identify(path).is_ok_and(|format| format.is_some())
+    is_file(path) && vector::identify(path).is_ok_and(|format| format.is_some())
 }
 
 /// True for a vector file that is not a grid or mesh as well.
@@ -89,7 +89,7 @@ pub(crate) fn are_made_lines(input: &str) -> bool {
 /// Fails for a missing point cloud.
 fn is_there(file: &str) -> Result<()> {
     let path = path_of(file);
-    if is_made(file) || path.exists() {
+    if is_made(file) || path.exists() || is_remote(&path) {
         return Ok(());
     }
     Err(Error::missing(&path))

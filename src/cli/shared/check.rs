@@ -9,8 +9,7 @@ use terrane_base::error::{Error, ErrorKind, Result, all, is_address};
 pub(crate) use terrane_engine::outputs::not_among;
 use terrane_engine::outputs::{is_same, place};
 use terrane_files::atomic;
-use terrane_files::is_made;
-use terrane_files::{companions, path_of};
+use terrane_files::{companions, is_file, is_made, is_remote, path_of};
 use terrane_raster as raster;
 
 /// As [`input`], for all `inputs`.
@@ -38,7 +37,7 @@ pub(crate) fn written(file: &str) -> Result<()> {
 fn there(input: &str, or: Option<&str>) -> Result<()> {
     pipes::refuse_input(input)?;
     let path = &*path_of(raster::file_name(input));
-    if is_made(input) || path.is_file() || raster::is_collection(input) {
+    if is_made(input) || is_file(path) || raster::is_collection(input) {
         return Ok(());
     }
     Err(match std::fs::metadata(path) {
@@ -61,7 +60,8 @@ pub(crate) fn check_sidecars(files: &[String]) -> Result<()> {
 }
 
 fn is_missing(file: &str) -> bool {
-    !is_made(file) && !path_of(raster::file_name(file)).exists()
+    let path = path_of(raster::file_name(file));
+    !(is_made(file) || path.exists() || is_remote(&path))
 }
 
 /// True for a missing path; false for other errors, such as missing permissions.

@@ -6,8 +6,11 @@ use super::parts::{LasPart, LasPartKind};
 use crate::frame::ClaimedExtent;
 use crate::lazip::{DecodedFields, FieldSelection};
 use terrane_base::error::{Error, Result};
-use terrane_files::RawFile;
+use terrane_files::{RawFile, is_remote};
 
+/// Bytes and number of later parts of a remote file that are asked for with one.
+const AHEAD: u64 = 8 << 20;
+const MAX_AHEAD: usize = 64;
 /// Bytes of records per block; they and their points stay in the cache.
 const BLOCK_BYTES: u64 = 1 << 18;
 
@@ -139,6 +142,28 @@ impl LasFile {
         Err(Error::bad_input(format!("chunk is damaged: {what}"))
             .at(format_args!("chunk {number}, points {} to {last}", part.first))
             .remedy("copy the file again, or read the good part with ‹salvage›"))
+    }
+
+    /// Asks for a part of a remote file, and with it for the next ones that are wanted.
+    ///
+    /// # Errors
+    /// Those of reading.
+    pub(crate) fn prefetch(&self, part: usize, is_wanted: impl Fn(usize) -> bool) -> Result<()> {
+        if !is_remote(&self.path) {
+            return Ok(());
+        }
+        let bytes = |part: &LasPart| part.at..part.at.saturating_add(part.bytes);
+        let (mut ahead, mut left) = (Vec::new(), AHEAD);
+        for (number, next) in self.parts.iter().enumerate().skip(part + 1) {
+            if next.bytes > left || ahead.len() == MAX_AHEAD {
+                break;
+            }
+            if is_wanted(number) {
+                left -= next.bytes;
+                ahead.push(bytes(next));
+            }
+        }
+        self.reopen()?.prefetch(&[bytes(&self.parts[part])], &ahead)
     }
 
     /// Possible extent of the points of a part: the stated bounds, and the cube of an octree node.

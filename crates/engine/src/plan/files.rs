@@ -1,6 +1,6 @@
 //! The input files of a plan, and the check that they are unchanged.
 //!
-//! Small files are hashed whole. Of large ones [`PIECES`] pieces are hashed, because reading a terabyte only to
+//! Of remote files, length and version are those that the server tells. Small files are hashed whole. Of large ones [`PIECES`] pieces are hashed, because reading a terabyte only to
 //! identify it would cost as much as the work itself; their modification time must be unchanged as well.
 
 use std::borrow::Cow;
@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::digest::Digest;
 use terrane_base::error::{Error, Result};
-use terrane_files::{self as files, name_of, path_of};
+use terrane_files::{self as files, RawFile, is_remote, name_of, path_of};
 
 /// Number of hashed pieces of a large file, spread evenly from its first byte to its last.
 const PIECES: u64 = 16;
@@ -55,6 +55,9 @@ impl InputFile {
     }
 
     fn of(path: &Path, whole: bool) -> Result<Self> {
+        if is_remote(path) {
+            return Self::of_remote(path);
+        }
         let fail = |e| Error::read(path, e);
         let mut file = File::open(path).map_err(fail)?;
         let (bytes, modified) = facts(&file).map_err(fail)?;
@@ -63,8 +66,22 @@ impl InputFile {
         Ok(Self { name: name_of(path.to_path_buf())?, bytes, modified, whole, digest })
     }
 
+    /// The state that a server tells of.
+    fn of_remote(path: &Path) -> Result<Self> {
+        let file = RawFile::open(path)?;
+        let digest = Digest::of(file.version().unwrap_or_default().as_bytes());
+        let name = name_of(path.to_path_buf())?;
+        Ok(Self { name, bytes: file.size(), modified: 0, whole: false, digest })
+    }
+
     pub(crate) fn check(&self, by_content: bool) -> Result<()> {
         let path = self.path();
+        if is_remote(&path) {
+            return match Self::of_remote(&path)? == *self {
+                true => Ok(()),
+                false => Err(self.changed("another version is on the server")),
+            };
+        }
         let fail = |e| Error::read(&path, e);
         let mut file = File::open(&path).map_err(fail)?;
         let (bytes, modified) = facts(&file).map_err(fail)?;

@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::json;
 use terrane_base::error::{Error, Result};
 use terrane_files::atomic::AtomicFile;
-use terrane_files::folder_for;
+use terrane_files::{absolute, folder_for};
 
 /// The error for a file whose parent folder is missing.
 pub(super) fn no_folder(path: &Path, error: io::Error) -> Error {
@@ -26,6 +26,5 @@ pub fn write_json<T: Serialize>(path: &Path, what: &T) -> Result<()> {
 
 /// The absolute path, as stored in JSON.
 pub fn noted_path(output: &Path) -> Result<PathBuf> {
-    let path = std::path::absolute(output).map_err(|e| Error::write(output, e))?;
-    Ok(path)
+    absolute(output)
 }

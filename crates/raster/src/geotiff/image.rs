@@ -44,7 +44,7 @@ impl GeoTiffImage {
         mut each: impl FnMut(Rect, u32, Option<&[u8]>),
     ) -> Result<()> {
         let layout = &self.blocks.layout;
-        for (bx, by) in blocks_touching(layout, rect) {
+        for [bx, by] in blocks_touching(layout, rect) {
             let part = layout.block_rect(bx, by).intersect(&rect);
             match self.blocks.place(bx, by, &self.file)? {
                 None => (0..part.height).for_each(|row| each(part, row, None)),
@@ -87,7 +87,7 @@ impl GeoTiffImage {
     /// Drops the cached blocks that are inside `rect`.
     pub(super) fn forget(&self, rect: Rect, cache: &BlockCache) {
         let layout = &self.blocks.layout;
-        for (bx, by) in blocks_touching(layout, rect) {
+        for [bx, by] in blocks_touching(layout, rect) {
             let block = layout.block_rect(bx, by);
             if block.intersect(&rect) == block {
                 cache.forget(self.key(bx, by));
@@ -97,12 +97,15 @@ impl GeoTiffImage {
 }
 
 /// Blocks that overlap `rect` (inside the grid), in row-major order.
-fn blocks_touching(layout: &GeoTiffLayout, rect: Rect) -> impl Iterator<Item = (u32, u32)> + use<> {
+pub(super) fn blocks_touching(
+    layout: &GeoTiffLayout,
+    rect: Rect,
+) -> impl Iterator<Item = [u32; 2]> + use<> {
     let (width, height) = (layout.block_width, layout.block_height);
     let columns = rect.col / width..rect.end_col().div_ceil(width);
     let rows = rect.row / height..rect.end_row().div_ceil(height);
     let (columns, rows) = if rect.is_empty() { (0..0, 0..0) } else { (columns, rows) };
-    rows.flat_map(move |by| columns.clone().map(move |bx| (bx, by)))
+    rows.flat_map(move |by| columns.clone().map(move |bx| [bx, by]))
 }
 
 /// Checks that a block that is decoded as a whole fits into the cache.

@@ -15,10 +15,11 @@ mod lerc;
 mod lzw;
 mod mask;
 mod predictor;
+mod prefetch;
 mod tags;
 
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::cache::BlockCache;
 use crate::format::{GridOpenOptions, RasterFormat};
@@ -29,7 +30,7 @@ use crate::window::SampleWindow;
 use crate::{sidecars, tiled_tiff, world};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, GeoKeys, Rect};
-use terrane_files::RawFile;
+use terrane_files::{RawFile, is_remote};
 
 use georef::Georeference;
 use ifd::GeoTiffDirectory;
@@ -52,8 +53,8 @@ const WORLD_ENDINGS: [&str; 4] = ["tfw", "tifw", "tiffw", "wld"];
 /// Opens a GeoTIFF. A TIFF that terrane wrote as a store (`-f store`) is memory-mapped instead, unless it has a `.msk`
 /// sidecar: the mapped reader knows no masks.
 fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
-    let has_mask_sidecar = sidecars::mask(path).is_some();
-    if let (false, Some(store)) = (has_mask_sidecar, tiled_tiff::try_open(path, options)?) {
+    let may_be_mapped = !is_remote(path) && sidecars::mask(path).is_none();
+    if may_be_mapped && let Some(store) = tiled_tiff::try_open(path, options)? {
         return Ok(store);
     }
     let source = GeoTiff::open(path, options).map_err(|e| e.in_file(path))?;
@@ -70,6 +71,8 @@ struct GeoTiff {
     to_height: ToHeight,
     /// Decoded blocks of the image and of all masks.
     cache: BlockCache,
+    /// What will be read from the top.
+    expected: OnceLock<Rect>,
 }
 
 impl GeoTiff {
@@ -86,13 +89,22 @@ impl GeoTiff {
         let masks = mask::find(mask::MaskedGrid { file, directory, layout, band, cache_bytes })?;
         info.details.extend(masks.iter().map(|mask| (MASK.to_owned(), mask.name.clone())));
         let (to_height, cache) = (ToHeight::of(&info), BlockCache::new(cache_bytes));
-        Ok(Self { image, masks, info, to_height, cache })
+        Ok(Self { image, masks, info, to_height, cache, expected: OnceLock::new() })
+    }
+
+    /// The images of the grid and of its masks.
+    fn images(&self) -> impl Iterator<Item = &GeoTiffImage> {
+        self.masks.iter().map(|mask| &mask.image).chain([&self.image])
     }
 
     /// Reads the heights of `rect` into `out`, row by row; voids are NaN.
     fn read<H: HeightSample>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
         let mut window = SampleWindow::new(&self.info, rect, out)
             .map_err(|e| e.in_file(self.image.file.path()))?;
+        if self.image.file.is_remote() {
+            let expected = self.expected.get().copied().unwrap_or(rect);
+            self.images().try_for_each(|image| image.prefetch(rect, expected))?;
+        }
         let sparse = self.sparse_height();
         self.image.each_row(rect, &self.cache, |part, row, samples| {
             let heights = window.row(part, row);
@@ -120,8 +132,7 @@ impl GridSource for GeoTiff {
 
     /// Size in bytes of the largest decoded block of image and masks; 0 if all are read by rows.
     fn block_bytes(&self) -> u64 {
-        let images = self.masks.iter().map(|mask| &mask.image).chain([&self.image]);
-        let layouts = images.map(|image| &image.blocks.layout);
+        let layouts = self.images().map(|image| &image.blocks.layout);
         layouts
             .filter(|l| !l.is_read_by_rows())
             .map(GeoTiffLayout::decoded_bytes)
@@ -132,8 +143,12 @@ impl GridSource for GeoTiff {
     /// Drops the cached blocks that are inside `rect`.
     fn release(&self, rect: Rect) {
         let rect = rect.intersect(&self.info.bounds());
-        let images = self.masks.iter().map(|mask| &mask.image).chain([&self.image]);
-        images.for_each(|image| image.forget(rect, &self.cache));
+        self.images().for_each(|image| image.forget(rect, &self.cache));
+    }
+
+    fn expect(&self, rect: Rect) {
+        // What was expected first is the larger part.
+        let _ = self.expected.set(rect);
     }
 }
 

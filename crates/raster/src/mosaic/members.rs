@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::raw;
 use crate::registry::{FORMATS, file_name};
-use terrane_base::error::{Error, Result};
+use terrane_base::error::Result;
 use terrane_files::format::by_extension;
 use terrane_files::{FileKind, is_made, name_of, path_of, shown};
 
@@ -61,8 +61,7 @@ fn absolute(input: &str) -> Result<String> {
     }
     let name = file_name(input);
     let path = path_of(name);
-    let absolute = std::path::absolute(&path).map_err(|e| Error::read(&path, e))?;
-    Ok(input[..input.len() - name.len()].to_owned() + &name_of(absolute)?)
+    Ok(input[..input.len() - name.len()].to_owned() + &name_of(terrane_files::absolute(&path)?)?)
 }
 
 impl From<Vec<String>> for Inputs {

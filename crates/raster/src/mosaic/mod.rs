@@ -23,7 +23,7 @@ mod recode;
 pub(super) mod vrt;
 
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::grid::{GridInfo, GridSource};
 use crate::window::{GridHeight, SampleWindow};
@@ -47,6 +47,8 @@ struct Mosaic {
     parts: Vec<MosaicPart>,
     index: MosaicRTree,
     family: Arc<MosaicFamily>,
+    /// What will be read from the top.
+    expected: OnceLock<Rect>,
 }
 
 /// A rectangle of a file and its position in the mosaic.
@@ -64,7 +66,7 @@ struct MosaicPart {
 impl Mosaic {
     fn new(info: GridInfo, parts: Vec<MosaicPart>, family: Arc<MosaicFamily>) -> Self {
         let index = MosaicRTree::new(&parts.iter().map(|part| part.rect).collect::<Vec<_>>());
-        Self { info, parts, index, family }
+        Self { info, parts, index, family, expected: OnceLock::new() }
     }
 
     /// Passes a hint about `rect` to all open grids.
@@ -144,7 +146,12 @@ impl Mosaic {
         let there = part.in_source(rect);
         match &part.source {
             MosaicSource::Nested { grid, .. } => H::read(grid.as_ref(), there, out),
-            MosaicSource::File(file) => H::read(self.family.grid(file)?.as_ref(), there, out),
+            MosaicSource::File(file) => {
+                let grid = self.family.grid(file)?;
+                let expected = self.expected.get().copied().unwrap_or(rect);
+                grid.expect(part.in_source(part.rect.intersect(&expected)));
+                H::read(grid.as_ref(), there, out)
+            }
         }
     }
 }
@@ -186,5 +193,10 @@ impl GridSource for Mosaic {
 
     fn copied(&self, rect: Rect) {
         self.pass_hint(rect, |grid, there| grid.copied(there));
+    }
+
+    fn expect(&self, rect: Rect) {
+        let _ = self.expected.set(rect);
+        self.pass_hint(rect, |grid, there| grid.expect(there));
     }
 }

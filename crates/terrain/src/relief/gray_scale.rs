@@ -78,4 +78,8 @@ impl GridSource for TonedGrid {
     fn copied(&self, rect: Rect) {
         self.inner.copied(rect);
     }
+
+    fn expect(&self, rect: Rect) {
+        self.inner.expect(rect);
+    }
 }

@@ -23,7 +23,7 @@ use crate::registry::{format_of, head_of};
 use terrane_base::error::{Error, Result, all};
 use terrane_base::geom::{Affine, Crs, Rect, wkt};
 use terrane_base::limits;
-use terrane_files::{RawFile, on_threads, path_of};
+use terrane_files::{RawFile, is_remote, on_threads, path_of};
 
 use super::find::{MosaicFamily, MosaicNesting, MosaicSource, find};
 use super::recode::{self, HeightRecoding, holds, void_range};
@@ -121,7 +121,10 @@ fn mosaic(
 
 /// The nesting of the sources of this VRT.
 fn deeper(path: &Path, nest: &MosaicNesting) -> Result<MosaicNesting> {
-    let real = std::fs::canonicalize(path).map_err(|e| Error::read(path, e))?;
+    let real = match is_remote(path) {
+        true => path.to_owned(),
+        false => std::fs::canonicalize(path).map_err(|e| Error::read(path, e))?,
+    };
     if nest.around.contains(&real) {
         return Err(Error::bad_input("refers to itself").in_file(path));
     }

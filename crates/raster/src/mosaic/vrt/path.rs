@@ -3,7 +3,7 @@
 use std::path::{Component, Path, PathBuf};
 
 use terrane_base::error::{Error, Result};
-use terrane_files::name_of;
+use terrane_files::{is_remote, name_of};
 
 /// Environment variable that allows VRT sources anywhere.
 const ALLOW: &str = "TERRANE_VRT_ALLOW_OUTSIDE";
@@ -16,12 +16,13 @@ pub(super) fn resolve(vrt: &Path, name: &str, is_relative: bool) -> Result<Strin
 }
 
 fn resolve_with(vrt: &Path, name: &str, is_relative: bool, allowed: bool) -> Result<String> {
-    if name.to_ascii_lowercase().starts_with("/vsi") {
+    let is_remote = is_remote(Path::new(name));
+    if name.to_ascii_lowercase().starts_with("/vsi") && !is_remote {
         return Err(Error::unsupported(format!("source {} is a GDAL virtual file", short(name)))
             .remedy("copy it to a file in the folder of the VRT"));
     }
     let folder = vrt.parent().unwrap_or(Path::new(""));
-    let path = if is_relative { folder.join(name) } else { PathBuf::from(name) };
+    let path = if is_relative && !is_remote { folder.join(name) } else { PathBuf::from(name) };
     if !allowed && !is_inside(folder, &path) {
         return Err(Error::bad_input(format!(
             "source {} is outside the folder of the VRT",

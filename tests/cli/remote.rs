@@ -1,0 +1,214 @@
+//! Files of servers: the same bytes as of files on disk, few requests, and servers that misbehave.
+
+use crate::cli_support::Place;
+use crate::file_server::{FileServer, Request};
+
+/// Bytes asked for at opening.
+const HEAD: u64 = 1 << 16;
+
+/// A place with a grid of many blocks, a point cloud and polygons, and a server of its files.
+fn served() -> (Place, FileServer) {
+    let place = Place::new();
+    place.ok(&["synth", "rough,size=1100", "plain.tif", "-q"]);
+    place.ok(&["convert", "plain.tif", "g.tif", "-f", "cog", "--co", "BLOCKSIZE=128", "-q"]);
+    place.ok(&["synth", "cloud,size=150,density=4", "c.laz", "-q"]);
+    place.ok(&["points", "c.laz", "c.las", "-q"]);
+    place.ok(&["points", "c.laz", "c.copc.laz", "-q"]);
+    place.ok(&["synth", "coverage,size=40", "p.geojson", "-q"]);
+    place.ok(&["simplify", "p.geojson", "p.fgb", "--tolerance", "0", "-q"]);
+    let server = FileServer::new(&place.path(""));
+    (place, server)
+}
+
+fn sent(requests: &[Request]) -> u64 {
+    requests.iter().map(|request| request.sent).sum()
+}
+
+fn size(place: &Place, file: &str) -> u64 {
+    std::fs::metadata(place.path(file)).unwrap().len()
+}
+
+#[test]
+fn files_of_servers_are_read_as_those_on_disk() {
+    let (place, server) = served();
+    for (file, ending, args) in [
+        ("g.tif", "ply", &["tin", "--max-error", "3"][..]),
+        ("g.tif", "tif", &["convert"]),
+        ("plain.tif", "tif", &["hillshade"]),
+        ("g.tif", "wkt", &["contour", "--interval", "20"]),
+        ("c.laz", "tif", &["grid", "--cell", "1", "--stat", "mean:attribute=intensity"]),
+        ("c.las", "tif", &["grid", "--cell", "1", "--dtm"]),
+        ("c.copc.laz", "las", &["points", "--bounds", "500020,4750020,500060,4750090"]),
+        ("c.laz", "ply", &["tin", "--max-error", "0.2"]),
+        ("p.fgb", "geojson", &["simplify", "--tolerance", "1"]),
+        ("p.geojson", "fgb", &["simplify", "--tolerance", "1"]),
+    ] {
+        let run = |input: &str, output: &str| {
+            let all = [&[args[0], input, output, "-q"][..], &args[1..]].concat();
+            place.ok(&all);
+            let bytes = std::fs::read(place.path(output)).unwrap();
+            std::fs::remove_file(place.path(output)).unwrap();
+            bytes
+        };
+        let output = format!("made.{ending}");
+        let expected = run(file, &output);
+        server.requests();
+        assert!(run(&server.url("plain", file), &output) == expected, "{args:?} {file}");
+        // Each byte once, but for the pages of the ends.
+        let (asked, bytes) = (sent(&server.requests()), size(&place, file));
+        assert!(asked <= bytes + bytes / 20 + HEAD, "{args:?} {file}: {asked} of {bytes}");
+        assert!(run(&server.url("plain", file), &output) == expected, "{args:?} {file}");
+        let again = server.requests();
+        assert!(again.len() == 1 && sent(&again) <= HEAD, "{args:?} {file}: {again:?}");
+    }
+}
+
+#[test]
+fn mosaics_and_lists_may_lie_on_servers() {
+    let (place, server) = served();
+    place.ok(&["convert", "g.tif", "west.tif", "--bbox", "499995,4739005,504995,4750005", "-q"]);
+    let west = ["info", "west.tif", "--json"];
+    let told = place.ok(&west).out;
+    place.write("list.txt", format!("{}\n", server.url("plain", "west.tif")));
+    let found = place.ok(&["info", "@list.txt", "--json"]).out;
+    let width = |text: &str| crate::cli_support::json(text)["width"].clone();
+    assert_eq!(width(&told), width(&found));
+    place.ok(&["tin", "g.tif", "a.ply", "--max-error", "4", "-q"]);
+    let vrt = r#"<VRTDataset rasterXSize="1100" rasterYSize="1100"><VRTRasterBand dataType="Float32" band="1"><SimpleSource><SourceFilename relativeToVRT="1">g.tif</SourceFilename><SourceBand>1</SourceBand><SrcRect xOff="0" yOff="0" xSize="1100" ySize="1100"/><DstRect xOff="0" yOff="0" xSize="1100" ySize="1100"/></SimpleSource></VRTRasterBand></VRTDataset>"#;
+    place.write("v.vrt", vrt);
+    place.ok(&["tin", "v.vrt", "v.ply", "--max-error", "4", "-q"]);
+    place.ok(&["tin", &server.url("plain", "v.vrt"), "w.ply", "--max-error", "4", "-q"]);
+    assert!(place.bytes("v.ply") == place.bytes("w.ply"));
+    // A local one may name a server only if its user says so.
+    let far = vrt.replace("g.tif", &format!("/vsicurl/{}", server.url("plain", "g.tif")));
+    // Meshes hold the name of their source.
+    std::fs::create_dir(place.path("far")).unwrap();
+    place.write("far/v.vrt", far);
+    place.fails(
+        &["tin", "far/v.vrt", "x.ply", "--max-error", "4"],
+        65,
+        &["outside the folder of the VRT"],
+    );
+    let args = ["tin", "far/v.vrt", "x.ply", "--max-error", "4", "-q"];
+    let ran = place.command(&args).env("TERRANE_VRT_ALLOW_OUTSIDE", "1").output().unwrap();
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+    assert!(place.bytes("x.ply") == place.bytes("v.ply"));
+}
+
+#[test]
+fn only_the_blocks_of_a_window_are_asked_for() {
+    let (place, server) = served();
+    let url = server.url("plain", "g.tif");
+    // Three by three blocks, where the grid has 81.
+    let bounds = "501276,4744886,505114,4748724";
+    let args = ["convert", &url, "w.tif", "--bbox", bounds, "-q"];
+    place.ok(&args);
+    let (requests, bytes) = (server.requests(), size(&place, "g.tif"));
+    let share = sent(&requests) as f64 - HEAD as f64;
+    assert!(share <= 1.1 * bytes as f64 * 9.0 / 81.0, "{share} of {bytes}");
+    assert!(requests.len() <= 8, "{}", requests.len());
+}
+
+#[test]
+fn servers_may_fail_for_a_while() {
+    let (place, server) = served();
+    let expected =
+        ["g.tif", "c.laz"].map(|file| place.ok(&["info", file, "--stats", "--json"]).out);
+    for way in ["busy", "short", "closes", "moved", "slow", "whole", "untagged"] {
+        for (file, expected) in ["g.tif", "c.laz"].iter().zip(&expected) {
+            let url = server.url(way, file);
+            let told = place.ok(&["info", &url, "--stats", "--json"]).out;
+            let same = |text: &str| text.replace(&url, file).replace("http:", "");
+            let plain = |text: &str| crate::cli_support::json(&same(text))["stats"].clone();
+            assert_eq!(plain(&told), plain(expected), "{way} {file}");
+        }
+    }
+}
+
+#[test]
+fn what_a_server_does_wrong_is_an_error_with_the_address() {
+    let (place, server) = served();
+    std::fs::create_dir(place.path("cache")).unwrap();
+    for (way, code, told) in [
+        ("denied", 65, "access is denied (the server answers with status 403)"),
+        ("down", 74, "the server answers with status 500"),
+        ("region", 65, "set AWS_REGION=eu-north-1"),
+        ("gone", 65, "no such file"),
+        ("changes", 65, "changed on the server while it was read"),
+        ("grows", 65, "changed on the server while it was read"),
+        ("lies", 65, ""),
+        ("shifted", 65, "the server answers with another range"),
+        ("chunked", 65, "supports no ranges of bytes"),
+    ] {
+        let url = server.url(way, "g.tif");
+        place.fails(&["tin", &url, "o.ply", "--max-error", "1"], code, &[told, &url]);
+    }
+    let url = server.url("plain", "none.tif");
+    place.fails(&["tin", &url, "o.ply", "--max-error", "1"], 65, &["no such file", &url]);
+    place.write("empty.tif", "");
+    let url = server.url("plain", "empty.tif");
+    place.fails(&["tin", &url, "o.ply", "--max-error", "1"], 65, &[&url]);
+    let closed = "http://127.0.0.1:1/a.tif";
+    place.fails(&["info", closed], 74, &["cannot read", closed, "asked for 5 times"]);
+    place.fails(&["info", "s3://bucket"], 2, &["s3://BUCKET/KEY"]);
+}
+
+#[test]
+fn plans_of_remote_files_know_their_versions() {
+    let (place, server) = served();
+    place.ok(&["tin", "g.tif", "whole.ply", "--max-error", "2", "-q"]);
+    let url = server.url("plain", "g.tif");
+    place.ok(&["plan", "tin", &url, "-o", "work", "--max-error", "2", "--tile", "256", "-q"]);
+    server.requests();
+    place.ok(&["run", "work", "-o", "made.ply", "-q"]);
+    assert!(sent(&server.requests()) <= size(&place, "g.tif") + HEAD);
+    place.ok(&["verify", "made.ply", "g.tif", "-q"]);
+    let other = [&place.bytes("g.tif")[..], b"more"].concat();
+    place.write("g.tif", other);
+    std::fs::remove_dir_all(place.path("work/objects")).unwrap();
+    place.fails(&["run", "work"], 65, &["another version is on the server", &url]);
+}
+
+#[test]
+fn objects_are_asked_for_with_signatures_and_tokens() {
+    let (place, server) = served();
+    let end = format!("http://127.0.0.1:{}", server.port);
+    let run = |input: &str, set: &[(&str, &str)]| {
+        let mut command = place.command(&["info", input]);
+        command.env("AWS_ENDPOINT_URL", &end).envs(set.iter().copied());
+        assert!(command.output().unwrap().status.success(), "{input}");
+        server.requests()
+    };
+    let has = |requests: &[Request], name: &str| {
+        requests.iter().all(|request| request.headers.iter().any(|line| line.starts_with(name)))
+    };
+    let keys =
+        [("AWS_ACCESS_KEY_ID", "me"), ("AWS_SECRET_ACCESS_KEY", "s"), ("AWS_SESSION_TOKEN", "t")];
+    let signed = run("s3://plain/g.tif", &keys);
+    assert!(has(&signed, "authorization: aws4-hmac-sha256 credential=me/"), "{signed:?}");
+    assert!(has(&signed, "x-amz-security-token: t"));
+    let open = run("s3://plain/g.tif", &[&keys[..], &[("AWS_NO_SIGN_REQUEST", "YES")]].concat());
+    assert!(!open.is_empty() && !has(&open, "authorization"));
+}
+
+#[test]
+fn the_folder_of_pages_keeps_its_size() {
+    let (place, server) = served();
+    place.ok(&["synth", "rough,size=2000", "large.tif", "-q"]);
+    let args = ["convert", &server.url("plain", "large.tif"), "o.tif", "-q"];
+    let mut command = place.command(&args);
+    assert!(command.env("TERRANE_CACHE_SIZE", "1M").status().unwrap().success());
+    place.ok(&["convert", "large.tif", "expected.tif", "-q"]);
+    assert!(place.bytes("o.tif") == place.bytes("expected.tif"));
+    // It is looked at when a process begins to write.
+    let mut command = place.command(&["info", &server.url("plain", "c.laz")]);
+    command.env("TERRANE_CACHE_SIZE", "1M").output().unwrap();
+    let blocks = |entry: std::fs::DirEntry| {
+        std::os::unix::fs::MetadataExt::blocks(&entry.metadata().unwrap()) * 512
+    };
+    let taken: u64 = std::fs::read_dir(place.path("cache")).unwrap().flatten().map(blocks).sum();
+    assert!(taken <= 2 << 20, "{taken}");
+    let mut command = place.command(&["info", &server.url("plain", "c.laz")]);
+    let ran = command.env("TERRANE_CACHE_SIZE", "many").output().unwrap();
+    assert!(!ran.status.success() && String::from_utf8_lossy(&ran.stderr).contains("not a size"));
+}
