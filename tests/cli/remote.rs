@@ -73,7 +73,10 @@ fn mosaics_and_lists_may_lie_on_servers() {
     let found = place.ok(&["info", "@list.txt", "--json"]).out;
     let width = |text: &str| crate::cli_support::json(text)["width"].clone();
     assert_eq!(width(&told), width(&found));
-    place.ok(&["tin", "g.tif", "a.ply", "--max-error", "4", "-q"]);
+    for name in ["a.ply", "a.3mf", "a.obj"] {
+        place.ok(&["tin", "g.tif", name, "--max-error", "4", "-q"]);
+        place.ok(&["verify", &server.url("plain", name), "g.tif", "--max-error", "4", "-q"]);
+    }
     let vrt = r#"<VRTDataset rasterXSize="1100" rasterYSize="1100"><VRTRasterBand dataType="Float32" band="1"><SimpleSource><SourceFilename relativeToVRT="1">g.tif</SourceFilename><SourceBand>1</SourceBand><SrcRect xOff="0" yOff="0" xSize="1100" ySize="1100"/><DstRect xOff="0" yOff="0" xSize="1100" ySize="1100"/></SimpleSource></VRTRasterBand></VRTDataset>"#;
     place.write("v.vrt", vrt);
     place.ok(&["tin", "v.vrt", "v.ply", "--max-error", "4", "-q"]);

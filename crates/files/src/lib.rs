@@ -14,7 +14,7 @@ mod name;
 mod out;
 mod position;
 mod raw;
-#[cfg(feature = "remote")]
+#[cfg_attr(not(feature = "remote"), path = "no_remote.rs")]
 mod remote;
 mod spool;
 pub mod xml;

@@ -86,13 +86,7 @@ pub fn is_file(path: &Path) -> bool {
 
 /// Whether a path is an address that can be read.
 pub fn is_remote(path: &Path) -> bool {
-    #[cfg(feature = "remote")]
-    return crate::remote::is_remote(path);
-    #[cfg(not(feature = "remote"))]
-    {
-        let _ = path;
-        false
-    }
+    crate::remote::is_remote(path)
 }
 
 /// A name for display; bytes that are not text are shown as the replacement character.

@@ -5,16 +5,13 @@ use std::fs::File;
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-#[cfg(feature = "remote")]
 use std::sync::Arc;
 
 use crate::position::read_exact_at;
-#[cfg(feature = "remote")]
 use crate::remote::{self, RemoteFile};
 use terrane_base::error::{Error, ErrorKind, Result};
 
 /// Bytes of a remote file asked for ahead of sequential reading.
-#[cfg(feature = "remote")]
 const AHEAD: u64 = 4 << 20;
 /// Maximum number of bytes read at once for adjacent rows.
 const RUN_BYTES: usize = 1 << 20;
@@ -31,7 +28,6 @@ pub struct RawFile {
 #[derive(Debug)]
 enum FileBytes {
     Local(File),
-    #[cfg(feature = "remote")]
     Remote(Arc<RemoteFile>),
 }
 
@@ -51,7 +47,6 @@ pub struct RowRun {
 impl RawFile {
     /// Opens the regular, non-empty file at `path`, or at an address (`https://host/file`, `s3://bucket/key`).
     pub fn open(path: &Path) -> Result<Self> {
-        #[cfg(feature = "remote")]
         if remote::is_remote(path) {
             let file = remote::open(path)?;
             let (len, path) = (file.bytes(), path.to_path_buf());
@@ -112,7 +107,6 @@ impl RawFile {
             FileBytes::Local(file) => {
                 read_exact_at(file, out, offset).map_err(|e| self.failed(offset, e))
             }
-            #[cfg(feature = "remote")]
             FileBytes::Remote(file) => file.read_at(offset, out, ahead),
         }
     }
@@ -126,7 +120,6 @@ impl RawFile {
     pub fn version(&self) -> Option<&str> {
         match &self.bytes {
             FileBytes::Local(_) => None,
-            #[cfg(feature = "remote")]
             FileBytes::Remote(file) => file.version(),
         }
     }
@@ -139,7 +132,6 @@ impl RawFile {
     pub fn prefetch(&self, needed: &[Range<u64>], ahead: &[Range<u64>]) -> Result<()> {
         match &self.bytes {
             FileBytes::Local(_) => Ok(()),
-            #[cfg(feature = "remote")]
             FileBytes::Remote(file) => file.prefetch(needed, ahead),
         }
     }
@@ -211,12 +203,18 @@ pub struct RawFileReader<'a> {
     at: u64,
 }
 
+impl<'a> RawFileReader<'a> {
+    /// Path named in errors.
+    pub fn path(&self) -> &'a Path {
+        self.file.path()
+    }
+}
+
 impl io::Read for RawFileReader<'_> {
     fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
         let bytes = (out.len() as u64).min(self.file.len.saturating_sub(self.at)) as usize;
         match &self.file.bytes {
             FileBytes::Local(file) => read_exact_at(file, &mut out[..bytes], self.at)?,
-            #[cfg(feature = "remote")]
             FileBytes::Remote(file) => {
                 file.read_at(self.at, &mut out[..bytes], AHEAD).map_err(io::Error::other)?;
             }

@@ -1,70 +1,61 @@
 //! Random access to mesh files: records and lines.
 
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Read};
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
-use terrane_files::read_exact_at;
+use terrane_files::{RawFile, RawFileReader};
 
 /// Bytes read at a time.
 const CHUNK_BYTES: u64 = 256 << 10;
+/// Bytes of a remote file asked for ahead.
+const AHEAD: u64 = 4 << 20;
 /// Maximum bytes of a line.
 const MAX_LINE_BYTES: u64 = 1 << 20;
 
 /// An open file of known length.
 #[derive(Debug)]
 pub(super) struct MeshFile {
-    file: File,
-    path: PathBuf,
-    bytes: u64,
+    file: RawFile,
 }
 
 impl MeshFile {
     /// Opens a regular file.
     pub(super) fn open(path: &Path) -> Result<Self> {
-        let fail = |e| Error::read(path, e);
-        let meta = std::fs::metadata(path).map_err(fail)?;
-        if !meta.is_file() {
-            return Err(Error::bad_input("not a regular file").in_file(path));
-        }
-        let file = File::open(path).map_err(fail)?;
-        let bytes = file.metadata().map_err(fail)?.len();
-        Ok(Self { file, path: path.to_path_buf(), bytes })
+        RawFile::open(path).map(|file| Self { file })
     }
 
     /// Its path.
     pub(super) fn path(&self) -> &Path {
-        &self.path
+        self.file.path()
     }
 
     /// Its length.
     pub(super) fn bytes(&self) -> u64 {
-        self.bytes
+        self.file.size()
     }
 
     /// An error about this file.
     pub(super) fn bad(&self, message: impl Into<String>) -> Error {
-        Error::bad_input(message).in_file(&self.path)
+        Error::bad_input(message).in_file(self.path())
     }
 
     /// An error about an unsupported feature of this file.
     pub(super) fn unsupported(&self, message: impl Into<String>) -> Error {
-        Error::unsupported(message).in_file(&self.path)
+        Error::unsupported(message).in_file(self.path())
     }
 
     /// The first bytes of the file, at most `max_bytes`.
     pub(super) fn head(&self, max_bytes: usize) -> Result<Vec<u8>> {
-        let mut head = vec![0; self.bytes.min(max_bytes as u64) as usize];
-        self.read_at(0, &mut head)?;
-        Ok(head)
+        self.file.head(max_bytes as u64)
     }
 
     /// Fills `out` from `offset`.
     pub(super) fn read_at(&self, offset: u64, out: &mut [u8]) -> Result<()> {
-        read_exact_at(&self.file, out, offset).map_err(|e| Error::read(&self.path, e))
+        self.file.read_at(offset, out)
     }
 
     /// Passes the records of `stride` bytes in the range `bytes` to `each`, numbered from 0. The range must lie
@@ -80,9 +71,10 @@ impl MeshFile {
         let (mut at, mut place) = (bytes.start, 0);
         while at < bytes.end {
             let records = &mut buffer[..chunk.min(bytes.end - at) as usize];
-            self.read_at(at, records)?;
+            let ahead = AHEAD.min(bytes.end - at - records.len() as u64);
+            self.file.read_on(at, records, ahead)?;
             for record in records.chunks_exact(stride as usize) {
-                each(place, record).map_err(|e| e.in_file(&self.path))?;
+                each(place, record).map_err(|e| e.in_file(self.path()))?;
                 place += 1;
             }
             at += chunk;
@@ -92,13 +84,12 @@ impl MeshFile {
 
     /// A reader of `file` whose errors name `path`.
     pub(super) fn of(file: File, path: &Path) -> Result<Self> {
-        let bytes = file.metadata().map_err(|e| Error::read(path, e))?.len();
-        Ok(Self { file, path: path.to_path_buf(), bytes })
+        RawFile::of(file, path).map(|file| Self { file })
     }
 
     /// The bytes from `offset`.
-    pub(super) fn from(&self, offset: u64) -> BufReader<MeshFileCursor<'_>> {
-        BufReader::with_capacity(64 << 10, MeshFileCursor { input: self, at: offset })
+    pub(super) fn from(&self, offset: u64) -> BufReader<RawFileReader<'_>> {
+        BufReader::with_capacity(64 << 10, self.file.reader_at(offset))
     }
 
     /// The lines from byte `offset`, the start of line `number` (from 1).
@@ -108,25 +99,9 @@ impl MeshFile {
     }
 }
 
-/// Sequential reader from an offset.
-pub(super) struct MeshFileCursor<'a> {
-    input: &'a MeshFile,
-    at: u64,
-}
-
-impl Read for MeshFileCursor<'_> {
-    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
-        let left = self.input.bytes.saturating_sub(self.at);
-        let some = left.min(out.len() as u64) as usize;
-        read_exact_at(&self.input.file, &mut out[..some], self.at)?;
-        self.at += some as u64;
-        Ok(some)
-    }
-}
-
 /// Iterator over the lines of a text.
 pub(super) struct MeshFileLines<'a> {
-    reader: BufReader<MeshFileCursor<'a>>,
+    reader: BufReader<RawFileReader<'a>>,
     line: Vec<u8>,
     start: u64,
     end: u64,
@@ -138,7 +113,7 @@ impl MeshFileLines<'_> {
     pub(super) fn advance(&mut self) -> Result<bool> {
         self.line.clear();
         self.start = self.end;
-        let path = &self.reader.get_ref().input.path;
+        let path = self.reader.get_ref().path();
         let mut reader = Read::take(&mut self.reader, MAX_LINE_BYTES + 1);
         let read = reader.read_until(b'\n', &mut self.line).map_err(|e| Error::read(path, e))?;
         self.end += read as u64;
@@ -180,7 +155,7 @@ impl MeshFileLines<'_> {
     }
 
     fn place(&self, error: Error) -> Error {
-        error.in_file(&self.reader.get_ref().input.path).at(format!("line {}", self.number))
+        error.in_file(self.reader.get_ref().path()).at(format!("line {}", self.number))
     }
 }
 

@@ -3,14 +3,15 @@
 use std::io::BufReader;
 use std::path::Path;
 
-use crate::input::{MeshFile, MeshFileCursor};
+use crate::input::MeshFile;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
+use terrane_files::RawFileReader;
 use terrane_files::xml::{self, XmlEvent, XmlStartTag};
 
 /// A document being read.
 pub(super) struct MeshXmlReader<'a> {
-    inner: xml::XmlReader<BufReader<MeshFileCursor<'a>>>,
+    inner: xml::XmlReader<BufReader<RawFileReader<'a>>>,
     path: &'a Path,
 }
 

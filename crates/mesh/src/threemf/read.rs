@@ -16,8 +16,8 @@ use crate::xml::{MeshXmlReader, number};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point3;
 use terrane_base::limits;
-use terrane_files::nameless;
 use terrane_files::xml::{XmlEvent, XmlStartTag};
+use terrane_files::{RawFile, nameless};
 
 /// Maximum entries of an archive, and bytes of its relationships.
 const MAX_ENTRIES: u64 = 4096;
@@ -73,10 +73,8 @@ fn damaged(e: impl std::fmt::Display) -> Error {
 
 /// The model of an archive.
 fn unpacked(path: &Path) -> Result<MeshFile> {
-    // Refuses anything but regular files, as for all meshes.
-    drop(MeshFile::open(path)?);
-    let file = File::open(path).map_err(|e| Error::read(path, e))?;
-    let mut archive = ZipArchive::new(BufReader::new(file)).map_err(damaged)?;
+    let file = RawFile::open(path)?;
+    let mut archive = ZipArchive::new(BufReader::new(file.reader())).map_err(damaged)?;
     limits::check("number of files in the archive", archive.len() as u64, MAX_ENTRIES)?;
     let name = model_name(&mut archive)?;
     let mut entry = archive.by_name(&name).map_err(damaged)?;
