@@ -17,7 +17,7 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point3;
 use terrane_base::limits;
 use terrane_files::xml::{XmlEvent, XmlStartTag};
-use terrane_files::{RawFile, nameless};
+use terrane_files::{RawFile, RawFileReader, nameless};
 
 /// Maximum entries of an archive, and bytes of its relationships.
 const MAX_ENTRIES: u64 = 4096;
@@ -106,7 +106,7 @@ fn copy(from: &mut impl Read, to: &mut File, folder: &Path) -> Result<u64> {
 }
 
 /// Path of the model, by the relationships of the archive.
-fn model_name(archive: &mut ZipArchive<BufReader<File>>) -> Result<String> {
+fn model_name(archive: &mut ZipArchive<BufReader<RawFileReader<'_>>>) -> Result<String> {
     let mut text = Vec::new();
     {
         let entry = archive.by_name(RELATIONS).map_err(damaged)?;
