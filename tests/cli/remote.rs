@@ -99,6 +99,17 @@ fn mosaics_and_lists_may_lie_on_servers() {
 }
 
 #[test]
+fn signatures_of_addresses_are_not_written() {
+    let (place, server) = served();
+    let [grid, cloud] = ["g.tif", "c.laz"].map(|file| server.url("plain", file) + "?sig=secret");
+    place.ok(&["tin", &grid, "a.ply", "--max-error", "4", "-q"]);
+    place.ok(&["tin", "g.tif", "b.ply", "--max-error", "4", "-q"]);
+    assert!(place.bytes("a.ply") == place.bytes("b.ply"));
+    place.ok(&["grid", &cloud, "c.tif", "--cell", "1", "-q"]);
+    assert!(!String::from_utf8_lossy(&place.bytes("c.tif")).contains("secret"));
+}
+
+#[test]
 fn only_the_blocks_of_a_window_are_asked_for() {
     let (place, server) = served();
     let url = server.url("plain", "g.tif");
@@ -142,6 +153,7 @@ fn what_a_server_does_wrong_is_an_error_with_the_address() {
         ("lies", 65, ""),
         ("shifted", 65, "the server answers with another range"),
         ("chunked", 65, "supports no ranges of bytes"),
+        ("packed", 65, "the server compresses what it sends (gzip)"),
     ] {
         let url = server.url(way, "g.tif");
         place.fails(&["tin", &url, "o.ply", "--max-error", "1"], code, &[told, &url]);

@@ -148,7 +148,11 @@ fn answer(
         }
         None => ("200 OK", String::new()),
     };
-    let tag = if way == "untagged" { String::new() } else { format!("etag: {tag}\r\n") };
+    let tag = match way {
+        "untagged" => String::new(),
+        "packed" => format!("etag: {tag}\r\ncontent-encoding: gzip\r\n"),
+        _ => format!("etag: {tag}\r\n"),
+    };
     let body = &bytes[first as usize..=last as usize];
     let size = match way {
         "chunked" => "transfer-encoding: chunked\r\n".to_owned(),

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use terrane_base::error::{Error, Result, all};
 use terrane_base::geom::{Crs, Point, PointFrame};
-use terrane_files::{FileKind, RawFile, absolute, on_threads, path_of, shown};
+use terrane_files::{FileKind, RawFile, absolute, on_threads, path_of, shown, without_query};
 
 use super::attributes::{self, AttributeReader, AttributeSelection};
 use super::column::{PointColumn, TIME};
@@ -249,7 +249,8 @@ pub fn is_cloud_below(input: &str) -> bool {
 
 fn is_cloud_file(path: &Path) -> bool {
     let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
-    let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let ending = without_query(path).extension().unwrap_or_default();
+    let ending = ending.to_string_lossy().to_lowercase();
     !hidden && ENDINGS.contains(&ending.as_str())
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::Resources;
 use crate::memory::{PROGRAM, short};
 use terrane_base::error::{Error, Result};
-use terrane_files::{is_in_memory, is_remote, name_of, path_of};
+use terrane_files::{is_in_memory, is_remote, name_of, path_of, without_query};
 use terrane_raster::Inputs;
 use terrane_vector::{self as vector, Feature, FeatureSource};
 
@@ -116,5 +116,5 @@ pub fn noted(input: &Inputs) -> Inputs {
 
 /// The last part of a path, for the metadata of a mesh. Plans store the whole path, which is not part of the mesh.
 pub fn label(path: &Path) -> String {
-    path.file_name().map_or_else(String::new, |name| name.display().to_string())
+    without_query(path).file_name().map_or_else(String::new, |name| name.display().to_string())
 }

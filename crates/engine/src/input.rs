@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::{Cancel, Progress, Resources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{self, Point3, Rect};
-use terrane_files::{RawFile, is_made, path_of};
+use terrane_files::{RawFile, is_made, path_of, without_query};
 use terrane_mesh::{self as mesh, MeshInfo, MeshSource};
 use terrane_raster::{self as raster, GridInfo, GridOpenOptions, GridSource};
 
@@ -38,7 +38,8 @@ pub fn is_mesh(input: &str) -> Result<bool> {
     if is_made(input) || raster::is_collection(input) {
         return Ok(false);
     }
-    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    let name = without_query(path).file_name().unwrap_or_default();
+    let name = name.to_string_lossy().to_lowercase();
     let head = head(path)?;
     if raster::FORMATS.iter().any(|f| has_extension(&name, f.extensions)) {
         return Ok(false);

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::without_query;
 use terrane_base::error::{Error, Result};
 use terrane_base::registry::{self, RegistryEntry};
 
@@ -12,7 +13,8 @@ pub trait FileFormat: RegistryEntry {
 
     /// True if `path` has one of the extensions, in any case.
     fn has_extension_of(&self, path: &Path) -> bool {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+        let name = without_query(path).file_name().unwrap_or_default();
+        let name = name.to_string_lossy().to_lowercase();
         let mut stems = self.extensions().iter().filter_map(|ending| name.strip_suffix(ending));
         stems.any(|stem| stem.ends_with('.'))
     }

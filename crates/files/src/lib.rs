@@ -24,7 +24,7 @@ pub use in_memory::{InMemoryRegistry, InMemoryResource, is_in_memory, is_made, r
 pub use list::FileKind;
 pub use lock::{lock, unlocked, wait};
 pub use machine::{cores, on_threads, physical_memory, proc_bytes};
-pub use name::{absolute, is_file, is_remote, name_of, path_of, shown, shown_all};
+pub use name::{absolute, is_file, is_remote, name_of, path_of, shown, shown_all, without_query};
 pub use out::AppendWriter;
 pub use position::{read_exact_at, write_all_at};
 pub use raw::{RawFile, RawFileReader, RowRun, to_usize};

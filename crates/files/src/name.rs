@@ -89,6 +89,12 @@ pub fn is_remote(path: &Path) -> bool {
     crate::remote::is_remote(path)
 }
 
+/// The path of an address without its query, which may hold a signature; other paths as they are.
+pub fn without_query(path: &Path) -> &Path {
+    let name = path.to_str().filter(|_| is_remote(path));
+    name.and_then(|name| name.split(['?', '#']).next()).map_or(path, Path::new)
+}
+
 /// A name for display; bytes that are not text are shown as the replacement character.
 pub fn shown(name: &str) -> String {
     path_of(name).display().to_string()

@@ -126,6 +126,8 @@ impl RemoteRequests {
         let (mut url, mut authorization) = (self.address.url.clone(), self.address.headers());
         for _ in 0..MAX_MOVES {
             let request = agent.get(&url).header("range", format!("bytes={at}-{last}"));
+            // Ranges are those of what is sent.
+            let request = request.header("accept-encoding", "identity");
             let mut request = request.config().timeout_recv_body(Some(time)).build();
             // Not for the servers that the first one names.
             for (name, value) in std::mem::take(&mut authorization) {
@@ -170,6 +172,11 @@ fn answered(
 ) -> std::result::Result<RangeAnswer, RequestFailure> {
     let is_range = answer.status().as_u16() == 206;
     let header = |name: &str| answer.headers().get(name)?.to_str().ok();
+    if let Some(coding) = header("content-encoding").filter(|coding| *coding != "identity") {
+        let error = Error::unsupported(format!("the server compresses what it sends ({coding})"));
+        let remedy = "download the file (curl -LO --compressed URL) and pass the local copy";
+        return Err(RequestFailure::Final(error.in_file(path).remedy(remedy)));
+    }
     let (first, bytes) = match is_range {
         true => {
             let range =
