@@ -10,6 +10,8 @@ use terrane_base::error::{Error, ErrorKind, Result};
 
 /// Maximum number of bytes read at once for adjacent rows.
 const RUN_BYTES: usize = 1 << 20;
+/// Bytes that are read in the time of a call of the system.
+const CALL_BYTES: u64 = 4 << 10;
 
 /// An open input file of known length.
 #[derive(Debug)]
@@ -60,9 +62,11 @@ impl RowRun {
         Ok(())
     }
 
-    /// Number of rows to read in one call: several if at least half of the bytes read are used.
+    /// Number of rows to read in one call: several if at least half of the bytes read are used, or those between two rows
+    /// cost less than a call.
     fn rows_at_once(&self) -> usize {
-        let dense = self.pitch <= 2 * self.bytes as u64;
+        let bytes = self.bytes as u64;
+        let dense = self.pitch <= (2 * bytes).max(bytes + CALL_BYTES);
         if dense && self.pitch > 0 { (RUN_BYTES / self.pitch as usize).max(1) } else { 1 }
     }
 }
