@@ -8,9 +8,10 @@
 //! | unfinished mesh and data waiting for the writer: 7/8 of what is then left | [`MemoryShares::mesh`] |
 //! | fragmentation of the heap: the last 1/8 | |
 //!
-//! Workers come first: their memory cannot be spilled, so one too many would exceed the budget, while one too few costs
-//! only time. Blocks that do not fit into the cache are read again, and mesh that does not fit is spilled. The output
-//! does not depend on the division.
+//! Workers come first, as many as leave the cache [`WORKER_BLOCKS`] each. Their memory cannot be spilled, so one too many
+//! would exceed the budget. Blocks that do not fit into the cache are spilled, as is mesh that does not fit: that takes a
+//! tenth of the time of decoding a block, so a worker is worth more than a large cache. The output does not depend on the
+//! division.
 
 use crate::Resources;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -23,6 +24,8 @@ pub const PROGRAM: u64 = if cfg!(debug_assertions) { 20 << 20 } else { 16 << 20 
 const MIN_BESIDE: u64 = 4 << 20;
 /// Minimum bytes for cache and mesh together.
 const MIN_SHARED: u64 = 6 << 20;
+/// Decoded blocks in memory for each worker: the one that it reads, and the one that it decodes.
+const WORKER_BLOCKS: u64 = 2;
 /// Maximum bytes for decoded blocks: tiles are processed row by row, so older rows of blocks are not read again.
 const MAX_CACHE: u64 = 1 << 30;
 
@@ -150,7 +153,7 @@ fn raise_memory(remedy: &str, more: u64) -> Option<String> {
 pub type Opened = (Box<dyn GridSource>, MemoryShares);
 
 /// Divides the memory among workers of `worker` bytes each, and opens `input` with its share as the block cache. Uses
-/// fewer workers if the cache could not hold one decoded block of the input. The error for too little memory states how
+/// fewer workers if the cache could not hold the decoded blocks that they work on. The error for too little memory states how
 /// much suffices, including the blocks of this input.
 pub fn open(
     input: &Inputs,
@@ -188,9 +191,18 @@ pub fn open_beside(
             Err(error) if error.kind() == ErrorKind::Resource => {
                 return Err(enough(reserved, input, options, resources, worker).unwrap_or(error));
             }
+            Ok((source, shares)) if fitting > 1 && is_short(source.as_ref(), shares) => {
+                threads = fitting / 2;
+            }
             opened => return opened,
         }
     }
+}
+
+/// True if the cache cannot hold the blocks that the workers work on.
+fn is_short(source: &dyn GridSource, shares: MemoryShares) -> bool {
+    let blocks = WORKER_BLOCKS.saturating_mul(shares.threads as u64);
+    source.block_bytes().saturating_mul(blocks) > shares.cache
 }
 
 /// The error that states how much memory suffices; `None` if no amount does.

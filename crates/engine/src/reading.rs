@@ -30,6 +30,7 @@ impl GridInput {
             band: self.band.unwrap_or(1),
             nodata: self.nodata,
             cache_bytes,
+            cache: None,
             threads,
             temp_dir,
             bbox: self.bounds,

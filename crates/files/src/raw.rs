@@ -15,6 +15,8 @@ use terrane_base::error::{Error, ErrorKind, Result};
 const AHEAD: u64 = 4 << 20;
 /// Maximum number of bytes read at once for adjacent rows.
 const RUN_BYTES: usize = 1 << 20;
+/// Bytes that are read in the time of a call of the system.
+const CALL_BYTES: u64 = 4 << 10;
 
 /// An open input file of known length.
 #[derive(Debug)]
@@ -42,6 +44,43 @@ pub struct RowRun {
     pub bytes: usize,
     /// Number of rows.
     pub rows: usize,
+}
+
+impl RowRun {
+    /// Passes each row to `each(row, bytes)`. `read(offset, out)` fills `out`, with adjacent rows in one call; `scratch` is
+    /// reused between calls.
+    pub fn each(
+        self,
+        scratch: &mut Vec<u8>,
+        mut read: impl FnMut(u64, &mut [u8]) -> Result<()>,
+        mut each: impl FnMut(usize, &mut [u8]),
+    ) -> Result<()> {
+        let step = self.rows_at_once();
+        for first in (0..self.rows).step_by(step) {
+            let rows = step.min(self.rows - first);
+            // With one row at a time the pitch is unused, so it may exceed usize.
+            let pitch = if rows == 1 { 0 } else { self.pitch as usize };
+            // No gap follows the last row: the file may end with it.
+            let bytes = pitch * (rows - 1) + self.bytes;
+            // Never shorter: what is grown again is zeroed again.
+            scratch.resize(scratch.len().max(bytes), 0);
+            // Saturated, so that offsets of damaged files fail in `read` and do not wrap into the file.
+            let offset = self.offset.saturating_add(self.pitch.saturating_mul(first as u64));
+            read(offset, &mut scratch[..bytes])?;
+            for row in 0..rows {
+                each(first + row, &mut scratch[row * pitch..][..self.bytes]);
+            }
+        }
+        Ok(())
+    }
+
+    /// Number of rows to read in one call: several if at least half of the bytes read are used, or those between two rows
+    /// cost less than a call.
+    fn rows_at_once(&self) -> usize {
+        let bytes = self.bytes as u64;
+        let dense = self.pitch <= (2 * bytes).max(bytes + CALL_BYTES);
+        if dense && self.pitch > 0 { (RUN_BYTES / self.pitch as usize).max(1) } else { 1 }
+    }
 }
 
 impl RawFile {
@@ -156,25 +195,9 @@ impl RawFile {
         &self,
         run: RowRun,
         scratch: &mut Vec<u8>,
-        mut each: impl FnMut(usize, &mut [u8]),
+        each: impl FnMut(usize, &mut [u8]),
     ) -> Result<()> {
-        let step = rows_at_once(&run);
-        for first in (0..run.rows).step_by(step) {
-            let rows = step.min(run.rows - first);
-            // With one row at a time the pitch is unused, so it may exceed usize.
-            let pitch = if rows == 1 { 0 } else { run.pitch as usize };
-            // No gap follows the last row: the file may end with it.
-            let bytes = pitch * (rows - 1) + run.bytes;
-            // Never shorter: what is grown again is zeroed again.
-            scratch.resize(scratch.len().max(bytes), 0);
-            // Saturated, so that offsets of damaged files fail below and do not wrap into the file.
-            let offset = run.offset.saturating_add(run.pitch.saturating_mul(first as u64));
-            self.read_at(offset, &mut scratch[..bytes])?;
-            for row in 0..rows {
-                each(first + row, &mut scratch[row * pitch..][..run.bytes]);
-            }
-        }
-        Ok(())
+        run.each(scratch, |offset, out| self.read_at(offset, out), each)
     }
 
     /// A sequential reader from the start.
@@ -234,12 +257,6 @@ impl io::Seek for RawFileReader<'_> {
         self.at = at.ok_or(io::ErrorKind::InvalidInput)?;
         Ok(self.at)
     }
-}
-
-/// Number of rows to read in one call: several if at least half of the bytes read are used.
-fn rows_at_once(run: &RowRun) -> usize {
-    let dense = run.pitch <= 2 * run.bytes as u64;
-    if dense && run.pitch > 0 { (RUN_BYTES / run.pitch as usize).max(1) } else { 1 }
 }
 
 /// `value` as a length in memory.

@@ -1,145 +1,254 @@
-//! LRU cache of decoded blocks with a size limit, shared by threads. Blocks are decoded outside the lock,
-//! each by one thread.
+//! Cache of decoded blocks, shared by the threads of a job and by the grids of a mosaic.
+//!
+//! A block is decoded by one thread, outside the lock, into a buffer that an earlier block has left. It then waits in
+//! memory for all readers of its samples. If the memory is full, the least recently used block is written to a temporary
+//! file and read from there by rows, as an uncompressed one is: writing and reading it takes a tenth of the time of
+//! decoding, so that each block is decoded once, however little memory there is. A job that
+//! [releases](BlockCache::release) samples keeps the file as small as the part of the grid that is in work. If the file
+//! cannot be written, or would exceed [`MAX_SPILLED`], blocks are dropped and decoded again.
 
-use std::collections::{BTreeMap, HashMap};
+mod state;
+
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex};
 
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_files::{lock, wait};
+use terrane_files::{RowRun, SpoolExtent, SpoolFile, lock, wait};
 
-/// A decoded block.
-pub(crate) type Block = Arc<Vec<u8>>;
+use state::{BlockCacheState, BlockLookup};
 
-/// The cache. Keys are block numbers.
+/// Maximum size in bytes of the blocks of a cache in the temporary file.
+const MAX_SPILLED: u64 = 4 << 30;
+
+/// Blocks decoded by this process.
+static DECODED: AtomicU64 = AtomicU64::new(0);
+
+/// Number of blocks that this process has decoded so far, all grids together; a block that is decoded twice counts twice.
+pub fn decoded_blocks() -> u64 {
+    DECODED.load(Ordering::Relaxed)
+}
+
+/// A block: the grid, and its number there.
+pub(crate) type BlockKey = (u64, u64);
+
+/// A cache that several grids share, as the files of a mosaic do.
+#[derive(Clone, Debug)]
+pub struct SharedBlocks {
+    cache: Arc<BlockCache>,
+    grid: u64,
+}
+
+impl SharedBlocks {
+    /// A cache of at most `most` bytes in memory; further blocks are in an unnamed file in `folder`, or else in the
+    /// system's temporary folder.
+    pub(crate) fn new(most: usize, folder: Option<&Path>) -> Self {
+        Self { cache: Arc::new(BlockCache::new(most, folder)), grid: 0 }
+    }
+
+    /// The same cache for the blocks of the grid `grid`.
+    pub(crate) fn of_grid(&self, grid: u64) -> Self {
+        Self { grid, ..self.clone() }
+    }
+
+    /// Maximum bytes of blocks in memory.
+    pub(crate) fn max_bytes(&self) -> usize {
+        self.cache.most
+    }
+
+    /// The block `block` of `bytes` bytes, decoded by `decode` unless cached. `decode` gets a buffer with any content. If
+    /// another thread is decoding the block, waits for it, or returns `None` without `wait`.
+    pub(crate) fn get(
+        &self,
+        block: u64,
+        bytes: usize,
+        wait: bool,
+        decode: impl FnOnce(&mut Vec<u8>) -> Result<()>,
+    ) -> Result<Option<CachedBlock>> {
+        self.cache.get((self.grid, block), bytes, wait, decode)
+    }
+
+    /// Notes that `samples` of the `of` samples of a block will not be read again. Drops the block once that is so for
+    /// all of them.
+    pub(crate) fn release(&self, block: u64, samples: u64, of: u64) {
+        self.cache.release((self.grid, block), samples, of);
+    }
+}
+
+/// A decoded block, in memory or in the temporary file.
+#[derive(Clone, Debug)]
+pub(crate) enum CachedBlock {
+    Held(Arc<Vec<u8>>),
+    Spilled(Arc<SpilledBlock>),
+}
+
+thread_local! {
+    /// Rows of blocks in the temporary file.
+    static ROWS: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
+}
+
+impl CachedBlock {
+    /// Passes the rows of `run`, with offsets in the block, to `each`.
+    pub(crate) fn each_row(&self, run: RowRun, mut each: impl FnMut(usize, &[u8])) -> Result<()> {
+        match self {
+            Self::Held(block) => {
+                let (offset, pitch) = (run.offset as usize, run.pitch as usize);
+                (0..run.rows).for_each(|row| each(row, &block[offset + row * pitch..][..run.bytes]));
+                Ok(())
+            }
+            Self::Spilled(block) => ROWS.with_borrow_mut(|rows| {
+                run.each(rows, |at, out| block.read(at, out), |row, bytes| each(row, bytes))
+            }),
+        }
+    }
+}
+
+/// A block in the temporary file, which frees its space when the last reader is done.
 #[derive(Debug)]
-pub(crate) struct BlockCache {
+pub(crate) struct SpilledBlock {
+    spool: Arc<SpoolFile>,
+    /// `None` only while it is dropped.
+    extent: Option<SpoolExtent>,
+    bytes: u64,
+}
+
+impl SpilledBlock {
+    fn read(&self, at: u64, out: &mut [u8]) -> Result<()> {
+        self.extent.iter().try_for_each(|extent| self.spool.get(extent, at, &mut [&mut *out]))
+    }
+}
+
+impl Drop for SpilledBlock {
+    fn drop(&mut self) {
+        self.extent.take().into_iter().for_each(|extent| self.spool.free(extent));
+    }
+}
+
+/// The cache.
+#[derive(Debug)]
+struct BlockCache {
+    /// Maximum bytes of blocks in memory.
     most: usize,
+    spool: Arc<SpoolFile>,
+    /// Blocks are written to the temporary file: until that fails.
+    can_spill: AtomicBool,
     state: Mutex<BlockCacheState>,
     /// Signalled whenever a block is ready or has failed.
     changed: Condvar,
 }
 
-#[derive(Debug, Default)]
-struct BlockCacheState {
-    slots: HashMap<u64, BlockCacheSlot>,
-    /// Keys by time of last use; the first entry is evicted next.
-    order: BTreeMap<u64, u64>,
-    clock: u64,
-    bytes: usize,
-}
-
-#[derive(Debug)]
-enum BlockCacheSlot {
-    /// A thread is decoding the block.
-    Decoding,
-    Ready {
-        block: Block,
-        stamp: u64,
-    },
-}
-
 impl BlockCache {
-    /// A cache of at most `most` bytes.
-    pub(crate) fn new(most: usize) -> Self {
-        Self { most, state: Mutex::default(), changed: Condvar::new() }
+    fn new(most: usize, folder: Option<&Path>) -> Self {
+        let folder = folder.map_or_else(std::env::temp_dir, PathBuf::from);
+        Self {
+            most,
+            spool: Arc::new(SpoolFile::new(&folder)),
+            can_spill: AtomicBool::new(true),
+            state: Mutex::default(),
+            changed: Condvar::new(),
+        }
     }
 
-    /// The block `key`, decoded by `decode` unless cached.
-    pub(crate) fn get(&self, key: u64, decode: impl FnOnce() -> Result<Vec<u8>>) -> Result<Block> {
-        if let Some(block) = self.find_or_claim(key) {
-            return Ok(block);
+    fn get(
+        &self,
+        key: BlockKey,
+        bytes: usize,
+        wait: bool,
+        decode: impl FnOnce(&mut Vec<u8>) -> Result<()>,
+    ) -> Result<Option<CachedBlock>> {
+        match self.find_or_claim(key, wait) {
+            BlockLookup::Found(block) => return Ok(Some(block)),
+            BlockLookup::Busy => return Ok(None),
+            BlockLookup::Claimed => {}
         }
         // Dropped on failure and on panic, so that waiting threads retry.
-        let claim = BlockDecodeClaim { cache: self, key };
-        let block = Arc::new(decode()?);
-        claim.fulfil(&block);
-        Ok(block)
+        let mut claim = BlockDecodeClaim { cache: self, key, reserved: 0 };
+        let mut buffer = self.buffer(&mut claim, bytes);
+        DECODED.fetch_add(1, Ordering::Relaxed);
+        decode(&mut buffer)?;
+        Ok(Some(CachedBlock::Held(claim.fulfil(buffer))))
     }
 
-    /// Drops the block `key` from the cache.
-    pub(crate) fn forget(&self, key: u64) {
-        lock(&self.state).remove_ready(key);
+    fn release(&self, key: BlockKey, samples: u64, of: u64) {
+        lock(&self.state).release(key, samples, of);
     }
 
-    /// The cached block, or `None` after claiming it for this thread.
-    fn find_or_claim(&self, key: u64) -> Option<Block> {
+    /// The cached block, or a claim to decode it.
+    fn find_or_claim(&self, key: BlockKey, is_waiting: bool) -> BlockLookup {
         let mut state = lock(&self.state);
         loop {
-            match state.slots.get(&key) {
-                Some(BlockCacheSlot::Ready { .. }) => return state.touch(key),
-                Some(BlockCacheSlot::Decoding) => {
-                    state = wait(&self.changed, state);
-                }
-                None => {
-                    state.slots.insert(key, BlockCacheSlot::Decoding);
-                    return None;
-                }
+            match state.find_or_claim(key) {
+                BlockLookup::Busy if is_waiting => state = wait(&self.changed, state),
+                found => return found,
             }
         }
     }
-}
 
-impl BlockCacheState {
-    fn touch(&mut self, key: u64) -> Option<Block> {
-        let Some(BlockCacheSlot::Ready { block, stamp }) = self.slots.get_mut(&key) else {
+    /// A buffer of `bytes` bytes with any content, counted for `claim`: one that another block has left, or a new one.
+    fn buffer(&self, claim: &mut BlockDecodeClaim<'_>, bytes: usize) -> Vec<u8> {
+        let mut state = lock(&self.state);
+        let mut found = state.spare(bytes);
+        if found.is_none() {
+            let leaving = state.make_room(bytes, self.most);
+            drop(state);
+            // Without the lock, so that other threads find their blocks meanwhile, these among them.
+            let spilled: Vec<_> = leaving.iter().map(|(_, block)| self.spill(block)).collect();
+            state = lock(&self.state);
+            for ((key, block), spilled) in leaving.into_iter().zip(spilled) {
+                let buffer = state.leave(key, block, spilled);
+                found = found.or(buffer.filter(|buffer| state::suits(buffer, bytes)));
+            }
+        }
+        let mut buffer = found.unwrap_or_else(|| Vec::with_capacity(bytes));
+        claim.reserved = buffer.capacity();
+        state.bytes += claim.reserved;
+        drop(state);
+        buffer.resize(bytes, 0);
+        buffer
+    }
+
+    /// Writes a block to the temporary file, unless that has failed before.
+    fn spill(&self, block: &[u8]) -> Option<Arc<SpilledBlock>> {
+        let bytes = block.len() as u64;
+        if bytes > MAX_SPILLED || !self.can_spill.load(Ordering::Relaxed) {
             return None;
-        };
-        self.clock += 1;
-        self.order.remove(stamp);
-        self.order.insert(self.clock, key);
-        *stamp = self.clock;
-        Some(block.clone())
-    }
-
-    fn insert(&mut self, key: u64, block: Block, most: usize) {
-        let bytes = block.len();
-        // A block larger than the cache is handed on and not kept. Threads that wait for it find no slot
-        // and decode it for themselves.
-        if bytes > most {
-            return;
         }
-        while self.bytes + bytes > most {
-            let Some((_, oldest)) = self.order.first_key_value() else { break };
-            let oldest = *oldest;
-            self.remove_ready(oldest);
-        }
-        self.clock += 1;
-        self.bytes += bytes;
-        self.order.insert(self.clock, key);
-        self.slots.insert(key, BlockCacheSlot::Ready { block, stamp: self.clock });
-    }
-
-    fn remove_ready(&mut self, key: u64) {
-        if let Some(BlockCacheSlot::Ready { block, stamp }) = self.slots.get(&key) {
-            self.bytes -= block.len();
-            self.order.remove(stamp);
-            self.slots.remove(&key);
-        }
+        let extent = self.spool.put(&[block]).ok();
+        self.can_spill.fetch_and(extent.is_some(), Ordering::Relaxed);
+        Some(Arc::new(SpilledBlock { spool: self.spool.clone(), extent: Some(extent?), bytes }))
     }
 }
 
 /// Claim of one thread to decode one block.
 struct BlockDecodeClaim<'a> {
     cache: &'a BlockCache,
-    key: u64,
+    key: BlockKey,
+    /// Bytes of its buffer.
+    reserved: usize,
 }
 
 impl BlockDecodeClaim<'_> {
-    fn fulfil(self, block: &Block) {
+    fn fulfil(mut self, buffer: Vec<u8>) -> Arc<Vec<u8>> {
         // The guard is dropped before `self`, as locals are before arguments. The drop of `self` locks
         // again and wakes the threads that wait.
         let mut state = lock(&self.cache.state);
-        state.slots.remove(&self.key);
-        state.insert(self.key, block.clone(), self.cache.most);
+        state.bytes -= std::mem::take(&mut self.reserved);
+        let block = Arc::new(buffer);
+        // A block larger than the cache is handed on and not kept. Threads that wait for it find no slot
+        // and decode it for themselves.
+        if block.len() <= self.cache.most {
+            state.hold(self.key, block.clone());
+        }
+        block
     }
 }
 
 impl Drop for BlockDecodeClaim<'_> {
     fn drop(&mut self) {
         let mut state = lock(&self.cache.state);
-        if let Some(BlockCacheSlot::Decoding) = state.slots.get(&self.key) {
-            state.slots.remove(&self.key);
-        }
+        state.bytes -= self.reserved;
+        state.give_up(self.key);
         drop(state);
         self.cache.changed.notify_all();
     }
@@ -152,71 +261,4 @@ pub(crate) fn too_large_for_cache(message: String, bytes: u64) -> Error {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use std::sync::atomic::{AtomicUsize, Ordering};
-    use terrane_base::error::Error;
-
-    fn filled(n: u8) -> Result<Vec<u8>> {
-        Ok(vec![n; 10])
-    }
-
-    #[test]
-    fn stays_within_its_bytes_and_drops_the_least_recently_used() {
-        let cache = BlockCache::new(25);
-        cache.get(1, || filled(1)).unwrap();
-        cache.get(2, || filled(2)).unwrap();
-        cache.get(1, || panic!("is cached")).unwrap();
-        cache.get(3, || filled(3)).unwrap();
-        assert_eq!(lock(&cache.state).bytes, 20);
-        cache.get(1, || panic!("was used last")).unwrap();
-        let decoded = AtomicUsize::new(0);
-        cache.get(2, || Ok(vec![decoded.fetch_add(1, Ordering::Relaxed) as u8])).unwrap();
-        assert_eq!(decoded.into_inner(), 1);
-        cache.forget(1);
-        cache.forget(99);
-        let state = lock(&cache.state);
-        assert_eq!(state.bytes, state.slots.len() * 10 - 9);
-        assert_eq!(state.order.len(), state.slots.len());
-    }
-
-    #[test]
-    fn blocks_larger_than_the_cache_are_handed_out_but_not_kept() {
-        let cache = BlockCache::new(5);
-        assert_eq!(cache.get(1, || filled(7)).unwrap()[0], 7);
-        let state = lock(&cache.state);
-        assert_eq!((state.bytes, state.slots.len()), (0, 0));
-    }
-
-    #[test]
-    fn a_failed_or_panicking_decode_leaves_the_block_to_others() {
-        let cache = BlockCache::new(100);
-        assert!(cache.get(1, || Err(Error::bad_input("no"))).is_err());
-        let panicked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-            let _ = cache.get(1, || panic!("bug"));
-        }));
-        assert!(panicked.is_err());
-        assert_eq!(cache.get(1, || filled(4)).unwrap()[0], 4);
-    }
-
-    #[test]
-    fn many_threads_decode_each_block_once() {
-        let cache = BlockCache::new(1000);
-        let decoded = AtomicUsize::new(0);
-        std::thread::scope(|scope| {
-            for _ in 0..8 {
-                scope.spawn(|| {
-                    for key in 0..50 {
-                        let block = cache.get(key, || {
-                            decoded.fetch_add(1, Ordering::Relaxed);
-                            std::thread::yield_now();
-                            filled(key as u8)
-                        });
-                        assert_eq!(block.unwrap()[9], key as u8);
-                    }
-                });
-            }
-        });
-        assert_eq!(decoded.into_inner(), 50);
-    }
-}
+mod tests;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::cache::SharedBlocks;
 use crate::clip::Clip;
 use crate::grid::GridSource;
 use crate::water::Water;
@@ -17,11 +18,13 @@ pub struct GridOpenOptions {
     pub band: u32,
     /// Replaces the file's nodata value.
     pub nodata: Option<f64>,
-    /// Size limit of the block cache in bytes.
+    /// Maximum bytes of decoded blocks in memory.
     pub cache_bytes: usize,
+    /// The cache of a mosaic, for its files; a grid has its own if `None`.
+    pub cache: Option<SharedBlocks>,
     /// Number of threads for opening the files of a mosaic; ignored inside a rayon pool.
     pub threads: usize,
-    /// Folder for decompressed files; the system's temporary folder if `None`.
+    /// Folder for decompressed files and blocks; the system's temporary folder if `None`.
     pub temp_dir: Option<PathBuf>,
     /// Bounding box (x min, y min, x max, y max) of the cells that [`open_all`](crate::open_all) returns,
     /// applied after water and clipping.
@@ -44,6 +47,7 @@ impl Default for GridOpenOptions {
             band: 1,
             nodata: None,
             cache_bytes: 256 << 20,
+            cache: None,
             threads,
             temp_dir: None,
             bbox: None,
@@ -51,6 +55,14 @@ impl Default for GridOpenOptions {
             water: None,
             colours: false,
         }
+    }
+}
+
+impl GridOpenOptions {
+    /// The cache of the decoded blocks of the grid.
+    pub(crate) fn blocks(&self) -> SharedBlocks {
+        let own = || SharedBlocks::new(self.cache_bytes, self.temp_dir.as_deref());
+        self.cache.clone().unwrap_or_else(own)
     }
 }
 

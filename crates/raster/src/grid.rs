@@ -222,7 +222,8 @@ pub trait GridSource: Send + Sync {
         Vec::new()
     }
 
-    /// Hint that `rect` will not be read again soon: mapped pages or cached blocks may be dropped.
+    /// Hint that the samples of `rect` will not be read again: mapped pages, and cached blocks whose samples are all
+    /// released, may be dropped. A sample is released once.
     fn release(&self, _rect: Rect) {}
 
     /// Hint that all of `rect` has been read: mapped pages may be dropped, since reading them again is cheap.

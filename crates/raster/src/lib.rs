@@ -46,6 +46,7 @@ mod xml;
 mod xyz;
 
 pub use array::{ArrayGrid, ArraySample};
+pub use cache::{SharedBlocks, decoded_blocks};
 pub use clip::{Clip, ClipRings, PolygonEdgeIndex};
 pub use format::{GridOpenOptions, RasterFormat};
 pub use grid::{GridInfo, GridSource, SampleType};

@@ -253,8 +253,11 @@ impl GridSource for ReliefColorBand {
         self.painted.inner.members()
     }
 
+    /// All bands are read from the same heights, which the last one releases.
     fn release(&self, rect: Rect) {
-        self.painted.inner.release(rect);
+        if self.part + 1 == self.painted.parts {
+            self.painted.inner.release(rect);
+        }
     }
 
     fn copied(&self, rect: Rect) {

@@ -183,6 +183,15 @@ impl DerivativeGrid {
         around.intersect(&self.info.bounds())
     }
 
+    /// The heights that the derivatives of `rect` are the last to need, of those read from left to right and down: all
+    /// but the last column and row, which the next rectangle needs, and those that the rectangles before have left.
+    fn last_read_for(&self, rect: Rect) -> Rect {
+        let [col, row] = [rect.col.saturating_sub(1), rect.row.saturating_sub(1)];
+        let [right, below] = [(rect.end_col(), self.info.width), (rect.end_row(), self.info.height)]
+            .map(|(end, size)| if end < size { end - 1 } else { size });
+        Rect::new(col, row, right.saturating_sub(col), below.saturating_sub(row))
+    }
+
     /// Reads heights with one more sample on each side.
     fn heights(&self, rect: Rect, piece: &mut ReliefPiece) -> Result<()> {
         let ReliefPiece { heights, inner } = piece;
@@ -297,7 +306,7 @@ impl GridSource for DerivativeGrid {
     }
 
     fn release(&self, rect: Rect) {
-        self.inner.release(rect);
+        self.inner.release(self.last_read_for(rect));
     }
 
     fn copied(&self, rect: Rect) {

@@ -6,7 +6,7 @@ mod tokens;
 
 use std::path::Path;
 
-use crate::cache::{BlockCache, too_large_for_cache};
+use crate::cache::{SharedBlocks, too_large_for_cache};
 use crate::format::{GridOpenOptions, RasterFormat, only_band};
 use crate::grid::{GridInfo, GridSource, SampleType};
 use crate::prj;
@@ -15,7 +15,7 @@ use crate::window::SampleWindow;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_base::limits;
-use terrane_files::RawFile;
+use terrane_files::{RawFile, RowRun};
 
 use header::AscHeader;
 use tokens::AscTokens;
@@ -44,7 +44,7 @@ struct AscGrid {
     /// Offset of the first value of each block.
     starts: Vec<u64>,
     to_height: ToHeight,
-    cache: BlockCache,
+    cache: SharedBlocks,
 }
 
 impl AscGrid {
@@ -58,9 +58,9 @@ impl AscGrid {
         limits::check("row size in bytes", block_bytes, limits::MAX_BLOCK_BYTES)?;
         let scan = AscScan::run(&file, &header, rows)?;
         let samples = u64::from(header.width) * rows;
-        check_cache(samples * scan.sample_type.bytes() as u64, options.cache_bytes)?;
+        let cache = options.blocks();
+        check_cache(samples * scan.sample_type.bytes() as u64, cache.max_bytes())?;
         let info = describe(path, &header, &scan, rows as u32, options)?;
-        let cache = BlockCache::new(options.cache_bytes);
         Ok(Self { to_height: ToHeight::of(&info), starts: scan.starts, file, info, cache })
     }
 
@@ -71,18 +71,45 @@ impl AscGrid {
             return Ok(());
         }
         let rows = self.info.block.1;
-        for block in rect.row / rows..rect.end_row().div_ceil(rows) {
-            let samples = self.cache.get(u64::from(block), || self.parse(block))?;
-            let part = self.block_rect(block).intersect(&rect);
-            let size = self.info.sample_type.bytes();
-            for row in 0..part.height {
-                let down = (part.row - block * rows + row) as usize;
-                let start = (down * self.info.width as usize + part.col as usize) * size;
-                let bytes = &samples[start..][..part.width as usize * size];
-                self.to_height.convert(bytes, window.row(part, row));
+        let blocks = rect.row / rows..rect.end_row().div_ceil(rows);
+        let mut busy = Vec::new();
+        for block in blocks {
+            if !self.read_block(block, rect, false, &mut window)? {
+                busy.push(block);
             }
         }
+        // Blocks that other threads are parsing come last, so that threads do not wait for each other by turns.
+        for block in busy {
+            self.read_block(block, rect, true, &mut window)?;
+        }
         Ok(())
+    }
+
+    /// Reads the samples of `rect` in a block; false if another thread is parsing it. With `wait`, waits for it.
+    fn read_block<H: HeightSample>(
+        &self,
+        block: u32,
+        rect: Rect,
+        wait: bool,
+        window: &mut SampleWindow<'_, H>,
+    ) -> Result<bool> {
+        let (all, size) = (self.block_rect(block), self.info.sample_type.bytes());
+        let samples =
+            self.cache.get(block.into(), all.len() * size, wait, |out| self.parse(block, out))?;
+        let Some(samples) = samples else { return Ok(false) };
+        let part = all.intersect(&rect);
+        let pitch = all.width as usize * size;
+        let first = (part.row - all.row) as usize * pitch + part.col as usize * size;
+        let run = RowRun {
+            offset: first as u64,
+            pitch: pitch as u64,
+            bytes: part.width as usize * size,
+            rows: part.height as usize,
+        };
+        samples.each_row(run, |row, bytes| {
+            self.to_height.convert(bytes, window.row(part, row as u32));
+        })?;
+        Ok(true)
     }
 
     fn block_rect(&self, block: u32) -> Rect {
@@ -92,19 +119,18 @@ impl AscGrid {
     }
 
     /// Parses block `block` into stored samples.
-    fn parse(&self, block: u32) -> Result<Vec<u8>> {
+    fn parse(&self, block: u32, out: &mut [u8]) -> Result<()> {
         let rect = self.block_rect(block);
-        let mut out = vec![0; rect.len() * self.info.sample_type.bytes()];
         let mut tokens = AscTokens::new(&self.file, self.starts[block as usize], 1);
         // The opening pass has checked that integers fit.
         let found = match self.info.sample_type {
-            SampleType::I16 => fill(&mut tokens, &mut out, |value| (value as i16).to_ne_bytes()),
-            SampleType::I32 => fill(&mut tokens, &mut out, |value| (value as i32).to_ne_bytes()),
-            SampleType::F64 => fill(&mut tokens, &mut out, f64::to_ne_bytes),
-            _ => fill(&mut tokens, &mut out, |value| (value as f32).to_ne_bytes()),
+            SampleType::I16 => fill(&mut tokens, out, |value| (value as i16).to_ne_bytes()),
+            SampleType::I32 => fill(&mut tokens, out, |value| (value as i32).to_ne_bytes()),
+            SampleType::F64 => fill(&mut tokens, out, f64::to_ne_bytes),
+            _ => fill(&mut tokens, out, |value| (value as f32).to_ne_bytes()),
         };
         match found {
-            Ok(true) => Ok(out),
+            Ok(true) => Ok(()),
             Err(error) if error.kind() != ErrorKind::BadInput => Err(error),
             _ => Err(self.changed(rect)),
         }
@@ -124,12 +150,13 @@ impl GridSource for AscGrid {
         self.block_rect(0).len() as u64 * self.info.sample_type.bytes() as u64
     }
 
-    /// Drops the blocks whose rows are all in `rect`, if it is as wide as the grid.
     fn release(&self, rect: Rect) {
+        let rect = rect.intersect(&self.info.bounds());
         let rows = self.info.block.1;
-        let last = rect.end_row().min(self.info.height) / rows;
-        if rect.col == 0 && rect.width >= self.info.width {
-            (rect.row.div_ceil(rows)..last).for_each(|block| self.cache.forget(u64::from(block)));
+        for block in rect.row / rows..rect.end_row().div_ceil(rows) {
+            let all = self.block_rect(block);
+            let released = all.intersect(&rect).len() as u64;
+            self.cache.release(block.into(), released, all.len() as u64);
         }
     }
 }

@@ -158,16 +158,24 @@ impl GeoTiffBlocks {
         error.at(format_args!("block {number} (from column {col}, row {row})"))
     }
 
-    /// Decodes block (`bx`, `by`) at `place`: `stored_rows` rows of `block_width` samples of the selected
-    /// band, in native byte order.
+    /// Size in bytes of a decoded block in row `by` of blocks.
+    pub(super) fn decoded_bytes(&self, by: u32) -> Result<usize> {
+        let samples = u64::from(self.layout.block_width) * u64::from(self.layout.stored_rows(by));
+        to_usize("block", samples.saturating_mul(self.layout.sample_type.bytes() as u64))
+    }
+
+    /// Decodes block (`bx`, `by`) at `place` into `out`, of [`decoded_bytes`](Self::decoded_bytes) and with any content:
+    /// `stored_rows` rows of `block_width` samples of the selected band, in native byte order. Rows below the image
+    /// may keep their content.
     pub(super) fn decode(
         &self,
         bx: u32,
         by: u32,
         place: GeoTiffBlockExtent,
         file: &RawFile,
-    ) -> Result<Vec<u8>> {
-        with_scratch(|scratch| self.decode_with(scratch, by, place, file))
+        out: &mut [u8],
+    ) -> Result<()> {
+        with_scratch(|scratch| self.decode_with(scratch, by, place, file, out))
             .map_err(|e| self.named(e, bx, by).in_file(file.path()))
     }
 
@@ -177,27 +185,26 @@ impl GeoTiffBlocks {
         by: u32,
         place: GeoTiffBlockExtent,
         file: &RawFile,
-    ) -> Result<Vec<u8>> {
+        out: &mut [u8],
+    ) -> Result<()> {
         let layout = &self.layout;
         let packed = grown(&mut scratch.packed, to_usize("block", place.bytes)?);
         file.read_at(place.offset, packed)?;
         let plain = to_usize("block", layout.block_bytes(layout.stored_rows(by)))?;
-        let samples = layout.block_width as usize * layout.stored_rows(by) as usize;
-        let mut out = vec![0; samples * layout.sample_type.bytes()];
         if layout.one_bit {
             let bits = grown(&mut scratch.plain, plain);
             self.unpack(&mut scratch.decoders, packed, bits, by)?;
-            self.take_bits(bits, &mut out);
+            self.take_bits(bits, out);
         // Without a copy, where neither other bands nor the predictor of floats part the bytes of samples.
         } else if layout.stride() == 1 && layout.effective_predictor() != Predictor::Float {
-            self.unpack(&mut scratch.decoders, packed, &mut out, by)?;
-            self.undo_in_place(&mut out);
+            self.unpack(&mut scratch.decoders, packed, out, by)?;
+            self.undo_in_place(out);
         } else {
             let sorted = grown(&mut scratch.plain, plain);
             self.unpack(&mut scratch.decoders, packed, sorted, by)?;
-            self.undo_into(sorted, &mut out);
+            self.undo_into(sorted, out);
         }
-        Ok(out)
+        Ok(())
     }
 
     /// Decompresses `packed` into `out`; rows of a tile below the image may be missing.

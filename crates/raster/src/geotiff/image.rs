@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use crate::cache::{BlockCache, too_large_for_cache};
+use crate::cache::{SharedBlocks, too_large_for_cache};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
-use terrane_files::RawFile;
+use terrane_files::{RawFile, RowRun};
 
 use super::blocks::{GeoTiffBlockExtent, GeoTiffBlocks};
 use super::ifd::GeoTiffDirectory;
@@ -35,15 +35,16 @@ impl GeoTiffImage {
         Ok(Self { file: file.clone(), blocks, slot: slot as u64 })
     }
 
-    /// Calls `each(part, row, samples)` for each row of `rect` (inside the image), block by block: row `row`
+    /// Calls `each(part, row, samples)` for each row of `rect` (inside the image), block by block in any order: row `row`
     /// of `part` in native byte order, or `None` for a sparse block.
     pub(super) fn each_row(
         &self,
         rect: Rect,
-        cache: &BlockCache,
+        cache: &SharedBlocks,
         mut each: impl FnMut(Rect, u32, Option<&[u8]>),
     ) -> Result<()> {
         let layout = &self.blocks.layout;
+        let mut busy = Vec::new();
         for [bx, by] in blocks_touching(layout, rect) {
             let part = layout.block_rect(bx, by).intersect(&rect);
             match self.blocks.place(bx, by, &self.file)? {
@@ -53,47 +54,73 @@ impl GeoTiffImage {
                         each(part, row as u32, Some(samples));
                     })?;
                 }
-                Some(place) => self.each_decoded([bx, by], place, part, cache, &mut each)?,
+                Some(place) => {
+                    let block = ImageBlock { at: [bx, by], place, part };
+                    if !self.each_decoded(block, cache, false, &mut each)? {
+                        busy.push(block);
+                    }
+                }
             }
+        }
+        // Threads on neighbouring windows share blocks. Each first decodes those that no other has begun; in the order of
+        // the blocks, one would wait for the other all the time.
+        for block in busy {
+            self.each_decoded(block, cache, true, &mut each)?;
         }
         Ok(())
     }
 
+    /// False if another thread is decoding the block; with `wait`, waits for it.
     fn each_decoded(
         &self,
-        [bx, by]: [u32; 2],
-        place: GeoTiffBlockExtent,
-        part: Rect,
-        cache: &BlockCache,
+        ImageBlock { at: [bx, by], place, part }: ImageBlock,
+        cache: &SharedBlocks,
+        wait: bool,
         each: &mut impl FnMut(Rect, u32, Option<&[u8]>),
-    ) -> Result<()> {
-        let samples =
-            cache.get(self.key(bx, by), || self.blocks.decode(bx, by, place, &self.file))?;
+    ) -> Result<bool> {
+        let bytes = self.blocks.decoded_bytes(by)?;
+        let decoded = cache.get(self.key(bx, by), bytes, wait, |out| {
+            self.blocks.decode(bx, by, place, &self.file, out)
+        })?;
+        let Some(decoded) = decoded else { return Ok(false) };
         let block = self.blocks.layout.block_rect(bx, by);
         let size = self.blocks.layout.sample_type.bytes();
         let pitch = self.blocks.layout.block_width as usize * size;
-        let first = (part.col - block.col) as usize * size;
-        for row in 0..part.height {
-            let start = (part.row - block.row + row) as usize * pitch + first;
-            each(part, row, Some(&samples[start..][..part.width as usize * size]));
-        }
-        Ok(())
+        let first = (part.row - block.row) as usize * pitch + (part.col - block.col) as usize * size;
+        let run = RowRun {
+            offset: first as u64,
+            pitch: pitch as u64,
+            bytes: part.width as usize * size,
+            rows: part.height as usize,
+        };
+        decoded.each_row(run, |row, samples| each(part, row as u32, Some(samples)))?;
+        Ok(true)
     }
 
     fn key(&self, bx: u32, by: u32) -> u64 {
         self.slot << BLOCK_BITS | self.blocks.number(bx, by)
     }
 
-    /// Drops the cached blocks that are inside `rect`.
-    pub(super) fn forget(&self, rect: Rect, cache: &BlockCache) {
+    /// Notes that the samples of `rect` will not be read again.
+    pub(super) fn release(&self, rect: Rect, cache: &SharedBlocks) {
         let layout = &self.blocks.layout;
+        if layout.is_read_by_rows() {
+            return;
+        }
         for [bx, by] in blocks_touching(layout, rect) {
             let block = layout.block_rect(bx, by);
-            if block.intersect(&rect) == block {
-                cache.forget(self.key(bx, by));
-            }
+            let released = block.intersect(&rect).len() as u64;
+            cache.release(self.key(bx, by), released, block.len() as u64);
         }
     }
+}
+
+/// A block to read a part of.
+#[derive(Clone, Copy)]
+struct ImageBlock {
+    at: [u32; 2],
+    place: GeoTiffBlockExtent,
+    part: Rect,
 }
 
 /// Blocks that overlap `rect` (inside the grid), in row-major order.

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::cache::BlockCache;
+use crate::cache::SharedBlocks;
 use crate::sample::HeightSample;
 use crate::sidecars;
 use crate::window::SampleWindow;
@@ -129,7 +129,7 @@ impl GeoTiffMask {
     pub(super) fn apply<H: HeightSample>(
         &self,
         rect: Rect,
-        cache: &BlockCache,
+        cache: &SharedBlocks,
         window: &mut SampleWindow<'_, H>,
     ) -> Result<()> {
         let size = self.image.blocks.layout.sample_type.bytes();

@@ -21,7 +21,7 @@ mod tags;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use crate::cache::BlockCache;
+use crate::cache::SharedBlocks;
 use crate::format::{GridOpenOptions, RasterFormat};
 use crate::grid::{GridInfo, GridSource, unit_and_text};
 use crate::notes::MASK;
@@ -70,7 +70,7 @@ struct GeoTiff {
     /// Stored samples to heights: nodata, scale, offset.
     to_height: ToHeight,
     /// Decoded blocks of the image and of all masks.
-    cache: BlockCache,
+    cache: SharedBlocks,
     /// What will be read from the top.
     expected: OnceLock<Rect>,
 }
@@ -81,14 +81,15 @@ impl GeoTiff {
         let directory = GeoTiffDirectory::read(&file)?;
         let layout = GeoTiffLayout::read(&directory)?;
         check_band(options.band, layout.bands)?;
-        let (band, cache_bytes) = (options.band - 1, options.cache_bytes);
+        let (band, cache) = (options.band - 1, options.blocks());
+        let cache_bytes = cache.max_bytes();
         check_cache(&layout, cache_bytes)?;
         let mut info = describe(path, &directory, &layout, options)?;
         let image = GeoTiffImage::new(&file, &directory, layout, band, 0)?;
         let (file, directory, layout) = (&file, &directory, &image.blocks.layout);
         let masks = mask::find(mask::MaskedGrid { file, directory, layout, band, cache_bytes })?;
         info.details.extend(masks.iter().map(|mask| (MASK.to_owned(), mask.name.clone())));
-        let (to_height, cache) = (ToHeight::of(&info), BlockCache::new(cache_bytes));
+        let to_height = ToHeight::of(&info);
         Ok(Self { image, masks, info, to_height, cache, expected: OnceLock::new() })
     }
 
@@ -140,10 +141,9 @@ impl GridSource for GeoTiff {
             .unwrap_or(0)
     }
 
-    /// Drops the cached blocks that are inside `rect`.
     fn release(&self, rect: Rect) {
         let rect = rect.intersect(&self.info.bounds());
-        self.images().for_each(|image| image.forget(rect, &self.cache));
+        self.images().for_each(|image| image.release(rect, &self.cache));
     }
 
     fn expect(&self, rect: Rect) {

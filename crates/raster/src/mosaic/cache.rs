@@ -1,5 +1,4 @@
-//! LRU pool of the open files of a mosaic, limited in number and in bytes of decoded blocks. Files are opened
-//! outside the lock, each by one thread.
+//! LRU pool of the open files of a mosaic, limited in number. Files are opened outside the lock, each by one thread.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -14,23 +13,13 @@ const MAX_FILES: usize = 256;
 /// Fraction of the process limit of open files for a mosaic: a file may need a second handle (a mask, a
 /// temporary file), and the job has its own files.
 const FILE_SHARE: u64 = 4;
-/// Minimum number of files that share the block memory.
-const SHARES: usize = 8;
 
 /// An open file.
 pub(super) type Grid = Arc<dyn GridSource>;
 
-/// An open file and the maximum size of its blocks in bytes.
-pub(super) struct OpenMosaicFile {
-    pub(super) grid: Grid,
-    pub(super) bytes: usize,
-}
-
 /// The open files of a mosaic and of all nested mosaics.
 pub(super) struct MosaicFilePool {
     max_files: usize,
-    max_bytes: usize,
-    share: usize,
     keys: AtomicU64,
     state: Mutex<MosaicPoolState>,
     /// Signalled whenever a file is open or could not be opened.
@@ -43,7 +32,6 @@ struct MosaicPoolState {
     /// Keys by time of last use; the first entry is closed next.
     order: BTreeMap<u64, u64>,
     clock: u64,
-    bytes: usize,
 }
 
 enum MosaicPoolSlot {
@@ -51,36 +39,23 @@ enum MosaicPoolSlot {
     Opening,
     Ready {
         grid: Grid,
-        bytes: usize,
         stamp: u64,
     },
 }
 
 impl MosaicFilePool {
-    /// A pool for a mosaic of `files` files whose blocks take at most `max_bytes` bytes in total.
-    pub(super) fn new(files: usize, max_bytes: usize) -> Self {
-        Self::with(open_files_allowed(), files, max_bytes)
+    /// A pool of as many files as the process may have open.
+    pub(super) fn new() -> Self {
+        Self::with(open_files_allowed())
     }
 
-    fn with(max_files: usize, files: usize, max_bytes: usize) -> Self {
+    fn with(max_files: usize) -> Self {
         Self {
             max_files,
-            max_bytes,
-            share: max_bytes / files.clamp(1, SHARES),
             keys: AtomicU64::new(0),
             state: Mutex::default(),
             changed: Condvar::new(),
         }
-    }
-
-    /// Default block memory of one file in bytes.
-    pub(super) fn share(&self) -> usize {
-        self.share
-    }
-
-    /// Maximum block memory of one file that cannot be read with less.
-    pub(super) fn max_bytes(&self) -> usize {
-        self.max_bytes
     }
 
     /// An unused key.
@@ -90,33 +65,27 @@ impl MosaicFilePool {
 
     /// The file `key`, opened by `open` unless it is open. `open` must not wait for threads that may need the
     /// same file.
-    pub(super) fn get(
-        &self,
-        key: u64,
-        open: impl FnOnce() -> Result<OpenMosaicFile>,
-    ) -> Result<Grid> {
+    pub(super) fn get(&self, key: u64, open: impl FnOnce() -> Result<Grid>) -> Result<Grid> {
         if let Some(grid) = self.find_or_claim(key) {
             return Ok(grid);
         }
         // Dropped on failure and on panic, so that waiting threads retry.
         let _claim = MosaicOpenClaim { pool: self, key };
-        // Before the file is opened, as the limit of open files holds then, too. How many bytes its blocks
-        // take is known only afterwards.
-        lock(&self.state).evict(1, 0, self.max_files, self.max_bytes);
-        let opened = open()?;
-        let grid = opened.grid.clone();
+        // Before the file is opened, as the limit of open files holds then, too; and after, as other threads have opened
+        // files meanwhile.
+        lock(&self.state).make_room(self.max_files);
+        let grid = open()?;
         let mut state = lock(&self.state);
-        state.evict(1, opened.bytes, self.max_files, self.max_bytes);
-        state.insert(key, opened);
+        state.make_room(self.max_files);
+        state.insert(key, grid.clone());
         Ok(grid)
     }
 
     /// Keeps an open file if there is space for it.
-    pub(super) fn offer(&self, key: u64, opened: OpenMosaicFile) {
+    pub(super) fn offer(&self, key: u64, grid: Grid) {
         let mut state = lock(&self.state);
-        let room = self.max_bytes.saturating_sub(state.bytes);
-        if state.order.len() < self.max_files && opened.bytes <= room {
-            state.insert(key, opened);
+        if state.order.len() < self.max_files {
+            state.insert(key, grid);
         }
     }
 
@@ -148,7 +117,7 @@ impl MosaicFilePool {
 
 impl MosaicPoolState {
     fn touch(&mut self, key: u64) -> Option<Grid> {
-        let Some(MosaicPoolSlot::Ready { grid, stamp, .. }) = self.slots.get_mut(&key) else {
+        let Some(MosaicPoolSlot::Ready { grid, stamp }) = self.slots.get_mut(&key) else {
             return None;
         };
         self.clock += 1;
@@ -158,21 +127,19 @@ impl MosaicPoolState {
         Some(grid.clone())
     }
 
-    /// Closes files until `files` more with `bytes` bytes fit, or none is left.
-    fn evict(&mut self, files: usize, bytes: usize, max_files: usize, max_bytes: usize) {
-        while self.order.len() + files > max_files || self.bytes.saturating_add(bytes) > max_bytes {
-            let Some((_, oldest)) = self.order.pop_first() else { return };
-            if let Some(MosaicPoolSlot::Ready { bytes, .. }) = self.slots.remove(&oldest) {
-                self.bytes -= bytes;
-            }
+    /// Closes files until one more fits.
+    fn make_room(&mut self, max_files: usize) {
+        while self.order.len() >= max_files
+            && let Some((_, oldest)) = self.order.pop_first()
+        {
+            self.slots.remove(&oldest);
         }
     }
 
-    fn insert(&mut self, key: u64, OpenMosaicFile { grid, bytes }: OpenMosaicFile) {
+    fn insert(&mut self, key: u64, grid: Grid) {
         self.clock += 1;
-        self.bytes += bytes;
         self.order.insert(self.clock, key);
-        self.slots.insert(key, MosaicPoolSlot::Ready { grid, bytes, stamp: self.clock });
+        self.slots.insert(key, MosaicPoolSlot::Ready { grid, stamp: self.clock });
     }
 }
 
@@ -217,9 +184,8 @@ mod tests {
     use std::sync::atomic::AtomicUsize;
     use terrane_base::error::Error;
 
-    fn file(bytes: usize) -> Result<OpenMosaicFile> {
-        let grid = open("synth:rough,size=9", &GridOpenOptions::default())?;
-        Ok(OpenMosaicFile { grid: grid.into(), bytes })
+    fn file() -> Result<Grid> {
+        Ok(open("synth:rough,size=9", &GridOpenOptions::default())?.into())
     }
 
     fn is_open(pool: &MosaicFilePool, key: u64) -> bool {
@@ -228,34 +194,30 @@ mod tests {
 
     #[test]
     fn the_least_recently_used_file_is_closed_first() {
-        let pool = MosaicFilePool::with(2, 9, 100);
-        pool.get(1, || file(10)).unwrap();
-        pool.get(2, || file(10)).unwrap();
+        let pool = MosaicFilePool::with(2);
+        pool.get(1, file).unwrap();
+        pool.get(2, file).unwrap();
         pool.get(1, || panic!("is open")).unwrap();
-        pool.get(3, || file(10)).unwrap();
+        pool.get(3, file).unwrap();
         assert_eq!([1, 2, 3].map(|key| is_open(&pool, key)), [true, false, true]);
-        pool.get(4, || file(95)).unwrap();
-        assert_eq!([1, 3, 4].map(|key| is_open(&pool, key)), [false, false, true]);
-        pool.get(5, || file(1000)).unwrap();
-        assert!(is_open(&pool, 5) && !is_open(&pool, 4), "the only one, though too large");
-        pool.offer(6, file(1).unwrap());
-        assert!(!is_open(&pool, 6), "no room");
+        pool.offer(4, file().unwrap());
+        assert!(!is_open(&pool, 4), "no room");
     }
 
     #[test]
     fn a_file_that_cannot_be_opened_is_tried_again() {
-        let pool = MosaicFilePool::with(2, 1, 100);
+        let pool = MosaicFilePool::with(2);
         assert!(pool.get(1, || Err(Error::bad_input("no"))).is_err());
         let caught = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
             let _ = pool.get(1, || panic!("bug"));
         }));
         assert!(caught.is_err());
-        assert!(pool.get(1, || file(1)).is_ok());
+        assert!(pool.get(1, file).is_ok());
     }
 
     #[test]
     fn many_threads_open_each_file_once() {
-        let pool = MosaicFilePool::with(64, 50, 1 << 20);
+        let pool = MosaicFilePool::with(64);
         let opened = AtomicUsize::new(0);
         std::thread::scope(|scope| {
             for _ in 0..8 {
@@ -264,7 +226,7 @@ mod tests {
                         let open = || {
                             opened.fetch_add(1, Ordering::Relaxed);
                             std::thread::yield_now();
-                            file(1)
+                            file()
                         };
                         pool.get(key, open).unwrap();
                     }
@@ -275,9 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn shares_and_limits() {
-        assert_eq!(MosaicFilePool::with(2, 3, 90).share(), 30);
-        assert_eq!(MosaicFilePool::with(2, 1000, 80).share(), 10);
+    fn some_files_may_be_open() {
         assert!((1..=MAX_FILES).contains(&open_files_allowed()));
     }
 }

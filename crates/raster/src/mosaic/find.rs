@@ -8,19 +8,22 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use crate::cache::SharedBlocks;
 use crate::format::GridOpenOptions;
 use crate::grid::{GridInfo, SampleType};
 use crate::registry::{file_name, open};
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_files::{is_made, path_of};
 
-use super::cache::{Grid, MosaicFilePool, OpenMosaicFile};
+use super::cache::{Grid, MosaicFilePool};
 use super::vrt;
 
 /// State shared by a mosaic and all nested mosaics.
 pub(super) struct MosaicFamily {
     pub(super) pool: MosaicFilePool,
+    /// Decoded blocks of all files.
+    blocks: SharedBlocks,
     /// Number of files and sources so far.
     members: AtomicU64,
     /// Total size of the VRTs read so far in bytes.
@@ -79,9 +82,10 @@ pub(super) struct MosaicEntry {
 }
 
 impl MosaicFamily {
-    pub(super) fn new(files: usize, options: &GridOpenOptions) -> Arc<Self> {
+    pub(super) fn new(options: &GridOpenOptions) -> Arc<Self> {
         Arc::new(Self {
-            pool: MosaicFilePool::new(files, options.cache_bytes),
+            pool: MosaicFilePool::new(),
+            blocks: options.blocks(),
             members: AtomicU64::new(0),
             vrt_bytes: AtomicU64::new(0),
             temp_dir: options.temp_dir.clone(),
@@ -104,7 +108,7 @@ impl MosaicFamily {
     /// The open grid of a file.
     pub(super) fn grid(&self, file: &MosaicFile) -> Result<Grid> {
         self.pool.get(file.key, || {
-            let (open, info) = open_file(self, &file.name, file.band, file.nodata)?;
+            let (open, info) = open_file(self, file.key, &file.name, file.band, file.nodata)?;
             if MosaicFileFacts::of(&info) != file.facts {
                 return Err(changed(&file.name));
             }
@@ -134,10 +138,9 @@ pub(super) fn find(
 ) -> Result<MosaicEntry> {
     if is_vrt(name)? {
         let path = &*path_of(name);
-        let share = nest.family.pool.share();
         let colours = nest.family.colours;
         let alone = GridOpenOptions { threads: 1, colours, ..GridOpenOptions::default() };
-        let options = GridOpenOptions { band, nodata, cache_bytes: share, ..alone };
+        let options = GridOpenOptions { band, nodata, ..alone };
         let grid: Grid = Arc::new(vrt::open_within(path, &options, nest)?);
         let info = grid.info().clone();
         return Ok(MosaicEntry {
@@ -146,9 +149,9 @@ pub(super) fn find(
         });
     }
     let pool = &nest.family.pool;
-    let (open, info) = open_file(&nest.family, name, band, nodata)?;
-    let (key, facts) = (pool.new_key(), MosaicFileFacts::of(&info));
-    let block_bytes = open.grid.block_bytes();
+    let key = pool.new_key();
+    let (open, info) = open_file(&nest.family, key, name, band, nodata)?;
+    let (facts, block_bytes) = (MosaicFileFacts::of(&info), open.block_bytes());
     pool.offer(key, open);
     let file = MosaicFile { key, name: name.to_owned(), band, nodata, facts, block_bytes };
     Ok(MosaicEntry { info, source: MosaicSource::File(file) })
@@ -161,38 +164,27 @@ fn is_vrt(name: &str) -> Result<bool> {
     vrt::is_at(&path_of(name))
 }
 
-/// Opens a file with its share of the memory, or with more if necessary.
+/// Opens a file, with its blocks in the common cache.
 fn open_file(
     family: &MosaicFamily,
+    key: u64,
     name: &str,
     band: u32,
     nodata: Option<f64>,
-) -> Result<(OpenMosaicFile, GridInfo)> {
-    let pool = &family.pool;
+) -> Result<(Grid, GridInfo)> {
     let options = GridOpenOptions {
         band,
         nodata,
-        cache_bytes: pool.share(),
+        cache_bytes: family.blocks.max_bytes(),
+        cache: Some(family.blocks.of_grid(key)),
         temp_dir: family.temp_dir.clone(),
         threads: 1,
         colours: family.colours,
         ..GridOpenOptions::default()
     };
-    let opened = open_with(name, &options).or_else(|e| match e.kind() {
-        ErrorKind::Resource => {
-            open_with(name, &GridOpenOptions { cache_bytes: pool.max_bytes(), ..options })
-        }
-        _ => Err(e),
-    });
-    opened.map_err(|e| e.in_file(&path_of(file_name(name))))
-}
-
-/// Opens a file and counts the blocks that its cache holds.
-fn open_with(name: &str, options: &GridOpenOptions) -> Result<(OpenMosaicFile, GridInfo)> {
-    let grid = open(name, options)?;
+    let grid = open(name, &options).map_err(|e| e.in_file(&path_of(file_name(name))))?;
     let info = grid.info().clone();
-    let bytes = block_bytes(&info).min(options.cache_bytes as u64) as usize;
-    Ok((OpenMosaicFile { grid: grid.into(), bytes }, info))
+    Ok((grid.into(), info))
 }
 
 /// Error of a file that changed while the mosaic was open.
@@ -200,13 +192,4 @@ fn changed(name: &str) -> Error {
     Error::bad_input("file size or type changed while in use")
         .in_file(&path_of(name))
         .remedy("retry when no other program writes to the file")
-}
-
-/// Total size of all decoded blocks of a file in bytes.
-fn block_bytes(info: &GridInfo) -> u64 {
-    // Blocks at the border are decoded as a whole.
-    let [cols, rows] = [(info.width, info.block.0), (info.height, info.block.1)]
-        .map(|(size, block)| u64::from(size.div_ceil(block.max(1))) * u64::from(block.max(1)));
-    let samples = cols.saturating_mul(rows);
-    samples.saturating_mul(info.sample_type.bytes() as u64).saturating_mul(info.bands.max(1).into())
 }

@@ -7,10 +7,9 @@
 //! it. A VRT is a mosaic whose parts are placed by its XML. Mosaics can be nested.
 //!
 //! Memory is independent of the number of samples; only names and rectangles grow with the number of files. Open
-//! files and their decoded blocks are in one pool of a mosaic and all nested mosaics: at most 256 files (a quarter
-//! of the process limit if that is less), whose blocks fit into the cache size of the source. A file gets an
-//! eighth of that size, or all of it if necessary. A file whose size or type changed before it is reopened is an
-//! error.
+//! files are in one pool of a mosaic and all nested mosaics, at most 256 (a quarter of the process limit if that is
+//! less), and their decoded blocks are in one cache, which keeps those of closed files. A file whose size or type changed
+//! before it is reopened is an error.
 
 mod cache;
 mod consistency;

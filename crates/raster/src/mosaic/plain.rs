@@ -73,7 +73,7 @@ fn member(
 }
 
 fn mosaic(names: &[String], options: &GridOpenOptions) -> Result<Mosaic> {
-    let family = MosaicFamily::new(names.len(), options);
+    let family = MosaicFamily::new(options);
     family.count_members(names.len() as u64)?;
     let nest = MosaicNesting { family, around: Vec::new() };
     let first = find(&names[0], options.band, options.nodata, &nest);

@@ -208,8 +208,8 @@ impl BankLevels {
         }
         heights.resize(rect.len(), 0.0);
         grid.read_f64(rect, heights)?;
-        // Releases all pages read: a column of samples touches as many pages as a tile has.
-        grid.release(rect);
+        // Drops all pages read: a column of samples touches as many pages as a tile has.
+        grid.copied(rect);
         let width = rect.width as usize;
         let mut is_water = BitSet::new(rect.len());
         for (row, runs) in rows.iter().enumerate() {

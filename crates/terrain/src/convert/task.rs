@@ -131,7 +131,7 @@ impl CopyTask<'_> {
         for (band, source) in (0..).zip(self.sources) {
             summary = summary.join(self.copy_band(band, *source, rect, from, buffers)?);
         }
-        self.sources.iter().for_each(|source| source.release(self.passed(*source, from)));
+        self.sources.iter().for_each(|source| source.release(from));
         Ok(summary)
     }
 
@@ -155,13 +155,6 @@ impl CopyTask<'_> {
         source.read_f64(from, wide)?;
         self.sink.encode(band, rect, HeightSlice::F64(wide), bytes)?;
         Ok(CopyStatistics::of_f64(wide))
-    }
-
-    /// The blocks no longer needed once `from` is read: pieces lower than the blocks of the source are the last
-    /// to need the blocks they complete.
-    fn passed(&self, source: &dyn GridSource, from: Rect) -> Rect {
-        let above = from.row % source.info().block.1.max(1);
-        Rect::new(from.col, from.row - above, from.width, from.height + above)
     }
 }
 

@@ -166,7 +166,7 @@ impl<'a> TinWorker<'a> {
         self.clock.add(PipelineStage::Tiles, started, samples);
         self.job.settings.progress.advance(samples);
         if layout.cols == 1 {
-            self.job.source.release(layout.middle(tile));
+            self.job.source.copied(layout.middle(tile));
         }
         Ok(())
     }
@@ -374,7 +374,7 @@ impl<'a> TinWorker<'a> {
         let PatchMesh { triangles, vertices, heights, .. } = patch;
         self.job.insert(MeshPiece { rect, triangles, vertices, heights })?;
         match seam {
-            SeamKind::Vertical => self.release_left_of_seam(tile),
+            SeamKind::Vertical => self.drop_left_of_seam(tile),
             SeamKind::Horizontal => {
                 let row = self.job.layout.widest_reach() as i32;
                 let seam = self.job.layout.seam_lines(seam, tile, rect)[1].unwrap_or_default();
@@ -389,11 +389,11 @@ impl<'a> TinWorker<'a> {
     }
 
     /// The tiles on the left of a mended seam (and the last one) are read again at their ends only.
-    fn release_left_of_seam(&self, tile: TileId) {
+    fn drop_left_of_seam(&self, tile: TileId) {
         let layout = &self.job.layout;
-        self.job.source.release(layout.middle(tile));
+        self.job.source.copied(layout.middle(tile));
         if let Some(last) = layout.step(tile, 0, 1).filter(|next| next.col + 1 == layout.cols) {
-            self.job.source.release(layout.middle(last));
+            self.job.source.copied(layout.middle(last));
         }
     }
 
@@ -438,7 +438,7 @@ impl<'a> TinWorker<'a> {
         let first = self.job.next_id.load(Ordering::Relaxed);
         let next = self.job.store.number(tile, first)?;
         self.job.next_id.store(next, Ordering::Relaxed);
-        self.job.source.release(self.job.layout.rect(tile));
+        self.job.source.release(self.job.layout.owned(tile));
         Ok(())
     }
 
@@ -489,7 +489,7 @@ impl<'a> TinWorker<'a> {
         let _room = self.job.store.reserve(2 * container.bytes(), tile)?;
         container.close();
         let record = ContainerRecord::of(&container);
-        self.job.source.release(self.job.layout.rect(tile));
+        self.job.source.release(self.job.layout.owned(tile));
         self.clock.add(PipelineStage::Write, started, self.job.layout.owned(tile).len() as u64);
         self.send(tile, TilePart::Saved(record))
     }

@@ -59,7 +59,7 @@ pub(crate) fn is_at(path: &Path) -> Result<bool> {
 
 fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     let vrt = read(path, options, None)?;
-    let family = MosaicFamily::new(vrt.band.sources.len(), options);
+    let family = MosaicFamily::new(options);
     let nest = MosaicNesting { family, around: Vec::new() };
     nest.family.count_vrt_bytes(length(path)?)?;
     Ok(Box::new(mosaic(path, vrt, options, &nest).map_err(|e| e.in_file(path))?))
