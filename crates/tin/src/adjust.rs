@@ -111,6 +111,11 @@ impl AdjustScratch {
         tri.corners.iter().any(|&p| self.moved.contains(field.index(p)))
     }
 
+    /// No vertex has moved.
+    pub(super) fn forget_moves(&mut self, field: &HeightField) {
+        self.moved.reset(field.width() as usize * field.height() as usize);
+    }
+
     /// Tests each due vertex, in the order of the triangles; the neighbours of a moved vertex become due again. Returns
     /// true if a vertex moved. No vertex moves further than `tolerance` from its sample. If the judge's tolerance is
     /// the same, all errors stay within it; if it is larger, errors only decrease. Time linear in the samples of the

@@ -10,6 +10,7 @@
 //!
 //! If the mesh need not be Delaunay, a hole may be filled with any triangles: see `refill`.
 
+use super::adjust::AdjustScratch;
 use super::angles::MinimumAngle;
 use super::facet::double_area;
 use super::heights::HeightField;
@@ -84,6 +85,21 @@ impl DropScratch {
         for tri in mesh.ids().map(|id| &mesh.tris[id as usize]).filter(|tri| tri.source == NONE) {
             self.unsettle_corners(tri, field);
         }
+    }
+
+    /// Unsettles the corners of triangles with a corner that has moved since this was last called.
+    pub(super) fn unsettle_moved(
+        &mut self,
+        field: &HeightField,
+        mesh: &LatticeMesh,
+        adjust: &mut AdjustScratch,
+    ) {
+        for tri in mesh.ids().map(|id| &mesh.tris[id as usize]) {
+            if adjust.has_moved(field, tri) {
+                self.unsettle_corners(tri, field);
+            }
+        }
+        adjust.forget_moves(field);
     }
 
     /// Limits circumcircles of new triangles to that of a square with sides of `spacing` cells.

@@ -112,7 +112,7 @@ pub fn triangulate_tile(
     }
     refine(scratch, spec, &fixed);
     if spec.fit_heights {
-        even_out(scratch, spec, &fixed);
+        even_out(scratch, spec);
     }
     if let Some(bound) = &spec.min_angle {
         let TileScratch { field, mesh, lists, rounds, scan, .. } = scratch;
@@ -171,20 +171,24 @@ fn loosen(
     scratch.field.free_heights();
     let TileScratch { field, mesh, lists, drop, adjust, scan, .. } = scratch;
     adjust.reset(field, kept);
+    drop.settle(field, fixed);
     for looser in adjust::STAGES {
         let judge = InsertionCriteria::of_samples(field, *scan, looser * spec.tolerance);
         mesh.forget_changes();
         fit(&judge, mesh, lists, false);
-        drop.settle(field, fixed);
+        // A star that could not be filled within a larger tolerance cannot be filled unless it changes.
+        drop.unsettle_changed(field, mesh);
         drop::drop_redundant(&judge, mesh, drop);
         adjust.mark_changed(field, mesh);
         adjust.sweep(&judge, mesh, spec.tolerance);
+        drop.unsettle_moved(field, mesh, adjust);
         mesh.judge_again();
     }
+    mesh.forget_changes();
 }
 
 /// Moves and drops vertices, within the tolerance, until nothing changes.
-fn even_out(scratch: &mut TileScratch, spec: &TinSpec, fixed: &[TilePosition]) {
+fn even_out(scratch: &mut TileScratch, spec: &TinSpec) {
     let TileScratch { field, mesh, drop, adjust, scan, .. } = scratch;
     let mut judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
     if spec.bound == ErrorBound::Surface {
@@ -197,7 +201,7 @@ fn even_out(scratch: &mut TileScratch, spec: &TinSpec, fixed: &[TilePosition]) {
         if !adjust.sweep(&judge, mesh, spec.tolerance) {
             return;
         }
-        drop.settle(field, fixed);
+        drop.unsettle_moved(field, mesh, adjust);
         drop::drop_redundant(&judge, mesh, drop);
     }
 }
@@ -209,7 +213,11 @@ fn refine(scratch: &mut TileScratch, spec: &TinSpec, fixed: &[TilePosition]) {
     let judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
     fit(&judge, mesh, lists, spec.strict);
     if spec.drop {
-        drop.settle(field, fixed);
+        if spec.fit_heights {
+            drop.unsettle_changed(field, mesh);
+        } else {
+            drop.settle(field, fixed);
+        }
         drop::drop_redundant(&judge, mesh, drop);
     }
     if spec.bound == ErrorBound::Samples {

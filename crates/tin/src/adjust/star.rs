@@ -11,6 +11,8 @@ use terrane_base::geom::predicates::orient;
 
 /// Samples of a chunk. Part of the arithmetic: of equal errors, the first lane's is the extreme.
 const LANES: usize = 8;
+/// Edge function of columns that are not scanned: negative in all rows, as those of tiles are below 2^29.
+pub(crate) const FAR_OUTSIDE: i32 = -(1 << 30);
 /// Approximate number of samples tested per triangle before the final tolerance is reached.
 const ENOUGH: i64 = 32;
 /// Minimum relative reduction of a star's maximum error by a move.
@@ -19,7 +21,7 @@ pub(super) const GAIN: f32 = 1.0 / 32.0;
 const EVEN: f32 = 1.0 / 1024.0;
 
 /// Errors of neighbouring samples of a row.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ErrorChunk {
     /// Height of the mesh above each sample; NaN outside the triangle.
     pub(crate) offsets: [f32; LANES],
@@ -30,14 +32,18 @@ pub(crate) struct ErrorChunk {
 /// Errors of the samples of a star.
 #[derive(Debug)]
 pub(super) struct StarErrors {
+    /// Chunks of the star, and as many more as there were in a larger one.
     chunks: Vec<ErrorChunk>,
+    count: usize,
     kernels: StarKernels,
 }
 
 /// Kernels for an instruction set.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StarKernels {
-    pub(crate) list: fn(&mut Vec<ErrorChunk>, &FieldLevel<'_>, &PlaneFacet),
+    /// See [`list`].
+    pub(crate) list: fn(&mut [ErrorChunk], &FieldLevel<'_>, &PlaneFacet) -> usize,
+    /// See [`envelope`].
     pub(crate) envelope: fn(&[ErrorChunk], f32) -> OffsetEnvelope,
 }
 
@@ -81,14 +87,20 @@ pub(super) struct VertexMove {
     pub(super) before: f32,
 }
 
-/// Lists the samples of a triangle whose first corner moves, including its edges.
-pub(crate) fn list(chunks: &mut Vec<ErrorChunk>, level: &FieldLevel<'_>, facet: &PlaneFacet) {
+/// Lists the samples of a triangle whose first corner moves, including its edges; returns the number of chunks.
+/// There must be space for [`chunks_of`] the triangle.
+pub(crate) fn list(
+    chunks: &mut [ErrorChunk],
+    level: &FieldLevel<'_>,
+    facet: &PlaneFacet,
+) -> usize {
     const NUMBERS: [i32; LANES] = [0, 1, 2, 3, 4, 5, 6, 7];
     let stride = 1 << level.shift;
     let ([left, right], [first, last]) = (facet.column_range(level), facet.row_range(level));
     let [gx, gy] = [facet.gx, facet.gy].map(|slope| slope * f64::from(stride));
     let [a, b, c] = facet.corners;
     let scale = 1.0 / orient(a, b, c) as f32;
+    let mut count = 0;
     for strip in (left..=right).step_by(LANES) {
         let (mut sides, mut steps) = ([[0; LANES]; 3], [0; 3]);
         for (edge, [from, to]) in [[b, c], [c, a], [a, b]].into_iter().enumerate() {
@@ -97,30 +109,36 @@ pub(crate) fn list(chunks: &mut Vec<ErrorChunk>, level: &FieldLevel<'_>, facet: 
             sides[edge] = NUMBERS.map(|lane| at_first - dy * stride * lane);
             steps[edge] = dx * stride;
         }
+        for lane in (0..LANES).filter(|&lane| strip + NUMBERS[lane] > right) {
+            sides[1][lane] = FAR_OUTSIDE;
+        }
         let along = NUMBERS.map(|lane| gx * f64::from(strip + lane));
-        // Negative in columns that are not scanned.
-        let left_over = NUMBERS.map(|lane| right - strip - lane);
         for row in first..=last {
             let start = facet.base + gy * f64::from(row);
-            let at = row as usize * level.pitch + strip as usize;
-            let heights = &level.heights[at..at + LANES];
-            let outside: [i32; LANES] = std::array::from_fn(|lane| {
-                sides[0][lane] | sides[1][lane] | sides[2][lane] | left_over[lane]
-            });
-            if outside.iter().fold(-1, |all, lane| all & lane) >= 0 {
-                chunks.push(ErrorChunk {
-                    offsets: std::array::from_fn(|lane| {
-                        let offset = (start + along[lane] - f64::from(heights[lane])) as f32;
-                        if outside[lane] < 0 { f32::NAN } else { offset }
-                    }),
-                    shares: sides[0].map(|side| side as f32 * scale),
+            let heights = &level.heights[row as usize * level.pitch + strip as usize..][..LANES];
+            let is_outside: [bool; LANES] =
+                std::array::from_fn(|lane| sides[0][lane] | sides[1][lane] | sides[2][lane] < 0);
+            if is_outside != [true; LANES] {
+                chunks[count].offsets = std::array::from_fn(|lane| {
+                    let offset = (start + along[lane] - f64::from(heights[lane])) as f32;
+                    if is_outside[lane] { f32::NAN } else { offset }
                 });
+                chunks[count].shares = sides[0].map(|side| side as f32 * scale);
+                count += 1;
             }
             for (side, step) in sides.iter_mut().zip(steps) {
                 side.iter_mut().for_each(|lane| *lane += step);
             }
         }
     }
+    count
+}
+
+/// Maximum number of chunks of a triangle.
+fn chunks_of(level: &FieldLevel<'_>, facet: &PlaneFacet) -> usize {
+    let [[left, right], [first, last]] = [facet.column_range(level), facet.row_range(level)];
+    let (columns, rows) = ((right - left + 1).max(0) as usize, (last - first + 1).max(0) as usize);
+    columns.div_ceil(LANES) * rows
 }
 
 /// The largest errors after a move.
@@ -158,14 +176,14 @@ pub(crate) fn envelope(chunks: &[ErrorChunk], step: f32) -> OffsetEnvelope {
 
 impl Default for StarErrors {
     fn default() -> Self {
-        Self { chunks: Vec::new(), kernels: scan::fastest_star() }
+        Self { chunks: Vec::new(), count: 0, kernels: scan::fastest_star() }
     }
 }
 
 impl StarErrors {
     /// Lists the samples of a star, given by its half-edges: all of them, or a subset.
     pub(super) fn list(&mut self, field: &HeightField, mesh: &LatticeMesh, star: &[u32], all: bool) {
-        self.chunks.clear();
+        self.count = 0;
         for &half_edge in star {
             let tri = &mesh.tris[(half_edge >> 2) as usize];
             let corner = half_edge & 3;
@@ -173,13 +191,18 @@ impl StarErrors {
                 [corner, next(corner), prev(corner)].map(|corner| tri.corners[corner as usize]);
             let level = if all { 0 } else { level_for(corners, ENOUGH, LEVELS) };
             let facet = PlaneFacet::new(corners, field.vertices(corners));
-            (self.kernels.list)(&mut self.chunks, &field.level(level), &facet);
+            let level = field.level(level);
+            let end = self.count + chunks_of(&level, &facet);
+            if self.chunks.len() < end {
+                self.chunks.resize(end, ErrorChunk::default());
+            }
+            self.count += (self.kernels.list)(&mut self.chunks[self.count..end], &level, &facet);
         }
     }
 
     /// The largest errors after a move.
     pub(super) fn envelope(&self, step: f32) -> OffsetEnvelope {
-        (self.kernels.envelope)(&self.chunks, step)
+        (self.kernels.envelope)(&self.chunks[..self.count], step)
     }
 
     /// The move with the least maximum error among `steps` iterations, if the gain suffices. Iterates over

@@ -4,7 +4,7 @@
 use std::arch::x86_64::*;
 
 use super::scalar::{LANES, Scan, WorstSample, run_of};
-use crate::adjust::star::{ErrorChunk, ErrorLine, OffsetEnvelope, StarKernels};
+use crate::adjust::star::{ErrorChunk, ErrorLine, FAR_OUTSIDE, OffsetEnvelope, StarKernels};
 use crate::facet::{EdgeSide, PlaneFacet, RowBounds, SLACK};
 use crate::heights::FieldLevel;
 use crate::lattice_position::TilePosition;
@@ -32,7 +32,7 @@ pub(super) fn available_star() -> Option<(&'static str, StarKernels)> {
     is_x86_feature_detected!("avx2").then_some(("avx2", avx2))
 }
 
-fn list_star(chunks: &mut Vec<ErrorChunk>, level: &FieldLevel<'_>, facet: &PlaneFacet) {
+fn list_star(chunks: &mut [ErrorChunk], level: &FieldLevel<'_>, facet: &PlaneFacet) -> usize {
     // SAFETY: listed by `available_star` only where AVX2 was detected.
     unsafe { list_star_avx2(chunks, level, facet) }
 }
@@ -372,14 +372,19 @@ fn reduce_avx2(level: &FieldLevel<'_>, errors: [__m256; 2], places: [__m256i; 2]
 }
 
 #[target_feature(enable = "avx2")]
-fn list_star_avx2(chunks: &mut Vec<ErrorChunk>, level: &FieldLevel<'_>, facet: &PlaneFacet) {
+fn list_star_avx2(
+    chunks: &mut [ErrorChunk],
+    level: &FieldLevel<'_>,
+    facet: &PlaneFacet,
+) -> usize {
     let stride = 1 << level.shift;
     let ([left, right], [first, last]) = (facet.column_range(level), facet.row_range(level));
     let [gx, gy] = [facet.gx, facet.gy].map(|slope| slope * f64::from(stride));
     let [a, b, c] = facet.corners;
     let scale = _mm256_set1_ps(1.0 / orient(a, b, c) as f32);
     let numbers = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
-    for strip in (left..=right).step_by(8) {
+    let (mut count, mut strip) = (0, left);
+    while strip <= right {
         let (mut sides, mut steps) = ([_mm256_setzero_si256(); 3], [_mm256_setzero_si256(); 3]);
         for (edge, [from, to]) in [[b, c], [c, a], [a, b]].into_iter().enumerate() {
             let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
@@ -388,20 +393,23 @@ fn list_star_avx2(chunks: &mut Vec<ErrorChunk>, level: &FieldLevel<'_>, facet: &
             sides[edge] = _mm256_add_epi32(_mm256_set1_epi32(at_first), along);
             steps[edge] = _mm256_set1_epi32(dx * stride);
         }
+        let beyond = _mm256_cmpgt_epi32(numbers, _mm256_set1_epi32(right - strip));
+        sides[1] = _mm256_blendv_epi8(sides[1], _mm256_set1_epi32(FAR_OUTSIDE), beyond);
         let along = [0, 4].map(|half| {
             let columns = _mm_add_epi32(_mm_set1_epi32(strip + half), _mm_setr_epi32(0, 1, 2, 3));
             _mm256_mul_pd(_mm256_set1_pd(gx), _mm256_cvtepi32_pd(columns))
         });
-        let beyond = _mm256_cmpgt_epi32(numbers, _mm256_set1_epi32(right - strip));
-        for row in first..=last {
-            let two = _mm256_or_si256(sides[0], sides[1]);
-            let outside = _mm256_or_si256(two, _mm256_or_si256(sides[2], beyond));
+        let mut row = first;
+        let mut pointer = if first <= last { run_pointer(level, first, strip) } else { return 0 };
+        // Only for its check, as in `narrow`.
+        run_pointer(level, last, strip);
+        while row <= last {
+            let outside = _mm256_or_si256(sides[0], _mm256_or_si256(sides[1], sides[2]));
             let outside = _mm256_castsi256_ps(outside);
             if _mm256_movemask_ps(outside) != 0xff {
                 let start = _mm256_set1_pd(facet.base + gy * f64::from(row));
-                let pointer = run_pointer(level, row, strip);
                 let offsets = [0, 1].map(|half| {
-                    // SAFETY: `run_pointer` has checked sixteen lanes.
+                    // SAFETY: this row lies between the two whose runs were checked to be inside the slice.
                     let heights = unsafe { _mm_loadu_ps(pointer.add(4 * half)) };
                     let planes = _mm256_add_pd(start, along[half]);
                     _mm256_cvtpd_ps(_mm256_sub_pd(planes, _mm256_cvtps_pd(heights)))
@@ -409,19 +417,23 @@ fn list_star_avx2(chunks: &mut Vec<ErrorChunk>, level: &FieldLevel<'_>, facet: &
                 let offsets = _mm256_set_m128(offsets[1], offsets[0]);
                 let offsets = _mm256_blendv_ps(offsets, _mm256_set1_ps(f32::NAN), outside);
                 let shares = _mm256_mul_ps(_mm256_cvtepi32_ps(sides[0]), scale);
-                let mut chunk = ErrorChunk { offsets: [0.0; 8], shares: [0.0; 8] };
+                let chunk = &mut chunks[count];
                 // SAFETY: both arrays hold eight lanes.
                 unsafe {
                     _mm256_storeu_ps(chunk.offsets.as_mut_ptr(), offsets);
                     _mm256_storeu_ps(chunk.shares.as_mut_ptr(), shares);
                 }
-                chunks.push(chunk);
+                count += 1;
             }
             for edge in 0..3 {
                 sides[edge] = _mm256_add_epi32(sides[edge], steps[edge]);
             }
+            pointer = pointer.wrapping_add(level.pitch);
+            row += 1;
         }
+        strip += 8;
     }
+    count
 }
 
 #[target_feature(enable = "avx2")]
