@@ -27,15 +27,15 @@ use star::{StarErrors, VertexMove};
 use terrane_base::bits::BitSet;
 
 /// Factors of the tolerance in the stages before the final one.
-pub(super) const STAGES: [f64; 5] = [1.25, 1.195, 1.143, 1.093, 1.046];
+pub(super) const STAGES: [f64; 3] = [1.2, 1.13, 1.06];
 /// Sweeps and drops at the final tolerance.
-pub(super) const ROUNDS: usize = 4;
+pub(super) const ROUNDS: usize = 2;
 /// How far a new vertex is moved towards the mesh (below a summit, above a hollow), in tolerances.
-const PUT_IN: f64 = 0.3;
+const PUT_IN: f64 = 0.15;
 /// Stars with more triangles than this are skipped.
 const MAX_DEGREE: usize = 24;
 /// Maximum number of envelope intersections tried; the next sweep does the rest.
-const STEPS: usize = 3;
+const STEPS: usize = 2;
 
 /// Sets the height of a new vertex, slightly towards the triangle that held it.
 pub(super) fn put_in(judge: &InsertionCriteria<'_>, corners: [TilePosition; 3], at: TilePosition) {
