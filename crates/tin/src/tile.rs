@@ -194,7 +194,6 @@ fn even_out(scratch: &mut TileScratch, spec: &TinSpec) {
     if spec.bound == ErrorBound::Surface {
         judge = judge.and_between(CrossingJudge::new(field, spec.tolerance));
     }
-    adjust.mark_due(field, mesh, |_| true);
     for _ in 0..adjust::ROUNDS {
         adjust.mark_changed(field, mesh);
         mesh.forget_changes();
