@@ -112,15 +112,15 @@ pub(crate) fn list(
         for lane in (0..LANES).filter(|&lane| strip + NUMBERS[lane] > right) {
             sides[1][lane] = FAR_OUTSIDE;
         }
-        let along = NUMBERS.map(|lane| gx * f64::from(strip + lane));
+        let start = facet.base + gy * f64::from(first);
+        let mut planes = NUMBERS.map(|lane| start + gx * f64::from(strip + lane));
         for row in first..=last {
-            let start = facet.base + gy * f64::from(row);
             let heights = &level.heights[row as usize * level.pitch + strip as usize..][..LANES];
             let is_outside: [bool; LANES] =
                 std::array::from_fn(|lane| sides[0][lane] | sides[1][lane] | sides[2][lane] < 0);
             if is_outside != [true; LANES] {
                 chunks[count].offsets = std::array::from_fn(|lane| {
-                    let offset = (start + along[lane] - f64::from(heights[lane])) as f32;
+                    let offset = (planes[lane] - f64::from(heights[lane])) as f32;
                     if is_outside[lane] { f32::NAN } else { offset }
                 });
                 chunks[count].shares = sides[0].map(|side| side as f32 * scale);
@@ -129,6 +129,7 @@ pub(crate) fn list(
             for (side, step) in sides.iter_mut().zip(steps) {
                 side.iter_mut().for_each(|lane| *lane += step);
             }
+            planes.iter_mut().for_each(|plane| *plane += gy);
         }
     }
     count

@@ -383,6 +383,10 @@ fn list_star_avx2(
     let [a, b, c] = facet.corners;
     let scale = _mm256_set1_ps(1.0 / orient(a, b, c) as f32);
     let numbers = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+    let rise = _mm256_set1_pd(gy);
+    if last < first {
+        return 0;
+    }
     let (mut count, mut strip) = (0, left);
     while strip <= right {
         let (mut sides, mut steps) = ([_mm256_setzero_si256(); 3], [_mm256_setzero_si256(); 3]);
@@ -395,24 +399,23 @@ fn list_star_avx2(
         }
         let beyond = _mm256_cmpgt_epi32(numbers, _mm256_set1_epi32(right - strip));
         sides[1] = _mm256_blendv_epi8(sides[1], _mm256_set1_epi32(FAR_OUTSIDE), beyond);
-        let along = [0, 4].map(|half| {
+        let start = _mm256_set1_pd(facet.base + gy * f64::from(first));
+        let mut planes = [0, 4].map(|half| {
             let columns = _mm_add_epi32(_mm_set1_epi32(strip + half), _mm_setr_epi32(0, 1, 2, 3));
-            _mm256_mul_pd(_mm256_set1_pd(gx), _mm256_cvtepi32_pd(columns))
+            let along = _mm256_mul_pd(_mm256_set1_pd(gx), _mm256_cvtepi32_pd(columns));
+            _mm256_add_pd(start, along)
         });
-        let mut row = first;
-        let mut pointer = if first <= last { run_pointer(level, first, strip) } else { return 0 };
+        let mut pointer = run_pointer(level, first, strip);
         // Only for its check, as in `narrow`.
         run_pointer(level, last, strip);
-        while row <= last {
+        for _ in first..last + 1 {
             let outside = _mm256_or_si256(sides[0], _mm256_or_si256(sides[1], sides[2]));
             let outside = _mm256_castsi256_ps(outside);
             if _mm256_movemask_ps(outside) != 0xff {
-                let start = _mm256_set1_pd(facet.base + gy * f64::from(row));
                 let offsets = [0, 1].map(|half| {
                     // SAFETY: this row lies between the two whose runs were checked to be inside the slice.
                     let heights = unsafe { _mm_loadu_ps(pointer.add(4 * half)) };
-                    let planes = _mm256_add_pd(start, along[half]);
-                    _mm256_cvtpd_ps(_mm256_sub_pd(planes, _mm256_cvtps_pd(heights)))
+                    _mm256_cvtpd_ps(_mm256_sub_pd(planes[half], _mm256_cvtps_pd(heights)))
                 });
                 let offsets = _mm256_set_m128(offsets[1], offsets[0]);
                 let offsets = _mm256_blendv_ps(offsets, _mm256_set1_ps(f32::NAN), outside);
@@ -428,8 +431,8 @@ fn list_star_avx2(
             for edge in 0..3 {
                 sides[edge] = _mm256_add_epi32(sides[edge], steps[edge]);
             }
+            planes = planes.map(|half| _mm256_add_pd(half, rise));
             pointer = pointer.wrapping_add(level.pitch);
-            row += 1;
         }
         strip += 8;
     }
