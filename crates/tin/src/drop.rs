@@ -403,6 +403,49 @@ pub(super) mod tests {
         }
     }
 
+    #[test]
+    fn corners_of_triangles_that_have_moved_are_unsettled_once() {
+        let z: Vec<f32> =
+            (0..SIDE * SIDE).map(|i| (i.wrapping_mul(0x9e37_79b9) >> 27) as f32).collect();
+        let heights = HeightWindow { width: SIDE, height: SIDE, f32: &z, f64: None };
+        let mut field = HeightField::default();
+        field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], None);
+        field.free_heights();
+        let judge = InsertionCriteria::of_samples(&field, available()[0].1, 14.0);
+        let mut mesh = LatticeMesh::default();
+        mesh.reset_to_rectangle(SIDE - 1, SIDE - 1);
+        fit(&judge, &mut mesh, &mut WorkLists::default(), false);
+        let mut adjust = AdjustScratch::default();
+        adjust.reset(&field, &[]);
+        let chosen = mesh.tris[mesh.tris.len() / 2].corners;
+        adjust.mark_due(&field, &mesh, |tri| tri.corners == chosen);
+        assert!(adjust.sweep(&judge, &mesh, 14.0));
+        let fixed = chosen[0];
+        let mut scratch = DropScratch::default();
+        let settle_all = |scratch: &mut DropScratch| {
+            scratch.settle(&field, &[fixed]);
+            (0..z.len()).for_each(|at| {
+                scratch.settled.insert(at);
+            });
+        };
+        let beside: BTreeSet<_> = mesh
+            .ids()
+            .map(|id| &mesh.tris[id as usize])
+            .filter(|tri| adjust.has_moved(&field, tri))
+            .flat_map(|tri| tri.corners)
+            .filter(|&p| p != fixed)
+            .collect();
+        for expected in [beside, BTreeSet::new()] {
+            settle_all(&mut scratch);
+            scratch.unsettle_moved(&field, &mesh, &mut adjust);
+            let tried: BTreeSet<_> = (0..SIDE * SIDE)
+                .map(|i| TilePosition::new(i % SIDE, i / SIDE))
+                .filter(|&p| !scratch.settled.contains(field.index(p)))
+                .collect();
+            assert_eq!(tried, expected);
+        }
+    }
+
     /// The diameter of the circumcircle of a right triangle is its longest side.
     #[test]
     fn circumcircles_are_limited_to_that_of_a_square() {

@@ -107,10 +107,11 @@ pub fn triangulate_tile(
     // Small angles are mended at the end, so drops before need not avoid them. The buffers may come
     // from a patch that set a bound.
     scratch.drop.limit_angles(None);
+    scratch.drop.settle(&scratch.field, &fixed);
     if spec.fit_heights {
-        loosen(scratch, spec, &fixed, input.kept);
+        loosen(scratch, spec, input.kept);
     }
-    refine(scratch, spec, &fixed);
+    refine(scratch, spec);
     if spec.fit_heights {
         even_out(scratch, spec);
     }
@@ -162,16 +163,10 @@ fn follow(
 }
 
 /// Reduces the tolerance in stages, and moves vertices to minimize errors.
-fn loosen(
-    scratch: &mut TileScratch,
-    spec: &TinSpec,
-    fixed: &[TilePosition],
-    kept: &[TilePosition],
-) {
+fn loosen(scratch: &mut TileScratch, spec: &TinSpec, kept: &[TilePosition]) {
     scratch.field.free_heights();
     let TileScratch { field, mesh, lists, drop, adjust, scan, .. } = scratch;
     adjust.reset(field, kept);
-    drop.settle(field, fixed);
     for looser in adjust::STAGES {
         let judge = InsertionCriteria::of_samples(field, *scan, looser * spec.tolerance);
         mesh.forget_changes();
@@ -207,15 +202,13 @@ fn even_out(scratch: &mut TileScratch, spec: &TinSpec) {
 
 /// Inserts and drops vertices until the mesh is within the tolerance and has no redundant vertex. The error between
 /// samples is mended last: dropping vertices first leaves fewer of them.
-fn refine(scratch: &mut TileScratch, spec: &TinSpec, fixed: &[TilePosition]) {
+fn refine(scratch: &mut TileScratch, spec: &TinSpec) {
     let TileScratch { field, mesh, lists, rounds, drop, scan, .. } = scratch;
     let judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
     fit(&judge, mesh, lists, spec.strict);
     if spec.drop {
         if spec.fit_heights {
             drop.unsettle_changed(field, mesh);
-        } else {
-            drop.settle(field, fixed);
         }
         drop::drop_redundant(&judge, mesh, drop);
     }
@@ -484,7 +477,7 @@ mod tests {
             scratch.field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], None);
             scratch.mesh.reset_to_rectangle(SIDE - 1, SIDE - 1);
             scratch.stop_by(&inserting);
-            refine(&mut scratch, &spec, &[]);
+            refine(&mut scratch, &spec);
             let inserted = scratch.mesh.ids().count();
             scratch.stop_by(&finishing);
             [

@@ -89,11 +89,7 @@ pub(super) struct VertexMove {
 
 /// Lists the samples of a triangle whose first corner moves, including its edges; returns the number of chunks.
 /// There must be space for [`chunks_of`] the triangle.
-pub(crate) fn list(
-    chunks: &mut [ErrorChunk],
-    level: &FieldLevel<'_>,
-    facet: &PlaneFacet,
-) -> usize {
+pub(crate) fn list(chunks: &mut [ErrorChunk], level: &FieldLevel<'_>, facet: &PlaneFacet) -> usize {
     const NUMBERS: [i32; LANES] = [0, 1, 2, 3, 4, 5, 6, 7];
     let stride = 1 << level.shift;
     let ([left, right], [first, last]) = (facet.column_range(level), facet.row_range(level));
@@ -136,7 +132,7 @@ pub(crate) fn list(
 }
 
 /// Maximum number of chunks of a triangle.
-fn chunks_of(level: &FieldLevel<'_>, facet: &PlaneFacet) -> usize {
+pub(super) fn chunks_of(level: &FieldLevel<'_>, facet: &PlaneFacet) -> usize {
     let [[left, right], [first, last]] = [facet.column_range(level), facet.row_range(level)];
     let (columns, rows) = ((right - left + 1).max(0) as usize, (last - first + 1).max(0) as usize);
     columns.div_ceil(LANES) * rows
@@ -183,7 +179,13 @@ impl Default for StarErrors {
 
 impl StarErrors {
     /// Lists the samples of a star, given by its half-edges: all of them, or a subset.
-    pub(super) fn list(&mut self, field: &HeightField, mesh: &LatticeMesh, star: &[u32], all: bool) {
+    pub(super) fn list(
+        &mut self,
+        field: &HeightField,
+        mesh: &LatticeMesh,
+        star: &[u32],
+        all: bool,
+    ) {
         self.count = 0;
         for &half_edge in star {
             let tri = &mesh.tris[(half_edge >> 2) as usize];
@@ -232,5 +234,90 @@ impl StarErrors {
         }
         let before = first.largest();
         (best.largest() < enough).then_some(VertexMove { step: best.step, before })
+    }
+}
+
+#[cfg(test)]
+impl StarErrors {
+    /// Errors given by offset and share.
+    pub(super) fn of(errors: impl Iterator<Item = (f32, f32)>) -> Self {
+        let mut chunks = Vec::new();
+        for (i, (offset, share)) in errors.enumerate() {
+            if i % LANES == 0 {
+                chunks.push(ErrorChunk { offsets: [f32::NAN; LANES], shares: [0.0; LANES] });
+            }
+            let chunk: &mut ErrorChunk = &mut chunks[i / LANES];
+            (chunk.offsets[i % LANES], chunk.shares[i % LANES]) = (offset, share);
+        }
+        Self { count: chunks.len(), chunks, kernels: scan::fastest_star() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::heights::HeightWindow;
+    use crate::lattice_position::TilePosition;
+    use proptest::prelude::*;
+
+    const SIDE: u32 = 70;
+
+    fn field(seed: u32, margin: u32) -> HeightField {
+        let height = |i: u32| ((i ^ seed).wrapping_mul(0x9e37_79b9) >> 20) as f32 * 0.37 - 700.0;
+        let heights: Vec<f32> = (0..SIDE * SIDE).map(height).collect();
+        let heights = HeightWindow { width: SIDE, height: SIDE, f32: &heights, f64: None };
+        let mut field = HeightField::default();
+        field.load(&heights, [0, 0, SIDE, SIDE], [margin; 4], None);
+        field
+    }
+
+    fn bits(chunks: &[ErrorChunk]) -> Vec<[[u32; LANES]; 2]> {
+        chunks
+            .iter()
+            .map(|chunk| [chunk.offsets, chunk.shares].map(|v| v.map(f32::to_bits)))
+            .collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(400))]
+
+        #[test]
+        fn kernels_agree_bit_for_bit(
+            p in prop::array::uniform3((0..SIDE, 0..SIDE)), z in prop::array::uniform3(-900.0..900.0_f64),
+            level in 0..LEVELS as u8, margin in 0_u32..2, seed in 0_u32..9, step in -50.0..50.0_f32
+        ) {
+            let p = p.map(|(col, row)| TilePosition::new(col, row));
+            let [a, b, c] = p.map(TilePosition::lattice);
+            prop_assume!(orient(a, b, c) > 0);
+            let (field, facet) = (field(seed, margin), PlaneFacet::new(p, z));
+            let level = field.level(level);
+            let mut expected = vec![ErrorChunk::default(); chunks_of(&level, &facet)];
+            let count = list(&mut expected, &level, &facet);
+            for (name, kernels) in scan::available_star() {
+                let mut chunks = vec![ErrorChunk::default(); expected.len()];
+                prop_assert_eq!((kernels.list)(&mut chunks, &level, &facet), count, "{}", name);
+                prop_assert_eq!(bits(&chunks), bits(&expected), "{}", name);
+                for step in [0.0, step] {
+                    let found = (kernels.envelope)(&chunks[..count], step);
+                    prop_assert_eq!(found, envelope(&expected[..count], step), "{}", name);
+                }
+            }
+        }
+    }
+
+    /// Two rows of samples with few different errors: of equal ones, the first lane's line is told.
+    #[test]
+    fn kernels_agree_on_equal_errors() {
+        for seed in 0..200_u32 {
+            let value = |i: u32, of: u32| {
+                f32::from((seed.wrapping_mul(0x9e37_79b9) >> (i % 20) ^ of) as u8 % 3)
+            };
+            let star =
+                StarErrors::of((0..seed % 33).map(|i| (value(i, 1) - 1.0, value(i, 5) / 2.0)));
+            for (name, kernels) in scan::available_star() {
+                let found = (kernels.envelope)(&star.chunks, 1.0);
+                assert_eq!(found, envelope(&star.chunks, 1.0), "{name} {seed}");
+            }
+        }
     }
 }

@@ -372,11 +372,7 @@ fn reduce_avx2(level: &FieldLevel<'_>, errors: [__m256; 2], places: [__m256i; 2]
 }
 
 #[target_feature(enable = "avx2")]
-fn list_star_avx2(
-    chunks: &mut [ErrorChunk],
-    level: &FieldLevel<'_>,
-    facet: &PlaneFacet,
-) -> usize {
+fn list_star_avx2(chunks: &mut [ErrorChunk], level: &FieldLevel<'_>, facet: &PlaneFacet) -> usize {
     let stride = 1 << level.shift;
     let ([left, right], [first, last]) = (facet.column_range(level), facet.row_range(level));
     let [gx, gy] = [facet.gx, facet.gy].map(|slope| slope * f64::from(stride));
