@@ -91,7 +91,7 @@ proptest! {
             let (height, least) = (field.vertex(at), largest());
             for k in -4..=4 {
                 field.move_vertex(at, field.sample(at) + f64::from(k) * TOLERANCE / 4.0);
-                prop_assert!(largest() >= 0.75 * least, "{at:?} {k}: {} for {least}", largest());
+                prop_assert!(largest() >= 0.6 * least, "{at:?} {k}: {} for {least}", largest());
             }
             field.move_vertex(at, height);
         }
