@@ -102,9 +102,13 @@ fn command_of(verbs: &[VerbEntry]) -> Command {
 }
 
 /// The command line with only the given verb: options of all verbs take a millisecond and a megabyte.
-/// With all verbs if the command line does not start with one.
+/// With all verbs if the command line does not start with one, and with none to print the version.
 fn command_for(args: &[OsString]) -> Command {
-    let first = args.get(1).and_then(|word| VERBS.iter().position(|verb| verb.is_called(word)));
+    let Some(word) = args.get(1) else { return command() };
+    if word == "--version" || word == "-V" {
+        return Cli::command();
+    }
+    let first = VERBS.iter().position(|verb| verb.is_called(word));
     command_of(first.map_or(VERBS, |place| &VERBS[place..=place]))
 }
 

@@ -10,6 +10,7 @@
 //!
 //! If the mesh need not be Delaunay, a hole may be filled with any triangles: see `refill`.
 
+use super::adjust::AdjustScratch;
 use super::angles::MinimumAngle;
 use super::facet::double_area;
 use super::heights::HeightField;
@@ -84,6 +85,21 @@ impl DropScratch {
         for tri in mesh.ids().map(|id| &mesh.tris[id as usize]).filter(|tri| tri.source == NONE) {
             self.unsettle_corners(tri, field);
         }
+    }
+
+    /// Unsettles the corners of triangles with a corner that has moved since this was last called.
+    pub(super) fn unsettle_moved(
+        &mut self,
+        field: &HeightField,
+        mesh: &LatticeMesh,
+        adjust: &mut AdjustScratch,
+    ) {
+        for tri in mesh.ids().map(|id| &mesh.tris[id as usize]) {
+            if adjust.has_moved(field, tri) {
+                self.unsettle_corners(tri, field);
+            }
+        }
+        adjust.forget_moves(field);
     }
 
     /// Limits circumcircles of new triangles to that of a square with sides of `spacing` cells.
@@ -384,6 +400,49 @@ pub(super) mod tests {
                 let is_tried = !scratch.settled.contains(at as usize);
                 assert_eq!(is_tried, expected.contains(&(at % 5, at / 5)), "{at} {changed:?}");
             }
+        }
+    }
+
+    #[test]
+    fn corners_of_triangles_that_have_moved_are_unsettled_once() {
+        let z: Vec<f32> =
+            (0..SIDE * SIDE).map(|i| (i.wrapping_mul(0x9e37_79b9) >> 27) as f32).collect();
+        let heights = HeightWindow { width: SIDE, height: SIDE, f32: &z, f64: None };
+        let mut field = HeightField::default();
+        field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], None);
+        field.free_heights();
+        let judge = InsertionCriteria::of_samples(&field, available()[0].1, 14.0);
+        let mut mesh = LatticeMesh::default();
+        mesh.reset_to_rectangle(SIDE - 1, SIDE - 1);
+        fit(&judge, &mut mesh, &mut WorkLists::default(), false);
+        let mut adjust = AdjustScratch::default();
+        adjust.reset(&field, &[]);
+        let chosen = mesh.tris[mesh.tris.len() / 2].corners;
+        adjust.mark_due(&field, &mesh, |tri| tri.corners == chosen);
+        assert!(adjust.sweep(&judge, &mesh, 14.0));
+        let fixed = chosen[0];
+        let mut scratch = DropScratch::default();
+        let settle_all = |scratch: &mut DropScratch| {
+            scratch.settle(&field, &[fixed]);
+            (0..z.len()).for_each(|at| {
+                scratch.settled.insert(at);
+            });
+        };
+        let beside: BTreeSet<_> = mesh
+            .ids()
+            .map(|id| &mesh.tris[id as usize])
+            .filter(|tri| adjust.has_moved(&field, tri))
+            .flat_map(|tri| tri.corners)
+            .filter(|&p| p != fixed)
+            .collect();
+        for expected in [beside, BTreeSet::new()] {
+            settle_all(&mut scratch);
+            scratch.unsettle_moved(&field, &mesh, &mut adjust);
+            let tried: BTreeSet<_> = (0..SIDE * SIDE)
+                .map(|i| TilePosition::new(i % SIDE, i / SIDE))
+                .filter(|&p| !scratch.settled.contains(field.index(p)))
+                .collect();
+            assert_eq!(tried, expected);
         }
     }
 

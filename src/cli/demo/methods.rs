@@ -158,7 +158,7 @@ fn contact_sheet(rows: &[DemoMeshRow], output: &Path, resources: &Resources) -> 
         ],
     });
     let mut each = picture(Path::new(""), output, resources);
-    each.options.width = PANEL;
+    each.options.width = Some(PANEL);
     ContactSheetJob { panels: panels.collect(), columns: COLUMNS, each }
 }
 

@@ -32,7 +32,7 @@ pub struct TinMethod {
     #[option(default = true, off = "Keep redundant vertices (faster, more vertices)")]
     pub drop: bool,
     /// Let vertices lie above or below their samples, within the tolerance: 10 to 33 % fewer vertices, typically 20 %,
-    /// about five times slower
+    /// three to four times slower
     pub fit_heights: bool,
     /// Triangulation rule
     #[option(value = "NAME", with = TriangulationName, default_text = "delaunay")]

@@ -1,9 +1,10 @@
 //! Tests of adjusted heights.
 
+use super::star::{ErrorChunk, GAIN};
 use super::*;
 use crate::greedy::{WorkLists, fit};
 use crate::heights::HeightWindow;
-use crate::scan::available;
+use crate::scan::{available, available_star};
 use proptest::prelude::*;
 use terrane_base::geom::HeightQuantization;
 use terrane_base::geom::predicates::orient;
@@ -78,7 +79,7 @@ proptest! {
         let corners = mesh.tris.iter().flat_map(|tri| tri.corners);
         let inner: Vec<_> = corners.filter(|&at| !is_on_rim(at)).collect();
         for &at in &inner {
-            prop_assert!((field.vertex(at) - field.sample(at)).abs() > 0.2 * TOLERANCE, "not put in");
+            prop_assert!((field.vertex(at) - field.sample(at)).abs() > 0.1 * TOLERANCE, "not put in");
         }
         let mut scratch = AdjustScratch::default();
         scratch.reset(&field, &[]);
@@ -90,7 +91,7 @@ proptest! {
             let (height, least) = (field.vertex(at), largest());
             for k in -4..=4 {
                 field.move_vertex(at, field.sample(at) + f64::from(k) * TOLERANCE / 4.0);
-                prop_assert!(largest() >= 0.75 * least, "{at:?} {k}: {} for {least}", largest());
+                prop_assert!(largest() >= 0.6 * least, "{at:?} {k}: {} for {least}", largest());
             }
             field.move_vertex(at, height);
         }
@@ -125,25 +126,31 @@ proptest! {
 proptest! {
     #[test]
     fn a_triangle_lists_its_samples_with_their_shares(
-        (heights, corners) in ground(), corner in 0..3_usize, raised in -9.0..9.0_f64
+        (heights, corners) in ground(), raised in -9.0..9.0_f64
     ) {
         let field = field(&heights, None);
-        field.move_vertex(corners[corner], field.sample(corners[corner]) + raised);
+        field.move_vertex(corners[0], field.sample(corners[0]) + raised);
         let z = field.vertices(corners);
-        for level in 0..3 {
-            let mut scratch = AdjustScratch::default();
-            scratch.list_triangle(&field, corners, corner as u32, level);
-            let is_at_level = |at: &TilePosition| at.col() % (1 << level) + at.row() % (1 << level) == 0;
-            let inside = samples().filter(is_at_level).filter_map(|at| Some((at, shares(corners, at)?)));
-            let mut count = 0;
-            for (i, (at, parts)) in inside.enumerate() {
+        let facet = PlaneFacet::new(corners, z);
+        for (level, (name, kernels)) in (0..3).flat_map(|l| available_star().into_iter().map(move |k| (l, k))) {
+            let level = field.level(level);
+            let is_at_level = |at: &TilePosition| (at.col() | at.row()) % (1 << level.shift) == 0;
+            let [left, _] = facet.column_range(&level);
+            // In strips of the columns of a chunk.
+            let place = |at: TilePosition| (((at.col() >> level.shift) as i32 - left) / 8, at);
+            let inside = samples().filter(is_at_level).filter_map(|at| Some((place(at), shares(corners, at)?)));
+            let mut expected: Vec<_> = inside.collect();
+            expected.sort_by_key(|&(place, _)| place);
+            let mut chunks = vec![ErrorChunk::default(); star::chunks_of(&level, &facet)];
+            let count = (kernels.list)(&mut chunks, &level, &facet);
+            let all = chunks[..count].iter().flat_map(|chunk| chunk.offsets.into_iter().zip(chunk.shares));
+            let found: Vec<_> = all.filter(|(offset, _)| !offset.is_nan()).collect();
+            prop_assert_eq!(found.len(), expected.len(), "{}", name);
+            for ((offset, share), ((_, at), parts)) in found.into_iter().zip(expected) {
                 let plane: f64 = (0..3).map(|i| parts[i] * z[i]).sum();
-                let offset = plane - field.sample(at);
-                prop_assert!((f64::from(scratch.offsets[i]) - offset).abs() < 1e-4);
-                prop_assert!((f64::from(scratch.shares[i]) - parts[corner]).abs() < 1e-5);
-                count += 1;
+                prop_assert!((f64::from(offset) - (plane - field.sample(at))).abs() < 1e-4);
+                prop_assert!((f64::from(share) - parts[0]).abs() < 1e-5);
             }
-            prop_assert_eq!([scratch.offsets.len(), scratch.shares.len()], [count; 2]);
         }
     }
 
@@ -164,7 +171,7 @@ proptest! {
             // Which way it goes is not told where it lies on the mesh.
             if (plane - sample).abs() > 1e-6 {
                 let is_on_rim = [at.col(), at.row()].iter().any(|&i| i == 0 || i == SIDE - 1);
-                let lower = rounding.apply(sample + 0.3 * tolerance * (plane - sample).signum());
+                let lower = rounding.apply(sample + 0.15 * tolerance * (plane - sample).signum());
                 let is_kept = is_on_rim || (lower - sample).abs() > 0.5 * tolerance;
                 put_in(&judge, corners, at);
                 prop_assert_eq!(field.vertex(at), if is_kept { sample } else { lower });
@@ -214,19 +221,15 @@ proptest! {
     fn no_move_is_better_than_the_best(
         errors in prop::collection::vec((-100..100_i32, 1..=16_i32), 1..40)
     ) {
-        let scratch = AdjustScratch {
-            offsets: errors.iter().map(|&(error, _)| error as f32).collect(),
-            shares: errors.iter().map(|&(_, share)| share as f32 / 16.0).collect(),
-            ..AdjustScratch::default()
-        };
-        let all = || scratch.offsets.iter().zip(&scratch.shares);
+        let scratch = StarErrors::of(errors.iter().map(|&(error, share)| (error as f32, share as f32 / 16.0)));
+        let all = || errors.iter().map(|&(error, share)| (error as f32, share as f32 / 16.0));
         let largest =
             |step: f32| all().map(|(z, share)| (z + step * share).abs()).fold(0.0, f32::max);
         let meetings = all().flat_map(|(z, share)| {
             all().map(move |(other, part)| -(z + other) / (share + part))
         });
         let least = meetings.map(largest).fold(largest(0.0), f32::min);
-        let found = |steps| scratch.best_move(steps).map_or(largest(0.0), largest);
+        let found = |steps| scratch.best_move(steps).map_or(largest(0.0), |best| largest(best.step));
         prop_assert!(found(64) >= least * (1.0 - 1e-5));
         prop_assert!(found(64) <= least * (1.0 + 2.0 * GAIN) + 1e-4, "{} for {least}", found(64));
         // Fewer steps may end before, but each is one ahead.
@@ -254,10 +257,12 @@ fn a_move_is_kept_up_to_the_last_bit_of_the_tolerance() {
         assert!(mesh.insert(0, middle, &mut Vec::new()));
         let half_edge = (0..16).find(|&at| mesh.origin(at) == middle).unwrap();
         assert!(mesh.star(half_edge, MAX_DEGREE, &mut scratch.star));
-        scratch.list(&field, &mesh, true);
+        scratch.errors.list(&field, &mesh, &scratch.star, true);
+        let before = scratch.errors.envelope(0.0).largest();
         let keeps = |step: f64, is_final| {
             field.move_vertex(middle, field.sample(middle) + step);
-            let found = scratch.keeps(&judge, &mesh, step as f32, is_final);
+            let step = VertexMove { step: step as f32, before };
+            let found = scratch.keeps(&judge, &mesh, step, is_final);
             field.move_vertex(middle, field.sample(middle));
             found
         };

@@ -14,6 +14,7 @@ mod scalar;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
+use super::adjust::star::{self, StarKernels};
 use super::heights::HeightField;
 use super::lattice_position::TilePosition;
 use super::measure::MeasuredTriangle;
@@ -34,6 +35,22 @@ pub(super) fn available() -> Vec<(&'static str, Scan)> {
     let scalar: (&'static str, Scan) = ("scalar", scalar::scan);
     std::iter::once(scalar).chain(more).collect()
 }
+
+/// The fastest kernels of stars supported by this processor.
+pub(super) fn fastest_star() -> StarKernels {
+    available_star().last().map_or(SCALAR_STAR, |&(_, kernels)| kernels)
+}
+
+/// All kernels of stars supported by this processor, slowest first.
+pub(super) fn available_star() -> Vec<(&'static str, StarKernels)> {
+    #[cfg(target_arch = "x86_64")]
+    let more = x86::available_star();
+    #[cfg(not(target_arch = "x86_64"))]
+    let more = None;
+    std::iter::once(("scalar", SCALAR_STAR)).chain(more).collect()
+}
+
+const SCALAR_STAR: StarKernels = StarKernels { list: star::list, envelope: star::envelope };
 
 /// Measures triangle `p`, all samples of which are within `tolerance`, in `f64`. A sample on edge `i`
 /// counts in the sum only when `owned[i]`; vertices have no error. Returns (largest error, sum of

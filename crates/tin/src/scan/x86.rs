@@ -4,10 +4,12 @@
 use std::arch::x86_64::*;
 
 use super::scalar::{LANES, Scan, WorstSample, run_of};
+use crate::adjust::star::{ErrorChunk, ErrorLine, FAR_OUTSIDE, OffsetEnvelope, StarKernels};
 use crate::facet::{EdgeSide, PlaneFacet, RowBounds, SLACK};
 use crate::heights::FieldLevel;
 use crate::lattice_position::TilePosition;
 use crate::measure::MeasuredTriangle;
+use terrane_base::geom::predicates::orient;
 
 /// Rows whose ends are computed together.
 const ROWS: usize = 8;
@@ -22,6 +24,22 @@ pub(super) fn available() -> Vec<(&'static str, Scan)> {
         kernels.push(("avx512", scan_avx512));
     }
     kernels
+}
+
+/// Kernels of stars this processor runs.
+pub(super) fn available_star() -> Option<(&'static str, StarKernels)> {
+    let avx2 = StarKernels { list: list_star, envelope: star_envelope };
+    is_x86_feature_detected!("avx2").then_some(("avx2", avx2))
+}
+
+fn list_star(chunks: &mut [ErrorChunk], level: &FieldLevel<'_>, facet: &PlaneFacet) -> usize {
+    // SAFETY: listed by `available_star` only where AVX2 was detected.
+    unsafe { list_star_avx2(chunks, level, facet) }
+}
+
+fn star_envelope(chunks: &[ErrorChunk], step: f32) -> OffsetEnvelope {
+    // SAFETY: listed by `available_star` only where AVX2 was detected.
+    unsafe { star_envelope_avx2(chunks, step) }
 }
 
 fn scan_avx512(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
@@ -351,4 +369,108 @@ fn reduce_avx2(level: &FieldLevel<'_>, errors: [__m256; 2], places: [__m256i; 2]
     let lanes = (0..LANES).filter(|&lane| values[lane] == error);
     let lowest = lanes.map(|lane| at[lane] + (lane % 8) as i32).min().unwrap_or(0);
     worst(level, error, lowest)
+}
+
+#[target_feature(enable = "avx2")]
+fn list_star_avx2(chunks: &mut [ErrorChunk], level: &FieldLevel<'_>, facet: &PlaneFacet) -> usize {
+    let stride = 1 << level.shift;
+    let ([left, right], [first, last]) = (facet.column_range(level), facet.row_range(level));
+    let [gx, gy] = [facet.gx, facet.gy].map(|slope| slope * f64::from(stride));
+    let [a, b, c] = facet.corners;
+    let scale = _mm256_set1_ps(1.0 / orient(a, b, c) as f32);
+    let numbers = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+    let rise = _mm256_set1_pd(gy);
+    if last < first {
+        return 0;
+    }
+    let (mut count, mut strip) = (0, left);
+    while strip <= right {
+        let (mut sides, mut steps) = ([_mm256_setzero_si256(); 3], [_mm256_setzero_si256(); 3]);
+        for (edge, [from, to]) in [[b, c], [c, a], [a, b]].into_iter().enumerate() {
+            let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
+            let at_first = dx * (first * stride - from[1]) - dy * (strip * stride - from[0]);
+            let along = _mm256_mullo_epi32(_mm256_set1_epi32(-dy * stride), numbers);
+            sides[edge] = _mm256_add_epi32(_mm256_set1_epi32(at_first), along);
+            steps[edge] = _mm256_set1_epi32(dx * stride);
+        }
+        let beyond = _mm256_cmpgt_epi32(numbers, _mm256_set1_epi32(right - strip));
+        sides[1] = _mm256_blendv_epi8(sides[1], _mm256_set1_epi32(FAR_OUTSIDE), beyond);
+        let start = _mm256_set1_pd(facet.base + gy * f64::from(first));
+        let mut planes = [0, 4].map(|half| {
+            let columns = _mm_add_epi32(_mm_set1_epi32(strip + half), _mm_setr_epi32(0, 1, 2, 3));
+            let along = _mm256_mul_pd(_mm256_set1_pd(gx), _mm256_cvtepi32_pd(columns));
+            _mm256_add_pd(start, along)
+        });
+        let mut pointer = run_pointer(level, first, strip);
+        // Only for its check, as in `narrow`.
+        run_pointer(level, last, strip);
+        for _ in first..last + 1 {
+            let outside = _mm256_or_si256(sides[0], _mm256_or_si256(sides[1], sides[2]));
+            let outside = _mm256_castsi256_ps(outside);
+            if _mm256_movemask_ps(outside) != 0xff {
+                let offsets = [0, 1].map(|half| {
+                    // SAFETY: this row lies between the two whose runs were checked to be inside the slice.
+                    let heights = unsafe { _mm_loadu_ps(pointer.add(4 * half)) };
+                    _mm256_cvtpd_ps(_mm256_sub_pd(planes[half], _mm256_cvtps_pd(heights)))
+                });
+                let offsets = _mm256_set_m128(offsets[1], offsets[0]);
+                let offsets = _mm256_blendv_ps(offsets, _mm256_set1_ps(f32::NAN), outside);
+                let shares = _mm256_mul_ps(_mm256_cvtepi32_ps(sides[0]), scale);
+                let chunk = &mut chunks[count];
+                // SAFETY: both arrays hold eight lanes.
+                unsafe {
+                    _mm256_storeu_ps(chunk.offsets.as_mut_ptr(), offsets);
+                    _mm256_storeu_ps(chunk.shares.as_mut_ptr(), shares);
+                }
+                count += 1;
+            }
+            for edge in 0..3 {
+                sides[edge] = _mm256_add_epi32(sides[edge], steps[edge]);
+            }
+            planes = planes.map(|half| _mm256_add_pd(half, rise));
+            pointer = pointer.wrapping_add(level.pitch);
+        }
+        strip += 8;
+    }
+    count
+}
+
+#[target_feature(enable = "avx2")]
+fn star_envelope_avx2(chunks: &[ErrorChunk], step: f32) -> OffsetEnvelope {
+    let zero = _mm256_setzero_ps();
+    let steps = _mm256_set1_ps(step);
+    // Error, offset and share of the extreme sample of each lane; below, with the signs turned.
+    let mut top = [_mm256_set1_ps(f32::NEG_INFINITY), zero, zero];
+    let mut bottom = [_mm256_set1_ps(f32::INFINITY), zero, zero];
+    for chunk in chunks {
+        // SAFETY: both arrays hold eight lanes.
+        let [offsets, shares] = unsafe {
+            [_mm256_loadu_ps(chunk.offsets.as_ptr()), _mm256_loadu_ps(chunk.shares.as_ptr())]
+        };
+        let error = _mm256_add_ps(offsets, _mm256_mul_ps(steps, shares));
+        let is_top = _mm256_cmp_ps::<_CMP_GT_OQ>(error, top[0]);
+        let is_bottom = _mm256_cmp_ps::<_CMP_LT_OQ>(error, bottom[0]);
+        top[0] = _mm256_max_ps(error, top[0]);
+        bottom[0] = _mm256_min_ps(error, bottom[0]);
+        for (i, values) in [offsets, shares].into_iter().enumerate() {
+            top[i + 1] = _mm256_blendv_ps(top[i + 1], values, is_top);
+            bottom[i + 1] = _mm256_blendv_ps(bottom[i + 1], values, is_bottom);
+        }
+    }
+    let (max, high) = extreme_line(top);
+    let (min, low) = extreme_line([_mm256_sub_ps(zero, bottom[0]), bottom[1], bottom[2]]);
+    OffsetEnvelope { step, max: [max, min], lines: [high, low] }
+}
+
+/// The largest error and its line, of the first lane in a tie.
+#[target_feature(enable = "avx2")]
+fn extreme_line([errors, offsets, shares]: [__m256; 3]) -> (f32, ErrorLine) {
+    let swapped = _mm256_max_ps(errors, _mm256_permute2f128_ps::<1>(errors, errors));
+    let swapped = _mm256_max_ps(swapped, _mm256_shuffle_ps::<0b01_00_11_10>(swapped, swapped));
+    let largest = _mm256_max_ps(swapped, _mm256_shuffle_ps::<0b10_11_00_01>(swapped, swapped));
+    let equal = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_EQ_OQ>(errors, largest));
+    let lane = _mm256_set1_epi32(equal.trailing_zeros() as i32);
+    let [offset, share] =
+        [offsets, shares].map(|values| _mm256_cvtss_f32(_mm256_permutevar8x32_ps(values, lane)));
+    (_mm256_cvtss_f32(largest), ErrorLine { offset, share })
 }

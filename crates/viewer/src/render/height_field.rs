@@ -29,21 +29,46 @@ impl PictureHeights {
     /// The height between lattice positions, weighted over the valid ones of the four around it.
     /// NaN outside (half a position of margin is filled) or where more than half of the weight is
     /// void.
+    #[inline]
     pub fn bilinear(&self, col: f64, row: f64) -> f32 {
         let (w, h) = (self.width as f64, self.height as f64);
         if !(col >= -0.5 && row >= -0.5 && col <= w - 0.5 && row <= h - 0.5) {
             return f32::NAN;
         }
         let (col, row) = (col.clamp(0.0, w - 1.0), row.clamp(0.0, h - 1.0));
-        let (c, r) = (col.floor(), row.floor());
-        let (fc, fr) = ((col - c) as f32, (row - r) as f32);
-        let (c, r) = (c as usize, r as usize);
+        // Not negative, so casts round down.
+        let (c, r) = (col as usize, row as usize);
+        let (fc, fr) = ((col - c as f64) as f32, (row - r as f64) as f32);
+        if c + 1 < self.width && r + 1 < self.height {
+            let [upper, lower] = [r, r + 1].map(|row| &self.z[row * self.width + c..][..2]);
+            let [upper, lower] = [upper, lower].map(|z| z[0] + (z[1] - z[0]) * fc);
+            let mean = upper + (lower - upper) * fr;
+            if !mean.is_nan() {
+                return mean;
+            }
+        }
         weighted_mean([
             (self.at(c, r), (1.0 - fc) * (1.0 - fr)),
             (self.at(c + 1, r), fc * (1.0 - fr)),
             (self.at(c, r + 1), (1.0 - fc) * fr),
             (self.at(c + 1, r + 1), fc * fr),
         ])
+    }
+
+    /// Lowest and highest height; infinity and -infinity when all is void.
+    pub fn range(&self) -> (f32, f32) {
+        const LANES: usize = 16;
+        let (mut low, mut high) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
+        let (chunks, rest) = self.z.as_chunks::<LANES>();
+        for chunk in chunks {
+            for lane in 0..LANES {
+                // Comparisons with NaN are false.
+                low[lane] = if chunk[lane] < low[lane] { chunk[lane] } else { low[lane] };
+                high[lane] = if chunk[lane] > high[lane] { chunk[lane] } else { high[lane] };
+            }
+        }
+        let [low, high] = [low, high].map(|lanes| lanes.into_iter().chain(rest.iter().copied()));
+        (low.fold(f32::INFINITY, f32::min), high.fold(f32::NEG_INFINITY, f32::max))
     }
 
     /// This field, coarser by `stride`: means of blocks of `stride * stride` heights.

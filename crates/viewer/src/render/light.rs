@@ -22,16 +22,14 @@ impl ReliefLight {
 
     /// Light received (0 to 1) by a slope rising `east` and `north` (height per ground unit), with
     /// 0.5 for level ground.
+    #[inline]
     pub fn on(&self, east: f32, north: f32) -> f32 {
-        let length = (1.0 + east * east + north * north).sqrt();
-        let normal = [-east / length, -north / length, 1.0 / length];
-        let lit: f32 = self.sources.iter().map(|(l, w)| w * dot(*l, normal).max(0.0)).sum();
-        let bright = if lit > self.level {
-            0.5 + 0.5 * (lit - self.level) / (1.0 - self.level).max(1e-3)
-        } else {
-            0.5 * lit / self.level.max(1e-3)
-        };
-        bright.clamp(0.0, 1.0)
+        let scale = 1.0 / (1.0 + east * east + north * north).sqrt();
+        let normal = [-east, -north, 1.0];
+        let of = |i: usize| self.sources[i].1 * dot(self.sources[i].0, normal).max(0.0);
+        let over = (of(0) + of(1) + of(2)) * scale - self.level;
+        let range = if over > 0.0 { 1.0 - self.level } else { self.level };
+        (0.5 + 0.5 * over / range.max(1e-3)).clamp(0.0, 1.0)
     }
 }
 
@@ -40,6 +38,7 @@ fn towards(azimuth: f64, altitude: f64) -> [f32; 3] {
     [az.sin() * alt.cos(), az.cos() * alt.cos(), alt.sin()].map(|v| v as f32)
 }
 
+#[inline]
 fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
@@ -56,13 +55,12 @@ pub(super) fn slope(field: &PictureHeights, col: usize, row: usize) -> [f32; 2] 
 }
 
 /// Central difference, or one-sided beside a void, or 0 between two.
-fn difference(before: f32, here: f32, after: f32) -> f32 {
-    match (before.is_nan(), after.is_nan()) {
-        (false, false) => (after - before) / 2.0,
-        (true, false) => after - here,
-        (false, true) => here - before,
-        (true, true) => 0.0,
-    }
+#[inline]
+pub(super) fn difference(before: f32, here: f32, after: f32) -> f32 {
+    let is_central = !before.is_nan() & !after.is_nan();
+    let before = if before.is_nan() { here } else { before };
+    let after = if after.is_nan() { here } else { after };
+    (after - before) * if is_central { 0.5 } else { 1.0 }
 }
 
 /// Steepness (rise over run) that the steeper slopes of a picture should have to read well.
@@ -83,9 +81,12 @@ pub fn natural_exaggeration(field: &PictureHeights, ground: [f64; 2]) -> f64 {
         .map(|[e, n]| (e / ground[0] as f32).hypot(n / ground[1] as f32))
         .filter(|s| *s > 0.0 && s.is_finite())
         .collect();
-    steepness.sort_by(f32::total_cmp);
-    let steep = steepness.get((steepness.len() as f64 * STEEP_QUANTILE) as usize);
-    steep.map_or(1.0, |&s| f64::from(PLEASING_STEEPNESS / s))
+    if steepness.is_empty() {
+        return 1.0;
+    }
+    let steep = (steepness.len() as f64 * STEEP_QUANTILE) as usize;
+    let (_, &mut steep, _) = steepness.select_nth_unstable_by(steep, f32::total_cmp);
+    f64::from(PLEASING_STEEPNESS / steep)
 }
 
 #[cfg(test)]

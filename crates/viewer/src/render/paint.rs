@@ -1,6 +1,6 @@
 //! From heights and strokes to the rows of a picture.
 
-use crate::render::light::slope;
+use crate::render::light::difference;
 use crate::render::{HeightColors, PictureHeights, PixelColors, ReliefLight, StrokeCoverage};
 
 /// Lighting and scale of a picture.
@@ -27,7 +27,7 @@ const RIDGE: f32 = 0.16;
 /// Number of parts per picture side for distinguishing ridges from slopes.
 const NEIGHBOURHOODS: usize = 48;
 /// How far from the border ridges count fully, in neighbourhoods.
-const BORDER: f64 = 2.0;
+const BORDER: f32 = 2.0;
 
 /// Paints a field, row by row; rows are independent of each other.
 pub struct FieldPainter<'a> {
@@ -39,8 +39,35 @@ pub struct FieldPainter<'a> {
     /// Smoothed heights, to detect relief.
     ground: PictureHeights,
     stride: usize,
+    /// Where each column of the field lies between the columns of the smoothed ground, and how much ridges count there.
+    columns: Vec<GroundColumn>,
     /// Heights that stand out by this much are lit fully.
     prominence: f32,
+}
+
+/// A column of the field over the smoothed ground.
+#[derive(Clone, Copy, Debug)]
+struct GroundColumn {
+    /// The column of the ground on its left, and the share of the one on its right.
+    left: usize,
+    share: f32,
+    /// From the border, in blocks of the ground.
+    border: f32,
+}
+
+/// A pixel of the field: colours multiplied by the opacity, and the opacity.
+type FieldPixel = [f32; 4];
+
+/// Buffers of a row of the field.
+#[derive(Debug, Default)]
+struct RowBuffers {
+    /// The row above, the row itself and the row below, with a void at each end.
+    heights: [Vec<f32>; 3],
+    lit: Vec<f32>,
+    /// Sums of heights of the ground, and of their weights.
+    ground: Vec<[f32; 2]>,
+    ridges: Vec<f32>,
+    pixels: Vec<FieldPixel>,
 }
 
 impl<'a> FieldPainter<'a> {
@@ -62,8 +89,10 @@ impl<'a> FieldPainter<'a> {
             style,
             ground,
             stride,
+            columns: Vec::new(),
             prominence: f32::INFINITY,
         };
+        painter.columns = (0..field.width).map(|col| painter.column(col)).collect();
         painter.prominence = painter.usual_prominence();
         painter
     }
@@ -87,64 +116,116 @@ impl<'a> FieldPainter<'a> {
     /// Paints picture row `row` into `out`: `4 * width` bytes, RGBA in sRGB, not premultiplied;
     /// transparent where void.
     pub fn row(&self, row: usize, out: &mut [u8]) {
-        for (col, pixel) in out.chunks_exact_mut(4).enumerate() {
-            let (colour, alpha) = self.pixel(col, row);
-            for (byte, channel) in pixel.iter_mut().zip([colour[0], colour[1], colour[2], alpha]) {
-                *byte = (channel.clamp(0.0, 1.0) * 255.0).round() as u8;
-            }
-        }
-    }
-
-    /// Colour and opacity of a picture pixel: the mean of its field pixels, inked by the edges.
-    fn pixel(&self, col: usize, row: usize) -> ([f32; 3], f32) {
         let n = self.style.fineness;
-        let (mut sum, mut valid) = ([0.0f32; 3], 0.0f32);
-        for (dy, dx) in (0..n).flat_map(|dy| (0..n).map(move |dx| (dy, dx))) {
-            if let Some((colour, share)) = self.colour(col * n + dx, row * n + dy) {
-                (0..3).for_each(|i| sum[i] += colour[i] * share);
-                valid += share;
+        let mut sums = vec![[0.0; 4]; self.width()];
+        let mut buffers = RowBuffers::default();
+        for line in row * n..(row + 1) * n {
+            self.field_row(line, &mut buffers);
+            for (sum, pixels) in sums.iter_mut().zip(buffers.pixels.chunks_exact(n)) {
+                pixels.iter().for_each(|pixel| (0..4).for_each(|i| sum[i] += pixel[i]));
             }
         }
-        let paint = sum.map(|channel| if valid > 0.0 { channel / valid } else { channel });
-        let opacity = valid / (n * n) as f32;
+        let share = 1.0 / (n * n) as f32;
+        for (col, (bytes, sum)) in out.chunks_exact_mut(4).zip(&sums).enumerate() {
+            let mean = [sum[0] * share, sum[1] * share, sum[2] * share, sum[3] * share];
+            let pixel = self.inked(col, row, mean);
+            for (byte, channel) in bytes.iter_mut().zip(pixel) {
+                *byte = (channel * 255.0 + 0.5) as u8;
+            }
+        }
+    }
+
+    /// A picture pixel, given its premultiplied mean, below the edges; not premultiplied.
+    fn inked(&self, col: usize, row: usize, paint: FieldPixel) -> FieldPixel {
         let ink = self.edges.map_or(0.0, |edges| edges.at(col, row));
-        let alpha = ink + opacity * (1.0 - ink);
-        let colour = std::array::from_fn(|i| {
-            (INK[i] * ink + paint[i] * opacity * (1.0 - ink)) / alpha.max(1e-6)
-        });
-        (colour, alpha)
+        let alpha = ink + paint[3] * (1.0 - ink);
+        let scale = 1.0 / alpha.max(1e-6);
+        let channel = |i: usize| (INK[i] * ink + paint[i] * (1.0 - ink)) * scale;
+        [channel(0), channel(1), channel(2), alpha]
     }
 
-    /// Tint and light of one field pixel, and its opacity; `None` where void.
-    fn colour(&self, col: usize, row: usize) -> Option<([f32; 3], f32)> {
-        let z = self.field.at(col, row);
-        if z.is_nan() {
-            return None;
-        }
-        let rise = slope(self.field, col, row);
-        let [east, north] = [0, 1].map(|axis| {
-            (f64::from(rise[axis]) * self.style.exaggeration / self.style.ground[axis]) as f32
-        });
-        let lit = self.style.light.on(east, north);
+    /// Tint and light of a row of the field. A pass over the row for each step, so that the compiler can use vectors.
+    fn field_row(&self, row: usize, buffers: &mut RowBuffers) {
+        self.light(row, buffers);
+        let heights = &self.field.z[row * self.field.width..][..self.field.width];
+        buffers.pixels.clear();
         if let Some(colours) = self.colours {
-            let (rgba, level) = (colours.at(col, row), self.style.light.on(0.0, 0.0));
-            let rgba = rgba.map(|channel| f32::from(channel) / 255.0);
-            let shaded = std::array::from_fn(|i| rgba[i] * lighten(i, lit) / lighten(i, level));
-            return Some((shaded, rgba[3]));
+            let [red_level, green_level, blue_level] = lighten(self.style.light.on(0.0, 0.0));
+            let pixels = heights.iter().zip(&buffers.lit).enumerate();
+            return buffers.pixels.extend(pixels.map(|(col, (z, &lit))| {
+                let [red, green, blue, alpha] = colours.at(col, row).map(|v| f32::from(v) / 255.0);
+                let paint = [red / red_level, green / green_level, blue / blue_level];
+                painted(paint, lighten(lit), *z, alpha)
+            }));
         }
-        let ridge = RIDGE * (self.above_ground(z, col, row) / self.prominence).clamp(-1.0, 1.0);
-        let tint = self.tint.colour(z);
-        Some((std::array::from_fn(|i| tint[i] * (1.0 + ridge) * lighten(i, lit)), 1.0))
+        self.ridges(row, heights, buffers);
+        let pixels = heights.iter().zip(&buffers.lit).zip(&buffers.ridges);
+        buffers.pixels.extend(pixels.map(|((&z, &lit), &ridge)| {
+            let tint = self.tint.colour(z);
+            let shade = lighten(lit);
+            painted([tint[0] * ridge, tint[1] * ridge, tint[2] * ridge], shade, z, 1.0)
+        }));
     }
 
-    /// Height above the smoothed ground, fading out towards the border, where the smoothing is one-sided.
-    fn above_ground(&self, z: f32, col: usize, row: usize) -> f32 {
-        let ground = self.ground.bilinear(self.blocks(col) - 0.5, self.blocks(row) - 0.5);
-        let across = self.blocks(col).min(self.blocks(self.field.width - 1 - col));
-        let down = self.blocks(row).min(self.blocks(self.field.height - 1 - row));
-        let border = across.min(down);
-        let weight = (border / BORDER).min(1.0) as f32;
-        if ground.is_nan() { 0.0 } else { (z - ground) * weight }
+    /// Light on a row.
+    fn light(&self, row: usize, buffers: &mut RowBuffers) {
+        let RowBuffers { heights, lit, .. } = buffers;
+        let width = self.field.width;
+        for (line, heights) in
+            [row.wrapping_sub(1), row, row + 1].into_iter().zip(heights.iter_mut())
+        {
+            heights.clear();
+            heights.push(f32::NAN);
+            match self.field.z.get(line.wrapping_mul(width)..).filter(|_| line < self.field.height)
+            {
+                Some(rest) => heights.extend_from_slice(&rest[..width]),
+                None => heights.resize(width + 1, f32::NAN),
+            }
+            heights.push(f32::NAN);
+        }
+        let [east, north] = self.style.ground.map(|pixel| (self.style.exaggeration / pixel) as f32);
+        let [above, here, below] = heights.each_ref().map(|line| &line[..width + 2]);
+        lit.clear();
+        lit.extend((0..width).map(|col| {
+            let right = difference(here[col], here[col + 1], here[col + 2]);
+            let up = -difference(above[col + 1], here[col + 1], below[col + 1]);
+            self.style.light.on(right * east, up * north)
+        }));
+    }
+
+    /// Factors on the colours of a row: ridges are lighter, valleys darker.
+    fn ridges(&self, row: usize, heights: &[f32], buffers: &mut RowBuffers) {
+        let RowBuffers { ground, ridges, .. } = buffers;
+        let border = self.ground_row(row, ground);
+        let scale = RIDGE / self.prominence;
+        ridges.clear();
+        ridges.extend(heights.iter().zip(&self.columns).map(|(&z, column)| {
+            let above = height_above(z, ground, column, border) * scale;
+            1.0 + above.clamp(-RIDGE, RIDGE)
+        }));
+    }
+
+    /// The smoothed ground along a row of the field, as sums of heights and weights; returns the distance of the row
+    /// from the border, in blocks.
+    fn ground_row(&self, row: usize, out: &mut Vec<[f32; 2]>) -> f32 {
+        let at = (self.blocks(row) - 0.5).clamp(0.0, self.ground.height as f64 - 1.0);
+        let (upper, share) = (at as usize, at.fract() as f32);
+        let weighted = |z: f32, weight: f32| {
+            if z.is_nan() { [0.0; 2] } else { [z * weight, weight] }
+        };
+        out.clear();
+        out.extend((0..=self.ground.width).map(|col| {
+            let [z, weight] = weighted(self.ground.at(col, upper), 1.0 - share);
+            let [below, part] = weighted(self.ground.at(col, upper + 1), share);
+            [z + below, weight + part]
+        }));
+        self.blocks(row).min(self.blocks(self.field.height - 1 - row)) as f32
+    }
+
+    fn column(&self, col: usize) -> GroundColumn {
+        let at = (self.blocks(col) - 0.5).clamp(0.0, self.ground.width as f64 - 1.0);
+        let border = self.blocks(col).min(self.blocks(self.field.width - 1 - col)) as f32;
+        GroundColumn { left: at as usize, share: at.fract() as f32, border }
     }
 
     /// The centre of a pixel from the border of the field, in blocks of the smoothed ground.
@@ -156,11 +237,15 @@ impl<'a> FieldPainter<'a> {
     fn usual_prominence(&self) -> f32 {
         let step = self.field.z.len().div_ceil(1 << 16).max(1);
         let (mut sum, mut count) = (0.0f64, 0u64);
+        let (mut ground, mut last, mut border) = (Vec::new(), usize::MAX, 0.0);
         for i in (0..self.field.z.len()).step_by(step) {
-            let z = self.field.z[i];
+            let (z, row) = (self.field.z[i], i / self.field.width);
+            if row != last {
+                (last, border) = (row, self.ground_row(row, &mut ground));
+            }
             if !z.is_nan() {
-                let (col, row) = (i % self.field.width, i / self.field.width);
-                sum += f64::from(self.above_ground(z, col, row).abs());
+                let column = &self.columns[i % self.field.width];
+                sum += f64::from(height_above(z, &ground, column, border).abs());
                 count += 1;
             }
         }
@@ -169,11 +254,33 @@ impl<'a> FieldPainter<'a> {
     }
 }
 
-/// Factor on channel `i` for light `lit` (0 shadow, 0.5 level, 1 bright).
-fn lighten(i: usize, lit: f32) -> f32 {
-    let (from, to, mix) =
-        if lit < 0.5 { (SHADOW, LEVEL, lit * 2.0) } else { (LEVEL, BRIGHT, lit * 2.0 - 1.0) };
-    from[i] + (to[i] - from[i]) * mix
+/// Height above the smoothed ground, fading out towards the border, where the smoothing is one-sided; 0 where more than
+/// half of the ground is void.
+#[inline]
+fn height_above(z: f32, ground: &[[f32; 2]], column: &GroundColumn, border: f32) -> f32 {
+    let (left, right) = (ground[column.left], ground[column.left + 1]);
+    let sum = left[0] + (right[0] - left[0]) * column.share;
+    let weight = left[1] + (right[1] - left[1]) * column.share;
+    let border = if column.border < border { column.border } else { border };
+    let fading = (border / BORDER).min(1.0);
+    if weight >= 0.5 { (z - sum / weight) * fading } else { 0.0 }
+}
+
+/// A pixel of the field, transparent where void.
+#[inline]
+fn painted(paint: [f32; 3], shade: [f32; 3], z: f32, opacity: f32) -> FieldPixel {
+    let opacity = if z.is_nan() { 0.0 } else { opacity };
+    let channel = |i: usize| if z.is_nan() { 0.0 } else { paint[i] * shade[i] * opacity };
+    [channel(0), channel(1), channel(2), opacity]
+}
+
+/// Factors on red, green and blue for light `lit` (0 shadow, 0.5 level, 1 bright).
+#[inline]
+fn lighten(lit: f32) -> [f32; 3] {
+    let (dark, light) = (2.0 * lit.min(0.5), 2.0 * lit.max(0.5) - 1.0);
+    let factor =
+        |i: usize| SHADOW[i] + (LEVEL[i] - SHADOW[i]) * dark + (BRIGHT[i] - LEVEL[i]) * light;
+    [factor(0), factor(1), factor(2)]
 }
 
 /// Means over 3 x 3 neighbours.

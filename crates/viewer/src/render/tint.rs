@@ -23,6 +23,9 @@ pub fn palette() -> [&'static [[u8; 3]]; 2] {
 /// Number of height steps in the histogram of areas.
 const BINS: usize = 2048;
 
+/// Approximate number of heights in the histogram of a large field.
+const SAMPLED_HEIGHTS: usize = 1 << 19;
+
 /// Maps heights to colours.
 #[derive(Clone, Debug)]
 pub struct HeightColors {
@@ -31,20 +34,22 @@ pub struct HeightColors {
     high: f32,
     /// Deepest water; `None` when nothing is water.
     deepest: Option<f32>,
-    /// Palette position (0 to 1) at the upper end of each of `BINS` equal steps of height.
-    positions: Vec<f32>,
+    /// Colours of land at the ends of `BINS` equal steps of height.
+    land: Vec<[f32; 3]>,
 }
 
 impl HeightColors {
     /// A tint for the heights of `field`: halfway between equal steps of height and equal areas of
     /// colour. Heights at or below zero are water where there is land too.
     pub fn of(field: &PictureHeights) -> Self {
-        let (min, max) = range(field, |_| true);
+        let (min, max) = field.range();
         let deepest = (min <= 0.0 && max > 0.0).then_some(min);
         let is_land = |z: f32| deepest.is_none() || z > 0.0;
-        let (low, high) = range(field, is_land);
+        let (low, high) = if deepest.is_none() { (min, max) } else { range(field, is_land) };
         let positions = positions(field, low, high, is_land);
-        Self { low, high, deepest, positions }
+        let ends = std::iter::once(0.0).chain(positions);
+        let land = ends.map(|position| pick(&LAND, position)).collect();
+        Self { low, high, deepest, land }
     }
 
     /// Lowest and highest height on land.
@@ -52,11 +57,12 @@ impl HeightColors {
         (self.low, self.high)
     }
 
-    /// The colour of a height, channels 0 to 1 in sRGB.
+    /// The colour of a height (any where it is NaN), channels 0 to 1 in sRGB.
+    #[inline]
     pub fn colour(&self, z: f32) -> [f32; 3] {
         match self.deepest {
             Some(deepest) if z <= 0.0 => pick(&WATER, 1.0 - self.depth(z, deepest)),
-            _ => pick(&LAND, self.land_position(z)),
+            _ => self.land_colour(z),
         }
     }
 
@@ -65,11 +71,13 @@ impl HeightColors {
         if deepest < 0.0 { z / deepest.min(-0.5 * self.high) } else { 0.0 }
     }
 
-    fn land_position(&self, z: f32) -> f32 {
+    #[inline]
+    fn land_colour(&self, z: f32) -> [f32; 3] {
         let at = bin_position(z, self.low, self.high);
         let bin = (at as usize).min(BINS - 1);
-        let before = if bin == 0 { 0.0 } else { self.positions[bin - 1] };
-        before + (self.positions[bin] - before) * (at - bin as f32)
+        let (from, to, mix) = (self.land[bin], self.land[bin + 1], at - bin as f32);
+        let channel = |i: usize| from[i] * (1.0 - mix) + to[i] * mix;
+        [channel(0), channel(1), channel(2)]
     }
 }
 
@@ -79,6 +87,7 @@ fn range(field: &PictureHeights, keep: impl Fn(f32) -> bool) -> (f32, f32) {
 }
 
 /// Position of a height on the scale of bins, 0 to `BINS`; the middle when all heights are equal.
+#[inline]
 fn bin_position(z: f32, low: f32, high: f32) -> f32 {
     let share = (z - low) / (high - low);
     if share.is_finite() { share.clamp(0.0, 1.0) * BINS as f32 } else { 0.5 * BINS as f32 }
@@ -86,7 +95,9 @@ fn bin_position(z: f32, low: f32, high: f32) -> f32 {
 
 fn positions(field: &PictureHeights, low: f32, high: f32, keep: impl Fn(f32) -> bool) -> Vec<f32> {
     let mut counts = vec![0u64; BINS];
-    for &z in field.z.iter().filter(|&&z| !z.is_nan() && keep(z)) {
+    // An odd step does not keep to some columns of a picture of even width.
+    let step = (field.z.len() / SAMPLED_HEIGHTS) | 1;
+    for &z in field.z.iter().step_by(step).filter(|&&z| !z.is_nan() && keep(z)) {
         counts[(bin_position(z, low, high) as usize).min(BINS - 1)] += 1;
     }
     let all = counts.iter().sum::<u64>().max(1) as f32;

@@ -177,7 +177,7 @@ mod tests {
         let each = ViewJob {
             input: "".into(),
             output: folder.join("all.png"),
-            options: PictureOptions { width: 60, edges: true, ..PictureOptions::default() },
+            options: PictureOptions { width: Some(60), edges: true, ..PictureOptions::default() },
         };
         ContactSheetJob { panels: (0..count).map(mesh).collect(), columns: 2, each }
     }

@@ -34,8 +34,19 @@ pub(super) const PIXEL_BYTES: u64 = 4 * (4 + 16) + 1 + 4;
 /// Additional memory if the surface has its own colours.
 pub(super) const COLOUR_BYTES: u64 = 4 * 4;
 
-/// The frame of a picture of `data` (west, south, east, north), or of the requested bounds.
-pub(super) fn frame(job: &ViewJob, data: [f64; 4], geographic: bool) -> Result<PictureFrame> {
+/// Default width of a picture.
+const WIDTH: u32 = 1600;
+/// Maximum default width by column of a grid: more shows nothing but the interpolation.
+const WIDTH_PER_COLUMN: f64 = 8.0;
+
+/// The frame of a picture of `data` (west, south, east, north), or of the requested bounds; `cell` is the width of a
+/// grid's cell.
+pub(super) fn frame(
+    job: &ViewJob,
+    data: [f64; 4],
+    cell: Option<f64>,
+    geographic: bool,
+) -> Result<PictureFrame> {
     let bounds = job.options.grid.bounds.unwrap_or(data);
     let is_disjoint =
         bounds[0] > data[2] || bounds[2] < data[0] || bounds[1] > data[3] || bounds[3] < data[1];
@@ -45,9 +56,15 @@ pub(super) fn frame(job: &ViewJob, data: [f64; 4], geographic: bool) -> Result<P
             .in_file(Path::new(&job.input.to_string()))
             .remedy(format!("choose bounds within {west},{south} to {east},{north}")));
     }
-    let frame = PictureFrame::fit(bounds, job.options.width, ground_scale(bounds, geographic));
+    let width = job.options.width.unwrap_or_else(|| default_width(bounds, cell));
+    let frame = PictureFrame::fit(bounds, width, ground_scale(bounds, geographic));
     within_memory(&frame, PIXEL_BYTES, &job.options.resources)?;
     Ok(frame)
+}
+
+fn default_width([west, _, east, _]: [f64; 4], cell: Option<f64>) -> u32 {
+    let enough = cell.map(|cell| (WIDTH_PER_COLUMN * (east - west) / cell).round());
+    enough.map_or(WIDTH, |enough| enough.clamp(1.0, f64::from(WIDTH)) as u32)
 }
 
 /// Metres of one degree along a meridian.
@@ -83,6 +100,16 @@ pub(super) fn within_memory(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn small_grids_have_small_pictures() {
+        let wide = [10.0, 0.0, 20.0, 99.0];
+        for (cell, expected) in
+            [(None, 1600), (Some(0.01), 1600), (Some(0.5), 160), (Some(99.0), 1)]
+        {
+            assert_eq!(default_width(wide, cell), expected, "{cell:?}");
+        }
+    }
 
     #[test]
     fn degrees_shrink_towards_the_pole_but_never_vanish() {

@@ -20,7 +20,8 @@ pub(super) fn draw(
     cancel: &Cancel,
 ) -> Result<DrawnSurface> {
     let info = grid.info();
-    let frame = frame(job, grid_bounds(info, 0.5), info.crs.geographic == Some(true))?;
+    let cell = info.transform.a.hypot(info.transform.b);
+    let frame = frame(job, grid_bounds(info, 0.5), Some(cell), info.crs.geographic == Some(true))?;
     let fine = frame.finer(FINENESS);
     let plan = GridReadPlan::new(info, &frame);
     let coarse = plan.read(grid, &job.options.resources, progress, cancel)?;
@@ -187,12 +188,20 @@ impl GridReadPlan {
     ) -> PictureHeights {
         let mut field = PictureHeights::void(fine.width as usize, fine.height as usize);
         let n = f64::from(self.stride);
-        let to_coarse = |at: f64, first: u32| (at - f64::from(first) + 0.5) / n - 0.5;
+        // The centre of a pixel in the coarse field: an affine function of its column.
+        let place = |col: f64, row: usize| {
+            let [x, y] = fine.to_world(col + 0.5, row as f64 + 0.5);
+            let [c, r] = transform.invert(x, y);
+            let to_coarse = |at: f64, first: u32| (at - f64::from(first) + 0.5) / n - 0.5;
+            [to_coarse(c, self.crop.col), to_coarse(r, self.crop.row)]
+        };
+        let last = f64::from(fine.width.max(2) - 1);
         field.z.par_chunks_mut(fine.width as usize).enumerate().for_each(|(row, line)| {
+            let (from, to) = (place(0.0, row), place(last, row));
+            let step = [0, 1].map(|axis| (to[axis] - from[axis]) / last);
             for (col, z) in line.iter_mut().enumerate() {
-                let [x, y] = fine.to_world(col as f64 + 0.5, row as f64 + 0.5);
-                let [c, r] = transform.invert(x, y);
-                *z = coarse.bilinear(to_coarse(c, self.crop.col), to_coarse(r, self.crop.row));
+                let col = col as f64;
+                *z = coarse.bilinear(from[0] + col * step[0], from[1] + col * step[1]);
             }
         });
         field

@@ -30,7 +30,7 @@ pub(super) fn draw(
     let bounds = mesh_bounds(mesh, progress, cancel)?;
     let [low, high] = bounds.ok_or_else(|| Error::bad_input("the mesh has no vertices"))?;
     let geographic = is_geographic(mesh.info());
-    let frame = frame(job, [low[0], low[1], high[0], high[1]], geographic)?;
+    let frame = frame(job, [low[0], low[1], high[0], high[1]], None, geographic)?;
     let channels = colour_channels(mesh.info());
     if channels > 0 {
         within_memory(&frame, PIXEL_BYTES + COLOUR_BYTES, &job.options.resources)?;

@@ -42,8 +42,12 @@ pub struct Lighting {
 #[non_exhaustive]
 pub struct PictureOptions {
     /// Picture width in pixels; the height follows from the aspect ratio on the ground
-    #[option(value = "PX", default = 1600u32, range = OptionRange::new(1.0, MAX_PICTURE_SIDE as f64))]
-    pub width: u32,
+    #[option(
+        value = "PX",
+        range = OptionRange::new(1.0, MAX_PICTURE_SIDE as f64),
+        default_text = "1600, of a grid at most 8 per column"
+    )]
+    pub width: Option<u32>,
     /// Draw triangle edges
     pub edges: bool,
     /// How it is lit.
