@@ -35,7 +35,11 @@ pub(crate) const METHOD: Method = Method {
         Parameter::new("smooth", 1.0, [0.0, 1.0], "post-processing of steep slopes, 0 or 1")
             .whole(),
     ],
-    finder: GroundFinder { tiling: |request, _| GroundTiling::fixed(request.value("cloth")), find },
+    finder: GroundFinder {
+        tiling: |request, _| GroundTiling::fixed(request.value("cloth")),
+        bytes_per_cell: 112,
+        find,
+    },
 };
 
 fn find(request: &Request, lows: &LowestPoints<'_>) -> GroundSurface {
