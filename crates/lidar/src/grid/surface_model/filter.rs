@@ -214,7 +214,13 @@ impl<'a> GroundFilter<'a> {
     /// The cell that holds a point, and where in it.
     fn locate(&self, point: &Point) -> ([i64; 2], [f64; 2]) {
         let at = [f64::from(point.x) / self.cell[0], f64::from(point.y) / self.cell[1]];
-        (at.map(|v| v.floor() as i64), at.map(|v| v - v.floor()))
+        let cell = at.map(floored);
+        (cell, [0, 1].map(|i| at[i] - cell[i] as f64))
+    }
+
+    /// The tile of a cell.
+    fn tile_of(&self, cell: [i64; 2]) -> [i64; 2] {
+        cell.map(|cell| cell.div_euclid(self.side))
     }
 
     /// The cells that the point cloud touches; all others are empty.
@@ -227,16 +233,28 @@ impl<'a> GroundFilter<'a> {
     /// The tiles with points, which may be few in a sparse point cloud.
     fn tiles(&self) -> Result<Vec<[i64; 2]>> {
         let mut tiles = BTreeSet::new();
+        let tile_at = |[x, y]: [i32; 2]| self.tile_of(self.locate(&Point::new(x, y, 0)).0);
         for square in 0..self.tiling().count() {
-            let mut last = None;
-            visit(&self.candidates, square, |run| {
-                for point in run.iter().filter(|point| self.accepts(point)) {
-                    let tile = self.locate(point).0.map(|cell| cell.div_euclid(self.side));
-                    if last.replace(tile) != Some(tile) {
-                        tiles.insert(tile);
-                    }
+            for store in &self.candidates {
+                let Some(TileSummary { window, .. }) = store.summary(square) else { continue };
+                let corners = [window.low, window.high];
+                // Points need not be read where they all lie in one tile.
+                if tile_at(corners[0]) == tile_at(corners[1])
+                    && corners.iter().all(|[x, y]| self.accepts(&Point::new(*x, *y, 0)))
+                {
+                    tiles.insert(tile_at(corners[0]));
+                    continue;
                 }
-            })?;
+                let mut last = None;
+                store.visit(square, |run| {
+                    for point in run.iter().filter(|point| self.accepts(point)) {
+                        let tile = self.tile_of(self.locate(point).0);
+                        if last.replace(tile) != Some(tile) {
+                            tiles.insert(tile);
+                        }
+                    }
+                })?;
+            }
         }
         Ok(tiles.into_iter().collect())
     }
@@ -308,6 +326,13 @@ impl<'a> GroundFilter<'a> {
                 .place(cell)
                 .is_some_and(|[col, row]| surface.is_ground(col, row, place, point.z))
     }
+}
+
+/// The largest whole number that is not larger; `floor` is a call for machines without an instruction for it.
+#[inline]
+fn floored(v: f64) -> i64 {
+    let towards_zero = v as i64;
+    towards_zero - i64::from(towards_zero as f64 > v)
 }
 
 /// Reads the points of a tile of some stores.

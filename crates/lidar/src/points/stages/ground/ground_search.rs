@@ -9,7 +9,8 @@ use bytemuck::{Pod, Zeroable};
 
 use super::queries::{Classify, HeightQuery, HeightsAs, is_known_noise, is_there};
 use crate::grid::surface_model::{
-    CloudOverview, GroundFilter, GroundSearchMemory, MetricFrame, NOISE, found_by, no_ground, no_ground_of_class,
+    CloudOverview, GroundFilter, GroundSearchMemory, MetricFrame, NOISE, found_by, no_ground,
+    no_ground_of_class,
 };
 use crate::grid::{CloudSurfaces, GROUND, GroundFrom, more_is_needed, tiling};
 use crate::point_index::PointStore;
