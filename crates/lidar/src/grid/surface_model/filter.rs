@@ -454,6 +454,30 @@ mod tests {
     }
 
     #[test]
+    fn tiles_and_stores_fit_into_the_memory() {
+        for (tile, stores) in [(0, 2), (1 << 20, 2), (94_371_840, 2), (94_371_840, 4)] {
+            let least = GroundSearchMemory::least(tile);
+            for memory in [least, least + 1, 2 * least, 5 * least, 1 << 29, 1 << 34] {
+                for threads in [1, 2, 64] {
+                    let shares = GroundSearchMemory::divide(memory, stores, tile, threads);
+                    assert!(shares.tiles + stores * shares.store <= memory, "{memory} {shares:?}");
+                    assert!(shares.tiles >= tile && (tile == 0 || shares.tiles % tile == 0));
+                }
+            }
+        }
+        // Tiles of 768 by 768 cells on two threads in half a GiB, with what workers and the program leave.
+        let shares = GroundSearchMemory::divide(380 << 20, 2, 768 * 768 * 168, 2);
+        assert_eq!(shares.tiles, 2 * 768 * 768 * 168);
+    }
+
+    #[test]
+    fn cells_of_points_are_the_lower_ones() {
+        for v in [-3.0, -2.5, -0.0, 0.0, 0.99, 7.0, 7.5, -1e15 - 0.5, 1e15 + 0.5] {
+            assert_eq!(floored(v), v.floor() as i64, "{v}");
+        }
+    }
+
+    #[test]
     fn spacing_is_that_of_the_places_with_points() {
         let folder = tempfile::tempdir().unwrap();
         let metres = MetricFrame { step: [0.01; 3], is_guess: false };
