@@ -44,8 +44,12 @@ const SLACK: u64 = 8;
 
 /// The budget for `bytes` bytes of data, including the share for fragmentation.
 pub fn with_slack(bytes: u64) -> u64 {
-    // The inverse of m - m / 8, which `divide` applies.
     bytes + bytes / (SLACK - 1)
+}
+
+/// The inverse of [`with_slack`]: the bytes of data in a budget with the share for fragmentation.
+pub fn without_slack(budget: u64) -> u64 {
+    budget - budget / SLACK
 }
 
 /// A divided budget.
@@ -84,7 +88,7 @@ fn divide_beside(memory: u64, reserved: u64, threads: usize, worker: u64) -> Res
     let rest = memory - PROGRAM - worker * threads as u64;
     let cache = (rest / 2).min(MAX_CACHE);
     let mesh = rest - cache;
-    Ok(MemoryShares { threads, cache, mesh: mesh - mesh / SLACK })
+    Ok(MemoryShares { threads, cache, mesh: without_slack(mesh) })
 }
 
 /// Adds a smaller tile to the remedy of an error for too little memory, as workers then need less.
@@ -262,6 +266,12 @@ mod tests {
             let less = divide(least - 2 * MIB, 1, 48 * MIB);
             assert!(less.is_err() || less.unwrap().cache < block * MIB);
         }
+    }
+
+    #[test]
+    fn slack_is_left_as_it_was_added() {
+        let all = [0, 1, 6, 7, 8, 13, 14, 1000, 12_345_678_901];
+        assert_eq!(all.map(|bytes| without_slack(with_slack(bytes))), all);
     }
 
     #[test]

@@ -6,6 +6,7 @@ use super::integer::IntegerDecoder;
 use super::machine::InstructionSet;
 use super::model::ArithmeticModel;
 use super::point::RECORD;
+use super::range_encoder::RangeEncoder;
 use super::returns::ReturnNumbers;
 use super::streams::RestStreams;
 use super::time::GpsTime;
@@ -51,17 +52,13 @@ impl AttributeContext {
     /// Restarts after the point of `record`.
     fn begin(&mut self, record: &[u8; RECORD]) {
         self.is_used = true;
-        self.intensity = u16::from_le_bytes([record[12], record[13]]);
-        self.user = record[17];
-        self.angle = u16::from_le_bytes([record[18], record[19]]);
-        self.source = u16::from_le_bytes([record[20], record[21]]);
-        self.time = u64::from_le_bytes(std::array::from_fn(|i| record[22 + i]));
+        self.set(record);
         self.intensities = [self.intensity; 8];
         self.intensity_steps.clear();
         self.angle_steps.clear();
         self.users.iter_mut().for_each(ArithmeticModel::clear);
         self.source_steps.clear();
-        self.times.clear();
+        self.times.begin_at(self.time);
     }
 
     /// Decodes the next point.
@@ -111,6 +108,57 @@ impl AttributeContext {
         self.intensity = *last;
     }
 
+    /// Encodes the next point.
+    #[inline(always)]
+    fn encode(
+        &mut self,
+        streams: &mut AttributeEncoders,
+        trace: PointChanges,
+        returns: ReturnNumbers,
+        record: &[u8; RECORD],
+    ) {
+        let two = |at: usize| u16::from_le_bytes([record[at], record[at + 1]]);
+        // Steps of 16 bits wrap, and are signed.
+        let step = |to: u16, from: u16| i32::from(to.wrapping_sub(from) as i16);
+        if let Some(coder) = &mut streams.intensities {
+            let place = usize::from(returns.is_first()) << 1 | usize::from(returns.is_last());
+            let last = &mut self.intensities[place << 1 | usize::from(trace.is_later())];
+            self.intensity_steps.put(coder, place, step(two(12), *last));
+            *last = two(12);
+        }
+        if let Some(coder) = &mut streams.angles
+            && trace.has_other_angle()
+        {
+            let later = usize::from(trace.is_later());
+            self.angle_steps.put(coder, later, step(two(18), self.angle));
+        }
+        if let Some(coder) = &mut streams.user_data {
+            let model = &mut self.users[usize::from(self.user >> 2)];
+            coder.symbol(model.ready(256), record[17].into());
+        }
+        if let Some(coder) = &mut streams.sources
+            && trace.has_other_source()
+        {
+            self.source_steps.put(coder, 0, step(two(20), self.source));
+        }
+        if let Some(coder) = &mut streams.times
+            && trace.is_later()
+        {
+            self.times.put(coder, time(record));
+        }
+        self.set(record);
+    }
+
+    /// Takes the fields of a record.
+    #[inline(always)]
+    fn set(&mut self, record: &[u8; RECORD]) {
+        self.intensity = u16::from_le_bytes([record[12], record[13]]);
+        self.user = record[17];
+        self.angle = u16::from_le_bytes([record[18], record[19]]);
+        self.source = u16::from_le_bytes([record[20], record[21]]);
+        self.time = time(record);
+    }
+
     /// Stores the fields in the record.
     #[inline(always)]
     fn put(&self, record: &mut [u8; RECORD]) {
@@ -120,6 +168,21 @@ impl AttributeContext {
         record[20..22].copy_from_slice(&self.source.to_le_bytes());
         record[22..].copy_from_slice(&self.time.to_le_bytes());
     }
+}
+
+/// The time of a record, as bits.
+#[inline(always)]
+pub(super) fn time(record: &[u8; RECORD]) -> u64 {
+    u64::from_le_bytes(std::array::from_fn(|i| record[22 + i]))
+}
+
+/// Encoders of the layers of attributes that are not constant.
+pub(super) struct AttributeEncoders {
+    pub(super) intensities: Option<RangeEncoder>,
+    pub(super) angles: Option<RangeEncoder>,
+    pub(super) user_data: Option<RangeEncoder>,
+    pub(super) sources: Option<RangeEncoder>,
+    pub(super) times: Option<RangeEncoder>,
 }
 
 /// Contexts of all channels. They are large: allocated once per thread and reused.
@@ -159,6 +222,21 @@ impl ChannelHeads {
         let channel = &mut self.channels[self.current & 3];
         channel.next(streams, trace, returns);
         channel.put(record);
+    }
+
+    /// Encodes the next point.
+    #[inline(always)]
+    pub(super) fn encode(
+        &mut self,
+        streams: &mut AttributeEncoders,
+        trace: PointChanges,
+        returns: ReturnNumbers,
+        record: &[u8; RECORD],
+    ) {
+        if trace.channel() != self.current {
+            self.switch(trace.channel());
+        }
+        self.channels[self.current & 3].encode(streams, trace, returns, record);
     }
 
     /// Switches to a channel; a new one begins after the last point of the other.

@@ -38,6 +38,12 @@ impl<S: ChannelContext> ChannelContexts<S> {
         &mut self.channels[channel & 3]
     }
 
+    /// A channel that has a point.
+    #[inline(always)]
+    pub(super) fn used(&self, channel: usize) -> Option<&S> {
+        self.is_used[channel & 3].then(|| &self.channels[channel & 3])
+    }
+
     /// Switches to a channel; a new one begins after the previous point.
     #[inline(never)]
     pub(super) fn switch(&mut self, channel: usize, last: S::Last) -> &mut S {

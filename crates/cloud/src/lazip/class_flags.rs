@@ -7,6 +7,7 @@ use super::coder::RangeDecoder;
 use super::coordinates::DecodedPosition;
 use super::machine::InstructionSet;
 use super::model::ArithmeticModel;
+use super::range_encoder::RangeEncoder;
 use super::returns::ReturnNumbers;
 
 /// A kind of symbol column.
@@ -78,6 +79,21 @@ impl<K: MarkKind, const B: usize> MarkContext<K, B> {
             self.last = channel.last;
         }
         self.last
+    }
+}
+
+impl<K: MarkKind, const B: usize> MarkContext<K, B> {
+    /// Encodes the symbol of the next point.
+    #[inline(always)]
+    pub(super) fn put(&mut self, coder: &mut RangeEncoder, at: &DecodedPosition, mark: u8) {
+        let channel = match at.trace.is_other_channel() {
+            true => self.channels.switch(at.trace.channel(), self.last),
+            false => self.channels.get(at.trace.channel()),
+        };
+        let model = &mut channel.models[K::after(channel.last, at.returns) & 63];
+        coder.symbol(model.ready(K::SYMBOLS), mark.into());
+        channel.last = mark;
+        self.last = mark;
     }
 }
 

@@ -5,11 +5,11 @@ use super::model::{ArithmeticModel, BitModel};
 use std::marker::PhantomData;
 
 /// Bits of the interval that an adaptive model divides.
-const MODEL_BITS: u32 = 15;
+pub(super) const MODEL_BITS: u32 = 15;
 /// Bits of the interval that a bit model divides.
-const BIT_BITS: u32 = 13;
+pub(super) const BIT_BITS: u32 = 13;
 /// Maximum bits of a division of the interval.
-const RAW_BITS: u32 = 19;
+pub(super) const RAW_BITS: u32 = 19;
 
 /// A stream being decoded. Valid streams hold every byte that their decoder reads, so a stream that was read past its
 /// end is damaged; until this is checked, it reads as zeros.

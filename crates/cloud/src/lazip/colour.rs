@@ -4,6 +4,7 @@ use super::coder::RangeDecoder;
 use super::integer::IntegerDecoder;
 use super::machine::InstructionSet;
 use super::model::ArithmeticModel;
+use super::range_encoder::RangeEncoder;
 
 /// Decoder of colours, version 1.
 pub(super) struct OldColour {
@@ -102,6 +103,47 @@ impl RgbColor {
                 let symbol = coder.symbol(self.bytes[number].ready(256));
                 (expected.clamp(0, 255) as u8).wrapping_add(symbol as u8)
             }
+        }
+    }
+}
+
+impl RgbColor {
+    /// Encodes a colour after the last one.
+    #[inline(always)]
+    pub(super) fn put(&mut self, coder: &mut RangeEncoder, last: &[u8; 6], colour: &[u8; 6]) {
+        let bits = (0..6).map(|i| usize::from(colour[i] != last[i]) << i).sum::<usize>();
+        let is_coloured = colour[..2] != colour[2..4] || colour[..2] != colour[4..];
+        let changes = bits | usize::from(is_coloured) * Self::COLOURED;
+        coder.symbol(self.changes.ready(128), changes);
+        let [last, colour] = [last, colour].map(|colour| colour.map(i32::from));
+        let mut put = |number: usize, expected: i32| {
+            if changes >> number & 1 != 0 {
+                let symbol = (colour[number] as u8).wrapping_sub(expected.clamp(0, 255) as u8);
+                coder.symbol(self.bytes[number].ready(256), symbol.into());
+            }
+        };
+        put(0, last[0]);
+        put(1, last[1]);
+        if is_coloured {
+            for half in 0..2 {
+                let red_step = colour[half] - last[half];
+                put(2 + half, last[2 + half] + red_step);
+                let step = (red_step + colour[2 + half] - last[2 + half]) / 2;
+                put(4 + half, last[4 + half] + step);
+            }
+        }
+    }
+}
+
+impl NearInfrared {
+    /// Encodes a value after the last one.
+    #[inline(always)]
+    pub(super) fn put(&mut self, coder: &mut RangeEncoder, last: &[u8; 2], value: &[u8; 2]) {
+        let steps = [0, 1].map(|i| usize::from(value[i].wrapping_sub(last[i])));
+        let changes = usize::from(steps[0] != 0) | usize::from(steps[1] != 0) << 1;
+        coder.symbol(self.changes.ready(4), changes);
+        for (step, model) in steps.into_iter().zip(&mut self.bytes).filter(|(step, _)| *step != 0) {
+            coder.symbol(model.ready(256), step);
         }
     }
 }

@@ -7,6 +7,7 @@ use super::machine::InstructionSet;
 use super::median::FiveValueMedian;
 use super::model::ArithmeticModel;
 use super::point::LazPoint;
+use super::range_encoder::RangeEncoder;
 use super::returns::ReturnNumbers;
 use super::trace::{CHANNEL, PointChanges, TIME};
 
@@ -57,6 +58,46 @@ impl PositionContext {
         let spread = channel.next(coder, changes);
         let LastPoint { place, returns } = channel.last;
         DecodedPosition { place, returns, trace: PointChanges::new(changes, self.current, spread) }
+    }
+}
+
+impl PositionContext {
+    /// Encodes the next point, whose other `changes` are [`SOURCE`](super::trace::SOURCE), [`TIME`] and
+    /// [`ANGLE`](super::trace::ANGLE).
+    #[inline(always)]
+    pub(super) fn put<M: InstructionSet>(
+        &mut self,
+        coder: &mut RangeEncoder,
+        point: &LazPoint,
+        to: usize,
+        changes: usize,
+    ) -> DecodedPosition {
+        let is_other = to != self.current;
+        let before = self.channels.get(self.current).last;
+        let last = match is_other {
+            true => self.channels.used(to).map_or(before, |channel| channel.last),
+            false => before,
+        };
+        let mut channel = self.channels.get(self.current);
+        let returns = point.returns;
+        let changes = changes
+            | usize::from(is_other) * CHANNEL
+            | usize::from(returns.of() != last.returns.of()) * OF
+            | match returns.number().wrapping_sub(last.returns.number()) & 15 {
+                0 => 0,
+                1 => 1,
+                15 => 2,
+                _ => NUMBER,
+            };
+        channel.put_changes(coder, changes);
+        if is_other {
+            coder.symbol(channel.channel.ready(3), to.wrapping_sub(self.current + 1) & 3);
+            self.current = to;
+            channel = self.channels.switch(to, before);
+        }
+        let place = [point.place[0], point.place[1]];
+        let spread = channel.put::<M>(coder, changes, place, returns);
+        DecodedPosition { place, returns, trace: PointChanges::new(changes, to, spread) }
     }
 }
 
@@ -119,11 +160,66 @@ impl PositionChannel {
     /// Decodes the symbol of changed fields.
     #[inline(always)]
     fn changes<M: InstructionSet>(&mut self, coder: &mut RangeDecoder<M>) -> usize {
-        let returns = self.last.returns;
-        let kind = usize::from(returns.is_first())
-            | usize::from(returns.is_last()) << 1
-            | usize::from(self.is_later) << 2;
+        let kind = self.kind();
         coder.symbol(self.changes[kind].ready(128))
+    }
+
+    /// Encodes the symbol of changed fields.
+    #[inline(always)]
+    fn put_changes(&mut self, coder: &mut RangeEncoder, changes: usize) {
+        let kind = self.kind();
+        coder.symbol(self.changes[kind].ready(128), changes);
+    }
+
+    /// Context of the symbol of changed fields.
+    #[inline(always)]
+    fn kind(&self) -> usize {
+        let returns = self.last.returns;
+        usize::from(returns.is_first())
+            | usize::from(returns.is_last()) << 1
+            | usize::from(self.is_later) << 2
+    }
+
+    /// Encodes the next point; returns the context of its height.
+    #[inline(always)]
+    fn put<M: InstructionSet>(
+        &mut self,
+        coder: &mut RangeEncoder,
+        changes: usize,
+        place: [i32; 2],
+        returns: ReturnNumbers,
+    ) -> usize {
+        self.put_returns(coder, changes, returns);
+        let before = std::mem::replace(&mut self.last, LastPoint { place, returns }).place;
+        self.is_later = changes & TIME != 0;
+        let is_single = usize::from(returns.is_single());
+        let steps = &mut self.steps[(returns.group() << 1 | usize::from(self.is_later)) & 15];
+        let [x, y] =
+            [0, 1].map(|i| place[i].wrapping_sub(before[i]).wrapping_sub(steps[i].middle()));
+        let x_size = self.x.put(coder, is_single, x);
+        steps[0].go::<M>(x);
+        let y_size = self.y.put(coder, (x_size & !1).min(20) as usize | is_single, y);
+        steps[1].go::<M>(y);
+        (((x_size + y_size) / 2) & !1).min(18) as usize | is_single
+    }
+
+    /// Encodes the return numbers of the next point.
+    #[inline(always)]
+    fn put_returns(&mut self, coder: &mut RangeEncoder, changes: usize, returns: ReturnNumbers) {
+        let last = self.last.returns;
+        if changes & OF != 0 {
+            coder.symbol(self.of[usize::from(last.of())].ready(16), usize::from(returns.of()));
+        }
+        if changes & NUMBER == NUMBER {
+            let (number, last) = (returns.number(), last.number());
+            match changes & TIME != 0 {
+                true => coder.symbol(self.number[usize::from(last)].ready(16), number.into()),
+                false => {
+                    let by = number.wrapping_sub(last + 2) & 15;
+                    coder.symbol(self.number_same_time.ready(13), by.into());
+                }
+            }
+        }
     }
 
     /// Decodes the difference of the channel numbers, less one.

@@ -2,6 +2,7 @@
 
 use super::chunk::LazLayer;
 use super::machine::InstructionSet;
+use super::range_encoder::RangeEncoder;
 use super::record_items::ItemContext;
 use super::schema::LayeredSchema;
 use super::streams::RestStreams;
@@ -48,6 +49,36 @@ impl ChunkTails {
         models.extend(missing.map(|layer| ItemContext::of(*layer)));
     }
 
+    /// Encodes the bytes of the next point; a layer that is constant has no stream.
+    #[inline(always)]
+    pub(super) fn put(
+        &mut self,
+        streams: &mut [Option<RangeEncoder>],
+        trace: PointChanges,
+        bytes: &[u8],
+    ) {
+        let last = self.turn_for(trace);
+        let last = &mut self.last[last & 3][..];
+        let mut at = 0;
+        for (model, coder) in self.models[self.current & 3].iter_mut().zip(streams) {
+            let item = at..at + model.size();
+            at = item.end;
+            if let Some(coder) = coder {
+                model.put(coder, &last[item.clone()], &bytes[item]);
+            }
+        }
+        last.copy_from_slice(bytes);
+    }
+
+    /// Switches to the channel of a point; returns the channel whose last bytes are the prediction.
+    #[inline(always)]
+    fn turn_for(&mut self, trace: PointChanges) -> usize {
+        self.turn(match self.version == ODD_VERSION && !trace.is_other_channel() {
+            true => 0,
+            false => trace.channel(),
+        })
+    }
+
     /// Decodes the bytes of the next point.
     #[inline(always)]
     pub(super) fn next<M: InstructionSet>(
@@ -55,10 +86,7 @@ impl ChunkTails {
         streams: &mut RestStreams<M>,
         trace: PointChanges,
     ) -> &[u8] {
-        let last = self.turn(match self.version == ODD_VERSION && !trace.is_other_channel() {
-            true => 0,
-            false => trace.channel(),
-        });
+        let last = self.turn_for(trace);
         let mut rest = &mut self.last[last & 3][..];
         for (model, (_, coder)) in self.models[self.current & 3].iter_mut().zip(&mut streams.tails)
         {

@@ -5,6 +5,7 @@ use super::coder::RangeDecoder;
 use super::coordinates::DecodedPosition;
 use super::integer::IntegerDecoder;
 use super::machine::InstructionSet;
+use super::range_encoder::RangeEncoder;
 use super::returns::ReturnNumbers;
 
 /// Decoder contexts of heights.
@@ -39,6 +40,21 @@ impl HeightContext {
             self.last = channel.next(coder, at.trace.spread(), at.returns);
         }
         self.last
+    }
+}
+
+impl HeightContext {
+    /// Encodes the height of the next point.
+    #[inline(always)]
+    pub(super) fn put(&mut self, coder: &mut RangeEncoder, at: &DecodedPosition, height: i32) {
+        let channel = match at.trace.is_other_channel() {
+            true => self.channels.switch(at.trace.channel(), self.last),
+            false => self.channels.get(at.trace.channel()),
+        };
+        let last = &mut channel.heights[at.returns.depth() & 7];
+        channel.steps.put(coder, at.trace.spread(), height.wrapping_sub(*last));
+        *last = height;
+        self.last = height;
     }
 }
 

@@ -3,6 +3,7 @@
 use super::coder::RangeDecoder;
 use super::machine::InstructionSet;
 use super::model::{ArithmeticModel, BitModel};
+use super::range_encoder::RangeEncoder;
 use std::hint::select_unpredictable;
 
 /// Modelled upper bits of a difference; lower bits are stored raw.
@@ -48,6 +49,37 @@ impl<const C: usize> IntegerDecoder<C> {
         let size = self.size(coder, circumstance);
         let upper = self.upper(coder, size);
         (lower(coder, size, upper), size)
+    }
+
+    /// Encodes a difference; returns its bit length.
+    #[inline(always)]
+    pub(super) fn put(
+        &mut self,
+        coder: &mut RangeEncoder,
+        circumstance: usize,
+        difference: i32,
+    ) -> u32 {
+        let is_positive = difference > 0;
+        // Lengths are those of values from -(2^size - 1) to 2^size.
+        let away = (difference.wrapping_sub(i32::from(is_positive))).unsigned_abs();
+        let size = u32::BITS - away.leading_zeros();
+        coder.symbol(self.sizes[circumstance.min(C - 1)].ready(self.symbols), size as usize);
+        let place = match size {
+            0 => {
+                coder.bit(&mut self.bit, is_positive);
+                return size;
+            }
+            1..32 if is_positive => difference as u32 - 1,
+            1..32 => (difference as u32).wrapping_add((1 << size) - 1),
+            _ => return size,
+        };
+        let raw = size.saturating_sub(MODELLED);
+        let part = self.parts[size as usize & 31].ready(1 << size.min(MODELLED));
+        coder.symbol(part, (place >> raw) as usize);
+        if raw > 0 {
+            coder.raw(raw, place & ((1 << raw) - 1));
+        }
+        size
     }
 
     /// Decodes the bit length of the next difference.

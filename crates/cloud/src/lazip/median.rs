@@ -23,6 +23,12 @@ impl FiveValueMedian {
         Self { values: [i32::MIN, 0, 0, 0, 0, 0, i32::MAX, i32::MAX], drops_largest: true }
     }
 
+    /// The median.
+    #[inline(always)]
+    pub(super) fn middle(&self) -> i32 {
+        self.values[3]
+    }
+
     /// Adds the median plus `difference`, and returns it.
     #[inline(always)]
     pub(super) fn go<M: InstructionSet>(&mut self, difference: i32) -> i32 {

@@ -1,5 +1,6 @@
 //! A decoder of compressed chunks of points (LASzip): selected fields, or whole records, byte for byte as in an
-//! uncompressed file.
+//! uncompressed file. And an encoder of the layered chunks of formats 6 to 8, which writes the bytes that the crate
+//! `laz` writes.
 //!
 //! Pure functions on bytes, without files and threads. Input may be hostile: the decoder yields the requested points
 //! or reports the damage, in time and memory proportional to the given bytes and points.
@@ -18,7 +19,7 @@
 //! another state. The contexts of heights depend on x and y, so damage to one layer shows in the other, too. Salvage
 //! therefore decodes a chunk twice: first to check its end, bounds and returns, then to pass it on. Without salvage
 //! the end is checked as well, and a chunk with a wrong end is an error. The crate `laz` does not check the end of
-//! its streams; it is used for compression, and as a reference in tests.
+//! its streams; it compresses what the encoder does not, and is the reference in tests.
 
 mod attributes;
 mod body;
@@ -33,6 +34,7 @@ mod fields;
 mod heights;
 mod integer;
 mod layered;
+mod layered_encoder;
 mod machine;
 mod median;
 mod model;
@@ -40,6 +42,7 @@ mod old;
 mod packet;
 mod point;
 mod pointwise;
+mod range_encoder;
 mod record_items;
 mod record_layers;
 mod returns;
@@ -54,6 +57,7 @@ use schema::ChunkLayout;
 
 pub use chunk::{ChunkDamage, CompressedChunk, LazLayer};
 pub use fields::{DecodedFields, FieldSelection};
+pub(crate) use layered_encoder::LazEncoder;
 pub use schema::{LaszipItem, LaszipSchema};
 
 /// Decodes chunks; one per thread, reused. It takes some 1 MiB, with whole records some 2 MiB, and for each extra

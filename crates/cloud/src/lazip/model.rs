@@ -100,11 +100,16 @@ impl<const B: usize> ArithmeticModel<B> {
         } % B;
         // The remainders never act. They are powers of two, and stand in for bounds checks, which cost a
         // branch for each symbol.
-        let symbol = LANES * block + M::last_at_most(&self.starts[block], place) % LANES;
+        self.part(LANES * block + M::last_at_most(&self.starts[block], place) % LANES)
+    }
+
+    /// The part of a symbol.
+    #[inline(always)]
+    pub(super) fn part(&self, symbol: usize) -> DecodedSymbol {
         let starts = self.starts.as_flattened();
         DecodedSymbol {
             symbol,
-            low: u32::from(starts[symbol]),
+            low: u32::from(starts[symbol % (LANES * B)]),
             high: u32::from(starts[(symbol + 1) % (LANES * B)]),
             is_last: symbol + 1 == usize::from(self.symbols),
         }

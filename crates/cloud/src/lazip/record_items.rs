@@ -7,6 +7,7 @@ use super::colour::{NearInfrared, OldColour, RgbColor};
 use super::machine::InstructionSet;
 use super::model::ArithmeticModel;
 use super::packet::{PACKET, WavePacketDecoder};
+use super::range_encoder::RangeEncoder;
 use super::schema::LaszipItem;
 use super::time::{GpsTime, OldTime};
 use std::mem;
@@ -110,6 +111,36 @@ impl ItemContext {
                     *byte = byte.wrapping_add(coder.symbol(model.ready(256)) as u8);
                 }
             }
+        }
+    }
+}
+
+impl ItemContext {
+    /// Whether it can be encoded: items of layers, without wave packets.
+    pub(super) fn is_encoded(layer: LazLayer) -> bool {
+        matches!(layer, LazLayer::Colours | LazLayer::Infrared | LazLayer::ExtraBytes)
+    }
+
+    /// Encodes an item after the last one; both are as long as [`size`](Self::size) says.
+    #[inline(always)]
+    pub(super) fn put(&mut self, coder: &mut RangeEncoder, last: &[u8], item: &[u8]) {
+        match self {
+            Self::Colour(colour) => {
+                if let (Ok(last), Ok(item)) = (last.try_into(), item.try_into()) {
+                    colour.put(coder, last, item);
+                }
+            }
+            Self::Infrared(value) => {
+                if let (Ok(last), Ok(item)) = (last.try_into(), item.try_into()) {
+                    value.put(coder, last, item);
+                }
+            }
+            Self::Bytes(models) => {
+                for ((last, byte), model) in last.iter().zip(item).zip(models) {
+                    coder.symbol(model.ready(256), byte.wrapping_sub(*last).into());
+                }
+            }
+            Self::OldTime(_) | Self::Time(_) | Self::OldColour(_) | Self::Packet(_) => {}
         }
     }
 }

@@ -120,6 +120,22 @@ fn layered_chunks_are_decoded_as_they_were() {
     }
 }
 
+#[test]
+fn layered_chunks_are_encoded_to_the_bytes_of_the_crate() {
+    let mut encoder = LazEncoder::new();
+    for (format, extra) in [(6, 0), (7, 0), (8, 0), (6, 5), (8, 3)] {
+        for style in STYLES {
+            for count in [1, 2, 3, 40, 3000, 20_000] {
+                let (items, size) = items(format, extra);
+                let records = new_records(style, size, count, 7 + count as u64);
+                let bytes = encoder.chunk(&schema(&items), &records);
+                let what = format!("format {format}, {extra} extra bytes, {style:?}, {count}");
+                assert!(bytes == Some(compress(&items, &records)), "{what}");
+            }
+        }
+    }
+}
+
 /// Items of every old format, in both versions where the crate has them right.
 fn old_items() -> Vec<Vec<LazItem>> {
     let mut all: Vec<_> =

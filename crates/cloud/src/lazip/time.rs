@@ -4,6 +4,7 @@ use super::coder::RangeDecoder;
 use super::integer::IntegerDecoder;
 use super::machine::InstructionSet;
 use super::model::ArithmeticModel;
+use super::range_encoder::RangeEncoder;
 
 /// Decodes eight raw bytes.
 #[inline(always)]
@@ -233,30 +234,125 @@ impl GpsTime {
         let left_out = usize::from(IS_OTHER);
         let mut symbol = coder.symbol(self.multiple.ready(Self::MULTIPLES - left_out));
         symbol += if symbol < Self::SAME { 0 } else { left_out };
-        let circumstance = match symbol {
+        match symbol {
+            0..=Self::SMALLEST => {}
+            Self::SAME => return DecodedTime::Time(time),
+            Self::WHOLE => return DecodedTime::Time(self.begin(coder, time)),
+            _ => return DecodedTime::Switch(symbol - Self::WHOLE),
+        }
+        let multiple = match symbol <= Self::LARGEST {
+            true => symbol as i32,
+            false => Self::LARGEST as i32 - symbol as i32,
+        };
+        let step = self.difference.next(coder, Self::circumstance(symbol)).0;
+        let difference = last.wrapping_mul(multiple).wrapping_add(step);
+        self.learn(symbol, difference);
+        DecodedTime::Time(later(time, difference))
+    }
+
+    /// Resets the models, for encoding the times after `time`.
+    pub(super) fn begin_at(&mut self, time: u64) {
+        self.clear();
+        self.times[0] = time;
+    }
+
+    /// Encodes the time after the last one, which differs; see [`begin_at`](Self::begin_at).
+    #[inline(always)]
+    pub(super) fn put(&mut self, coder: &mut RangeEncoder, time: u64) {
+        // A sequence to which the time belongs is switched to at most once.
+        for _ in 0..2 {
+            let current = self.current & 3;
+            let Some(difference) = self.difference_to(current, time) else {
+                let other = (1..4).find(|by| self.difference_to(current + by, time).is_some());
+                self.put_symbol(coder, Self::WHOLE + other.unwrap_or(0));
+                match other {
+                    Some(by) => self.current = (current + by) & 3,
+                    None => return self.put_whole(coder, time),
+                }
+                continue;
+            };
+            match self.last[current] {
+                0 => {
+                    coder.symbol(self.after_same.ready(Self::AFTER_SAME - 1), 0);
+                    self.difference.put(coder, 0, difference);
+                    (self.last[current], self.extremes[current]) = (difference, 0);
+                }
+                last => self.put_multiple(coder, last, difference),
+            }
+            self.times[current] = time;
+            return;
+        }
+    }
+
+    /// The difference of a time from the last one of a sequence, if it has 32 bits.
+    #[inline(always)]
+    fn difference_to(&self, sequence: usize, time: u64) -> Option<i32> {
+        i32::try_from(time.wrapping_sub(self.times[sequence & 3]) as i64).ok()
+    }
+
+    /// Encodes a symbol from [`WHOLE`](Self::WHOLE) on, with the models of the current sequence.
+    fn put_symbol(&mut self, coder: &mut RangeEncoder, symbol: usize) {
+        // Equal times have no symbol.
+        match self.last[self.current & 3] {
+            0 => {
+                let symbol = symbol - Self::WHOLE + 1;
+                coder.symbol(self.after_same.ready(Self::AFTER_SAME - 1), symbol);
+            }
+            _ => coder.symbol(self.multiple.ready(Self::MULTIPLES - 1), symbol - 1),
+        }
+    }
+
+    /// Encodes the first time of a new sequence.
+    fn put_whole(&mut self, coder: &mut RangeEncoder, time: u64) {
+        let [upper, before] = [time, self.times[self.current & 3]].map(|time| (time >> 32) as i32);
+        self.difference.put(coder, 8, upper.wrapping_sub(before));
+        coder.raw(32, time as u32);
+        self.newest = (self.newest + 1) & 3;
+        self.current = self.newest;
+        self.last[self.current & 3] = 0;
+        self.extremes[self.current & 3] = 0;
+        self.times[self.current & 3] = time;
+    }
+
+    /// Encodes a difference as a multiple of the `last` one.
+    #[inline(always)]
+    fn put_multiple(&mut self, coder: &mut RangeEncoder, last: i32, difference: i32) {
+        let multiple = difference as f32 / last as f32;
+        // Halves are rounded away from zero, as LASzip does.
+        let multiple = (multiple + if multiple >= 0.0 { 0.5 } else { -0.5 }) as i32;
+        let multiple = multiple.clamp(-10, Self::LARGEST as i32);
+        let symbol = match multiple {
+            0.. => multiple as usize,
+            _ => Self::LARGEST + multiple.unsigned_abs() as usize,
+        };
+        coder.symbol(self.multiple.ready(Self::MULTIPLES - 1), symbol);
+        let step = difference.wrapping_sub(last.wrapping_mul(multiple));
+        self.difference.put(coder, Self::circumstance(symbol), step);
+        self.learn(symbol, difference);
+    }
+
+    /// Context of the remainder of a multiple.
+    #[inline(always)]
+    fn circumstance(symbol: usize) -> usize {
+        match symbol {
             0 => 7,
             1 => 1,
             2..10 => 2,
             10..Self::LARGEST => 3,
             Self::LARGEST => 4,
             Self::NEGATIVE..Self::SMALLEST => 5,
-            Self::SMALLEST => 6,
-            Self::SAME => return DecodedTime::Time(time),
-            Self::WHOLE => return DecodedTime::Time(self.begin(coder, time)),
-            _ => return DecodedTime::Switch(symbol - Self::WHOLE),
-        };
-        let multiple = match symbol <= Self::LARGEST {
-            true => symbol as i32,
-            false => Self::LARGEST as i32 - symbol as i32,
-        };
-        let step = self.difference.next(coder, circumstance).0;
-        let difference = last.wrapping_mul(multiple).wrapping_add(step);
+            _ => 6,
+        }
+    }
+
+    /// Counts a difference by its multiple.
+    #[inline(always)]
+    fn learn(&mut self, symbol: usize, difference: i32) {
         match symbol {
             1 => self.extremes[self.current & 3] = 0,
             0 | Self::LARGEST | Self::SMALLEST => self.extreme(difference),
             _ => {}
         }
-        DecodedTime::Time(later(time, difference))
     }
 
     /// Counts an outlier difference.

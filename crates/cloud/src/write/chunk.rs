@@ -1,5 +1,6 @@
 //! Chunks: runs of stored points, compressed for LAZ.
 
+use std::cell::RefCell;
 use std::io::{self, Cursor};
 use std::sync::Arc;
 
@@ -10,6 +11,7 @@ use laz::{LasZipCompressor, LazVlr, LazVlrBuilder};
 use super::header_statistics::PointTally;
 use super::record::PointRecord;
 use crate::format::PointFormat;
+use crate::lazip::{LaszipItem, LaszipSchema, LazEncoder};
 use crate::version::PointPacking;
 use terrane_base::error::{Error, ErrorKind, Result};
 
@@ -25,6 +27,8 @@ pub struct PointLayout {
     packing: PointPacking,
     /// Compression, if any.
     laz: Option<Arc<LazVlr>>,
+    /// The schema of records that [`LazEncoder`] compresses; others are for the crate `laz`.
+    schema: Option<Arc<LaszipSchema>>,
 }
 
 /// Encoded points, ready for writing.
@@ -53,7 +57,8 @@ impl PointLayout {
             PointPacking::Nodes => Some(vlr(format, extra_bytes, u32::MAX)?),
         };
         let size = format.size() + usize::from(extra_bytes);
-        Ok(Self { format, size, packing, laz: laz.map(Arc::new) })
+        let schema = laz.as_ref().and_then(schema).map(Arc::new);
+        Ok(Self { format, size, packing, laz: laz.map(Arc::new), schema })
     }
 
     /// Record length.
@@ -104,7 +109,11 @@ impl PointLayout {
         let fits = self.packing == PointPacking::Nodes || tally.count() <= CHUNK as u64;
         assert!(fits, "{} points are too many for a chunk", tally.count());
         let Some(vlr) = &self.laz else { return Ok(PointChunk { bytes: records, tally }) };
-        let bytes = compress(&records, vlr).map_err(|e| fault(&e))?;
+        let encoded = self.schema.as_ref().and_then(|schema| encode(&records, schema));
+        let bytes = match encoded {
+            Some(bytes) => bytes,
+            None => compress(&records, vlr).map_err(|e| fault(&e))?,
+        };
         Ok(PointChunk { bytes, tally })
     }
 }
@@ -113,6 +122,28 @@ fn vlr(format: PointFormat, extra_bytes: u16, chunk: u32) -> Result<LazVlr> {
     let builder = LazVlrBuilder::default().with_fixed_chunk_size(chunk);
     let builder = builder.with_point_format(format.number(), extra_bytes).map_err(|e| fault(&e))?;
     Ok(builder.build())
+}
+
+/// The schema of records that [`LazEncoder`] compresses.
+fn schema(vlr: &LazVlr) -> Option<LaszipSchema> {
+    let items = vlr.items().iter().map(|item| LaszipItem {
+        kind: item.item_type().into(),
+        size: item.size(),
+        version: item.version(),
+    });
+    LaszipSchema::new(&items.collect::<Vec<_>>()).ok().filter(LaszipSchema::is_encoded)
+}
+
+thread_local! {
+    /// The models of an encoder are large, and take long to make for the small chunks of an octree.
+    static ENCODER: RefCell<Option<Box<LazEncoder>>> = const { RefCell::new(None) };
+}
+
+/// Compresses one chunk; `None` for one without points.
+fn encode(raw: &[u8], schema: &LaszipSchema) -> Option<Vec<u8>> {
+    ENCODER.with_borrow_mut(|encoder| {
+        encoder.get_or_insert_with(|| Box::new(LazEncoder::new())).chunk(schema, raw)
+    })
 }
 
 fn fault(error: &dyn std::fmt::Display) -> Error {

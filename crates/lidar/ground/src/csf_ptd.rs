@@ -24,6 +24,7 @@ pub(crate) const METHOD: Method = Method {
     parameters: &[],
     finder: GroundFinder {
         tiling: |_, spacing| GroundTiling::fixed(spacing.clamp(1.0, WIDEST)),
+        bytes_per_cell: 168,
         find,
     },
 };

@@ -14,6 +14,8 @@ pub type Request = method_call::FinderRequest<GroundFinder>;
 pub struct GroundFinder {
     /// Tiling of the plane, for points with a spacing in metres.
     pub(crate) tiling: fn(&Request, f64) -> GroundTiling,
+    /// Most memory of a search for each cell of its window, with the lowest points, in bytes.
+    pub(crate) bytes_per_cell: u64,
     pub(crate) find: fn(&Request, &LowestPoints<'_>) -> GroundSurface,
 }
 

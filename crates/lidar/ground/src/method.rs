@@ -28,6 +28,11 @@ impl Request {
         GroundTiling { halo: tiling.halo + reach, ..tiling }
     }
 
+    /// Most memory of [`find`](Self::find) for each cell of the window, in bytes, with the lowest points.
+    pub fn bytes_per_cell(&self) -> u64 {
+        self.finder().bytes_per_cell
+    }
+
     /// The ground under the cells of a window, or of a tile with its halo. Low outliers are removed before the
     /// method begins.
     pub fn find(&self, lows: &LowestPoints<'_>) -> GroundSurface {

@@ -48,6 +48,7 @@ pub(crate) const METHOD: Method = Method {
     ],
     finder: GroundFinder {
         tiling: |_, spacing| GroundTiling::fixed(spacing.clamp(1.0, WIDEST)),
+        bytes_per_cell: 160,
         find,
     },
 };

@@ -32,7 +32,11 @@ pub(crate) const METHOD: Method = Method {
             "increase of the threshold per unit of slope, metres",
         ),
     ],
-    finder: GroundFinder { tiling: |request, _| GroundTiling::fixed(request.value("cell")), find },
+    finder: GroundFinder {
+        tiling: |request, _| GroundTiling::fixed(request.value("cell")),
+        bytes_per_cell: 128,
+        find,
+    },
 };
 
 /// Slope by which a low point stands out, rise over run to the next cell.

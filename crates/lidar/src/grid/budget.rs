@@ -3,15 +3,17 @@
 //! | share | bytes |
 //! |---|---|
 //! | the program itself | [`PROGRAM`] |
-//! | half of all, if there is a surface: points it goes through | [`GridBudget::points`] |
+//! | half of all, if there is a surface beside statistics: points it goes through | [`GridBudget::points`] |
 //! | the table of blocks | 64 for each |
 //! | each thread: a batch of points and what decodes it, later a block of the output | [`WORKER`] or more |
 //! | each thread: the columns of attributes, if there are any, and what decodes them | [`COLUMNS`] |
 //! | the rest: blocks of cells, those beyond it spilled | [`GridBudget::blocks`] |
+//!
+//! Without statistics of cells 7/8 of the rest is for points; workers and blocks still take half of all at most.
 
 use terrane_base::error::{Error, Result};
 use terrane_engine::Resources;
-use terrane_engine::memory::{PROGRAM, too_little};
+use terrane_engine::memory::{PROGRAM, too_little, with_slack, without_slack};
 use terrane_gridding::StatisticRecipe;
 use terrane_raster::write::{GridFormat, GridSink};
 
@@ -112,7 +114,18 @@ impl GridBudget {
         let smallest = (MIN_SHIFT..=MAX_SHIFT)
             .find_map(|shift| Some((shift, work.left(memory, threads, shift)?)));
         let (shift, blocks) = fitting.or(smallest).unwrap_or((MAX_SHIFT, LEAST));
-        Ok(Self { threads: threads as usize, blocks, points: surface_share, shift })
+        let threads = threads as usize;
+        if work.recipe.triangulates() && work.recipe.bytes_per_cell() == 0 {
+            let points = without_slack(surface_share + blocks - LEAST);
+            return Ok(Self { threads, blocks: LEAST, points, shift });
+        }
+        Ok(Self { threads, blocks, points: surface_share, shift })
+    }
+
+    /// Memory that is enough for `points` bytes of points that a surface goes through, whatever the threads.
+    pub(super) fn with_points(points: u64) -> u64 {
+        // Workers take no more than the other half.
+        with_slack(points).saturating_mul(2)
     }
 
     /// Least memory for one thread in both [`divide`](Self::divide), if half of it goes to triangulated points,

@@ -30,6 +30,7 @@ pub(crate) const METHOD: Method = Method {
             let cell = spacing.max(CELL);
             GroundTiling { cell, halo: Parameters::metres(cell, 1.0).reach(), core: None }
         },
+        bytes_per_cell: 72,
         find,
     },
 };

@@ -68,15 +68,16 @@ impl SurfaceModelContext<'_> {
         self.part.map(|(near, _)| if is_all { near.window() } else { near.beyond() })
     }
 
-    /// The points of these classes and returns in a window, or all.
+    /// The points of these classes and returns in a window, or all; `memory` bytes of them in memory.
     pub(super) fn read(
         &self,
         classes: Vec<u8>,
         returns: Option<Return>,
         within: Option<SiteWindow>,
+        memory: u64,
     ) -> Result<PointStore> {
         let source = self.source(classes, returns)?;
-        let filling = PointStoreSetup { within, ..self.filling() };
+        let filling = PointStoreSetup { within, memory, ..self.filling() };
         PointStore::fill(&*source, tiling(source.info()), &filling)
     }
 

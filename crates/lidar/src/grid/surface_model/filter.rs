@@ -14,12 +14,40 @@ use terrane_delaunay::SiteWindow;
 use terrane_engine::{Cancel, Progress, workers};
 use terrane_ground::{GroundSurface, GroundTiling, LowestPoints, NO_POINT, Request};
 
-/// Bytes of a method for each cell of a tile and its halo, for tiles of any size.
-const BYTES_PER_CELL: u64 = 72;
-/// The same for tiles of a fixed size.
-const BYTES_FIXED: u64 = 256;
+/// Part of the memory of a search for tiles, if a method works in tiles of any size.
+const ANY_SHARE: u64 = 8;
+/// Most of it for tiles of a fixed size, beyond the first one.
+const FIXED_SHARE: [u64; 2] = [3, 4];
 /// Fewest and most cells along a tile.
 const SIDES: [i64; 2] = [64, 1024];
+
+/// Memory of a search for the ground.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct GroundSearchMemory {
+    /// Bytes for the tiles of all threads.
+    pub(crate) tiles: u64,
+    /// Bytes for each store of points.
+    pub(crate) store: u64,
+}
+
+impl GroundSearchMemory {
+    /// Divides `memory` among the tiles of up to `threads` threads, of `tile` bytes each (0 for tiles of any size),
+    /// and `stores` stores. Tiles come first: points can be spilled, tiles cannot.
+    pub(crate) fn divide(memory: u64, stores: u64, tile: u64, threads: usize) -> Self {
+        let [part, parts] = FIXED_SHARE;
+        let tiles = match tile {
+            0 => memory / ANY_SHARE,
+            _ => tile * (memory / parts * part / tile).clamp(1, threads.max(1) as u64),
+        };
+        Self { tiles, store: memory.saturating_sub(tiles) / stores }
+    }
+
+    /// Least memory for a tile of this size.
+    pub(crate) fn least(tile: u64) -> u64 {
+        let [part, parts] = FIXED_SHARE;
+        tile.div_ceil(part).saturating_mul(parts)
+    }
+}
 
 /// A ground method with its candidate points.
 pub(crate) struct GroundFilter<'a> {
@@ -35,8 +63,8 @@ pub(crate) struct GroundFilter<'a> {
     cell: [f64; 2],
     /// Cells along a tile, without its halo.
     side: i64,
-    /// Bytes for each tile.
-    memory: u64,
+    /// Threads whose tiles fit into memory; at least one.
+    threads: usize,
     /// Window of the search, if not everywhere.
     within: Option<SiteWindow>,
 }
@@ -86,15 +114,16 @@ impl GroundCellRange {
 }
 
 impl<'a> GroundFilter<'a> {
-    /// For all points, with tiles of about `memory` bytes each.
+    /// For all points, on `threads` threads whose tiles take about `memory` bytes together, or on fewer.
     pub(crate) fn new(
         candidates: Vec<&'a PointStore>,
         metres: &MetricFrame,
         method: Request,
         memory: u64,
+        threads: usize,
     ) -> Self {
         let ground_tiling = method.tiling(spacing(&candidates, metres));
-        Self::on(ground_tiling, candidates, metres, method, memory)
+        Self::on(ground_tiling, candidates, metres, method, memory, threads)
     }
 
     fn on(
@@ -103,14 +132,27 @@ impl<'a> GroundFilter<'a> {
         metres: &MetricFrame,
         method: Request,
         memory: u64,
+        threads: usize,
     ) -> Self {
         let step = metres.step;
         let cell = cell(&ground_tiling, metres);
-        let wide = (memory / BYTES_PER_CELL).isqrt() as i64;
+        let wide = (memory / threads as u64 / method.bytes_per_cell()).isqrt() as i64;
         let fitting = (wide - 2 * ground_tiling.halo as i64).clamp(SIDES[0], SIDES[1]);
         let side = ground_tiling.core.map_or(fitting, |core| core as i64);
         let (others, within) = (None, None);
-        Self { candidates, others, method, ground_tiling, step, cell, side, memory, within }
+        let filter =
+            Self { candidates, others, method, ground_tiling, step, cell, side, threads, within };
+        Self { threads: filter.fitting(memory), ..filter }
+    }
+
+    /// Number of threads whose tiles fit into memory; at least one.
+    fn fitting(&self, memory: u64) -> usize {
+        let all = self.all();
+        let extent = [0, 1].map(|i| (all.end[i] - all.low[i]) as f64 * self.ground_tiling.cell);
+        match bytes_of(&self.method, self.ground_tiling, extent) {
+            0 => self.threads,
+            tile => (memory / tile).clamp(1, self.threads as u64) as usize,
+        }
     }
 
     /// For the ground in a `window` of a point cloud with this `spacing` in metres; the candidates must include
@@ -122,8 +164,9 @@ impl<'a> GroundFilter<'a> {
         metres: &MetricFrame,
         method: Request,
         memory: u64,
+        threads: usize,
     ) -> Self {
-        let of = Self::on(method.tiling(spacing), candidates, metres, method, memory);
+        let of = Self::on(method.tiling(spacing), candidates, metres, method, memory, threads);
         Self { within: Some(window), ..of }
     }
 
@@ -143,28 +186,17 @@ impl<'a> GroundFilter<'a> {
         self.within.is_none_or(|window| window.contains([point.x, point.y]))
     }
 
-    /// Number of threads whose tiles fit into memory; at least one.
-    fn threads(&self, threads: usize) -> usize {
-        let all = self.all();
-        let extent = [0, 1].map(|i| (all.end[i] - all.low[i]) as f64 * self.ground_tiling.cell);
-        match bytes_of(self.ground_tiling, extent) {
-            0 => threads,
-            tile => (self.memory * threads as u64 / tile).clamp(1, threads as u64) as usize,
-        }
-    }
-
-    /// Adds the ground points to `into`, on `threads` threads.
+    /// Adds the ground points to `into`.
     pub(crate) fn run(
         &self,
         into: &PointStore,
-        threads: usize,
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<()> {
         let tiles = self.tiles()?;
         progress.begin("ground", tiles.len() as u64);
         workers::run(
-            self.threads(threads),
+            self.threads,
             tiles.len() as u64,
             cancel,
             || (),
@@ -182,7 +214,13 @@ impl<'a> GroundFilter<'a> {
     /// The cell that holds a point, and where in it.
     fn locate(&self, point: &Point) -> ([i64; 2], [f64; 2]) {
         let at = [f64::from(point.x) / self.cell[0], f64::from(point.y) / self.cell[1]];
-        (at.map(|v| v.floor() as i64), at.map(|v| v - v.floor()))
+        let cell = at.map(floored);
+        (cell, [0, 1].map(|i| at[i] - cell[i] as f64))
+    }
+
+    /// The tile of a cell.
+    fn tile_of(&self, cell: [i64; 2]) -> [i64; 2] {
+        cell.map(|cell| cell.div_euclid(self.side))
     }
 
     /// The cells that the point cloud touches; all others are empty.
@@ -195,16 +233,28 @@ impl<'a> GroundFilter<'a> {
     /// The tiles with points, which may be few in a sparse point cloud.
     fn tiles(&self) -> Result<Vec<[i64; 2]>> {
         let mut tiles = BTreeSet::new();
+        let tile_at = |[x, y]: [i32; 2]| self.tile_of(self.locate(&Point::new(x, y, 0)).0);
         for square in 0..self.tiling().count() {
-            let mut last = None;
-            visit(&self.candidates, square, |run| {
-                for point in run.iter().filter(|point| self.accepts(point)) {
-                    let tile = self.locate(point).0.map(|cell| cell.div_euclid(self.side));
-                    if last.replace(tile) != Some(tile) {
-                        tiles.insert(tile);
-                    }
+            for store in &self.candidates {
+                let Some(TileSummary { window, .. }) = store.summary(square) else { continue };
+                let corners = [window.low, window.high];
+                // Points need not be read where they all lie in one tile.
+                if tile_at(corners[0]) == tile_at(corners[1])
+                    && corners.iter().all(|[x, y]| self.accepts(&Point::new(*x, *y, 0)))
+                {
+                    tiles.insert(tile_at(corners[0]));
+                    continue;
                 }
-            })?;
+                let mut last = None;
+                store.visit(square, |run| {
+                    for point in run.iter().filter(|point| self.accepts(point)) {
+                        let tile = self.tile_of(self.locate(point).0);
+                        if last.replace(tile) != Some(tile) {
+                            tiles.insert(tile);
+                        }
+                    }
+                })?;
+            }
         }
         Ok(tiles.into_iter().collect())
     }
@@ -278,6 +328,13 @@ impl<'a> GroundFilter<'a> {
     }
 }
 
+/// The largest whole number that is not larger; `floor` is a call for machines without an instruction for it.
+#[inline]
+fn floored(v: f64) -> i64 {
+    let towards_zero = v as i64;
+    towards_zero - i64::from(towards_zero as f64 > v)
+}
+
 /// Reads the points of a tile of some stores.
 fn visit(stores: &[&PointStore], square: usize, mut each: impl FnMut(&[Point])) -> Result<()> {
     stores.iter().try_for_each(|store| store.visit(square, &mut each))
@@ -306,14 +363,14 @@ pub(crate) fn around(
 /// Bytes of a tile of a method with fixed tiles, for a point cloud of this width and height in metres and any
 /// density; 0 for a method with tiles of any size.
 pub(crate) fn square_bytes(method: &Request, extent: [f64; 2]) -> u64 {
-    bytes_of(method.tiling(0.0), extent)
+    bytes_of(method, method.tiling(0.0), extent)
 }
 
-fn bytes_of(ground_tiling: GroundTiling, extent: [f64; 2]) -> u64 {
+fn bytes_of(method: &Request, ground_tiling: GroundTiling, extent: [f64; 2]) -> u64 {
     let max_side = ground_tiling.core.map_or(0, |core| core + 2 * ground_tiling.halo) as u64;
     let cells =
         extent.map(|metres| ((metres / ground_tiling.cell).ceil() as u64).saturating_add(2));
-    cells.map(|cells| cells.min(max_side)).iter().product::<u64>() * BYTES_FIXED
+    cells.map(|cells| cells.min(max_side)).iter().product::<u64>() * method.bytes_per_cell()
 }
 
 /// Approximate point spacing of all stores in metres, from the tiles with points.
@@ -359,9 +416,9 @@ mod tests {
         let folder = Resources::default().temp_dir.unwrap_or_else(std::env::temp_dir);
         let into = PointStore::empty(*candidates.tiling(), &folder, 1 << 24);
         let metres = MetricFrame { step: [0.01; 3], is_guess: false };
-        let filter = GroundFilter::new(vec![candidates], &metres, method, memory);
+        let filter = GroundFilter::new(vec![candidates], &metres, method, memory, threads);
         assert!(memory > 0 || method != Request::PMF || filter.tiles().unwrap().len() > 8);
-        filter.run(&into, threads, &Silent, &Cancel::default()).unwrap();
+        filter.run(&into, &Silent, &Cancel::default()).unwrap();
         let (mut all, mut points) = (Vec::new(), Vec::new());
         for square in 0..into.tiling().count() {
             into.load(square, &mut points).unwrap();
@@ -393,6 +450,30 @@ mod tests {
             assert_eq!(found(0, 3), whole, "{}", method.name);
             let off = whole.iter().filter(|p| (f64::from(p.z) - plane(p)).abs() > 100.0).count();
             assert!(off == 0 && whole.len() > 30_000, "{}: {off} {}", method.name, whole.len());
+        }
+    }
+
+    #[test]
+    fn tiles_and_stores_fit_into_the_memory() {
+        for (tile, stores) in [(0, 2), (1 << 20, 2), (94_371_840, 2), (94_371_840, 4)] {
+            let least = GroundSearchMemory::least(tile);
+            for memory in [least, least + 1, 2 * least, 5 * least, 1 << 29, 1 << 34] {
+                for threads in [1, 2, 64] {
+                    let shares = GroundSearchMemory::divide(memory, stores, tile, threads);
+                    assert!(shares.tiles + stores * shares.store <= memory, "{memory} {shares:?}");
+                    assert!(shares.tiles >= tile && (tile == 0 || shares.tiles % tile == 0));
+                }
+            }
+        }
+        // Tiles of 768 by 768 cells on two threads in half a GiB, with what workers and the program leave.
+        let shares = GroundSearchMemory::divide(380 << 20, 2, 768 * 768 * 168, 2);
+        assert_eq!(shares.tiles, 2 * 768 * 768 * 168);
+    }
+
+    #[test]
+    fn cells_of_points_are_the_lower_ones() {
+        for v in [-3.0, -2.5, -0.0, 0.0, 0.99, 7.0, 7.5, -1e15 - 0.5, 1e15 + 0.5] {
+            assert_eq!(floored(v), v.floor() as i64, "{v}");
         }
     }
 

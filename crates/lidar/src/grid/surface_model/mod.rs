@@ -18,13 +18,14 @@ mod scan_result;
 mod spike_free;
 mod tiles;
 
+use super::budget::GridBudget;
 use super::extent::CellRequest;
 use super::job::GridJob;
 use super::neighbours::{CloudSurfaces, more_is_needed, tiling};
 use crate::point_index::{PointStore, PointStoreSetup};
 pub(super) use context::SurfaceModelContext;
-use context::{STORES, no_noise, too_little};
-pub(crate) use filter::{GroundFilter, around, square_bytes};
+use context::{no_noise, too_little};
+pub(crate) use filter::{GroundFilter, GroundSearchMemory, around, square_bytes};
 use first_returns::CanopySurface;
 pub(crate) use kinds::{GROUND, NOISE};
 pub use kinds::{GroundFrom, SurfaceModel};
@@ -40,9 +41,6 @@ use terrane_engine::skip_bad::LostPoints;
 use terrane_gridding::Statistic;
 use terrane_gridding::canopy::CanopyAlgorithm;
 use tiles::{SpikeFreeTally, SpikeFreeTiles};
-
-/// Part of the memory that each thread's tile of the ground filter may take.
-const TILE_SHARE: u64 = 8;
 
 /// A terrain model with all its points.
 pub(super) struct PreparedSurfaceModel {
@@ -98,7 +96,7 @@ impl PreparedSurfaceModel {
             return self.filter_ground(cloud, context);
         }
         let (classes, window) = (context.classes(), context.ground_window());
-        let store = context.read(classes.clone(), None, window)?;
+        let store = context.read(classes.clone(), None, window, context.store_memory())?;
         let count = store.count();
         self.take_note(&store);
         if count > 0 || window.is_some() {
@@ -123,30 +121,31 @@ impl PreparedSurfaceModel {
         let method = context.job.ground.method();
         let part = context.ground_window().zip(context.part.map(|(_, seen)| seen.last));
         let wide = part.map(|(window, spacing)| around(&method, &metres, spacing, window));
-        let mut candidates = context.read(no_noise(), Some(Return::Last), wide)?;
-        let all_returns = context.all_returns(&candidates)?;
-        if all_returns {
-            candidates = context.read(no_noise(), None, wide)?;
-        }
-        self.take_note(&candidates);
-        let square = square_bytes(&method, metres.extent(cloud.bounds));
-        // The store of the surface is filled later.
-        let spare = context.store_memory();
-        if square > spare {
+        let (tile, threads) = (square_bytes(&method, metres.extent(cloud.bounds)), context.threads);
+        if GroundSearchMemory::least(tile) > context.memory {
             let what = format!("finding the ground by {}", method.name());
             let memory = context.job.resources.memory;
-            return Err(too_little(&what, min_for(square), memory, "‹ground› pmf"));
+            return Err(too_little(&what, min_for(tile), memory, "‹ground› pmf"));
         }
-        let share = if square > 0 { spare } else { context.memory / TILE_SHARE };
-        let tile = share / context.threads as u64;
-        let store = context.store(candidates.tiling());
+        // Two stores: the candidates and the ground. That of the surface is filled later.
+        let GroundSearchMemory { tiles, store } =
+            GroundSearchMemory::divide(context.memory, 2, tile, threads);
+        let memory = store.min(context.store_memory());
+        let mut candidates = context.read(no_noise(), Some(Return::Last), wide, memory)?;
+        let all_returns = context.all_returns(&candidates)?;
+        if all_returns {
+            candidates = context.read(no_noise(), None, wide, memory)?;
+        }
+        self.take_note(&candidates);
+        let stores = vec![&candidates];
         let filter = match part {
-            None => GroundFilter::new(vec![&candidates], &metres, method, tile),
+            None => GroundFilter::new(stores, &metres, method, tiles, threads),
             Some((window, spacing)) => {
-                GroundFilter::within(window, spacing, vec![&candidates], &metres, method, tile)
+                GroundFilter::within(window, spacing, stores, &metres, method, tiles, threads)
             }
         };
-        filter.run(&store, context.threads, context.progress, context.cancel)?;
+        let store = PointStore::empty(*candidates.tiling(), context.folder(), memory);
+        filter.run(&store, context.progress, context.cancel)?;
         let (found, all) = (store.count(), candidates.count());
         let points = if all_returns { "points" } else { "last returns" };
         self.notes.push(found_by(&method, found, all, points));
@@ -161,7 +160,8 @@ impl PreparedSurfaceModel {
     fn add_layers(&mut self, cloud: &CloudInfo, context: &SurfaceModelContext<'_>) -> Result<()> {
         let metres = self.metres(cloud)?;
         let window = context.surface_window();
-        let first = context.read(no_noise(), Some(Return::First), window)?;
+        let memory = context.store_memory();
+        let first = context.read(no_noise(), Some(Return::First), window, memory)?;
         self.take_note(&first);
         self.notes.push(format!("surface: {} first returns", first.count()));
         let around = context.part.map(|(_, seen)| seen.around_surface()).unwrap_or_default();
@@ -276,7 +276,7 @@ fn min_for_ground(job: &GridJob, cloud: &CloudInfo, seen: Option<&CloudOverview>
     extent.map_or(0, |extent| min_for(square_bytes(&method, extent)))
 }
 
-/// Least memory for a tile: half of the memory is for points, in three stores.
-fn min_for(square: u64) -> u64 {
-    2 * STORES * square
+/// Least memory of a job for a tile of a ground method.
+fn min_for(tile: u64) -> u64 {
+    GridBudget::with_points(GroundSearchMemory::least(tile))
 }

@@ -8,6 +8,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use super::super::budget::GridBudget;
 use super::super::extent::CellRequest;
 use super::super::neighbours::{CellCenters, CloudSurfaces};
 use super::context::{STORES, SurfaceModelContext, too_little};
@@ -35,7 +36,7 @@ pub(super) const USUAL: u64 = 1 << 18;
 /// Least memory for a tile with `points` points in its window.
 pub(super) fn min_memory(points: u64) -> u64 {
     let square = points.saturating_mul(BYTES_PER_POINT).div_ceil(HEIGHTS - 1);
-    square.saturating_mul(2 * STORES * HEIGHTS)
+    GridBudget::with_points(square.saturating_mul(STORES * HEIGHTS))
 }
 
 /// Heights of the surface, by tile.

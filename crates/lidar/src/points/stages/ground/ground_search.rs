@@ -9,7 +9,8 @@ use bytemuck::{Pod, Zeroable};
 
 use super::queries::{Classify, HeightQuery, HeightsAs, is_known_noise, is_there};
 use crate::grid::surface_model::{
-    CloudOverview, GroundFilter, MetricFrame, NOISE, found_by, no_ground, no_ground_of_class,
+    CloudOverview, GroundFilter, GroundSearchMemory, MetricFrame, NOISE, found_by, no_ground,
+    no_ground_of_class,
 };
 use crate::grid::{CloudSurfaces, GROUND, GroundFrom, more_is_needed, tiling};
 use crate::point_index::PointStore;
@@ -29,10 +30,8 @@ use terrane_files::{Buckets, lock};
 
 /// Positions processed together.
 const TOGETHER: usize = 1 << 15;
-/// Part of the memory that each thread's tile of the ground filter may take.
-const TILE_SHARE: u64 = 8;
-/// Parts that the memory is divided into: places, last and other returns, and ground.
-const PARTS: u64 = 4;
+/// Stores of points: positions, last and other returns, and ground.
+pub(super) const STORES: u64 = 4;
 /// Strips of a tile that are processed in turn.
 const STRIPS: i32 = 32;
 /// Marks the lack of a height.
@@ -52,10 +51,8 @@ pub(super) struct GroundHeightSearch<'a> {
     pub(super) format: PointFormat,
     pub(super) flow: RecordFlow,
     pub(super) threads: usize,
-    /// Bytes for points.
-    pub(super) memory: u64,
-    /// Bytes for a tile of the ground method.
-    pub(super) square: u64,
+    /// Bytes for points and tiles.
+    pub(super) memory: GroundSearchMemory,
     pub(super) folder: &'a Path,
     /// Whether points marked as withheld may be ground.
     pub(super) keeps_withheld: bool,
@@ -274,7 +271,7 @@ impl GroundHeightSearch<'_> {
         ground_records: Option<&dyn PointRecords>,
     ) -> Result<GroundSearchResult> {
         let tiling = tiling(self.info);
-        let entries = Buckets::new(self.folder, tiling.count(), self.memory / PARTS);
+        let entries = Buckets::new(self.folder, tiling.count(), self.memory.store);
         let by_class = self.seen().map_or(self.above.takes_classes(), |seen| seen.by_class);
         let (class, candidates) = (self.store(), self.candidates(|| self.store()));
         let gathering = match by_class {
@@ -320,7 +317,7 @@ impl GroundHeightSearch<'_> {
     }
 
     fn store(&self) -> PointStore {
-        PointStore::empty(tiling(self.info), self.folder, self.memory / PARTS)
+        PointStore::empty(tiling(self.info), self.folder, self.memory.store)
     }
 
     /// Stores for points that may be ground.
@@ -351,21 +348,21 @@ impl GroundHeightSearch<'_> {
         if metres.is_guess {
             notes.push(MetricFrame::GUESS.to_owned());
         }
-        let tile = (self.square + self.memory / TILE_SHARE) / self.threads as u64;
-        let ground = self.store();
+        let (ground, tiles) = (self.store(), self.memory.tiles);
         let method = self.above.from.method();
         let all_returns = self
             .seen()
             .map_or(!candidates.is_numbered.load(Ordering::Relaxed), |seen| seen.all_returns);
         let stores = candidates.stores(all_returns);
         let filter = match self.subset.zip(self.seen()) {
-            None => GroundFilter::new(stores, &metres, method, tile),
+            None => GroundFilter::new(stores, &metres, method, tiles, self.threads),
             Some((subset, seen)) => {
-                GroundFilter::within(subset.ground(), seen.last, stores, &metres, method, tile)
+                let (window, spacing) = (subset.ground(), seen.last);
+                GroundFilter::within(window, spacing, stores, &metres, method, tiles, self.threads)
             }
         };
         let filter = filter.and(&candidates.others);
-        filter.run(&ground, self.threads, self.at.progress, self.at.cancel)?;
+        filter.run(&ground, self.at.progress, self.at.cancel)?;
         notes.push(found_by(&method, ground.count(), candidates.count(), "points"));
         Ok(ground)
     }

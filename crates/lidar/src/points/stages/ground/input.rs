@@ -1,9 +1,9 @@
 //! The points that the ground may come from, if these differ from the requested points.
 
 use super::HeightQuery;
-use super::ground_search::GroundHeightSearch;
+use super::ground_search::{GroundHeightSearch, STORES};
 use super::queries::HeightsAs;
-use crate::grid::surface_model::{CloudOverview, MetricFrame, around};
+use crate::grid::surface_model::{CloudOverview, GroundSearchMemory, MetricFrame, around};
 use crate::points::context::TranslateContext;
 use crate::points::input_records::InputRecords;
 use crate::points::job::TranslateJob;
@@ -122,16 +122,15 @@ impl HeightQuery {
         shift: [i32; 3],
     ) -> GroundHeightSearch<'a> {
         let (work, shares) = (around.work, &around.work.shares);
-        let square = self.square(info);
+        let (tile, threads) = (self.square(info), shares.threads);
         GroundHeightSearch {
             above: self,
             info,
             shift,
             format: work.converter.format(),
             flow: shares.flow,
-            threads: shares.threads,
-            memory: around.memory().saturating_sub(square),
-            square,
+            threads,
+            memory: GroundSearchMemory::divide(around.memory(), STORES, tile, threads),
             folder: work.folder(),
             keeps_withheld: work.job.cloud.filter.keep_withheld,
             subset: work.subset,
