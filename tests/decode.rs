@@ -87,7 +87,8 @@ fn write(place: &Place, name: &str, options: &[&str], [width, height]: [u64; 2])
 #[test]
 fn each_block_is_decoded_once_in_any_memory() {
     let place = Place::new();
-    let tiles = ["COMPRESS=DEFLATE", "PREDICTOR=3", "TILED=YES", "BLOCKXSIZE=128", "BLOCKYSIZE=128"];
+    let tiles =
+        ["COMPRESS=DEFLATE", "PREDICTOR=3", "TILED=YES", "BLOCKXSIZE=128", "BLOCKYSIZE=128"];
     let strips = ["COMPRESS=ZSTD", "TILED=NO", "BLOCKYSIZE=24"];
     let files = [
         ("tiles.tif", write(&place, "tiles.tif", &tiles, [128, 128])),

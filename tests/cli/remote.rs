@@ -99,6 +99,100 @@ fn mosaics_and_lists_may_lie_on_servers() {
 }
 
 #[test]
+fn connections_are_used_again() {
+    let (place, server) = served();
+    server.connections();
+    place.ok(&[
+        "tin",
+        &server.url("plain", "g.tif"),
+        "o.ply",
+        "--max-error",
+        "4",
+        "--threads",
+        "1",
+    ]);
+    let requests = server.requests().len() as u64;
+    assert!(server.connections() < requests.max(2), "{requests}");
+}
+
+#[test]
+fn rows_of_blocks_are_asked_for_together() {
+    let (place, server) = served();
+    place.ok(&["convert", "g.tif", "g.asc", "-q"]);
+    place.ok(&["synth", "rough,size=1201", "N46E007.hgt", "-q"]);
+    for file in ["plain.tif", "g.asc", "N46E007.hgt"] {
+        server.requests();
+        place.ok(&["convert", &server.url("plain", file), "o.tif", "-q", "--overwrite"]);
+        let (requests, bytes) = (server.requests(), size(&place, file));
+        assert!(requests.len() <= 10, "{file}: {}", requests.len());
+        assert!(sent(&requests) <= bytes + HEAD + bytes / 20, "{file}");
+    }
+    // A narrow part of wide rows.
+    server.requests();
+    let bounds = "499996,4739006,500494,4750004";
+    let args = ["convert", &server.url("plain", "plain.tif"), "w.tif", "--bbox", bounds, "-q"];
+    place.ok(&args);
+    let asked = sent(&server.requests());
+    assert!(asked < size(&place, "plain.tif") / 2 + HEAD, "{asked}");
+}
+
+#[test]
+fn files_without_versions_are_asked_for_by_each_run() {
+    let (place, server) = served();
+    place.ok(&["synth", "rough,size=1100,seed=9", "other.tif", "-q"]);
+    for way in ["untagged", "weak"] {
+        place.ok(&["synth", "rough,size=1100", "v.tif", "-q", "--overwrite"]);
+        let url = server.url(way, "v.tif");
+        place.ok(&["info", &url, "--stats", "--json"]);
+        assert_eq!(size(&place, "v.tif"), size(&place, "other.tif"));
+        place.write("v.tif", place.bytes("other.tif"));
+        let stats = |input: &str| {
+            let told = place.ok(&["info", input, "--stats", "--json"]).out;
+            crate::cli_support::json(&told)["stats"].clone()
+        };
+        assert_eq!(stats(&url), stats("other.tif"), "{way}");
+        place.fails(
+            &["plan", "tin", &url, "-o", "work", "--max-error", "2"],
+            65,
+            &["tells no version of it"],
+        );
+    }
+}
+
+#[test]
+fn addresses_are_texts() {
+    let (place, server) = served();
+    std::fs::create_dir_all(place.path("a")).unwrap();
+    place.ok(&["synth", "rough,size=90", "a/x.tif", "-q"]);
+    // The server takes both for one file, and counts its requests by their text.
+    let [one, other] = ["a/x.tif", "a//x.tif"].map(|file| server.url("plain", file));
+    place.run(&["info", &one, &other]);
+    let paths: std::collections::BTreeSet<_> =
+        server.requests().into_iter().map(|request| request.path).collect();
+    assert_eq!(paths.len(), 2, "{paths:?}");
+}
+
+#[test]
+fn a_server_that_fails_is_no_bad_file() {
+    let (place, server) = served();
+    std::fs::create_dir(place.path("cache")).unwrap();
+    let [good, down] = [server.url("plain", "g.tif"), server.url("down", "g.tif")];
+    place.fails(&["convert", &good, &down, "o.tif", "--skip-bad"], 74, &["status 500", &down]);
+    let denied = server.url("denied", "c.laz");
+    place.fails(&["points", "c.las", &denied, "o.las", "--skip-bad"], 74, &["denied"]);
+    place.fails(&["points", &denied, "o.las", "--salvage"], 74, &["denied"]);
+    // All threads are told of the first failure.
+    server.requests();
+    let gone = server.url("gone", "g.tif");
+    place.fails(
+        &["tin", &gone, "o.ply", "--max-error", "1", "--threads", "8"],
+        65,
+        &["no such file"],
+    );
+    assert!(server.requests().len() <= 9);
+}
+
+#[test]
 fn signatures_of_addresses_are_not_written() {
     let (place, server) = served();
     let [grid, cloud] = ["g.tif", "c.laz"].map(|file| server.url("plain", file) + "?sig=secret");
@@ -128,7 +222,7 @@ fn servers_may_fail_for_a_while() {
     let (place, server) = served();
     let expected =
         ["g.tif", "c.laz"].map(|file| place.ok(&["info", file, "--stats", "--json"]).out);
-    for way in ["busy", "short", "closes", "moved", "slow", "whole", "untagged"] {
+    for way in ["busy", "short", "closes", "moved", "slow", "whole", "untagged", "capped"] {
         for (file, expected) in ["g.tif", "c.laz"].iter().zip(&expected) {
             let url = server.url(way, file);
             let told = place.ok(&["info", &url, "--stats", "--json"]).out;
@@ -144,12 +238,12 @@ fn what_a_server_does_wrong_is_an_error_with_the_address() {
     let (place, server) = served();
     std::fs::create_dir(place.path("cache")).unwrap();
     for (way, code, told) in [
-        ("denied", 65, "access is denied (the server answers with status 403)"),
+        ("denied", 74, "access is denied (the server answers with status 403)"),
         ("down", 74, "the server answers with status 500"),
         ("region", 65, "set AWS_REGION=eu-north-1"),
         ("gone", 65, "no such file"),
-        ("changes", 65, "changed on the server while it was read"),
-        ("grows", 65, "changed on the server while it was read"),
+        ("changes", 74, "changed on the server while it was read"),
+        ("grows", 74, "changed on the server while it was read"),
         ("lies", 65, ""),
         ("shifted", 65, "the server answers with another range"),
         ("chunked", 65, "supports no ranges of bytes"),

@@ -4,6 +4,7 @@
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -21,6 +22,7 @@ pub struct Request {
 pub struct FileServer {
     pub port: u16,
     log: Arc<Mutex<Vec<Request>>>,
+    connections: Arc<AtomicU64>,
 }
 
 impl FileServer {
@@ -29,20 +31,28 @@ impl FileServer {
         let port = listener.local_addr().unwrap().port();
         let log = Arc::new(Mutex::new(Vec::new()));
         let (folder, seen) = (folder.to_owned(), log.clone());
+        let connections = Arc::new(AtomicU64::new(0));
+        let count = connections.clone();
         std::thread::spawn(move || {
             for stream in listener.incoming().flatten() {
+                count.fetch_add(1, Ordering::Relaxed);
                 let (folder, seen) = (folder.clone(), seen.clone());
                 std::thread::spawn(move || {
                     let _ended_by_the_client = serve(stream, &folder, &seen);
                 });
             }
         });
-        Self { port, log }
+        Self { port, log, connections }
     }
 
     /// The address of a file that is served in a way.
     pub fn url(&self, way: &str, file: &str) -> String {
         format!("http://127.0.0.1:{}/{way}/{file}", self.port)
+    }
+
+    /// The connections since the last call.
+    pub fn connections(&self) -> u64 {
+        self.connections.swap(0, Ordering::Relaxed)
     }
 
     /// The requests since the last call.
@@ -126,6 +136,7 @@ fn answer(
     let length = bytes.len() as u64;
     let has_ranges = !matches!(way, "whole" | "chunked");
     let [first, last] = match range.filter(|_| has_ranges) {
+        Some([first, last]) if way == "capped" => [first, last.min(first + 20_000).min(length - 1)],
         Some([first, last]) => [first, last.min(length - 1)],
         None => [0, length - 1],
     };
@@ -150,6 +161,7 @@ fn answer(
     };
     let tag = match way {
         "untagged" => String::new(),
+        "weak" => format!("etag: W/{tag}\r\n"),
         "packed" => format!("etag: {tag}\r\ncontent-encoding: gzip\r\n"),
         _ => format!("etag: {tag}\r\n"),
     };

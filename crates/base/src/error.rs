@@ -147,6 +147,21 @@ impl Error {
         is_of_inputs && self.several.as_ref().is_some_and(|all| all.failures.len() < all.of)
     }
 
+    /// The same error for another that waits for the same thing.
+    #[must_use]
+    pub fn again(&self) -> Self {
+        let Self { kind, message, path, place, remedy, source, several: _ } = self;
+        Self {
+            kind: *kind,
+            message: message.clone(),
+            path: path.clone(),
+            place: place.clone(),
+            remedy: remedy.clone(),
+            source: source.as_ref().map(|source| source.kind().into()),
+            several: None,
+        }
+    }
+
     /// Shorthand for [`ErrorKind::Usage`].
     pub fn usage(message: impl Into<String>) -> Self {
         Self::new(ErrorKind::Usage, message)
@@ -194,6 +209,11 @@ impl Error {
 
     /// Failure to open or read an input file.
     pub fn read(path: &Path, source: io::Error) -> Self {
+        // Streams hand on errors of this type as those of reading.
+        let source = match source.downcast::<Self>() {
+            Ok(error) => return error,
+            Err(source) => source,
+        };
         if source.kind() == io::ErrorKind::NotFound && is_address(path) {
             return Self::missing(path);
         }

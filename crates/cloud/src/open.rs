@@ -282,7 +282,9 @@ fn distinct(mut files: Vec<String>) -> Vec<String> {
     let mut seen = HashSet::new();
     files.retain(|name| {
         let path = path_of(name);
-        seen.insert(std::fs::canonicalize(&path).unwrap_or_else(|_| path.into_owned()))
+        let real = std::fs::canonicalize(&path).unwrap_or_else(|_| path.into_owned());
+        // As texts: to servers, a//b and a/b are two files.
+        seen.insert(real.into_os_string())
     });
     files
 }

@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use super::Resources;
 use super::input::workers;
-use terrane_base::error::{Error, Result};
+use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud::{self as cloud, PointSource};
-use terrane_files::{path_of, shown};
+use terrane_files::{is_remote, path_of, shown};
 use terrane_raster::{self as raster, GridOpenOptions};
 use terrane_vector as vector;
 
@@ -124,6 +124,10 @@ fn check_file(
     for (name, checked) in names.iter().zip(checked) {
         match checked {
             Ok(()) => names_left.push(name.clone()),
+            // A server that fails is not a bad file.
+            Err(error) if error.kind() == ErrorKind::Io && is_remote(&path_of(name)) => {
+                return Err(error);
+            }
             Err(error) if error.is_about_a_file() => bad.push((name, error)),
             Err(error) => return Err(error),
         }

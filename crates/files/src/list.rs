@@ -9,7 +9,7 @@ use terrane_base::limits;
 
 use super::glob;
 use super::in_memory::is_made;
-use super::name::{is_file, name_of, path_of, shown};
+use super::name::{is_file, is_remote, name_of, path_of, shown};
 
 /// Prefix of the path of a text list.
 const LIST_PREFIX: char = '@';
@@ -217,6 +217,10 @@ fn unreadable(list: &Path, error: std::io::Error) -> Error {
 
 /// The files of a text list, one per line.
 fn listed(list: &Path) -> Result<Vec<String>> {
+    if is_remote(list) {
+        let error = Error::unsupported("lists on servers are not supported").in_file(list);
+        return Err(error.remedy("download the list (curl -LO URL) and pass the local copy"));
+    }
     let mut lines = BufReader::new(std::fs::File::open(list).map_err(|e| unreadable(list, e))?);
     let (mut files, mut number) = (Vec::new(), 0_u64);
     while let Some(line) = next_line(&mut lines).map_err(|e| unreadable(list, e))? {

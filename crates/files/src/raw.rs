@@ -74,6 +74,20 @@ impl RowRun {
         Ok(())
     }
 
+    /// The bytes that are read.
+    fn ranges(&self) -> Vec<Range<u64>> {
+        let range = |first: usize, rows: usize| {
+            let start = self.offset.saturating_add(self.pitch.saturating_mul(first as u64));
+            let gaps = self.pitch.saturating_mul(rows as u64 - 1);
+            start..start.saturating_add(gaps).saturating_add(self.bytes as u64)
+        };
+        match (self.rows, self.rows_at_once()) {
+            (0, _) => Vec::new(),
+            (rows, 1) => (0..rows).map(|row| range(row, 1)).collect(),
+            (rows, _) => std::iter::once(range(0, rows)).collect(),
+        }
+    }
+
     /// Number of rows to read in one call: several if at least half of the bytes read are used, or those between two rows
     /// cost less than a call.
     fn rows_at_once(&self) -> usize {
@@ -197,6 +211,9 @@ impl RawFile {
         scratch: &mut Vec<u8>,
         each: impl FnMut(usize, &mut [u8]),
     ) -> Result<()> {
+        if self.is_remote() {
+            self.prefetch(&run.ranges(), &[])?;
+        }
         run.each(scratch, |offset, out| self.read_at(offset, out), each)
     }
 
@@ -236,6 +253,9 @@ impl<'a> RawFileReader<'a> {
 impl io::Read for RawFileReader<'_> {
     fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
         let bytes = (out.len() as u64).min(self.file.len.saturating_sub(self.at)) as usize;
+        if bytes == 0 {
+            return Ok(0);
+        }
         match &self.file.bytes {
             FileBytes::Local(file) => read_exact_at(file, &mut out[..bytes], self.at)?,
             FileBytes::Remote(file) => {

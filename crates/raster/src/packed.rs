@@ -267,16 +267,21 @@ fn ending(name: &str) -> String {
 /// Copies up to `max_bytes` bytes into a new file; returns the number of bytes.
 fn copy(from: &mut dyn Read, max_bytes: u64, target: &Path, what: &str) -> Result<u64> {
     let mut out = File::create(target).map_err(cannot_unpack)?;
-    io::copy(&mut from.take(max_bytes), &mut out).map_err(|e| {
+    io::copy(&mut from.take(max_bytes), &mut out).map_err(|e| match e.downcast::<Error>() {
+        Ok(error) => error,
         // A full disk has a system error code; errors of the decoder have none.
-        if e.raw_os_error().is_some() {
-            cannot_unpack(e)
-        } else {
-            Error::bad_input(format!("damaged {what}: {e}")).remedy("copy it again")
-        }
+        Err(e) if e.raw_os_error().is_some() => cannot_unpack(e),
+        Err(e) => Error::bad_input(format!("damaged {what}: {e}")).remedy("copy it again"),
     })
 }
 
 fn damaged_zip(error: zip::result::ZipError) -> Error {
+    let error = match error {
+        zip::result::ZipError::Io(error) => match error.downcast::<Error>() {
+            Ok(error) => return error,
+            Err(error) => zip::result::ZipError::Io(error),
+        },
+        error => error,
+    };
     Error::bad_input(format!("damaged zip archive: {error}"))
 }

@@ -13,7 +13,7 @@ mod vlr;
 
 use std::path::{Path, PathBuf};
 
-use terrane_base::error::{Error, Result};
+use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Crs;
 use terrane_base::limits;
 use terrane_files::RawFile;
@@ -82,7 +82,7 @@ impl LasFile {
             _ => Ok(None),
         };
         let nodes = match nodes {
-            Err(error) if salvage => {
+            Err(error) if salvage && error.kind() != ErrorKind::Io => {
                 notes.push(format!("the octree is ignored: {error}"));
                 None
             }

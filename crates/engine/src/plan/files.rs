@@ -69,7 +69,14 @@ impl InputFile {
     /// The state that a server tells of.
     fn of_remote(path: &Path) -> Result<Self> {
         let file = RawFile::open(path)?;
-        let digest = Digest::of(file.version().unwrap_or_default().as_bytes());
+        let version = file.version().ok_or_else(|| {
+            Error::unsupported(
+                "the server tells no version of it (ETag or time of change), which a plan needs",
+            )
+            .in_file(path)
+            .remedy("download the file (curl -LO URL) and pass the local copy")
+        })?;
+        let digest = Digest::of(version.as_bytes());
         let name = name_of(path.to_path_buf())?;
         Ok(Self { name, bytes: file.size(), modified: 0, whole: false, digest })
     }
@@ -146,7 +153,7 @@ pub fn with_companions(mut paths: Vec<PathBuf>) -> Vec<PathBuf> {
     let companions: Vec<PathBuf> = companions.collect();
     paths.extend(companions);
     paths.sort();
-    paths.dedup();
+    paths.dedup_by(|a, b| a.as_os_str() == b.as_os_str());
     paths
 }
 

@@ -132,8 +132,14 @@ fn s3(path: &Path, rest: &str, variable: Variables<'_>) -> Result<RemoteAddress>
 }
 
 fn bucket_and_key<'a>(path: &Path, rest: &'a str) -> Result<[&'a str; 2]> {
+    let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._".contains(&byte);
     match rest.split_once('/') {
-        Some((bucket, key)) if !bucket.is_empty() && !key.is_empty() => Ok([bucket, key]),
+        // Other characters would name another host.
+        Some((bucket, key))
+            if !bucket.is_empty() && !key.is_empty() && bucket.bytes().all(is_plain) =>
+        {
+            Ok([bucket, key])
+        }
         _ => Err(Error::usage("is not a bucket and a key")
             .in_file(path)
             .remedy("name it as s3://BUCKET/KEY")),
@@ -189,7 +195,9 @@ mod tests {
             assert!(RemoteAddress::is_one(Path::new(name)));
         }
         assert!(url("az://c/k", &[]).contains("AZURE_STORAGE_ACCOUNT"));
-        assert!(url("s3://b", &[]).contains("s3://BUCKET/KEY"));
+        for name in ["s3://b", "s3://b/", "s3://evil:80#/k", "gs://a@b/k"] {
+            assert!(url(name, &[]).contains("s3://BUCKET/KEY"), "{name}");
+        }
         for name in ["ftp://h/a", "/vsizip/a.zip", "a.tif", "C:\\a", "https:/h/a"] {
             assert!(!RemoteAddress::is_one(Path::new(name)), "{name}");
         }

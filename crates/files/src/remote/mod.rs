@@ -14,10 +14,12 @@ mod request;
 mod signature;
 
 use std::collections::HashMap;
+use std::ffi::OsString;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use address::RemoteAddress;
 use page_store::{PAGE, PageStore};
@@ -42,8 +44,10 @@ const READS: usize = 4;
 const FOLDER: &str = "TERRANE_CACHE";
 const SIZE: &str = "TERRANE_CACHE_SIZE";
 const MAX_SIZE: u64 = 4 << 30;
-/// Bytes written between two looks at the size of the folder.
+/// Most bytes written between two looks at the size of the folder.
 const LOOK: u64 = 256 << 20;
+/// How long a file that could not be opened is not asked for again.
+const REMEMBERED: Duration = Duration::from_secs(5);
 
 /// A remote file.
 #[derive(Debug)]
@@ -59,6 +63,8 @@ pub(crate) struct RemoteFile {
     asked: Mutex<Vec<Range<u64>>>,
     /// Signalled when some have come.
     come: Condvar,
+    /// Why a request has failed for good: later ones are not made.
+    failed: Mutex<Option<Error>>,
 }
 
 /// Whether a path is an address that can be read.
@@ -71,16 +77,25 @@ pub(crate) fn is_remote(path: &Path) -> bool {
 /// # Errors
 /// Files that cannot be read, and servers that cannot be reached.
 pub(crate) fn open(path: &Path) -> Result<Arc<RemoteFile>> {
-    static OPEN: Mutex<Option<HashMap<PathBuf, Arc<RemoteFile>>>> = Mutex::new(None);
-    let find = |path: &Path| lock(&OPEN).as_ref()?.get(path).cloned();
-    if let Some(found) = find(path) {
-        return Ok(found);
+    // Paths are compared as texts: to servers, a//b and a/b are two files.
+    static OPEN: Mutex<Option<HashMap<OsString, OpenedFile>>> = Mutex::new(None);
+    match lock(&OPEN).get_or_insert_default().get(path.as_os_str()) {
+        Some(Ok(file)) if file.failure().is_none() => return Ok(file.clone()),
+        Some(Err((since, error))) if since.elapsed() < REMEMBERED => return Err(error.again()),
+        _ => {}
     }
     // Outside the lock: two threads may ask for the head of one file.
-    let file = Arc::new(RemoteFile::ask(path)?);
-    let mut open = lock(&OPEN);
-    Ok(open.get_or_insert_default().entry(path.to_owned()).or_insert(file).clone())
+    let file = RemoteFile::ask(path).map(Arc::new);
+    let opened = match &file {
+        Ok(file) => Ok(file.clone()),
+        Err(error) => Err((Instant::now(), error.again())),
+    };
+    lock(&OPEN).get_or_insert_default().insert(path.as_os_str().to_owned(), opened);
+    file
 }
+
+/// An opened file, or why it could not be opened, and when.
+type OpenedFile = std::result::Result<Arc<RemoteFile>, (Instant, Error)>;
 
 impl RemoteFile {
     fn ask(path: &Path) -> Result<Self> {
@@ -93,6 +108,9 @@ impl RemoteFile {
             Ok(())
         };
         let (state, has_ranges) = requests.get(path, 0, HEAD, None, &mut keep)?;
+        if state.bytes == 0 {
+            return Err(Error::bad_input("file is empty").in_file(path).remedy("copy it again"));
+        }
         if !has_ranges && state.bytes > MAX_WHOLE {
             return Err(Error::unsupported(format!(
                 "the server supports no ranges of bytes, and the file is larger than {} MiB",
@@ -101,12 +119,19 @@ impl RemoteFile {
             .in_file(path)
             .remedy("download the file (curl -LO URL) and pass the local copy"));
         }
-        let version = state.version.as_deref().unwrap_or("");
+        // Without a version, pages are those of this run alone.
+        let of_run = || {
+            let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+            format!("{} {}", std::process::id(), since.as_nanos())
+        };
+        let version = state.strong_version().map_or_else(of_run, str::to_owned);
         let identity = format!("{}\n{}\n{version}", requests.address.url, state.bytes);
         let store = PageStore::new(&folder.path, &identity, state.bytes);
         let (asked, come) = (Mutex::default(), Condvar::new());
         let path = path.to_owned();
-        let file = Self { path, requests, state, has_ranges, store, folder, asked, come };
+        let failed = Mutex::default();
+        let file = Self { path, requests, state, has_ranges, store, folder, asked, come, failed };
+        file.in_store(|| file.store.open()?.note_use())?;
         let mut writer = PageWriter::new(&file, 0)?;
         writer.take(0, &head)?;
         file.note_written(head.len() as u64)?;
@@ -120,7 +145,7 @@ impl RemoteFile {
 
     /// What tells its contents from others of the same length, if the server says.
     pub(crate) fn version(&self) -> Option<&str> {
-        self.state.version.as_deref()
+        self.state.strong_version()
     }
 
     /// Fills `out` from the byte `at` on; `ahead` more bytes are asked for with those that are missing.
@@ -133,7 +158,8 @@ impl RemoteFile {
             let Some(last) = missing.last() else { return Ok(()) };
             let end = self.store.bytes(last.clone()).end;
             let ahead = self.store.pages(end..end.saturating_add(ahead).min(self.bytes()));
-            self.fetch([missing, vec![ahead]].concat())?;
+            let ahead = self.in_store(|| self.store.open()?.missing(ahead))?;
+            self.fetch([missing, ahead].concat())?;
         }
         Err(Error::bad_input("its pages on disk disappear while they are read")
             .in_file(&self.path)
@@ -217,8 +243,20 @@ impl RemoteFile {
         (PageClaim { file: self, runs: own }, others)
     }
 
+    /// Why a request has failed.
+    fn failure(&self) -> Option<Error> {
+        lock(&self.failed).as_ref().map(Error::again)
+    }
+
     /// Asks for pages, and keeps them.
     fn get(&self, pages: Range<u64>) -> Result<()> {
+        self.failure().map_or(Ok(()), Err)?;
+        self.try_get(pages).inspect_err(|error| {
+            lock(&self.failed).get_or_insert_with(|| error.again());
+        })
+    }
+
+    fn try_get(&self, pages: Range<u64>) -> Result<()> {
         let bytes = self.store.bytes(pages.clone());
         let mut writer = PageWriter::new(self, pages.start)?;
         let mut keep = |at, some: &[u8]| writer.take(at, some);
@@ -237,7 +275,7 @@ impl RemoteFile {
     /// Looks at the size of the folder from time to time.
     fn note_written(&self, bytes: u64) -> Result<()> {
         static WRITTEN: AtomicU64 = AtomicU64::new(LOOK);
-        if WRITTEN.fetch_add(bytes, Ordering::Relaxed) + bytes < LOOK {
+        if WRITTEN.fetch_add(bytes, Ordering::Relaxed) + bytes < LOOK.min(self.folder.bytes / 8) {
             return Ok(());
         }
         WRITTEN.store(0, Ordering::Relaxed);

@@ -16,6 +16,8 @@ use crate::position::{read_exact_at, write_all_at};
 pub(super) const PAGE: u64 = 1 << 14;
 /// Bytes of a checksum.
 const SUM: u64 = 8;
+/// Digits of a name.
+const NAME: usize = 32;
 /// Endings of the two files.
 const PAGES: &str = "pages";
 const SUMS: &str = "sums";
@@ -40,7 +42,7 @@ pub(super) struct OpenPages<'a> {
 impl PageStore {
     /// The pages of a file of `bytes` bytes; `identity` tells it from all others.
     pub(super) fn new(folder: &Path, identity: &str, bytes: u64) -> Self {
-        let name = blake3::hash(identity.as_bytes()).to_hex()[..32].to_owned();
+        let name = blake3::hash(identity.as_bytes()).to_hex()[..NAME].to_owned();
         Self { folder: folder.to_owned(), name, bytes }
     }
 
@@ -51,7 +53,8 @@ impl PageStore {
 
     /// The pages with these bytes.
     pub(super) fn pages(&self, bytes: Range<u64>) -> Range<u64> {
-        bytes.start / PAGE..bytes.end.div_ceil(PAGE).min(self.count())
+        let end = bytes.end.div_ceil(PAGE).min(self.count());
+        (bytes.start / PAGE).min(end)..end
     }
 
     /// The bytes of some pages.
@@ -61,10 +64,15 @@ impl PageStore {
 
     /// Opens its files, which are made if necessary.
     pub(super) fn open(&self) -> io::Result<OpenPages<'_>> {
-        std::fs::create_dir_all(&self.folder)?;
+        private_folder(&self.folder)?;
         let open = |ending| {
             let path = self.folder.join(&self.name).with_extension(ending);
-            OpenOptions::new().create(true).truncate(false).read(true).write(true).open(path)
+            let mut options = OpenOptions::new();
+            options.create(true).truncate(false).read(true).write(true);
+            // What was read with credentials is not for others.
+            #[cfg(unix)]
+            std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+            options.open(path)
         };
         let (pages, sums) = (open(PAGES)?, open(SUMS)?);
         for (file, bytes) in [(&pages, self.bytes), (&sums, self.count() * SUM)] {
@@ -126,11 +134,27 @@ impl OpenPages<'_> {
         Ok(sums.iter().map(|sum| u64::from_le_bytes(*sum)).collect())
     }
 
+    /// Notes that the pages are in use, so that others go first.
+    pub(super) fn note_use(&self) -> io::Result<()> {
+        let now = SystemTime::now();
+        self.pages.set_modified(now)?;
+        self.sums.set_modified(now)
+    }
+
     /// Writes a page, whole.
     pub(super) fn write(&self, page: u64, bytes: &[u8]) -> io::Result<()> {
         write_all_at(&self.pages, bytes, page * PAGE)?;
         write_all_at(&self.sums, &checksum(bytes).to_le_bytes(), page * SUM)
     }
+}
+
+/// Makes a folder for this user alone, unless it is there.
+fn private_folder(path: &Path) -> io::Result<()> {
+    let mut builder = std::fs::DirBuilder::new();
+    builder.recursive(true);
+    #[cfg(unix)]
+    std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
+    builder.create(path)
 }
 
 /// The checksum of a page; never zero.
@@ -144,8 +168,8 @@ pub(super) fn trim(folder: &Path, most: u64) -> io::Result<()> {
     let mut all = Vec::new();
     for entry in std::fs::read_dir(folder)? {
         let path = entry?.path();
-        let is_own = path.extension().is_some_and(|ending| ending == PAGES || ending == SUMS);
-        if let (true, Ok(meta)) = (is_own, path.metadata()) {
+        let meta = path.symlink_metadata().ok().filter(std::fs::Metadata::is_file);
+        if let (true, Some(meta)) = (is_own(&path), meta) {
             let used = meta.modified().unwrap_or(SystemTime::UNIX_EPOCH);
             all.push((used, taken(&meta), path));
         }
@@ -164,6 +188,13 @@ pub(super) fn trim(folder: &Path, most: u64) -> io::Result<()> {
         sum -= bytes;
     }
     Ok(())
+}
+
+/// Whether a file is one of pages, by its name.
+fn is_own(path: &Path) -> bool {
+    let is_ending = path.extension().is_some_and(|ending| ending == PAGES || ending == SUMS);
+    let name = path.file_stem().and_then(|name| name.to_str()).unwrap_or_default();
+    is_ending && name.len() == NAME && name.bytes().all(|byte| byte.is_ascii_hexdigit())
 }
 
 /// Bytes on disk.
@@ -229,17 +260,19 @@ mod tests {
             let time = SystemTime::now() - std::time::Duration::from_secs(100 * age as u64);
             [&open.pages, &open.sums].iter().for_each(|file| file.set_modified(time).unwrap());
         }
-        std::fs::write(folder.path().join("other"), "x").unwrap();
+        let others = ["other", "thesis.pages", "0123.sums"];
+        others.map(|name| std::fs::write(folder.path().join(name), "x").unwrap());
+        std::fs::create_dir(folder.path().join(format!("{}.pages", "a".repeat(NAME)))).unwrap();
         trim(folder.path(), 9 * PAGE).unwrap();
         let left = |name: &str| {
             let store = PageStore::new(folder.path(), name, 4 * PAGE);
             store.open().unwrap().missing(0..4).unwrap().is_empty()
         };
         assert!(left("new") && !left("older"));
-        assert!(folder.path().join("other").exists());
         trim(folder.path(), 0).unwrap();
+        assert!(others.iter().all(|name| folder.path().join(name).exists()));
         let own = std::fs::read_dir(folder.path()).unwrap().flatten();
-        let own = own.filter(|entry| entry.file_name() != "other");
+        let own = own.filter(|entry| is_own(&entry.path()) && entry.path().is_file());
         assert_eq!(own.map(|entry| taken(&entry.metadata().unwrap())).sum::<u64>(), 0);
     }
 }

@@ -18,7 +18,7 @@ const WAIT: Duration = Duration::from_millis(200);
 /// Longest wait that a server may ask for.
 const MAX_WAIT: Duration = Duration::from_secs(30);
 const CONNECT: Duration = Duration::from_secs(15);
-const ANSWER: Duration = Duration::from_secs(60);
+const ANSWER: Duration = Duration::from_secs(20);
 /// Least bytes a second.
 const SLOWEST: u64 = 1 << 16;
 /// Most moves of a file to other addresses.
@@ -29,6 +29,10 @@ const PROGRESS: u64 = 1 << 18;
 const CONNECTIONS: usize = 16;
 /// File of certificates to trust, in place of those of Mozilla.
 const CERTIFICATES: &str = "SSL_CERT_FILE";
+/// Longest file: beyond, a length is not one.
+const MAX_BYTES: u64 = 1 << 53;
+/// What helps where a server is not up to it.
+const DOWNLOAD: &str = "download the file (curl -LO URL) and pass the local copy";
 
 /// What a server says of a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,11 +42,20 @@ pub(super) struct RemoteState {
     pub(super) version: Option<String>,
 }
 
+impl RemoteState {
+    /// The version, if files that have it have the same bytes: a weak tag is of files that mean the same.
+    pub(super) fn strong_version(&self) -> Option<&str> {
+        self.version.as_deref().filter(|tag| !tag.starts_with("W/"))
+    }
+}
+
 /// An answer that has come, and the place of its first byte.
 struct RangeAnswer {
     body: ureq::BodyReader<'static>,
     first: u64,
     state: RemoteState,
+    /// Behind its last byte.
+    end: u64,
     /// Whether ranges are supported.
     is_range: bool,
 }
@@ -86,6 +99,7 @@ impl RemoteRequests {
                     let end = end.min(found.bytes);
                     state = Some(found.clone());
                     match pass_on(answer, &mut at, end, &mut arrived, receive)? {
+                        None if at < end => continue,
                         None => return Ok((found, is_range)),
                         Some(failure) => failure,
                     }
@@ -155,8 +169,13 @@ fn location(from: &str, answer: &Response<Body>) -> Option<String> {
     let place = rest.split(['?', '#']).next()?;
     let (host, path) = place.split_at(place.find('/').unwrap_or(place.len()));
     let folder = &path[..path.rfind('/').map_or(0, |at| at + 1)];
+    let of_scheme = to.split(['/', '?', '#']).next().is_some_and(|start| start.ends_with(':'));
+    if of_scheme && scheme == "https" && !to.starts_with("https:") {
+        return None;
+    }
     Some(match to {
-        _ if to.contains("://") => to.to_owned(),
+        _ if of_scheme => to.to_owned(),
+        _ if to.starts_with('?') => format!("{scheme}://{place}{to}"),
         _ if to.starts_with("//") => format!("{scheme}:{to}"),
         _ if to.starts_with('/') => format!("{scheme}://{host}{to}"),
         _ => format!("{scheme}://{host}{folder}{to}"),
@@ -177,28 +196,28 @@ fn answered(
         let remedy = "download the file (curl -LO --compressed URL) and pass the local copy";
         return Err(RequestFailure::Final(error.in_file(path).remedy(remedy)));
     }
-    let (first, bytes) = match is_range {
+    let (first, end, bytes) = match is_range {
         true => {
             let range =
-                header("content-range").and_then(content_range).filter(|(first, _)| *first == at);
+                header("content-range").and_then(content_range).filter(|(first, ..)| *first == at);
             range.ok_or_else(|| {
                 let found = header("content-range").unwrap_or("none");
                 let what = format!(
                     "the server answers with another range ({found}) than asked for ({at})"
                 );
-                RequestFailure::Final(Error::bad_input(what).in_file(path))
+                let error = Error::bad_input(what).in_file(path);
+                RequestFailure::Final(error.remedy(DOWNLOAD))
             })?
         }
         false => {
             let length =
                 answer.body().content_length().or_else(|| header("content-length")?.parse().ok());
             let length = length.or(known.map(|known| known.bytes));
-            (0, length.ok_or_else(|| no_ranges(path, "does not state its length"))?)
+            let length = length.ok_or_else(|| no_ranges(path, "does not state its length"))?;
+            (0, length, length)
         }
     };
-    // The tag of a weak one is of files with the same meaning, not with the same bytes.
-    let tag = header("etag").filter(|tag| !tag.starts_with("W/"));
-    let version = tag.or_else(|| header("last-modified")).map(str::to_owned);
+    let version = header("etag").or_else(|| header("last-modified")).map(str::to_owned);
     let state = RemoteState { bytes, version };
     if let Some(known) = known.filter(|known| **known != state) {
         let what = match known.bytes == state.bytes {
@@ -208,13 +227,17 @@ fn answered(
                 known.bytes, state.bytes
             ),
         };
-        let error = Error::bad_input(what).in_file(path);
+        let error = Error::new(ErrorKind::Io, what).in_file(path);
         return Err(RequestFailure::Final(error.remedy("run again when it does not change")));
     }
-    Ok(RangeAnswer { body: answer.into_body().into_reader(), first, state, is_range })
+    if bytes > MAX_BYTES {
+        let error = Error::bad_input(format!("the server states {bytes} bytes")).in_file(path);
+        return Err(RequestFailure::Final(error.remedy(DOWNLOAD)));
+    }
+    Ok(RangeAnswer { body: answer.into_body().into_reader(), first, state, end, is_range })
 }
 
-/// Passes on what comes from the byte `at` on; returns a failure if it ends before `end`.
+/// Passes on what comes from the byte `at` on, until `end` or the end of the answer; returns a failure if it ends before.
 fn pass_on(
     mut answer: RangeAnswer,
     at: &mut u64,
@@ -223,6 +246,8 @@ fn pass_on(
     receive: &mut Receive<'_>,
 ) -> Result<Option<RequestFailure>> {
     let (mut place, mut buffer) = (answer.first, vec![0; 1 << 16]);
+    let is_whole = end >= answer.end;
+    let end = end.min(answer.end);
     while place < end {
         let most = (buffer.len() as u64).min(end - place) as usize;
         let count = match answer.body.read(&mut buffer[..most]) {
@@ -242,22 +267,26 @@ fn pass_on(
             *at = place;
         }
     }
+    if is_whole {
+        // Read to its end, an answer gives its connection back.
+        let _ = answer.body.read(&mut buffer[..1]);
+    }
     Ok(None)
 }
 
-/// First byte and length of the file in "bytes 0-99/1234".
-fn content_range(text: &str) -> Option<(u64, u64)> {
+/// First byte, end, and length of the file in "bytes 0-99/1234".
+fn content_range(text: &str) -> Option<(u64, u64, u64)> {
     let (range, length) = text.trim().strip_prefix("bytes")?.trim().split_once('/')?;
     let (first, last) = range.split_once('-')?;
     let (first, last): (u64, u64) = (first.trim().parse().ok()?, last.trim().parse().ok()?);
     let length = length.trim().parse().ok()?;
-    (first <= last && last < length).then_some((first, length))
+    (first <= last && last < length).then_some((first, last + 1, length))
 }
 
 fn no_ranges(path: &Path, what: &str) -> RequestFailure {
     let what = format!("the server supports no ranges of bytes and {what}");
     let error = Error::unsupported(what).in_file(path);
-    RequestFailure::Final(error.remedy("download the file (curl -LO URL) and pass the local copy"))
+    RequestFailure::Final(error.remedy(DOWNLOAD))
 }
 
 /// The failure of a status that is not one of bytes.
@@ -266,10 +295,12 @@ fn of_status(path: &Path, status: u16, answer: &Response<Body>) -> RequestFailur
     let header = |name: &str| answer.headers().get(name)?.to_str().ok();
     let error = match status {
         404 | 410 => Error::not_found("no such file").in_file(path).remedy("check the address"),
-        401 | 403 => Error::bad_input(format!("access is denied ({said})"))
+        401 | 403 => Error::new(ErrorKind::Io, format!("access is denied ({said})"))
             .in_file(path)
             .remedy("check the address and the credentials (AWS_ACCESS_KEY_ID, a signed address)"),
-        416 => Error::bad_input(format!("is empty or became shorter ({said})")).in_file(path),
+        416 => Error::bad_input(format!("is empty or became shorter ({said})"))
+            .in_file(path)
+            .remedy("check the address"),
         301 if let Some(region) = header("x-amz-bucket-region") => {
             Error::bad_input(format!("the bucket is in another region ({region})"))
                 .in_file(path)
@@ -287,6 +318,11 @@ fn of_status(path: &Path, status: u16, answer: &Response<Body>) -> RequestFailur
 /// The failure of a request without an answer.
 fn of_transport(path: &Path, error: &ureq::Error) -> RequestFailure {
     let what = error.to_string();
+    if what.contains("certificate") {
+        let error = Error::new(ErrorKind::Io, format!("cannot read: {what}")).in_file(path);
+        let remedy = format!("name a file of certificates to trust by {CERTIFICATES}");
+        return RequestFailure::Final(error.remedy(remedy));
+    }
     let is_final = matches!(
         error,
         ureq::Error::BadUri(_)
@@ -319,7 +355,7 @@ fn agent() -> std::result::Result<&'static Agent, String> {
             .max_idle_connections(CONNECTIONS)
             .max_idle_connections_per_host(CONNECTIONS)
             .user_agent(concat!("terrane/", env!("CARGO_PKG_VERSION")));
-        if let Some(file) = std::env::var_os(CERTIFICATES) {
+        if let Some(file) = std::env::var_os(CERTIFICATES).filter(|file| !file.is_empty()) {
             let file = Path::new(&file);
             let text =
                 std::fs::read(file).map_err(|error| format!("{}: {error}", file.display()))?;
@@ -328,6 +364,9 @@ fn agent() -> std::result::Result<&'static Agent, String> {
                 _ => None,
             });
             let certificates: Vec<_> = certificates.collect();
+            if certificates.is_empty() {
+                return Err(format!("{} holds no certificate", file.display()));
+            }
             let roots = RootCerts::new_with_certs(&certificates);
             config = config.tls_config(TlsConfig::builder().root_certs(roots).build());
         }
@@ -351,6 +390,8 @@ mod tests {
             ("https://h:1/a/b", "/c?z=1", "https://h:1/c?z=1"),
             ("https://h/a", "//g/c", "https://g/c"),
             ("http://h", "https://g/c", "https://g/c"),
+            ("http://h/a/b?x", "?y=http://z", "http://h/a/b?y=http://z"),
+            ("http://h/a/b?x", "/c?y=http://z", "http://h/c?y=http://z"),
         ] {
             assert_eq!(moved(from, to), expected);
         }
@@ -359,8 +400,8 @@ mod tests {
     #[test]
     fn ranges_are_checked() {
         for (text, expected) in [
-            ("bytes 0-99/1234", Some((0, 1234))),
-            ("bytes 5-5/6", Some((5, 6))),
+            ("bytes 0-99/1234", Some((0, 100, 1234))),
+            ("bytes 5-5/6", Some((5, 6, 6))),
             ("bytes 5-6/6", None),
             ("bytes 9-5/60", None),
             ("bytes 0-99/*", None),

@@ -9,6 +9,9 @@ const CHUNK: usize = 64 << 10;
 /// Maximum length of a number.
 const MAX_WORD: usize = 256;
 
+/// Bytes of a remote file asked for ahead.
+const AHEAD: u64 = 4 << 20;
+
 /// A reader of whitespace-separated words.
 pub(super) struct AscTokens<'a> {
     file: &'a RawFile,
@@ -163,7 +166,7 @@ impl<'a> AscTokens<'a> {
         let bytes = (self.file.size() - self.end).min(CHUNK as u64) as usize;
         let start = self.buffer.len();
         self.buffer.resize(start + bytes, 0);
-        self.file.read_at(self.end, &mut self.buffer[start..])?;
+        self.file.read_on(self.end, &mut self.buffer[start..], AHEAD)?;
         self.end += bytes as u64;
         Ok(bytes > 0)
     }

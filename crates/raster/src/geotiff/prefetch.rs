@@ -19,12 +19,25 @@ impl GeoTiffImage {
     /// Those of reading.
     pub(super) fn prefetch(&self, rect: Rect, expected: Rect) -> Result<()> {
         let layout = &self.blocks.layout;
-        let needed = blocks_touching(layout, rect).map(|at| self.needed(at, rect));
+        // Rows of blocks that are not decoded are asked for as they are read; with them, those below.
+        let is_wide = rect.col == expected.col && rect.width == expected.width;
+        let needed = blocks_touching(layout, rect).map(|at| match layout.is_read_by_rows() {
+            true if !is_wide => Ok(None),
+            _ => self.needed(at, rect),
+        });
         let needed: Vec<_> = needed.filter_map(Result::transpose).collect::<Result<_>>()?;
         let mut ahead = Vec::new();
         let mut left = AHEAD;
-        for at in blocks_after(layout, rect, expected) {
-            let Some(range) = self.needed(at, expected)? else { continue };
+        let later = Rect {
+            row: rect.end_row(),
+            height: expected.end_row().saturating_sub(rect.end_row()),
+            ..expected
+        };
+        let rows = blocks_touching(layout, rect).filter(|_| layout.is_read_by_rows() && is_wide);
+        let rows = rows.map(|at| (at, later));
+        let after = blocks_after(layout, rect, expected).map(|at| (at, expected));
+        for (at, rect) in rows.chain(after) {
+            let Some(range) = self.needed(at, rect)? else { continue };
             let bytes = range.end - range.start;
             if bytes > left {
                 break;
@@ -45,6 +58,9 @@ impl GeoTiffImage {
         }
         let block = layout.block_rect(bx, by);
         let part = block.intersect(&rect);
+        if part.is_empty() {
+            return Ok(None);
+        }
         let rows = u64::from(part.row - block.row)..u64::from(part.end_row() - block.row);
         let [first, end] = [rows.start, rows.end].map(|row| (row * layout.row_bytes()).min(bytes));
         Ok(Some(offset + first..offset + end))

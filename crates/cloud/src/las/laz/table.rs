@@ -15,6 +15,8 @@ use super::{ChunkDecoder, LazCompressor, LazLayout, layers};
 
 /// Bytes of the offset of the table, before the first chunk or, if it could not be written later, at the end of the
 /// file.
+/// Bytes of the tables of most files.
+const TABLE_BYTES: u64 = 1 << 18;
 const POINTER_BYTES: u64 = 8;
 /// Bytes of the table's version and number of entries.
 const HEAD_BYTES: u64 = 8;
@@ -47,6 +49,17 @@ pub(crate) struct LazTableFindings {
     pub(crate) more: u64,
 }
 
+/// Asks for the table of a remote file: a request that fails is not a table that is missing.
+fn ask(file: &RawFile, start: u64) -> Result<()> {
+    if !file.is_remote() || file.check_range(start, POINTER_BYTES).is_err() {
+        return Ok(());
+    }
+    let pointer = file.read_vec(start, POINTER_BYTES)?;
+    let at = pointer.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes));
+    let end = at.saturating_add(TABLE_BYTES).min(file.size());
+    file.prefetch(&[at.min(end)..end], &[])
+}
+
 /// The table of `file`; with `salvage`, chunks are recovered without a damaged table.
 pub(crate) fn read(
     file: &RawFile,
@@ -63,6 +76,7 @@ pub(crate) fn read(
         ));
     }
     let first = start.saturating_add(POINTER_BYTES);
+    ask(file, start)?;
     let found = entries(file, header, layout, first);
     match found {
         Ok((chunks, more)) => {
