@@ -94,7 +94,8 @@ impl CachedBlock {
         match self {
             Self::Held(block) => {
                 let (offset, pitch) = (run.offset as usize, run.pitch as usize);
-                (0..run.rows).for_each(|row| each(row, &block[offset + row * pitch..][..run.bytes]));
+                (0..run.rows)
+                    .for_each(|row| each(row, &block[offset + row * pitch..][..run.bytes]));
                 Ok(())
             }
             Self::Spilled(block) => ROWS.with_borrow_mut(|rows| {

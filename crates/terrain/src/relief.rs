@@ -187,8 +187,9 @@ impl DerivativeGrid {
     /// but the last column and row, which the next rectangle needs, and those that the rectangles before have left.
     fn last_read_for(&self, rect: Rect) -> Rect {
         let [col, row] = [rect.col.saturating_sub(1), rect.row.saturating_sub(1)];
-        let [right, below] = [(rect.end_col(), self.info.width), (rect.end_row(), self.info.height)]
-            .map(|(end, size)| if end < size { end - 1 } else { size });
+        let [right, below] =
+            [(rect.end_col(), self.info.width), (rect.end_row(), self.info.height)]
+                .map(|(end, size)| if end < size { end - 1 } else { size });
         Rect::new(col, row, right.saturating_sub(col), below.saturating_sub(row))
     }
 

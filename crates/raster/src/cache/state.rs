@@ -97,11 +97,7 @@ impl BlockCacheState {
 
     /// Drops spare buffers, and then takes the least recently used blocks from the order, until `bytes` more are within
     /// `most` or none is left. Each of these is to [leave](Self::leave).
-    pub(super) fn make_room(
-        &mut self,
-        bytes: usize,
-        most: usize,
-    ) -> Vec<(BlockKey, Arc<Vec<u8>>)> {
+    pub(super) fn make_room(&mut self, bytes: usize, most: usize) -> Vec<(BlockKey, Arc<Vec<u8>>)> {
         let mut leaving = Vec::new();
         let mut total = self.bytes + bytes;
         while total > most

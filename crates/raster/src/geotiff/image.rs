@@ -86,7 +86,8 @@ impl GeoTiffImage {
         let block = self.blocks.layout.block_rect(bx, by);
         let size = self.blocks.layout.sample_type.bytes();
         let pitch = self.blocks.layout.block_width as usize * size;
-        let first = (part.row - block.row) as usize * pitch + (part.col - block.col) as usize * size;
+        let first =
+            (part.row - block.row) as usize * pitch + (part.col - block.col) as usize * size;
         let run = RowRun {
             offset: first as u64,
             pitch: pitch as u64,
