@@ -52,7 +52,7 @@ const JOBS: [(&str, RunJob); 6] = [
         run!(job, threads, memory, file.with_file_name("out.store.tif"))
     }),
     ("slope", |grid, file, threads, memory| {
-        run!(grid.slope(), threads, memory, file.with_file_name("out.flt"))
+        run!(grid.slope(), threads, memory, file.with_file_name("out.tif"))
     }),
 ];
 
