@@ -80,7 +80,7 @@ impl SharedBlocks {
 #[derive(Clone, Debug)]
 pub(crate) enum CachedBlock {
     Held(Arc<Vec<u8>>),
-    Spilled(Arc<SpilledBlock>),
+    Spilled(Arc<SpooledBlock>),
 }
 
 thread_local! {
@@ -107,20 +107,20 @@ impl CachedBlock {
 
 /// A block in the temporary file, which frees its space when the last reader is done.
 #[derive(Debug)]
-pub(crate) struct SpilledBlock {
+pub(crate) struct SpooledBlock {
     spool: Arc<SpoolFile>,
     /// `None` only while it is dropped.
     extent: Option<SpoolExtent>,
     bytes: u64,
 }
 
-impl SpilledBlock {
+impl SpooledBlock {
     fn read(&self, at: u64, out: &mut [u8]) -> Result<()> {
         self.extent.iter().try_for_each(|extent| self.spool.get(extent, at, &mut [&mut *out]))
     }
 }
 
-impl Drop for SpilledBlock {
+impl Drop for SpooledBlock {
     fn drop(&mut self) {
         self.extent.take().into_iter().for_each(|extent| self.spool.free(extent));
     }
@@ -210,14 +210,14 @@ impl BlockCache {
     }
 
     /// Writes a block to the temporary file, unless that has failed before.
-    fn spill(&self, block: &[u8]) -> Option<Arc<SpilledBlock>> {
+    fn spill(&self, block: &[u8]) -> Option<Arc<SpooledBlock>> {
         let bytes = block.len() as u64;
         if bytes > MAX_SPILLED || !self.can_spill.load(Ordering::Relaxed) {
             return None;
         }
         let extent = self.spool.put(&[block]).ok();
         self.can_spill.fetch_and(extent.is_some(), Ordering::Relaxed);
-        Some(Arc::new(SpilledBlock { spool: self.spool.clone(), extent: Some(extent?), bytes }))
+        Some(Arc::new(SpooledBlock { spool: self.spool.clone(), extent: Some(extent?), bytes }))
     }
 }
 

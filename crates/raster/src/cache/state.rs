@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
-use super::{BlockKey, CachedBlock, MAX_SPILLED, SpilledBlock};
+use super::{BlockKey, CachedBlock, MAX_SPILLED, SpooledBlock};
 
 /// Where a block is.
 #[derive(Debug)]
@@ -15,7 +15,7 @@ enum BlockSlot {
     /// In memory, while a thread writes it to the temporary file.
     Leaving(Arc<Vec<u8>>),
     /// In the temporary file.
-    Spilled { block: Arc<SpilledBlock>, stamp: u64 },
+    Spilled { block: Arc<SpooledBlock>, stamp: u64 },
 }
 
 /// Answer to a request for a block.
@@ -127,7 +127,7 @@ impl BlockCacheState {
         &mut self,
         key: BlockKey,
         block: Arc<Vec<u8>>,
-        spilled: Option<Arc<SpilledBlock>>,
+        spilled: Option<Arc<SpooledBlock>>,
     ) -> Option<Vec<u8>> {
         // It may have been released meanwhile, and even be decoded again.
         let is_here = matches!(
@@ -141,7 +141,7 @@ impl BlockCacheState {
         Arc::into_inner(block)
     }
 
-    fn keep_spilled(&mut self, key: BlockKey, block: Arc<SpilledBlock>) {
+    fn keep_spilled(&mut self, key: BlockKey, block: Arc<SpooledBlock>) {
         while self.spilled_bytes + block.bytes > MAX_SPILLED
             && let Some((_, oldest)) = self.spilled.first_key_value()
         {
