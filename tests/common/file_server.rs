@@ -134,6 +134,9 @@ fn answer(
         _ => {}
     }
     let length = bytes.len() as u64;
+    if length == 0 {
+        return status("416 Range Not Satisfiable", "");
+    }
     let has_ranges = !matches!(way, "whole" | "chunked");
     let [first, last] = match range.filter(|_| has_ranges) {
         Some([first, last]) if way == "capped" => [first, last.min(first + 20_000).min(length - 1)],

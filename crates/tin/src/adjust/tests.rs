@@ -134,7 +134,7 @@ proptest! {
         let facet = PlaneFacet::new(corners, z);
         for (level, (name, kernels)) in (0..3).flat_map(|l| available_star().into_iter().map(move |k| (l, k))) {
             let level = field.level(level);
-            let is_at_level = |at: &TilePosition| (at.col() | at.row()) % (1 << level.shift) == 0;
+            let is_at_level = |at: &TilePosition| (at.col() | at.row()).is_multiple_of(1 << level.shift);
             let [left, _] = facet.column_range(&level);
             // In strips of the columns of a chunk.
             let place = |at: TilePosition| (((at.col() >> level.shift) as i32 - left) / 8, at);
