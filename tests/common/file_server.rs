@@ -129,7 +129,7 @@ fn answer(
             return status("301 Moved Permanently", more);
         }
         "gone" if before > 0 => return status("404 Not Found", ""),
-        "closes" if before % 2 == 0 => return Ok(false),
+        "closes" if before.is_multiple_of(2) => return Ok(false),
         "slow" => std::thread::sleep(Duration::from_millis(30)),
         _ => {}
     }
@@ -178,7 +178,8 @@ fn answer(
         write!(stream, "{:x}\r\n", body.len())?;
     }
     // A third of the answer, and then no more.
-    let body = if way == "short" && before % 3 != 0 { &body[..body.len() / 3] } else { body };
+    let body =
+        if way == "short" && !before.is_multiple_of(3) { &body[..body.len() / 3] } else { body };
     sent(body.len() as u64);
     stream.write_all(body)?;
     if way == "chunked" {

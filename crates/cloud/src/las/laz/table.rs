@@ -57,7 +57,8 @@ fn ask(file: &RawFile, start: u64) -> Result<()> {
     let pointer = file.read_vec(start, POINTER_BYTES)?;
     let at = pointer.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes));
     let end = at.saturating_add(TABLE_BYTES).min(file.size());
-    file.prefetch(&[at.min(end)..end], &[])
+    let table = at.min(end)..end;
+    file.prefetch(&[table], &[])
 }
 
 /// The table of `file`; with `salvage`, chunks are recovered without a damaged table.
