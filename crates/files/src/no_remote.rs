@@ -8,7 +8,9 @@ use terrane_base::error::{Error, Result};
 
 /// There is none.
 #[derive(Debug)]
-pub(crate) enum RemoteFile {}
+pub(crate) enum NoRemoteFile {}
+
+pub(crate) use NoRemoteFile as RemoteFile;
 
 pub(crate) fn is_remote(_: &Path) -> bool {
     false

@@ -261,7 +261,9 @@ mod tests {
             [&open.pages, &open.sums].iter().for_each(|file| file.set_modified(time).unwrap());
         }
         let others = ["other", "thesis.pages", "0123.sums"];
-        others.map(|name| std::fs::write(folder.path().join(name), "x").unwrap());
+        for name in others {
+            std::fs::write(folder.path().join(name), "x").unwrap();
+        }
         std::fs::create_dir(folder.path().join(format!("{}.pages", "a".repeat(NAME)))).unwrap();
         trim(folder.path(), 9 * PAGE).unwrap();
         let left = |name: &str| {

@@ -193,7 +193,7 @@ fn answered(
     let header = |name: &str| answer.headers().get(name)?.to_str().ok();
     if let Some(coding) = header("content-encoding").filter(|coding| *coding != "identity") {
         let error = Error::unsupported(format!("the server compresses what it sends ({coding})"));
-        let remedy = "download the file (curl -LO --compressed URL) and pass the local copy";
+        let remedy = "download the file, unpacked, and pass the local copy";
         return Err(RequestFailure::Final(error.in_file(path).remedy(remedy)));
     }
     let (first, end, bytes) = match is_range {
