@@ -32,7 +32,7 @@ pub(crate) struct ErrorChunk {
 /// Errors of the samples of a star.
 #[derive(Debug)]
 pub(super) struct StarErrors {
-    /// Chunks of the star, and as many more as there were in a larger one.
+    /// The first `count` are of the star; the others were of larger ones.
     chunks: Vec<ErrorChunk>,
     count: usize,
     kernels: StarKernels,

@@ -553,7 +553,7 @@ def picture(
     src: Any,
     path: Path,
     *,
-    width: int = 1600,
+    width: int | None = None,
     edges: bool = False,
     azimuth: float = 315.0,
     altitude: float = 45.0,
