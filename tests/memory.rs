@@ -246,6 +246,7 @@ const JOBS: &[&str] = &[
     "grid dense.laz o.tif --cell 1 --chm",
     "grid dense.laz o.tif --cell 1 --chm --canopy spike-free",
     "grid dense.laz o.tif --cell 1 --dtm --ground ptd",
+    "grid sparse.laz o.tif --cell 4 --dtm --ground csf-ptd",
     "contour dem.tif -o o.fgb --interval 20 --tile 256",
     "contour dem.tif -o o.geojson --interval 20 --tolerance 2 --tile 256",
     "verify dem.ply dem.tif",

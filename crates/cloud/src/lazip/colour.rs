@@ -113,7 +113,7 @@ impl RgbColor {
     pub(super) fn put(&mut self, coder: &mut RangeEncoder, last: &[u8; 6], colour: &[u8; 6]) {
         let bits = (0..6).map(|i| usize::from(colour[i] != last[i]) << i).sum::<usize>();
         let is_coloured = colour[..2] != colour[2..4] || colour[..2] != colour[4..];
-        let changes = bits | usize::from(is_coloured) * Self::COLOURED;
+        let changes = bits | (usize::from(is_coloured) * Self::COLOURED);
         coder.symbol(self.changes.ready(128), changes);
         let [last, colour] = [last, colour].map(|colour| colour.map(i32::from));
         let mut put = |number: usize, expected: i32| {

@@ -81,8 +81,8 @@ impl PositionContext {
         let mut channel = self.channels.get(self.current);
         let returns = point.returns;
         let changes = changes
-            | usize::from(is_other) * CHANNEL
-            | usize::from(returns.of() != last.returns.of()) * OF
+            | (usize::from(is_other) * CHANNEL)
+            | (usize::from(returns.of() != last.returns.of()) * OF)
             | match returns.number().wrapping_sub(last.returns.number()) & 15 {
                 0 => 0,
                 1 => 1,

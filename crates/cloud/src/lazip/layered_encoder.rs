@@ -235,8 +235,8 @@ impl<'a> RecordChanges<'a> {
         self.current = channel;
         // Times are compared as numbers, as LASzip does.
         let is_later = f64::from_bits(time(last)) != f64::from_bits(time(record));
-        usize::from(last[20..22] != record[20..22]) * SOURCE
-            | usize::from(is_later) * TIME
-            | usize::from(last[18..20] != record[18..20]) * ANGLE
+        (usize::from(last[20..22] != record[20..22]) * SOURCE)
+            | (usize::from(is_later) * TIME)
+            | (usize::from(last[18..20] != record[18..20]) * ANGLE)
     }
 }

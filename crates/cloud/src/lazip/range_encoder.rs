@@ -64,14 +64,15 @@ impl RangeEncoder {
     /// Narrows the interval to the part that begins at `low`, and writes bytes until it is long enough again.
     #[inline(always)]
     fn narrow(&mut self, low: u32, length: u32) {
-        let (base, is_carried) = self.base.overflowing_add(low);
-        if is_carried {
-            carry(&mut self.bytes[..self.filled]);
+        let (base, overflows) = self.base.overflowing_add(low);
+        if overflows {
+            add_one(&mut self.bytes[..self.filled]);
         }
         // All bytes at once: how many are valid is not known to branches.
         let shift = length.leading_zeros() & 24;
         if self.bytes.len() < self.filled + 4 {
-            self.bytes.resize(2 * self.filled + 64, 0);
+            // By value: an encoder whose address nobody takes stays in registers.
+            self.bytes = enlarged(std::mem::take(&mut self.bytes));
         }
         self.bytes[self.filled..][..4].copy_from_slice(&base.to_be_bytes());
         self.filled += (shift / 8) as usize;
@@ -98,10 +99,18 @@ impl RangeEncoder {
     }
 }
 
+/// The bytes with more room.
+#[cold]
+#[inline(never)]
+fn enlarged(mut bytes: Vec<u8>) -> Vec<u8> {
+    bytes.resize(2 * bytes.len() + 64, 0);
+    bytes
+}
+
 /// Adds one to the number that the bytes are.
 #[cold]
 #[inline(never)]
-fn carry(bytes: &mut [u8]) {
+fn add_one(bytes: &mut [u8]) {
     for byte in bytes.iter_mut().rev() {
         *byte = byte.wrapping_add(1);
         if *byte != 0 {

@@ -9,11 +9,11 @@
 //! | each thread: the columns of attributes, if there are any, and what decodes them | [`COLUMNS`] |
 //! | the rest: blocks of cells, those beyond it spilled | [`GridBudget::blocks`] |
 //!
-//! Without statistics of cells 7/8 of the rest is for points; workers and blocks still take half of all at most.
+//! Without statistics of cells 7/8 of the rest is for points, but never less than half of all.
 
 use terrane_base::error::{Error, Result};
 use terrane_engine::Resources;
-use terrane_engine::memory::{PROGRAM, too_little, with_slack, without_slack};
+use terrane_engine::memory::{PROGRAM, too_little, without_slack};
 use terrane_gridding::StatisticRecipe;
 use terrane_raster::write::{GridFormat, GridSink};
 
@@ -116,7 +116,7 @@ impl GridBudget {
         let (shift, blocks) = fitting.or(smallest).unwrap_or((MAX_SHIFT, LEAST));
         let threads = threads as usize;
         if work.recipe.triangulates() && work.recipe.bytes_per_cell() == 0 {
-            let points = without_slack(surface_share + blocks - LEAST);
+            let points = surface_share.max(without_slack(surface_share + blocks - LEAST));
             return Ok(Self { threads, blocks: LEAST, points, shift });
         }
         Ok(Self { threads, blocks, points: surface_share, shift })
@@ -124,8 +124,7 @@ impl GridBudget {
 
     /// Memory that is enough for `points` bytes of points that a surface goes through, whatever the threads.
     pub(super) fn with_points(points: u64) -> u64 {
-        // Workers take no more than the other half.
-        with_slack(points).saturating_mul(2)
+        points.saturating_mul(2)
     }
 
     /// Least memory for one thread in both [`divide`](Self::divide), if half of it goes to triangulated points,
