@@ -461,7 +461,9 @@ mod tests {
                 for threads in [1, 2, 64] {
                     let shares = GroundSearchMemory::divide(memory, stores, tile, threads);
                     assert!(shares.tiles + stores * shares.store <= memory, "{memory} {shares:?}");
-                    assert!(shares.tiles >= tile && (tile == 0 || shares.tiles % tile == 0));
+                    assert!(
+                        shares.tiles >= tile && (tile == 0 || shares.tiles.is_multiple_of(tile))
+                    );
                 }
             }
         }
