@@ -88,6 +88,13 @@ impl RowRun {
         }
     }
 
+    /// The bytes after whole rows, which are read from the top to the bottom of a file.
+    fn after(&self) -> Vec<Range<u64>> {
+        let end = self.offset.saturating_add(self.pitch.saturating_mul(self.rows as u64));
+        let is_whole = self.pitch == self.bytes as u64;
+        is_whole.then(|| end..end.saturating_add(AHEAD)).into_iter().collect()
+    }
+
     /// Number of rows to read in one call: several if at least half of the bytes read are used, or those between two rows
     /// cost less than a call.
     fn rows_at_once(&self) -> usize {
@@ -212,7 +219,7 @@ impl RawFile {
         each: impl FnMut(usize, &mut [u8]),
     ) -> Result<()> {
         if self.is_remote() {
-            self.prefetch(&run.ranges(), &[])?;
+            self.prefetch(&run.ranges(), &run.after())?;
         }
         run.each(scratch, |offset, out| self.read_at(offset, out), each)
     }

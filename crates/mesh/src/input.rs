@@ -25,6 +25,10 @@ pub(super) struct MeshFile {
 impl MeshFile {
     /// Opens a regular file.
     pub(super) fn open(path: &Path) -> Result<Self> {
+        // Of a folder of blocks, a file that is a folder is a fault of the folder.
+        if path.is_dir() {
+            return Err(Error::bad_input("not a regular file").in_file(path));
+        }
         RawFile::open(path).map(|file| Self { file })
     }
 
