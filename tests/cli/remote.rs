@@ -303,21 +303,25 @@ fn objects_are_asked_for_with_signatures_and_tokens() {
 #[test]
 fn the_folder_of_pages_keeps_its_size() {
     let (place, server) = served();
-    place.ok(&["synth", "rough,size=2000", "large.tif", "-q"]);
-    let args = ["convert", &server.url("plain", "large.tif"), "o.tif", "-q"];
-    let mut command = place.command(&args);
-    assert!(command.env("TERRANE_CACHE_SIZE", "1M").status().unwrap().success());
-    place.ok(&["convert", "large.tif", "expected.tif", "-q"]);
-    assert!(place.bytes("o.tif") == place.bytes("expected.tif"));
-    // It is looked at when a process begins to write.
-    let mut command = place.command(&["info", &server.url("plain", "c.laz")]);
-    command.env("TERRANE_CACHE_SIZE", "1M").output().unwrap();
+    std::fs::create_dir(place.path("cache")).unwrap();
+    let limited = |size: &str, args: &[&str]| {
+        place.command(args).env("TERRANE_CACHE_SIZE", size).output().unwrap()
+    };
+    for name in ["one.tif", "two.tif"] {
+        place.ok(&["synth", "rough,size=3200", name, "-q"]);
+        let args = ["convert", &server.url("plain", name), "o.tif", "-q", "--overwrite"];
+        assert!(limited("64M", &args).status.success());
+        place.ok(&["convert", name, "expected.tif", "-q", "--overwrite"]);
+        assert!(place.bytes("o.tif") == place.bytes("expected.tif"));
+    }
     let blocks = |entry: std::fs::DirEntry| {
         std::os::unix::fs::MetadataExt::blocks(&entry.metadata().unwrap()) * 512
     };
     let taken: u64 = std::fs::read_dir(place.path("cache")).unwrap().flatten().map(blocks).sum();
-    assert!(taken <= 2 << 20, "{taken}");
-    let mut command = place.command(&["info", &server.url("plain", "c.laz")]);
-    let ran = command.env("TERRANE_CACHE_SIZE", "many").output().unwrap();
-    assert!(!ran.status.success() && String::from_utf8_lossy(&ran.stderr).contains("not a size"));
+    assert!(taken <= 80 << 20, "{taken}");
+    for (size, told) in [("many", "not a size"), ("1M", "less than 64 MiB")] {
+        let ran = limited(size, &["info", &server.url("plain", "c.laz")]);
+        let error = String::from_utf8_lossy(&ran.stderr).into_owned();
+        assert!(!ran.status.success() && error.contains(told), "{error}");
+    }
 }

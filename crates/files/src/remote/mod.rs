@@ -44,6 +44,8 @@ const READS: usize = 4;
 const FOLDER: &str = "TERRANE_CACHE";
 const SIZE: &str = "TERRANE_CACHE_SIZE";
 const MAX_SIZE: u64 = 4 << 30;
+/// Least of these: what threads ask for ahead has to stay until it is read.
+const MIN_SIZE: u64 = 64 << 20;
 /// Most bytes written between two looks at the size of the folder.
 const LOOK: u64 = 256 << 20;
 /// How long a file that could not be opened is not asked for again.
@@ -358,7 +360,12 @@ impl PageFolder {
                 cache.join("terrane")
             }
         };
-        Ok(Self { path, bytes: variable(SIZE).map_or(Ok(MAX_SIZE), |text| size_of(&text))? })
+        let bytes = variable(SIZE).map_or(Ok(MAX_SIZE), |text| size_of(&text))?;
+        match bytes < MIN_SIZE {
+            false => Ok(Self { path, bytes }),
+            true => Err(Error::usage(format!("{SIZE} is less than {} MiB", MIN_SIZE >> 20))
+                .remedy("set it to 64M or more")),
+        }
     }
 }
 
