@@ -2,7 +2,6 @@
 //! of a layered chunk.
 
 use super::coder::RangeDecoder;
-use super::coordinates::DecodedPosition;
 use super::integer::IntegerDecoder;
 use super::machine::InstructionSet;
 use super::model::ArithmeticModel;
@@ -53,11 +52,7 @@ impl AttributeContext {
     /// Restarts after the point of `record`.
     fn begin(&mut self, record: &[u8; RECORD]) {
         self.is_used = true;
-        self.intensity = two_bytes(record, 12);
-        self.user = record[17];
-        self.angle = two_bytes(record, 18);
-        self.source = two_bytes(record, 20);
-        self.time = time(record);
+        self.set(record);
         self.intensities = [self.intensity; 8];
         self.intensity_steps.clear();
         self.angle_steps.clear();
@@ -113,76 +108,55 @@ impl AttributeContext {
         self.intensity = *last;
     }
 
-    /// Encodes the intensity of the next point.
+    /// Encodes the next point.
     #[inline(always)]
-    pub(super) fn put_intensity(
+    fn encode(
         &mut self,
-        coder: &mut RangeEncoder,
-        at: &DecodedPosition,
+        streams: &mut AttributeEncoders,
+        trace: PointChanges,
+        returns: ReturnNumbers,
         record: &[u8; RECORD],
     ) {
-        let place = usize::from(at.returns.is_first()) << 1 | usize::from(at.returns.is_last());
-        let last = &mut self.intensities[place << 1 | usize::from(at.trace.is_later())];
-        let intensity = two_bytes(record, 12);
-        self.intensity_steps.put(coder, place, step(*last, intensity));
-        *last = intensity;
-    }
-
-    /// Encodes the scan angle of the next point.
-    #[inline(always)]
-    pub(super) fn put_angle(
-        &mut self,
-        coder: &mut RangeEncoder,
-        at: &DecodedPosition,
-        record: &[u8; RECORD],
-    ) {
-        if at.trace.has_other_angle() {
-            let angle = two_bytes(record, 18);
-            let later = usize::from(at.trace.is_later());
-            self.angle_steps.put(coder, later, step(self.angle, angle));
-            self.angle = angle;
+        let two = |at: usize| u16::from_le_bytes([record[at], record[at + 1]]);
+        // Steps of 16 bits wrap, and are signed.
+        let step = |to: u16, from: u16| i32::from(to.wrapping_sub(from) as i16);
+        if let Some(coder) = &mut streams.intensities {
+            let place = usize::from(returns.is_first()) << 1 | usize::from(returns.is_last());
+            let last = &mut self.intensities[place << 1 | usize::from(trace.is_later())];
+            self.intensity_steps.put(coder, place, step(two(12), *last));
+            *last = two(12);
         }
-    }
-
-    /// Encodes the user data of the next point.
-    #[inline(always)]
-    pub(super) fn put_user(
-        &mut self,
-        coder: &mut RangeEncoder,
-        _: &DecodedPosition,
-        record: &[u8; RECORD],
-    ) {
-        let model = &mut self.users[usize::from(self.user >> 2)];
-        coder.symbol(model.ready(256), record[17].into());
-        self.user = record[17];
-    }
-
-    /// Encodes the point source of the next point.
-    #[inline(always)]
-    pub(super) fn put_source(
-        &mut self,
-        coder: &mut RangeEncoder,
-        at: &DecodedPosition,
-        record: &[u8; RECORD],
-    ) {
-        if at.trace.has_other_source() {
-            let source = two_bytes(record, 20);
-            self.source_steps.put(coder, 0, step(self.source, source));
-            self.source = source;
+        if let Some(coder) = &mut streams.angles
+            && trace.has_other_angle()
+        {
+            let later = usize::from(trace.is_later());
+            self.angle_steps.put(coder, later, step(two(18), self.angle));
         }
-    }
-
-    /// Encodes the time of the next point.
-    #[inline(always)]
-    pub(super) fn put_time(
-        &mut self,
-        coder: &mut RangeEncoder,
-        at: &DecodedPosition,
-        record: &[u8; RECORD],
-    ) {
-        if at.trace.is_later() {
+        if let Some(coder) = &mut streams.user_data {
+            let model = &mut self.users[usize::from(self.user >> 2)];
+            coder.symbol(model.ready(256), record[17].into());
+        }
+        if let Some(coder) = &mut streams.sources
+            && trace.has_other_source()
+        {
+            self.source_steps.put(coder, 0, step(two(20), self.source));
+        }
+        if let Some(coder) = &mut streams.times
+            && trace.is_later()
+        {
             self.times.put(coder, time(record));
         }
+        self.set(record);
+    }
+
+    /// Takes the fields of a record.
+    #[inline(always)]
+    fn set(&mut self, record: &[u8; RECORD]) {
+        self.intensity = u16::from_le_bytes([record[12], record[13]]);
+        self.user = record[17];
+        self.angle = u16::from_le_bytes([record[18], record[19]]);
+        self.source = u16::from_le_bytes([record[20], record[21]]);
+        self.time = time(record);
     }
 
     /// Stores the fields in the record.
@@ -202,16 +176,13 @@ pub(super) fn time(record: &[u8; RECORD]) -> u64 {
     u64::from_le_bytes(std::array::from_fn(|i| record[22 + i]))
 }
 
-/// The unsigned number at a byte of a record.
-#[inline(always)]
-fn two_bytes(record: &[u8; RECORD], at: usize) -> u16 {
-    u16::from_le_bytes([record[at], record[at + 1]])
-}
-
-/// A step between numbers of 16 bits, which wraps.
-#[inline(always)]
-fn step(from: u16, to: u16) -> i32 {
-    i32::from(to.wrapping_sub(from) as i16)
+/// Encoders of the layers of attributes that are not constant.
+pub(super) struct AttributeEncoders {
+    pub(super) intensities: Option<RangeEncoder>,
+    pub(super) angles: Option<RangeEncoder>,
+    pub(super) user_data: Option<RangeEncoder>,
+    pub(super) sources: Option<RangeEncoder>,
+    pub(super) times: Option<RangeEncoder>,
 }
 
 /// Contexts of all channels. They are large: allocated once per thread and reused.
@@ -253,15 +224,19 @@ impl ChannelHeads {
         channel.put(record);
     }
 
-    /// Switches to the channel of a point for encoding it; a new one begins after the record `before`.
+    /// Encodes the next point.
     #[inline(always)]
-    pub(super) fn turn(&mut self, channel: usize, before: &[u8; RECORD]) -> &mut AttributeContext {
-        self.current = channel;
-        let channel = &mut self.channels[channel & 3];
-        if !channel.is_used {
-            channel.begin(before);
+    pub(super) fn encode(
+        &mut self,
+        streams: &mut AttributeEncoders,
+        trace: PointChanges,
+        returns: ReturnNumbers,
+        record: &[u8; RECORD],
+    ) {
+        if trace.channel() != self.current {
+            self.switch(trace.channel());
         }
-        channel
+        self.channels[self.current & 3].encode(streams, trace, returns, record);
     }
 
     /// Switches to a channel; a new one begins after the last point of the other.

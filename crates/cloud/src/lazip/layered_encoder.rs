@@ -3,7 +3,7 @@
 //! The layers of a chunk that are constant are left out, so the fields that change are found first, and no time is spent
 //! on others.
 
-use super::attributes::{AttributeContext, ChannelHeads, time};
+use super::attributes::{AttributeEncoders, ChannelHeads, time};
 use super::class_flags::{ClassMark, Flag, MarkContext};
 use super::coordinates::{DecodedPosition, PositionContext};
 use super::extended_items::ChunkTails;
@@ -66,6 +66,7 @@ impl LazEncoder {
         self.heights.begin(channel, point.place[2]);
         self.classes.begin(channel, point.class);
         self.flags.begin(channel, point.flags);
+        self.heads.begin(channel, first);
         self.tails.begin(layers, channel, chunk.tail(0));
         let streams = run(LayeredChunkTask { encoder: self, chunk: &chunk, layers });
         Some(chunk.assembled(streams))
@@ -93,9 +94,9 @@ impl<'a> ChunkRecords<'a> {
         &self.records[at * self.size + RECORD..(at + 1) * self.size]
     }
 
-    /// The common fields of all records.
-    fn heads(&self) -> impl Iterator<Item = &'a [u8; RECORD]> + use<'a> {
-        self.records.chunks_exact(self.size).filter_map(|record| record.first_chunk())
+    /// Records and their common fields, after the first.
+    fn heads(&self) -> impl Iterator<Item = &'a [u8; RECORD]> {
+        self.records.chunks_exact(self.size).skip(1).filter_map(|record| record.first_chunk())
     }
 
     /// A stream for a field that is not the same in all records.
@@ -131,95 +132,60 @@ impl SimdTask for LayeredChunkTask<'_, '_> {
     #[inline(always)]
     fn work<M: InstructionSet>(self, _: M) -> Self::Result {
         let Self { encoder, chunk, layers } = self;
-        let places = encoder.put_places::<M>(chunk);
-        let heights = encoder.put_heights(chunk);
-        let classes = encoder.put_classes(chunk);
-        let flags = encoder.put_flags(chunk);
-        let times = chunk.stream(|record| record.first_chunk().map(|h| f64::from_bits(time(h))));
-        let shared = [
-            Some(places),
-            Some(heights),
-            classes,
-            flags,
-            encoder.put_attribute(
-                chunk,
-                chunk.stream(|r| [r[12], r[13]]),
-                AttributeContext::put_intensity,
-            ),
-            encoder.put_attribute(
-                chunk,
-                chunk.stream(|r| [r[18], r[19]]),
-                AttributeContext::put_angle,
-            ),
-            encoder.put_attribute(chunk, chunk.stream(|r| r[17]), AttributeContext::put_user),
-            encoder.put_attribute(
-                chunk,
-                chunk.stream(|r| [r[20], r[21]]),
-                AttributeContext::put_source,
-            ),
-            encoder.put_attribute(chunk, times, AttributeContext::put_time),
-        ];
-        shared.into_iter().chain(encoder.put_tails(chunk, layers)).collect()
+        let (mut places, mut heights) = (RangeEncoder::new(), RangeEncoder::new());
+        encoder.put_places::<M>(chunk, &mut places);
+        let LazEncoder { positions, classes, flags, .. } = encoder;
+        for (head, at) in chunk.heads().zip(&*positions) {
+            encoder.heights.put(&mut heights, at, LazPoint::new(head).0.place[2]);
+        }
+        let mut class_stream = chunk.stream(|record| record[16]);
+        if let Some(coder) = &mut class_stream {
+            chunk.heads().zip(&*positions).for_each(|(head, at)| classes.put(coder, at, head[16]));
+        }
+        let mut flag_stream = chunk.stream(|record| record[15] & !0x30);
+        if let Some(coder) = &mut flag_stream {
+            for (head, at) in chunk.heads().zip(&*positions) {
+                flags.put(coder, at, LazPoint::new(head).0.flags);
+            }
+        }
+        let rest = encoder.put_attributes(chunk);
+        let tails = encoder.put_tails(chunk, layers);
+        let shared = [Some(places), Some(heights), class_stream, flag_stream];
+        let attributes = [rest.intensities, rest.angles, rest.user_data, rest.sources, rest.times];
+        shared.into_iter().chain(attributes).chain(tails).collect()
     }
 }
 
 impl LazEncoder {
-    /// The stream of positions; keeps what the others need of them.
     #[inline(always)]
-    fn put_places<M: InstructionSet>(&mut self, chunk: &ChunkRecords<'_>) -> RangeEncoder {
-        let (mut coder, mut changes) = (RangeEncoder::new(), RecordChanges::new(chunk));
-        self.positions.clear();
-        for head in chunk.heads().skip(1) {
-            let (point, channel) = LazPoint::new(head);
-            let changes = changes.next(head, channel);
-            self.positions.push(self.places.put::<M>(&mut coder, &point, channel, changes));
-        }
-        coder
-    }
-
-    #[inline(always)]
-    fn put_heights(&mut self, chunk: &ChunkRecords<'_>) -> RangeEncoder {
-        let mut coder = RangeEncoder::new();
-        for (head, at) in chunk.heads().skip(1).zip(&self.positions) {
-            self.heights.put(&mut coder, at, LazPoint::new(head).0.place[2]);
-        }
-        coder
-    }
-
-    #[inline(always)]
-    fn put_classes(&mut self, chunk: &ChunkRecords<'_>) -> Option<RangeEncoder> {
-        let mut coder = chunk.stream(|record| record[16])?;
-        for (head, at) in chunk.heads().skip(1).zip(&self.positions) {
-            self.classes.put(&mut coder, at, head[16]);
-        }
-        Some(coder)
-    }
-
-    #[inline(always)]
-    fn put_flags(&mut self, chunk: &ChunkRecords<'_>) -> Option<RangeEncoder> {
-        let mut coder = chunk.stream(|record| record[15] & !0x30)?;
-        for (head, at) in chunk.heads().skip(1).zip(&self.positions) {
-            self.flags.put(&mut coder, at, LazPoint::new(head).0.flags);
-        }
-        Some(coder)
-    }
-
-    /// The stream of an attribute.
-    #[inline(always)]
-    fn put_attribute(
+    fn put_places<M: InstructionSet>(
         &mut self,
         chunk: &ChunkRecords<'_>,
-        stream: Option<RangeEncoder>,
-        put: impl Fn(&mut AttributeContext, &mut RangeEncoder, &DecodedPosition, &[u8; RECORD]),
-    ) -> Option<RangeEncoder> {
-        let mut coder = stream?;
-        let first = chunk.head(0)?;
-        self.heads.begin(LazPoint::new(first).1, first);
-        let pairs = chunk.heads().zip(chunk.heads().skip(1));
-        for ((before, head), at) in pairs.zip(&self.positions) {
-            put(self.heads.turn(at.trace.channel(), before), &mut coder, at, head);
+        coder: &mut RangeEncoder,
+    ) {
+        let mut changes = RecordChanges::new(chunk);
+        self.positions.clear();
+        for head in chunk.heads() {
+            let (point, channel) = LazPoint::new(head);
+            let changes = changes.next(head, channel);
+            self.positions.push(self.places.put::<M>(coder, &point, channel, changes));
         }
-        Some(coder)
+    }
+
+    #[inline(always)]
+    fn put_attributes(&mut self, chunk: &ChunkRecords<'_>) -> AttributeEncoders {
+        let mut streams = AttributeEncoders {
+            intensities: chunk.stream(|record| [record[12], record[13]]),
+            angles: chunk.stream(|record| [record[18], record[19]]),
+            user_data: chunk.stream(|record| record[17]),
+            sources: chunk.stream(|record| [record[20], record[21]]),
+            times: chunk
+                .stream(|record| record.first_chunk().map(|head| f64::from_bits(time(head)))),
+        };
+        for (head, at) in chunk.heads().zip(&self.positions) {
+            self.heads.encode(&mut streams, at.trace, at.returns, head);
+        }
+        streams
     }
 
     /// The streams of the fields after the common ones.
