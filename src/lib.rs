@@ -68,7 +68,7 @@
 //! | `lidar` | operations on point clouds: meshes, grids, files of points |
 //! | `tiles` | terrain tiles and their verification; includes `lidar` |
 //! | `viewer` | pictures, pages, and properties of data |
-//! | `remote` (default) | files of servers, wherever a file is read |
+//! | `remote` (default) | remote files: HTTP(S), S3, Google Cloud Storage, Azure |
 
 #[cfg(feature = "cli")]
 mod cli;

@@ -417,7 +417,7 @@ fn names_of_terrains_say_each_thing_once() {
 #[test]
 fn addresses_are_told_to_be_none_of_files() {
     let place = place();
-    let words = ["addresses of this kind are not supported", "curl -LO"];
+    let words = ["URLs of this kind are not supported", "curl -LO"];
     for address in [
         "ftp://example.com/a.tif",
         "hdfs://example.com/a.tif?token=1&x=*",
@@ -450,7 +450,7 @@ fn addresses_are_told_to_be_none_of_files() {
     let las = ["info", "ftp://example.com/a.las"];
     place.fails(&las, 65, &words);
     let args = ["convert", "good.asc", "http://example.com/a.tif"];
-    place.fails(&args, 73, &["output addresses are not supported"]);
+    place.fails(&args, 73, &["cannot write to URLs"]);
 }
 
 #[test]

@@ -147,7 +147,7 @@ impl Error {
         is_of_inputs && self.several.as_ref().is_some_and(|all| all.failures.len() < all.of)
     }
 
-    /// The same error for another that waits for the same thing.
+    /// A copy for another caller of the same operation; the source is reduced to its kind.
     #[must_use]
     pub fn again(&self) -> Self {
         let Self { kind, message, path, place, remedy, source, several: _ } = self;
@@ -196,11 +196,11 @@ impl Error {
         error
     }
 
-    /// A missing input file; for an address the message says that its kind is not supported.
+    /// A missing input file; for a URL the message says that its kind is not supported.
     pub fn missing(path: &Path) -> Self {
         match is_address(path) {
-            true => Self::unsupported("addresses of this kind are not supported").remedy(
-                "pass one of https, s3, gs or az, or download the file (curl -LO URL) and pass the local copy",
+            true => Self::unsupported("URLs of this kind are not supported").remedy(
+                "use https, s3, gs or az, or download the file (curl -LO URL) and pass the local copy",
             ),
             false => Self::not_found("no such file").remedy("check the name"),
         }

@@ -4,6 +4,7 @@
 pub mod attribute;
 pub mod bits;
 pub mod bound;
+pub mod byte_size;
 pub mod cancel;
 pub mod digits;
 pub mod error;

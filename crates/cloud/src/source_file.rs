@@ -130,7 +130,7 @@ pub(super) type RecordConsumer<'a> = dyn FnMut(&FilterRecord, &[u8]) + 'a;
 /// Visitor of filtered records.
 struct FilteredRecordVisitor<'a> {
     pass: &'a PointFilterPass,
-    census: ReturnCounts,
+    counts: ReturnCounts,
     each: &'a mut RecordConsumer<'a>,
 }
 
@@ -142,12 +142,12 @@ impl RecordVisitor for FilteredRecordVisitor<'_> {
     ) -> Result<()> {
         for (index, (bytes, raw)) in (first..).zip(records) {
             let record = self.pass.record(raw, index);
-            self.census.read += 1;
+            self.counts.read += 1;
             match self.pass.judge(raw, bytes, &record) {
-                FilterVerdict::Withheld => self.census.withheld += 1,
-                FilterVerdict::Filtered => self.census.filtered += 1,
+                FilterVerdict::Withheld => self.counts.withheld += 1,
+                FilterVerdict::Filtered => self.counts.filtered += 1,
                 FilterVerdict::Keep => {
-                    self.census.kept += 1;
+                    self.counts.kept += 1;
                     (self.each)(&record, bytes);
                 }
             }
@@ -162,7 +162,7 @@ struct RecordConverter<'a, 'b> {
     conversion: &'a PointFormatConversion,
     /// Whether positions stay as stored.
     as_stored: bool,
-    census: ReturnCounts,
+    counts: ReturnCounts,
     out: Vec<u8>,
     each: &'a mut (dyn FnMut(&[u8]) -> Result<()> + 'b),
 }
@@ -175,7 +175,7 @@ impl RecordVisitor for RecordConverter<'_, '_> {
     ) -> Result<()> {
         self.out.clear();
         for (index, (record, raw)) in (first..).zip(records) {
-            let Some(place) = self.pass.pick(raw, record, index, &mut self.census)? else {
+            let Some(place) = self.pass.pick(raw, record, index, &mut self.counts)? else {
                 continue;
             };
             let place = (!self.as_stored).then_some(place);
@@ -224,11 +224,11 @@ impl CloudSourceFile {
     }
 
     /// Completes the counts of a part with lost points, which include those outside.
-    fn with_lost(&self, part: usize, census: ReturnCounts, points: u64) -> ReturnCounts {
-        if points + census.outside > 0 {
-            lock(&self.lost).insert(part, points + census.outside);
+    fn with_lost(&self, part: usize, counts: ReturnCounts, points: u64) -> ReturnCounts {
+        if points + counts.outside > 0 {
+            lock(&self.lost).insert(part, points + counts.outside);
         }
-        ReturnCounts { read: census.read + points, lost: census.lost + points, ..census }
+        ReturnCounts { read: counts.read + points, lost: counts.lost + points, ..counts }
     }
 
     /// Number of lost points of all parts read so far.
@@ -265,14 +265,14 @@ impl CloudSourceFile {
         each: &mut RecordConsumer<'_>,
     ) -> Result<ReturnCounts> {
         let Some(pass) = &self.pass else { return Ok(ReturnCounts::default()) };
-        let mut visitor = FilteredRecordVisitor { pass, census: ReturnCounts::default(), each };
+        let mut visitor = FilteredRecordVisitor { pass, counts: ReturnCounts::default(), each };
         let wanted = match whole || pass.needs_records() {
             true => FieldSelection::RECORDS,
             false => FieldSelection::ALL,
         };
         let lost =
             with_buffers(|buffers| self.visit(part, wanted, &mut buffers.records, &mut visitor))?;
-        Ok(self.with_lost(part, visitor.census, lost))
+        Ok(self.with_lost(part, visitor.counts, lost))
     }
 
     /// Passes on the filtered records of a part, converted.
@@ -289,13 +289,13 @@ impl CloudSourceFile {
             pass,
             conversion,
             as_stored,
-            census: ReturnCounts::default(),
+            counts: ReturnCounts::default(),
             out: Vec::new(),
             each,
         };
         let wanted = FieldSelection::RECORDS;
         let lost = self.visit(part, wanted, &mut buffers.records, &mut converter)?;
-        Ok(self.with_lost(part, converter.census, lost))
+        Ok(self.with_lost(part, converter.counts, lost))
     }
 
     /// Passes the points of a part to `visitor`, block by block, with the bytes of their records if `wanted`; returns

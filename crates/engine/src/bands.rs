@@ -225,8 +225,8 @@ impl GridSource for JointlyValidBand {
         self.all.iter().for_each(|band| band.copied(rect));
     }
 
-    fn expect(&self, rect: Rect) {
-        self.all.iter().for_each(|band| band.expect(rect));
+    fn advise_read(&self, rect: Rect) {
+        self.all.iter().for_each(|band| band.advise_read(rect));
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::Resources;
 use crate::memory::{PROGRAM, short};
 use terrane_base::error::{Error, Result};
-use terrane_files::{is_in_memory, is_remote, name_of, path_of, without_query};
+use terrane_files::{is_in_memory, is_there, name_of, path_of, without_query};
 use terrane_raster::Inputs;
 use terrane_vector::{self as vector, Feature, FeatureSource};
 
@@ -27,8 +27,7 @@ impl AuxiliaryFeatures {
     /// Opens a file of `what`. Reads the first object of TopoJSON.
     pub fn open(name: &str, what: &str, bytes_each: u64, remedy: &'static str) -> Result<Self> {
         let path = path_of(name).into_owned();
-        let is_there = path.exists() || is_remote(&path);
-        if vector::synthetic(&path).is_none() && !is_there {
+        if vector::synthetic(&path).is_none() && !is_there(&path) {
             return Err(Error::missing(&path).or(&format!("name a file of {what}")));
         }
         let source = vector::open(&path, &vector::VectorOpenOptions::default())?;

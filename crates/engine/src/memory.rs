@@ -8,7 +8,7 @@
 //! | unfinished mesh and data waiting for the writer: 7/8 of what is then left | [`MemoryShares::mesh`] |
 //! | fragmentation of the heap: the last 1/8 | |
 //!
-//! Workers come first, as many as leave the cache [`WORKER_BLOCKS`] each. Their memory cannot be spilled, so one too many
+//! Workers come first, as many as leave the cache `WORKER_BLOCKS` each. Their memory cannot be spilled, so one too many
 //! would exceed the budget. Blocks that do not fit into the cache are spilled, as is mesh that does not fit: that takes a
 //! tenth of the time of decoding a block, so a worker is worth more than a large cache. The output does not depend on the
 //! division.

@@ -24,10 +24,12 @@ pub use in_memory::{InMemoryRegistry, InMemoryResource, is_in_memory, is_made, r
 pub use list::FileKind;
 pub use lock::{lock, unlocked, wait};
 pub use machine::{cores, on_threads, physical_memory, proc_bytes};
-pub use name::{absolute, is_file, is_remote, name_of, path_of, shown, shown_all, without_query};
+pub use name::{
+    absolute, is_file, is_remote, is_there, name_of, path_of, shown, shown_all, without_query,
+};
 pub use out::AppendWriter;
 pub use position::{read_exact_at, write_all_at};
-pub use raw::{RawFile, RawFileReader, RowRun, to_usize};
+pub use raw::{AHEAD, RawFile, RawFileReader, RowRun, to_usize};
 pub use spool::{
     AggregatedRecords, BucketWriter, Buckets, KeyedRecord, SpoolExtent, SpoolFile, folder_for,
     nameless,

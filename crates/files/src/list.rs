@@ -218,7 +218,7 @@ fn unreadable(list: &Path, error: std::io::Error) -> Error {
 /// The files of a text list, one per line.
 fn listed(list: &Path) -> Result<Vec<String>> {
     if is_remote(list) {
-        let error = Error::unsupported("lists on servers are not supported").in_file(list);
+        let error = Error::unsupported("remote lists are not supported").in_file(list);
         return Err(error.remedy("download the list (curl -LO URL) and pass the local copy"));
     }
     let mut lines = BufReader::new(std::fs::File::open(list).map_err(|e| unreadable(list, e))?);

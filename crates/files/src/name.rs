@@ -68,7 +68,7 @@ pub fn path_of(name: &str) -> Cow<'_, Path> {
     Cow::Borrowed(Path::new(name))
 }
 
-/// The absolute path of a file; addresses stay as they are.
+/// The absolute path of a file; URLs stay as they are.
 ///
 /// # Errors
 /// An empty path, or a current folder that does not exist.
@@ -79,17 +79,22 @@ pub fn absolute(path: &Path) -> Result<PathBuf> {
     }
 }
 
-/// Whether a path may name a file that can be read: one that is there, or an address.
+/// Whether there is something at a path, or it is a URL, which is not requested.
+pub fn is_there(path: &Path) -> bool {
+    path.exists() || is_remote(path)
+}
+
+/// Whether a path may name a file that can be read: one that exists, or a URL.
 pub fn is_file(path: &Path) -> bool {
     path.is_file() || is_remote(path)
 }
 
-/// Whether a path is an address that can be read.
+/// Whether a path is a URL that can be read.
 pub fn is_remote(path: &Path) -> bool {
     crate::remote::is_remote(path)
 }
 
-/// The path of an address without its query, which may hold a signature; other paths as they are.
+/// The path of a URL without its query, which may hold a signature; other paths as they are.
 pub fn without_query(path: &Path) -> &Path {
     let name = path.to_str().filter(|_| is_remote(path));
     name.and_then(|name| name.split(['?', '#']).next()).map_or(path, Path::new)

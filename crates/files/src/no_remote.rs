@@ -17,7 +17,8 @@ pub(crate) fn is_remote(_: &Path) -> bool {
 }
 
 pub(crate) fn open(path: &Path) -> Result<Arc<RemoteFile>> {
-    Err(Error::missing(path))
+    let error = Error::unsupported("this build cannot read remote files").in_file(path);
+    Err(error.remedy("build with the feature `remote`, or download the file (curl -LO URL)"))
 }
 
 impl RemoteFile {

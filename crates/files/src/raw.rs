@@ -11,8 +11,8 @@ use crate::position::read_exact_at;
 use crate::remote::{self, RemoteFile};
 use terrane_base::error::{Error, ErrorKind, Result};
 
-/// Bytes of a remote file asked for ahead of sequential reading.
-const AHEAD: u64 = 4 << 20;
+/// Bytes that are read ahead of remote files.
+pub const AHEAD: u64 = 8 << 20;
 /// Maximum number of bytes read at once for adjacent rows.
 const RUN_BYTES: usize = 1 << 20;
 /// Bytes that are read in the time of a call of the system.
@@ -105,7 +105,7 @@ impl RowRun {
 }
 
 impl RawFile {
-    /// Opens the regular, non-empty file at `path`, or at an address (`https://host/file`, `s3://bucket/key`).
+    /// Opens the regular, non-empty file at `path`, or at a URL (`https://host/file`, `s3://bucket/key`).
     pub fn open(path: &Path) -> Result<Self> {
         if remote::is_remote(path) {
             let file = remote::open(path)?;
@@ -159,8 +159,7 @@ impl RawFile {
         self.read_on(offset, out, 0)
     }
 
-    /// As [`read_at`](Self::read_at), where the next `ahead` bytes will be read soon: of a remote file, they are asked for
-    /// with these.
+    /// As [`read_at`](Self::read_at); of a remote file, the next `ahead` bytes are read ahead.
     pub fn read_on(&self, offset: u64, out: &mut [u8], ahead: u64) -> Result<()> {
         self.check_range(offset, out.len() as u64)?;
         match &self.bytes {
@@ -171,12 +170,12 @@ impl RawFile {
         }
     }
 
-    /// Whether reading waits for a server, so that [`prefetch`](Self::prefetch) pays.
+    /// Whether it is a remote file.
     pub fn is_remote(&self) -> bool {
         !matches!(self.bytes, FileBytes::Local(_))
     }
 
-    /// What tells the contents of a remote file from others of the same length, if the server says.
+    /// The strong ETag or Last-Modified of a remote file, if the server sends one.
     pub fn version(&self) -> Option<&str> {
         match &self.bytes {
             FileBytes::Local(_) => None,
@@ -184,8 +183,8 @@ impl RawFile {
         }
     }
 
-    /// Asks a server for the ranges of bytes that are `needed`, all at once; if some were not there, also for those that
-    /// lie `ahead`. Of a local file nothing is read.
+    /// Requests the `needed` ranges of a remote file in parallel; if any of them was not cached, those `ahead`, too. Does
+    /// nothing for local files.
     ///
     /// # Errors
     /// Those of reading.

@@ -7,12 +7,10 @@ use std::path::Path;
 
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
-use terrane_files::{RawFile, RawFileReader};
+use terrane_files::{AHEAD, RawFile, RawFileReader};
 
 /// Bytes read at a time.
 const CHUNK_BYTES: u64 = 256 << 10;
-/// Bytes of a remote file asked for ahead.
-const AHEAD: u64 = 4 << 20;
 /// Maximum bytes of a line.
 const MAX_LINE_BYTES: u64 = 1 << 20;
 

@@ -3,7 +3,7 @@
 //! A block is decoded by one thread, outside the lock, into a buffer that an earlier block has left. It then waits in
 //! memory for all readers of its samples. If the memory is full, the least recently used block is written to a temporary
 //! file and read from there by rows, as an uncompressed one is: writing and reading it takes a tenth of the time of
-//! decoding, so that each block is decoded once, however little memory there is. A job that
+//! decoding. A job that
 //! [releases](BlockCache::release) samples keeps the file as small as the part of the grid that is in work. If the file
 //! cannot be written, or would exceed [`MAX_SPILLED`], blocks are dropped and decoded again.
 

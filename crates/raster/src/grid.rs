@@ -18,8 +18,8 @@ macro_rules! hints_go_to {
             self.$inner.copied(rect);
         }
 
-        fn expect(&self, rect: terrane_base::geom::Rect) {
-            self.$inner.expect(rect);
+        fn advise_read(&self, rect: terrane_base::geom::Rect) {
+            self.$inner.advise_read(rect);
         }
     };
 }
@@ -229,8 +229,9 @@ pub trait GridSource: Send + Sync {
     /// Hint that all of `rect` has been read: mapped pages may be dropped, since reading them again is cheap.
     fn copied(&self, _rect: Rect) {}
 
-    /// Hint that all of `rect` will be read, from the top: a remote file is asked for more at once.
-    fn expect(&self, _rect: Rect) {}
+    /// Hint, as GDAL's `AdviseRead`, that all of `rect` will be read from the top to the bottom: remote files are read
+    /// ahead. Only the first call counts.
+    fn advise_read(&self, _rect: Rect) {}
 }
 
 /// The common name of a height unit, and its original spelling if different.

@@ -71,7 +71,7 @@ pub fn open_all(inputs: &[String], options: &GridOpenOptions) -> Result<Box<dyn 
         Some(bbox) => subset::part(bbox, options, |options| open_clipped(inputs, options)),
         None => open_clipped(inputs, options),
     }?;
-    grid.expect(grid.info().bounds());
+    grid.advise_read(grid.info().bounds());
     Ok(grid)
 }
 

@@ -80,8 +80,8 @@ impl<'a, S: Deref<Target = dyn GridSource + 'a> + Send + Sync> GridSource for No
         self.inner.copied(self.behind(rect));
     }
 
-    fn expect(&self, rect: Rect) {
-        self.inner.expect(self.behind(rect));
+    fn advise_read(&self, rect: Rect) {
+        self.inner.advise_read(self.behind(rect));
     }
 }
 

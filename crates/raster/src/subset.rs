@@ -69,8 +69,8 @@ impl GridSource for WindowedGrid {
         self.inner.copied(self.whole(rect));
     }
 
-    fn expect(&self, rect: Rect) {
-        self.inner.expect(self.whole(rect));
+    fn advise_read(&self, rect: Rect) {
+        self.inner.advise_read(self.whole(rect));
     }
 }
 

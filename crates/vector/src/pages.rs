@@ -4,12 +4,10 @@ use std::path::Path;
 
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
-use terrane_files::RawFile;
+use terrane_files::{AHEAD, RawFile};
 
 /// Bytes read at a time for adjacent records.
 const CHUNK_BYTES: u64 = 1 << 18;
-/// Bytes of a remote file asked for ahead of adjacent records.
-const AHEAD: u64 = 4 << 20;
 /// Minimum number of bytes read for scattered records.
 const PAGE_BYTES: u64 = 1 << 12;
 

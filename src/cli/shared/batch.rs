@@ -8,7 +8,7 @@ use terrane_cloud as cloud;
 use terrane_engine::Resources;
 use terrane_engine::input::is_mesh;
 use terrane_engine::skip_bad::{self, ReadableFiles, Skipped};
-use terrane_files::{is_file, is_made, is_remote, path_of};
+use terrane_files::{is_file, is_made, is_there, path_of};
 use terrane_raster as raster;
 use terrane_vector as vector;
 
@@ -55,7 +55,7 @@ impl InputFileKind<'_> {
     fn check(self, names: &[String]) -> Result<()> {
         match self {
             Self::Clouds(_) => {
-                all(cloud::files(names)?.iter().map(|file| is_there(file)).collect()).map(drop)
+                all(cloud::files(names)?.iter().map(|file| check_exists(file)).collect()).map(drop)
             }
             Self::Grids(_) => check::inputs(names),
             Self::Features(_) => check::features(names),
@@ -87,9 +87,9 @@ pub(crate) fn are_made_lines(input: &str) -> bool {
 }
 
 /// Fails for a missing point cloud.
-fn is_there(file: &str) -> Result<()> {
+fn check_exists(file: &str) -> Result<()> {
     let path = path_of(file);
-    if is_made(file) || path.exists() || is_remote(&path) {
+    if is_made(file) || is_there(&path) {
         return Ok(());
     }
     Err(Error::missing(&path))

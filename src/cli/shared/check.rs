@@ -9,7 +9,7 @@ use terrane_base::error::{Error, ErrorKind, Result, all, is_address};
 pub(crate) use terrane_engine::outputs::not_among;
 use terrane_engine::outputs::{is_same, place};
 use terrane_files::atomic;
-use terrane_files::{companions, is_file, is_made, is_remote, path_of};
+use terrane_files::{companions, is_file, is_made, is_there, path_of};
 use terrane_raster as raster;
 
 /// As [`input`], for all `inputs`.
@@ -61,7 +61,7 @@ pub(crate) fn check_sidecars(files: &[String]) -> Result<()> {
 
 fn is_missing(file: &str) -> bool {
     let path = path_of(raster::file_name(file));
-    !(is_made(file) || path.exists() || is_remote(&path))
+    !(is_made(file) || is_there(&path))
 }
 
 /// True for a missing path; false for other errors, such as missing permissions.
@@ -90,7 +90,7 @@ fn refuse_address(path: &Path) -> Result<()> {
     if path.exists() || !is_address(path) {
         return Ok(());
     }
-    Err(Error::new(ErrorKind::CannotWrite, "output addresses are not supported")
+    Err(Error::new(ErrorKind::CannotWrite, "cannot write to URLs")
         .in_file(path)
         .remedy("name a local file or folder"))
 }

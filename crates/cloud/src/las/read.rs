@@ -6,10 +6,9 @@ use super::parts::{LasPart, LasPartKind};
 use crate::frame::ClaimedExtent;
 use crate::lazip::{DecodedFields, FieldSelection};
 use terrane_base::error::{Error, Result};
-use terrane_files::{RawFile, is_remote};
+use terrane_files::{AHEAD, RawFile, is_remote};
 
-/// Bytes and number of later parts of a remote file that are asked for with one.
-const AHEAD: u64 = 8 << 20;
+/// Most later parts of a remote file that are asked for with one.
 const MAX_AHEAD: usize = 64;
 /// Bytes of records per block; they and their points stay in the cache.
 const BLOCK_BYTES: u64 = 1 << 18;

@@ -7,6 +7,7 @@ use terrane_options::{ChoiceName, OptionCodec, OptionKind};
 
 use terrane_base::attribute::Return;
 use terrane_base::bound::ErrorBound;
+use terrane_base::byte_size;
 use terrane_base::error::Error;
 use terrane_base::geom::wkt;
 use terrane_cloud::{Condition, Flags, LasVersion, PointFormat};
@@ -185,23 +186,12 @@ impl OptionCodec<u64> for FileSize {
     const KIND: OptionKind = OptionKind::Shaped("int | str");
 
     fn parse(text: &str) -> Result<u64, String> {
-        size(text).ok_or_else(|| "expected a size such as 512M or 4GiB".to_owned())
+        byte_size::parse(text).ok_or_else(|| "expected a size such as 512M or 4GiB".to_owned())
     }
 
     fn json(value: &u64) -> Json {
         (*value).into()
     }
-}
-
-/// Parses a byte size such as "512M", "4GiB" or "2000000"; `None` if it is invalid.
-fn size(text: &str) -> Option<u64> {
-    let lower = text.trim().to_ascii_lowercase();
-    let digits = lower.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(lower.len());
-    let (value, unit) = (lower[..digits].parse::<f64>().ok()?, lower[digits..].trim());
-    let unit = unit.strip_suffix("ib").or(unit.strip_suffix('b')).unwrap_or(unit);
-    let shift = ["", "k", "m", "g", "t"].iter().position(|known| *known == unit)?;
-    let bytes = value * (1u64 << (10 * shift)) as f64;
-    (1.0..1e18).contains(&bytes).then_some(bytes as u64)
 }
 
 /// `KEY=VAL`, in any case.

@@ -70,11 +70,9 @@ impl InputFile {
     fn of_remote(path: &Path) -> Result<Self> {
         let file = RawFile::open(path)?;
         let version = file.version().ok_or_else(|| {
-            Error::unsupported(
-                "the server tells no version of it (ETag or time of change), which a plan needs",
-            )
-            .in_file(path)
-            .remedy("download the file (curl -LO URL) and pass the local copy")
+            Error::unsupported("the server sends no strong ETag or Last-Modified, which plans need")
+                .in_file(path)
+                .remedy("download the file (curl -LO URL) and pass the local copy")
         })?;
         let digest = Digest::of(version.as_bytes());
         let name = name_of(path.to_path_buf())?;
@@ -86,7 +84,7 @@ impl InputFile {
         if is_remote(&path) {
             return match Self::of_remote(&path)? == *self {
                 true => Ok(()),
-                false => Err(self.changed("another version is on the server")),
+                false => Err(self.changed("on the server")),
             };
         }
         let fail = |e| Error::read(&path, e);

@@ -1,16 +1,16 @@
-//! Addresses of remote files, and the requests that they stand for.
+//! URLs of remote files, and the HTTP requests for them.
 
 use std::path::Path;
 
-use super::signature::{AwsKeys, Signature};
+use super::signature::{AwsCredentials, SigV4Request};
 use terrane_base::error::{Error, Result};
 
 /// Region of Amazon S3, unless another is set.
 const REGION: &str = "us-east-1";
 
-/// A remote file: the address of its requests, and what authorizes them.
+/// The HTTP URL of a remote file, and what authorizes requests.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct RemoteAddress {
+pub(super) struct RemoteUrl {
     /// Scheme, host, path and query, percent-encoded.
     pub(super) url: String,
     pub(super) authorization: Authorization,
@@ -19,28 +19,28 @@ pub(super) struct RemoteAddress {
 /// What authorizes a request.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Authorization {
-    /// Nothing, or a part of the address.
+    /// Nothing, or a signature in the URL.
     Anonymous,
     /// The header `Authorization: Bearer`.
     Bearer(String),
-    /// A signature by the keys of Amazon Web Services.
-    Aws { keys: AwsKeys, region: String },
+    /// Signature Version 4 of Amazon Web Services.
+    SigV4 { keys: AwsCredentials, region: String },
 }
 
 /// A variable of the environment that is set and not empty.
-type Variables<'a> = &'a dyn Fn(&str) -> Option<String>;
+type Environment<'a> = &'a dyn Fn(&str) -> Option<String>;
 
-impl RemoteAddress {
-    /// Whether a path is an address that can be read.
-    pub(super) fn is_one(path: &Path) -> bool {
+impl RemoteUrl {
+    /// Whether a path is a URL that can be read.
+    pub(super) fn is_supported(path: &Path) -> bool {
         path.to_str().is_some_and(|name| split(name).is_some())
     }
 
-    /// The address of a path: `http`, `https`, `s3`, `gs`, `az`, and the names of GDAL for them.
+    /// The URL of a path: `http`, `https`, `s3`, `gs`, `az`, and the `/vsi` names of GDAL for them.
     ///
     /// # Errors
-    /// Other addresses; names without a bucket and a key, or an account.
-    pub(super) fn of(path: &Path, variable: Variables<'_>) -> Result<Self> {
+    /// Other URLs; no bucket and key; no storage account.
+    pub(super) fn parse(path: &Path, variable: Environment<'_>) -> Result<Self> {
         let name = path.to_str().and_then(split);
         let Some((scheme, rest)) = name else {
             return Err(Error::missing(path));
@@ -48,7 +48,7 @@ impl RemoteAddress {
         match scheme {
             "s3" => s3(path, rest, variable),
             "gs" => {
-                let [bucket, key] = bucket_and_key(path, rest)?;
+                let [bucket, key] = bucket_and_key(path, scheme, rest)?;
                 let token = variable("GOOGLE_OAUTH_ACCESS_TOKEN");
                 Ok(Self {
                     url: format!("https://storage.googleapis.com/{bucket}/{}", encoded(key)),
@@ -56,11 +56,11 @@ impl RemoteAddress {
                 })
             }
             "az" => {
-                let [container, key] = bucket_and_key(path, rest)?;
+                let [container, key] = bucket_and_key(path, scheme, rest)?;
                 let account = variable("AZURE_STORAGE_ACCOUNT").ok_or_else(|| {
                     Error::usage("the storage account is not known")
                         .in_file(path)
-                        .remedy("set AZURE_STORAGE_ACCOUNT, or pass the https address")
+                        .remedy("set AZURE_STORAGE_ACCOUNT, or pass the https URL")
                 })?;
                 let token = variable("AZURE_STORAGE_SAS_TOKEN");
                 let query = token.map(|token| format!("?{}", token.trim_start_matches('?')));
@@ -85,14 +85,14 @@ impl RemoteAddress {
         match &self.authorization {
             Authorization::Anonymous => Vec::new(),
             Authorization::Bearer(token) => vec![("authorization", format!("Bearer {token}"))],
-            Authorization::Aws { keys, region } => {
-                Signature::of_now(&self.url, region).headers(keys)
+            Authorization::SigV4 { keys, region } => {
+                SigV4Request::now(&self.url, region).headers(keys)
             }
         }
     }
 }
 
-/// Scheme and rest of an address that can be read.
+/// Scheme and rest of a URL that can be read.
 fn split(name: &str) -> Option<(&'static str, &str)> {
     const SCHEMES: [&str; 5] = ["http", "https", "s3", "gs", "az"];
     const OF_GDAL: [(&str, &str); 3] = [("/vsis3/", "s3"), ("/vsigs/", "gs"), ("/vsiaz/", "az")];
@@ -108,8 +108,8 @@ fn split(name: &str) -> Option<(&'static str, &str)> {
 }
 
 /// The request for an object of S3: at the host of its bucket, or by path where another server is set.
-fn s3(path: &Path, rest: &str, variable: Variables<'_>) -> Result<RemoteAddress> {
-    let [bucket, key] = bucket_and_key(path, rest)?;
+fn s3(path: &Path, rest: &str, variable: Environment<'_>) -> Result<RemoteUrl> {
+    let [bucket, key] = bucket_and_key(path, "s3", rest)?;
     let region = variable("AWS_REGION").or_else(|| variable("AWS_DEFAULT_REGION"));
     let region = region.unwrap_or_else(|| REGION.to_owned());
     let server = variable("AWS_ENDPOINT_URL_S3").or_else(|| variable("AWS_ENDPOINT_URL"));
@@ -125,13 +125,13 @@ fn s3(path: &Path, rest: &str, variable: Variables<'_>) -> Result<RemoteAddress>
     let is_anonymous = variable("AWS_NO_SIGN_REQUEST").is_some_and(|value| {
         ["yes", "true", "1"].iter().any(|yes| value.eq_ignore_ascii_case(yes))
     });
-    let keys = AwsKeys::of(variable).filter(|_| !is_anonymous);
+    let keys = AwsCredentials::of(variable).filter(|_| !is_anonymous);
     let authorization =
-        keys.map_or(Authorization::Anonymous, |keys| Authorization::Aws { keys, region });
-    Ok(RemoteAddress { url, authorization })
+        keys.map_or(Authorization::Anonymous, |keys| Authorization::SigV4 { keys, region });
+    Ok(RemoteUrl { url, authorization })
 }
 
-fn bucket_and_key<'a>(path: &Path, rest: &'a str) -> Result<[&'a str; 2]> {
+fn bucket_and_key<'a>(path: &Path, scheme: &str, rest: &'a str) -> Result<[&'a str; 2]> {
     let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._".contains(&byte);
     match rest.split_once('/') {
         // Other characters would name another host.
@@ -140,9 +140,9 @@ fn bucket_and_key<'a>(path: &Path, rest: &'a str) -> Result<[&'a str; 2]> {
         {
             Ok([bucket, key])
         }
-        _ => Err(Error::usage("is not a bucket and a key")
+        _ => Err(Error::usage("expected BUCKET/KEY after the scheme")
             .in_file(path)
-            .remedy("name it as s3://BUCKET/KEY")),
+            .remedy(format!("write it as {scheme}://BUCKET/KEY"))),
     }
 }
 
@@ -165,7 +165,7 @@ mod tests {
         let variable = |asked: &str| {
             set.iter().find(|(name, _)| *name == asked).map(|(_, value)| (*value).to_owned())
         };
-        match RemoteAddress::of(Path::new(name), &variable) {
+        match RemoteUrl::parse(Path::new(name), &variable) {
             Ok(address) => address.url,
             Err(error) => error.to_string(),
         }
@@ -192,14 +192,14 @@ mod tests {
             ),
         ] {
             assert_eq!(url(name, set), expected);
-            assert!(RemoteAddress::is_one(Path::new(name)));
+            assert!(RemoteUrl::is_supported(Path::new(name)));
         }
         assert!(url("az://c/k", &[]).contains("AZURE_STORAGE_ACCOUNT"));
         for name in ["s3://b", "s3://b/", "s3://evil:80#/k", "gs://a@b/k"] {
-            assert!(url(name, &[]).contains("s3://BUCKET/KEY"), "{name}");
+            assert!(url(name, &[]).contains("://BUCKET/KEY"), "{name}");
         }
         for name in ["ftp://h/a", "/vsizip/a.zip", "a.tif", "C:\\a", "https:/h/a"] {
-            assert!(!RemoteAddress::is_one(Path::new(name)), "{name}");
+            assert!(!RemoteUrl::is_supported(Path::new(name)), "{name}");
         }
     }
 
@@ -212,8 +212,8 @@ mod tests {
                 _ => None,
             }
         };
-        let of = |more| RemoteAddress::of(Path::new("s3://b/k"), &set(more)).unwrap();
-        assert!(matches!(of(None).authorization, Authorization::Aws { .. }));
+        let of = |more| RemoteUrl::parse(Path::new("s3://b/k"), &set(more)).unwrap();
+        assert!(matches!(of(None).authorization, Authorization::SigV4 { .. }));
         assert_eq!(of(Some("YES")).authorization, Authorization::Anonymous);
         let names: Vec<_> = of(None).headers().into_iter().map(|(name, _)| name).collect();
         assert_eq!(names, ["x-amz-date", "x-amz-content-sha256", "authorization"]);

@@ -1,12 +1,12 @@
-//! Files of web servers and object stores, read by ranges of bytes.
+//! Remote files (HTTP, S3, Google Cloud Storage, Azure), read by range requests.
 //!
 //! ```text
-//! read ── pages on disk ──[those that are missing]── runs of pages ── requests, several at once ── pages on disk
+//! read ── pages in the disk cache ──[missing]── merged runs of pages ── parallel requests ── disk cache
 //! ```
 //!
-//! Opening asks for the first bytes, which tell the length and the version of a file. Each answer is compared with both:
-//! a file that changes is an error. Pages are kept in one folder for all processes (`page_store`), so the tasks of a plan
-//! and later runs do not ask again. Memory is that of a buffer for each request.
+//! Opening requests the first bytes; the response states length and version (ETag) of the file. Each later response is
+//! compared with both: a file that changes is an error. The disk cache (`page_store`) serves all processes, so the tasks of
+//! a plan and later runs do not request the same bytes again. Memory is a buffer for each request.
 
 mod address;
 mod page_store;
@@ -21,60 +21,61 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use address::RemoteAddress;
+use address::RemoteUrl;
 use page_store::{PAGE, PageStore};
-use request::{RemoteRequests, RemoteState};
-use terrane_base::error::{Error, Result};
+use request::{DOWNLOAD, ObjectVersion, RemoteRequests};
+use terrane_base::byte_size;
+use terrane_base::error::{Error, ErrorKind, Result};
 
 use crate::{lock, wait};
 
-/// Bytes that are asked for at opening: headers, and the tables of most files.
-const HEAD: u64 = 1 << 16;
+/// Bytes of the first request: headers, and the tables of most files.
+const FIRST_REQUEST_BYTES: u64 = 1 << 16;
 /// Most bytes of a request.
-const REQUEST: u64 = 4 << 20;
-/// Requests made at once by one thread.
-const AT_ONCE: usize = 8;
-/// Missing pages this near to each other are asked for together.
-const GAP: u64 = 2;
-/// Bytes that a server without ranges may send.
+const MAX_REQUEST_BYTES: u64 = 4 << 20;
+/// Parallel requests of a thread.
+const PARALLEL_REQUESTS: usize = 8;
+/// Missing pages are requested together if at most so many pages lie between them.
+const MERGED_GAP_PAGES: u64 = 2;
+/// Largest file of a server without range requests.
 const MAX_WHOLE: u64 = 1 << 30;
-/// Times that pages are read before another process that takes them away is the fault.
-const READS: usize = 4;
-/// Folder of the pages, and bytes that they may take.
+/// Attempts to read pages that other processes may evict.
+const MAX_READ_ATTEMPTS: usize = 4;
+/// Variables with the folder and the size of the cache.
 const FOLDER: &str = "TERRANE_CACHE";
 const SIZE: &str = "TERRANE_CACHE_SIZE";
 const MAX_SIZE: u64 = 4 << 30;
-/// Least of these: what threads ask for ahead has to stay until it is read.
+/// Smallest size: what is read ahead has to stay until it is used.
 const MIN_SIZE: u64 = 64 << 20;
-/// Most bytes written between two looks at the size of the folder.
-const LOOK: u64 = 256 << 20;
-/// How long a file that could not be opened is not asked for again.
-const REMEMBERED: Duration = Duration::from_secs(5);
+/// Bytes written between checks of the size of the cache, at most.
+const TRIM_INTERVAL_BYTES: u64 = 256 << 20;
+/// How long a failed opening is remembered.
+const FAILED_OPEN_TIME: Duration = Duration::from_secs(5);
 
 /// A remote file.
 #[derive(Debug)]
 pub(crate) struct RemoteFile {
     path: PathBuf,
     requests: RemoteRequests,
-    state: RemoteState,
-    /// Whether the server supports ranges of bytes. If not, the whole file is asked for.
+    state: ObjectVersion,
+    /// Whether the server supports range requests. If not, the whole file is requested.
     has_ranges: bool,
     store: PageStore,
-    folder: PageFolder,
-    /// Runs of pages that are asked for.
-    asked: Mutex<Vec<Range<u64>>>,
-    /// Signalled when some have come.
-    come: Condvar,
-    /// Why a request has failed for good: later ones are not made.
+    folder: CacheFolder,
+    /// Runs of pages that are being requested.
+    in_flight: Mutex<Vec<Range<u64>>>,
+    /// Signalled when a request has ended.
+    arrived: Condvar,
+    /// The first permanent failure: later requests are not made.
     failed: Mutex<Option<Error>>,
 }
 
-/// Whether a path is an address that can be read.
+/// Whether a path is a URL that can be read.
 pub(crate) fn is_remote(path: &Path) -> bool {
-    RemoteAddress::is_one(path)
+    RemoteUrl::is_supported(path)
 }
 
-/// The file at an address, which is opened once.
+/// The file at a URL, which is opened once in a process.
 ///
 /// # Errors
 /// Files that cannot be read, and servers that cannot be reached.
@@ -83,7 +84,9 @@ pub(crate) fn open(path: &Path) -> Result<Arc<RemoteFile>> {
     static OPEN: Mutex<Option<HashMap<OsString, OpenedFile>>> = Mutex::new(None);
     match lock(&OPEN).get_or_insert_default().get(path.as_os_str()) {
         Some(Ok(file)) if file.failure().is_none() => return Ok(file.clone()),
-        Some(Err((since, error))) if since.elapsed() < REMEMBERED => return Err(error.again()),
+        Some(Err((since, error))) if since.elapsed() < FAILED_OPEN_TIME => {
+            return Err(error.again());
+        }
         _ => {}
     }
     // Outside the lock: two threads may ask for the head of one file.
@@ -102,41 +105,43 @@ type OpenedFile = std::result::Result<Arc<RemoteFile>, (Instant, Error)>;
 impl RemoteFile {
     fn ask(path: &Path) -> Result<Self> {
         let variable = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
-        let address = RemoteAddress::of(path, &variable)?;
-        let folder = PageFolder::of(&variable).map_err(|e| e.in_file(path))?;
+        let address = RemoteUrl::parse(path, &variable)?;
+        let folder = CacheFolder::of(&variable).map_err(|e| e.in_file(path))?;
         let (requests, mut head) = (RemoteRequests { address }, Vec::new());
         let mut keep = |_, bytes: &[u8]| {
             head.extend_from_slice(bytes);
             Ok(())
         };
-        let (state, has_ranges) = requests.get(path, 0, HEAD, None, &mut keep)?;
+        let (state, has_ranges) =
+            requests.get(0, FIRST_REQUEST_BYTES, None, &mut keep).map_err(|e| e.in_file(path))?;
         if state.bytes == 0 {
             return Err(Error::bad_input("file is empty").in_file(path).remedy("copy it again"));
         }
         if !has_ranges && state.bytes > MAX_WHOLE {
             return Err(Error::unsupported(format!(
-                "the server supports no ranges of bytes, and the file is larger than {} MiB",
+                "the server supports no range requests, and the file is larger than {} MiB",
                 MAX_WHOLE >> 20
             ))
             .in_file(path)
-            .remedy("download the file (curl -LO URL) and pass the local copy"));
+            .remedy(DOWNLOAD));
         }
         // Without a version, pages are those of this run alone.
         let of_run = || {
             let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
             format!("{} {}", std::process::id(), since.as_nanos())
         };
-        let version = state.strong_version().map_or_else(of_run, str::to_owned);
+        let version = state.strong_tag().map_or_else(of_run, str::to_owned);
         let identity = format!("{}\n{}\n{version}", requests.address.url, state.bytes);
         let store = PageStore::new(&folder.path, &identity, state.bytes);
-        let (asked, come) = (Mutex::default(), Condvar::new());
+        let (in_flight, arrived) = (Mutex::default(), Condvar::new());
         let path = path.to_owned();
         let failed = Mutex::default();
-        let file = Self { path, requests, state, has_ranges, store, folder, asked, come, failed };
+        let file =
+            Self { path, requests, state, has_ranges, store, folder, in_flight, arrived, failed };
         file.in_store(|| file.store.open()?.note_use())?;
         let mut writer = PageWriter::new(&file, 0)?;
         writer.take(0, &head)?;
-        file.note_written(head.len() as u64)?;
+        file.trim_if_due(head.len() as u64)?;
         Ok(file)
     }
 
@@ -147,15 +152,15 @@ impl RemoteFile {
 
     /// What tells its contents from others of the same length, if the server says.
     pub(crate) fn version(&self) -> Option<&str> {
-        self.state.strong_version()
+        self.state.strong_tag()
     }
 
-    /// Fills `out` from the byte `at` on; `ahead` more bytes are asked for with those that are missing.
+    /// Fills `out` from the byte `at` on. If some are missing, `ahead` more bytes are requested with them.
     ///
     /// # Errors
     /// Those of requests, and of the folder of pages.
     pub(crate) fn read_at(&self, at: u64, out: &mut [u8], ahead: u64) -> Result<()> {
-        for _ in 0..READS {
+        for _ in 0..MAX_READ_ATTEMPTS {
             let missing = self.in_store(|| self.store.open()?.read(at, out))?;
             let Some(last) = missing.last() else { return Ok(()) };
             let end = self.store.bytes(last.clone()).end;
@@ -163,12 +168,12 @@ impl RemoteFile {
             let ahead = self.in_store(|| self.store.open()?.missing(ahead))?;
             self.fetch([missing, ahead].concat())?;
         }
-        Err(Error::bad_input("its pages on disk disappear while they are read")
+        Err(Error::new(ErrorKind::Io, "cached data was evicted while it was being read")
             .in_file(&self.path)
-            .remedy(format!("set {SIZE} to a larger size")))
+            .remedy(format!("increase {SIZE}")))
     }
 
-    /// Asks for all ranges of bytes that are missing, at once; for those `ahead` only if some were.
+    /// Requests what is missing of the `needed` ranges, in parallel; if anything was, also of those `ahead`.
     ///
     /// # Errors
     /// As [`read_at`](Self::read_at).
@@ -189,17 +194,17 @@ impl RemoteFile {
         if missing.is_empty() { Ok(()) } else { self.fetch(missing) }
     }
 
-    /// Asks for runs of pages, unless another thread does, and waits until they have come or failed.
+    /// Requests runs of pages, unless another thread does, and waits until they have arrived or failed.
     fn fetch(&self, runs: Vec<Range<u64>>) -> Result<()> {
         let runs = match self.has_ranges {
-            true => joined(runs, GAP),
+            true => joined(runs, MERGED_GAP_PAGES),
             false => std::iter::once(0..self.store.count()).collect(),
         };
         let (claim, others) = self.claim(&runs);
-        let most = if self.has_ranges { REQUEST / PAGE } else { u64::MAX };
+        let most = if self.has_ranges { MAX_REQUEST_BYTES / PAGE } else { u64::MAX };
         let runs = claim.runs.iter().cloned();
         let pieces: Vec<Range<u64>> = runs.flat_map(|run| pieces(run, most)).collect();
-        let threads = pieces.len().min(AT_ONCE);
+        let threads = pieces.len().min(PARALLEL_REQUESTS);
         if threads <= 1 {
             pieces.into_iter().try_for_each(|piece| self.get(piece))?;
         } else {
@@ -219,19 +224,19 @@ impl RemoteFile {
             })?;
         }
         drop(claim);
-        let mut asked = lock(&self.asked);
+        let mut asked = lock(&self.in_flight);
         let is_there = |asked: &[Range<u64>]| {
             others.iter().any(|run| asked.iter().any(|other| overlap(run, other)))
         };
         while is_there(&asked) {
-            asked = wait(&self.come, asked);
+            asked = wait(&self.arrived, asked);
         }
         Ok(())
     }
 
-    /// Claims what no other thread asks for; returns the runs of others, too.
+    /// Claims what no other thread is requesting; returns the runs of others, too.
     fn claim(&self, runs: &[Range<u64>]) -> (PageClaim<'_>, Vec<Range<u64>>) {
-        let mut asked = lock(&self.asked);
+        let mut asked = lock(&self.in_flight);
         let (mut own, mut others) = (Vec::new(), Vec::new());
         for run in runs {
             let mut left = vec![run.clone()];
@@ -250,7 +255,7 @@ impl RemoteFile {
         lock(&self.failed).as_ref().map(Error::again)
     }
 
-    /// Asks for pages, and keeps them.
+    /// Requests pages and stores them.
     fn get(&self, pages: Range<u64>) -> Result<()> {
         self.failure().map_or(Ok(()), Err)?;
         self.try_get(pages).inspect_err(|error| {
@@ -263,21 +268,24 @@ impl RemoteFile {
         let mut writer = PageWriter::new(self, pages.start)?;
         let mut keep = |at, some: &[u8]| writer.take(at, some);
         let known = Some(&self.state);
-        self.requests.get(&self.path, bytes.start, bytes.end, known, &mut keep)?;
-        self.note_written(bytes.end - bytes.start)
+        let got = self.requests.get(bytes.start, bytes.end, known, &mut keep);
+        got.map_err(|e| e.in_file(&self.path))?;
+        self.trim_if_due(bytes.end - bytes.start)
     }
 
     fn in_store<T>(&self, act: impl FnOnce() -> std::io::Result<T>) -> Result<T> {
         act().map_err(|error| {
             let error = Error::write(&self.folder.path, error);
-            error.remedy(format!("set {FOLDER} to a folder with space"))
+            error.remedy(format!("set {FOLDER} to a writable folder with free space"))
         })
     }
 
-    /// Looks at the size of the folder from time to time.
-    fn note_written(&self, bytes: u64) -> Result<()> {
-        static WRITTEN: AtomicU64 = AtomicU64::new(LOOK);
-        if WRITTEN.fetch_add(bytes, Ordering::Relaxed) + bytes < LOOK.min(self.folder.bytes / 8) {
+    /// Checks the size of the cache from time to time.
+    fn trim_if_due(&self, bytes: u64) -> Result<()> {
+        static WRITTEN: AtomicU64 = AtomicU64::new(TRIM_INTERVAL_BYTES);
+        if WRITTEN.fetch_add(bytes, Ordering::Relaxed) + bytes
+            < TRIM_INTERVAL_BYTES.min(self.folder.bytes / 8)
+        {
             return Ok(());
         }
         WRITTEN.store(0, Ordering::Relaxed);
@@ -285,7 +293,7 @@ impl RemoteFile {
     }
 }
 
-/// Runs of pages that one thread asks for.
+/// Runs of pages that one thread requests.
 struct PageClaim<'a> {
     file: &'a RemoteFile,
     runs: Vec<Range<u64>>,
@@ -293,18 +301,18 @@ struct PageClaim<'a> {
 
 impl Drop for PageClaim<'_> {
     fn drop(&mut self) {
-        let mut asked = lock(&self.file.asked);
+        let mut asked = lock(&self.file.in_flight);
         for run in &self.runs {
             if let Some(at) = asked.iter().position(|other| other == run) {
                 asked.swap_remove(at);
             }
         }
         drop(asked);
-        self.file.come.notify_all();
+        self.file.arrived.notify_all();
     }
 }
 
-/// Makes pages of bytes that come in order.
+/// Makes pages of bytes that arrive in order.
 struct PageWriter<'a> {
     file: &'a RemoteFile,
     open: page_store::OpenPages<'a>,
@@ -337,15 +345,15 @@ impl<'a> PageWriter<'a> {
     }
 }
 
-/// The folder of the pages.
+/// The folder of the cache.
 #[derive(Debug)]
-struct PageFolder {
+struct CacheFolder {
     path: PathBuf,
     /// Bytes that it may take.
     bytes: u64,
 }
 
-impl PageFolder {
+impl CacheFolder {
     /// The folder that the environment names.
     fn of(variable: &dyn Fn(&str) -> Option<String>) -> Result<Self> {
         let path = match variable(FOLDER) {
@@ -354,32 +362,25 @@ impl PageFolder {
                 let cache = variable("XDG_CACHE_HOME").or_else(|| variable("LOCALAPPDATA"));
                 let home = || Some(PathBuf::from(variable("HOME")?).join(".cache"));
                 let cache = cache.map(PathBuf::from).or_else(home).ok_or_else(|| {
-                    Error::usage("there is no folder for what is read of remote files")
+                    Error::usage("no cache folder for remote files: HOME is not set")
                         .remedy(format!("set {FOLDER} to a folder"))
                 })?;
                 cache.join("terrane")
             }
         };
-        let bytes = variable(SIZE).map_or(Ok(MAX_SIZE), |text| size_of(&text))?;
+        let bytes = match variable(SIZE) {
+            None => MAX_SIZE,
+            Some(text) => byte_size::parse(&text).ok_or_else(|| {
+                Error::usage(format!("{SIZE} is {text:?}, not a size"))
+                    .remedy("set it to bytes, or to a size such as 4G")
+            })?,
+        };
         match bytes < MIN_SIZE {
             false => Ok(Self { path, bytes }),
             true => Err(Error::usage(format!("{SIZE} is less than {} MiB", MIN_SIZE >> 20))
                 .remedy("set it to 64M or more")),
         }
     }
-}
-
-/// Bytes of "4G", "512M" or a plain number.
-fn size_of(text: &str) -> Result<u64> {
-    let text = text.trim();
-    let unit = text.chars().last().and_then(|last| "KMGT".find(last));
-    let digits = if unit.is_some() { &text[..text.len() - 1] } else { text };
-    let shift = unit.map_or(0, |place| 10 * (place + 1));
-    let bytes = digits.parse::<u64>().ok().and_then(|count| count.checked_mul(1 << shift));
-    bytes.ok_or_else(|| {
-        Error::usage(format!("{SIZE} is {text:?}, not a size"))
-            .remedy("set it to bytes, or to a size such as 4G")
-    })
 }
 
 fn overlap(a: &Range<u64>, b: &Range<u64>) -> bool {
@@ -416,16 +417,6 @@ fn pieces(run: Range<u64>, most: u64) -> impl Iterator<Item = Range<u64>> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-
-    #[test]
-    fn sizes_have_units() {
-        for (text, bytes) in [("7", 7), ("3K", 3 << 10), (" 512M ", 512 << 20), ("2T", 2 << 40)] {
-            assert_eq!(size_of(text).unwrap(), bytes);
-        }
-        for text in ["", "G", "-1", "1.5G", "99999999999T", "4 GB"] {
-            assert!(size_of(text).unwrap_err().to_string().contains(SIZE), "{text}");
-        }
-    }
 
     #[test]
     fn runs_are_joined_and_cut() {

@@ -99,10 +99,7 @@ impl OpenPages<'_> {
                 && read_exact_at(&self.pages, &mut page_bytes, bytes.start).is_ok()
                 && checksum(&page_bytes) == sum;
             if !is_there {
-                match missing.last_mut().filter(|run| run.end == page) {
-                    Some(run) => run.end += 1,
-                    None => missing.push(page..page + 1),
-                }
+                push_page(&mut missing, page);
                 continue;
             }
             let [from, to] = [at.max(bytes.start), end.min(bytes.end)];
@@ -116,10 +113,7 @@ impl OpenPages<'_> {
     pub(super) fn missing(&self, pages: Range<u64>) -> io::Result<Vec<Range<u64>>> {
         let mut missing: Vec<Range<u64>> = Vec::new();
         for (page, _) in pages.clone().zip(self.sums(pages)?).filter(|(_, sum)| *sum == 0) {
-            match missing.last_mut().filter(|run| run.end == page) {
-                Some(run) => run.end += 1,
-                None => missing.push(page..page + 1),
-            }
+            push_page(&mut missing, page);
         }
         Ok(missing)
     }
@@ -148,6 +142,14 @@ impl OpenPages<'_> {
     }
 }
 
+/// Appends a page to runs in order.
+fn push_page(runs: &mut Vec<Range<u64>>, page: u64) {
+    match runs.last_mut().filter(|run| run.end == page) {
+        Some(run) => run.end += 1,
+        None => runs.push(page..page + 1),
+    }
+}
+
 /// Makes a folder for this user alone, unless it is there.
 fn private_folder(path: &Path) -> io::Result<()> {
     let mut builder = std::fs::DirBuilder::new();
@@ -171,7 +173,7 @@ pub(super) fn trim(folder: &Path, most: u64) -> io::Result<()> {
         let meta = path.symlink_metadata().ok().filter(std::fs::Metadata::is_file);
         if let (true, Some(meta)) = (is_own(&path), meta) {
             let used = meta.modified().unwrap_or(SystemTime::UNIX_EPOCH);
-            all.push((used, taken(&meta), path));
+            all.push((used, disk_usage(&meta), path));
         }
     }
     all.sort();
@@ -199,12 +201,12 @@ fn is_own(path: &Path) -> bool {
 
 /// Bytes on disk.
 #[cfg(unix)]
-fn taken(meta: &std::fs::Metadata) -> u64 {
+fn disk_usage(meta: &std::fs::Metadata) -> u64 {
     std::os::unix::fs::MetadataExt::blocks(meta) * 512
 }
 
 #[cfg(not(unix))]
-fn taken(meta: &std::fs::Metadata) -> u64 {
+fn disk_usage(meta: &std::fs::Metadata) -> u64 {
     meta.len()
 }
 
@@ -275,6 +277,6 @@ mod tests {
         assert!(others.iter().all(|name| folder.path().join(name).exists()));
         let own = std::fs::read_dir(folder.path()).unwrap().flatten();
         let own = own.filter(|entry| is_own(&entry.path()) && entry.path().is_file());
-        assert_eq!(own.map(|entry| taken(&entry.metadata().unwrap())).sum::<u64>(), 0);
+        assert_eq!(own.map(|entry| disk_usage(&entry.metadata().unwrap())).sum::<u64>(), 0);
     }
 }

@@ -1,4 +1,4 @@
-//! Requests for ranges of bytes, repeated when they fail for a while.
+//! Range requests, tried again after transient failures.
 
 use std::io::Read;
 use std::path::Path;
@@ -9,71 +9,78 @@ use ureq::http::Response;
 use ureq::tls::{PemItem, RootCerts, TlsConfig, parse_pem};
 use ureq::{Agent, Body};
 
-use super::address::RemoteAddress;
+use super::address::RemoteUrl;
 use terrane_base::error::{Error, ErrorKind, Result};
 
-/// How often a request is made that fails for a while, and the wait before the second time, which doubles.
-const TRIES: u32 = 5;
-const WAIT: Duration = Duration::from_millis(200);
-/// Longest wait that a server may ask for.
-const MAX_WAIT: Duration = Duration::from_secs(30);
-const CONNECT: Duration = Duration::from_secs(15);
-const ANSWER: Duration = Duration::from_secs(20);
-/// Least bytes a second.
-const SLOWEST: u64 = 1 << 16;
-/// Most moves of a file to other addresses.
-const MAX_MOVES: u32 = 10;
-/// Bytes after whose arrival a request may fail as often again.
+/// How often a request is tried, and the wait before the second attempt, which doubles.
+const MAX_ATTEMPTS: u32 = 5;
+const BACKOFF: Duration = Duration::from_millis(200);
+/// Longest wait that a server may ask for by `Retry-After`.
+const MAX_BACKOFF: Duration = Duration::from_secs(30);
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(15);
+const RESPONSE_TIMEOUT: Duration = Duration::from_secs(20);
+/// Slower bodies time out.
+const MIN_BYTES_PER_SECOND: u64 = 1 << 16;
+const MAX_REDIRECTS: u32 = 10;
+/// Bytes after whose arrival the attempts are counted anew.
 const PROGRESS: u64 = 1 << 18;
 /// Connections that stay open to a host.
-const CONNECTIONS: usize = 16;
-/// File of certificates to trust, in place of those of Mozilla.
-const CERTIFICATES: &str = "SSL_CERT_FILE";
-/// Longest file: beyond, a length is not one.
+const MAX_IDLE_CONNECTIONS: usize = 16;
+/// Variable with the name of a PEM file of CA certificates, in place of those of Mozilla.
+const CA_FILE: &str = "SSL_CERT_FILE";
+/// Largest length that is believed.
 const MAX_BYTES: u64 = 1 << 53;
-/// What helps where a server is not up to it.
-const DOWNLOAD: &str = "download the file (curl -LO URL) and pass the local copy";
+/// Remedy for servers that cannot be read by ranges.
+pub(super) const DOWNLOAD: &str = "download the file (curl -LO URL) and pass the local copy";
 
-/// What a server says of a file.
+/// Length and version of a file, as the server states them.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct RemoteState {
+pub(super) struct ObjectVersion {
     pub(super) bytes: u64,
-    /// Its entity tag, or else when it was last modified.
+    /// The ETag, or else Last-Modified.
     pub(super) version: Option<String>,
 }
 
-impl RemoteState {
-    /// The version, if files that have it have the same bytes: a weak tag is of files that mean the same.
-    pub(super) fn strong_version(&self) -> Option<&str> {
+impl ObjectVersion {
+    /// The version, unless it is a weak ETag, which files with different bytes may share.
+    pub(super) fn strong_tag(&self) -> Option<&str> {
         self.version.as_deref().filter(|tag| !tag.starts_with("W/"))
     }
 }
 
-/// An answer that has come, and the place of its first byte.
-struct RangeAnswer {
+/// A response with bytes of the file.
+struct RangeResponse {
     body: ureq::BodyReader<'static>,
+    /// Offset of its first byte.
     first: u64,
-    state: RemoteState,
-    /// Behind its last byte.
+    state: ObjectVersion,
+    /// Offset after its last byte.
     end: u64,
     /// Whether ranges are supported.
     is_range: bool,
 }
 
 /// Why a request has failed.
-enum RequestFailure {
-    /// It may succeed if it is made again, after this time.
-    ForAWhile(String, Option<Duration>),
-    Final(Error),
+enum RequestError {
+    /// It may succeed if it is tried again, after this time.
+    Transient(String, Option<Duration>),
+    Permanent(Error),
 }
 
-/// Receives bytes in order, of which the first is at the offset.
+impl RequestError {
+    /// A failure of the server or the connection.
+    fn of_server(what: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::Permanent(Error::new(ErrorKind::Io, what).remedy(remedy))
+    }
+}
+
+/// Takes bytes in order, with the offset of the first.
 pub(super) type Receive<'a> = dyn FnMut(u64, &[u8]) -> Result<()> + 'a;
 
 /// Requests for one file.
 #[derive(Debug)]
 pub(super) struct RemoteRequests {
-    pub(super) address: RemoteAddress,
+    pub(super) address: RemoteUrl,
 }
 
 impl RemoteRequests {
@@ -81,24 +88,23 @@ impl RemoteRequests {
     /// the server supports ranges. One that does not sends all bytes before `end`.
     ///
     /// # Errors
-    /// A file that is missing, locked away or in another state; failures that last; those of `receive`.
+    /// A file that is missing, not accessible or has changed; transient failures that go on; those of `receive`.
     pub(super) fn get(
         &self,
-        path: &Path,
         first: u64,
         end: u64,
-        known: Option<&RemoteState>,
+        known: Option<&ObjectVersion>,
         receive: &mut Receive<'_>,
-    ) -> Result<(RemoteState, bool)> {
+    ) -> Result<(ObjectVersion, bool)> {
         let (mut at, mut tries, mut state) = (first, 0, known.cloned());
         let mut arrived = 0;
         loop {
-            let failure = match self.ask(path, at, end, state.as_ref()) {
+            let failure = match self.ask(at, end, state.as_ref()) {
                 Ok(answer) => {
                     let (is_range, found) = (answer.is_range, answer.state.clone());
                     let end = end.min(found.bytes);
                     state = Some(found.clone());
-                    match pass_on(answer, &mut at, end, &mut arrived, receive)? {
+                    match stream_body(answer, &mut at, end, &mut arrived, receive)? {
                         None if at < end => continue,
                         None => return Ok((found, is_range)),
                         Some(failure) => failure,
@@ -107,63 +113,62 @@ impl RemoteRequests {
                 Err(failure) => failure,
             };
             let (what, wait) = match failure {
-                RequestFailure::Final(error) => return Err(error),
-                RequestFailure::ForAWhile(what, wait) => (what, wait),
+                RequestError::Permanent(error) => return Err(error),
+                RequestError::Transient(what, wait) => (what, wait),
             };
             if arrived >= PROGRESS {
                 (tries, arrived) = (0, 0);
             }
             tries += 1;
-            if tries == TRIES {
+            if tries == MAX_ATTEMPTS {
                 return Err(Error::new(ErrorKind::Io, format!("cannot read: {what}"))
-                    .at(format_args!("bytes {at} to {end}, asked for {TRIES} times"))
-                    .in_file(path)
+                    .at(format_args!("bytes {at} to {end}, {MAX_ATTEMPTS} attempts"))
                     .remedy("check the connection and the server, and run again"));
             }
-            std::thread::sleep(wait.unwrap_or(WAIT * 2_u32.pow(tries - 1)).min(MAX_WAIT));
+            std::thread::sleep(wait.unwrap_or(BACKOFF * 2_u32.pow(tries - 1)).min(MAX_BACKOFF));
         }
     }
 
     fn ask(
         &self,
-        path: &Path,
         at: u64,
         end: u64,
-        known: Option<&RemoteState>,
-    ) -> std::result::Result<RangeAnswer, RequestFailure> {
+        known: Option<&ObjectVersion>,
+    ) -> std::result::Result<RangeResponse, RequestError> {
         let agent = agent().map_err(|what| {
-            let error = Error::bad_input(what).in_file(path);
-            RequestFailure::Final(error.remedy(format!("correct {CERTIFICATES}")))
+            RequestError::Permanent(Error::usage(what).remedy(format!("correct {CA_FILE}")))
         })?;
         let last = end.max(at + 1) - 1;
-        let time = ANSWER + Duration::from_secs((last - at) / SLOWEST);
+        let time = RESPONSE_TIMEOUT + Duration::from_secs((last - at) / MIN_BYTES_PER_SECOND);
         let (mut url, mut authorization) = (self.address.url.clone(), self.address.headers());
-        for _ in 0..MAX_MOVES {
+        for _ in 0..MAX_REDIRECTS {
             let request = agent.get(&url).header("range", format!("bytes={at}-{last}"));
             // Ranges are those of what is sent.
             let request = request.header("accept-encoding", "identity");
             let mut request = request.config().timeout_recv_body(Some(time)).build();
-            // Not for the servers that the first one names.
+            // Not for the targets of redirects.
             for (name, value) in std::mem::take(&mut authorization) {
                 request = request.header(name, value);
             }
-            let answer = request.call().map_err(|error| of_transport(path, &error))?;
+            let answer = request.call().map_err(|error| transport_error(&error))?;
             match answer.status().as_u16() {
-                206 | 200 => return answered(path, answer, at, known),
-                status @ (301..=303 | 307 | 308) => match location(&url, &answer) {
+                206 | 200 => return checked_response(answer, at, known),
+                status @ (301..=303 | 307 | 308) => match redirect_target(&url, &answer) {
                     Some(next) => url = next,
-                    None => return Err(of_status(path, status, &answer)),
+                    None => return Err(status_error(&url, status, &answer)),
                 },
-                status => return Err(of_status(path, status, &answer)),
+                status => return Err(status_error(&url, status, &answer)),
             }
         }
-        let error = Error::bad_input("the servers name each other without end").in_file(path);
-        Err(RequestFailure::Final(error.remedy("check the address")))
+        Err(RequestError::of_server(
+            format!("more than {MAX_REDIRECTS} redirects"),
+            "check the URL",
+        ))
     }
 }
 
-/// The address that a file has moved to.
-fn location(from: &str, answer: &Response<Body>) -> Option<String> {
+/// The target of a redirect; `None` without one, and from https to http.
+fn redirect_target(from: &str, answer: &Response<Body>) -> Option<String> {
     let to = answer.headers().get("location")?.to_str().ok()?.trim();
     let (scheme, rest) = from.split_once("://")?;
     let place = rest.split(['?', '#']).next()?;
@@ -182,19 +187,19 @@ fn location(from: &str, answer: &Response<Body>) -> Option<String> {
     })
 }
 
-/// An answer with bytes, checked against what is known.
-fn answered(
-    path: &Path,
+/// A response with bytes, checked against what is known.
+fn checked_response(
     answer: Response<Body>,
     at: u64,
-    known: Option<&RemoteState>,
-) -> std::result::Result<RangeAnswer, RequestFailure> {
+    known: Option<&ObjectVersion>,
+) -> std::result::Result<RangeResponse, RequestError> {
     let is_range = answer.status().as_u16() == 206;
     let header = |name: &str| answer.headers().get(name)?.to_str().ok();
     if let Some(coding) = header("content-encoding").filter(|coding| *coding != "identity") {
-        let error = Error::unsupported(format!("the server compresses what it sends ({coding})"));
-        let remedy = "download the file, unpacked, and pass the local copy";
-        return Err(RequestFailure::Final(error.in_file(path).remedy(remedy)));
+        return Err(RequestError::of_server(
+            format!("the server ignores Accept-Encoding: identity (Content-Encoding: {coding})"),
+            "download the file, unpacked, and pass the local copy",
+        ));
     }
     let (first, end, bytes) = match is_range {
         true => {
@@ -202,23 +207,23 @@ fn answered(
                 header("content-range").and_then(content_range).filter(|(first, ..)| *first == at);
             range.ok_or_else(|| {
                 let found = header("content-range").unwrap_or("none");
-                let what = format!(
-                    "the server answers with another range ({found}) than asked for ({at})"
-                );
-                let error = Error::bad_input(what).in_file(path);
-                RequestFailure::Final(error.remedy(DOWNLOAD))
+                let what = format!("unexpected Content-Range ({found}), requested bytes from {at}");
+                RequestError::of_server(what, DOWNLOAD)
             })?
         }
         false => {
             let length =
                 answer.body().content_length().or_else(|| header("content-length")?.parse().ok());
             let length = length.or(known.map(|known| known.bytes));
-            let length = length.ok_or_else(|| no_ranges(path, "does not state its length"))?;
+            let length = length.ok_or_else(|| {
+                let what = "the server supports no range requests and sends no Content-Length";
+                RequestError::of_server(what, DOWNLOAD)
+            })?;
             (0, length, length)
         }
     };
     let version = header("etag").or_else(|| header("last-modified")).map(str::to_owned);
-    let state = RemoteState { bytes, version };
+    let state = ObjectVersion { bytes, version };
     if let Some(known) = known.filter(|known| **known != state) {
         let what = match known.bytes == state.bytes {
             true => "changed on the server while it was read".to_owned(),
@@ -227,24 +232,23 @@ fn answered(
                 known.bytes, state.bytes
             ),
         };
-        let error = Error::new(ErrorKind::Io, what).in_file(path);
-        return Err(RequestFailure::Final(error.remedy("run again when it does not change")));
+        return Err(RequestError::of_server(what, "run again when it does not change"));
     }
     if bytes > MAX_BYTES {
-        let error = Error::bad_input(format!("the server states {bytes} bytes")).in_file(path);
-        return Err(RequestFailure::Final(error.remedy(DOWNLOAD)));
+        return Err(RequestError::of_server(format!("the server states {bytes} bytes"), DOWNLOAD));
     }
-    Ok(RangeAnswer { body: answer.into_body().into_reader(), first, state, end, is_range })
+    Ok(RangeResponse { body: answer.into_body().into_reader(), first, state, end, is_range })
 }
 
-/// Passes on what comes from the byte `at` on, until `end` or the end of the answer; returns a failure if it ends before.
-fn pass_on(
-    mut answer: RangeAnswer,
+/// Passes on the bytes of a response from `at` on, up to `end` or the end of the response; returns a failure if it ends
+/// before.
+fn stream_body(
+    mut answer: RangeResponse,
     at: &mut u64,
     end: u64,
     arrived: &mut u64,
     receive: &mut Receive<'_>,
-) -> Result<Option<RequestFailure>> {
+) -> Result<Option<RequestError>> {
     let (mut place, mut buffer) = (answer.first, vec![0; 1 << 16]);
     let is_whole = end >= answer.end;
     let end = end.min(answer.end);
@@ -252,13 +256,13 @@ fn pass_on(
         let most = (buffer.len() as u64).min(end - place) as usize;
         let count = match answer.body.read(&mut buffer[..most]) {
             Ok(0) => {
-                let what = format!("the answer ends at byte {place} of {end}");
-                return Ok(Some(RequestFailure::ForAWhile(what, None)));
+                let what = format!("the response ends at byte {place} of {end}");
+                return Ok(Some(RequestError::Transient(what, None)));
             }
             Ok(count) => count,
-            Err(error) => return Ok(Some(RequestFailure::ForAWhile(error.to_string(), None))),
+            Err(error) => return Ok(Some(RequestError::Transient(error.to_string(), None))),
         };
-        // Of a server without ranges, what has come before comes again.
+        // A server without range requests begins at the first byte again.
         let skipped = at.saturating_sub(place).min(count as u64) as usize;
         place += count as u64;
         if skipped < count {
@@ -268,7 +272,7 @@ fn pass_on(
         }
     }
     if is_whole {
-        // Read to its end, an answer gives its connection back.
+        // Only a body that is read to its end returns its connection.
         let _ = answer.body.read(&mut buffer[..1]);
     }
     Ok(None)
@@ -283,45 +287,51 @@ fn content_range(text: &str) -> Option<(u64, u64, u64)> {
     (first <= last && last < length).then_some((first, last + 1, length))
 }
 
-fn no_ranges(path: &Path, what: &str) -> RequestFailure {
-    let what = format!("the server supports no ranges of bytes and {what}");
-    let error = Error::unsupported(what).in_file(path);
-    RequestFailure::Final(error.remedy(DOWNLOAD))
-}
-
-/// The failure of a status that is not one of bytes.
-fn of_status(path: &Path, status: u16, answer: &Response<Body>) -> RequestFailure {
-    let said = format!("the server answers with status {status}");
+/// The failure of a response by its status.
+fn status_error(url: &str, status: u16, answer: &Response<Body>) -> RequestError {
+    let said = format!("HTTP status {status}");
     let header = |name: &str| answer.headers().get(name)?.to_str().ok();
-    let error = match status {
-        404 | 410 => Error::not_found("no such file").in_file(path).remedy("check the address"),
-        401 | 403 => Error::new(ErrorKind::Io, format!("access is denied ({said})"))
-            .in_file(path)
-            .remedy("check the address and the credentials (AWS_ACCESS_KEY_ID, a signed address)"),
-        416 => Error::bad_input(format!("is empty or became shorter ({said})"))
-            .in_file(path)
-            .remedy("check the address"),
+    match status {
+        404 | 410 => {
+            let error = Error::not_found(format!("no such file ({said})"));
+            RequestError::Permanent(error.remedy("check the URL"))
+        }
+        401 | 403 => {
+            let what = format!("access denied ({said})");
+            RequestError::of_server(what, format!("check the URL and {}", credentials_of(url)))
+        }
         301 if let Some(region) = header("x-amz-bucket-region") => {
-            Error::bad_input(format!("the bucket is in another region ({region})"))
-                .in_file(path)
-                .remedy(format!("set AWS_REGION={region}"))
+            let what = format!("the bucket is in another region ({region})");
+            RequestError::of_server(what, format!("set AWS_REGION={region}"))
         }
         408 | 425 | 429 | 500..=599 => {
             let wait = header("retry-after").and_then(|text| text.trim().parse().ok());
-            return RequestFailure::ForAWhile(said, wait.map(Duration::from_secs));
+            RequestError::Transient(said, wait.map(Duration::from_secs))
         }
-        _ => Error::bad_input(said).in_file(path).remedy("check the address"),
-    };
-    RequestFailure::Final(error)
+        416 => {
+            RequestError::of_server(format!("is empty or became shorter ({said})"), "check the URL")
+        }
+        _ => RequestError::of_server(said, "check the URL and the credentials"),
+    }
 }
 
-/// The failure of a request without an answer.
-fn of_transport(path: &Path, error: &ureq::Error) -> RequestFailure {
+/// What access to a host depends on.
+fn credentials_of(url: &str) -> &'static str {
+    let host = url.split('/').nth(2).unwrap_or_default();
+    match host {
+        _ if host.ends_with(".amazonaws.com") => "AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY",
+        "storage.googleapis.com" => "GOOGLE_OAUTH_ACCESS_TOKEN",
+        _ if host.ends_with(".blob.core.windows.net") => "AZURE_STORAGE_SAS_TOKEN",
+        _ => "the credentials; presigned URLs expire",
+    }
+}
+
+/// The failure of a request without a response.
+fn transport_error(error: &ureq::Error) -> RequestError {
     let what = error.to_string();
     if what.contains("certificate") {
-        let error = Error::new(ErrorKind::Io, format!("cannot read: {what}")).in_file(path);
-        let remedy = format!("name a file of certificates to trust by {CERTIFICATES}");
-        return RequestFailure::Final(error.remedy(remedy));
+        let remedy = format!("set {CA_FILE} to a PEM file with the CA certificates");
+        return RequestError::of_server(format!("cannot read: {what}"), remedy);
     }
     let is_final = matches!(
         error,
@@ -333,12 +343,11 @@ fn of_transport(path: &Path, error: &ureq::Error) -> RequestFailure {
             | ureq::Error::Rustls(_)
     );
     match is_final {
-        true => RequestFailure::Final(
-            Error::new(ErrorKind::Io, format!("cannot read: {what}"))
-                .in_file(path)
-                .remedy("check the address and the connection"),
-        ),
-        false => RequestFailure::ForAWhile(what, None),
+        true => {
+            let what = format!("cannot read: {what}");
+            RequestError::of_server(what, "check the URL and the connection")
+        }
+        false => RequestError::Transient(what, None),
     }
 }
 
@@ -348,14 +357,14 @@ fn agent() -> std::result::Result<&'static Agent, String> {
     let agent = AGENT.get_or_init(|| {
         let mut config = Agent::config_builder()
             .http_status_as_error(false)
-            // Those of object stores may lack the place, and name a region.
+            // S3 redirects without Location, and names the region of the bucket.
             .max_redirects(0)
-            .timeout_connect(Some(CONNECT))
-            .timeout_recv_response(Some(ANSWER))
-            .max_idle_connections(CONNECTIONS)
-            .max_idle_connections_per_host(CONNECTIONS)
+            .timeout_connect(Some(CONNECT_TIMEOUT))
+            .timeout_recv_response(Some(RESPONSE_TIMEOUT))
+            .max_idle_connections(MAX_IDLE_CONNECTIONS)
+            .max_idle_connections_per_host(MAX_IDLE_CONNECTIONS)
             .user_agent(concat!("terrane/", env!("CARGO_PKG_VERSION")));
-        if let Some(file) = std::env::var_os(CERTIFICATES).filter(|file| !file.is_empty()) {
+        if let Some(file) = std::env::var_os(CA_FILE).filter(|file| !file.is_empty()) {
             let file = Path::new(&file);
             let text =
                 std::fs::read(file).map_err(|error| format!("{}: {error}", file.display()))?;
@@ -383,7 +392,7 @@ mod tests {
     fn files_move_to_addresses_near_and_far() {
         let moved = |from: &str, to: &str| {
             let answer = Response::builder().header("location", to);
-            location(from, &answer.body(Body::builder().data(Vec::new())).unwrap()).unwrap()
+            redirect_target(from, &answer.body(Body::builder().data(Vec::new())).unwrap()).unwrap()
         };
         for (from, to, expected) in [
             ("https://h:1/a/b?x=/y", "c", "https://h:1/a/c"),
@@ -391,7 +400,6 @@ mod tests {
             ("https://h/a", "//g/c", "https://g/c"),
             ("http://h", "https://g/c", "https://g/c"),
             ("http://h/a/b?x", "?y=http://z", "http://h/a/b?y=http://z"),
-            ("http://h/a/b?x", "/c?y=http://z", "http://h/c?y=http://z"),
         ] {
             assert_eq!(moved(from, to), expected);
         }

@@ -6,20 +6,20 @@ use sha2::{Digest, Sha256};
 
 /// Keys of an account.
 #[derive(Clone, PartialEq)]
-pub(super) struct AwsKeys {
+pub(super) struct AwsCredentials {
     id: String,
     secret: String,
     /// Of a session that ends.
     session: Option<String>,
 }
 
-impl std::fmt::Debug for AwsKeys {
+impl std::fmt::Debug for AwsCredentials {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "AwsKeys({})", self.id)
+        write!(f, "AwsCredentials({})", self.id)
     }
 }
 
-impl AwsKeys {
+impl AwsCredentials {
     /// Those of the environment, if they are set.
     pub(super) fn of(variable: &dyn Fn(&str) -> Option<String>) -> Option<Self> {
         Some(Self {
@@ -34,7 +34,7 @@ impl AwsKeys {
 const UNSIGNED: &str = "UNSIGNED-PAYLOAD";
 
 /// A request for an object at a time.
-pub(super) struct Signature<'a> {
+pub(super) struct SigV4Request<'a> {
     /// Host, path and query of the address.
     host: &'a str,
     path: &'a str,
@@ -44,9 +44,9 @@ pub(super) struct Signature<'a> {
     time: String,
 }
 
-impl<'a> Signature<'a> {
+impl<'a> SigV4Request<'a> {
     /// A request that is made now.
-    pub(super) fn of_now(url: &'a str, region: &'a str) -> Self {
+    pub(super) fn now(url: &'a str, region: &'a str) -> Self {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         Self::at(url, region, since.as_secs())
     }
@@ -60,7 +60,7 @@ impl<'a> Signature<'a> {
     }
 
     /// The headers of the signed request.
-    pub(super) fn headers(&self, keys: &AwsKeys) -> Vec<(&'static str, String)> {
+    pub(super) fn headers(&self, keys: &AwsCredentials) -> Vec<(&'static str, String)> {
         let mut headers =
             vec![("x-amz-date", self.time.clone()), ("x-amz-content-sha256", UNSIGNED.to_owned())];
         headers.extend(keys.session.clone().map(|token| ("x-amz-security-token", token)));
@@ -166,13 +166,13 @@ mod tests {
 
     #[test]
     fn a_signature_depends_on_all_that_is_asked() {
-        let keys = |session: Option<&str>| AwsKeys {
+        let keys = |session: Option<&str>| AwsCredentials {
             id: "ID".to_owned(),
             secret: "secret".to_owned(),
             session: session.map(str::to_owned),
         };
         let signed = |url: &str, region: &str, seconds, session| {
-            let headers = Signature::at(url, region, seconds).headers(&keys(session));
+            let headers = SigV4Request::at(url, region, seconds).headers(&keys(session));
             headers.last().unwrap().1.clone()
         };
         let first = signed("https://b.s3.amazonaws.com/k", "r", 9, None);

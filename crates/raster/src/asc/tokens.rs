@@ -2,15 +2,12 @@
 
 use crate::decimal;
 use terrane_base::error::{Error, Result};
-use terrane_files::RawFile;
+use terrane_files::{AHEAD, RawFile};
 
 /// Bytes read at a time.
 const CHUNK: usize = 64 << 10;
 /// Maximum length of a number.
 const MAX_WORD: usize = 256;
-
-/// Bytes of a remote file asked for ahead.
-const AHEAD: u64 = 4 << 20;
 
 /// A reader of whitespace-separated words.
 pub(super) struct AscTokens<'a> {

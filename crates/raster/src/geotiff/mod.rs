@@ -146,7 +146,7 @@ impl GridSource for GeoTiff {
         self.images().for_each(|image| image.release(rect, &self.cache));
     }
 
-    fn expect(&self, rect: Rect) {
+    fn advise_read(&self, rect: Rect) {
         // What was expected first is the larger part.
         let _ = self.expected.set(rect);
     }

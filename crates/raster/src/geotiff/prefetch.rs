@@ -7,9 +7,7 @@ use super::image::{GeoTiffImage, blocks_touching};
 use super::layout::GeoTiffLayout;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
-
-/// Bytes of later blocks that are asked for with those that are missing.
-const AHEAD: u64 = 8 << 20;
+use terrane_files::AHEAD;
 
 impl GeoTiffImage {
     /// Asks for what is missing of the blocks of `rect`, and with it for the next blocks of what is `expected` to be read

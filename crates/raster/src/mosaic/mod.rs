@@ -148,7 +148,7 @@ impl Mosaic {
             MosaicSource::File(file) => {
                 let grid = self.family.grid(file)?;
                 let expected = self.expected.get().copied().unwrap_or(rect);
-                grid.expect(part.in_source(part.rect.intersect(&expected)));
+                grid.advise_read(part.in_source(part.rect.intersect(&expected)));
                 H::read(grid.as_ref(), there, out)
             }
         }
@@ -194,8 +194,8 @@ impl GridSource for Mosaic {
         self.pass_hint(rect, |grid, there| grid.copied(there));
     }
 
-    fn expect(&self, rect: Rect) {
+    fn advise_read(&self, rect: Rect) {
         let _ = self.expected.set(rect);
-        self.pass_hint(rect, |grid, there| grid.expect(there));
+        self.pass_hint(rect, |grid, there| grid.advise_read(there));
     }
 }

@@ -79,7 +79,7 @@ impl GridSource for TonedGrid {
         self.inner.copied(rect);
     }
 
-    fn expect(&self, rect: Rect) {
-        self.inner.expect(rect);
+    fn advise_read(&self, rect: Rect) {
+        self.inner.advise_read(rect);
     }
 }

@@ -38,7 +38,7 @@ pub struct QaOptions {
         default_text = "a cell"
     )]
     pub min_void: Option<f64>,
-    /// Compare flight lines only in cells where the heights of each span at most this
+    /// Compare flight lines only in cells where the height range of each is at most this
     #[option(
         value = "RANGE",
         range = OptionRange::POSITIVE,
@@ -46,7 +46,7 @@ pub struct QaOptions {
         default_text = "a tenth of the cell size"
     )]
     pub max_range: Option<f64>,
-    /// Tile index: write the footprint and the attributes of each file to this file: GeoJSON, FlatGeobuf, Shapefile or another
+    /// Write a tile index with the footprint and attributes of each input: GeoJSON, FlatGeobuf, Shapefile or another
     /// format of features by its extension, or a Virtual Point Cloud (.vpc)
     #[option(value = "FILE", with = FileName, heading = "Report")]
     pub index: Option<PathBuf>,

@@ -45,7 +45,7 @@ pub struct PictureOptions {
     #[option(
         value = "PX",
         range = OptionRange::new(1.0, MAX_PICTURE_SIDE as f64),
-        default_text = "1600, of a grid at most 8 per column"
+        default_text = "1600; for grids at most 8 times the number of columns"
     )]
     pub width: Option<u32>,
     /// Draw triangle edges

@@ -15,9 +15,9 @@ use super::{ChunkDecoder, LazCompressor, LazLayout, layers};
 
 /// Bytes of the offset of the table, before the first chunk or, if it could not be written later, at the end of the
 /// file.
-/// Bytes of the tables of most files.
-const TABLE_BYTES: u64 = 1 << 18;
 const POINTER_BYTES: u64 = 8;
+/// Size of the tables of most files.
+const TABLE_BYTES: u64 = 1 << 18;
 /// Bytes of the table's version and number of entries.
 const HEAD_BYTES: u64 = 8;
 /// Generous maximum bytes of an entry: two numbers of at most 32 bits and their lengths.
@@ -49,8 +49,8 @@ pub(crate) struct LazTableFindings {
     pub(crate) more: u64,
 }
 
-/// Asks for the table of a remote file: a request that fails is not a table that is missing.
-fn ask(file: &RawFile, start: u64) -> Result<()> {
+/// Prefetches the table, so that a network failure is not taken for a missing table.
+fn prefetch(file: &RawFile, start: u64) -> Result<()> {
     if !file.is_remote() || file.check_range(start, POINTER_BYTES).is_err() {
         return Ok(());
     }
@@ -77,7 +77,7 @@ pub(crate) fn read(
         ));
     }
     let first = start.saturating_add(POINTER_BYTES);
-    ask(file, start)?;
+    prefetch(file, start)?;
     let found = entries(file, header, layout, first);
     match found {
         Ok((chunks, more)) => {

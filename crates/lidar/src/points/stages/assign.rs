@@ -71,7 +71,7 @@ impl Assign {
     )];
 }
 
-/// Sets or adds a dimension with the value of a formula; points without a value of an operand are skipped.
+/// Sets or adds a dimension with the value of a formula; points where an operand is NaN keep their value.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AddDimension(Assign);
 

@@ -83,7 +83,7 @@ impl Stage for TreeTops {
             return Err(Error::usage(
                 "the stage tree-tops requires projected coordinates; these are in degrees",
             )
-            .remedy("reproject the points first, as by the stage reproject:CRS"));
+            .remedy("reproject the points first, for example with the stage reproject:CRS"));
         }
         Ok(Box::new(self.search(&input.info.frame)))
     }

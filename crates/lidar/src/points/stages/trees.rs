@@ -16,8 +16,8 @@ use super::{OpenStage, Stage, StageContext, StageInput, StageName, StageOutput, 
 use crate::grid::surface_model::MetricFrame;
 use crate::records::selection::place;
 use crate::records::{EachRecord, PointRecords};
-use terrane_base::error::Result;
-use terrane_base::geom::Point;
+use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::geom::{Point, Ruler};
 use terrane_cloud::{CloudInfo, NewDimension, NewDimensionValue};
 use terrane_files::{lock, unlocked};
 
@@ -53,6 +53,9 @@ impl FromStr for Trees {
             match part.trim().split_once('=') {
                 Some(("radius", text)) => radius = share(text)?,
                 Some(("height", text)) => height = share(text)?,
+                Some((key, _)) if key != "min" => {
+                    return Err(format!("expected min, radius or height, not {key}"));
+                }
                 _ => tops.push(part),
             }
         }
@@ -64,8 +67,8 @@ impl Trees {
     pub(super) const NAMES: [StageName; 1] = [StageName::of::<Self>(
         "trees",
         "WINDOW[:min=HEIGHT][:radius=SHARE][:height=SHARE]",
-        "number the trees (tops by tree-tops) and their points, as the dimension TreeID: crowns of at most a radius of \
-         0.6, from 0.3 of the height of the top",
+        "assign points to the nearest tree top, as dimension TreeID: within radius (0.6) and above height (0.3) times the \
+         height of the top",
     )];
 
     /// Most tops: no two are nearer than half a window, and there are no more than points.
@@ -109,7 +112,7 @@ impl Stage for Trees {
 /// The search for tops and crowns among points of one frame.
 struct TreeNumbering {
     search: TopSearch,
-    ruler: terrane_base::geom::Ruler,
+    ruler: Ruler,
     /// Metres of a step along x and y.
     step: [f64; 2],
     /// Side of a cell of the index, in metres.
@@ -132,11 +135,11 @@ impl OpenStage for TreeNumbering {
         })?;
         let crowns = TreeCrowns::new(self, unlocked(tops).into_iter().collect());
         let at = around.work.converter.added_at(TREE);
+        let at =
+            at.ok_or_else(|| Error::new(ErrorKind::Internal, "TreeID is not in the records"))?;
         let set = move |_, record: &mut [u8], (): &mut ()| {
             let number = crowns.of(place(record)).map_or(0, |index| index as u32 + 1);
-            if let Some(at) = at {
-                record[at..at + size_of::<u32>()].copy_from_slice(&number.to_le_bytes());
-            }
+            record[at..at + size_of::<u32>()].copy_from_slice(&number.to_le_bytes());
             Ok(true)
         };
         let records = Box::new(EachRecord::new(records, around.work.shares.flow.record, set));

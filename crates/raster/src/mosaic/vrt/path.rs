@@ -3,7 +3,7 @@
 use std::path::{Component, Path, PathBuf};
 
 use terrane_base::error::{Error, Result};
-use terrane_files::{is_remote as is_on_server, name_of, without_query};
+use terrane_files::{is_remote, name_of, without_query};
 
 /// Environment variable that allows VRT sources anywhere.
 const ALLOW: &str = "TERRANE_VRT_ALLOW_OUTSIDE";
@@ -16,13 +16,13 @@ pub(super) fn resolve(vrt: &Path, name: &str, is_relative: bool) -> Result<Strin
 }
 
 fn resolve_with(vrt: &Path, name: &str, is_relative: bool, allowed: bool) -> Result<String> {
-    let is_remote = is_on_server(Path::new(name));
-    if name.to_ascii_lowercase().starts_with("/vsi") && !is_remote {
+    let is_url = is_remote(Path::new(name));
+    if name.to_ascii_lowercase().starts_with("/vsi") && !is_url {
         return Err(Error::unsupported(format!("source {} is a GDAL virtual file", short(name)))
             .remedy("copy it to a file in the folder of the VRT"));
     }
     let folder = without_query(vrt).parent().unwrap_or(Path::new(""));
-    let path = match (is_remote, is_on_server(vrt)) {
+    let path = match (is_url, is_remote(vrt)) {
         (true, _) => PathBuf::from(name),
         // Never a file of this machine.
         (false, true) => PathBuf::from(format!("{}/{name}", folder.display())),

@@ -36,7 +36,7 @@ pub(super) fn needed(points: u64, bytes: impl Fn(u64) -> u64) -> [u64; 2] {
 pub(super) fn metric_space(info: &CloudInfo, stage: &str) -> Result<(MetricSpace, bool)> {
     let metres = MetricFrame::of(&info.crs, &info.frame).map_err(|_| {
         Error::usage(format!("{stage} requires coordinates in a unit of length"))
-            .remedy("reproject the points first, as by the stage reproject:CRS")
+            .remedy("reproject the points first, for example with the stage reproject:CRS")
     })?;
     let frame = &info.frame;
     let zero = [0, 1, 2].map(|axis| {

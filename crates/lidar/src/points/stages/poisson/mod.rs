@@ -166,13 +166,13 @@ fn check(distance: f64, info: &CloudInfo) -> Result<()> {
         return Err(Error::usage(
             "‹thin_distance› requires projected coordinates; these are in degrees",
         )
-        .remedy("reproject the points first, as by the stage reproject:CRS, or thin by cells"));
+        .remedy("reproject the points first, for example with the stage reproject:CRS, or thin by cells"));
     }
     let units = crs.horizontal_metres().zip(crs.vertical_metres());
     if units.is_some_and(|(across, up)| (across / up - 1.0).abs() > 1e-5) {
         return Err(Error::usage("‹thin_distance› requires heights in the unit of x and y")
             .remedy(
-                "reproject the points first, as by the stage reproject:CRS, or thin by cells",
+                "reproject the points first, for example with the stage reproject:CRS, or thin by cells",
             ));
     }
     if !distance.is_finite() || scale.iter().any(|step| distance < *step) {
