@@ -44,7 +44,7 @@
 //! | data | entry point | operations |
 //! |---|---|---|
 //! | heights in memory | [`Tin::from_array`] | a [`Tin`] |
-//! | grids in files, or in memory | [`open`], [`open_array`] | [`tin`](Grid::tin), [`contour`](Grid::contour), [`convert`](Grid::convert), [`slope`](Grid::slope), [`hillshade`](Grid::hillshade) and others, [`picture`](Grid::picture), [`page`](Grid::page), [`inspect`](Grid::inspect), [`verify`](Grid::verify) |
+//! | grids in files, or in memory | [`open`], [`open_array`] | [`tin`](Grid::tin), [`contour`](Grid::contour), [`sample`](Grid::sample), [`zonal`](Grid::zonal), [`convert`](Grid::convert), [`slope`](Grid::slope), [`hillshade`](Grid::hillshade) and others, [`picture`](Grid::picture), [`page`](Grid::page), [`inspect`](Grid::inspect), [`verify`](Grid::verify) |
 //! | several bands of a grid, such as a photograph | [`open_bands`] | [`tin`](BandGrid::tin), [`verify`](BandGrid::verify) |
 //! | point clouds, or points in memory | [`open_cloud`], [`open_cloud_as`], [`open_points`] | [`grid`](Cloud::grid), [`tin`](Cloud::tin), [`points`](Cloud::points), [`page`](Cloud::page), [`inspect`](Cloud::inspect), [`verify`](Cloud::verify) |
 //! | lines and polygons | [`open_features`] | [`simplify`](Features::simplify), [`page`](Features::page), [`inspect`](Features::inspect), [`verify`](Features::verify) |
@@ -122,7 +122,11 @@ pub use terrane_terrain::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
 };
+pub use terrane_terrain::sample::{SampleOptions, SampleReport};
 pub use terrane_terrain::tin::{Tin, TinMethod, TinOptions, TinParts, TinReport, TinTarget};
+pub use terrane_terrain::zonal::{
+    ZonalOptions, ZonalReport, ZoneCells, ZoneStatistic, ZoneStatistics,
+};
 #[cfg(feature = "tiles")]
 pub use terrane_tiles::{
     CloudTilesOptions, ModelOptions, TileOptions, TilesBeyond, TilesFormat, TilesOptions,

@@ -15,7 +15,9 @@ use terrane_terrain::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
 };
+use terrane_terrain::sample::SampleOptions;
 use terrane_terrain::tin::TinOptions;
+use terrane_terrain::zonal::ZonalOptions;
 #[cfg(feature = "tiles")]
 use terrane_tiles::{CloudTilesOptions, TilesOptions};
 #[cfg(feature = "viewer")]
@@ -36,6 +38,8 @@ pub const OPERATIONS: &[AnyOperation] = &[
     #[cfg(feature = "lidar")]
     AnyOperation::divisible::<PointsOptions>(),
     AnyOperation::of::<ContourOptions>(),
+    AnyOperation::of::<SampleOptions>(),
+    AnyOperation::of::<ZonalOptions>(),
     AnyOperation::of::<LineOptions>(),
     #[cfg(feature = "tiles")]
     AnyOperation::divisible::<TilesOptions>(),

@@ -24,10 +24,12 @@ pub use terrane_terrain::relief::{
     AspectSetters, CurvatureSetters, DerivativeSetters, HillshadeSetters, RoughnessSetters,
     SlopeSetters, TpiSetters, TriSetters,
 };
+pub use terrane_terrain::sample::SampleSetters;
 pub use terrane_terrain::tin::{
     BuildTin, SamplePositions, TinMethodSetters, TinSetters, TinTargetSetters,
 };
 pub use terrane_terrain::warp::LatticeSetters;
+pub use terrane_terrain::zonal::ZonalSetters;
 #[cfg(feature = "tiles")]
 pub use terrane_tiles::{CloudTilesSetters, ModelSetters, TileSetters, TilesSetters};
 #[cfg(feature = "tiles")]

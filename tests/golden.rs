@@ -122,6 +122,8 @@ fn make_inputs(place: &Place) {
     let points = format!("MULTIPOINT ({})", points.collect::<Vec<_>>().join(", "));
     place.write("in/points.wkt", points).write("in/points.prj", "EPSG:32631");
     let water = "POLYGON ((500100 4749950, 500620 4749900, 500560 4749400, 500100 4749950), (500400 4749800, 500500 4749800, 500450 4749700, 500400 4749800))\nPOLYGON ((500020 4749300, 501000 4748900, 501350 4749020, 501350 4748940, 501000 4748820, 500020 4749210, 500020 4749300))\nLINESTRING (500020 4749255, 501000 4748860, 501350 4748980)";
+    let zones = "POLYGON ((500103 4749951, 500627 4749904, 500561 4749402, 500103 4749951), (500400 4749800, 500500 4749800, 500450 4749700, 500400 4749800))\nPOLYGON ((501000 4748900, 502300 4749900, 502150 4748000, 501000 4748900))";
+    place.write("in/zones.wkt", zones).write("in/zones.prj", "EPSG:32631");
     place.write("in/water.wkt", water).write("in/water.prj", "EPSG:32631");
     place.write("in/areas.wkt", areas).write("in/areas.prj", "EPSG:4326");
     let kerbs = "LINESTRING Z (499990 4750005 150, 500030.123 4750040 260, 500055 4750012 240)\n\
@@ -283,6 +285,18 @@ fn jobs() -> Vec<String> {
     }
     for (ending, how) in [("tif", ""), ("tif", " -f COG --alpha"), ("png", " --alpha --nearest")] {
         add(format!("color-relief ../in/rough.tif ../in/colours.txt o.{ending}{how}"));
+    }
+    for options in [
+        "",
+        " --stat sum,stdev,p95,majority,voids",
+        " --cells center",
+        " --cells touched --prefix d_",
+    ] {
+        add(format!("zonal ../in/rough.tif ../in/zones.wkt o.geojson{options}"));
+    }
+    for name in resample::RESAMPLINGS.iter().map(|own| own.name) {
+        let options = format!("--with-z --step 40 --resampling {name}");
+        add(format!("sample ../in/rough.tif ../in/zones.wkt o.geojson {options}"));
     }
     for method in line::METHODS {
         let name = method.name;

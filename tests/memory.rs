@@ -135,6 +135,13 @@ fn make_inputs(place: &Place) {
     }
     // Far more bytes than the least budget.
     place.ok(&["synth", "rough,size=2817", "large.tif", "-q"]);
+    let zones = "POLYGON ((499000 4751000, 525000 4749000, 527000 4723000, 504000 4729000, 499000 4751000))\nPOLYGON ((510000 4740000, 520000 4740000, 520000 4730000, 510000 4740000))";
+    let small = "POLYGON ((510000 4740000, 511500 4740000, 511500 4738500, 510000 4740000))";
+    place.write("small.wkt", small).write("small.prj", "EPSG:32631");
+    place.write("zones.wkt", zones).write("zones.prj", "EPSG:32631");
+    // Blocks that take as much again, twice, while they are decoded.
+    let blocks = "convert large.tif blocks.tif -q --co TILED=YES --co BLOCKXSIZE=1024 --co BLOCKYSIZE=1024 --co COMPRESS=DEFLATE --co PREDICTOR=3";
+    place.ok(&blocks.split(' ').collect::<Vec<_>>());
     place.write("colours.txt", "0% 0 90 30\n40% 250 240 130\n100% white\nnv 0 0 0 0\n");
     place.ok(&["tin", "large.tif", "large.ply", "--max-error", "20", "-q"]);
     place.ok(&["tin", "large.tif", "full.ply", "--max-error", "2", "-q"]);
@@ -287,6 +294,12 @@ const JOBS: &[&str] = &[
     "slope large.tif o5.tif",
     "hillshade large.tif o6.tif",
     "contour large.tif -o o.fgb --interval 100",
+    "convert blocks.tif o10.tif",
+    "slope blocks.tif o11.tif",
+    "contour blocks.tif o12.fgb --interval 100",
+    "zonal large.tif zones.wkt o7.fgb",
+    "zonal large.tif small.wkt o8.geojson --stat median,majority",
+    "sample large.tif zones.wkt o9.fgb --with-z --step 20",
     "view dem.tif -o o.png --width 400",
     "view dem.ply -o o.png --width 400",
     "view large.tif -o o.png --width 400",

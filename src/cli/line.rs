@@ -93,7 +93,8 @@ fn run(args: &SimplifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
         atomic::refuse_stdout(&output)?;
     }
     let stdout = pipes::StdoutFile::take(&mut output, options.file.format.as_deref(), resources)?;
-    let open = vector::VectorOpenOptions { layer: options.features.layer.clone() };
+    let open =
+        vector::VectorOpenOptions { layer: options.features.layer.clone(), ..Default::default() };
     let features = batch::InputFileKind::Features(&open);
     input = args.many.find(&input, features)?;
     check_files(options, &input, &output, args.report.as_deref())?;

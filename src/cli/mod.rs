@@ -17,6 +17,7 @@ mod points;
 mod qa;
 #[cfg(test)]
 mod reference;
+mod sample;
 mod shared;
 mod signal;
 mod synth;
@@ -25,6 +26,7 @@ mod tin;
 mod usage;
 mod verify;
 mod view;
+mod zonal;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -44,6 +46,8 @@ use terrane_terrain::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
 };
+use terrane_terrain::sample::SampleOptions;
+use terrane_terrain::zonal::ZonalOptions;
 use terrane_viewer::qa::QaOptions;
 
 /// All verbs, in the order of the help.
@@ -57,6 +61,8 @@ const VERBS: &[VerbEntry] = &[
     VerbEntry::of::<operation::OperationArgs<GridOptions>>(),
     VerbEntry::of::<operation::OperationArgs<PointsOptions>>(),
     VerbEntry::of::<operation::OperationArgs<ContourOptions>>(),
+    VerbEntry::of::<operation::OperationArgs<SampleOptions>>(),
+    VerbEntry::of::<operation::OperationArgs<ZonalOptions>>(),
     VerbEntry::of::<line::SimplifyArgs>(),
     VerbEntry::of::<tiles::TilesArgs>(),
     VerbEntry::of::<operation::OperationArgs<SlopeOptions>>(),

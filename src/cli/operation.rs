@@ -179,7 +179,10 @@ impl OperationInput for FeatureInput {
     const STDIN: pipes::PipeContent<'static> = pipes::PipeContent::Features(None);
 
     fn opening(&self, _resources: &Resources) -> Result<InputOpening> {
-        Ok(InputOpening::Features(vector::VectorOpenOptions { layer: self.layer.clone() }))
+        Ok(InputOpening::Features(vector::VectorOpenOptions {
+            layer: self.layer.clone(),
+            ..Default::default()
+        }))
     }
 
     fn check(_name: &str, _many: &InputSelection, _given: &[&'static str]) -> Result<()> {
@@ -244,7 +247,7 @@ impl<O: Operation<Input: OperationInput, Report: Summarize> + HasGroup<Replacing
         let written = match O::WRITES {
             Writes::Grid => vec![lists::grids_written(), lists::creation_options()],
             Writes::Colours => vec![lists::creation_options()],
-            Writes::Lines => vec![lists::features_written()],
+            Writes::Features => vec![lists::features_written()],
             Writes::Mesh => vec![lists::meshes()],
             Writes::Tiles | Writes::Points | Writes::Picture | Writes::Page | Writes::Report => {
                 Vec::new()
@@ -336,7 +339,7 @@ where
         stdin.refuse("‹workdir›")?;
     }
     let stdout = match O::WRITES {
-        Writes::Lines => {
+        Writes::Features => {
             let format = named(options, "format");
             pipes::StdoutFile::take(&mut output, format.as_deref(), &resources)?
         }

@@ -47,7 +47,10 @@ pub fn open_features(path: impl AsRef<Path>) -> Result<Features> {
 
 impl Features {
     fn checked(self) -> Result<Self> {
-        vector::open(&self.path, &VectorOpenOptions { layer: self.layer.clone() })?;
+        vector::open(
+            &self.path,
+            &VectorOpenOptions { layer: self.layer.clone(), ..Default::default() },
+        )?;
         Ok(self)
     }
 

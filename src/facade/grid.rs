@@ -23,7 +23,9 @@ use terrane_terrain::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
 };
+use terrane_terrain::sample::{SampleOptions, SampleSetters};
 use terrane_terrain::tin::TinOptions;
+use terrane_terrain::zonal::{ZonalOptions, ZonalSetters};
 use terrane_verify::MeshProof;
 
 use super::Data;
@@ -282,6 +284,46 @@ impl Grid {
     /// ```
     pub fn contour(&self) -> Job<'_, ContourOptions> {
         self.job()
+    }
+
+    /// Heights at the points of a feature file, as a property; or at all vertices of its features, as
+    /// [z](crate::prelude::SampleSetters::with_z).
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [points, path] = ["points.wkt", "heights.geojson"].map(|name| folder.path().join(name));
+    /// # std::fs::write(&points, "POINT (500100 4749000)").unwrap();
+    /// # std::fs::write(points.with_extension("prj"), "EPSG:32631").unwrap();
+    /// let dem = terrane::open("synth:rough,size=129,seed=7")?;
+    /// let report = dem.sample(&points).write(&path)?;
+    /// assert_eq!((report.positions, report.without_height), (1, 0));
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn sample(&self, points: impl Into<PathBuf>) -> Job<'_, SampleOptions> {
+        self.job().points(points)
+    }
+
+    /// Statistics within each polygon of a feature file, as properties of the polygons.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// use terrane::ZoneStatistic::{Mean, Percentile};
+    /// use terrane::prelude::*;
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let [zones, path] = ["zones.wkt", "means.geojson"].map(|name| folder.path().join(name));
+    /// # std::fs::write(&zones, "POLYGON ((500100 4749000, 501000 4749000, 500500 4748000, 500100 4749000))").unwrap();
+    /// # std::fs::write(zones.with_extension("prj"), "EPSG:32631").unwrap();
+    /// let dem = terrane::open("synth:rough,size=129,seed=7")?;
+    /// let report = dem.zonal(&zones).stat([Mean, Percentile(95.0)]).write(&path)?;
+    /// assert_eq!((report.zones, report.empty_zones), (1, 0));
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn zonal(&self, zones: impl Into<PathBuf>) -> Job<'_, ZonalOptions> {
+        self.job().zones(zones)
     }
 
     /// A copy of the grid, or of a part, in another format; exact unless

@@ -77,3 +77,4 @@ mod view_cloud;
 mod view_page;
 mod warp;
 mod water;
+mod zonal;

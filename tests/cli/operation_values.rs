@@ -81,6 +81,20 @@ pub(crate) const VALUES: &[(&str, &str, &str)] = &[
     ("water_mask", "true", "{\"water\": \"lake.wkt\"}"),
     ("color-relief.format", "\"COG\"", "{}"),
     ("contour.format", "\"FlatGeobuf\"", "{}"),
+    ("sample.format", "\"FlatGeobuf\"", "{}"),
+    ("zonal.format", "\"FlatGeobuf\"", "{}"),
+    ("sample.points", "\"lines.wkt\"", "{\"with_z\": true}"),
+    ("sample.nodata", "3", "{}"),
+    ("zonal.nodata", "3", "{}"),
+    ("sample.resampling", "\"near\"", "{}"),
+    ("sample.attribute", "\"ground\"", "{}"),
+    ("sample.with_z", "true", "{}"),
+    ("sample.step", "7", "{\"points\": \"lines.wkt\", \"with_z\": true}"),
+    ("zonal.zones", "\"area.wkt\"", "{}"),
+    ("zonal.stat", "\"p90,variety\"", "{}"),
+    ("zonal.cells", "\"touched\"", "{\"zones\": \"area.wkt\"}"),
+    ("zonal.prefix", "\"dem_\"", "{}"),
+    ("sample.layer", "\"other\"", "{\"points\": \"two.topojson\", \"with_z\": true}"),
     ("simplify.format", "\"FlatGeobuf\"", "{}"),
     ("tiles.format", "[\"3dtiles\"]", "{}"),
     ("class", "[2, 5]", "{}"),
@@ -188,6 +202,7 @@ pub(crate) const VALUES: &[(&str, &str, &str)] = &[
 
 /// Options that cannot be tried here, with the reason.
 pub(crate) const UNTRIED: &[(&str, &str)] = &[
+    ("zonal.layer", "as that of sample"),
     ("shift_grid", "needs a grid of shifts, see geoids and crs_matrix"),
     ("geoid", "needs a geoid, see geoids"),
     ("points.keep_withheld", "points marked as withheld are written as others are"),

@@ -39,6 +39,8 @@ fn needed(operation: &AnyOperation) -> Map<String, Json> {
         // As large as the terrain twice; many options draw one.
         "picture" => json!({ "width": 180 }),
         "contour" => json!({ "interval": 10 }),
+        "sample" => json!({ "points": "spots.wkt" }),
+        "zonal" => json!({ "zones": "wide.wkt" }),
         "grid" => json!({ "cell": 2 }),
         "simplify" => json!({ "tolerance": 40 }),
         "tin" => json!({ "max_error": 20 }),
@@ -63,8 +65,8 @@ fn output(operation: &AnyOperation, options: &Map<String, Json>) -> &'static str
         ("tin" | "cloud-tin", _) => "out.ply",
         ("points", _) if options.contains_key("tile") || options.contains_key("split") => "out",
         ("points", _) => "out.laz",
-        ("contour" | "simplify", Some("FlatGeobuf")) => "out.fgb",
-        ("contour" | "simplify", _) => "out.geojson",
+        ("contour" | "sample" | "simplify" | "zonal", Some("FlatGeobuf")) => "out.fgb",
+        ("contour" | "sample" | "simplify" | "zonal", _) => "out.geojson",
         (_, Some("AAIGrid")) => "out.asc",
         _ => "out.tif",
     }
@@ -151,6 +153,15 @@ pub(crate) fn place() -> Place {
         place.write(&format!("{name}.wkt"), square);
         place.write(&format!("{name}.prj"), "EPSG:32631");
     }
+    let wide = "POLYGON ((499900 4749000, 501000 4749000, 501000 4750100, 499900 4750100, 499900 4749000))";
+    place.write("wide.wkt", wide).write("wide.prj", "EPSG:32631");
+    let spots = |count: u32, step: u32, low: u32| {
+        let spot =
+            move |i| format!("POINT ({} {})\n", 500_001 + i % count * step, low + i / count * step);
+        (0..count * count).map(spot).collect::<String>()
+    };
+    place.write("spots.wkt", spots(20, 44, 4_749_110) + &spots(10, 6, 4_750_001));
+    place.write("spots.prj", "EPSG:32631");
     std::fs::create_dir(place.path("spills")).unwrap();
     place.write("lines.wkt", lines()).write("lines.prj", "EPSG:32631");
     let topology = json!({
@@ -237,10 +248,11 @@ fn unseen(place: &Place, operation: &AnyOperation) -> Vec<String> {
     for field in operation.table.fields() {
         let Some(options) = tried(operation, field) else { continue };
         let input = match (field.name, operation.reads) {
+            ("nodata", _) if ["sample", "zonal"].contains(&operation.name) => "near.asc",
             ("band" | "nodata" | "bands" | "weights", Reads::Grid) => "bands.tif",
             ("edges" | "against", _) => "mesh.ply",
             ("keep_degrees", _) => "degrees.asc",
-            ("layer", _) => "two.topojson",
+            ("layer", Reads::Features) => "two.topojson",
             ("crs", _) => "cloud:cloud.xyz",
             ("dedupe" | "drop_overlap" | "max_range", _) => "twice*.las",
             _ => input(operation),

@@ -2,6 +2,7 @@
 //! holds the locks of whatever is open, and a plan that is let go of would seem to be at work.
 
 mod facade;
+mod fitted;
 mod plan_grid;
 mod staged;
 mod tiles;

@@ -7,7 +7,7 @@ use terrane::Result;
 use terrane_vector::{self as vector, Feature, GeometryType, PropertyValue, VectorOpenOptions};
 
 fn read(path: &Path, layer: Option<&str>) -> Result<Vec<Feature>> {
-    let options = VectorOpenOptions { layer: layer.map(str::to_owned) };
+    let options = VectorOpenOptions { layer: layer.map(str::to_owned), ..Default::default() };
     let mut source = vector::open(path, &options)?;
     std::iter::from_fn(|| source.next().transpose()).collect()
 }

@@ -295,10 +295,10 @@ fn a_block_larger_than_the_cache_asks_for_memory() {
     (spec.compression, spec.rows_per_strip) = (8, 64);
     let path = folder.write(&spec, ramp);
     let error =
-        refusal(&path, &GridOpenOptions { cache_bytes: 16_383, ..GridOpenOptions::default() });
+        refusal(&path, &GridOpenOptions { cache_bytes: 32_767, ..GridOpenOptions::default() });
     assert_eq!(error.kind(), ErrorKind::Resource);
-    assert!(error.to_string().contains("decoded block of 16384 bytes"), "{error}");
-    let enough = GridOpenOptions { cache_bytes: 16_384, ..GridOpenOptions::default() };
+    assert!(error.to_string().contains("a block takes 32768 bytes"), "{error}");
+    let enough = GridOpenOptions { cache_bytes: 32_768, ..GridOpenOptions::default() };
     assert!(open(path.to_str().unwrap(), &enough).is_ok());
 }
 

@@ -227,9 +227,9 @@ fn blocks_of_masks_keep_to_the_cache() {
     mask.append(&mut bytes, &kept);
     let path = put(folder.path(), "c.tif", &bytes);
     let with = |cache_bytes| GridOpenOptions { cache_bytes, ..GridOpenOptions::default() };
-    let error = open(path.to_str().unwrap(), &with(WIDTH * HEIGHT - 1)).err().unwrap();
+    let error = open(path.to_str().unwrap(), &with(3 * WIDTH * HEIGHT - 1)).err().unwrap();
     assert_eq!(error.kind(), ErrorKind::Resource);
-    let source = open(path.to_str().unwrap(), &with(WIDTH * HEIGHT)).unwrap();
+    let source = open(path.to_str().unwrap(), &with(3 * WIDTH * HEIGHT)).unwrap();
     source.release(source.info().bounds());
     assert!(read_all(source.as_ref()).unwrap()[0].is_nan());
 }

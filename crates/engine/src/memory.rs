@@ -8,7 +8,7 @@
 //! | unfinished mesh and data waiting for the writer: 7/8 of what is then left | [`MemoryShares::mesh`] |
 //! | fragmentation of the heap: the last 1/8 | |
 //!
-//! Workers come first, as many as leave the cache `WORKER_BLOCKS` each. Their memory cannot be spilled, so one too many
+//! Workers come first, as many as leave the cache a block at work each. Their memory cannot be spilled, so one too many
 //! would exceed the budget. Blocks that do not fit into the cache are spilled, as is mesh that does not fit: that takes a
 //! tenth of the time of decoding a block, so a worker is worth more than a large cache. The output does not depend on the
 //! division.
@@ -24,8 +24,6 @@ pub const PROGRAM: u64 = if cfg!(debug_assertions) { 20 << 20 } else { 16 << 20 
 const MIN_BESIDE: u64 = 4 << 20;
 /// Minimum bytes for cache and mesh together.
 const MIN_SHARED: u64 = 6 << 20;
-/// Decoded blocks in memory for each worker: the one that it reads, and the one that it decodes.
-const WORKER_BLOCKS: u64 = 2;
 /// Maximum bytes for decoded blocks: tiles are processed row by row, so older rows of blocks are not read again.
 const MAX_CACHE: u64 = 1 << 30;
 
@@ -205,8 +203,7 @@ pub fn open_beside(
 
 /// True if the cache cannot hold the blocks that the workers work on.
 fn is_short(source: &dyn GridSource, shares: MemoryShares) -> bool {
-    let blocks = WORKER_BLOCKS.saturating_mul(shares.threads as u64);
-    source.block_bytes().saturating_mul(blocks) > shares.cache
+    source.block_bytes().saturating_mul(shares.threads as u64) > shares.cache
 }
 
 /// The error that states how much memory suffices; `None` if no amount does.

@@ -100,8 +100,8 @@ pub enum Writes {
     Colours,
     /// A mesh: a file, or a folder of files.
     Mesh,
-    /// Lines.
-    Lines,
+    /// Features.
+    Features,
     /// A folder of tiles.
     Tiles,
     /// Points: a file, or a folder of files.

@@ -166,6 +166,15 @@ pub fn stays(member: &JsonMember) -> bool {
     member.name != "bbox"
 }
 
+/// Transforms the positions of a line or ring.
+///
+/// # Errors
+/// Positions outside the domain of the operation; a line across the edge of the target's map.
+pub fn reproject(line: &mut [[f64; 2]], operation: &CoordinateOperation) -> Result<()> {
+    line.iter_mut().try_for_each(|at| operation.position(*at).map(|moved| *at = moved))?;
+    check_steps(line, operation)
+}
+
 fn take(coordinates: &mut CoordinateSequence, operation: &CoordinateOperation) -> Result<()> {
     let CoordinateSequence { xy, z, ends, .. } = coordinates;
     for (place, at) in xy.iter_mut().enumerate() {

@@ -5,13 +5,14 @@
 //! file and read from there by rows, as an uncompressed one is: writing and reading it takes a tenth of the time of
 //! decoding. A job that
 //! [releases](BlockCache::release) samples keeps the file as small as the part of the grid that is in work. If the file
-//! cannot be written, or would exceed [`MAX_SPILLED`], blocks are dropped and decoded again.
+//! would exceed [`MAX_SPILLED`], blocks are dropped and decoded again. Threads decode at the same time only what the memory
+//! holds, with the bytes that blocks are decoded from.
 
 mod state;
 
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex};
 
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -57,12 +58,12 @@ impl SharedBlocks {
         self.cache.most
     }
 
-    /// The block `block` of `bytes` bytes, decoded by `decode` unless cached. `decode` gets a buffer with any content. If
-    /// another thread is decoding the block, waits for it, or returns `None` without `wait`.
+    /// The block `block`, decoded by `decode` unless cached. `decode` gets a buffer with any content. If another thread is
+    /// decoding the block, waits for it, or returns `None` without `wait`.
     pub(crate) fn get(
         &self,
         block: u64,
-        bytes: usize,
+        bytes: DecodeBytes,
         wait: bool,
         decode: impl FnOnce(&mut Vec<u8>) -> Result<()>,
     ) -> Result<Option<CachedBlock>> {
@@ -74,6 +75,13 @@ impl SharedBlocks {
     pub(crate) fn release(&self, block: u64, samples: u64, of: u64) {
         self.cache.release((self.grid, block), samples, of);
     }
+}
+
+/// Bytes of a block, and those that are in memory beside it while it is decoded.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct DecodeBytes {
+    pub(crate) block: usize,
+    pub(crate) beside: usize,
 }
 
 /// A decoded block, in memory or in the temporary file.
@@ -132,8 +140,6 @@ struct BlockCache {
     /// Maximum bytes of blocks in memory.
     most: usize,
     spool: Arc<SpoolFile>,
-    /// Blocks are written to the temporary file: until that fails.
-    can_spill: AtomicBool,
     state: Mutex<BlockCacheState>,
     /// Signalled whenever a block is ready or has failed.
     changed: Condvar,
@@ -145,7 +151,6 @@ impl BlockCache {
         Self {
             most,
             spool: Arc::new(SpoolFile::new(&folder)),
-            can_spill: AtomicBool::new(true),
             state: Mutex::default(),
             changed: Condvar::new(),
         }
@@ -154,7 +159,7 @@ impl BlockCache {
     fn get(
         &self,
         key: BlockKey,
-        bytes: usize,
+        bytes: DecodeBytes,
         wait: bool,
         decode: impl FnOnce(&mut Vec<u8>) -> Result<()>,
     ) -> Result<Option<CachedBlock>> {
@@ -165,7 +170,7 @@ impl BlockCache {
         }
         // Dropped on failure and on panic, so that waiting threads retry.
         let mut claim = BlockDecodeClaim { cache: self, key, reserved: 0 };
-        let mut buffer = self.buffer(&mut claim, bytes);
+        let mut buffer = self.buffer(&mut claim, bytes)?;
         DECODED.fetch_add(1, Ordering::Relaxed);
         decode(&mut buffer)?;
         Ok(Some(CachedBlock::Held(claim.fulfil(buffer))))
@@ -186,38 +191,49 @@ impl BlockCache {
         }
     }
 
-    /// A buffer of `bytes` bytes with any content, counted for `claim`: one that another block has left, or a new one.
-    fn buffer(&self, claim: &mut BlockDecodeClaim<'_>, bytes: usize) -> Vec<u8> {
+    /// A buffer for a block with any content, counted for `claim` with what is beside it: one that another block has left,
+    /// or a new one. Waits while other threads decode, if the memory does not hold this block as well.
+    fn buffer(&self, claim: &mut BlockDecodeClaim<'_>, bytes: DecodeBytes) -> Result<Vec<u8>> {
+        let needed = bytes.block + bytes.beside;
         let mut state = lock(&self.state);
-        let mut found = state.spare(bytes);
-        if found.is_none() {
-            let leaving = state.make_room(bytes, self.most);
-            drop(state);
-            // Without the lock, so that other threads find their blocks meanwhile, these among them.
-            let spilled: Vec<_> = leaving.iter().map(|(_, block)| self.spill(block)).collect();
-            state = lock(&self.state);
-            for ((key, block), spilled) in leaving.into_iter().zip(spilled) {
-                let buffer = state.leave(key, block, spilled);
-                found = found.or(buffer.filter(|buffer| state::suits(buffer, bytes)));
-            }
+        while state.decoding > 0 && state.decoding + needed > self.most {
+            state = wait(&self.changed, state);
         }
-        let mut buffer = found.unwrap_or_else(|| Vec::with_capacity(bytes));
-        claim.reserved = buffer.capacity();
-        state.bytes += claim.reserved;
+        // Before the lock is given back, so that others wait for this one.
+        claim.reserved = needed;
+        state.decoding += needed;
+        let mut found = state.spare(bytes.block);
+        let leaving = state.make_room(self.most);
         drop(state);
-        buffer.resize(bytes, 0);
-        buffer
+        // Without the lock, so that other threads find their blocks meanwhile, these among them.
+        let spilled: Vec<_> = leaving.iter().map(|(_, block)| self.spill(block)).collect();
+        let mut state = lock(&self.state);
+        let mut failed = None;
+        for ((key, block), spilled) in leaving.into_iter().zip(spilled) {
+            let spilled = spilled.unwrap_or_else(|error| {
+                failed = Some(error);
+                None
+            });
+            let buffer = state.leave(key, block, spilled);
+            found = found.or(buffer.filter(|buffer| state::suits(buffer, bytes.block)));
+        }
+        drop(state);
+        if let Some(error) = failed {
+            return Err(error);
+        }
+        let mut buffer = found.unwrap_or_else(|| Vec::with_capacity(bytes.block));
+        buffer.resize(bytes.block, 0);
+        Ok(buffer)
     }
 
-    /// Writes a block to the temporary file, unless that has failed before.
-    fn spill(&self, block: &[u8]) -> Option<Arc<SpooledBlock>> {
+    /// Writes a block to the temporary file, unless it is too large for that.
+    fn spill(&self, block: &[u8]) -> Result<Option<Arc<SpooledBlock>>> {
         let bytes = block.len() as u64;
-        if bytes > MAX_SPILLED || !self.can_spill.load(Ordering::Relaxed) {
-            return None;
+        if bytes > MAX_SPILLED {
+            return Ok(None);
         }
-        let extent = self.spool.put(&[block]).ok();
-        self.can_spill.fetch_and(extent.is_some(), Ordering::Relaxed);
-        Some(Arc::new(SpooledBlock { spool: self.spool.clone(), extent: Some(extent?), bytes }))
+        let extent = Some(self.spool.put(&[block])?);
+        Ok(Some(Arc::new(SpooledBlock { spool: self.spool.clone(), extent, bytes })))
     }
 }
 
@@ -225,7 +241,7 @@ impl BlockCache {
 struct BlockDecodeClaim<'a> {
     cache: &'a BlockCache,
     key: BlockKey,
-    /// Bytes of its buffer.
+    /// Bytes of its buffer, and those beside it.
     reserved: usize,
 }
 
@@ -234,7 +250,7 @@ impl BlockDecodeClaim<'_> {
         // The guard is dropped before `self`, as locals are before arguments. The drop of `self` locks
         // again and wakes the threads that wait.
         let mut state = lock(&self.cache.state);
-        state.bytes -= std::mem::take(&mut self.reserved);
+        state.decoding -= std::mem::take(&mut self.reserved);
         let block = Arc::new(buffer);
         // A block larger than the cache is handed on and not kept. Threads that wait for it find no slot
         // and decode it for themselves.
@@ -248,7 +264,7 @@ impl BlockDecodeClaim<'_> {
 impl Drop for BlockDecodeClaim<'_> {
     fn drop(&mut self) {
         let mut state = lock(&self.cache.state);
-        state.bytes -= self.reserved;
+        state.decoding -= self.reserved;
         state.give_up(self.key);
         drop(state);
         self.cache.changed.notify_all();

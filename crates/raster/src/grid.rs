@@ -210,7 +210,7 @@ pub trait GridSource: Send + Sync {
     /// As [`read_f32`](Self::read_f32), in `f64`, exact for every sample type.
     fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()>;
 
-    /// Size in bytes of the largest block that is decoded as a whole, which
+    /// Bytes in memory while the largest block is decoded, which
     /// [`GridOpenOptions::cache_bytes`](crate::GridOpenOptions::cache_bytes) must allow; 0 if samples are
     /// read directly from the file.
     fn block_bytes(&self) -> u64 {

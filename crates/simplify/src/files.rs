@@ -151,7 +151,10 @@ fn in_folder(job: &LineJob, input: &Path) -> Result<LineFilePair> {
 impl LineFilePair {
     /// Opens the input.
     pub(super) fn open(&self, job: &LineJob) -> Result<Box<dyn FeatureSource>> {
-        vector::open(&self.input, &VectorOpenOptions { layer: job.layer.clone() })
+        vector::open(
+            &self.input,
+            &VectorOpenOptions { layer: job.layer.clone(), ..Default::default() },
+        )
     }
 
     /// Starts the output.

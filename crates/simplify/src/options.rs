@@ -177,7 +177,7 @@ impl LineOptions {
 impl Operation for LineOptions {
     const NAME: &'static str = "simplify";
     type Input = FeatureInput;
-    const WRITES: Writes = Writes::Lines;
+    const WRITES: Writes = Writes::Features;
     type Report = LineReport;
 
     fn check(&self, output: &Path) -> Result<()> {

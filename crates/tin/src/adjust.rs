@@ -20,6 +20,7 @@
 
 pub(super) mod star;
 
+use super::exact;
 use super::facet::PlaneFacet;
 use super::heights::HeightField;
 use super::lattice_position::TilePosition;
@@ -172,10 +173,16 @@ impl AdjustScratch {
         let vertex = mesh.origin(half_edge);
         let (sample, before) = (field.sample(vertex), field.vertex(vertex));
         let target = before + f64::from(best.step);
-        field.move_vertex(vertex, target.clamp(sample - tolerance, sample + tolerance));
+        let clamped = target.clamp(sample - tolerance, sample + tolerance);
+        field.move_vertex(vertex, clamped);
+        let is_near = || exact::are_within(field.vertex(vertex), sample, tolerance);
+        // The bounds are rounded, too.
+        if !is_near() {
+            let inner = if clamped > sample { clamped.next_down() } else { clamped.next_up() };
+            field.move_vertex(vertex, inner);
+        }
         let step = (field.vertex(vertex) - before) as f32;
-        let is_near = (field.vertex(vertex) - sample).abs() <= tolerance;
-        let stays = is_near && self.keeps(judge, mesh, VertexMove { step, ..best }, is_final);
+        let stays = is_near() && self.keeps(judge, mesh, VertexMove { step, ..best }, is_final);
         if !stays {
             field.move_vertex(vertex, before);
         }

@@ -84,6 +84,13 @@ impl DoubleDouble {
     }
 }
 
+/// True if two heights are no further apart than `tolerance`, in exact arithmetic.
+pub(super) fn are_within(a: f64, b: f64, tolerance: f64) -> bool {
+    let DoubleDouble { high, low } = DoubleDouble::two_sum(a, -b);
+    // Rounding keeps the order: only a distance that is rounded to the tolerance may be above it.
+    high.abs() < tolerance || (high.abs() == tolerance && high.signum() * low <= 0.0)
+}
+
 /// Result of an exact scan of a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ExactWorst {

@@ -33,6 +33,21 @@ pub(super) struct RowBounds {
     pub(super) sides: [EdgeSide; 3],
 }
 
+/// Twice the area of an edge and a sample, by the position of the sample in a decimated lattice: not negative inside,
+/// exact as coordinates are below 2^14.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct EdgeFunction {
+    /// At the first sample.
+    pub(super) start: i32,
+    pub(super) per_column: i32,
+    pub(super) per_row: i32,
+}
+
+impl EdgeFunction {
+    /// A value that stays negative in all rows, for columns that are not scanned: those of tiles are below 2^29.
+    pub(super) const FAR_OUTSIDE: i32 = -(1 << 30);
+}
+
 /// Position of an edge relative to the interior.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum EdgeSide {
@@ -71,6 +86,17 @@ impl PlaneFacet {
     #[inline(always)]
     pub(super) fn column_range(&self, level: &FieldLevel<'_>) -> [i32; 2] {
         decimated(self.cols, level.shift, [level.bounds[0], level.bounds[1]])
+    }
+
+    /// Functions of the edges opposite each corner. The first sample is given in decimated units.
+    #[inline(always)]
+    pub(super) fn edge_functions(&self, stride: i32, [col, row]: [i32; 2]) -> [EdgeFunction; 3] {
+        let [a, b, c] = self.corners;
+        [[b, c], [c, a], [a, b]].map(|[from, to]| {
+            let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
+            let start = dx * (row * stride - from[1]) - dy * (col * stride - from[0]);
+            EdgeFunction { start, per_column: -dy * stride, per_row: dx * stride }
+        })
     }
 
     #[inline(always)]

@@ -61,12 +61,13 @@ impl<'a> InsertionCriteria<'a> {
 
     /// Bound on the rounding error of an `f32` scan: about ten roundings of 2^-24 relative to the maximum height. A run
     /// of samples may begin beside its triangle, where the plane of a needle is far above or below: the bound covers
-    /// the length of a run.
+    /// the length of a run. Below the normal numbers of `f32` roundings are as large as these.
     #[inline]
     pub(super) fn hair(&self, z: [f64; 3], slope: f64) -> f64 {
         const ROUNDING: f64 = 1.0 / (1 << 20) as f64;
         let largest = z.iter().fold(0.0_f64, |largest, z| largest.max(z.abs()));
-        (largest + self.tolerance + LANES as f64 * slope.abs()) * ROUNDING
+        let size = largest + self.tolerance + LANES as f64 * slope.abs();
+        size * ROUNDING + 16.0 * f64::from(f32::MIN_POSITIVE)
     }
 
     /// Tests whether a removed vertex stays within the tolerance of a triangle that contains it; `None` if not. It is

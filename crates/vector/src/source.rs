@@ -10,6 +10,8 @@ use terrane_base::error::Result;
 pub struct VectorOpenOptions {
     /// The object of a TopoJSON file to read; the first one when `None`.
     pub layer: Option<String>,
+    /// Each row of a table is a feature of one point, instead of a vertex of a line.
+    pub rows_are_points: bool,
 }
 
 /// Sequential reader of features; one is in memory at a time.

@@ -109,7 +109,10 @@ pub fn verify_lines(
     cancel: &Cancel,
 ) -> Result<LineVerifyReport> {
     let started = Instant::now();
-    let original = vector::open(&job.original, &VectorOpenOptions { layer: job.layer.clone() })?;
+    let original = vector::open(
+        &job.original,
+        &VectorOpenOptions { layer: job.layer.clone(), ..Default::default() },
+    )?;
     let crs = original.layer().crs.clone();
     drop(original);
     let (measure, tolerance) = match job.tolerance {

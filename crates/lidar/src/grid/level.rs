@@ -71,7 +71,8 @@ fn copy(
     let info = source.info();
     let mut sink = job.format()?.create(&job.output, info, &job.write_options())?;
     progress.begin("water", info.bounds().len() as u64);
-    let pieces = task::CopyPieces::new(info.bounds(), source, sink.as_ref(), options.cache_bytes);
+    let pieces =
+        task::CopyPieces::new(info.bounds(), source, sink.as_ref(), options.cache_bytes as u64);
     let task =
         task::CopyTask { sources: &[source], window: info.bounds(), sink: sink.as_ref(), pieces };
     task.run(job.resources.threads, progress, cancel)?;

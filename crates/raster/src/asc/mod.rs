@@ -6,7 +6,7 @@ mod tokens;
 
 use std::path::Path;
 
-use crate::cache::{SharedBlocks, too_large_for_cache};
+use crate::cache::{DecodeBytes, SharedBlocks, too_large_for_cache};
 use crate::format::{GridOpenOptions, RasterFormat, only_band};
 use crate::grid::{GridInfo, GridSource, SampleType};
 use crate::prj;
@@ -94,8 +94,8 @@ impl AscGrid {
         window: &mut SampleWindow<'_, H>,
     ) -> Result<bool> {
         let (all, size) = (self.block_rect(block), self.info.sample_type.bytes());
-        let samples =
-            self.cache.get(block.into(), all.len() * size, wait, |out| self.parse(block, out))?;
+        let bytes = DecodeBytes { block: all.len() * size, beside: 0 };
+        let samples = self.cache.get(block.into(), bytes, wait, |out| self.parse(block, out))?;
         let Some(samples) = samples else { return Ok(false) };
         let part = all.intersect(&rect);
         let pitch = all.width as usize * size;

@@ -42,8 +42,10 @@ pub(super) struct BlockCacheState {
     /// Buffers of released blocks.
     spares: Vec<Vec<u8>>,
     clock: u64,
-    /// Bytes of all buffers in memory: of blocks, spare ones, and those that threads decode into.
+    /// Bytes of the buffers of blocks in memory, and of spare ones.
     pub(super) bytes: usize,
+    /// Bytes that threads decode into, and from.
+    pub(super) decoding: usize,
 }
 
 impl BlockCacheState {
@@ -95,11 +97,11 @@ impl BlockCacheState {
         Some(spare)
     }
 
-    /// Drops spare buffers, and then takes the least recently used blocks from the order, until `bytes` more are within
+    /// Drops spare buffers, and then takes the least recently used blocks from the order, until all bytes are within
     /// `most` or none is left. Each of these is to [leave](Self::leave).
-    pub(super) fn make_room(&mut self, bytes: usize, most: usize) -> Vec<(BlockKey, Arc<Vec<u8>>)> {
+    pub(super) fn make_room(&mut self, most: usize) -> Vec<(BlockKey, Arc<Vec<u8>>)> {
         let mut leaving = Vec::new();
-        let mut total = self.bytes + bytes;
+        let mut total = self.bytes + self.decoding;
         while total > most
             && let Some(spare) = self.spares.pop()
         {
@@ -202,7 +204,8 @@ impl BlockCacheState {
     /// Fails the test if the counts do not match the blocks.
     #[cfg(test)]
     pub(super) fn validate(&self, claimed: usize) {
-        let [mut bytes, mut held, mut spilled] = [claimed, 0, 0];
+        assert_eq!(self.decoding, claimed);
+        let [mut bytes, mut held, mut spilled] = [0; 3];
         let mut spilled_bytes = 0;
         for (key, slot) in &self.slots {
             match slot {

@@ -8,14 +8,13 @@ use proptest::prelude::*;
 /// Bytes of a block.
 const BYTES: usize = 10;
 
+fn bytes() -> DecodeBytes {
+    DecodeBytes { block: BYTES, beside: 0 }
+}
+
 /// A cache of `blocks` blocks in memory.
 fn cache_of(blocks: usize) -> BlockCache {
     BlockCache::new(blocks * BYTES, None)
-}
-
-/// A cache whose temporary file cannot be written.
-fn without_file(blocks: usize) -> BlockCache {
-    BlockCache::new(blocks * BYTES, Some(Path::new("/no/such/folder")))
 }
 
 /// The content of block `number`.
@@ -34,7 +33,7 @@ fn content(block: &CachedBlock) -> Vec<u8> {
 /// Reads a block, checks it, and returns true if it was decoded.
 fn is_decoded(cache: &BlockCache, number: u64) -> bool {
     let mut is_decoded = false;
-    let block = cache.get((0, number), BYTES, true, |out| {
+    let block = cache.get((0, number), bytes(), true, |out| {
         is_decoded = true;
         assert_eq!(out.len(), BYTES);
         filled(number, out)
@@ -52,7 +51,7 @@ fn blocks_beyond_the_memory_are_in_the_file() {
     assert!((0..20).all(|number| is_decoded(&cache, number)));
     assert!(lock(&cache.state).bytes <= 2 * BYTES);
     assert!(!(0..20).any(|number| is_decoded(&cache, number)));
-    let block = cache.get((0, 3), BYTES, true, |_| panic!("is in the file")).unwrap().unwrap();
+    let block = cache.get((0, 3), bytes(), true, |_| panic!("is in the file")).unwrap().unwrap();
     let mut rows = Vec::new();
     let run = RowRun { offset: 2, pitch: 4, bytes: 1, rows: 2 };
     block.each_row(run, |row, bytes| rows.push((row, bytes.to_vec()))).unwrap();
@@ -60,11 +59,38 @@ fn blocks_beyond_the_memory_are_in_the_file() {
 }
 
 #[test]
-fn without_a_file_the_least_recently_used_block_is_dropped() {
-    let cache = without_file(2);
-    let expected = [(1, true), (2, true), (1, false), (3, true), (1, false), (2, true), (3, true)];
-    for (number, expected) in expected {
-        assert_eq!(is_decoded(&cache, number), expected, "{number}");
+fn a_file_that_cannot_be_written_is_an_error() {
+    let cache = BlockCache::new(2 * BYTES, Some(Path::new("/no/such/folder")));
+    assert!(is_decoded(&cache, 1) && is_decoded(&cache, 2) && !is_decoded(&cache, 1));
+    let get = |number| cache.get((0, number), bytes(), true, |out| filled(number, out));
+    let error = get(3).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::CannotWrite);
+    assert!(error.to_string().contains("/no/such/folder"), "{error}");
+    lock(&cache.state).validate(0);
+}
+
+#[test]
+fn no_more_is_decoded_at_once_than_fits() {
+    for (room, together) in [(1, 1), (2, 1), (3, 1), (6, 2), (8, 2), (9, 3)] {
+        let cache = cache_of(room);
+        let [now, most] = [0, 0].map(AtomicUsize::new);
+        std::thread::scope(|scope| {
+            for number in 0..8 {
+                let (cache, now, most) = (&cache, &now, &most);
+                scope.spawn(move || {
+                    let bytes = DecodeBytes { block: BYTES, beside: 2 * BYTES };
+                    let decode = |out: &mut Vec<u8>| {
+                        most.fetch_max(now.fetch_add(1, Ordering::SeqCst) + 1, Ordering::SeqCst);
+                        std::thread::sleep(std::time::Duration::from_millis(5));
+                        now.fetch_sub(1, Ordering::SeqCst);
+                        filled(number, out)
+                    };
+                    cache.get((0, number), bytes, true, decode).unwrap();
+                });
+            }
+        });
+        assert!(most.into_inner() <= together, "{room}");
+        lock(&cache.state).validate(0);
     }
 }
 
@@ -97,9 +123,9 @@ fn blocks_larger_than_the_cache_are_handed_out_but_not_kept() {
 fn a_failed_or_panicking_decode_leaves_the_block_to_others() {
     let cache = cache_of(10);
     let bad = |_: &mut Vec<u8>| Err(Error::bad_input("no"));
-    assert!(cache.get((0, 1), BYTES, true, bad).is_err());
+    assert!(cache.get((0, 1), bytes(), true, bad).is_err());
     let panicked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-        let _ = cache.get((0, 1), BYTES, true, |_| panic!("bug"));
+        let _ = cache.get((0, 1), bytes(), true, |_| panic!("bug"));
     }));
     assert!(panicked.is_err());
     assert!(is_decoded(&cache, 1));
@@ -113,7 +139,7 @@ fn a_thread_that_waits_is_woken_when_the_decode_fails() {
         let (end, ending) = std::sync::mpsc::channel::<()>();
         let cache = &cache;
         scope.spawn(move || {
-            let failed = cache.get((0, 1), BYTES, true, |_| {
+            let failed = cache.get((0, 1), bytes(), true, |_| {
                 started.send(()).unwrap();
                 ending.recv().unwrap();
                 Err(Error::bad_input("no"))
@@ -121,7 +147,7 @@ fn a_thread_that_waits_is_woken_when_the_decode_fails() {
             assert!(failed.is_err());
         });
         begun.recv().unwrap();
-        assert!(cache.get((0, 1), BYTES, false, |_| panic!("is claimed")).unwrap().is_none());
+        assert!(cache.get((0, 1), bytes(), false, |_| panic!("is claimed")).unwrap().is_none());
         let waiting = scope.spawn(|| is_decoded(cache, 1));
         end.send(()).unwrap();
         assert!(waiting.join().unwrap());
@@ -138,7 +164,7 @@ fn many_threads_decode_each_block_once_in_any_memory() {
                 let (cache, decoded) = (&cache, &decoded);
                 scope.spawn(move || {
                     for number in (0..50).map(|number| (number * 7 + thread) % 50) {
-                        let block = cache.get((0, number), BYTES, true, |out| {
+                        let block = cache.get((0, number), bytes(), true, |out| {
                             decoded.fetch_add(1, Ordering::Relaxed);
                             std::thread::yield_now();
                             filled(number, out)
@@ -158,7 +184,7 @@ fn many_threads_decode_each_block_once_in_any_memory() {
 #[test]
 fn buffers_are_used_again() {
     let cache = cache_of(3);
-    let buffer = |number| match cache.get((0, number), BYTES, true, |out| filled(number, out)) {
+    let buffer = |number| match cache.get((0, number), bytes(), true, |out| filled(number, out)) {
         Ok(Some(CachedBlock::Held(block))) => block.as_ptr(),
         other => panic!("{other:?}"),
     };

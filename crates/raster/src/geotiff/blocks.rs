@@ -1,5 +1,6 @@
 //! Blocks: their offsets in the file, and decoding to samples of one band in native byte order.
 
+use crate::cache::DecodeBytes;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::{RawFile, RowRun, to_usize};
@@ -158,13 +159,18 @@ impl GeoTiffBlocks {
         error.at(format_args!("block {number} (from column {col}, row {row})"))
     }
 
-    /// Size in bytes of a decoded block in row `by` of blocks.
-    pub(super) fn decoded_bytes(&self, by: u32) -> Result<usize> {
-        let samples = u64::from(self.layout.block_width) * u64::from(self.layout.stored_rows(by));
-        to_usize("block", samples.saturating_mul(self.layout.sample_type.bytes() as u64))
+    /// Size in bytes of a decoded block in row `by` of blocks, and of what it is decoded from.
+    pub(super) fn decode_bytes(&self, by: u32, place: GeoTiffBlockExtent) -> Result<DecodeBytes> {
+        let layout = &self.layout;
+        let rows = layout.stored_rows(by);
+        let samples = u64::from(layout.block_width) * u64::from(rows);
+        let block = samples.saturating_mul(layout.sample_type.bytes() as u64);
+        let plain = if layout.is_parted() { layout.block_bytes(rows) } else { 0 };
+        let beside = place.bytes.saturating_add(plain);
+        Ok(DecodeBytes { block: to_usize("block", block)?, beside: to_usize("block", beside)? })
     }
 
-    /// Decodes block (`bx`, `by`) at `place` into `out`, of [`decoded_bytes`](Self::decoded_bytes) and with any content:
+    /// Decodes block (`bx`, `by`) at `place` into `out`, of [`decode_bytes`](Self::decode_bytes) and with any content:
     /// `stored_rows` rows of `block_width` samples of the selected band, in native byte order. Rows below the image
     /// may keep their content.
     pub(super) fn decode(
@@ -195,8 +201,8 @@ impl GeoTiffBlocks {
             let bits = grown(&mut scratch.plain, plain);
             self.unpack(&mut scratch.decoders, packed, bits, by)?;
             self.take_bits(bits, out);
-        // Without a copy, where neither other bands nor the predictor of floats part the bytes of samples.
-        } else if layout.stride() == 1 && layout.effective_predictor() != Predictor::Float {
+        // Without a copy.
+        } else if !layout.is_parted() {
             self.unpack(&mut scratch.decoders, packed, out, by)?;
             self.undo_in_place(out);
         } else {

@@ -8,7 +8,7 @@ use super::{lerc, lzw};
 use terrane_base::error::{Error, Result};
 
 /// Maximum size of scratch buffers that are kept, in bytes.
-const KEPT_SCRATCH: usize = 16 << 20;
+const KEPT_SCRATCH: usize = 2 << 20;
 
 /// A supported compression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

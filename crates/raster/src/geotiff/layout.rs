@@ -115,6 +115,20 @@ impl GeoTiffLayout {
         samples.saturating_mul(self.sample_type.bytes() as u64)
     }
 
+    /// Bytes in memory while a full block of one band is decoded: the block, the compressed bytes (which may be as many), and
+    /// all bands where they are [parted](Self::is_parted). Saturates.
+    pub(super) fn decode_bytes(&self) -> u64 {
+        let all = self.decoded_bytes();
+        let block = all / self.stride() as u64;
+        block.saturating_add(all).saturating_add(if self.is_parted() { all } else { 0 })
+    }
+
+    /// True if blocks are decompressed into another buffer, from which the samples of the band are taken: where other bands
+    /// or the predictor of floats part the bytes of samples.
+    pub(super) fn is_parted(&self) -> bool {
+        self.one_bit || self.stride() > 1 || self.effective_predictor() == Predictor::Float
+    }
+
     /// The predictor in effect: uncompressed data have none, whatever the tag says.
     pub(super) fn effective_predictor(&self) -> Predictor {
         match self.compression {

@@ -1,12 +1,22 @@
 //! TIFF predictors, decoding: TIFF 6.0 section 14 (horizontal) and Adobe's TIFF Technical Note 3 (floating
 //! point).
 
+#[cfg(all(target_arch = "aarch64", target_endian = "little"))]
+mod neon;
 #[cfg(target_arch = "x86_64")]
 mod x86;
+
+#[cfg(all(target_arch = "aarch64", target_endian = "little"))]
+use neon as vectors;
+#[cfg(target_arch = "x86_64")]
+use x86 as vectors;
 
 use terrane_base::error::{Error, Result};
 
 use super::ifd::ByteOrder;
+
+/// Samples at a time in vectors.
+const LANES: usize = 16;
 
 /// Predictor applied before compression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -160,12 +170,37 @@ fn merge_in_vectors<const N: usize>(
     sums: &mut [u8; N],
     out: &mut [u8],
 ) -> usize {
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(any(target_arch = "x86_64", all(target_arch = "aarch64", target_endian = "little")))]
     if let (Ok(planes), Ok(sums)) = (planes[..].try_into(), (&mut sums[..]).try_into()) {
-        return x86::merge_planes(planes, sums, out);
+        return vectors::merge_planes(planes, sums, out);
     }
     let _ = (planes, sums, out);
     0
+}
+
+/// Undoes the predictor for the first samples of a row, a multiple of [`LANES`], and returns how many. `planes` are the
+/// bytes of the row by significance, highest first, `sums` the running sums before each, which then include the samples
+/// done. `add` gives running sums and the last of them; `samples` joins the bytes of samples.
+#[cfg(any(target_arch = "x86_64", all(target_arch = "aarch64", target_endian = "little")))]
+#[inline(always)]
+fn merge_planes(
+    planes: [&[u8]; 4],
+    sums: &mut [u8; 4],
+    out: &mut [u8],
+    add: impl Fn([u8; LANES], u8) -> ([u8; LANES], u8),
+    samples: impl Fn([[u8; LANES]; 4]) -> [u8; 4 * LANES],
+) -> usize {
+    let planes = planes.map(|plane| plane.as_chunks::<LANES>().0);
+    let out = out.as_chunks_mut::<{ 4 * LANES }>().0;
+    let count = planes.iter().map(|plane| plane.len()).fold(out.len(), usize::min);
+    for (at, out) in out[..count].iter_mut().enumerate() {
+        let mut bytes = [[0; LANES]; 4];
+        for ((plane, sum), bytes) in planes.iter().zip(&mut *sums).zip(&mut bytes) {
+            (*bytes, *sum) = add(plane[at], *sum);
+        }
+        *out = samples(bytes);
+    }
+    count * LANES
 }
 
 fn gather_planes(planes: &[u8], out: &mut [u8], size: usize, stride: usize, band: usize) {

@@ -1,8 +1,7 @@
 //! How the memory of a contour job is divided.
 
 use super::job::ContourJob;
-use terrane_base::error::Result;
-use terrane_engine::memory;
+use terrane_engine::memory::MemoryShares;
 use terrane_window::contour::{self as contour, ContourVertex};
 
 /// Bytes of a vertex that waits.
@@ -24,11 +23,11 @@ pub(super) const PIECE_BYTES: u64 = 160;
 const WRITING_BYTES: u64 = 128;
 
 /// A divided budget.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ContourMemory {
     pub(super) threads: usize,
-    /// Bytes for decoded blocks of the source.
-    pub(super) cache: u64,
+    /// Bytes of a thread.
+    pub(super) worker: u64,
     /// Most crossings of a tile.
     pub(super) crossings: u64,
     /// Most pieces of lines.
@@ -39,7 +38,8 @@ pub(super) struct ContourMemory {
 }
 
 impl ContourMemory {
-    pub(super) fn divide(job: &ContourJob) -> Result<Self> {
+    /// What a thread takes; without shares of an open grid.
+    pub(super) fn of(job: &ContourJob) -> Self {
         let side = u64::from(job.options.tile) + 1;
         let samples = side * side * 8;
         let crossing_bytes =
@@ -49,16 +49,18 @@ impl ContourMemory {
             (job.options.resources.memory, job.options.resources.threads.max(1));
         let share = (memory / 4 / threads as u64).saturating_sub(samples);
         let crossings = (share / crossing_bytes).clamp(min, max);
-        let shares = memory::divide(memory, threads, samples + crossings * crossing_bytes)
-            .map_err(memory::or_smaller_tiles)?;
-        Ok(Self {
+        let worker = samples + crossings * crossing_bytes;
+        Self { worker, crossings, memory, ..Self::default() }
+    }
+
+    /// The same with the shares that an open grid leaves.
+    pub(super) fn with(self, shares: MemoryShares) -> Self {
+        Self {
             threads: shares.threads,
-            cache: shares.cache,
-            crossings,
             pieces: shares.mesh / 4 * 3 / PIECE_BYTES,
             vertices: shares.mesh / 4 / VERTEX_BYTES,
-            memory,
-        })
+            ..self
+        }
     }
 
     /// Most vertices of a line; lines are written after all tiles.

@@ -39,8 +39,8 @@ use terrane_engine::options::GridInput;
 use terrane_engine::outputs::not_member;
 use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::transform::{FeatureReprojection, Transformed};
-use terrane_engine::workers;
-use terrane_engine::{Cancel, Progress};
+use terrane_engine::{Cancel, Progress, Resources};
+use terrane_engine::{memory, workers};
 use terrane_files::{lock, unlocked};
 use terrane_raster::{self as raster, GridInfo, GridOpenOptions, GridSource};
 use terrane_simplify::{DistanceKind, MetGoal};
@@ -54,7 +54,7 @@ pub use job::{ContourJob, ContourOptions, ContourReport, ContourSetters};
 impl Operation for ContourOptions {
     const NAME: &'static str = "contour";
     type Input = GridInput;
-    const WRITES: Writes = Writes::Lines;
+    const WRITES: Writes = Writes::Features;
     type Report = ContourReport;
 
     fn check(&self, output: &Path) -> Result<()> {
@@ -77,13 +77,13 @@ pub fn run(job: &ContourJob, progress: &dyn Progress, cancel: &Cancel) -> Result
     let start = Instant::now();
     job.check()?;
     terrane_files::atomic::refuse_existing(&job.output, job.options.file.replacing.overwrite)?;
-    let budget = ContourMemory::divide(job)?;
-    let cache_bytes = usize::try_from(budget.cache).unwrap_or(usize::MAX);
-    let options = job.options.grid.options(&job.options.resources, cache_bytes)?;
-    let options = GridOpenOptions { threads: budget.threads, ..options };
-    let source = raster::open_all(job.input.names(), &options)?;
+    let budget = ContourMemory::of(job);
+    let resources = &job.options.resources;
+    let options = job.options.grid.options(resources, GridOpenOptions::default().cache_bytes)?;
+    let (source, shares) = memory::open(&job.input, &options, resources, budget.worker)
+        .map_err(memory::or_smaller_tiles)?;
     not_member(source.as_ref(), &job.output)?;
-    let work = OpenedContourJob::new(job, source.info())?;
+    let work = OpenedContourJob::new(job, source.info(), budget.with(shares))?;
     let sink = work.sink()?;
     let pieces = work.trace(source.as_ref(), progress, cancel)?;
     // Decoded blocks and polygons make room for lines.
@@ -102,7 +102,11 @@ pub fn trace(
     cancel: &Cancel,
 ) -> Result<ContourReport> {
     let start = Instant::now();
-    let work = OpenedContourJob::new(job, source.info())?;
+    let budget = ContourMemory::of(job);
+    let Resources { memory, threads, .. } = job.options.resources;
+    let shares =
+        memory::divide(memory, threads, budget.worker).map_err(memory::or_smaller_tiles)?;
+    let work = OpenedContourJob::new(job, source.info(), budget.with(shares))?;
     let sink = work.sink()?;
     let pieces = work.trace(source, progress, cancel)?;
     work.write(pieces, sink, start, progress, cancel)
@@ -120,14 +124,14 @@ struct OpenedContourJob<'a> {
 }
 
 impl<'a> OpenedContourJob<'a> {
-    fn new(job: &'a ContourJob, info: &GridInfo) -> Result<Self> {
+    fn new(job: &'a ContourJob, info: &GridInfo, budget: ContourMemory) -> Result<Self> {
         info.check_cells().map_err(|e| e.in_file(Path::new(&job.input.to_string())))?;
         Ok(Self {
             job,
             format: job.check()?,
             levels: job.options.heights()?,
             tolerance: job.options.tolerance.map(|length| measured(length, info)).transpose()?,
-            budget: ContourMemory::divide(job)?,
+            budget,
             info: info.clone(),
             operation: job.operation(info)?.map(Arc::new),
         })

@@ -4,7 +4,8 @@ use std::time::Instant;
 
 use super::job::{ConvertJob, ConvertReport};
 use super::task::{CopyPieces, CopyStatistics, CopyTask};
-use terrane_base::error::{Error, ErrorKind, Result};
+use terrane_base::error::Result;
+use terrane_engine::memory::{self, MemoryShares};
 use terrane_engine::outputs::not_member;
 use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::{Cancel, Progress, Resources};
@@ -51,17 +52,17 @@ pub(crate) fn run_of(
     let format = job.options.format(&job.output)?;
     format.check(&job.options.written.co)?;
     terrane_files::atomic::refuse_existing(&job.output, job.options.file.replacing.overwrite)?;
-    let ConvertMemory { threads, cache: cache_bytes, .. } =
-        ConvertMemory::divide(job, format, thread_bytes)?;
-    let options = job.options.grid.options(&job.options.resources, cache_bytes)?;
-    let options = GridOpenOptions { threads, ..options };
-    let source = raster::open_all(job.input.names(), &options)?;
+    let worker = worker_bytes(job, format, thread_bytes);
+    let resources = &job.options.resources;
+    let options = job.options.grid.options(resources, GridOpenOptions::default().cache_bytes)?;
+    let (source, shares) = memory::open(&job.input, &options, resources, worker)?;
     not_member(source.as_ref(), &job.output)?;
     let cautions = raster::cautions(source.info());
     let DerivedBands { bands, colours, notes } = front(source)?;
     let mut notes = [cautions, notes].concat();
     let bands: Vec<&dyn GridSource> = bands.iter().map(AsRef::as_ref).collect();
-    let report = copy_of(&bands, colours, job, thread_bytes, progress, cancel)?;
+    let budget = ConvertMemory { shares, worker, thread_bytes };
+    let report = copy_of(&bands, colours, job, &budget, progress, cancel)?;
     let water = options.water.and_then(|water| water.report());
     notes.extend(report.notes.iter().cloned().chain(water.iter().flat_map(WaterReport::notes)));
     Ok(ConvertReport { notes, water, ..report })
@@ -74,7 +75,11 @@ pub fn copy(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<ConvertReport> {
-    copy_of(&[source], Vec::new(), job, 0, progress, cancel)
+    let worker = worker_bytes(job, job.options.format(&job.output)?, 0);
+    let Resources { memory, threads, .. } = job.options.resources;
+    let shares = memory::divide(memory, threads, worker)?;
+    let budget = ConvertMemory { shares, worker, thread_bytes: 0 };
+    copy_of(&[source], Vec::new(), job, &budget, progress, cancel)
 }
 
 /// Copies a band, or several that are colours, with these names.
@@ -82,13 +87,12 @@ fn copy_of(
     bands: &[&dyn GridSource],
     colours: Vec<BandName>,
     job: &ConvertJob,
-    thread_bytes: u64,
+    budget: &ConvertMemory,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<ConvertReport> {
     let start = Instant::now();
     let format = job.options.format(&job.output)?;
-    let budget = ConvertMemory::divide(job, format, thread_bytes)?;
     let Some(source) = bands.first().copied() else { return Ok(ConvertReport::default()) };
     let (window, info) = (source.info().bounds(), source.info());
     let (are_colours, read) = (!colours.is_empty(), job.read_beside(source)?);
@@ -97,7 +101,7 @@ fn copy_of(
     let threads = budget.threads_for(sink.as_ref(), format)?;
     let samples = u64::from(info.width) * u64::from(info.height);
     progress.begin("convert", samples);
-    let pieces = CopyPieces::new(window, source, sink.as_ref(), budget.cache);
+    let pieces = CopyPieces::new(window, source, sink.as_ref(), budget.shares.cache);
     let task = CopyTask { sources: bands, window, sink: sink.as_ref(), pieces };
     let summary = task.run(threads, progress, cancel)?;
     progress.end();
@@ -170,47 +174,25 @@ fn report(job: &ConvertJob, info: &GridInfo, summary: &CopyStatistics) -> Conver
 const HAIR: f64 = 1e-6;
 
 /// How the job's memory is divided.
-#[derive(Clone, Copy)]
 struct ConvertMemory {
-    threads: usize,
-    /// Bytes for decoded blocks of the source.
-    cache: usize,
-    memory: u64,
-    /// Bytes that a thread holds beside a block.
+    shares: MemoryShares,
+    /// Bytes of a thread in the shares, and those beside a block.
+    worker: u64,
     thread_bytes: u64,
 }
 
 /// Default number of samples of a block: a tile of 512 x 512.
 const USUAL_SAMPLES: u64 = 512 * 512;
-/// Least memory left for the source's blocks.
-const MIN_CACHE: u64 = 8 << 20;
+
+/// Bytes of a thread: an output block, and `thread_bytes` more.
+fn worker_bytes(job: &ConvertJob, format: &GridFormat, thread_bytes: u64) -> u64 {
+    let side = job.options.written.co.iter().find(|(key, _)| key.eq_ignore_ascii_case("BLOCKSIZE"));
+    let side = side.and_then(|(_, value)| value.parse::<u64>().ok());
+    let samples = side.map_or(USUAL_SAMPLES, |side| side.saturating_mul(side));
+    samples.saturating_mul(format.bytes_per_sample).saturating_add(thread_bytes)
+}
 
 impl ConvertMemory {
-    /// A block for each thread, and the rest, but not more than half, for the source: fewer threads
-    /// where memory is short.
-    fn divide(job: &ConvertJob, format: &GridFormat, thread_bytes: u64) -> Result<Self> {
-        let Resources { threads, memory, .. } = job.options.resources;
-        let side =
-            job.options.written.co.iter().find(|(key, _)| key.eq_ignore_ascii_case("BLOCKSIZE"));
-        let side = side.and_then(|(_, value)| value.parse::<u64>().ok());
-        let samples = side.map_or(USUAL_SAMPLES, |side| side.saturating_mul(side));
-        let block = samples.saturating_mul(format.bytes_per_sample).saturating_add(thread_bytes);
-        let min_memory = block.saturating_add(MIN_CACHE);
-        if memory < min_memory {
-            return Err(too_small(memory, min_memory));
-        }
-        let max_threads = (memory - MIN_CACHE) / block;
-        let threads = threads.clamp(1, usize::try_from(max_threads).unwrap_or(usize::MAX));
-        let share = threads as u64 * block;
-        let cache = (memory - share).min((memory / 2).max(MIN_CACHE));
-        Ok(Self {
-            threads,
-            cache: usize::try_from(cache).unwrap_or(usize::MAX),
-            memory,
-            thread_bytes,
-        })
-    }
-
     /// Number of threads that fit with the actual blocks of a sink. Blocks as wide as the grid may be larger
     /// than was thought when the source was opened.
     fn threads_for(&self, sink: &dyn GridSink, format: &GridFormat) -> Result<usize> {
@@ -218,15 +200,14 @@ impl ConvertMemory {
         let block = u64::from(width.min(info.width)) * u64::from(height.min(info.height));
         let block =
             block.saturating_mul(format.bytes_per_sample).saturating_add(self.thread_bytes).max(1);
-        match (self.memory - self.cache as u64) / block {
-            0 => Err(too_small(self.memory, block.saturating_mul(2).max(2 * MIN_CACHE))),
-            max_threads => Ok(self.threads.min(usize::try_from(max_threads).unwrap_or(usize::MAX))),
+        let MemoryShares { threads, cache, mesh } = self.shares;
+        let room = self.worker * threads as u64 + mesh;
+        match room / block {
+            0 => {
+                let least = memory::least(block, cache / 2);
+                Err(memory::too_little(room + cache + memory::PROGRAM, least))
+            }
+            fitting => Ok(threads.min(usize::try_from(fitting).unwrap_or(usize::MAX))),
         }
     }
-}
-
-fn too_small(memory: u64, min_memory: u64) -> Error {
-    let message = format!("the memory budget of {memory} bytes is too small");
-    Error::new(ErrorKind::Resource, message)
-        .remedy(format!("pass ‹memory› {}M or more", min_memory.div_ceil(1 << 20)))
 }

@@ -26,12 +26,12 @@ impl CopyPieces {
     /// Pieces are whole blocks, unless the sink takes parts and a row of blocks across those of the
     /// source is more than half of `cache` holds: then they are lower, so that no block is decoded
     /// twice.
-    pub fn new(window: Rect, source: &dyn GridSource, sink: &dyn GridSink, cache: usize) -> Self {
+    pub fn new(window: Rect, source: &dyn GridSource, sink: &dyn GridSink, cache: u64) -> Self {
         let info = source.info();
         let (block_width, mut rows) = sink.block();
         let row_bytes = u64::from(window.width) * info.sample_type.bytes() as u64;
         let lower = !sink.in_order() && info.block.0 > block_width;
-        while lower && rows % 2 == 0 && u64::from(rows) * row_bytes > cache as u64 / 2 {
+        while lower && rows % 2 == 0 && u64::from(rows) * row_bytes > cache / 2 {
             rows /= 2;
         }
         Self { width: window.width, height: window.height, block_width, rows }

@@ -74,11 +74,14 @@ impl HeightBuffers {
         let Some(index) = extreme else { return Ok(()) };
         let (row, col) = (index / rect.width as usize, index % rect.width as usize);
         let (row, col) = (row + rect.row as usize, col + rect.col as usize);
-        let height = samples[index];
+        let height = match self.heights().f64 {
+            Some(exact) => format!("{:e}", exact[index]),
+            None => format!("{:e}", samples[index]),
+        };
         Err(Error::bad_input(format!(
-            "the height {height:e} at column {col}, row {row} is out of range"
+            "the height {height} at column {col}, row {row} is out of range"
         ))
-        .remedy(format!("pass ‹nodata› {height:e} if it is nodata")))
+        .remedy(format!("pass ‹nodata› {height} if it is nodata")))
     }
 
     /// The number of samples of `tile` with the lowest height of the last rectangle, if that looks like an

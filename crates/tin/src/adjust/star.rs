@@ -3,16 +3,14 @@
 //! Rows of a triangle are listed in chunks of [`LANES`] samples. This is the reference in portable Rust; kernels for
 //! vector registers equal it bit for bit.
 
-use crate::facet::{PlaneFacet, level_for};
+use crate::facet::{EdgeFunction, PlaneFacet, level_for};
 use crate::heights::{FieldLevel, HeightField, LEVELS};
 use crate::mesh::{LatticeMesh, next, prev};
 use crate::scan;
 use terrane_base::geom::predicates::orient;
 
 /// Samples of a chunk. Part of the arithmetic: of equal errors, the first lane's is the extreme.
-const LANES: usize = 8;
-/// Edge function of columns that are not scanned: negative in all rows, as those of tiles are below 2^29.
-pub(crate) const FAR_OUTSIDE: i32 = -(1 << 30);
+pub(crate) const LANES: usize = 8;
 /// Approximate number of samples tested per triangle before the final tolerance is reached.
 const ENOUGH: i64 = 32;
 /// Minimum relative reduction of a star's maximum error by a move.
@@ -65,6 +63,20 @@ pub(crate) struct OffsetEnvelope {
 }
 
 impl OffsetEnvelope {
+    /// From the errors, offsets and shares of the extreme samples of each lane: above, and below.
+    #[inline(always)]
+    pub(crate) fn of_lanes(step: f32, top: [[f32; LANES]; 3], bottom: [[f32; LANES]; 3]) -> Self {
+        let ([above, below], lanes) = ([&top[0], &bottom[0]], 1..LANES);
+        let high = lanes.clone().fold(0, |best, i| if above[i] > above[best] { i } else { best });
+        let low = lanes.fold(0, |best, i| if below[i] < below[best] { i } else { best });
+        let line = |[_, offsets, shares]: [[f32; LANES]; 3], lane| ErrorLine {
+            offset: offsets[lane],
+            share: shares[lane],
+        };
+        let lines = [line(top, high), line(bottom, low)];
+        Self { step, max: [above[high], -below[low]], lines }
+    }
+
     pub(super) fn largest(self) -> f32 {
         self.max[0].max(self.max[1])
     }
@@ -98,15 +110,10 @@ pub(crate) fn list(chunks: &mut [ErrorChunk], level: &FieldLevel<'_>, facet: &Pl
     let scale = 1.0 / orient(a, b, c) as f32;
     let mut count = 0;
     for strip in (left..=right).step_by(LANES) {
-        let (mut sides, mut steps) = ([[0; LANES]; 3], [0; 3]);
-        for (edge, [from, to]) in [[b, c], [c, a], [a, b]].into_iter().enumerate() {
-            let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
-            let at_first = dx * (first * stride - from[1]) - dy * (strip * stride - from[0]);
-            sides[edge] = NUMBERS.map(|lane| at_first - dy * stride * lane);
-            steps[edge] = dx * stride;
-        }
+        let edges = facet.edge_functions(stride, [strip, first]);
+        let mut sides = edges.map(|edge| NUMBERS.map(|lane| edge.start + edge.per_column * lane));
         for lane in (0..LANES).filter(|&lane| strip + NUMBERS[lane] > right) {
-            sides[1][lane] = FAR_OUTSIDE;
+            sides[1][lane] = EdgeFunction::FAR_OUTSIDE;
         }
         let start = facet.base + gy * f64::from(first);
         let mut planes = NUMBERS.map(|lane| start + gx * f64::from(strip + lane));
@@ -122,8 +129,8 @@ pub(crate) fn list(chunks: &mut [ErrorChunk], level: &FieldLevel<'_>, facet: &Pl
                 chunks[count].shares = sides[0].map(|side| side as f32 * scale);
                 count += 1;
             }
-            for (side, step) in sides.iter_mut().zip(steps) {
-                side.iter_mut().for_each(|lane| *lane += step);
+            for (side, edge) in sides.iter_mut().zip(edges) {
+                side.iter_mut().for_each(|lane| *lane += edge.per_row);
             }
             planes.iter_mut().for_each(|plane| *plane += gy);
         }
@@ -158,17 +165,11 @@ pub(crate) fn envelope(chunks: &[ErrorChunk], step: f32) -> OffsetEnvelope {
             bottom_share[lane] = if is_bottom { shares[lane] } else { bottom_share[lane] };
         }
     }
-    let high = (0..LANES).fold(0, |best, lane| if top[lane] > top[best] { lane } else { best });
-    let low =
-        (0..LANES).fold(0, |best, lane| if bottom[lane] < bottom[best] { lane } else { best });
-    OffsetEnvelope {
+    OffsetEnvelope::of_lanes(
         step,
-        max: [top[high], -bottom[low]],
-        lines: [
-            ErrorLine { offset: top_offset[high], share: top_share[high] },
-            ErrorLine { offset: bottom_offset[low], share: bottom_share[low] },
-        ],
-    }
+        [top, top_offset, top_share],
+        [bottom, bottom_offset, bottom_share],
+    )
 }
 
 impl Default for StarErrors {
@@ -305,15 +306,46 @@ mod tests {
         }
     }
 
-    /// Two rows of samples with few different errors: of equal ones, the first lane's line is told.
+    proptest! {
+        /// Samples that a plane meets: only the rounding errors of the plane are seen.
+        #[test]
+        fn kernels_round_planes_alike(
+            at in (0..30_u32, 0..30_u32), [width, height] in [1..40_u32, 1..40_u32],
+            [along, down] in [-9.0..9.0_f64, -9.0..9.0]
+        ) {
+            let (col, row) = at;
+            let p = [(col, row), (col + width, row), (col, row + height)];
+            let z = [0.0, along * f64::from(width), down * f64::from(height)];
+            let facet = PlaneFacet::new(p.map(|(col, row)| TilePosition::new(col, row)), z);
+            let samples = (0..SIDE * SIDE).map(|i| [i % SIDE, i / SIDE].map(f64::from));
+            let samples = samples.map(|[x, y]| {
+                (along * (x - f64::from(col)) + down * (y - f64::from(row))) as f32
+            });
+            let samples: Vec<f32> = samples.collect();
+            let mut field = HeightField::default();
+            let heights = HeightWindow { width: SIDE, height: SIDE, f32: &samples, f64: None };
+            field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], None);
+            let level = field.level(0);
+            let mut expected = vec![ErrorChunk::default(); chunks_of(&level, &facet)];
+            list(&mut expected, &level, &facet);
+            for (name, kernels) in scan::available_star() {
+                let mut chunks = vec![ErrorChunk::default(); expected.len()];
+                (kernels.list)(&mut chunks, &level, &facet);
+                prop_assert_eq!(bits(&chunks), bits(&expected), "{}", name);
+            }
+        }
+    }
+
+    /// Rows of samples with three different errors: of equal ones, the first lane's line is told.
     #[test]
     fn kernels_agree_on_equal_errors() {
         for seed in 0..200_u32 {
             let value = |i: u32, of: u32| {
-                f32::from((seed.wrapping_mul(0x9e37_79b9) >> (i % 20) ^ of) as u8 % 3)
+                let hash = ((seed << 6 | i) << 1 | of).wrapping_mul(0x9e37_79b9);
+                f32::from((hash >> 16) as u8 % 3)
             };
-            let star =
-                StarErrors::of((0..seed % 33).map(|i| (value(i, 1) - 1.0, value(i, 5) / 2.0)));
+            let line = |i| (value(i, 0) - 1.0 - value(i, 1) / 2.0, value(i, 1) / 2.0);
+            let star = StarErrors::of((0..seed % 33).map(line));
             for (name, kernels) in scan::available_star() {
                 let found = (kernels.envelope)(&star.chunks, 1.0);
                 assert_eq!(found, envelope(&star.chunks, 1.0), "{name} {seed}");

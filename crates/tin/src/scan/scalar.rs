@@ -27,7 +27,7 @@ pub(crate) type Scan = fn(&FieldLevel<'_>, &PlaneFacet) -> WorstSample;
 pub(super) fn scan(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     let stride = f64::from(1_u32 << level.shift);
     let (gx, gy) = (facet.gx * stride, facet.gy * stride);
-    let offsets: [f32; LANES] = std::array::from_fn(|lane| (gx * lane as f64) as f32);
+    let offsets = lane_offsets(gx);
     let mut worst = WorstSample { error: 0.0, at: TilePosition::new(0, 0) };
     let [first, last] = facet.row_range(level);
     let [left, _] = facet.column_range(level);
@@ -50,8 +50,22 @@ pub(super) fn scan(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     worst
 }
 
+/// Heights of the plane above that at the start of a run of lanes.
+#[inline(always)]
+pub(super) fn lane_offsets(gx: f64) -> [f32; LANES] {
+    std::array::from_fn(|lane| (gx * lane as f64) as f32)
+}
+
 /// The start of the run of lanes that holds column `low`; the first run begins at `left`.
 #[inline(always)]
 pub(super) fn run_of(low: i32, left: i32) -> i32 {
     left + (low - left) / LANES as i32 * LANES as i32
+}
+
+/// A worst sample at `row << 16 | column` in decimated units.
+#[inline(always)]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+pub(super) fn worst(level: &FieldLevel<'_>, error: f32, lowest: u32) -> WorstSample {
+    let [col, row] = if error == 0.0 { [0, 0] } else { [lowest & 0xffff, lowest >> 16] };
+    WorstSample { error, at: TilePosition::new(col << level.shift, row << level.shift) }
 }

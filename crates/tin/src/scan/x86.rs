@@ -3,11 +3,10 @@
 
 use std::arch::x86_64::*;
 
-use super::scalar::{LANES, Scan, WorstSample, run_of};
-use crate::adjust::star::{ErrorChunk, ErrorLine, FAR_OUTSIDE, OffsetEnvelope, StarKernels};
-use crate::facet::{EdgeSide, PlaneFacet, RowBounds, SLACK};
+use super::scalar::{LANES, Scan, WorstSample, lane_offsets, run_of, worst};
+use crate::adjust::star::{ErrorChunk, ErrorLine, OffsetEnvelope, StarKernels};
+use crate::facet::{EdgeFunction, EdgeSide, PlaneFacet, RowBounds, SLACK};
 use crate::heights::FieldLevel;
-use crate::lattice_position::TilePosition;
 use crate::measure::MeasuredTriangle;
 use terrane_base::geom::predicates::orient;
 
@@ -104,21 +103,19 @@ fn avx512(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
 fn narrow(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     let stride = 1_i32 << level.shift;
     let (gx, gy) = (facet.gx * f64::from(stride), facet.gy * f64::from(stride));
-    let offsets = lane_offsets(gx);
+    let offsets = wide_offsets(gx);
     let ([left, right], [first, last]) = (facet.column_range(level), facet.row_range(level));
     if right < left || last < first {
         return worst(level, 0.0, 0);
     }
     let lanes = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    let functions = facet.edge_functions(stride, [left, first]);
     let mut edges = [_mm512_setzero_si512(); 3];
     let mut steps = [_mm512_setzero_si512(); 3];
     for i in 0..3 {
-        let ([ax, ay], [bx, by]) = (facet.corners[i], facet.corners[(i + 1) % 3]);
-        let (dx, dy) = (bx - ax, by - ay);
-        let at_first = dx * (first * stride - ay) - dy * (left * stride - ax);
-        let along = _mm512_mullo_epi32(_mm512_set1_epi32(-dy * stride), lanes);
-        edges[i] = _mm512_add_epi32(_mm512_set1_epi32(at_first), along);
-        steps[i] = _mm512_set1_epi32(dx * stride);
+        let along = _mm512_mullo_epi32(_mm512_set1_epi32(functions[i].per_column), lanes);
+        edges[i] = _mm512_add_epi32(_mm512_set1_epi32(functions[i].start), along);
+        steps[i] = _mm512_set1_epi32(functions[i].per_row);
     }
     let columns = ((2_u32 << (right - left)) - 1) as __mmask16;
     let mut pointer = run_pointer(level, first, left);
@@ -149,7 +146,7 @@ fn narrow(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     let error = _mm512_reduce_max_ps(errors);
     // Of equal errors the lowest row and column, as the scalar scan has it: all processors make one mesh.
     let equal = _mm512_cmp_ps_mask::<_CMP_EQ_OQ>(errors, _mm512_set1_ps(error));
-    worst(level, error, _mm512_mask_reduce_min_epi32(equal, places))
+    worst(level, error, _mm512_mask_reduce_min_epi32(equal, places) as u32)
 }
 
 #[target_feature(enable = "avx512f,avx512dq")]
@@ -157,7 +154,7 @@ fn wide(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     let stride = f64::from(1_u32 << level.shift);
     let (gx, gy) = (facet.gx * stride, facet.gy * stride);
     let [left, left_slopes, right, right_slopes] = bounds(&facet.edges(), 1.0 / stride);
-    let offsets = lane_offsets(gx);
+    let offsets = wide_offsets(gx);
     let mut errors = _mm512_setzero_ps();
     let mut places = _mm512_setzero_si512();
     let [first, last] = facet.row_range(level);
@@ -213,27 +210,17 @@ fn wide(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     let lanes = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
     let equal = _mm512_cmp_ps_mask::<_CMP_EQ_OQ>(errors, _mm512_set1_ps(error));
     let lowest = _mm512_mask_reduce_min_epi32(equal, _mm512_add_epi32(places, lanes));
-    worst(level, error, lowest)
+    worst(level, error, lowest as u32)
 }
 
 #[target_feature(enable = "avx512f")]
-fn lane_offsets(gx: f64) -> __m512 {
+fn wide_offsets(gx: f64) -> __m512 {
     let lanes = _mm512_setr_pd(0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0);
     let gx = _mm512_set1_pd(gx);
     let low = _mm512_cvtpd_ps(_mm512_mul_pd(gx, lanes));
     let high = _mm512_cvtpd_ps(_mm512_mul_pd(gx, _mm512_add_pd(lanes, _mm512_set1_pd(8.0))));
     let wide = _mm512_castps_pd(_mm512_castps256_ps512(low));
     _mm512_castpd_ps(_mm512_insertf64x4::<1>(wide, _mm256_castps_pd(high)))
-}
-
-/// `lowest` is `row << 16 | column` in decimated units.
-#[inline(always)]
-fn worst(level: &FieldLevel<'_>, error: f32, lowest: i32) -> WorstSample {
-    if error == 0.0 {
-        return WorstSample { error, at: TilePosition::new(0, 0) };
-    }
-    let (col, row) = (lowest as u32 & 0xffff, lowest as u32 >> 16);
-    WorstSample { error, at: TilePosition::new(col << level.shift, row << level.shift) }
 }
 
 /// As [`narrow`], for triangles of at most eight columns.
@@ -252,15 +239,13 @@ fn narrow8(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     };
     let offsets = _mm256_set_m128(half(4.0), half(0.0));
     let lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+    let functions = facet.edge_functions(stride, [left, first]);
     let mut edges = [_mm256_setzero_si256(); 3];
     let mut steps = [_mm256_setzero_si256(); 3];
     for i in 0..3 {
-        let ([ax, ay], [bx, by]) = (facet.corners[i], facet.corners[(i + 1) % 3]);
-        let (dx, dy) = (bx - ax, by - ay);
-        let at_first = dx * (first * stride - ay) - dy * (left * stride - ax);
-        let along = _mm256_mullo_epi32(_mm256_set1_epi32(-dy * stride), lanes);
-        edges[i] = _mm256_add_epi32(_mm256_set1_epi32(at_first), along);
-        steps[i] = _mm256_set1_epi32(dx * stride);
+        let along = _mm256_mullo_epi32(_mm256_set1_epi32(functions[i].per_column), lanes);
+        edges[i] = _mm256_add_epi32(_mm256_set1_epi32(functions[i].start), along);
+        steps[i] = _mm256_set1_epi32(functions[i].per_row);
     }
     let beyond = _mm256_cmpgt_epi32(lanes, _mm256_set1_epi32(right - left));
     let mut pointer = run_pointer(level, first, left);
@@ -299,7 +284,7 @@ fn narrow8(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     let lowest = _mm256_min_epi32(places, _mm256_permute2x128_si256::<1>(places, places));
     let lowest = _mm256_min_epi32(lowest, _mm256_shuffle_epi32::<0b01_00_11_10>(lowest));
     let lowest = _mm256_min_epi32(lowest, _mm256_shuffle_epi32::<0b10_11_00_01>(lowest));
-    worst(level, _mm256_cvtss_f32(largest), _mm256_extract_epi32::<0>(lowest))
+    worst(level, _mm256_cvtss_f32(largest), _mm256_extract_epi32::<0>(lowest) as u32)
 }
 
 #[target_feature(enable = "avx2")]
@@ -313,7 +298,7 @@ fn wide8(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     let stride = f64::from(1_u32 << level.shift);
     let (gx, gy) = (facet.gx * stride, facet.gy * stride);
     let [left, left_slopes, right, right_slopes] = bounds(&facet.edges(), 1.0 / stride);
-    let lanes: [f32; LANES] = std::array::from_fn(|lane| (gx * lane as f64) as f32);
+    let lanes = lane_offsets(gx);
     // SAFETY: the array holds sixteen lanes.
     let offsets =
         unsafe { [_mm256_loadu_ps(lanes.as_ptr()), _mm256_loadu_ps(lanes[8..].as_ptr())] };
@@ -368,7 +353,7 @@ fn reduce_avx2(level: &FieldLevel<'_>, errors: [__m256; 2], places: [__m256i; 2]
     let error = values.iter().fold(0.0, |a: f32, &b| a.max(b));
     let lanes = (0..LANES).filter(|&lane| values[lane] == error);
     let lowest = lanes.map(|lane| at[lane] + (lane % 8) as i32).min().unwrap_or(0);
-    worst(level, error, lowest)
+    worst(level, error, lowest as u32)
 }
 
 #[target_feature(enable = "avx2")]
@@ -385,16 +370,16 @@ fn list_star_avx2(chunks: &mut [ErrorChunk], level: &FieldLevel<'_>, facet: &Pla
     }
     let (mut count, mut strip) = (0, left);
     while strip <= right {
+        let edges = facet.edge_functions(stride, [strip, first]);
         let (mut sides, mut steps) = ([_mm256_setzero_si256(); 3], [_mm256_setzero_si256(); 3]);
-        for (edge, [from, to]) in [[b, c], [c, a], [a, b]].into_iter().enumerate() {
-            let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
-            let at_first = dx * (first * stride - from[1]) - dy * (strip * stride - from[0]);
-            let along = _mm256_mullo_epi32(_mm256_set1_epi32(-dy * stride), numbers);
-            sides[edge] = _mm256_add_epi32(_mm256_set1_epi32(at_first), along);
-            steps[edge] = _mm256_set1_epi32(dx * stride);
+        for i in 0..3 {
+            let along = _mm256_mullo_epi32(_mm256_set1_epi32(edges[i].per_column), numbers);
+            sides[i] = _mm256_add_epi32(_mm256_set1_epi32(edges[i].start), along);
+            steps[i] = _mm256_set1_epi32(edges[i].per_row);
         }
         let beyond = _mm256_cmpgt_epi32(numbers, _mm256_set1_epi32(right - strip));
-        sides[1] = _mm256_blendv_epi8(sides[1], _mm256_set1_epi32(FAR_OUTSIDE), beyond);
+        sides[1] =
+            _mm256_blendv_epi8(sides[1], _mm256_set1_epi32(EdgeFunction::FAR_OUTSIDE), beyond);
         let start = _mm256_set1_pd(facet.base + gy * f64::from(first));
         let mut planes = [0, 4].map(|half| {
             let columns = _mm_add_epi32(_mm_set1_epi32(strip + half), _mm_setr_epi32(0, 1, 2, 3));

@@ -1,6 +1,9 @@
-//! What a result must not depend on: the order of what is handed in, and what a worker did before.
+//! What a result must not depend on: the order of what is handed in, what a worker did before, and the
+//! processor.
 
 use super::*;
+use fit::mend_fitted;
+use terrane_tin::MinimumAngle;
 
 /// The same items in an order that the seed tells.
 fn shuffled<T: Clone>(items: &[T], seed: u32) -> Vec<T> {
@@ -71,4 +74,38 @@ proptest! {
         let [again, fresh] = [again, fresh].map(|mesh| format!("{mesh:?}"));
         prop_assert!(again == fresh);
     }
+}
+
+/// The bytes of meshes on all processors; a new `REVISION` of the engine may change them.
+#[test]
+fn meshes_are_those_of_other_processors() {
+    const SIDE: u32 = 150;
+    let noise = |i: u32| (i.wrapping_mul(0x9e37_79b9) ^ i >> 7).wrapping_mul(0x85eb_ca6b) >> 16;
+    let z = (0..SIDE * SIDE).map(|i| {
+        let (col, row) = (i % SIDE, i / SIDE);
+        let hill = (col * row / 9 + (col / 11) * (row / 13) * 5) % 400;
+        (noise(i) % 150 > 0).then_some((hill.min(400 - hill) + noise(i + 7) % 9) as i16)
+    });
+    let grid = Grid { width: SIDE, height: SIDE, z: z.collect(), ..Grid::default() };
+    let plain = spec(4.0);
+    let specs = [
+        plain,
+        TinSpec { fit_heights: true, tolerance: 7.0, ..plain },
+        TinSpec { bound: ErrorBound::Surface, fit_heights: true, ..plain },
+        TinSpec { strict: true, ..plain },
+        TinSpec { min_angle: Some(MinimumAngle::new(20.0, [1.0, 0.0], [0.0, 1.0])), ..plain },
+    ];
+    let digest = |spec: &TinSpec| {
+        let text = format!("{:?} {:?}", whole(&grid, spec), mend_fitted(&grid, SIDE / 2 - 1, spec));
+        let fnv = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
+        format!("{:016x}", text.bytes().fold(0xcbf2_9ce4_8422_2325, fnv))
+    };
+    let expected = [
+        "791949ef397f9d6b",
+        "2576f0e9961490f0",
+        "c912d83d5820c9f4",
+        "2029853b1cd5cf3e",
+        "e4227339abc082cc",
+    ];
+    assert_eq!(specs.each_ref().map(digest), expected);
 }

@@ -28,7 +28,7 @@ const ID: &[&str] = &["id", "line_id", "lineid"];
 const PART: &[&str] = &["part", "part_id", "segment"];
 
 /// Opens a file.
-pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn FeatureSource>> {
+pub(super) fn open(path: &Path, options: &VectorOpenOptions) -> Result<Box<dyn FeatureSource>> {
     let window = FileWindow::open(path)?;
     let layer = LayerHeader { crs: crs::sidecar_crs(path)?, ..LayerHeader::default() };
     let mut source = CsvFeatureSource {
@@ -46,6 +46,7 @@ pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn Feature
         count: 0,
         has_row: false,
         is_over: false,
+        rows_are_points: options.rows_are_points,
         notes: Vec::new(),
     };
     source.header()?;
@@ -142,6 +143,7 @@ struct CsvFeatureSource {
     /// True if `row` is the first row of the next feature.
     has_row: bool,
     is_over: bool,
+    rows_are_points: bool,
     notes: Vec<String>,
 }
 
@@ -158,7 +160,7 @@ impl FeatureSource for CsvFeatureSource {
         let mut found = CoordinateSequence::default();
         self.position(&mut found)?;
         std::mem::swap(&mut self.row, &mut self.first);
-        while self.next_row()? {
+        while !self.rows_are_points && self.next_row()? {
             if self.row.is_empty() {
                 // Without ids an empty line ends a feature.
                 if self.columns.id.is_none() {

@@ -344,7 +344,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.json");
         std::fs::write(&path, text).unwrap();
-        let mut source = open(&path, &VectorOpenOptions { layer: layer.map(str::to_owned) })?;
+        let mut source = open(
+            &path,
+            &VectorOpenOptions { layer: layer.map(str::to_owned), ..Default::default() },
+        )?;
         std::iter::from_fn(|| source.next().transpose()).collect()
     }
 

@@ -226,7 +226,7 @@ impl<'a> FeaturePairs<'a> {
     }
 
     fn open(&self) -> Result<[Box<dyn FeatureSource>; 2]> {
-        let options = VectorOpenOptions { layer: self.job.layer.clone() };
+        let options = VectorOpenOptions { layer: self.job.layer.clone(), ..Default::default() };
         let original = vector::open(&self.job.original, &options)?;
         Ok([original, vector::open(&self.job.lines, &VectorOpenOptions::default())?])
     }

@@ -271,7 +271,8 @@ impl Inspection for FeaturesInfoOptions {
             return Err(Error::usage("only one file of features is supported")
                 .remedy("pass one file at a time"));
         };
-        let options = VectorOpenOptions { layer: self.features.layer.clone() };
+        let options =
+            VectorOpenOptions { layer: self.features.layer.clone(), ..Default::default() };
         features::read(name, &options, progress, cancel)
     }
 }

@@ -48,7 +48,7 @@ pub(super) fn page(
         );
     };
     let path = path_of(input);
-    let options = VectorOpenOptions { layer: layer.cloned() };
+    let options = VectorOpenOptions { layer: layer.cloned(), ..Default::default() };
     let mut source = vector::open(&path, &options)?;
     let mut crs = source.layer().crs.clone();
     let measure = match crs.geographic == Some(true) && are_degrees(&path, &options, cancel)? {

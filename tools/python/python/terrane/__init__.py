@@ -13,6 +13,7 @@
 | `grid`, `dtm`, `dsm`, `chm` | grids of point clouds |
 | `points` | point cloud files: merged, thinned, classified, tiled |
 | `contour` | contour lines of a grid |
+| `sample`, `zonal` | heights at points, statistics within polygons |
 | `tiles` | terrain tiles for globe viewers, at all levels of detail |
 | `simplify` | lines and polygons with fewer vertices |
 | `verify` | verification of a mesh |
@@ -73,6 +74,7 @@ if TYPE_CHECKING:
         points,
         qa,
         roughness,
+        sample,
         simplify_file,
         slope,
         tiles,
@@ -85,6 +87,7 @@ if TYPE_CHECKING:
         verify_tiles,
         write_cloud_tin,
         write_tin,
+        zonal,
     )
     from terrane._plans import Plan, open_plan
     from terrane._terrane import __version__
@@ -99,7 +102,7 @@ _WHERE = {
     "_mesh": "Mesh",
     "_operations": "aspect chm cloud_page cloud_tiles color_relief contour convert curvature dsm dtm grid hillshade "
     "info info_cloud info_features info_mesh line_page page picture plan plan_cloud_tin plan_grid plan_points plan_tiles plan_tin points "
-    "qa roughness simplify_file slope tiles tin tpi tri verify verify_cloud verify_cloud_tiles verify_tiles write_cloud_tin write_tin",
+    "qa roughness sample simplify_file slope tiles tin tpi tri verify verify_cloud verify_cloud_tiles verify_tiles write_cloud_tin write_tin zonal",
     "_plans": "Plan open_plan",
     "_terrane": "__version__",
     "_report": "Report",
@@ -165,6 +168,7 @@ __all__ = [
     "points",
     "qa",
     "roughness",
+    "sample",
     "simplify",
     "simplify_file",
     "slope",
@@ -178,4 +182,5 @@ __all__ = [
     "verify_tiles",
     "write_cloud_tin",
     "write_tin",
+    "zonal",
 ]

@@ -637,6 +637,28 @@ EXAMPLES = {
         >>> len(lines), lines.levels.tolist(), lines[0].shape[1]
         (2, [5.0, 10.0], 2)
     """,
+    "sample": """
+        >>> import json, os, tempfile, numpy as np, terrane
+        >>> slope = np.arange(12.0).reshape(3, 4)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     points, path = (os.path.join(folder, name) for name in ("points.csv", "heights.geojson"))
+        ...     with open(points, "w") as file:
+        ...         _ = file.write("x,y\\n1.5,-0.5\\n2.0,-1.5\\n")
+        ...     made = terrane.sample(slope, points, path, transform=(1, 0, 0, 0, -1, 0))
+        ...     [feature["properties"]["height"] for feature in json.load(open(path))["features"]]
+        [1.0, 5.5]
+    """,
+    "zonal": """
+        >>> import json, os, tempfile, numpy as np, terrane
+        >>> slope = np.arange(12.0).reshape(3, 4)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     zones, path = (os.path.join(folder, name) for name in ("zones.wkt", "means.geojson"))
+        ...     with open(zones, "w") as file:
+        ...         _ = file.write("POLYGON ((0 0, 1.5 0, 1.5 -1, 0 -1, 0 0))")
+        ...     made = terrane.zonal(slope, zones, path, stat="count,mean", transform=(1, 0, 0, 0, -1, 0))
+        ...     [feature["properties"] for feature in json.load(open(path))["features"]]
+        [{'count': 1.5, 'mean': 0.3333333333333333}]
+    """,
     "tiles": """
         >>> import os, tempfile, terrane
         >>> with tempfile.TemporaryDirectory() as folder:
@@ -764,6 +786,8 @@ roughness = written("roughness")
 tiles = written("tiles")
 tpi = written("tpi")
 tri = written("tri")
+sample = written("sample")
+zonal = written("zonal")
 write_cloud_tin = written("cloud-tin")
 write_tin = written("tin")
 verify = proved("verify")

@@ -4,7 +4,7 @@
 //! field and LiDAR data" (2016), of points instead of a grid, as `silva2016` of lidR. Tops are those of the stage
 //! `tree-tops`; heights are those above ground where z is one.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::BTreeSet;
 use std::str::FromStr;
 use std::sync::Mutex;
 
@@ -25,7 +25,7 @@ use terrane_files::{lock, unlocked};
 const STAGE: &str = "the stage trees";
 /// The dimension of the numbers of trees.
 const TREE: &str = "TreeID";
-/// Bytes of a top: in the list, in the set that is made first, and in the index.
+/// Bytes of a top: in the list, in the set that is made first, and in the order.
 const TOP_BYTES: u64 = 96;
 
 /// Numbers the trees, and tells of each point which one it belongs to.
@@ -44,21 +44,25 @@ impl FromStr for Trees {
 
     /// "5", "4.5:min=1.3:radius=0.5:height=0.2".
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let (mut tops, mut radius, mut height) = (Vec::new(), 0.6, 0.3);
+        let (mut tops, mut radius, mut height) = (Vec::new(), None, None);
         for part in text.split(':') {
             let share = |text: &str| {
                 let share = text.parse().ok().filter(|share: &f64| (0.0..=10.0).contains(share));
                 share.ok_or_else(|| format!("expected a share from 0 to 10 in {part:?}"))
             };
             match part.trim().split_once('=') {
-                Some(("radius", text)) => radius = share(text)?,
-                Some(("height", text)) => height = share(text)?,
+                Some(("radius", text)) if radius.is_none() => radius = Some(share(text)?),
+                Some(("height", text)) if height.is_none() => height = Some(share(text)?),
+                Some((key @ ("radius" | "height"), _)) => {
+                    return Err(format!("{key} is given twice"));
+                }
                 Some((key, _)) if key != "min" => {
                     return Err(format!("expected min, radius or height, not {key}"));
                 }
                 _ => tops.push(part),
             }
         }
+        let (radius, height) = (radius.unwrap_or(0.6), height.unwrap_or(0.3));
         Ok(Self { tops: tops.join(":").parse()?, radius, height })
     }
 }
@@ -104,8 +108,7 @@ impl Stage for Trees {
         let (ruler, [x, y, z]) = (frame.ruler(2), space.step);
         let metres = z / frame.scale[2];
         let (radius, height) = (self.radius * metres, self.height);
-        let cell = self.tops.window * x / frame.scale[0];
-        Ok(Box::new(TreeNumbering { search, ruler, step: [x, y], cell, radius, height, is_guess }))
+        Ok(Box::new(TreeNumbering { search, ruler, step: [x, y], radius, height, is_guess }))
     }
 }
 
@@ -115,8 +118,6 @@ struct TreeNumbering {
     ruler: Ruler,
     /// Metres of a step along x and y.
     step: [f64; 2],
-    /// Side of a cell of the index, in metres.
-    cell: f64,
     /// Metres of radius for each unit of height.
     radius: f64,
     height: f64,
@@ -153,66 +154,73 @@ struct TreeCrowns<'a> {
     numbering: &'a TreeNumbering,
     /// In the order of positions.
     tops: Vec<Point>,
-    /// Indices of the tops of each cell.
-    by_cell: HashMap<[i32; 2], Vec<u32>>,
-    /// Largest radius, in cells.
-    reach: i32,
+    /// Indices of the tops, halved at the middle by x and by y in turn: a k-d tree.
+    order: Vec<u32>,
     /// Lowest height of a crown.
     lowest: f64,
 }
 
 impl<'a> TreeCrowns<'a> {
+    /// Takes O(n log n) for n tops.
     fn new(numbering: &'a TreeNumbering, tops: Vec<Point>) -> Self {
-        let mut by_cell: HashMap<_, Vec<_>> = HashMap::new();
-        for (index, top) in tops.iter().enumerate() {
-            by_cell.entry(numbering.cell_of(*top)).or_default().push(index as u32);
-        }
-        let heights = || tops.iter().map(|top| numbering.height_of(*top));
-        let widest = heights().fold(0.0, f64::max) * numbering.radius;
-        let lowest = heights().fold(f64::INFINITY, f64::min) * numbering.height;
-        // All cells may be nearer than the radius.
-        let reach = (widest / numbering.cell).ceil().min(f64::from(i32::MAX / 4)) as i32 + 1;
-        Self { numbering, tops, by_cell, reach, lowest }
+        let mut order: Vec<u32> = (0..tops.len() as u32).collect();
+        halve(&tops, &mut order, 0);
+        let heights = tops.iter().map(|top| numbering.height_of(*top));
+        let lowest = heights.fold(f64::INFINITY, f64::min) * numbering.height;
+        Self { numbering, tops, order, lowest }
     }
 
-    /// The index of the tree of a point.
+    /// The index of the tree of a point. Takes O(log n) for n tops where these are spread evenly.
     fn of(&self, point: Point) -> Option<usize> {
-        let TreeNumbering { cell, radius, height, .. } = *self.numbering;
+        let TreeNumbering { radius, height, .. } = *self.numbering;
         let z = self.numbering.height_of(point);
         if z < self.lowest {
             return None;
         }
-        let [col, row] = self.numbering.cell_of(point);
-        let mut best: Option<(f64, u32)> = None;
-        for ring in 0..=self.reach {
-            // The nearest of this ring of cells are as far as the cells within.
-            let nearest = f64::from((ring - 1).max(0)) * cell;
-            if best.is_some_and(|(square, _)| square < nearest * nearest) {
-                break;
-            }
-            for index in ring_of(col, row, ring).filter_map(|at| self.by_cell.get(&at)).flatten() {
-                let square = self.numbering.square(point, self.tops[*index as usize]);
-                // Of two as near, the first.
-                if best.is_none_or(|best| (square, *index) < best) {
-                    best = Some((square, *index));
-                }
-            }
-        }
-        let (square, index) = best?;
-        let top = self.numbering.height_of(self.tops[index as usize]).max(0.0);
+        let mut best = (f64::INFINITY, u32::MAX);
+        self.search(&self.order, 0, point, &mut best);
+        let (square, index) = best;
+        let top = self.numbering.height_of(*self.tops.get(index as usize)?).max(0.0);
         let is_in = square <= (top * radius).powi(2) && z >= top * height;
         is_in.then_some(index as usize)
     }
+
+    /// Finds the nearest of some tops; of two as near, the first.
+    fn search(&self, order: &[u32], axis: usize, point: Point, best: &mut (f64, u32)) {
+        let Some(&middle) = order.get(order.len() / 2) else { return };
+        let top = self.tops[middle as usize];
+        let found = (self.numbering.square(point, top), middle);
+        if found < *best {
+            *best = found;
+        }
+        let (low, high) = (&order[..order.len() / 2], &order[order.len() / 2 + 1..]);
+        let is_low = coordinate(point, axis) < coordinate(top, axis);
+        let (near, far) = if is_low { (low, high) } else { (high, low) };
+        self.search(near, 1 - axis, point, best);
+        let border = match axis {
+            0 => Point { y: point.y, ..top },
+            _ => Point { x: point.x, ..top },
+        };
+        if self.numbering.square(point, border) <= best.0 {
+            self.search(far, 1 - axis, point, best);
+        }
+    }
 }
 
-/// The cells at this distance in columns or rows.
-fn ring_of(col: i32, row: i32, ring: i32) -> impl Iterator<Item = [i32; 2]> {
-    (row.saturating_sub(ring)..=row.saturating_add(ring)).flat_map(move |at| {
-        let is_edge = at.abs_diff(row) as i32 == ring;
-        let step = if is_edge || ring == 0 { 1 } else { 2 * ring };
-        let cols = col.saturating_sub(ring)..=col.saturating_add(ring);
-        cols.step_by(step as usize).map(move |col| [col, at])
-    })
+fn coordinate(point: Point, axis: usize) -> i32 {
+    if axis == 0 { point.x } else { point.y }
+}
+
+/// Orders tops as a k-d tree: those before the middle are no greater along the axis, those behind it no less.
+fn halve(tops: &[Point], order: &mut [u32], axis: usize) {
+    if order.len() < 2 {
+        return;
+    }
+    let middle = order.len() / 2;
+    let key = |index: &u32| (coordinate(tops[*index as usize], axis), *index);
+    let (low, _, high) = order.select_nth_unstable_by_key(middle, key);
+    halve(tops, low, 1 - axis);
+    halve(tops, high, 1 - axis);
 }
 
 impl TreeNumbering {
@@ -220,34 +228,18 @@ impl TreeNumbering {
         self.ruler.at(point.z.into())
     }
 
-    fn cell_of(&self, Point { x, y, .. }: Point) -> [i32; 2] {
-        let [x, y] = [(x, self.step[0]), (y, self.step[1])];
-        [x, y].map(|(at, step)| (f64::from(at) * step / self.cell).floor() as i32)
-    }
-
-    /// Squared distance in x and y, in metres.
+    /// Squared distance in x and y, in metres. Steps are squared first: exact for some 10^8 steps, so that places as near
+    /// are so.
     fn square(&self, a: Point, b: Point) -> f64 {
-        let apart = [(a.x, b.x), (a.y, b.y)].map(|(a, b)| f64::from(a) - f64::from(b));
-        (apart[0] * self.step[0]).powi(2) + (apart[1] * self.step[1]).powi(2)
+        let apart = |a: i32, b: i32| (f64::from(a) - f64::from(b)).powi(2);
+        let [x, y] = self.step;
+        (apart(a.x, b.x) + apart(a.y, b.y) * (y / x).powi(2)) * x.powi(2)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn rings_are_the_cells_at_a_distance() {
-        for ring in 0..5 {
-            let mut found: Vec<_> = ring_of(7, -3, ring).collect();
-            let around = (-9..=9).flat_map(|row| (-9..=9).map(move |col| [7 + col, -3 + row]));
-            let is_in = |[col, row]: &[i32; 2]| (col - 7).abs().max((row + 3).abs()) == ring;
-            let mut expected: Vec<_> = around.filter(is_in).collect();
-            found.sort_unstable();
-            expected.sort_unstable();
-            assert_eq!(found, expected);
-        }
-    }
 
     #[test]
     fn crowns_have_shares_of_the_height() {
@@ -258,7 +250,15 @@ mod tests {
             "4.5:radius=0.5:min=1:height=0".parse(),
             Ok(Trees { tops, radius: 0.5, height: 0.0 })
         );
-        for text in ["", "5:radius=", "5:radius=-1", "5:height=nan", "5:wide=2", "radius=1"] {
+        for text in [
+            "",
+            "5:radius=1:radius=1",
+            "5:radius=",
+            "5:radius=-1",
+            "5:height=nan",
+            "5:wide=2",
+            "radius=1",
+        ] {
             assert!(text.parse::<Trees>().is_err(), "{text}");
         }
     }

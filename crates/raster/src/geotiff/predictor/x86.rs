@@ -10,12 +10,9 @@ use std::arch::x86_64::{
     _mm_unpacklo_epi16,
 };
 
-/// Samples at a time.
-pub(super) const LANES: usize = 16;
+use super::LANES;
 
-/// Undoes the predictor for the first samples of a row, a multiple of [`LANES`], and returns how many. `planes` are the
-/// bytes of the row by significance, highest first, `sums` the running sums before each, which then include the samples
-/// done.
+/// See [`merge_planes`](super::merge_planes).
 pub(super) fn merge_planes(planes: [&[u8]; 4], sums: &mut [u8; 4], out: &mut [u8]) -> usize {
     // SAFETY: SSE2 is part of x86-64.
     unsafe { merge(planes, sums, out) }
@@ -23,27 +20,31 @@ pub(super) fn merge_planes(planes: [&[u8]; 4], sums: &mut [u8; 4], out: &mut [u8
 
 #[target_feature(enable = "sse2")]
 fn merge(planes: [&[u8]; 4], sums: &mut [u8; 4], out: &mut [u8]) -> usize {
-    let planes = planes.map(|plane| plane.as_chunks::<LANES>().0);
-    let out = out.as_chunks_mut::<{ 4 * LANES }>().0;
-    let count = planes.iter().map(|plane| plane.len()).fold(out.len(), usize::min);
-    for (at, out) in out[..count].iter_mut().enumerate() {
-        let mut bytes = [_mm_setzero_si128(); 4];
-        for ((plane, sum), bytes) in planes.iter().zip(&mut *sums).zip(&mut bytes) {
-            let coded = bytemuck::cast(plane[at]);
-            *bytes = _mm_add_epi8(running_sums(coded), _mm_set1_epi8(sum.cast_signed()));
-            *sum = sum.wrapping_add(total(coded));
-        }
-        let [high, second, third, low] = bytes;
-        let lower = [_mm_unpacklo_epi8(low, third), _mm_unpackhi_epi8(low, third)];
-        let upper = [_mm_unpacklo_epi8(second, high), _mm_unpackhi_epi8(second, high)];
-        *out = bytemuck::cast([
-            _mm_unpacklo_epi16(lower[0], upper[0]),
-            _mm_unpackhi_epi16(lower[0], upper[0]),
-            _mm_unpacklo_epi16(lower[1], upper[1]),
-            _mm_unpackhi_epi16(lower[1], upper[1]),
-        ]);
-    }
-    count * LANES
+    super::merge_planes(planes, sums, out, |coded, sum| add(coded, sum), |planes| samples(planes))
+}
+
+/// Each byte plus all before it and the sum before the first; and the sum after the last.
+#[inline]
+#[target_feature(enable = "sse2")]
+fn add(coded: [u8; LANES], sum: u8) -> ([u8; LANES], u8) {
+    let coded = bytemuck::cast(coded);
+    let sums = _mm_add_epi8(running_sums(coded), _mm_set1_epi8(sum.cast_signed()));
+    (bytemuck::cast(sums), sum.wrapping_add(total(coded)))
+}
+
+/// Little-endian samples of their bytes, the highest first.
+#[inline]
+#[target_feature(enable = "sse2")]
+fn samples(planes: [[u8; LANES]; 4]) -> [u8; 4 * LANES] {
+    let [high, second, third, low] = planes.map(bytemuck::cast);
+    let lower = [_mm_unpacklo_epi8(low, third), _mm_unpackhi_epi8(low, third)];
+    let upper = [_mm_unpacklo_epi8(second, high), _mm_unpackhi_epi8(second, high)];
+    bytemuck::cast([
+        _mm_unpacklo_epi16(lower[0], upper[0]),
+        _mm_unpackhi_epi16(lower[0], upper[0]),
+        _mm_unpacklo_epi16(lower[1], upper[1]),
+        _mm_unpackhi_epi16(lower[1], upper[1]),
+    ])
 }
 
 /// Each byte plus all before it.

@@ -1,0 +1,90 @@
+#!/usr/bin/env python3
+"""Counts the instructions of some jobs and compares them with the counts kept in instructions.json.
+
+    benches/instructions.py [--terrane target/debug/terrane] [--keep]
+
+Counts do not depend on how busy a machine is, so they show whether a change made a job dearer where times
+could not. A job that takes 10 % more than is kept is an error; after a change that is worth it, or another
+compiler, `--keep` writes what was counted. A job that takes 10 % less is told, to be kept as well. Code that did
+not change takes up to 8 % more or less where the compiler divides a crate otherwise.
+
+Needs valgrind, which shows programs a processor with AVX2 and without AVX-512. All jobs use one thread, and
+the build is that of the tests: other builds have other counts.
+"""
+
+import argparse
+import json
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+
+KEPT = pathlib.Path(__file__).with_name("instructions.json")
+MARGIN = 0.1
+INPUTS = """
+    synth rough,size=769,seed=7 grid.tif
+    convert grid.tif cog.tif -f COG --co PREDICTOR=3
+    synth cloud,size=80,density=8,seed=3 cloud.laz
+    synth koch,vertices=60000 lines.geojson
+    tin grid.tif checked.ply --max-error 2
+"""
+JOBS = {
+    "start": "--version",
+    "tin": "tin grid.tif tin.ply --max-error 2",
+    "tin, insertion alone": "tin grid.tif greedy.ply --max-error 2 --no-drop",
+    "tin, heights fitted": "tin grid.tif fitted.ply --max-error 2 --fit-heights",
+    "tin of a compressed grid": "tin cog.tif cog.ply --max-error 50",
+    "verify": "verify checked.ply grid.tif",
+    "slope": "slope grid.tif slope.tif",
+    "contour": "contour grid.tif contours.geojson --interval 50",
+    "read points": "grid cloud.laz means.tif --cell 1 --stat mean",
+    "write points": "points cloud.laz copy.laz --where class=2",
+    "ground": "grid cloud.laz ground.tif --cell 1 --dtm --ground ptd",
+    "simplify, topology kept": "simplify lines.geojson simple.geojson --tolerance 1 --topology",
+}
+
+
+def arguments(job):
+    return job.split() + ([] if job.startswith("-") else ["--quiet"])
+
+
+def count(terrane, job, folder):
+    """Instructions of the whole process."""
+    threads = [] if job.startswith("-") else ["--threads", "1"]
+    command = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", terrane, *arguments(job), *threads]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    found = re.search(r"Collected : (\d+)", done.stderr)
+    if done.returncode != 0 or not found:
+        sys.exit(f"{job}: exit {done.returncode}\n{done.stderr}")
+    return int(found[1])
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--terrane", type=pathlib.Path, default=KEPT.parent.parent / "target/debug/terrane")
+    parser.add_argument("--keep", action="store_true", help="write the counts into instructions.json")
+    options = parser.parse_args()
+    terrane = options.terrane.resolve()
+    kept = json.loads(KEPT.read_text()) if KEPT.exists() else {}
+    if not options.keep and kept.keys() != JOBS.keys():
+        sys.exit("instructions.json has other jobs: run with --keep")
+    counts, dearer = {}, []
+    with tempfile.TemporaryDirectory() as folder:
+        for line in INPUTS.strip().splitlines():
+            subprocess.run([terrane, *arguments(line)], cwd=folder, check=True)
+        for name, job in JOBS.items():
+            counts[name] = count(terrane, job, folder)
+            ratio = counts[name] / kept.get(name, counts[name])
+            print(f"{name:30} {counts[name] / 1e6:10.1f} M  {ratio:.3f}", flush=True)
+            if ratio > 1 + MARGIN:
+                dearer.append(f"{name}: {ratio:.3f} times the instructions that are kept")
+            elif ratio < 1 - MARGIN:
+                print(f"{name}: cheaper than what is kept; --keep writes it")
+    if options.keep:
+        KEPT.write_text(json.dumps(counts, indent=2) + "\n")
+    elif dearer:
+        sys.exit("\n".join(dearer))
+
+
+main()
