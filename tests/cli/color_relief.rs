@@ -114,7 +114,7 @@ fn threads_and_memory_leave_no_trace() {
             place.bytes(name)
         };
         assert!(
-            make(&["--threads", "1"]) == make(&["--threads", "2", "--memory", "48M"]),
+            make(&["--threads", "1"]) == make(&["--threads", "2", "--memory", "32M"]),
             "{name}"
         );
     }

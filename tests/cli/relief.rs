@@ -31,7 +31,7 @@ fn threads_memory_formats_and_parts_leave_no_trace() {
             place.ok(&[&[verb, dem, name, "--overwrite", "-q"][..], more].concat());
         };
         make("one.tif", &["--threads", "1"]);
-        make("two.tif", &["--threads", "2", "--memory", "48M"]);
+        make("two.tif", &["--threads", "2", "--memory", "32M"]);
         assert!(place.bytes("one.tif") == place.bytes("two.tif"), "{verb}");
         make("cog.tif", &["-f", "COG", "--co", "BLOCKSIZE=128", "--co", "OVERVIEWS=NONE"]);
         let whole = values(&place, "one.tif");

@@ -131,7 +131,7 @@ fn threads_memory_blocks_and_parts_leave_no_trace() {
             place.ok(&[&asked[..], &["--overwrite", "-q"], more].concat());
         };
         make("one.tif", &["--threads", "1", "--resolution", "0.0002"]);
-        make("two.tif", &["--threads", "2", "--resolution", "0.0002", "--memory", "48M"]);
+        make("two.tif", &["--threads", "2", "--resolution", "0.0002", "--memory", "32M"]);
         assert!(place.bytes("one.tif") == place.bytes("two.tif"), "{name}");
         let whole = values(&place, "one.tif");
         let same = |a: &[f64], b: &[f64]| {

@@ -254,7 +254,7 @@ fn the_bytes_do_not_depend_on_threads_or_memory() {
     let folder = tempfile::tempdir().unwrap();
     let grid = MemoryGrid::new(SampleType::F64, 3000, 700);
     let mut files = Vec::new();
-    for (threads, memory) in [(1, 4096), (2, 34), (8, 4096), (3, 46)] {
+    for (threads, memory) in [(1, 4096), (2, 14), (8, 4096), (3, 26)] {
         let path = folder.path().join(format!("{threads}_{memory}.tif"));
         let mut job = job(&path);
         job.options.resources.threads = threads;

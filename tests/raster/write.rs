@@ -240,7 +240,7 @@ fn the_bytes_do_not_depend_on_threads_or_memory() {
     ];
     for (asked, ending) in all {
         let mut files = Vec::new();
-        for (threads, memory) in [(1, 4096), (2, 40), (8, 4096)] {
+        for (threads, memory) in [(1, 4096), (2, 20), (8, 4096)] {
             let path = folder.path().join(format!("{threads}.{ending}"));
             let mut job = job(&path, asked).with(|options| {
                 options.file.replacing.overwrite = true;

@@ -55,7 +55,7 @@ pub(crate) fn run_of(
     let worker = worker_bytes(job, format, thread_bytes);
     let resources = &job.options.resources;
     let options = job.options.grid.options(resources, GridOpenOptions::default().cache_bytes)?;
-    let (source, shares) = memory::open(&job.input, &options, resources, worker)?;
+    let (source, shares) = open(job, &options, worker)?;
     not_member(source.as_ref(), &job.output)?;
     let cautions = raster::cautions(source.info());
     let DerivedBands { bands, colours, notes } = front(source)?;
@@ -77,7 +77,8 @@ pub fn copy(
 ) -> Result<ConvertReport> {
     let worker = worker_bytes(job, job.options.format(&job.output)?, 0);
     let Resources { memory, threads, .. } = job.options.resources;
-    let shares = memory::divide(memory, threads, worker)?;
+    let shares = memory::divide(memory, threads, worker)
+        .or_else(|error| least_shares(memory, worker).ok_or(error))?;
     let budget = ConvertMemory { shares, worker, thread_bytes: 0 };
     copy_of(&[source], Vec::new(), job, &budget, progress, cancel)
 }
@@ -172,6 +173,30 @@ fn report(job: &ConvertJob, info: &GridInfo, summary: &CopyStatistics) -> Conver
 
 /// Relative tolerance of nodata values, which are printed with about six digits.
 const HAIR: f64 = 1e-6;
+
+/// Opens the input; in little memory for one thread.
+fn open(job: &ConvertJob, options: &GridOpenOptions, worker: u64) -> Result<memory::Opened> {
+    let resources = &job.options.resources;
+    memory::open(&job.input, options, resources, worker).or_else(|error| {
+        let Some(shares) = least_shares(resources.memory, worker) else { return Err(error) };
+        let cache_bytes = usize::try_from(shares.cache).unwrap_or(usize::MAX);
+        let options = GridOpenOptions { cache_bytes, threads: 1, ..options.clone() };
+        // What the first error asks for is enough for blocks that do not fit, too.
+        raster::open_all(job.input.names(), &options).map(|source| (source, shares)).or(Err(error))
+    })
+}
+
+/// Bytes that a copy takes beside a block and the cache. It takes less than other jobs: nothing waits for the writer.
+const COPY_BYTES: u64 = 8 << 20;
+/// Least cache.
+const MIN_CACHE: u64 = 2 << 20;
+
+/// Shares for one thread in less memory than [`memory::divide`] accepts; `None` if a block does not fit.
+fn least_shares(memory: u64, worker: u64) -> Option<MemoryShares> {
+    let rest = memory.checked_sub(worker.saturating_add(COPY_BYTES))?;
+    let cache = rest.saturating_sub(memory::PROGRAM - COPY_BYTES).max(MIN_CACHE.min(rest));
+    Some(MemoryShares { threads: 1, cache, mesh: 0 })
+}
 
 /// How the job's memory is divided.
 struct ConvertMemory {
