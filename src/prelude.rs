@@ -17,6 +17,7 @@ pub use terrane_lidar::grid::GridSetters;
 #[cfg(feature = "lidar")]
 pub use terrane_lidar::points::{CloudStagesSetters, PointsSetters};
 pub use terrane_simplify::LineSetters;
+pub use terrane_terrain::AnnotationSetters;
 pub use terrane_terrain::colours::ColorReliefSetters;
 pub use terrane_terrain::contour::ContourSetters;
 pub use terrane_terrain::convert::ConvertSetters;

@@ -10,7 +10,7 @@
 mod cli_support;
 
 use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::sync::Mutex;
 
@@ -138,6 +138,14 @@ fn make_inputs(place: &Place) {
     let zones = "POLYGON ((499000 4751000, 525000 4749000, 527000 4723000, 504000 4729000, 499000 4751000))\nPOLYGON ((510000 4740000, 520000 4740000, 520000 4730000, 510000 4740000))";
     let small = "POLYGON ((510000 4740000, 511500 4740000, 511500 4738500, 510000 4740000))";
     place.write("small.wkt", small).write("small.prj", "EPSG:32631");
+    // Far more bytes in their properties than in their positions.
+    let columns: String = (0..400).map(|i| format!(",property{i}")).collect();
+    let mut table = File::create(place.path("columns.csv")).unwrap();
+    writeln!(table, "x,y{columns}").unwrap();
+    for i in 0..8000 {
+        writeln!(table, "{},4740000{}", 500_000 + i, ",12345678".repeat(400)).unwrap();
+    }
+    place.write("columns.prj", "EPSG:32631");
     place.write("zones.wkt", zones).write("zones.prj", "EPSG:32631");
     // Blocks that take as much again, twice, while they are decoded.
     let blocks = "convert large.tif blocks.tif -q --co TILED=YES --co BLOCKXSIZE=1024 --co BLOCKYSIZE=1024 --co COMPRESS=DEFLATE --co PREDICTOR=3";
@@ -300,6 +308,9 @@ const JOBS: &[&str] = &[
     "zonal large.tif zones.wkt o7.fgb",
     "zonal large.tif small.wkt o8.geojson --stat median,majority",
     "sample large.tif zones.wkt o9.fgb --with-z --step 20",
+    "sample large.tif columns.csv o13.csv",
+    "convert dem.tif o15.tif --co TILED=NO --co BLOCKYSIZE=1025",
+    "zonal large.tif small.wkt o14.geojson --stat variety",
     "view dem.tif -o o.png --width 400",
     "view dem.ply -o o.png --width 400",
     "view large.tif -o o.png --width 400",

@@ -26,7 +26,6 @@ mod tin;
 mod usage;
 mod verify;
 mod view;
-mod zonal;
 
 use std::ffi::OsString;
 use std::process::ExitCode;

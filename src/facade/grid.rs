@@ -302,8 +302,8 @@ impl Grid {
     /// # Ok(())
     /// # }
     /// ```
-    pub fn sample(&self, points: impl Into<PathBuf>) -> Job<'_, SampleOptions> {
-        self.job().points(points)
+    pub fn sample(&self, features: impl Into<PathBuf>) -> Job<'_, SampleOptions> {
+        self.job().features(features)
     }
 
     /// Statistics within each polygon of a feature file, as properties of the polygons.
@@ -318,7 +318,7 @@ impl Grid {
     /// # std::fs::write(zones.with_extension("prj"), "EPSG:32631").unwrap();
     /// let dem = terrane::open("synth:rough,size=129,seed=7")?;
     /// let report = dem.zonal(&zones).stat([Mean, Percentile(95.0)]).write(&path)?;
-    /// assert_eq!((report.zones, report.empty_zones), (1, 0));
+    /// assert_eq!((report.common.features, report.empty_zones), (1, 0));
     /// # Ok(())
     /// # }
     /// ```

@@ -39,7 +39,7 @@ fn needed(operation: &AnyOperation) -> Map<String, Json> {
         // As large as the terrain twice; many options draw one.
         "picture" => json!({ "width": 180 }),
         "contour" => json!({ "interval": 10 }),
-        "sample" => json!({ "points": "spots.wkt" }),
+        "sample" => json!({ "features": "spots.wkt" }),
         "zonal" => json!({ "zones": "wide.wkt" }),
         "grid" => json!({ "cell": 2 }),
         "simplify" => json!({ "tolerance": 40 }),

@@ -72,7 +72,7 @@ fn statistics_are_those_found_by_hand() {
         "count,voids,sum,mean,min,max,range,stdev,variance,median,p90,majority,minority,variety";
     let made = place.ok(&["zonal", "dem.asc", "zones.geojson", "o.geojson", "--stat", stat]);
     assert!(made.out.contains("2 of 6 zones reach beyond the grid"), "{}", made.out);
-    assert!(made.out.contains("2 of 6 zones have no sample"), "{}", made.out);
+    assert!(made.out.contains("2 of 6 zones have no valid sample"), "{}", made.out);
     let found = properties(&place, "o.geojson");
     assert_eq!(found[0]["name"], "row");
     let check = |at: usize, expected: &[(&str, f64)]| {
@@ -256,7 +256,7 @@ fn heights_do_not_depend_on_batches_threads_or_memory() {
 }
 
 #[test]
-fn what_has_no_statistics_is_refused_by_name() {
+fn unsupported_inputs_are_errors() {
     let place = place();
     let square = polygon(&[[0.0, 0.0, 25.0, 10.0]]);
     let bow = r#"{"type":"Polygon","coordinates":[[[500000,4000000],[500090,4000090],[500090,4000000],[500000,4000090],[500000,4000000]]]}"#;
@@ -306,4 +306,108 @@ fn what_has_no_statistics_is_refused_by_name() {
         &["have a property count", "--prefix"],
     );
     place.ok(&["zonal", "dem.asc", "once.geojson", "o.geojson", "--prefix", "b_", "-q"]);
+    // The option that is named is one of the verb.
+    place.write("p.csv", "x,y,height\n500005,4000495,7\n").write("p.prj", "EPSG:32631");
+    place.write(
+        "p.geojson",
+        features(&[("a", r#"{"type":"Point","coordinates":[500005,4000495]}"#)]),
+    );
+    place.fails(
+        &["sample", "dem.asc", "p.geojson", "q.geojson", "-a", "name"],
+        65,
+        &["have a property name", "--attribute"],
+    );
+    place.fails(
+        &["zonal", "dem.asc", "zones.geojson", "q.geojson", "--layer", "x"],
+        2,
+        &["--layer applies to TopoJSON"],
+    );
+    // A property never takes the column of another.
+    place.ok(&["sample", "dem.asc", "p.geojson", "q.csv", "-a", "x", "-q"]);
+    assert!(
+        std::fs::read_to_string(place.path("q.csv")).unwrap().starts_with("id,part,x,y,name,x_\n")
+    );
+}
+
+/// A feature file in degrees with one polygon.
+fn in_degrees(place: &Place, name: &str, [west, south, east, north]: [f64; 4]) {
+    let ring = format!(
+        "[[{west},{south}],[{east},{south}],[{east},{north}],[{west},{north}],[{west},{south}]]"
+    );
+    place.write(
+        name,
+        format!(r#"{{"type":"Feature","properties":{{}},"geometry":{{"type":"Polygon","coordinates":[{ring}]}}}}"#),
+    );
+}
+
+/// Zones that hold the whole grid count all of it, or are refused; they are never silently without samples.
+#[test]
+fn zones_around_the_grid_hold_all_of_it_or_are_refused() {
+    let place = place();
+    for (at, bounds) in
+        [[2.0, 35.0, 4.0, 37.0], [-10.0, 20.0, 20.0, 50.0], [-60.0, 30.0, 60.0, 40.0]]
+            .iter()
+            .enumerate()
+    {
+        in_degrees(&place, "zone.geojson", *bounds);
+        let name = format!("o{at}.geojson");
+        place.ok(&["zonal", "dem.asc", "zone.geojson", &name, "-q"]);
+        near(&properties(&place, &name)[0]["count"], 60.0 * 50.0 - 1.0);
+    }
+    for bounds in [[-180.0, -90.0, 180.0, 90.0], [-100.0, -90.0, 100.0, 90.0]] {
+        in_degrees(&place, "zone.geojson", bounds);
+        let ran = place.run(&["zonal", "dem.asc", "zone.geojson", "world.geojson", "-q"]);
+        assert!(ran.code == 65 || ran.code == 2, "{}", ran.err);
+        assert!(ran.err.contains("zone.geojson: feature 1"), "{}", ran.err);
+    }
+}
+
+/// A grid around a pole, and one that counts longitudes from 0 to 360.
+#[test]
+fn zones_and_points_meet_grids_at_the_pole_and_beyond_180_degrees() {
+    let place = Place::new();
+    let row =
+        |row: i32| (0..40).map(|col| format!("{} ", row * 40 + col)).collect::<String>() + "\n";
+    let rows: String = (0..40).map(row).collect();
+    let head = "ncols 40\nnrows 40\nxllcorner -200000\nyllcorner -200000\ncellsize 10000\n";
+    place.write("pole.asc", head.to_owned() + &rows).write("pole.prj", "EPSG:3031");
+    place.write("points.csv", "lon,lat\n10,-89.5\n190,-89.5\n");
+    place.ok(&["sample", "pole.asc", "points.csv", "o.geojson", "-q"]);
+    let heights = properties(&place, "o.geojson");
+    assert!(heights.iter().all(|own| own["height"].is_number()) && heights[0] != heights[1]);
+    in_degrees(&place, "zone.geojson", [5.0, -89.6, 15.0, -89.2]);
+    place.ok(&["zonal", "pole.asc", "zone.geojson", "z.geojson", "-q"]);
+    assert!(properties(&place, "z.geojson")[0]["count"].as_f64().unwrap() > 1.0);
+    let head = "ncols 40\nnrows 40\nxllcorner 330\nyllcorner 0\ncellsize 0.5\n";
+    place.write("turn.asc", head.to_owned() + &rows).write("turn.prj", "EPSG:4326");
+    place.write("west.csv", "lon,lat\n-20,10\n340,10\n");
+    place.ok(&["sample", "turn.asc", "west.csv", "w.geojson", "-q"]);
+    let heights = properties(&place, "w.geojson");
+    assert!(heights[0]["height"].is_number() && heights[0] == heights[1], "{heights:?}");
+    in_degrees(&place, "zone.geojson", [-20.0, 5.0, -15.0, 10.0]);
+    place.ok(&["zonal", "turn.asc", "zone.geojson", "t.geojson", "-q"]);
+    near(&properties(&place, "t.geojson")[0]["count"], 100.0);
+}
+
+/// Whole numbers stay whole; what was computed from them need not.
+#[test]
+fn values_of_grids_of_whole_numbers_are_integers() {
+    let place = place();
+    place.write("zones.geojson", features(&[("one", &polygon(&[[0.0, 0.0, 25.0, 10.0]]))]));
+    place.ok(&["convert", "dem.asc", "whole.tif", "--type", "int16", "-q"]);
+    let stat = "min,max,median,majority,mean";
+    place.ok(&["zonal", "whole.tif", "zones.geojson", "o.geojson", "--stat", stat, "-q"]);
+    let found = &properties(&place, "o.geojson")[0];
+    assert!(
+        ["min", "max", "median", "majority"].iter().all(|name| found[*name].is_i64()),
+        "{found}"
+    );
+    near(&found["mean"], 0.8);
+    place.write("point.csv", "x,y\n500015,4000495\n").write("point.prj", "EPSG:32631");
+    for (resampling, is_whole) in [("near", true), ("bilinear", false)] {
+        let name = format!("{resampling}.fgb");
+        place.ok(&["sample", "whole.tif", "point.csv", &name, "--resampling", resampling, "-q"]);
+        let kind = if is_whole { "height: integer" } else { "height: real" };
+        assert!(place.ok(&["info", &name]).out.contains(kind), "{resampling}");
+    }
 }

@@ -67,6 +67,14 @@ pub fn least(worker: u64, block: u64) -> u64 {
     PROGRAM + worker + MIN_SHARED.max(2 * block)
 }
 
+/// The smallest budget in bytes with which workers of `workers` bytes in all leave `waiting` bytes of
+/// [`MemoryShares::mesh`].
+pub fn least_with(workers: u64, waiting: u64) -> u64 {
+    // Twice, as the cache takes half of what workers leave.
+    let shared = MIN_SHARED.max(with_slack(waiting).saturating_mul(2));
+    PROGRAM.saturating_add(workers).saturating_add(shared)
+}
+
 /// Divides `memory` among up to `threads` workers of `worker` bytes each. Fails with [`ErrorKind::Resource`] if not
 /// even one fits; the error states the required memory.
 pub fn divide(memory: u64, threads: usize, worker: u64) -> Result<MemoryShares> {

@@ -166,15 +166,6 @@ pub fn stays(member: &JsonMember) -> bool {
     member.name != "bbox"
 }
 
-/// Transforms the positions of a line or ring.
-///
-/// # Errors
-/// Positions outside the domain of the operation; a line across the edge of the target's map.
-pub fn reproject(line: &mut [[f64; 2]], operation: &CoordinateOperation) -> Result<()> {
-    line.iter_mut().try_for_each(|at| operation.position(*at).map(|moved| *at = moved))?;
-    check_steps(line, operation)
-}
-
 fn take(coordinates: &mut CoordinateSequence, operation: &CoordinateOperation) -> Result<()> {
     let CoordinateSequence { xy, z, ends, .. } = coordinates;
     for (place, at) in xy.iter_mut().enumerate() {
@@ -197,7 +188,10 @@ fn take(coordinates: &mut CoordinateSequence, operation: &CoordinateOperation) -
 
 /// Fails if a line jumps from one edge of a map to the other: two neighbours in the source CRS are half of the earth
 /// apart.
-fn check_steps(line: &[[f64; 2]], operation: &CoordinateOperation) -> Result<()> {
+///
+/// # Errors
+/// Unsupported: the step.
+pub fn check_steps(line: &[[f64; 2]], operation: &CoordinateOperation) -> Result<()> {
     const HALF: f64 = 20_037_508.0;
     let target = operation.target();
     let half = target.horizontal_metres().map_or(180.0, |metres| HALF / metres);

@@ -65,6 +65,11 @@ pub enum SampleType {
 }
 
 impl SampleType {
+    /// True for floating-point numbers.
+    pub fn is_float(self) -> bool {
+        matches!(self, Self::F16 | Self::F32 | Self::F64)
+    }
+
     /// All types, the narrowest first.
     pub const ALL: [Self; 9] = [
         Self::I8,

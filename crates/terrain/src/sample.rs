@@ -1,39 +1,37 @@
 //! Heights of a grid at the positions of features: as a property of points, or as the z of all vertices.
 //!
 //! Positions of a batch of features are sorted by the tile of the grid that they lie in, so that each tile is read once a
-//! batch, on any thread. Features are written in the order of the file.
+//! batch, on any thread.
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use serde::Serialize;
 
-use crate::annotate::{self, AnnotatedFeatures, AnnotatedNames, BatchedFeature};
+use crate::annotate::{
+    self, AnnotatedFile, AnnotationGrid, AnnotationOptions, AnnotationReport, AnnotationRequest,
+    BatchedFeature, FeatureBatch,
+};
 use crate::convert::job::ResamplingName;
-use terrane_base::error::{Error, Result};
+use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::registry;
-use terrane_engine::memory::{self, MemoryShares};
 use terrane_engine::operation::{Operation, RunRequest, Writes};
-use terrane_engine::options::{FeatureInput, FileName, FileOutput, GridInput};
-use terrane_engine::outputs::not_member;
-use terrane_engine::run_statistics::RunStatistics;
-use terrane_engine::transform::Transformed;
-use terrane_engine::{Cancel, Resources, workers};
-use terrane_files::atomic;
+use terrane_engine::options::{FileName, GridInput};
+use terrane_engine::workers;
 use terrane_options::{OptionRange, OptionRule, Options};
-use terrane_raster::{self as raster, GridOpenOptions, GridSource};
-use terrane_vector::{CoordinateSequence, FieldKind, GeometryType, PropertyValue, VectorFormat};
+use terrane_raster::GridInfo;
+use terrane_vector::{self as vector, CoordinateSequence, FieldKind, GeometryType, VectorFormat};
+use terrane_window::coverage::TILE;
 use terrane_window::resample::{Place, RESAMPLINGS, ResamplingMethod, Scale, SourceWindow};
 
-/// Side of a tile, in samples.
-const TILE: u32 = 256;
 /// Most positions of a unit of work.
 const POSITIONS: usize = 4096;
 /// Bytes of a worker: a tile with the samples around it, and the positions of a unit.
 const WORKER_BYTES: u64 = (TILE as u64 + 8).pow(2) * 8 + POSITIONS as u64 * 32;
-/// Bytes of a vertex at work: as a position, in the order of tiles, its height, and in the feature.
-const VERTEX_BYTES: u64 = 96;
+/// Bytes of a position at work: itself, its place in the order of tiles, its height, and as a vertex.
+const POSITION_BYTES: u64 = 96;
+/// Vertices of a feature beyond which no memory is advised.
+const TOO_MANY: f64 = (1_u64 << 40) as f64;
 
 /// Heights of a grid at points
 ///
@@ -46,7 +44,7 @@ const VERTEX_BYTES: u64 = 96;
 pub struct SampleOptions {
     /// File of points, lines or polygons
     #[option(value = "FEATURES", with = FileName, role = Reads, positional)]
-    pub points: PathBuf,
+    pub features: PathBuf,
     /// Interpolation between samples
     #[option(value = "NAME", with = ResamplingName, default = "bilinear".to_owned())]
     pub resampling: String,
@@ -60,18 +58,9 @@ pub struct SampleOptions {
     /// Name of the height property
     #[option(short = 'a', value = "NAME", default = "height".to_owned(), heading = "Output")]
     pub attribute: String,
-    /// How the features are read.
+    /// Grid, features and output.
     #[option(flatten)]
-    pub features: FeatureInput,
-    /// The output file.
-    #[option(flatten)]
-    pub file: FileOutput,
-    /// How the grid is read.
-    #[option(flatten)]
-    pub grid: GridInput,
-    /// Memory, threads and temporary files.
-    #[option(flatten)]
-    pub resources: Resources,
+    pub common: AnnotationOptions,
 }
 
 const RULES: &[OptionRule] =
@@ -80,10 +69,11 @@ const RULES: &[OptionRule] =
 impl SampleOptions {
     /// The format to write.
     fn format(&self, output: &Path) -> Result<&'static VectorFormat> {
+        let file = &self.common.file;
         if !self.with_z {
-            return annotate::format(output, &self.file, GeometryType::Point);
+            return annotate::format(output, file, GeometryType::Point);
         }
-        let format = terrane_vector::by_path(output, self.file.format.as_deref())?;
+        let format = vector::by_path(output, file.format.as_deref())?;
         match format.holds.z {
             true => Ok(format),
             false => Err(Error::usage(format!("{} does not support z", format.name))
@@ -92,9 +82,9 @@ impl SampleOptions {
         }
     }
 
-    fn fields(&self) -> Vec<(String, FieldKind)> {
-        let named = (!self.with_z).then(|| (self.attribute.clone(), FieldKind::Real));
-        named.into_iter().collect()
+    /// True if heights are whole numbers.
+    fn is_whole(&self, info: &GridInfo, method: &ResamplingMethod) -> bool {
+        method.radius == 0 && annotate::is_whole(info)
     }
 }
 
@@ -103,29 +93,14 @@ impl SampleOptions {
 #[allow(missing_docs)]
 #[non_exhaustive]
 pub struct SampleReport {
-    pub input: String,
-    /// File of the features.
-    pub points_file: String,
-    pub output: String,
-    /// Name of the written format.
-    pub format: String,
-    /// CRS of the grid.
-    pub crs: String,
-    /// Transformation of the features to the CRS of the grid, if theirs differs.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub transformed: Option<Transformed>,
-    /// Features written.
-    pub features: u64,
+    #[serde(flatten)]
+    pub common: AnnotationReport,
     /// Positions, and those without a height.
     pub positions: u64,
     pub without_height: u64,
     /// Least and greatest height.
     pub lowest: Option<f64>,
     pub highest: Option<f64>,
-    pub notes: Vec<String>,
-    pub output_bytes: u64,
-    #[serde(flatten)]
-    pub run: RunStatistics,
     pub positions_per_second: f64,
 }
 
@@ -152,110 +127,87 @@ impl Operation for SampleOptions {
     }
 
     fn run(&self, request: RunRequest<'_>) -> Result<SampleReport> {
-        run(self, request)
+        let request = AnnotationRequest {
+            options: &self.common,
+            features: &self.features,
+            run: request,
+            format: self.format(request.output)?,
+            are_points: !self.with_z,
+            worker: WORKER_BYTES,
+            naming: "‹attribute›",
+        };
+        let method = registry::named(RESAMPLINGS, &self.resampling)?;
+        let mut report = SampleReport::default();
+        let fields = |info: &GridInfo| {
+            let kind = if self.is_whole(info, method) { FieldKind::Int } else { FieldKind::Real };
+            let height = (!self.with_z).then(|| (self.attribute.clone(), kind));
+            height.into_iter().collect()
+        };
+        let common = annotate::run(&request, fields, |grid, batch, file| {
+            SampleBatch { options: self, grid, method }.write(batch, file, &mut report)
+        })?;
+        let positions_per_second = common.run.rate(report.positions);
+        Ok(SampleReport { common, positions_per_second, ..report })
     }
 }
 
-fn run(options: &SampleOptions, request: RunRequest<'_>) -> Result<SampleReport> {
-    let start = Instant::now();
-    let RunRequest { inputs, output, progress, cancel, .. } = request;
-    let format = options.format(output)?;
-    atomic::refuse_existing(output, options.file.replacing.overwrite)?;
-    let (resources, cache) = (&options.resources, GridOpenOptions::default().cache_bytes);
-    let opening = options.grid.options(resources, cache)?;
-    let (grid, shares) = memory::open(inputs, &opening, resources, WORKER_BYTES)?;
-    not_member(grid.as_ref(), output)?;
-    let info = grid.info();
-    info.check_cells().map_err(|e| e.in_file(Path::new(&inputs.to_string())))?;
-    let points = annotate::path(&options.points);
-    let layer = options.features.layer.as_deref();
-    let are_points = !options.with_z;
-    let names = AnnotatedNames { input: &points, layer, are_points, output, file: &options.file };
-    let fields = options.fields();
-    let mut features = AnnotatedFeatures::open(&names, format, &fields, info, &options.resources)?;
-    let method = registry::named(RESAMPLINGS, &options.resampling)?;
-    let job = SampleJob { options, grid: grid.as_ref(), method, shares, cancel };
-    let mut report = SampleReport::default();
-    progress.begin("features", 0);
-    loop {
-        let batch = features.read(shares.mesh / 2)?;
-        if batch.is_empty() {
-            break;
-        }
-        let mut left = VecDeque::from(batch);
-        while !left.is_empty() {
-            cancel.check()?;
-            let count = job.write(&mut left, &mut features, &mut report)?;
-            progress.advance(count);
-        }
-    }
-    cancel.check()?;
-    report.transformed = features.place().transformed();
-    let written = features.finish()?;
-    progress.end();
-    report.notes = [written.notes, raster::cautions(info)].concat();
-    let run = RunStatistics::since(start, &options.resources).with_threads(shares.threads);
-    Ok(SampleReport {
-        input: inputs.to_string(),
-        points_file: points.display().to_string(),
-        output: output.display().to_string(),
-        format: format.name.to_owned(),
-        crs: info.crs.label(),
-        output_bytes: written.bytes,
-        positions_per_second: run.rate(report.positions),
-        run,
-        ..report
-    })
-}
-
-struct SampleJob<'a> {
+/// Some features at work.
+struct SampleBatch<'a> {
     options: &'a SampleOptions,
-    grid: &'a dyn GridSource,
+    grid: &'a AnnotationGrid<'a>,
     method: &'static ResamplingMethod,
-    shares: MemoryShares,
-    cancel: &'a Cancel,
 }
 
-impl SampleJob<'_> {
-    /// Finds the heights of the next features, writes them, and returns their number.
+impl SampleBatch<'_> {
+    /// Finds the heights of some features and writes them.
     fn write(
         &self,
-        left: &mut VecDeque<BatchedFeature<'_>>,
-        features: &mut AnnotatedFeatures<'_>,
+        batch: FeatureBatch<'_>,
+        file: &mut AnnotatedFile,
         report: &mut SampleReport,
-    ) -> Result<u64> {
-        let (mut batch, mut places) = (Vec::new(), Vec::new());
+    ) -> Result<()> {
+        let (mut left, mut group, mut places) = (VecDeque::from(batch), Vec::new(), Vec::new());
         while let Some(mut own) = left.pop_front() {
             self.divide(&mut own)?;
             for leaf in own.feature.geometry.leaves() {
-                let xy = &leaf.coordinates().xy;
-                places.extend(features.place().samples(xy));
+                let cells = leaf.coordinates().xy.iter().map(|at| self.grid.place.cell(*at));
+                // Samples are in the centres of cells.
+                places.extend(cells.map(|at| at.map_or([f64::NAN; 2], |at| at.map(|c| c - 0.5))));
             }
-            batch.push(own);
+            group.push(own);
             // Those divided into parts take more than they did as they were read.
-            if places.len() as u64 * VERTEX_BYTES > self.shares.mesh / 4 {
-                break;
+            let bytes = places.len() as u64 * POSITION_BYTES;
+            if bytes > self.grid.shares.mesh / 4 || left.is_empty() {
+                let heights = self.heights(&places)?;
+                heights.iter().for_each(|height| report.count(*height));
+                self.write_group(std::mem::take(&mut group), heights, file)?;
+                places.clear();
             }
         }
-        let heights = self.heights(&places)?;
-        heights.iter().for_each(|height| report.count(*height));
-        let count = batch.len() as u64;
+        Ok(())
+    }
+
+    fn write_group(
+        &self,
+        group: FeatureBatch<'_>,
+        heights: Vec<f64>,
+        file: &mut AnnotatedFile,
+    ) -> Result<()> {
+        let is_whole = self.options.is_whole(self.grid.source.info(), self.method);
         let mut heights = heights.into_iter();
-        for mut own in batch {
-            let value = if self.options.with_z {
+        for mut own in group {
+            if self.options.with_z {
                 own.feature.geometry.for_each_leaf(&mut |leaf| {
                     leaf.z = heights.by_ref().take(leaf.xy.len()).collect();
                 });
-                None
+                file.write(own, None)?;
             } else {
-                let height = heights.by_ref().take(own.feature.geometry.vertices()).last();
-                let height = height.filter(|height| !height.is_nan());
-                Some(height.map_or(PropertyValue::Null, PropertyValue::Real))
-            };
-            features.write(&mut own, value)?;
-            report.features += 1;
+                let own_heights = heights.by_ref().take(own.feature.geometry.vertices());
+                let height = own_heights.last().unwrap_or(f64::NAN);
+                file.write(own, [annotate::property(height, is_whole)])?;
+            }
         }
-        Ok(count)
+        Ok(())
     }
 
     /// Divides long segments; fails for features that one property cannot describe.
@@ -267,16 +219,18 @@ impl SampleJob<'_> {
         }
         let Some(step) = self.options.step else { return Ok(()) };
         let parts = own.feature.geometry.parts();
-        let vertices: f64 = parts
-            .flat_map(|part| part.xy.windows(2))
-            .map(|pair| pieces(pair[0], pair[1], step))
-            .sum();
-        if vertices * VERTEX_BYTES as f64 > (self.shares.mesh / 4) as f64 {
-            let message = format!("the feature has {vertices} vertices in steps of {step}");
-            let workers = WORKER_BYTES * self.options.resources.threads as u64;
-            let needed = memory::with_slack(8 * (vertices as u64).saturating_mul(VERTEX_BYTES));
-            let enough = (memory::PROGRAM + workers).saturating_add(needed);
-            return Err(own.error(memory::short(message, enough).or("a longer ‹step›")));
+        let segments = parts.flat_map(|part| part.xy.windows(2));
+        let vertices: f64 = segments.map(|pair| pieces(pair[0], pair[1], step)).sum();
+        if vertices * POSITION_BYTES as f64 > (self.grid.shares.mesh / 4) as f64 {
+            let message = format!("the feature has {vertices:e} vertices in steps of {step:e}");
+            let error = match vertices < TOO_MANY {
+                true => {
+                    let error = self.grid.short(message, vertices as u64 * POSITION_BYTES, 4);
+                    error.or("a longer ‹step›")
+                }
+                false => Error::new(ErrorKind::Resource, message).remedy("pass a longer ‹step›"),
+            };
+            return Err(own.error(error));
         }
         own.feature.geometry.for_each_leaf(&mut |leaf| densify(leaf, step));
         Ok(())
@@ -295,15 +249,18 @@ impl SampleJob<'_> {
         let units: Vec<&[u32]> = groups.flat_map(|group| group.chunks(POSITIONS)).collect();
         let mut heights = vec![f64::NAN; places.len()];
         workers::in_order(
-            self.shares.threads,
+            self.grid.shares.threads,
             units.len() as u64,
-            self.cancel,
+            self.grid.cancel,
             SampleBuffers::default,
-            |buffers: &mut SampleBuffers, unit| self.unit(places, units[unit as usize], buffers),
+            |buffers: &mut SampleBuffers, unit| {
+                let unit = units[unit as usize];
+                let found = self.unit(unit.iter().map(|place| places[*place as usize]), buffers)?;
+                Ok((unit, found))
+            },
             |(unit, found): (&[u32], Vec<f64>)| {
-                unit.iter()
-                    .zip(found)
-                    .for_each(|(place, height)| heights[*place as usize] = height);
+                let found = unit.iter().zip(found);
+                found.for_each(|(place, height)| heights[*place as usize] = height);
                 Ok(())
             },
         )?;
@@ -311,28 +268,28 @@ impl SampleJob<'_> {
     }
 
     /// The heights of some places in a tile.
-    fn unit<'u>(
+    fn unit(
         &self,
-        places: &[Place],
-        unit: &'u [u32],
+        places: impl Iterator<Item = Place>,
         buffers: &mut SampleBuffers,
-    ) -> Result<(&'u [u32], Vec<f64>)> {
-        let info = self.grid.info();
+    ) -> Result<Vec<f64>> {
+        let (source, method) = (self.grid.source, self.method);
+        let info = source.info();
         let grid = [info.width, info.height];
         let SampleBuffers { samples, places: own } = buffers;
         own.clear();
-        own.extend(unit.iter().map(|place| places[*place as usize]));
-        let mut found = vec![f64::NAN; unit.len()];
-        let rect = self.method.needed(grid, own, Scale::ONE);
+        own.extend(places);
+        let mut found = vec![f64::NAN; own.len()];
+        let rect = method.needed(grid, own, Scale::ONE);
         if !rect.is_empty() {
             samples.clear();
             samples.resize(rect.len(), 0.0);
-            self.grid.read_f64(rect, samples)?;
-            self.grid.copied(rect);
+            source.read_f64(rect, samples)?;
+            source.copied(rect);
             let window = SourceWindow { grid, rect, heights: samples };
-            self.method.heights(&window, own, Scale::ONE, &mut found);
+            method.heights(&window, own, Scale::ONE, &mut found);
         }
-        Ok((unit, found))
+        Ok(found)
     }
 }
 

@@ -61,7 +61,7 @@ impl<'a> InsertionCriteria<'a> {
 
     /// Bound on the rounding error of an `f32` scan: about ten roundings of 2^-24 relative to the maximum height. A run
     /// of samples may begin beside its triangle, where the plane of a needle is far above or below: the bound covers
-    /// the length of a run. Below the normal numbers of `f32` roundings are as large as these.
+    /// the length of a run. Subnormal `f32` have an absolute rounding error.
     #[inline]
     pub(super) fn hair(&self, z: [f64; 3], slope: f64) -> f64 {
         const ROUNDING: f64 = 1.0 / (1 << 20) as f64;

@@ -81,6 +81,11 @@ pub fn open(path: &Path, options: &VectorOpenOptions) -> Result<Box<dyn FeatureS
             .in_file(path)
             .remedy(format!("known formats are {}", known(|f| f.name.to_owned())))
     })?;
+    if options.layer.is_some() && format.name != topojson::FORMAT.name {
+        return Err(Error::usage(format!("‹layer› applies to TopoJSON, not to {}", format.name))
+            .in_file(path)
+            .remedy("leave ‹layer› out"));
+    }
     let inner = (format.open)(path, options).map_err(|e| e.in_file(path))?;
     Ok(Box::new(source::CheckedFeatures::new(inner, path)))
 }

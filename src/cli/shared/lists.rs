@@ -11,6 +11,7 @@ use terrane_mesh as mesh;
 use terrane_options::OptionTable;
 use terrane_raster as raster;
 use terrane_synth as synth;
+use terrane_terrain::zonal::ZONE_STATISTICS;
 use terrane_vector as vector;
 
 /// The last list of verbs that can fail in every way.
@@ -41,7 +42,7 @@ pub(crate) fn features_written() -> String {
         format.create.is_some() && format.holds.kinds.contains(&vector::GeometryType::LineString)
     });
     let rows = formats.map(|f| (f.name, endings(f.extensions), f.about));
-    list("Lines written, by --format or ending", rows)
+    list("Features written, by --format or ending", rows)
 }
 
 /// Function that makes a list.
@@ -49,7 +50,6 @@ type List = fn() -> String;
 
 /// Lists of values of some options.
 const OF_OPTIONS: &[(&str, List)] = &[
-    ("stat", statistics),
     ("ground", grounds),
     ("canopy", canopies),
     ("classify", noises),
@@ -59,8 +59,18 @@ const OF_OPTIONS: &[(&str, List)] = &[
 
 /// Lists for the options of a table.
 pub(crate) fn of_options(table: &'static OptionTable) -> impl Iterator<Item = String> {
+    // Points in cells and samples in zones have statistics of their own.
+    let stat: Option<List> = table.find("stat").map(|field| match field.value {
+        Some("STATISTICS") => zone_statistics,
+        _ => statistics,
+    });
     let lists = OF_OPTIONS.iter().filter(|(name, _)| table.find(name).is_some());
-    lists.map(|(_, list)| list())
+    stat.into_iter().chain(lists.map(|(_, list)| *list)).map(|list| list())
+}
+
+fn zone_statistics() -> String {
+    let rows = ZONE_STATISTICS.iter().map(|own| (own.name, own.aliases.join(" "), own.about));
+    list("Statistics", rows)
 }
 
 fn thinned() -> String {

@@ -160,17 +160,17 @@ impl GeoTiffBlocks {
     }
 
     /// Size in bytes of a decoded block in row `by` of blocks, and of what it is decoded from.
-    pub(super) fn decode_bytes(&self, by: u32, place: GeoTiffBlockExtent) -> Result<DecodeBytes> {
+    pub(super) fn peak_bytes(&self, by: u32, place: GeoTiffBlockExtent) -> Result<DecodeBytes> {
         let layout = &self.layout;
         let rows = layout.stored_rows(by);
         let samples = u64::from(layout.block_width) * u64::from(rows);
         let block = samples.saturating_mul(layout.sample_type.bytes() as u64);
-        let plain = if layout.is_parted() { layout.block_bytes(rows) } else { 0 };
+        let plain = if layout.needs_scratch() { layout.block_bytes(rows) } else { 0 };
         let beside = place.bytes.saturating_add(plain);
         Ok(DecodeBytes { block: to_usize("block", block)?, beside: to_usize("block", beside)? })
     }
 
-    /// Decodes block (`bx`, `by`) at `place` into `out`, of [`decode_bytes`](Self::decode_bytes) and with any content:
+    /// Decodes block (`bx`, `by`) at `place` into `out`, of [`peak_bytes`](Self::peak_bytes) and with any content:
     /// `stored_rows` rows of `block_width` samples of the selected band, in native byte order. Rows below the image
     /// may keep their content.
     pub(super) fn decode(
@@ -202,7 +202,7 @@ impl GeoTiffBlocks {
             self.unpack(&mut scratch.decoders, packed, bits, by)?;
             self.take_bits(bits, out);
         // Without a copy.
-        } else if !layout.is_parted() {
+        } else if !layout.needs_scratch() {
             self.unpack(&mut scratch.decoders, packed, out, by)?;
             self.undo_in_place(out);
         } else {

@@ -78,7 +78,7 @@ impl GeoTiffImage {
         wait: bool,
         each: &mut impl FnMut(Rect, u32, Option<&[u8]>),
     ) -> Result<bool> {
-        let bytes = self.blocks.decode_bytes(by, place)?;
+        let bytes = self.blocks.peak_bytes(by, place)?;
         let decoded = cache.get(self.key(bx, by), bytes, wait, |out| {
             self.blocks.decode(bx, by, place, &self.file, out)
         })?;
@@ -138,15 +138,12 @@ pub(super) fn blocks_touching(
 
 /// Checks that a block that is decoded as a whole fits into the cache.
 pub(super) fn check_cache(layout: &GeoTiffLayout, cache_bytes: usize) -> Result<()> {
-    let bytes = layout.decode_bytes();
+    let bytes = layout.peak_bytes();
     if layout.is_read_by_rows() || bytes <= cache_bytes as u64 {
         return Ok(());
     }
     let message =
         format!("a block takes {bytes} bytes, more than the block cache of {cache_bytes} bytes");
-    let otherwise = match layout.tiled {
-        true => "rewrite the file in smaller tiles: gdal_translate -co TILED=YES IN OUT",
-        false => "rewrite the file in tiles: gdal_translate -co TILED=YES IN OUT",
-    };
+    let otherwise = "rewrite the file in small tiles: gdal_translate -co TILED=YES IN OUT";
     Err(too_large_for_cache(message, bytes).or(otherwise))
 }

@@ -83,7 +83,7 @@ impl GeoTiffLayout {
             let bytes = self.decoded_bytes();
             limits::check("decoded block size in bytes", bytes, limits::MAX_BLOCK_BYTES)?;
         }
-        let float = matches!(self.sample_type, SampleType::F16 | SampleType::F32 | SampleType::F64);
+        let float = self.sample_type.is_float();
         if self.effective_predictor() == Predictor::Float && !float {
             return Err(Error::bad_input("floating point predictor on integer samples"));
         }
@@ -116,16 +116,16 @@ impl GeoTiffLayout {
     }
 
     /// Bytes in memory while a full block of one band is decoded: the block, the compressed bytes (which may be as many), and
-    /// all bands where they are [parted](Self::is_parted). Saturates.
-    pub(super) fn decode_bytes(&self) -> u64 {
+    /// all bands where they are [parted](Self::needs_scratch). Saturates.
+    pub(super) fn peak_bytes(&self) -> u64 {
         let all = self.decoded_bytes();
         let block = all / self.stride() as u64;
-        block.saturating_add(all).saturating_add(if self.is_parted() { all } else { 0 })
+        block.saturating_add(all).saturating_add(if self.needs_scratch() { all } else { 0 })
     }
 
     /// True if blocks are decompressed into another buffer, from which the samples of the band are taken: where other bands
     /// or the predictor of floats part the bytes of samples.
-    pub(super) fn is_parted(&self) -> bool {
+    pub(super) fn needs_scratch(&self) -> bool {
         self.one_bit || self.stride() > 1 || self.effective_predictor() == Predictor::Float
     }
 

@@ -134,7 +134,7 @@ impl GridSource for GeoTiff {
     /// Size in bytes of the largest decoded block of image and masks; 0 if all are read by rows.
     fn block_bytes(&self) -> u64 {
         let layouts = self.images().map(|image| &image.blocks.layout);
-        layouts.filter(|l| !l.is_read_by_rows()).map(GeoTiffLayout::decode_bytes).max().unwrap_or(0)
+        layouts.filter(|l| !l.is_read_by_rows()).map(GeoTiffLayout::peak_bytes).max().unwrap_or(0)
     }
 
     fn release(&self, rect: Rect) {

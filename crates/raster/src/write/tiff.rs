@@ -75,19 +75,15 @@ impl SampleCoding {
             _ if plain || !compression.predicts() => 1,
             Some("STANDARD" | "2") => 2,
             Some("FLOATING_POINT" | "3") => 3,
-            _ if is_float(sample_type) => 3,
+            _ if sample_type.is_float() => 3,
             _ => 2,
         };
-        if predictor == 3 && !is_float(sample_type) {
+        if predictor == 3 && !sample_type.is_float() {
             let message = format!("PREDICTOR=3 requires float samples, found {sample_type:?}");
             return Err(Error::usage(message).remedy("choose PREDICTOR=2"));
         }
         Ok(Self { compression, predictor })
     }
-}
-
-fn is_float(sample_type: SampleType) -> bool {
-    matches!(sample_type, SampleType::F16 | SampleType::F32 | SampleType::F64)
 }
 
 /// An image: size, blocks and encoding.

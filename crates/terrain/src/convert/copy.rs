@@ -61,7 +61,8 @@ pub(crate) fn run_of(
     let DerivedBands { bands, colours, notes } = front(source)?;
     let mut notes = [cautions, notes].concat();
     let bands: Vec<&dyn GridSource> = bands.iter().map(AsRef::as_ref).collect();
-    let budget = ConvertMemory { shares, worker, thread_bytes };
+    let memory = resources.memory;
+    let budget = ConvertMemory { shares, memory, worker, thread_bytes };
     let report = copy_of(&bands, colours, job, &budget, progress, cancel)?;
     let water = options.water.and_then(|water| water.report());
     notes.extend(report.notes.iter().cloned().chain(water.iter().flat_map(WaterReport::notes)));
@@ -79,7 +80,7 @@ pub fn copy(
     let Resources { memory, threads, .. } = job.options.resources;
     let shares = memory::divide(memory, threads, worker)
         .or_else(|error| least_shares(memory, worker).ok_or(error))?;
-    let budget = ConvertMemory { shares, worker, thread_bytes: 0 };
+    let budget = ConvertMemory { shares, memory, worker, thread_bytes: 0 };
     copy_of(&[source], Vec::new(), job, &budget, progress, cancel)
 }
 
@@ -201,8 +202,10 @@ fn least_shares(memory: u64, worker: u64) -> Option<MemoryShares> {
 /// How the job's memory is divided.
 struct ConvertMemory {
     shares: MemoryShares,
-    /// Bytes of a thread in the shares, and those beside a block.
+    memory: u64,
+    /// Bytes of a thread that were assumed when the memory was divided.
     worker: u64,
+    /// Bytes of a thread beside its output block.
     thread_bytes: u64,
 }
 
@@ -229,8 +232,8 @@ impl ConvertMemory {
         let room = self.worker * threads as u64 + mesh;
         match room / block {
             0 => {
-                let least = memory::least(block, cache / 2);
-                Err(memory::too_little(room + cache + memory::PROGRAM, least))
+                let least = memory::least_with(self.worker, block).max(cache);
+                Err(memory::too_little(self.memory, least))
             }
             fitting => Ok(threads.min(usize::try_from(fitting).unwrap_or(usize::MAX))),
         }

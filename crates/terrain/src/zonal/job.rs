@@ -4,44 +4,20 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::statistics::{ZoneStatistic, ZoneStatisticList, ZoneStatistics};
-use crate::annotate;
+use super::statistics::{ZoneStatisticList, ZoneStatistics};
+use crate::annotate::{self, AnnotationOptions, AnnotationReport};
 use terrane_base::error::Result;
-use terrane_engine::Resources;
-use terrane_engine::options::{FeatureInput, FileName, FileOutput, GridInput};
-use terrane_engine::run_statistics::RunStatistics;
-use terrane_engine::transform::Transformed;
-use terrane_options::{Choice, Options};
+use terrane_engine::options::FileName;
+use terrane_options::Options;
+use terrane_raster::GridInfo;
 use terrane_vector::{FieldKind, GeometryType, VectorFormat};
 use terrane_window::coverage::CellRule;
 
-/// Which cells belong to a zone.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
-pub enum ZoneCells {
-    /// all cells that the polygon covers a part of, weighted with the exact share
-    #[default]
-    Exact,
-    /// cells whose centre is within the polygon, with weight 1
-    Center,
-    /// all cells that the polygon covers a part of, with weight 1
-    Touched,
-}
-
-impl ZoneCells {
-    pub(super) fn rule(self) -> CellRule {
-        match self {
-            Self::Exact => CellRule::Exact,
-            Self::Center => CellRule::Center,
-            Self::Touched => CellRule::Touched,
-        }
-    }
-}
-
 /// Statistics of a grid within polygons
 ///
-/// Writes the polygons with a property for each statistic. Each sample counts with the share of its cell that the polygon
-/// covers; voids count for none but ‹stat› voids. Polygons in another CRS than the grid are reprojected, with straight
-/// edges in the CRS of the grid. The output does not depend on threads or memory.
+/// Writes the polygons with a property for each statistic. Samples are weighted by the fraction of their cell that the
+/// polygon covers. Void samples are ignored, except by the statistic voids. Polygons in another CRS than the grid are
+/// reprojected to it for the statistics, and written as they are. The output does not depend on threads or memory.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own)]
 #[non_exhaustive]
@@ -49,43 +25,32 @@ pub struct ZonalOptions {
     /// File of polygons
     #[option(value = "ZONES", with = FileName, role = Reads, positional)]
     pub zones: PathBuf,
-    /// Statistics: count (cells), voids, sum, mean, min, max, range, stdev, variance, median, percentiles such as p95
-    /// (the least height with 95 % of the weight at it and below), majority, minority, variety
-    #[option(value = "LIST", with = ZoneStatisticList, default = ZoneStatistics::default())]
+    /// Statistics, one property each, such as mean,stdev,p95
+    #[option(value = "STATISTICS", with = ZoneStatisticList, default = ZoneStatistics::default())]
     pub stat: ZoneStatistics,
-    /// Which cells belong to a zone
+    /// Which samples belong to a zone
     #[option(value = "RULE")]
-    pub cells: ZoneCells,
+    pub cells: CellRule,
     /// Prefix of the names of the properties, such as dem_
     #[option(value = "TEXT", heading = "Output")]
     pub prefix: Option<String>,
-    /// How the zones are read.
+    /// Grid, features and output.
     #[option(flatten)]
-    pub features: FeatureInput,
-    /// The output file.
-    #[option(flatten)]
-    pub file: FileOutput,
-    /// How the grid is read.
-    #[option(flatten)]
-    pub grid: GridInput,
-    /// Memory, threads and temporary files.
-    #[option(flatten)]
-    pub resources: Resources,
+    pub common: AnnotationOptions,
 }
 
 impl ZonalOptions {
     /// The format to write.
     pub(super) fn format(&self, output: &Path) -> Result<&'static VectorFormat> {
-        annotate::format(output, &self.file, GeometryType::Polygon)
+        annotate::format(output, &self.common.file, GeometryType::Polygon)
     }
 
     /// The new properties.
-    pub(super) fn fields(&self) -> Vec<(String, FieldKind)> {
-        let named = |statistic: &ZoneStatistic| {
-            let prefix = self.prefix.as_deref().unwrap_or_default();
-            (format!("{prefix}{}", statistic.name()), statistic.kind())
-        };
-        self.stat.0.iter().map(named).collect()
+    pub(super) fn fields(&self, info: &GridInfo) -> Vec<(String, FieldKind)> {
+        let prefix = self.prefix.as_deref().unwrap_or_default();
+        let is_whole = annotate::is_whole(info);
+        let all = self.stat.0.iter();
+        all.map(|own| (format!("{prefix}{}", own.name()), own.kind(is_whole))).collect()
     }
 }
 
@@ -94,42 +59,26 @@ impl ZonalOptions {
 #[allow(missing_docs)]
 #[non_exhaustive]
 pub struct ZonalReport {
-    pub input: String,
-    /// File of the polygons.
-    pub zones_file: String,
-    pub output: String,
-    /// Name of the written format.
-    pub format: String,
-    /// CRS of the grid.
-    pub crs: String,
-    /// Transformation of the polygons to the CRS of the grid, if theirs differs.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub transformed: Option<Transformed>,
-    /// Features written.
-    pub zones: u64,
-    /// Features without a sample that is no void.
+    #[serde(flatten)]
+    pub common: AnnotationReport,
+    /// Zones without a valid sample.
     pub empty_zones: u64,
-    /// Features that reach beyond the grid.
+    /// Zones that reach beyond the grid.
     pub zones_beyond: u64,
     /// Samples read, those of several zones counted for each.
     pub samples: u64,
-    pub notes: Vec<String>,
-    pub output_bytes: u64,
-    #[serde(flatten)]
-    pub run: RunStatistics,
     pub samples_per_second: f64,
 }
 
 impl ZonalReport {
     pub(super) fn own_notes(&self) -> Vec<String> {
         let counted = [
-            (
-                self.zones_beyond,
-                "reach beyond the grid: their statistics are those of the part within",
-            ),
-            (self.empty_zones, "have no sample"),
+            (self.zones_beyond, "reach beyond the grid; statistics cover only the part inside"),
+            (self.empty_zones, "have no valid sample"),
         ];
         let counted = counted.iter().filter(|(count, _)| *count > 0);
-        counted.map(|(count, what)| format!("{count} of {} zones {what}", self.zones)).collect()
+        counted
+            .map(|(count, what)| format!("{count} of {} zones {what}", self.common.features))
+            .collect()
     }
 }

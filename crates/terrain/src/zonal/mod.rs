@@ -1,39 +1,38 @@
 //! Statistics of a grid within the polygons of a feature file.
 //!
-//! Features are read in batches. Each polygon is divided into the tiles of the grid, whose cells are weighted and tallied
-//! on all threads; tallies are merged tile by tile in the order of the grid. So the output does not depend on threads or
-//! memory. A tile of a grid is decoded once for each polygon in it, but from the cache for neighbours.
+//! Each polygon is divided into the tiles of the grid, whose cells are weighted and tallied on all threads; tallies are
+//! merged tile by tile in the order of the grid. So the output does not depend on threads or memory. A block of the grid is
+//! decoded once for each polygon in it, but from the cache for neighbours.
 
 mod job;
 mod statistics;
 
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::path::Path;
-use std::time::Instant;
 
-use crate::annotate::{AnnotatedFeatures, AnnotatedNames, BatchedFeature, GridPlace};
+use crate::annotate::{
+    self, AnnotatedFile, AnnotationGrid, AnnotationRequest, BatchedFeature, FeatureBatch,
+};
 use statistics::ZoneTally;
 use terrane_base::error::{Error, Result};
-use terrane_engine::memory::{self, MemoryShares};
+use terrane_engine::memory::with_slack;
 use terrane_engine::operation::{Operation, RunRequest, Writes};
 use terrane_engine::options::GridInput;
-use terrane_engine::outputs::not_member;
-use terrane_engine::run_statistics::RunStatistics;
-use terrane_engine::{Cancel, Progress, workers};
-use terrane_files::atomic;
-use terrane_raster::{self as raster, GridOpenOptions, GridSource};
+use terrane_engine::workers;
 use terrane_vector::{GeometryType, PartRole, PropertyValue};
 use terrane_window::coverage::{CoverageScratch, PolygonCells, TILE};
 
-pub use job::{ZonalOptions, ZonalReport, ZonalSetters, ZoneCells};
-pub use statistics::{ZoneStatistic, ZoneStatisticList, ZoneStatistics};
+pub use job::{ZonalOptions, ZonalReport, ZonalSetters};
+pub use statistics::{ZONE_STATISTICS, ZoneStatistic, ZoneStatisticList, ZoneStatistics};
 
 /// Cells of a tile.
 const CELLS: u64 = TILE as u64 * TILE as u64;
 /// Bytes of a worker: heights, shares and their steps, and samples of a tile.
 const WORKER_BYTES: u64 = CELLS * 8 * 4;
-/// Bytes of a value and its weight; sorting and growing take as much again, each.
+/// Bytes of a value and its weight; sorting takes half as much again, and growing as much.
 const VALUE_BYTES: u64 = 16;
+const ALL_VALUE_BYTES: u64 = 3 * VALUE_BYTES;
 /// Results of a worker that may wait, with the one in work.
 const WAITING: u64 = 5;
 /// Most tiles of a unit of work.
@@ -50,105 +49,64 @@ impl Operation for ZonalOptions {
     }
 
     fn run(&self, request: RunRequest<'_>) -> Result<ZonalReport> {
-        run(self, request)
+        let units = UnitSize::of(self);
+        let request = AnnotationRequest {
+            options: &self.common,
+            features: &self.zones,
+            run: request,
+            format: self.format(request.output)?,
+            are_points: false,
+            worker: units.worker,
+            naming: "‹prefix›",
+        };
+        let mut report = ZonalReport::default();
+        let common = annotate::run(
+            &request,
+            |info| self.fields(info),
+            |grid, batch, file| {
+                ZonalBatch { options: self, grid, units, report: &mut report }.write(batch, file)
+            },
+        )?;
+        report.samples_per_second = common.run.rate(report.samples);
+        report.common = common;
+        let notes = report.own_notes();
+        report.common.notes.extend(notes);
+        Ok(report)
     }
 }
 
-fn run(options: &ZonalOptions, request: RunRequest<'_>) -> Result<ZonalReport> {
-    let start = Instant::now();
-    let RunRequest { inputs, output, progress, cancel, .. } = request;
-    let format = options.format(output)?;
-    atomic::refuse_existing(output, options.file.replacing.overwrite)?;
-    let budget = ZonalMemory::of(options);
-    let (resources, cache) = (&options.resources, GridOpenOptions::default().cache_bytes);
-    let opening = options.grid.options(resources, cache)?;
-    let (grid, shares) = memory::open(inputs, &opening, resources, budget.worker)?;
-    let budget = budget.with(shares);
-    not_member(grid.as_ref(), output)?;
-    let info = grid.info();
-    info.check_cells().map_err(|e| e.in_file(Path::new(&inputs.to_string())))?;
-    let zones = crate::annotate::path(&options.zones);
-    let layer = options.features.layer.as_deref();
-    let are_points = false;
-    let names = AnnotatedNames { input: &zones, layer, are_points, output, file: &options.file };
-    let mut features =
-        AnnotatedFeatures::open(&names, format, &options.fields(), info, &options.resources)?;
-    let mut report = ZonalReport::default();
-    progress.begin("zones", 0);
-    loop {
-        let batch = features.read(budget.shares.mesh / 2)?;
-        if batch.is_empty() {
-            break;
-        }
-        let job = ZonalBatch { options, grid: grid.as_ref(), budget: &budget, cancel };
-        job.write(batch, &mut features, &mut report, progress)?;
-    }
-    cancel.check()?;
-    report.transformed = features.place().transformed();
-    let written = features.finish()?;
-    progress.end();
-    report.notes = [written.notes, raster::cautions(info), report.own_notes()].concat();
-    let run = RunStatistics::since(start, &options.resources).with_threads(budget.shares.threads);
-    Ok(ZonalReport {
-        input: inputs.to_string(),
-        zones_file: zones.display().to_string(),
-        output: output.display().to_string(),
-        format: format.name.to_owned(),
-        crs: info.crs.label(),
-        output_bytes: written.bytes,
-        samples_per_second: run.rate(report.samples),
-        run,
-        ..report
-    })
-}
-
-/// How the memory is divided.
-struct ZonalMemory {
-    shares: MemoryShares,
-    /// Bytes of a thread.
-    worker: u64,
-    keeps_values: bool,
-    /// Tiles of a unit of work.
+/// The tiles of a unit of work.
+#[derive(Clone, Copy)]
+struct UnitSize {
     tiles: u32,
-    /// Most values of a zone.
-    max_values: u64,
-    memory: u64,
+    keeps_values: bool,
+    /// Bytes of a worker.
+    worker: u64,
 }
 
-impl ZonalMemory {
-    /// What a thread takes; without shares of an open grid.
+impl UnitSize {
     fn of(options: &ZonalOptions) -> Self {
         let keeps_values = options.stat.0.iter().any(|statistic| statistic.needs_values());
-        let (memory, threads) = (options.resources.memory, options.resources.threads.max(1));
+        let resources = &options.common.resources;
         let tile = if keeps_values { CELLS * VALUE_BYTES * WAITING } else { 0 };
-        let tiles = match tile {
-            0 => MAX_TILES,
-            tile => (memory / 8 / threads as u64 / tile).clamp(1, MAX_TILES),
-        };
-        let shares = MemoryShares { threads, cache: 0, mesh: 0 };
-        let worker = WORKER_BYTES + tile * tiles;
-        Self { shares, worker, keeps_values, tiles: tiles as u32, max_values: 0, memory }
-    }
-
-    /// The same with the shares that the open grid leaves.
-    fn with(self, shares: MemoryShares) -> Self {
-        Self { shares, max_values: shares.mesh / 2 / (3 * VALUE_BYTES), ..self }
+        let share = resources.memory / 8 / resources.threads.max(1) as u64;
+        let tiles = share.checked_div(tile).map_or(MAX_TILES, |tiles| tiles.clamp(1, MAX_TILES));
+        Self { tiles: tiles as u32, keeps_values, worker: WORKER_BYTES + tile * tiles }
     }
 }
 
 /// Some features at work.
 struct ZonalBatch<'a> {
     options: &'a ZonalOptions,
-    grid: &'a dyn GridSource,
-    budget: &'a ZonalMemory,
-    cancel: &'a Cancel,
+    grid: &'a AnnotationGrid<'a>,
+    units: UnitSize,
+    report: &'a mut ZonalReport,
 }
 
 /// Tiles of a polygon: a unit of work.
 struct ZoneUnit {
-    feature: usize,
     strip: u32,
-    tiles: std::ops::Range<u32>,
+    tiles: Range<u32>,
 }
 
 /// The tallies of a unit, tile by tile.
@@ -166,166 +124,156 @@ struct ZoneBuffers {
 
 impl ZonalBatch<'_> {
     /// Computes and writes the properties of some features.
-    fn write(
-        &self,
-        batch: Vec<BatchedFeature<'_>>,
-        features: &mut AnnotatedFeatures<'_>,
-        report: &mut ZonalReport,
-        progress: &dyn Progress,
-    ) -> Result<()> {
+    fn write(&mut self, batch: FeatureBatch<'_>, file: &mut AnnotatedFile) -> Result<()> {
         // Polygons of long edges over many tiles take more than they do as features.
-        let bytes = self.budget.shares.mesh / 2;
-        let (mut left, mut waiting) = (VecDeque::from(batch), Vec::new());
-        while !left.is_empty() {
-            self.cancel.check()?;
-            let (mut polygons, mut taken) = (Vec::new(), 0);
-            while let Some(own) = left.front() {
-                let polygon = self.polygon(own, features.place()).map_err(|e| own.error(e))?;
-                if polygon.bytes() > bytes {
-                    let needed = polygon.bytes() >> 20;
-                    let message = format!("the polygon takes {needed} MiB over the grid");
-                    let enough = self.budget.memory / bytes.max(1) * polygon.bytes() * 5 / 4;
-                    let error = memory::short(message, enough).or("simplify it");
-                    return Err(own.error(error));
-                }
-                if taken + polygon.bytes() > bytes && !polygons.is_empty() {
-                    break;
-                }
-                taken += polygon.bytes();
-                polygons.push(polygon);
-                waiting.extend(left.pop_front());
+        let most = self.grid.shares.mesh / 4;
+        let (mut left, mut group, mut polygons) = (VecDeque::from(batch), Vec::new(), Vec::new());
+        while let Some(own) = left.pop_front() {
+            let polygon = self.polygon(&own).map_err(|e| own.error(e))?;
+            if polygon.bytes() > most {
+                let message =
+                    format!("the polygon takes {} MiB over the grid", polygon.bytes() >> 20);
+                let error = self.grid.short(message, polygon.bytes(), 4).or("simplify it");
+                return Err(own.error(error));
             }
-            let values = self.values(&polygons, &waiting, report)?;
-            for (own, values) in waiting.iter_mut().zip(values) {
-                features.write(own, values)?;
+            polygons.push(polygon);
+            group.push(own);
+            let bytes: u64 = polygons.iter().map(PolygonCells::bytes).sum();
+            if bytes > most || left.is_empty() {
+                let values = self.values(&polygons, &group)?;
+                let group = std::mem::take(&mut group).into_iter();
+                group.zip(values).try_for_each(|(own, values)| file.write(own, values))?;
+                polygons.clear();
             }
-            progress.advance(waiting.len() as u64);
-            waiting.clear();
         }
         Ok(())
     }
 
     /// The polygon of a feature over the grid.
-    fn polygon(&self, own: &BatchedFeature<'_>, place: &GridPlace) -> Result<PolygonCells> {
-        let info = self.grid.info();
-        let mut polygon = PolygonCells::new([info.width, info.height], self.options.cells.rule());
-        for leaf in own.feature.geometry.leaves() {
-            if !leaf.kind().is_polygons() && leaf.kind() != GeometryType::Null {
-                let kind = leaf.kind().name();
-                return Err(Error::bad_input(format!("{kind} has no area"))
-                    .remedy("pass polygons, or ‹terrane sample› for heights at points"));
-            }
+    fn polygon(&self, own: &BatchedFeature<'_>) -> Result<PolygonCells> {
+        let info = self.grid.source.info();
+        let geometry = &own.feature.geometry;
+        let mut kinds = geometry.leaves().map(|leaf| leaf.kind());
+        let other = |kind: &GeometryType| !kind.is_polygons() && *kind != GeometryType::Null;
+        if let Some(kind) = kinds.find(other) {
+            return Err(Error::bad_input(format!("{} has no area", kind.name()))
+                .remedy("pass polygons, or ‹terrane sample› for heights at points"));
         }
-        for part in own.feature.geometry.parts() {
-            let ring = place.cells(part.xy)?;
-            polygon.push(&ring, part.role == PartRole::Hole);
-        }
+        let parts = geometry.parts().map(|part| (part.xy, part.role == PartRole::Hole));
+        let mut polygon = PolygonCells::new([info.width, info.height], self.options.cells);
+        let rings = self.grid.place.rings(parts)?;
+        rings.iter().for_each(|ring| polygon.push(&ring.positions, ring.is_hole));
         polygon.finish();
         Ok(polygon)
     }
 
     /// The properties of all polygons.
     fn values(
-        &self,
+        &mut self,
         polygons: &[PolygonCells],
         own: &[BatchedFeature<'_>],
-        report: &mut ZonalReport,
     ) -> Result<Vec<Vec<PropertyValue>>> {
-        let mut ends: Vec<u64> = polygons.iter().map(|polygon| self.units(polygon)).collect();
+        let mut ends: Vec<u64> = polygons.iter().map(|polygon| self.count(polygon)).collect();
         (1..ends.len()).for_each(|at| ends[at] += ends[at - 1]);
-        let mut values = Vec::new();
-        let mut open = ZoneTally::default();
-        let statistics = &self.options.stat.0;
-        let close = |tally: ZoneTally, report: &mut ZonalReport| {
-            report.zones += 1;
-            report.empty_zones += u64::from(tally.is_empty());
-            tally.properties(statistics)
+        let (options, grid, units) = (self.options, self.grid, self.units);
+        let is_whole = annotate::is_whole(grid.source.info());
+        let max_values = (grid.shares.mesh / 2 / ALL_VALUE_BYTES) as usize;
+        let (mut values, mut open) = (Vec::new(), ZoneTally::default());
+        let (mut empty, mut samples) = (0, 0);
+        let mut close = |tally: ZoneTally| {
+            empty += u64::from(tally.is_empty());
+            tally.properties(&options.stat.0, is_whole)
         };
         workers::in_order(
-            self.budget.shares.threads,
+            grid.shares.threads,
             ends.last().copied().unwrap_or(0),
-            self.cancel,
+            grid.cancel,
             ZoneBuffers::default,
             |buffers: &mut ZoneBuffers, unit| {
                 let feature = ends.partition_point(|end| *end <= unit);
                 let first = feature.checked_sub(1).map_or(0, |before| ends[before]);
-                let unit = self.unit(feature, &polygons[feature], unit - first);
-                let part = self.tally(&polygons[feature], &unit, buffers)?;
-                part.ok_or_else(|| own[feature].error(unsound()))
+                let unit = units.unit(&polygons[feature], unit - first);
+                let part = tally(grid, units, &polygons[feature], &unit, buffers)?;
+                let (tallies, samples) = part.ok_or_else(|| own[feature].error(overlapping()))?;
+                Ok(ZonePart { feature, tallies, samples })
             },
             |part: ZonePart| {
                 while values.len() < part.feature {
-                    values.push(close(std::mem::take(&mut open), report));
+                    values.push(close(std::mem::take(&mut open)));
                 }
-                part.tallies.into_iter().for_each(|tally| open.add(tally));
-                report.samples += part.samples;
-                match open.values() > self.budget.max_values {
+                samples += part.samples;
+                part.tallies.into_iter().for_each(|tally| open.add(tally, max_values));
+                match open.values() > max_values {
                     true => {
                         let cells = polygons[part.feature].bounds().len() as u64;
-                        Err(own[part.feature].error(self.too_many(cells)))
+                        Err(own[part.feature].error(too_many(grid, max_values, cells)))
                     }
                     false => Ok(()),
                 }
             },
         )?;
         while values.len() < polygons.len() {
-            values.push(close(std::mem::take(&mut open), report));
+            values.push(close(std::mem::take(&mut open)));
         }
+        self.report.empty_zones += empty;
+        self.report.samples += samples;
         let beyond = polygons.iter().filter(|polygon| !polygon.is_within());
-        report.zones_beyond += beyond.count() as u64;
+        self.report.zones_beyond += beyond.count() as u64;
         Ok(values)
     }
 
-    /// Number of units of a polygon, row by row of tiles.
-    fn units(&self, polygon: &PolygonCells) -> u64 {
-        let across = polygon.tiles().len().div_ceil(self.budget.tiles as usize);
-        polygon.strips().len() as u64 * across as u64
-    }
-
-    fn unit(&self, feature: usize, polygon: &PolygonCells, number: u64) -> ZoneUnit {
-        let (tiles, strips) = (polygon.tiles(), polygon.strips());
-        let across = u64::from(tiles.end - tiles.start).div_ceil(self.budget.tiles.into());
-        let first = tiles.start + (number % across) as u32 * self.budget.tiles;
-        let end = (first + self.budget.tiles).min(tiles.end);
-        ZoneUnit { feature, strip: strips.start + (number / across) as u32, tiles: first..end }
-    }
-
-    /// The tallies of a unit; `None` if rings cross.
-    fn tally(
-        &self,
-        polygon: &PolygonCells,
-        unit: &ZoneUnit,
-        buffers: &mut ZoneBuffers,
-    ) -> Result<Option<ZonePart>> {
-        let ZoneBuffers { coverage, heights } = buffers;
-        let mut part = ZonePart { feature: unit.feature, tallies: Vec::new(), samples: 0 };
-        let is_sound =
-            polygon.strip(unit.strip, unit.tiles.clone(), coverage, |rect, shares| {
-                heights.clear();
-                heights.resize(rect.len(), 0.0);
-                self.grid.read_f64(rect, heights)?;
-                self.grid.copied(rect);
-                part.samples += rect.len() as u64;
-                part.tallies.push(ZoneTally::of(heights, shares, self.budget.keeps_values));
-                Ok::<(), Error>(())
-            })?;
-        Ok(is_sound.then_some(part))
-    }
-
-    /// The error for a zone within `cells` cells with more values than fit.
-    fn too_many(&self, cells: u64) -> Error {
-        let limit = self.budget.max_values;
-        let message = format!("the zone has more than {limit} different heights");
-        // Shares of half a half, without what is for fragmentation; workers take an eighth beside their tiles.
-        let values = memory::with_slack(4 * 3 * VALUE_BYTES * cells);
-        let workers = WORKER_BYTES * self.options.resources.threads as u64;
-        let enough = memory::with_slack(memory::PROGRAM + workers + values);
-        memory::short(message, enough.max(self.budget.memory))
-            .or("leave out percentiles, majority, minority and variety")
+    /// Number of units of a polygon.
+    fn count(&self, polygon: &PolygonCells) -> u64 {
+        polygon.strips().len() as u64 * self.units.across(polygon)
     }
 }
 
-fn unsound() -> Error {
+impl UnitSize {
+    /// Units of a polygon in a row of tiles.
+    fn across(self, polygon: &PolygonCells) -> u64 {
+        (polygon.tiles().len() as u64).div_ceil(self.tiles.into())
+    }
+
+    /// A unit of a polygon, row by row of tiles.
+    fn unit(self, polygon: &PolygonCells, number: u64) -> ZoneUnit {
+        let (tiles, across) = (polygon.tiles(), self.across(polygon));
+        let first = tiles.start + (number % across) as u32 * self.tiles;
+        let strip = polygon.strips().start + (number / across) as u32;
+        ZoneUnit { strip, tiles: first..(first + self.tiles).min(tiles.end) }
+    }
+}
+
+/// The tallies of a unit and the number of samples; `None` if rings overlap.
+fn tally(
+    grid: &AnnotationGrid<'_>,
+    units: UnitSize,
+    polygon: &PolygonCells,
+    unit: &ZoneUnit,
+    buffers: &mut ZoneBuffers,
+) -> Result<Option<(Vec<ZoneTally>, u64)>> {
+    let ZoneBuffers { coverage, heights } = buffers;
+    let (mut tallies, mut samples) = (Vec::new(), 0);
+    let is_sound = polygon.strip(unit.strip, unit.tiles.clone(), coverage, |rect, shares| {
+        heights.clear();
+        heights.resize(rect.len(), 0.0);
+        grid.source.read_f64(rect, heights)?;
+        grid.source.copied(rect);
+        samples += rect.len() as u64;
+        tallies.push(ZoneTally::of(heights, shares, units.keeps_values));
+        Ok::<(), Error>(())
+    })?;
+    Ok(is_sound.then_some((tallies, samples)))
+}
+
+/// The error for a zone within `cells` cells with more values than fit.
+fn too_many(grid: &AnnotationGrid<'_>, most: usize, cells: u64) -> Error {
+    let message = format!("the zone has more than {most} different heights");
+    // More memory makes larger units of work, which take at most an eighth of it.
+    let bytes = with_slack(cells.saturating_mul(ALL_VALUE_BYTES));
+    grid.short(message, bytes, 2).or("leave out percentiles, majority, minority and variety")
+}
+
+fn overlapping() -> Error {
     Error::bad_input("rings of the polygon cross or overlap")
         .remedy("repair the polygon, as with ST_MakeValid")
 }

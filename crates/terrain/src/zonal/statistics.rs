@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use crate::annotate::property;
 use terrane_vector::{FieldKind, PropertyValue};
 
 /// A statistic of a zone.
@@ -40,35 +41,75 @@ pub enum ZoneStatistic {
 
 use ZoneStatistic as S;
 
-/// Names of all but percentiles.
-const NAMES: [(&str, ZoneStatistic); 13] = [
-    ("count", S::Count),
-    ("voids", S::Voids),
-    ("sum", S::Sum),
-    ("mean", S::Mean),
-    ("min", S::Min),
-    ("max", S::Max),
-    ("range", S::Range),
-    ("stdev", S::Stdev),
-    ("variance", S::Variance),
-    ("median", S::Median),
-    ("majority", S::Majority),
-    ("minority", S::Minority),
-    ("variety", S::Variety),
+/// A statistic by name.
+pub struct NamedZoneStatistic {
+    /// Its name.
+    pub name: &'static str,
+    /// Other names.
+    pub aliases: &'static [&'static str],
+    /// One line for the documentation.
+    pub about: &'static str,
+    statistic: ZoneStatistic,
+}
+
+const fn named(
+    name: &'static str,
+    aliases: &'static [&'static str],
+    statistic: ZoneStatistic,
+    about: &'static str,
+) -> NamedZoneStatistic {
+    NamedZoneStatistic { name, aliases, about, statistic }
+}
+
+/// All statistics but percentiles.
+pub const ZONE_STATISTICS: [NamedZoneStatistic; 13] = [
+    named("count", &[], S::Count, "total weight of valid samples, in cells"),
+    named("voids", &[], S::Voids, "total weight of void samples"),
+    named("sum", &[], S::Sum, "weighted sum"),
+    named("mean", &["average", "avg"], S::Mean, "weighted mean"),
+    named("min", &[], S::Min, "smallest value with a weight above 0"),
+    named("max", &[], S::Max, "greatest such value"),
+    named("range", &[], S::Range, "max minus min"),
+    named("stdev", &["std", "stddev"], S::Stdev, "weighted standard deviation of the population"),
+    named("variance", &[], S::Variance, "its square"),
+    named(
+        "median",
+        &[],
+        S::Median,
+        "p50; p0 to p100: smallest value whose cumulative weight reaches N %",
+    ),
+    named(
+        "majority",
+        &["mode"],
+        S::Majority,
+        "value with the greatest total weight; the smallest of several",
+    ),
+    named(
+        "minority",
+        &[],
+        S::Minority,
+        "value with the least total weight; the smallest of several",
+    ),
+    named("variety", &[], S::Variety, "number of different values"),
 ];
 
 impl ZoneStatistic {
     /// Its name, as in options.
     pub fn name(self) -> String {
-        match (self, NAMES.iter().find(|(_, own)| *own == self)) {
+        match (self, ZONE_STATISTICS.iter().find(|own| own.statistic == self)) {
             (Self::Percentile(percent), _) => format!("p{percent}"),
-            (_, found) => found.map_or_else(String::new, |(name, _)| (*name).to_owned()),
+            (_, found) => found.map_or_else(String::new, |own| own.name.to_owned()),
         }
     }
 
-    /// The type of its property.
-    pub(super) fn kind(self) -> FieldKind {
-        if self == Self::Variety { FieldKind::Int } else { FieldKind::Real }
+    /// The type of its property; `is_whole` if all samples are whole numbers.
+    pub(super) fn kind(self, is_whole: bool) -> FieldKind {
+        match self {
+            S::Variety => FieldKind::Int,
+            S::Min | S::Max | S::Range | S::Percentile(_) if is_whole => FieldKind::Int,
+            S::Median | S::Majority | S::Minority if is_whole => FieldKind::Int,
+            _ => FieldKind::Real,
+        }
     }
 
     /// True if it takes all values of a zone.
@@ -86,15 +127,17 @@ impl FromStr for ZoneStatistic {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let text = text.trim().to_ascii_lowercase();
-        let text = if text == "std" { "stdev" } else { text.as_str() };
-        if let Some((_, statistic)) = NAMES.iter().find(|(name, _)| *name == text) {
-            return Ok(*statistic);
+        let is_named =
+            |own: &&NamedZoneStatistic| own.name == text || own.aliases.contains(&&*text);
+        if let Some(own) = ZONE_STATISTICS.iter().find(is_named) {
+            return Ok(own.statistic);
         }
         let percent = text.strip_prefix('p').and_then(|number| number.parse::<f64>().ok());
         match percent.filter(|percent| (0.0..=100.0).contains(percent)) {
             Some(percent) => Ok(S::Percentile(percent)),
             None => {
-                Err(format!("expected p0 to p100 or {}", NAMES.map(|(name, _)| name).join(", ")))
+                let names = ZONE_STATISTICS.map(|own| own.name).join(", ");
+                Err(format!("expected p0 to p100 or {names}"))
             }
         }
     }
@@ -179,14 +222,15 @@ impl ZoneTally {
         tally.squares = differences.sum();
         if keeps_values {
             // Zero has one sign.
-            tally.values.all = valid().map(|(height, weight)| (height + 0.0, *weight)).collect();
+            tally.values.all =
+                valid().map(|(height, weight)| (height + 0.0, units(*weight))).collect();
             tally.values.compact();
         }
         tally
     }
 
-    /// Adds the next part.
-    pub(super) fn add(&mut self, other: Self) {
+    /// Adds the next part. Equal values are added up once there are more than `most`, or twice as many as before.
+    pub(super) fn add(&mut self, other: Self, most: usize) {
         self.voids += other.voids;
         let count = self.count + other.count;
         if other.count > 0.0 {
@@ -199,12 +243,12 @@ impl ZoneTally {
             let [own_low, own_high] = self.range.unwrap_or([low, high]);
             self.range = Some([own_low.min(low), own_high.max(high)]);
         }
-        self.values.add(other.values);
+        self.values.add(other.values, most);
     }
 
     /// Number of values that are kept.
-    pub(super) fn values(&self) -> u64 {
-        self.values.all.len() as u64
+    pub(super) fn values(&self) -> usize {
+        self.values.all.len()
     }
 
     /// True without a sample that is no void.
@@ -212,24 +256,32 @@ impl ZoneTally {
         self.count == 0.0
     }
 
-    /// The properties of a zone.
-    pub(super) fn properties(mut self, statistics: &[ZoneStatistic]) -> Vec<PropertyValue> {
+    /// The properties of a zone; `is_whole` if all samples are whole numbers.
+    pub(super) fn properties(
+        mut self,
+        statistics: &[ZoneStatistic],
+        is_whole: bool,
+    ) -> Vec<PropertyValue> {
         self.values.compact();
-        statistics.iter().map(|statistic| self.property(*statistic)).collect()
+        let kinds = statistics.iter().map(|statistic| (statistic, statistic.kind(is_whole)));
+        kinds.map(|(own, kind)| property(self.value(*own), kind == FieldKind::Int)).collect()
     }
 
-    fn property(&self, statistic: ZoneStatistic) -> PropertyValue {
+    /// The value of a statistic; NaN for none.
+    fn value(&self, statistic: ZoneStatistic) -> f64 {
         match statistic {
-            S::Variety => return PropertyValue::Int(self.values.all.len() as i64),
-            S::Count => return PropertyValue::Real(self.count),
-            S::Voids => return PropertyValue::Real(self.voids),
+            S::Variety => return self.values.all.len() as f64,
+            S::Count => return self.count,
+            S::Voids => return self.voids,
             _ => {}
         }
-        let Some([low, high]) = self.range else { return PropertyValue::Null };
-        let variance = (self.squares / self.count).max(0.0);
-        PropertyValue::Real(match statistic {
+        let Some([low, high]) = self.range else { return f64::NAN };
+        // Sums that overflow have no mean.
+        let mean = if self.sum.is_finite() { self.mean.clamp(low, high) } else { f64::NAN };
+        let variance = if mean.is_nan() { mean } else { (self.squares / self.count).max(0.0) };
+        match statistic {
             S::Sum => self.sum,
-            S::Mean => self.mean.clamp(low, high),
+            S::Mean => mean,
             S::Min => low,
             S::Max => high,
             S::Range => high - low,
@@ -239,26 +291,35 @@ impl ZoneTally {
             S::Percentile(percent) => self.values.percentile(percent),
             S::Majority => self.values.extreme(|weight, best| weight > best),
             S::Minority => self.values.extreme(|weight, best| weight < best),
-            S::Variety | S::Count | S::Voids => 0.0,
-        })
+            S::Variety | S::Count | S::Voids => f64::NAN,
+        }
     }
 }
 
-/// Values and their weights.
+/// Values and their weights. Weights are whole numbers of units, whose sums do not depend on their order.
 #[derive(Clone, Debug, Default)]
 struct WeightedValues {
-    all: Vec<(f64, f64)>,
+    all: Vec<(f64, u64)>,
     /// How many there were when equal values were last added up.
     compacted: usize,
 }
 
+/// Units of the weight of a whole cell: a zone may have 2^40 cells.
+const UNITS: f64 = (1_u64 << 24) as f64;
 /// Values up to which nothing is added up.
 const FEW: usize = 1 << 16;
+/// A cumulative weight this much of the total below a percentage reaches it: percentages are rounded.
+const NEARLY: f64 = 1e-12;
+
+/// A weight in units; at least one, as each sample with a weight counts.
+fn units(weight: f64) -> u64 {
+    ((weight * UNITS).round() as u64).max(1)
+}
 
 impl WeightedValues {
-    fn add(&mut self, other: Self) {
+    fn add(&mut self, other: Self, most: usize) {
         self.all.extend(other.all);
-        if self.all.len() > 2 * self.compacted.max(FEW) {
+        if self.all.len() > most.min(2 * self.compacted.max(FEW)) {
             self.compact();
         }
     }
@@ -277,20 +338,78 @@ impl WeightedValues {
     }
 
     fn percentile(&self, percent: f64) -> f64 {
-        let total: f64 = self.all.iter().map(|(_, weight)| weight).sum();
-        let mut below = 0.0;
+        let total: u64 = self.all.iter().map(|(_, weight)| weight).sum();
+        let share = percent / 100.0 - NEARLY;
+        let mut below = 0;
         let found = self.all.iter().find(|(_, weight)| {
             below += weight;
-            below >= total * (percent / 100.0)
+            below as f64 / total as f64 >= share
         });
         found.or(self.all.last()).map_or(f64::NAN, |(value, _)| *value)
     }
 
-    fn extreme(&self, is_better: impl Fn(f64, f64) -> bool) -> f64 {
+    /// The value whose weight is better than those of all smaller values.
+    fn extreme(&self, is_better: impl Fn(u64, u64) -> bool) -> f64 {
         let best = self.all.iter().copied().reduce(|best, own| match is_better(own.1, best.1) {
             true => own,
             false => best,
         });
         best.map_or(f64::NAN, |(value, _)| value)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tally(heights: &[f64], weights: &[f64]) -> ZoneTally {
+        ZoneTally::of(heights, weights, true)
+    }
+
+    /// The N-th percentile of 1 to 100 is N, whatever the weight of a cell.
+    #[test]
+    fn percentiles_are_not_rounded_up() {
+        let heights: Vec<f64> = (1..=100).map(f64::from).collect();
+        for weight in [1.0, 0.7, 1.0 / 3.0, 1e-6] {
+            let tally = tally(&heights, &[weight; 100]);
+            for percent in 1..=100 {
+                let found = tally.value(S::Percentile(percent.into()));
+                assert_eq!(found, f64::from(percent), "{weight}");
+            }
+            assert_eq!(tally.value(S::Percentile(0.0)), 1.0);
+        }
+    }
+
+    #[test]
+    fn of_equal_weights_the_smallest_value_counts() {
+        let tally = tally(&[1.0, 2.0, 2.0, 3.0], &[0.3, 0.1, 0.2, 0.3]);
+        assert_eq!([S::Majority, S::Minority].map(|own| tally.value(own)), [1.0, 1.0]);
+    }
+
+    #[test]
+    fn sums_that_overflow_have_no_mean() {
+        let tally = tally(&[1.7e308, 1.7e308, 1.0, 1.0], &[1.0; 4]);
+        for none in [S::Sum, S::Mean, S::Stdev, S::Variance] {
+            assert!(!tally.value(none).is_finite(), "{none:?}");
+        }
+        assert_eq!(tally.value(S::Min), 1.0);
+    }
+
+    /// Parts of any size and any limit of values give the same.
+    #[test]
+    fn values_are_added_up_in_any_parts() {
+        let heights: Vec<f64> = (0..5000).map(|i| f64::from(i * 7919 % 613)).collect();
+        let weights: Vec<f64> = (0..5000).map(|i| f64::from(i * 104_729 % 997) / 997.0).collect();
+        let statistics = [S::Median, S::Majority, S::Minority, S::Variety, S::Percentile(90.0)];
+        let whole = statistics.map(|own| tally(&heights, &weights).value(own));
+        for (size, most) in [(1, 700), (64, 613), (999, 1 << 20)] {
+            let mut sum = ZoneTally::default();
+            for (heights, weights) in heights.chunks(size).zip(weights.chunks(size)) {
+                sum.add(tally(heights, weights), most);
+            }
+            assert!(sum.values() <= most);
+            sum.values.compact();
+            assert_eq!(statistics.map(|own| sum.value(own)), whole);
+        }
     }
 }

@@ -4,9 +4,10 @@
 //! borders of tiles, and each piece adds the area between itself and the right border of its tile, signed by its
 //! direction, to the cells of its rows: the sum of all pieces is the covered area, without a clipped polygon for any
 //! cell. (Font rasterizers work that way.) The cost is that of the cells an edge passes through, and of the cells of the
-//! tiles that have edges.
+//! tiles that are covered.
 
 use terrane_base::geom::Rect;
+use terrane_options::Choice;
 
 /// Side of a tile, in cells.
 pub const TILE: u32 = 256;
@@ -16,14 +17,14 @@ const NEARLY: f64 = 1e-9;
 const TWICE: f64 = 1e-6;
 
 /// Which cells belong to a polygon, and with which weight.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
 pub enum CellRule {
-    /// Cells of which a part is covered, each with its covered share.
+    /// all cells that the polygon covers a part of, weighted with the covered fraction
     #[default]
     Exact,
-    /// Cells whose centre is covered.
+    /// cells whose centre is within the polygon or on its left or upper border, with weight 1
     Center,
-    /// Cells of which any part is covered.
+    /// all cells that the polygon covers a part of, with weight 1
     Touched,
 }
 
@@ -91,7 +92,7 @@ impl PolygonCells {
     pub fn push(&mut self, ring: &[[f64; 2]], is_hole: bool) {
         let nexts = ring.iter().cycle().skip(1);
         let double_area = match ring.first() {
-            // Of positions far from the origin little else would be left.
+            // Relative to the first position: products of large coordinates cancel.
             Some([x0, y0]) => {
                 let around = |[x, y]: &[f64; 2]| [x - x0, y - y0];
                 let pairs = ring.iter().zip(nexts.clone());
@@ -197,6 +198,9 @@ impl PolygonCells {
     /// Computes the shares of a tile: true if any is above 0, `None` if any is out of range.
     fn tile(&self, rect: Rect, own: &[EdgePiece], scratch: &mut CoverageScratch) -> Option<bool> {
         let CoverageScratch { steps, carried, shares } = scratch;
+        if own.is_empty() && carried.iter().all(|share| share.abs() < NEARLY) {
+            return Some(false);
+        }
         let width = rect.width as usize;
         let pitch = width + 1;
         steps.clear();
@@ -564,7 +568,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_covered_twice_is_told() {
+    fn overlapping_rings_are_detected() {
         let square = vec![[1.0, 1.0], [5.0, 1.0], [5.0, 5.0], [1.0, 5.0]];
         let other: Vec<[f64; 2]> = square.iter().map(|[x, y]| [x + 2.0, y + 2.0]).collect();
         let bow = vec![[1.0, 1.0], [9.0, 9.0], [9.0, 1.0], [1.0, 9.0]];

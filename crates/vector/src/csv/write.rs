@@ -77,6 +77,12 @@ impl FeatureSink for CsvFeatureSink {
         let numbers = this.ids.numbers(rows.len());
         let mut notes = this.notes;
         notes.append(&mut rows.notes);
+        for own in rows.columns.iter().map(|column| &*column.name) {
+            let name = free_name(&rows, own);
+            if name != own {
+                notes.push(format!("the property {own} is in column {name}"));
+            }
+        }
         if numbers.is_none() {
             notes.push(format!(
                 "ids are not unique: features are renumbered, original ids are in column {}",
@@ -150,7 +156,27 @@ impl CsvFeatureIds {
 
 /// Name of the column with the original ids of renumbered features.
 fn own_name(rows: &FeatureRows) -> String {
-    let mut name = ORIGINAL_ID.to_owned();
+    let name = ORIGINAL_ID;
+    match rows.columns.iter().any(|column| column.name.eq_ignore_ascii_case(name)) {
+        true => with_underscores(rows, name),
+        false => name.to_owned(),
+    }
+}
+
+/// Names of the columns of vertices.
+const OF_VERTICES: [&str; 5] = ["x", "y", "z", "m", "part"];
+
+/// Name of the column of a property: its own, unless a column of vertices has it.
+fn free_name(rows: &FeatureRows, name: &str) -> String {
+    match OF_VERTICES.iter().any(|other| other.eq_ignore_ascii_case(name)) {
+        true => with_underscores(rows, name),
+        false => name.to_owned(),
+    }
+}
+
+/// A name with as many underscores as no other column has.
+fn with_underscores(rows: &FeatureRows, name: &str) -> String {
+    let mut name = format!("{name}_");
     while rows.columns.iter().any(|column| column.name.eq_ignore_ascii_case(&name)) {
         name.push('_');
     }
@@ -198,7 +224,7 @@ impl CsvRowWriter {
                 text.push(b',');
                 match Some(at) == self.id {
                     true => text.extend_from_slice(own_name(rows).as_bytes()),
-                    false => push_cell(column.name.as_bytes(), text),
+                    false => push_cell(free_name(rows, &column.name).as_bytes(), text),
                 }
             }
         }

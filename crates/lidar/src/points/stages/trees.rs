@@ -228,8 +228,8 @@ impl TreeNumbering {
         self.ruler.at(point.z.into())
     }
 
-    /// Squared distance in x and y, in metres. Steps are squared first: exact for some 10^8 steps, so that places as near
-    /// are so.
+    /// Squared distance in x and y, in metres. Steps are squared first: exact for some 10^8 steps, so that equal
+    /// distances compare equal.
     fn square(&self, a: Point, b: Point) -> f64 {
         let apart = |a: i32, b: i32| (f64::from(a) - f64::from(b)).powi(2);
         let [x, y] = self.step;
