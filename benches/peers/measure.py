@@ -48,7 +48,14 @@ def machine():
     model = names[0] if names else model
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     load = os.getloadavg()[0]
-    return f"{model}, {os.cpu_count()} cores, {memory:.0f} GiB; load average {load:.1f} at the start"
+    return f"{model}, {vectors()}, {os.cpu_count()} cores, {memory:.0f} GiB; load average {load:.1f} at the start"
+
+
+def vectors():
+    """The widest vectors of the processor."""
+    with open("/proc/cpuinfo", encoding="utf-8") as file:
+        flags = next((line for line in file if line.startswith("flags")), "").split()
+    return "AVX-512" if "avx512f" in flags else "AVX2" if "avx2" in flags else "no AVX2"
 
 
 def commit(root):
