@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use proj4rs::Proj;
-use proj4rs::transform::transform;
+use proj4rs::transform::{Transform, TransformClosure, transform};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Conversion;
 
@@ -55,6 +55,9 @@ impl Projection {
     /// Longitude and latitude of a position.
     pub(crate) fn to_globe(&self, at: [f64; 2]) -> Result<[f64; 2]> {
         let checked = self.unproject(at).and_then(|globe| {
+            if self.is_geographic() {
+                return Some(globe);
+            }
             let back = self.project(globe)?;
             self.is_near(at, back).then_some(globe)
         });
@@ -64,13 +67,33 @@ impl Projection {
     /// The position of a longitude and latitude.
     pub(crate) fn of_globe(&self, globe: [f64; 2]) -> Result<[f64; 2]> {
         let checked = self.project(globe).filter(|at| {
-            let back = self.unproject(*at);
-            back.is_some_and(|back| is_one_place(globe, back))
+            self.is_geographic()
+                || self.unproject(*at).is_some_and(|back| is_one_place(globe, back))
         });
         checked.ok_or_else(|| {
             let [longitude, latitude] = globe.map(f64::to_degrees);
             self.beyond(&format!("longitude {longitude}, latitude {latitude}"))
         })
+    }
+
+    /// Unchecked projection of many places; not a number where it fails.
+    pub(crate) fn project_all(&self, places: &mut [[f64; 2]]) {
+        let done = transform(&self.globe, &self.proj, &mut Places(places));
+        let is_geographic = self.is_geographic();
+        for at in places {
+            *at = match is_geographic {
+                _ if done.is_err() => [f64::NAN; 2],
+                true => at.map(f64::to_degrees),
+                false => *at,
+            };
+        }
+    }
+
+    /// Unchecked inverse projection of many positions; not a number where it fails.
+    pub(crate) fn unproject_all(&self, places: &mut [[f64; 2]]) {
+        for at in places {
+            *at = self.unproject(*at).unwrap_or([f64::NAN; 2]);
+        }
     }
 
     /// Unchecked inverse projection.
@@ -106,6 +129,21 @@ impl Projection {
     fn beyond(&self, place: &str) -> Error {
         Error::bad_input(format!("{place} is outside the domain of {}", self.label))
             .remedy("clip the data, or use another CRS")
+    }
+}
+
+/// Places that are transformed together, step by step. One that fails becomes not a number, and is left alone then.
+struct Places<'a>(&'a mut [[f64; 2]]);
+
+impl Transform for Places<'_> {
+    fn transform_coordinates<F: TransformClosure>(
+        &mut self,
+        step: &mut F,
+    ) -> proj4rs::errors::Result<()> {
+        for at in self.0.iter_mut().filter(|at| !at[0].is_nan()) {
+            *at = step(at[0], at[1], 0.0).map_or([f64::NAN; 2], |(x, y, _)| [x, y]);
+        }
+        Ok(())
     }
 }
 

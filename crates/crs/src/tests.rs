@@ -81,6 +81,40 @@ fn positions_are_those_of_proj_there_and_back() {
     }
 }
 
+/// On lines of any step within the area of a system and far beyond it, there and back.
+#[test]
+fn positions_on_a_line_are_those_one_by_one() {
+    let (mut found, mut none) = (0, 0);
+    for (own, _, extent) in systems() {
+        let operation = wgs84(&code(own), extent).unwrap();
+        let [x0, y0, x1, y1] = extent;
+        let [width, height] = [x1 - x0, y1 - y0];
+        for step in [1e-5, 0.003, 0.1, 1.7] {
+            let there: Vec<[f64; 2]> = (0..75)
+                .map(|i| f64::from(i) * step)
+                .map(|t| [x0 + width * (0.3 + t), y0 + height * (0.6 - 0.7 * t)])
+                .collect();
+            let degrees: Vec<[f64; 2]> = (0..75)
+                .map(|i| f64::from(i - 37) * step * 10.0)
+                .map(|t| [own.rem_euclid(360) as f64 - 180.0 + 3.0 * t, 50.0 + t])
+                .collect();
+            for (operation, line) in [(&operation, there), (&operation.inverse(), degrees)] {
+                let mut together = line.clone();
+                operation.line(&mut together);
+                for (at, own_at) in line.iter().zip(&together) {
+                    match operation.position(*at) {
+                        Ok(alone) => assert_eq!(alone, *own_at, "{own} {at:?}"),
+                        Err(_) => assert!(own_at[0].is_nan(), "{own} {at:?} {own_at:?}"),
+                    }
+                    found += usize::from(!own_at[0].is_nan());
+                    none += usize::from(own_at[0].is_nan());
+                }
+            }
+        }
+    }
+    assert!(found > 10_000 && none > 10_000, "{found} {none}");
+}
+
 #[test]
 fn systems_by_text_are_those_by_code() {
     let mut compared = 0;

@@ -28,6 +28,13 @@ impl CrsTransform {
         inverse.position(at).ok()
     }
 
+    /// As [`inverse`](Self::inverse) for neighbouring positions; not a number where there is none.
+    pub(super) fn inverse_line(&self, line: &mut [[f64; 2]]) {
+        if let Some([_, inverse]) = &self.operations {
+            inverse.line(line);
+        }
+    }
+
     /// The height of the output, from that at a place of the grid.
     pub(super) fn height(&self, [x, y]: [f64; 2], z: f64) -> Result<f64> {
         let Some([forward, _]) = &self.operations else { return Ok(z) };

@@ -108,17 +108,17 @@ impl WarpedGrid {
     /// Positions of the samples of a piece in the grid; returns the number that cannot be transformed.
     fn place(&self, piece: Rect, places: &mut Vec<Place>) -> u64 {
         let map = &self.inner.info().transform;
-        let mut nowhere = 0;
         places.clear();
         for row in piece.row..piece.end_row() {
-            places.extend((piece.col..piece.end_col()).map(|col| {
-                let at = self.info.transform.apply(f64::from(col), f64::from(row));
-                let place = self.transform.inverse(at).map(|[x, y]| map.invert(x, y));
-                nowhere += u64::from(place.is_none());
-                place.unwrap_or([f64::NAN; 2])
-            }));
+            let first = places.len();
+            let line = piece.col..piece.end_col();
+            places
+                .extend(line.map(|col| self.info.transform.apply(f64::from(col), f64::from(row))));
+            self.transform.inverse_line(&mut places[first..]);
         }
-        nowhere
+        // What cannot be transformed stays not a number.
+        places.iter_mut().for_each(|at| *at = map.invert(at[0], at[1]));
+        places.iter().filter(|at| at[0].is_nan()).count() as u64
     }
 
     /// Finds the heights of a piece.

@@ -15,7 +15,7 @@ use terrane_engine::{Cancel, Progress, workers};
 use terrane_ground::{GroundSurface, GroundTiling, LowestPoints, NO_POINT, Request};
 
 /// Part of the memory of a search for tiles, if a method works in tiles of any size.
-const ANY_SHARE: u64 = 8;
+const ANY_SHARE: u64 = 2;
 /// Most of it for tiles of a fixed size, beyond the first one.
 const FIXED_SHARE: [u64; 2] = [3, 4];
 /// Fewest and most cells along a tile.
@@ -136,13 +136,18 @@ impl<'a> GroundFilter<'a> {
     ) -> Self {
         let step = metres.step;
         let cell = cell(&ground_tiling, metres);
-        let wide = (memory / threads as u64 / method.bytes_per_cell()).isqrt() as i64;
-        let fitting = (wide - 2 * ground_tiling.halo as i64).clamp(SIDES[0], SIDES[1]);
-        let side = ground_tiling.core.map_or(fitting, |core| core as i64);
         let (others, within) = (None, None);
+        let side = ground_tiling.core.unwrap_or_default() as i64;
         let filter =
             Self { candidates, others, method, ground_tiling, step, cell, side, threads, within };
-        Self { threads: filter.fitting(memory), ..filter }
+        match ground_tiling.core {
+            Some(_) => Self { threads: filter.fitting(memory), ..filter },
+            None => {
+                let most = memory / method.bytes_per_cell();
+                let (threads, side) = fastest(most, threads, ground_tiling.halo as i64);
+                Self { threads, side, ..filter }
+            }
+        }
     }
 
     /// Number of threads whose tiles fit into memory; at least one.
@@ -328,6 +333,23 @@ impl<'a> GroundFilter<'a> {
     }
 }
 
+/// Threads and cells along a tile, for tiles of `most` cells together with their halos, that find most cells at a time: a
+/// thread more has its own halo to compute.
+fn fastest(most: u64, threads: usize, halo: i64) -> (usize, i64) {
+    let side = |threads: usize| {
+        let wide = (most / threads as u64).isqrt() as i64;
+        (wide - 2 * halo).clamp(SIDES[0], SIDES[1])
+    };
+    let speed = |threads: usize| {
+        let side = side(threads) as f64;
+        let wide = side + 2.0 * halo as f64;
+        let fits = threads == 1 || wide * wide * threads as f64 <= most as f64;
+        if fits { threads as f64 * (side / wide).powi(2) } else { 0.0 }
+    };
+    let best = (1..=threads).max_by(|a, b| speed(*a).total_cmp(&speed(*b))).unwrap_or(1);
+    (best, side(best))
+}
+
 /// The largest whole number that is not larger; `floor` is a call for machines without an instruction for it.
 #[inline]
 fn floored(v: f64) -> i64 {
@@ -425,6 +447,21 @@ mod tests {
             all.extend_from_slice(&points);
         }
         all
+    }
+
+    /// No tile is smaller, and no thread more, than pays.
+    #[test]
+    fn a_thread_more_is_not_slower() {
+        let speed = |(threads, side): (usize, i64), halo: i64| {
+            threads as f64 * (side as f64 / (side + 2 * halo) as f64).powi(2)
+        };
+        for (most, halo) in [(10_000, 300), (800_000, 280), (3_000_000, 280), (1 << 32, 30)] {
+            let speeds: Vec<f64> = (1..9).map(|n| speed(fastest(most, n, halo), halo)).collect();
+            assert!(speeds.is_sorted(), "{most} {halo}: {speeds:?}");
+        }
+        // A tile of 64 cells would find a hundredth of the cells that it computes.
+        assert_eq!(fastest(800_000, 2, 280), (1, 334));
+        assert_eq!(fastest(1 << 32, 8, 30), (8, 1024));
     }
 
     #[test]

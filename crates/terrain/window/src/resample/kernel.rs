@@ -1,7 +1,7 @@
 //! Interpolation with separable weights.
 
 use super::resampling::Scale;
-use super::window::{Place, SourceWindow};
+use super::window::{Place, SourceWindow, floored};
 
 /// Weights by distance.
 pub(crate) trait ResamplingKernel {
@@ -45,7 +45,7 @@ struct ResamplingTaps<'a> {
 /// Interpolates at about the resolution of the grid.
 #[inline(always)]
 fn close<K: ResamplingKernel, const TAPS: usize>(window: &SourceWindow<'_>, place: Place) -> f64 {
-    let first = place.map(|at| at.floor() as i64 - (TAPS as i64 / 2 - 1));
+    let first = place.map(|at| floored(at) - (TAPS as i64 / 2 - 1));
     let weights: [[f64; TAPS]; 2] = [0, 1].map(|axis| {
         let from = place[axis] - first[axis] as f64;
         std::array::from_fn(|tap| K::weight((tap as f64 - from).abs()))
@@ -70,36 +70,35 @@ fn far<K: ResamplingKernel>(
     radius: usize,
     weights: &mut [Vec<f64>; 2],
 ) -> f64 {
-    let first = weigh::<K>(place, scale, radius, weights);
-    let height = weighted(
-        window,
-        &ResamplingTaps { first, weights: weights.each_ref().map(|axis| &axis[..]) },
-    );
+    let taps = weigh::<K>(place, scale, radius, weights);
+    let height = weighted(window, &taps);
     if height.is_nan() { partial(window, place, scale) } else { height }
 }
 
-/// Fills the weights of the samples along both axes, without zero weights at the ends; returns the first
-/// sample.
-fn weigh<K: ResamplingKernel>(
+/// The samples with a weight, along both axes.
+#[inline(always)]
+fn weigh<'a, K: ResamplingKernel>(
     place: Place,
     scale: Scale,
     radius: usize,
-    weights: &mut [Vec<f64>; 2],
-) -> [i64; 2] {
-    [0, 1].map(|axis| {
+    buffers: &'a mut [Vec<f64>; 2],
+) -> ResamplingTaps<'a> {
+    let mut first = [0; 2];
+    let mut axis = 0;
+    let weights = buffers.each_mut().map(|weights| {
         let (at, scale) = (place[axis], scale.get()[axis]);
-        let reach = (radius as f64 * scale).ceil() as i64;
-        let first = at.floor() as i64 - reach + 1;
-        weights[axis].clear();
-        let distances = (0..2 * reach).map(|tap| ((first + tap) as f64 - at).abs() / scale);
-        let taps = distances.map(K::weight);
-        let zeros = taps.clone().take_while(|weight| *weight == 0.0).count();
-        weights[axis].extend(taps.skip(zeros));
-        while weights[axis].last() == Some(&0.0) {
-            weights[axis].pop();
-        }
-        first + zeros as i64
-    })
+        let reach = -floored(-(radius as f64 * scale));
+        let from = floored(at) - reach + 1;
+        weights.clear();
+        let distances = (from..from + 2 * reach).map(|tap| (tap as f64 - at).abs() / scale);
+        weights.extend(distances.map(K::weight));
+        let zeros = weights.iter().take_while(|weight| **weight == 0.0).count();
+        let end = weights.iter().rposition(|weight| *weight != 0.0).map_or(zeros, |last| last + 1);
+        first[axis] = from + zeros as i64;
+        axis += 1;
+        &weights[zeros..end]
+    });
+    ResamplingTaps { first, weights }
 }
 
 /// By all samples; NaN if one is void or beyond the window.
@@ -121,10 +120,10 @@ fn weighted(window: &SourceWindow<'_>, taps: &ResamplingTaps<'_>) -> f64 {
 #[cold]
 fn partial(window: &SourceWindow<'_>, place: Place, scale: Scale) -> f64 {
     let mut weights = [Vec::new(), Vec::new()];
-    let first = weigh::<Bilinear>(place, scale, 1, &mut weights);
+    let ResamplingTaps { first, weights } = weigh::<Bilinear>(place, scale, 1, &mut weights);
     let (mut sum, mut total) = (0.0, 0.0);
-    for (row, down) in (first[1]..).zip(&weights[1]) {
-        for (col, across) in (first[0]..).zip(&weights[0]) {
+    for (row, down) in (first[1]..).zip(weights[1]) {
+        for (col, across) in (first[0]..).zip(weights[0]) {
             let (height, weight) = (window.at([col, row]), across * down);
             if !height.is_nan() {
                 sum += weight * height;

@@ -49,6 +49,13 @@ impl SourceWindow<'_> {
     }
 }
 
+/// The largest whole number that is not larger; `floor` is a call for machines without an instruction for it.
+#[inline]
+pub(crate) fn floored(at: f64) -> i64 {
+    let towards_zero = at as i64;
+    towards_zero - i64::from(towards_zero as f64 > at)
+}
+
 /// The sample in whose cell a place lies; `None` beyond the cells of a grid.
 #[inline]
 pub(crate) fn nearest(grid: [u32; 2], place: Place) -> Option<[i64; 2]> {
@@ -59,5 +66,6 @@ pub(crate) fn nearest(grid: [u32; 2], place: Place) -> Option<[i64; 2]> {
 #[inline]
 fn nearest_index(at: f64, side: u32) -> Option<i64> {
     let (cell, side) = (at + 0.5 + HAIR, f64::from(side));
-    (cell >= 0.0 && cell <= side + 2.0 * HAIR).then(|| cell.min(side - 0.5).floor() as i64)
+    // Not below 0, so that this rounds down.
+    (cell >= 0.0 && cell <= side + 2.0 * HAIR).then(|| cell.min(side - 0.5) as i64)
 }
