@@ -40,6 +40,7 @@ pub struct PointFrame {
 
 impl PointFrame {
     /// World coordinates of a point.
+    #[inline]
     pub fn world(&self, point: Point) -> [f64; 3] {
         let steps = [point.x, point.y, point.z].map(f64::from);
         std::array::from_fn(|axis| steps[axis] * self.scale[axis] + self.offset[axis])

@@ -10,6 +10,7 @@
 //! The four columns of a node are processed together, and the sample of a node moves up.
 
 use std::collections::{BTreeMap, HashMap};
+use std::hash::{BuildHasherDefault, Hasher};
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -296,18 +297,24 @@ impl Octree<'_> {
     ) -> PendingOctreeNode {
         let all = below.iter().map(|(_, node)| node.occupied);
         let occupied = all.fold(Occupancy::default(), Occupancy::and);
-        let all: Vec<(usize, &[u8])> = (0..)
+        if occupied.is_whole() {
+            let records = below.iter().flat_map(|(_, node)| node.records.iter().copied()).collect();
+            return PendingOctreeNode { records, occupied };
+        }
+        let all: Vec<SampleCandidate<'_>> = (0..)
             .zip(&below)
-            .flat_map(|(i, (_, node))| node.records.chunks_exact(self.size()).map(move |r| (i, r)))
+            .flat_map(|(node, (_, own))| {
+                let records = own.records.chunks_exact(self.size());
+                records.map(move |record| self.candidate(level, node, record))
+            })
             .collect();
-        let is_whole = occupied.is_whole();
-        let best = if is_whole { HashMap::new() } else { self.best(level, &all) };
+        let best = best(&all);
         let mut sample = Vec::new();
         let mut rest: Vec<Vec<u8>> = vec![Vec::new(); below.len()];
-        for (number, (i, record)) in all.into_iter().enumerate() {
-            let cell = self.cell(level, record);
-            let is_sampled = is_whole || best.get(&cell).is_some_and(|best| best.1 == number);
-            if is_sampled { &mut sample } else { &mut rest[i] }.extend_from_slice(record);
+        for (number, own) in (0..).zip(all) {
+            let is_sampled = best.get(&own.cell) == Some(&number);
+            let into = if is_sampled { &mut sample } else { &mut rest[own.node] };
+            into.extend_from_slice(own.record);
         }
         let level = level as i32 + 1;
         for ((at, _), records) in below.iter().zip(rest).filter(|(_, rest)| !rest.is_empty()) {
@@ -317,34 +324,16 @@ impl Octree<'_> {
         PendingOctreeNode { records: sample, occupied }
     }
 
-    /// The point nearest to the centre of each cell; of ties the first by its bytes.
-    fn best(&self, level: u32, all: &[(usize, &[u8])]) -> HashMap<u32, (u64, usize)> {
-        let mut best: HashMap<u32, (u64, usize)> = HashMap::new();
-        for (number, (_, record)) in all.iter().enumerate() {
-            let candidate = (self.apart(level, record), number);
-            let known = best.entry(self.cell(level, record)).or_insert(candidate);
-            let is_nearer = (candidate.0, record).lt(&(known.0, &all[known.1].1));
-            if is_nearer {
-                *known = candidate;
-            }
-        }
-        best
-    }
-
-    /// The cell of a node of a level that a record is in.
-    fn cell(&self, level: u32, record: &[u8]) -> u32 {
-        let [x, y, z] =
-            self.place.fine(record).map(|fine| fine >> (FINE - level - CELLS) & ((1 << CELLS) - 1));
-        x | y << CELLS | z << (2 * CELLS)
-    }
-
-    /// Squared distance of a record from the centre of its cell.
-    fn apart(&self, level: u32, record: &[u8]) -> u64 {
-        let side = 1_i64 << (FINE - level - CELLS);
+    /// A record of a node below, with its cell in a node of a level.
+    fn candidate<'r>(&self, level: u32, node: usize, record: &'r [u8]) -> SampleCandidate<'r> {
+        let fine = self.place.fine(record);
+        let shift = FINE - level - CELLS;
+        let [x, y, z] = fine.map(|fine| fine >> shift & ((1 << CELLS) - 1));
+        let side = 1_i64 << shift;
         // Doubled: the middles of a cell and of a division of the cube are both at halves.
-        let offsets =
-            self.place.fine(record).map(|fine| 2 * (i64::from(fine) & (side - 1)) + 1 - side);
-        offsets.iter().map(|offset| offset.pow(2) as u64).sum()
+        let offsets = fine.map(|fine| 2 * (i64::from(fine) & (side - 1)) + 1 - side);
+        let apart = offsets.iter().map(|offset| offset.pow(2) as u64).sum();
+        SampleCandidate { node, cell: x | y << CELLS | z << (2 * CELLS), apart, record }
     }
 
     fn put(&self, done: Vec<Done>, writer: &mut CloudWriter) -> Result<()> {
@@ -375,6 +364,47 @@ impl Octree<'_> {
         // Records that are equal in both are the same bytes: the order of the input does not show.
         all.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(b.1)));
         all.iter().flat_map(|(_, record)| record.iter().copied()).collect()
+    }
+}
+
+/// A record that may be in the sample of a node.
+struct SampleCandidate<'a> {
+    /// Number of the node below that has it.
+    node: usize,
+    cell: u32,
+    /// Squared distance from the centre of the cell.
+    apart: u64,
+    record: &'a [u8],
+}
+
+/// The number of the point nearest to the centre of each cell; of ties the first by its bytes.
+fn best(all: &[SampleCandidate<'_>]) -> HashMap<u32, u32, BuildHasherDefault<CellHasher>> {
+    let mut best = HashMap::default();
+    for (number, own) in (0..).zip(all) {
+        let known = best.entry(own.cell).or_insert(number);
+        let kept = &all[*known as usize];
+        if (own.apart, own.record) < (kept.apart, kept.record) {
+            *known = number;
+        }
+    }
+    best
+}
+
+/// Scatters cells, whose numbers nobody can choose.
+#[derive(Default)]
+struct CellHasher(u64);
+
+impl Hasher for CellHasher {
+    fn write(&mut self, bytes: &[u8]) {
+        bytes.iter().for_each(|byte| self.write_u32((*byte).into()));
+    }
+
+    fn write_u32(&mut self, cell: u32) {
+        self.0 = (self.0 ^ u64::from(cell)).wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(32);
+    }
+
+    fn finish(&self) -> u64 {
+        self.0
     }
 }
 
