@@ -51,6 +51,26 @@ fn near(found: &Value, expected: f64) {
     assert!((number - expected).abs() <= 1e-9 * expected.abs().max(1.0), "{number} {expected}");
 }
 
+/// A CSV has a row for each polygon, empty or not, and no geometry, so that every name of a property is free.
+#[test]
+fn a_table_has_a_row_for_each_polygon() {
+    let place = place();
+    let shapes = [polygon(&[[0.0, 0.0, 25.0, 10.0]]), "null".to_owned()];
+    place.write("zones.geojson", features(&[("x, y", &shapes[0]), ("none", &shapes[1])]));
+    let table = |name: &str, options: &[&str]| {
+        place.ok(&[&["zonal", "dem.asc", "zones.geojson", name], options].concat());
+        std::fs::read_to_string(place.path(name)).unwrap()
+    };
+    let expected = "id,name,count,mean\n1,\"x, y\",2.5,0.8\n2,none,0,\n";
+    assert_eq!(table("t.csv", &["--stat", "count,mean"]), expected);
+    assert!(!place.path("t.prj").exists());
+    assert_eq!(
+        table("t.txt", &["--stat", "min", "--prefix", "x"]).lines().next(),
+        Some("id,name,xmin")
+    );
+    assert_eq!(table("u", &["--stat", "count,mean", "-f", "CSV"]), expected);
+}
+
 #[test]
 fn statistics_are_those_found_by_hand() {
     let place = place();

@@ -24,7 +24,8 @@ use terrane_options::Options;
 use terrane_raster::{self as raster, GridInfo, GridOpenOptions, GridSource};
 use terrane_vector::{
     self as vector, Feature, FeatureSink, FeatureSource, FieldDefinition, FieldKind, GeometryType,
-    PropertyValue, VectorFormat, VectorOpenOptions, VectorWriteOptions, WrittenFeatures,
+    PropertySupport, PropertyValue, VectorFormat, VectorOpenOptions, VectorWriteOptions,
+    WrittenFeatures,
 };
 
 /// Bytes of a vertex in a batch: as it was read, and the copy of the writer.
@@ -96,6 +97,8 @@ pub(crate) struct AnnotationRequest<'a> {
     pub(crate) format: &'static VectorFormat,
     /// A row of a table is a point.
     pub(crate) are_points: bool,
+    /// The features, as far as their kind is known.
+    pub(crate) kind: GeometryType,
     /// Bytes of a thread.
     pub(crate) worker: u64,
     /// The option that names the new properties, for errors.
@@ -146,8 +149,8 @@ pub(crate) fn format(
 ) -> Result<&'static VectorFormat> {
     let format = vector::by_path(output, file.format.as_deref())?;
     let missing = match format.holds {
-        holds if !holds.kinds.contains(&kind) => Some(kind.name()),
-        holds if holds.values == vector::PropertySupport::None => Some("properties"),
+        holds if holds.values == PropertySupport::None => Some("properties"),
+        holds if !holds.kinds.contains(&kind) && !is_cells(format) => Some(kind.name()),
         _ => None,
     };
     match missing {
@@ -156,6 +159,11 @@ pub(crate) fn format(
             .remedy("write GeoJSON, FlatGeobuf or Shapefile")),
         None => Ok(format),
     }
+}
+
+/// True for tables of cells, which take any features without their geometry.
+fn is_cells(format: &VectorFormat) -> bool {
+    format.holds.values == PropertySupport::Cells
 }
 
 /// Passes all features in batches to `work`, which writes them with values of the properties that `fields` names.
@@ -300,6 +308,7 @@ impl AnnotatedFile {
         }
         let options = VectorWriteOptions {
             overwrite: request.options.file.replacing.overwrite,
+            table: !request.format.holds.kinds.contains(&request.kind),
             temp_dir: request.options.resources.temp_dir.clone(),
             ..VectorWriteOptions::default()
         };

@@ -16,6 +16,8 @@ pub struct VectorWriteOptions {
     pub lines_are_rounded: bool,
     /// Build a spatial index, in formats that have one (FlatGeobuf).
     pub index: bool,
+    /// Write a table of the properties alone, a row for each feature, in formats of [cells](crate::PropertySupport::Cells).
+    pub table: bool,
     /// Folder for temporary files; the folder of the output if `None`.
     pub temp_dir: Option<PathBuf>,
 }
@@ -27,6 +29,7 @@ impl Default for VectorWriteOptions {
             decimals: None,
             lines_are_rounded: false,
             index: true,
+            table: false,
             temp_dir: None,
         }
     }

@@ -56,6 +56,7 @@ impl Operation for ZonalOptions {
             run: request,
             format: self.format(request.output)?,
             are_points: false,
+            kind: GeometryType::Polygon,
             worker: units.worker,
             naming: "‹prefix›",
         };

@@ -7,11 +7,12 @@ use std::path::{Path, PathBuf};
 use crate::crs;
 use crate::decimal;
 use crate::feature::{Feature, JsonMember, LayerHeader, PropertyValue};
-use crate::geometry::GeometryType;
+use crate::geometry::{Geometry, GeometryType};
 use crate::out::VectorOutputFile;
 use crate::sink::{FeatureSink, VectorWriteOptions, WrittenFeatures};
 use crate::table::{FeatureRow, FeatureRows, FeatureTable, id_of, push_text};
 use terrane_base::error::{Error, Result};
+use terrane_base::geom::Crs;
 use terrane_files::atomic::Sidecar;
 
 /// Starts a file.
@@ -20,10 +21,13 @@ pub(super) fn create(
     layer: &LayerHeader,
     options: &VectorWriteOptions,
 ) -> Result<Box<dyn FeatureSink>> {
+    // Nothing in a table has a position.
+    let no_crs = Crs::default();
     Ok(Box::new(CsvFeatureSink {
         out: VectorOutputFile::create(path, options.overwrite)?,
-        prj: crs::prj(path, &layer.crs, options.overwrite)?,
-        notes: crs::notes(&layer.crs),
+        prj: crs::prj(path, if options.table { &no_crs } else { &layer.crs }, options.overwrite)?,
+        notes: if options.table { Vec::new() } else { crs::notes(&layer.crs) },
+        is_table: options.table,
         table: FeatureTable::new(path, layer, options.temp_dir.as_deref())?,
         ids: CsvFeatureIds::default(),
         has_z: false,
@@ -38,6 +42,7 @@ struct CsvFeatureSink {
     notes: Vec<String>,
     table: FeatureTable,
     ids: CsvFeatureIds,
+    is_table: bool,
     has_z: bool,
     has_m: bool,
     path: PathBuf,
@@ -47,6 +52,14 @@ impl FeatureSink for CsvFeatureSink {
     fn write(&mut self, feature: &Feature) -> Result<()> {
         let kind = feature.geometry.kind();
         let place = format!("feature {}", self.table.len() + 1);
+        if self.is_table {
+            self.ids.add(feature);
+            let feature = Feature { geometry: Geometry::null(), ..feature.clone() };
+            return self
+                .table
+                .push(&feature, usize::MAX)
+                .map_err(|e| e.at(place).in_file(&self.path));
+        }
         if !matches!(
             kind,
             GeometryType::Null
@@ -79,7 +92,7 @@ impl FeatureSink for CsvFeatureSink {
         notes.append(&mut rows.notes);
         for own in rows.columns.iter().map(|column| &*column.name) {
             let name = free_name(&rows, own);
-            if name != own {
+            if name != own && !this.is_table {
                 notes.push(format!("the property {own} is in column {name}"));
             }
         }
@@ -90,12 +103,12 @@ impl FeatureSink for CsvFeatureSink {
             ));
         }
         let mut pen = CsvRowWriter::new(&rows, numbers);
-        (pen.has_z, pen.has_m) = (this.has_z, this.has_m);
+        (pen.has_z, pen.has_m, pen.is_table) = (this.has_z, this.has_m, this.is_table);
         pen.head(&rows, &mut out.buffer);
         let (mut empty, mut single) = (0, 0);
         for at in 0..rows.len() {
             let row = rows.get(at)?;
-            empty += u64::from(row.geometry.is_empty());
+            empty += u64::from(row.geometry.is_empty() && !this.is_table);
             let is_line = !row.geometry.kind().is_points();
             single += u64::from(is_line && row.geometry.vertices() == 1);
             pen.row(at, &row, &mut out.buffer);
@@ -195,6 +208,7 @@ struct CsvRowWriter {
     columns: usize,
     has_z: bool,
     has_m: bool,
+    is_table: bool,
     /// The cells after the coordinates of a vertex.
     tail: Vec<u8>,
 }
@@ -203,7 +217,8 @@ impl CsvRowWriter {
     fn new(rows: &FeatureRows, numbers: Option<i64>) -> Self {
         let id = rows.columns.iter().position(|column| *column.name == *"id");
         let columns = rows.columns.len();
-        Self { id, numbers, columns, has_z: false, has_m: false, tail: Vec::new() }
+        let [has_z, has_m, is_table] = [false; 3];
+        Self { id, numbers, columns, has_z, has_m, is_table, tail: Vec::new() }
     }
 
     /// True if a column follows the coordinates.
@@ -211,8 +226,13 @@ impl CsvRowWriter {
         self.numbers.is_none() || Some(column) != self.id
     }
 
+    /// Name of the column of a property.
+    fn name(&self, rows: &FeatureRows, own: &str) -> String {
+        if self.is_table { own.to_owned() } else { free_name(rows, own) }
+    }
+
     fn head(&self, rows: &FeatureRows, text: &mut Vec<u8>) {
-        text.extend_from_slice(b"id,part,x,y");
+        text.extend_from_slice(if self.is_table { b"id" } else { b"id,part,x,y" });
         if self.has_z {
             text.extend_from_slice(b",z");
         }
@@ -224,7 +244,7 @@ impl CsvRowWriter {
                 text.push(b',');
                 match Some(at) == self.id {
                     true => text.extend_from_slice(own_name(rows).as_bytes()),
-                    false => push_cell(free_name(rows, &column.name).as_bytes(), text),
+                    false => push_cell(self.name(rows, &column.name).as_bytes(), text),
                 }
             }
         }
@@ -249,6 +269,11 @@ impl CsvRowWriter {
                 self.tail.push(b',');
                 push_cell(cell, &mut self.tail);
             }
+        }
+        if self.is_table {
+            text.extend_from_slice(&id);
+            text.extend_from_slice(&self.tail);
+            text.push(b'\n');
         }
         let found = row.geometry.coordinates();
         let mut part = 0;
