@@ -76,43 +76,47 @@ impl Projection {
         })
     }
 
-    /// Unchecked projection of many places; not a number where it fails.
+    /// Unchecked projection of places; not a number where it fails.
     pub(crate) fn project_all(&self, places: &mut [[f64; 2]]) {
         let done = transform(&self.globe, &self.proj, &mut Places(places));
         let is_geographic = self.is_geographic();
         for at in places {
-            *at = match is_geographic {
-                _ if done.is_err() => [f64::NAN; 2],
-                true => at.map(f64::to_degrees),
-                false => *at,
+            *at = if is_geographic { at.map(f64::to_degrees) } else { *at };
+            let is_found = done.is_ok() && at[0].is_finite() && at[1].is_finite();
+            *at = if is_found { *at } else { [f64::NAN; 2] };
+        }
+    }
+
+    /// Unchecked inverse projection of positions; not a number where it fails.
+    pub(crate) fn unproject_all(&self, places: &mut [[f64; 2]]) {
+        if self.is_geographic() {
+            for at in places.iter_mut() {
+                *at = at.map(f64::to_radians);
+                let is_far = at[1].abs() > FRAC_PI_2 || at[0].abs() > 2.0 * TAU;
+                *at = if is_far { [f64::NAN; 2] } else { *at };
+            }
+        }
+        let done = transform(&self.proj, &self.globe, &mut Places(places));
+        for at in places {
+            let is_found = done.is_ok() && at[0].is_finite() && at[1].abs() <= FRAC_PI_2 + 1e-12;
+            *at = match is_found {
+                true => [at[0], at[1].clamp(-FRAC_PI_2, FRAC_PI_2)],
+                false => [f64::NAN; 2],
             };
         }
     }
 
-    /// Unchecked inverse projection of many positions; not a number where it fails.
-    pub(crate) fn unproject_all(&self, places: &mut [[f64; 2]]) {
-        for at in places {
-            *at = self.unproject(*at).unwrap_or([f64::NAN; 2]);
-        }
-    }
-
     /// Unchecked inverse projection.
-    pub(crate) fn unproject(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
-        let is_geographic = self.is_geographic();
-        let mut at = if is_geographic { (x.to_radians(), y.to_radians()) } else { (x, y) };
-        if is_geographic && (at.1.abs() > FRAC_PI_2 || at.0.abs() > 2.0 * TAU) {
-            return None;
-        }
-        transform(&self.proj, &self.globe, &mut at).ok()?;
-        (at.0.is_finite() && at.1.abs() <= FRAC_PI_2 + 1e-12)
-            .then_some([at.0, at.1.clamp(-FRAC_PI_2, FRAC_PI_2)])
+    pub(crate) fn unproject(&self, at: [f64; 2]) -> Option<[f64; 2]> {
+        let mut place = [at];
+        self.unproject_all(&mut place);
+        Some(place[0]).filter(|[longitude, _]| !longitude.is_nan())
     }
 
-    fn project(&self, [longitude, latitude]: [f64; 2]) -> Option<[f64; 2]> {
-        let mut at = (longitude, latitude);
-        transform(&self.globe, &self.proj, &mut at).ok()?;
-        let (x, y) = if self.is_geographic() { (at.0.to_degrees(), at.1.to_degrees()) } else { at };
-        (x.is_finite() && y.is_finite()).then_some([x, y])
+    fn project(&self, globe: [f64; 2]) -> Option<[f64; 2]> {
+        let mut place = [globe];
+        self.project_all(&mut place);
+        Some(place[0]).filter(|[x, _]| !x.is_nan())
     }
 
     fn is_near(&self, a: [f64; 2], b: [f64; 2]) -> bool {
