@@ -6,6 +6,7 @@
 mod completions;
 mod contour;
 mod demo;
+mod difference;
 mod grid;
 mod heap;
 mod info;

@@ -28,23 +28,9 @@ use terrane_files::{is_made, path_of};
 use terrane_raster as raster;
 use terrane_raster::Inputs;
 use terrane_terrain::convert::ConvertReport;
-use terrane_terrain::difference::DifferenceReport;
-use terrane_terrain::fill::FillReport;
 use terrane_vector as vector;
 
 impl Summarize for ConvertReport {
-    fn summary(&self) -> String {
-        report::plain(self)
-    }
-}
-
-impl Summarize for FillReport {
-    fn summary(&self) -> String {
-        report::plain(self)
-    }
-}
-
-impl Summarize for DifferenceReport {
     fn summary(&self) -> String {
         report::plain(self)
     }

@@ -4,16 +4,19 @@
 //! memory cannot change it. A rectangle without a void is only copied; around the voids of others the samples within that
 //! distance are read.
 
+mod bands;
+
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use serde::Serialize;
 
-use crate::convert::copy::{DerivedBands, run_of};
+use crate::convert::copy::{DerivedBands, run_beside};
 use crate::convert::job::{ConvertJob, ConvertOptions, ConvertReport};
 use crate::halo::SampleHalo;
 use crate::stored;
+use bands::FilledBands;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_engine::Resources;
@@ -26,6 +29,8 @@ use terrane_window::voids::{VoidFiller, VoidScratch};
 
 /// Most columns and rows that are filled at once.
 const PIECE: u32 = 512;
+/// Most bytes of filled rows that wait for their strips.
+const MAX_BANDS: u64 = 64 << 20;
 
 /// Fill voids of a grid from the samples around them
 ///
@@ -111,8 +116,9 @@ impl Operation for FillOptions {
         let RunRequest { inputs, output, progress, cancel, .. } = request;
         let (copy, filler, filled) = (self.copy(inputs, output), self.filler(), Arc::default());
         let bytes = filler.bytes(PIECE.into());
-        let report = run_of(&copy, bytes, progress, cancel, |inner| {
-            let grid = FilledGrid::new(inner, filler, Arc::clone(&filled));
+        let bands = [(self.resources.memory / 8).min(MAX_BANDS), 0];
+        let report = run_beside(&copy, bytes, bands, progress, cancel, |inner, bands| {
+            let grid = FilledGrid::new(inner, filler, Arc::clone(&filled), bands);
             Ok(DerivedBands::of(Box::new(grid), Vec::new()))
         });
         let mut common = report.map_err(or_less)?;
@@ -137,6 +143,7 @@ struct FilledGrid {
     halo: SampleHalo,
     /// Number of filled samples.
     filled: Arc<AtomicU64>,
+    bands: FilledBands,
     /// Buffers that no thread is using.
     spare: Mutex<Vec<FillBuffers>>,
 }
@@ -148,9 +155,16 @@ struct FillBuffers {
 }
 
 impl FilledGrid {
-    fn new(inner: Box<dyn GridSource>, filler: VoidFiller, filled: Arc<AtomicU64>) -> Self {
+    /// A grid in front of another, which keeps filled bands of at most `bytes` bytes.
+    fn new(
+        inner: Box<dyn GridSource>,
+        filler: VoidFiller,
+        filled: Arc<AtomicU64>,
+        bytes: u64,
+    ) -> Self {
         let halo = SampleHalo(filler.reach());
-        Self { inner, filler, halo, filled, spare: Mutex::default() }
+        let bands = FilledBands::new(inner.info().width, bytes);
+        Self { inner, filler, halo, filled, bands, spare: Mutex::default() }
     }
 
     /// Fills the voids of a rectangle that was read.
@@ -165,20 +179,41 @@ impl FilledGrid {
         }
         let mut buffers = lock(&self.spare).pop().unwrap_or_default();
         let mut filled = 0;
-        for row in (rect.row..rect.end_row()).step_by(PIECE as usize) {
-            for col in (rect.col..rect.end_col()).step_by(PIECE as usize) {
-                let piece = Rect::new(col, row, PIECE, PIECE).intersect(&rect);
-                let Some(voids) = voids(rect, heights, piece) else { continue };
-                let found = self.piece(voids, &mut buffers)?;
-                for (row, found) in (voids.row..).zip(found.chunks_exact(voids.width as usize)) {
-                    let first = (row - rect.row) as usize * rect.width as usize;
-                    let first = first + (voids.col - rect.col) as usize;
-                    for (height, found) in heights[first..].iter_mut().zip(found) {
-                        if is_void(*height) && !found.is_nan() {
-                            *height = narrow(stored::nearest(self.info(), *found));
-                            filled += 1;
-                        }
+        let mut put = |heights: &mut [H], part: Rect, found: &[f64]| {
+            let both = part.intersect(&rect);
+            for row in both.row..both.end_row() {
+                let at = |of: Rect| {
+                    let first = (row - of.row) as usize * of.width as usize;
+                    first + (both.col - of.col) as usize
+                };
+                let found = &found[at(part)..][..both.width as usize];
+                for (height, found) in heights[at(rect)..].iter_mut().zip(found) {
+                    if is_void(*height) && !found.is_nan() {
+                        *height = narrow(stored::nearest(self.info(), *found));
+                        filled += 1;
                     }
+                }
+            }
+        };
+        if self.bands.are_for(rect) {
+            let columns = (rect.col / PIECE..=(rect.end_col() - 1) / PIECE).map(|at| {
+                let part = Rect::new(at * PIECE, rect.row, PIECE, rect.height).intersect(&rect);
+                voids(rect, heights, part).map(|_| at)
+            });
+            let columns: Vec<u32> = columns.flatten().collect();
+            self.bands.each(
+                rect,
+                self.info().bounds(),
+                &columns,
+                &mut |piece| self.piece(piece, &mut buffers).map(<[f64]>::to_vec),
+                &mut |piece, found| put(heights, piece, found),
+            )?;
+        } else {
+            for row in (rect.row..rect.end_row()).step_by(PIECE as usize) {
+                for col in (rect.col..rect.end_col()).step_by(PIECE as usize) {
+                    let piece = Rect::new(col, row, PIECE, PIECE).intersect(&rect);
+                    let Some(voids) = voids(rect, heights, piece) else { continue };
+                    put(heights, voids, self.piece(voids, &mut buffers)?);
                 }
             }
         }

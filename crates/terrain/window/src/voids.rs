@@ -236,10 +236,10 @@ mod tests {
 
     /// The quadrant of an offset, clockwise from the north-east.
     fn quadrant([dx, dy]: [i64; 2]) -> usize {
-        match (dx, dy) {
-            (0.., ..0) => 0,
-            (1.., 0..) => 1,
-            (..=0, 1..) => 2,
+        match [dx >= 0, dx > 0, dy >= 0, dy > 0] {
+            [true, _, false, _] => 0,
+            [_, true, true, _] => 1,
+            [_, false, _, true] => 2,
             _ => 3,
         }
     }
