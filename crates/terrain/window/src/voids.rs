@@ -3,8 +3,8 @@
 //! In each of four quadrants around a void (north-east, south-east, south-west, north-west; a quadrant has one of the
 //! two half-axes that bound it, so that all four are alike) the nearest valid sample counts, if it is within reach. The
 //! height is the mean of those samples, weighted by the inverse of their distance in cells. This is the rule of
-//! `gdal_fillnodata`, except that GDAL 3.10 counts samples straight above and below in the eastern quadrants and samples
-//! in the row of the void in the northern ones.
+//! `gdal_fillnodata`, except that GDAL 3.10 counts samples straight above and below in the western quadrants and samples
+//! in the row of the void in the northern ones, and that of equally near samples it takes any.
 //!
 //! For each sample of the window, two tables hold the distance to the nearest valid sample above and below. A void then
 //! walks the columns outward on both sides, until a column is farther away than the samples found.
