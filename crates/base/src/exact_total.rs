@@ -12,9 +12,9 @@
 const SPAN: u32 = 32;
 /// Bins that span every finite `f64`, from 2^-1074 up.
 const BINS: usize = 64;
-/// Additions after which bins are carried: 2^40 values of 2^84 stay below 2^127.
+/// Additions after which bins are normalised: 2^40 values of 2^84 stay below 2^127.
 const MAX_PENDING: u64 = 1 << 40;
-/// Digits of 32 bits of the whole sum: one for each bin, and those that bins carry into.
+/// Digits of 32 bits of the whole sum: one for each bin, and those above, for sums beyond the range of `f64`.
 const DIGITS: usize = BINS + 4;
 /// Bits of a significand.
 const SIGNIFICAND: usize = 53;
@@ -24,7 +24,7 @@ const SIGNIFICAND: usize = 53;
 pub struct ExactTotal {
     /// Whole multiples of 2^(32 i - 1074).
     bins: [i128; BINS],
-    /// Additions since bins were last carried.
+    /// Additions since bins were last normalised.
     pending: u64,
     /// The sum of the values that are not finite; 0 without any.
     unbounded: f64,
@@ -78,19 +78,19 @@ impl ExactTotal {
     fn count(&mut self, additions: u64) {
         self.pending += additions;
         if self.pending >= MAX_PENDING {
-            self.carry();
+            self.normalise();
         }
     }
 
     /// Leaves less than 2^32 in each bin but the last.
-    fn carry(&mut self) {
-        let mut carry = 0;
+    fn normalise(&mut self) {
+        let mut above = 0;
         for bin in &mut self.bins {
-            let all = *bin + carry;
+            let all = *bin + above;
             *bin = all & 0xffff_ffff;
-            carry = all >> SPAN;
+            above = all >> SPAN;
         }
-        self.bins[BINS - 1] += carry << SPAN;
+        self.bins[BINS - 1] += above << SPAN;
         self.pending = 1;
     }
 
@@ -117,13 +117,13 @@ impl ExactTotal {
 
     /// The sign, and the digits of the absolute value, the lowest first.
     fn digits(&self) -> (bool, [u32; DIGITS]) {
-        let (mut digits, mut carry) = ([0; DIGITS], 0_i128);
+        let (mut digits, mut above) = ([0; DIGITS], 0_i128);
         for (place, digit) in digits.iter_mut().enumerate() {
-            let all = self.bins.get(place).copied().unwrap_or(0) + carry;
+            let all = self.bins.get(place).copied().unwrap_or(0) + above;
             *digit = all as u32;
-            carry = all >> SPAN;
+            above = all >> SPAN;
         }
-        let is_negative = carry < 0;
+        let is_negative = above < 0;
         if is_negative {
             let mut more = true;
             for digit in &mut digits {
@@ -177,19 +177,19 @@ mod tests {
     }
 
     #[test]
-    fn carried_bins_hold_the_same() {
+    fn normalised_bins_hold_the_same() {
         for value in [f64::MAX, -f64::MAX, -1.0, 5e-324, -5e-324, 0.1] {
-            let mut carried = total(&[value, 1e-3, -7.5]);
-            let plain = carried.clone();
-            carried.carry();
-            carried.carry();
-            assert_eq!(carried.get().to_bits(), plain.get().to_bits(), "{value}");
-            carried.merge(&total(&[-value, 7.5]));
-            assert_eq!(carried.get(), 1e-3, "{value}");
+            let mut normal = total(&[value, 1e-3, -7.5]);
+            let plain = normal.clone();
+            normal.normalise();
+            normal.normalise();
+            assert_eq!(normal.get().to_bits(), plain.get().to_bits(), "{value}");
+            normal.merge(&total(&[-value, 7.5]));
+            assert_eq!(normal.get(), 1e-3, "{value}");
         }
         let mut many = total(&[f64::MAX, f64::MAX, f64::MAX]);
         assert_eq!(many.get(), f64::INFINITY);
-        many.carry();
+        many.normalise();
         many.merge(&total(&[-f64::MAX, -f64::MAX]));
         assert_eq!(many.get(), f64::MAX);
     }

@@ -244,7 +244,7 @@ mod tests {
         };
         // From the equator to a latitude the area per radian is known in closed form.
         let band = |latitude: f64| {
-            let Spheroid { axis, eccentricity_squared: squared } = Spheroid::WGS84;
+            let (axis, squared) = (6_378_137.0_f64, 0.006_694_379_990_141_316_f64);
             let (sine, e) = (latitude.to_radians().sin(), squared.sqrt());
             let polar = axis * axis * (1.0 - squared) / 2.0;
             polar * (sine / (1.0 - squared * sine * sine) + (e * sine).atanh() / e)

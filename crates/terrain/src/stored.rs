@@ -59,7 +59,7 @@ fn beside(kind: SampleType, stored: f64, exact: f64, nodata: f64) -> f64 {
     // Readers allow for four.
     let step = (9.0 * epsilon * nodata.abs()).max(least);
     // NaN is far from all.
-    if !((stored - nodata).abs() < step) {
+    if nodata.is_nan() || (stored - nodata).abs() >= step {
         return stored;
     }
     let up = if exact >= nodata { 1.0 } else { -1.0 };
