@@ -41,7 +41,7 @@ fn needed(operation: &AnyOperation) -> Map<String, Json> {
         "contour" => json!({ "interval": 10 }),
         "sample" => json!({ "features": "spots.wkt" }),
         "zonal" => json!({ "zones": "wide.wkt" }),
-        "difference" => json!({ "reference": "synth:rough,size=90,seed=4" }),
+        "difference" => json!({ "reference": "dem.tif" }),
         "grid" => json!({ "cell": 2 }),
         "simplify" => json!({ "tolerance": 40 }),
         "tin" => json!({ "max_error": 20 }),
