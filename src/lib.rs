@@ -44,7 +44,7 @@
 //! | data | entry point | operations |
 //! |---|---|---|
 //! | heights in memory | [`Tin::from_array`] | a [`Tin`] |
-//! | grids in files, or in memory | [`open`], [`open_array`] | [`tin`](Grid::tin), [`contour`](Grid::contour), [`sample`](Grid::sample), [`zonal`](Grid::zonal), [`convert`](Grid::convert), [`slope`](Grid::slope), [`hillshade`](Grid::hillshade) and others, [`picture`](Grid::picture), [`page`](Grid::page), [`inspect`](Grid::inspect), [`verify`](Grid::verify) |
+//! | grids in files, or in memory | [`open`], [`open_array`] | [`tin`](Grid::tin), [`contour`](Grid::contour), [`sample`](Grid::sample), [`zonal`](Grid::zonal), [`convert`](Grid::convert), [`fill`](Grid::fill), [`difference`](Grid::difference), [`slope`](Grid::slope), [`hillshade`](Grid::hillshade) and others, [`picture`](Grid::picture), [`page`](Grid::page), [`inspect`](Grid::inspect), [`verify`](Grid::verify) |
 //! | several bands of a grid, such as a photograph | [`open_bands`] | [`tin`](BandGrid::tin), [`verify`](BandGrid::verify) |
 //! | point clouds, or points in memory | [`open_cloud`], [`open_cloud_as`], [`open_points`] | [`grid`](Cloud::grid), [`tin`](Cloud::tin), [`points`](Cloud::points), [`page`](Cloud::page), [`inspect`](Cloud::inspect), [`verify`](Cloud::verify) |
 //! | lines and polygons | [`open_features`] | [`simplify`](Features::simplify), [`page`](Features::page), [`inspect`](Features::inspect), [`verify`](Features::verify) |
@@ -118,6 +118,8 @@ pub use terrane_simplify::{Length, LineOptions, LineReport, Metric};
 pub use terrane_terrain::colours::ColorReliefOptions;
 pub use terrane_terrain::contour::{ContourOptions, ContourReport};
 pub use terrane_terrain::convert::{ConvertOptions, ConvertReport};
+pub use terrane_terrain::difference::{DifferenceOptions, DifferenceReport};
+pub use terrane_terrain::fill::{FillOptions, FillReport};
 pub use terrane_terrain::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,

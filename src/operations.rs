@@ -11,6 +11,8 @@ use terrane_simplify::LineOptions;
 use terrane_terrain::colours::ColorReliefOptions;
 use terrane_terrain::contour::ContourOptions;
 use terrane_terrain::convert::ConvertOptions;
+use terrane_terrain::difference::DifferenceOptions;
+use terrane_terrain::fill::FillOptions;
 use terrane_terrain::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
@@ -33,6 +35,8 @@ pub const OPERATIONS: &[AnyOperation] = &[
     #[cfg(feature = "lidar")]
     AnyOperation::divisible::<CloudTinOptions>(),
     AnyOperation::of::<ConvertOptions>(),
+    AnyOperation::of::<FillOptions>(),
+    AnyOperation::of::<DifferenceOptions>(),
     #[cfg(feature = "lidar")]
     AnyOperation::divisible::<GridOptions>(),
     #[cfg(feature = "lidar")]

@@ -21,6 +21,8 @@ pub use terrane_terrain::AnnotationSetters;
 pub use terrane_terrain::colours::ColorReliefSetters;
 pub use terrane_terrain::contour::ContourSetters;
 pub use terrane_terrain::convert::ConvertSetters;
+pub use terrane_terrain::difference::DifferenceSetters;
+pub use terrane_terrain::fill::FillSetters;
 pub use terrane_terrain::relief::{
     AspectSetters, CurvatureSetters, DerivativeSetters, HillshadeSetters, RoughnessSetters,
     SlopeSetters, TpiSetters, TriSetters,

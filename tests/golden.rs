@@ -44,7 +44,7 @@ const PASSING: [&str; 9] = [
 ];
 
 /// Folder of the inputs, as jobs see it.
-const INPUTS: [&str; 14] = [
+const INPUTS: [&str; 15] = [
     "synth rough,width=211,height=157,seed=3 rough.tif",
     "synth smooth,width=90,height=120,seed=4 smooth.tif",
     "synth cloud,size=60,density=6,seed=5 dense.laz",
@@ -59,6 +59,7 @@ const INPUTS: [&str; 14] = [
     "contour smooth.tif -o contours.fgb --interval 20 --3d",
     "tin photo.png photo.ply --bands 1,2,3 --max-error 12",
     "tiles voids.asc tiles",
+    "convert rough.tif globe.tif --to-crs EPSG:4326 --resampling near",
 ];
 
 /// Features of several kinds, with properties of every type, ids, heights and holes.
@@ -286,6 +287,17 @@ fn jobs() -> Vec<String> {
     for (ending, how) in [("tif", ""), ("tif", " -f COG --alpha"), ("png", " --alpha --nearest")] {
         add(format!("color-relief ../in/rough.tif ../in/colours.txt o.{ending}{how}"));
     }
+    for (grid, options) in
+        [("voids.asc", " --max-distance 5"), ("voids.asc", " --smoothing 2 -f COG")]
+    {
+        add(format!("fill ../in/{grid} o.tif{options} --json"));
+    }
+    add("fill synth:coast,size=150,seed=2 o.tif --max-distance 9 --json".into());
+    for other in ["smooth.tif", "globe.tif --resampling cubic", "rough.tif --level-of-detection 1"]
+    {
+        add(format!("difference ../in/rough.tif ../in/{other} o.tif --json"));
+    }
+    add("difference ../in/voids.asc ../in/degrees.asc o.tif -f COG --json".into());
     for options in [
         "",
         " --stat sum,stdev,p95,majority,voids",

@@ -150,6 +150,10 @@ fn make_inputs(place: &Place) {
     // Blocks that take as much again, twice, while they are decoded.
     let blocks = "convert large.tif blocks.tif -q --co TILED=YES --co BLOCKXSIZE=1024 --co BLOCKYSIZE=1024 --co COMPRESS=DEFLATE --co PREDICTOR=3";
     place.ok(&blocks.split(' ').collect::<Vec<_>>());
+    // Voids all over, narrow and wide.
+    place.ok(&["synth", "salt,size=2817,voids=0.3", "holes.tif", "-q"]);
+    let moved = "convert large.tif moved.tif -q --to-crs EPSG:4326 --resampling near";
+    place.ok(&moved.split(' ').collect::<Vec<_>>());
     place.write("colours.txt", "0% 0 90 30\n40% 250 240 130\n100% white\nnv 0 0 0 0\n");
     place.ok(&["tin", "large.tif", "large.ply", "--max-error", "20", "-q"]);
     place.ok(&["tin", "large.tif", "full.ply", "--max-error", "2", "-q"]);
@@ -301,6 +305,13 @@ const JOBS: &[&str] = &[
     "color-relief large.tif colours.txt o4.png",
     "slope large.tif o5.tif",
     "hillshade large.tif o6.tif",
+    "fill holes.tif o16.tif",
+    "fill holes.tif o17.tif --max-distance 400 -f COG",
+    "fill holes.tif o18.asc --smoothing 3",
+    "difference large.tif blocks.tif o19.tif",
+    "difference blocks.tif large.tif o20.tif -f COG",
+    "difference dem.tif large.tif o21.tif --resampling cubic",
+    "difference large.tif moved.tif o22.tif",
     "contour large.tif -o o.fgb --interval 100",
     "convert blocks.tif o10.tif",
     "slope blocks.tif o11.tif",

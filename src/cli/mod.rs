@@ -6,6 +6,7 @@
 mod completions;
 mod contour;
 mod demo;
+mod difference;
 mod grid;
 mod heap;
 mod info;
@@ -41,6 +42,8 @@ use terrane_lidar::points::PointsOptions;
 use terrane_terrain::colours::ColorReliefOptions;
 use terrane_terrain::contour::ContourOptions;
 use terrane_terrain::convert::ConvertOptions;
+use terrane_terrain::difference::DifferenceOptions;
+use terrane_terrain::fill::FillOptions;
 use terrane_terrain::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
@@ -57,6 +60,8 @@ const VERBS: &[VerbEntry] = &[
     VerbEntry::of::<view::ViewArgs>(),
     VerbEntry::of::<operation::OperationArgs<QaOptions>>(),
     VerbEntry::of::<operation::OperationArgs<ConvertOptions>>(),
+    VerbEntry::of::<operation::OperationArgs<FillOptions>>(),
+    VerbEntry::of::<operation::OperationArgs<DifferenceOptions>>(),
     VerbEntry::of::<operation::OperationArgs<GridOptions>>(),
     VerbEntry::of::<operation::OperationArgs<PointsOptions>>(),
     VerbEntry::of::<operation::OperationArgs<ContourOptions>>(),

@@ -19,6 +19,8 @@ use terrane_raster::{
 use terrane_terrain::colours::{ColorReliefOptions, ColorReliefSetters};
 use terrane_terrain::contour::ContourOptions;
 use terrane_terrain::convert::ConvertOptions;
+use terrane_terrain::difference::{DifferenceOptions, DifferenceSetters};
+use terrane_terrain::fill::FillOptions;
 use terrane_terrain::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
@@ -324,6 +326,45 @@ impl Grid {
     /// ```
     pub fn zonal(&self, zones: impl Into<PathBuf>) -> Job<'_, ZonalOptions> {
         self.job().zones(zones)
+    }
+
+    /// The grid with voids filled from the nearest valid samples in four quadrants around each, weighted by the inverse
+    /// of their distance (the rule of `gdal_fillnodata`).
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let path = folder.path().join("filled.tif");
+    /// let heights = terrane::ArrayGrid::shared(vec![1.0, f32::NAN, f32::NAN, 4.0], 4, 1)?;
+    /// let report = terrane::open_array(heights)?.fill().max_distance(10).write(&path)?;
+    /// assert_eq!((report.filled, report.left), (2, 0));
+    /// let filled = terrane::open(&path)?.heights(terrane::Rect::new(0, 0, 4, 1))?;
+    /// assert_eq!(filled, [1.0, 2.0, 3.0, 4.0]);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn fill(&self) -> Job<'_, FillOptions> {
+        self.job()
+    }
+
+    /// Heights of the grid minus those of a reference, a file, a pattern or a synthetic terrain, on the lattice of the
+    /// grid; with statistics, and areas and volumes above and below.
+    ///
+    /// ```
+    /// # fn main() -> terrane::Result<()> {
+    /// use terrane::prelude::*;
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let path = folder.path().join("difference.tif");
+    /// let dem = terrane::open("synth:rough,size=129,seed=7")?;
+    /// let report = dem.difference("synth:rough,size=129,seed=8").level_of_detection(0.5).write(&path)?;
+    /// assert_eq!(report.compared, 129 * 129);
+    /// assert!(report.volume_above > Some(0.0) && report.lowest_at.is_some());
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn difference(&self, reference: impl Into<String>) -> Job<'_, DifferenceOptions> {
+        self.job().reference(reference)
     }
 
     /// A copy of the grid, or of a part, in another format; exact unless

@@ -19,6 +19,8 @@ mod color_relief;
 mod contour;
 mod crs_matrix;
 mod demo_methods;
+mod difference;
+mod fill;
 mod geoids;
 mod grid;
 mod grid_attributes;

@@ -41,6 +41,7 @@ fn needed(operation: &AnyOperation) -> Map<String, Json> {
         "contour" => json!({ "interval": 10 }),
         "sample" => json!({ "features": "spots.wkt" }),
         "zonal" => json!({ "zones": "wide.wkt" }),
+        "difference" => json!({ "reference": "dem.tif" }),
         "grid" => json!({ "cell": 2 }),
         "simplify" => json!({ "tolerance": 40 }),
         "tin" => json!({ "max_error": 20 }),
@@ -146,6 +147,15 @@ pub(crate) fn place() -> Place {
     let head =
         |low: u32| format!("ncols 40\nnrows 40\nxllcorner {low}\nyllcorner 4749300\ncellsize 12\n");
     place.write("like.asc", head(500_200) + &grid).write("like.prj", "EPSG:32631");
+    let hole = |row: i32, col: i32| match (row, col) {
+        (5..20, 5..20) | (25, _) => -9999,
+        _ => row * col % 97,
+    };
+    let holes: String = (0..40)
+        .map(|row| (0..40).map(|col| format!("{} ", hole(row, col))).collect::<String>() + "\n")
+        .collect();
+    place.write("holes.asc", head(500_200) + "NODATA_value -9999\n" + &holes);
+    place.write("holes.prj", "EPSG:32631");
     place.write("colors.txt", "0% 0 0 90\n50% 10 200 30\n100% 250 240 130\n");
     place.write("other.txt", "0 1 2 3\n30 200 100 50 128\n60 9 9 9\nnv 1 1 1 0\n");
     let square = "POLYGON ((500200 4749900, 500700 4749900, 500700 4749400, 500200 4749900))";
@@ -248,13 +258,18 @@ fn unseen(place: &Place, operation: &AnyOperation) -> Vec<String> {
     for field in operation.table.fields() {
         let Some(options) = tried(operation, field) else { continue };
         let input = match (field.name, operation.reads) {
-            ("nodata", _) if ["sample", "zonal"].contains(&operation.name) => "near.asc",
+            ("nodata", _)
+                if ["difference", "fill", "sample", "zonal"].contains(&operation.name) =>
+            {
+                "near.asc"
+            }
             ("band" | "nodata" | "bands" | "weights", Reads::Grid) => "bands.tif",
             ("edges" | "against", _) => "mesh.ply",
             ("keep_degrees", _) => "degrees.asc",
             ("layer", Reads::Features) => "two.topojson",
             ("crs", _) => "cloud:cloud.xyz",
             ("dedupe" | "drop_overlap" | "max_range", _) => "twice*.las",
+            _ if operation.name == "fill" => "holes.asc",
             _ => input(operation),
         };
         let written = write_both(place, operation, &options, input);
@@ -266,9 +281,13 @@ fn unseen(place: &Place, operation: &AnyOperation) -> Vec<String> {
         let is_seen = written != *usual
             || field.role == OptionRole::Run
             || (operation.name, field.name) == ("contour", "tile");
-        // A terrain has no level ground, and metres lead to one direction in any unit.
-        let may_be_unseen =
-            [("aspect", "zero_for_flat"), ("aspect", "scale"), ("simplify", "strategy")];
+        // A terrain has no level ground, the report alone has volumes, and metres lead to one direction in any unit.
+        let may_be_unseen = [
+            ("aspect", "zero_for_flat"),
+            ("aspect", "scale"),
+            ("simplify", "strategy"),
+            ("difference", "level_of_detection"),
+        ];
         let may_be_unseen = may_be_unseen.contains(&(operation.name, field.name));
         if !is_seen && !may_be_unseen {
             unseen.push(format!("{} of {}", field.name, operation.name));

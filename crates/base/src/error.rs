@@ -323,6 +323,11 @@ impl Error {
         self.place.as_deref()
     }
 
+    /// What is wrong, without file, place and remedy.
+    pub fn message(&self) -> &str {
+        &self.message
+    }
+
     /// The remedy, if any.
     pub fn remedy_text(&self) -> Option<&str> {
         self.remedy.as_deref()

@@ -8,6 +8,7 @@ pub mod byte_size;
 pub mod cancel;
 pub mod digits;
 pub mod error;
+pub mod exact_total;
 pub mod formula;
 pub mod frontend;
 pub mod geom;

@@ -1,4 +1,4 @@
-//! Slopes of a grid on the ground: its axes and its units.
+//! Slopes of a grid on the ground, and areas of its cells: its axes and its units.
 
 use crate::local_frame::spheroid;
 use terrane_base::error::{Error, Result};
@@ -71,6 +71,56 @@ impl GroundScale {
         let whole = self.rise / self.map.determinant();
         let (east, north) = (whole / east, whole / north);
         [[e * east, -d * east], [-b * north, a * north]]
+    }
+}
+
+/// Nodes and weights of Gauss and Legendre on -1/2 to 1/2: exact for polynomials of degree 9, so that the area of a cell
+/// of ten degrees has ten digits, and one of a degree all of them.
+const NODES: [(f64, f64); 5] = [
+    (-0.453_089_922_969_332, 0.118_463_442_528_094_54),
+    (-0.269_234_655_052_841_55, 0.239_314_335_249_683_24),
+    (0.0, 0.284_444_444_444_444_44),
+    (0.269_234_655_052_841_55, 0.239_314_335_249_683_24),
+    (0.453_089_922_969_332, 0.118_463_442_528_094_54),
+];
+
+impl GroundScale {
+    /// Metres per unit of height.
+    pub fn rise(&self) -> f64 {
+        self.rise
+    }
+
+    /// True if all cells have the same area, which then does not depend on the column and row.
+    pub fn is_even(&self) -> bool {
+        !matches!(self.across, HorizontalUnit::Degrees(_))
+    }
+
+    /// The area of the cell around a sample in square metres; for degrees on the ellipsoid, as far as the cell is not
+    /// beyond a pole. It is the same along a row where [`is_by_row`](Self::is_by_row).
+    pub fn cell_area(&self, col: f64, row: f64) -> f64 {
+        let HorizontalUnit::Degrees(spheroid) = self.across else {
+            let HorizontalUnit::Everywhere(metres) = self.across else { return f64::NAN };
+            return self.map.determinant().abs() * metres * metres;
+        };
+        // Square metres per square degree.
+        let density = |latitude: f64| {
+            let [east, north] = spheroid.degree_metres(latitude);
+            (east * north).max(0.0)
+        };
+        let middle = self.map.apply(col, row)[1];
+        if self.map.d == 0.0 {
+            // Latitudes of the cell, up to the pole.
+            let half = self.map.e.abs() / 2.0;
+            let [south, north] = [middle - half, middle + half].map(|edge| edge.clamp(-90.0, 90.0));
+            let [center, height] = [(south + north) / 2.0, north - south];
+            let strip: f64 = NODES.iter().map(|(at, by)| by * density(center + at * height)).sum();
+            return strip * height * self.map.a.abs();
+        }
+        let Affine { d, e, .. } = self.map;
+        let nodes = NODES.iter().flat_map(|across| NODES.map(|down| (across, down)));
+        let mean: f64 =
+            nodes.map(|((x, by), (y, weight))| by * weight * density(middle + x * d + y * e)).sum();
+        mean * self.map.determinant().abs()
     }
 }
 
@@ -175,5 +225,52 @@ mod tests {
         assert!(GroundScale::of(&info(pole, degrees.clone())).is_err());
         let up_to_it = Affine { y0: 90.0, ..map };
         assert!(GroundScale::of(&info(up_to_it, degrees)).is_ok());
+    }
+
+    #[test]
+    fn areas_of_cells_are_those_of_the_plane_or_of_the_ellipsoid() {
+        let map = Affine { x0: 5.0, a: 3.0, b: 1.0, y0: 6.0, d: 0.5, e: -2.0 };
+        let feet =
+            Crs { epsg: Some(2263), vertical_unit: Some("metre".to_owned()), ..Crs::default() };
+        let ground = GroundScale::of(&info(map, feet)).unwrap();
+        let foot = 1200.0_f64 / 3937.0;
+        assert!((ground.cell_area(3.0, 4.0) - 6.5 * foot * foot).abs() < 1e-12 && ground.is_even());
+        assert_eq!(ground.rise(), 1.0);
+        let degrees = Crs { geographic: Some(true), ..Crs::default() };
+        let rows = |rows: u32, map: Affine| {
+            let info = GridInfo { height: rows, ..info(map, degrees.clone()) };
+            let ground = GroundScale::of(&info).unwrap();
+            (0..rows).map(|row| ground.cell_area(7.0, f64::from(row))).sum::<f64>()
+        };
+        // From the equator to a latitude the area per radian is known in closed form.
+        let band = |latitude: f64| {
+            let (axis, squared) = (6_378_137.0_f64, 0.006_694_379_990_141_316_f64);
+            let (sine, e) = (latitude.to_radians().sin(), squared.sqrt());
+            let polar = axis * axis * (1.0 - squared) / 2.0;
+            polar * (sine / (1.0 - squared * sine * sine) + (e * sine).atanh() / e)
+        };
+        let of = |side: f64, north: f64| {
+            let map = Affine { x0: 1.0, a: side, b: 0.0, y0: north, d: 0.0, e: -side };
+            (map, side.to_radians())
+        };
+        let (map, across) = of(1.0, 89.5);
+        let whole = rows(180, map) / (2.0 * band(90.0) * across);
+        assert!((whole - 1.0).abs() < 1e-13, "{whole}");
+        // The surface of the earth.
+        assert!((rows(180, map) * 360.0 / 510_065_621_724_088.0 - 1.0).abs() < 1e-12);
+        let (map, across) = of(10.0, 45.0);
+        let part = rows(3, map) / ((band(50.0) - band(20.0)) * across);
+        assert!((part - 1.0).abs() < 1e-10, "{part}");
+        // Samples on the poles have half a cell.
+        let (map, across) = of(2.0, 90.0);
+        let half = rows(91, map) / (2.0 * band(90.0) * across);
+        assert!((half - 1.0).abs() < 1e-12, "{half}");
+        // A turned lattice has the area of its parallelogram.
+        let turned = Affine { x0: 1.0, a: 0.06, b: 0.08, y0: 50.0, d: 0.08, e: -0.06 };
+        let ground = GroundScale::of(&info(turned, degrees.clone())).unwrap();
+        let latitude = turned.apply(5.0, 5.0)[1];
+        let [east, north] = Spheroid::WGS84.degree_metres(latitude);
+        let ratio = ground.cell_area(5.0, 5.0) / (0.01 * east * north);
+        assert!((ratio - 1.0).abs() < 1e-5, "{ratio}");
     }
 }

@@ -87,6 +87,21 @@ impl TargetCrs {
         extent: Option<[f64; 4]>,
         resources: &Resources,
     ) -> Result<CoordinateOperation> {
+        self.operation_to(&wkt::of_srs(&self.target), input, crs, extent, resources)
+    }
+
+    /// As [`operation`](Self::operation), to a CRS in place of [`target`](Self::target).
+    ///
+    /// # Errors
+    /// Those of [`operation`](Self::operation).
+    pub fn operation_to(
+        &self,
+        target: &Crs,
+        input: &Path,
+        crs: &Crs,
+        extent: Option<[f64; 4]>,
+        resources: &Resources,
+    ) -> Result<CoordinateOperation> {
         // Errors about the CRS of the input name its file.
         crs.conversion().map_err(|e| e.in_file(input))?;
         let shift_grid = self.shift_grid.as_ref().map(|path| {
@@ -98,7 +113,7 @@ impl TargetCrs {
             shift_grid: shift_grid.transpose()?,
             geoid: geoid.transpose()?,
         };
-        CoordinateOperation::between(crs, &wkt::of_srs(&self.target), &options)
+        CoordinateOperation::between(crs, target, &options)
     }
 }
 

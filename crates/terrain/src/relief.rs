@@ -10,6 +10,7 @@ use std::sync::Arc;
 use crate::colours::range;
 use crate::convert::copy::{DerivedBands, run_of};
 use crate::convert::job::{ConvertJob, ConvertOptions, ConvertReport};
+use crate::halo::SampleHalo;
 use gray_scale::TonedGrid;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
@@ -29,8 +30,10 @@ pub use derivatives::{
 
 /// Columns and rows of a piece.
 const PIECE: [u32; 2] = [512, 64];
-/// Nodata value of floating-point derivatives.
-const NODATA: f64 = -9999.0;
+/// Samples that a derivative needs on each side.
+const HALO: SampleHalo = SampleHalo(1);
+/// Nodata value of floating-point derivatives, and of differences.
+pub(crate) const NODATA: f64 = -9999.0;
 
 /// The option of a PNG that says how heights are held, and its value for a picture.
 const ENCODING: &str = "ENCODING";
@@ -172,31 +175,14 @@ impl DerivativeGrid {
                 }
             }
         }
-        self.inner.copied(self.around(rect));
+        self.inner.copied(HALO.around(rect, self.info.bounds()));
         Ok(())
-    }
-
-    /// The rectangle with one more sample on each side, clipped to the grid.
-    fn around(&self, rect: Rect) -> Rect {
-        let [left, top] = [rect.col.saturating_sub(1), rect.row.saturating_sub(1)];
-        let around = Rect::new(left, top, rect.end_col() + 1 - left, rect.end_row() + 1 - top);
-        around.intersect(&self.info.bounds())
-    }
-
-    /// The heights that the derivatives of `rect` are the last to need, of those read from left to right and down: all
-    /// but the last column and row, which the next rectangle needs, and those that the rectangles before have left.
-    fn last_read_for(&self, rect: Rect) -> Rect {
-        let [col, row] = [rect.col.saturating_sub(1), rect.row.saturating_sub(1)];
-        let [right, below] =
-            [(rect.end_col(), self.info.width), (rect.end_row(), self.info.height)]
-                .map(|(end, size)| if end < size { end - 1 } else { size });
-        Rect::new(col, row, right.saturating_sub(col), below.saturating_sub(row))
     }
 
     /// Reads heights with one more sample on each side.
     fn heights(&self, rect: Rect, piece: &mut ReliefPiece) -> Result<()> {
         let ReliefPiece { heights, inner } = piece;
-        let read = self.around(rect);
+        let read = HALO.around(rect, self.info.bounds());
         let [width, height] = [rect.width as usize + 2, rect.height as usize + 2];
         heights.resize(width * height, f64::NAN);
         if read.len() == heights.len() {
@@ -307,7 +293,7 @@ impl GridSource for DerivativeGrid {
     }
 
     fn release(&self, rect: Rect) {
-        self.inner.release(self.last_read_for(rect));
+        self.inner.release(HALO.last_read_for(rect, self.info.bounds()));
     }
 
     fn copied(&self, rect: Rect) {

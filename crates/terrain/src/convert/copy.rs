@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use super::job::{ConvertJob, ConvertReport};
 use super::task::{CopyPieces, CopyStatistics, CopyTask};
-use terrane_base::error::Result;
+use terrane_base::error::{ErrorKind, Result};
 use terrane_engine::memory::{self, MemoryShares};
 use terrane_engine::outputs::not_member;
 use terrane_engine::run_statistics::RunStatistics;
@@ -49,20 +49,39 @@ pub(crate) fn run_of(
     cancel: &Cancel,
     front: impl FnOnce(Box<dyn GridSource>) -> Result<DerivedBands>,
 ) -> Result<ConvertReport> {
+    run_beside(job, thread_bytes, [0; 2], progress, cancel, |inner, _| front(inner))
+}
+
+/// As [`run_of`], beside other data of the whole job: `reserved` bytes of the budget, the first number if that leaves
+/// enough for the grid, or else the second, which is the least. `front` gets the number.
+pub(crate) fn run_beside(
+    job: &ConvertJob,
+    thread_bytes: u64,
+    reserved: [u64; 2],
+    progress: &dyn Progress,
+    cancel: &Cancel,
+    front: impl FnOnce(Box<dyn GridSource>, u64) -> Result<DerivedBands>,
+) -> Result<ConvertReport> {
     let format = job.options.format(&job.output)?;
     format.check(&job.options.written.co)?;
     terrane_files::atomic::refuse_existing(&job.output, job.options.file.replacing.overwrite)?;
     let worker = worker_bytes(job, format, thread_bytes);
     let resources = &job.options.resources;
     let options = job.options.grid.options(resources, GridOpenOptions::default().cache_bytes)?;
-    let (source, shares) = open(job, &options, worker)?;
+    let opened = open(job, &options, worker, reserved[0]).map(|opened| (opened, reserved[0]));
+    let ((source, shares), reserved) = match opened {
+        Err(error) if error.kind() == ErrorKind::Resource && reserved[0] > reserved[1] => {
+            (open(job, &options, worker, reserved[1])?, reserved[1])
+        }
+        opened => opened?,
+    };
     not_member(source.as_ref(), &job.output)?;
     let cautions = raster::cautions(source.info());
-    let DerivedBands { bands, colours, notes } = front(source)?;
+    let DerivedBands { bands, colours, notes } = front(source, reserved)?;
     let mut notes = [cautions, notes].concat();
     let bands: Vec<&dyn GridSource> = bands.iter().map(AsRef::as_ref).collect();
     let memory = resources.memory;
-    let budget = ConvertMemory { shares, memory, worker, thread_bytes };
+    let budget = ConvertMemory { shares, memory, reserved, worker, thread_bytes };
     let report = copy_of(&bands, colours, job, &budget, progress, cancel)?;
     let water = options.water.and_then(|water| water.report());
     notes.extend(report.notes.iter().cloned().chain(water.iter().flat_map(WaterReport::notes)));
@@ -80,7 +99,7 @@ pub fn copy(
     let Resources { memory, threads, .. } = job.options.resources;
     let shares = memory::divide(memory, threads, worker)
         .or_else(|error| least_shares(memory, worker).ok_or(error))?;
-    let budget = ConvertMemory { shares, memory, worker, thread_bytes: 0 };
+    let budget = ConvertMemory { shares, memory, reserved: 0, worker, thread_bytes: 0 };
     copy_of(&[source], Vec::new(), job, &budget, progress, cancel)
 }
 
@@ -175,11 +194,17 @@ fn report(job: &ConvertJob, info: &GridInfo, summary: &CopyStatistics) -> Conver
 /// Relative tolerance of nodata values, which are printed with about six digits.
 const HAIR: f64 = 1e-6;
 
-/// Opens the input; in little memory for one thread.
-fn open(job: &ConvertJob, options: &GridOpenOptions, worker: u64) -> Result<memory::Opened> {
+/// Opens the input beside `reserved` bytes; in little memory for one thread.
+fn open(
+    job: &ConvertJob,
+    options: &GridOpenOptions,
+    worker: u64,
+    reserved: u64,
+) -> Result<memory::Opened> {
     let resources = &job.options.resources;
-    memory::open(&job.input, options, resources, worker).or_else(|error| {
-        let Some(shares) = least_shares(resources.memory, worker) else { return Err(error) };
+    memory::open_beside(reserved, &job.input, options, resources, worker).or_else(|error| {
+        let left = resources.memory.saturating_sub(reserved);
+        let Some(shares) = least_shares(left, worker) else { return Err(error) };
         let cache_bytes = usize::try_from(shares.cache).unwrap_or(usize::MAX);
         let options = GridOpenOptions { cache_bytes, threads: 1, ..options.clone() };
         // What the first error asks for is enough for blocks that do not fit, too.
@@ -203,6 +228,8 @@ fn least_shares(memory: u64, worker: u64) -> Option<MemoryShares> {
 struct ConvertMemory {
     shares: MemoryShares,
     memory: u64,
+    /// Bytes of the budget for other data of the whole job.
+    reserved: u64,
     /// Bytes of a thread that were assumed when the memory was divided.
     worker: u64,
     /// Bytes of a thread beside its output block.
@@ -233,7 +260,7 @@ impl ConvertMemory {
         match room / block {
             0 => {
                 let least = memory::least_with(self.worker, block).max(cache);
-                Err(memory::too_little(self.memory, least))
+                Err(memory::too_little(self.memory, least.saturating_add(self.reserved)))
             }
             fitting => Ok(threads.min(usize::try_from(fitting).unwrap_or(usize::MAX))),
         }

@@ -28,7 +28,11 @@ use terrane_window::resample::{ResamplingMethod, Scale};
 
 use mapping::CrsTransform;
 pub use output_grid::{LatticeOptions, LatticeSetters};
+use output_grid::{TargetGrid, WarpedExtent};
 use source::WarpedGrid;
+
+/// Bytes that a thread holds to read a grid on another lattice.
+pub(crate) const WORKER_BYTES: u64 = source::WORKER_BYTES;
 
 /// A grid to be written on another lattice.
 struct WarpJob<'a> {
@@ -63,7 +67,7 @@ pub(crate) fn run(
     })?;
     let (transformed, scale) = about.unwrap_or((None, Scale::ONE));
     let mut notes = report.notes.clone();
-    notes.extend(job.lost(nowhere.load(Ordering::Relaxed)));
+    notes.extend(lost(nowhere.load(Ordering::Relaxed)));
     let resampling = Some(job.resampling.name.to_owned());
     let scale = (job.resampling.radius > 0).then_some(scale.get());
     Ok(ConvertReport { transformed, resampling, scale, notes, ..report })
@@ -101,30 +105,79 @@ impl WarpJob<'_> {
         };
         let info = if is_made { made(info) } else { info };
         let scale = Scale::new(output_grid::scale(&lattice, input, &transform)?);
-        self.check_reach(scale)?;
+        check_reach(self.resampling, scale).map_err(|e| {
+            e.remedy("pass a finer ‹resolution› or ‹resampling› near, or downsample in two steps")
+        })?;
         Ok(WarpedGrid::new(info, inner, transform, self.resampling, scale, is_made, nowhere))
     }
+}
 
-    /// Fails if a height depends on more samples than a thread may hold.
-    fn check_reach(&self, scale: Scale) -> Result<()> {
-        let [cols, rows] = self.resampling.reach(scale).map(|reach| 2.0 * reach);
-        if cols * rows <= source::MAX_SAMPLES as f64 {
-            return Ok(());
-        }
-        let name = self.resampling.name;
-        let message = format!(
-            "{name} resampling would average {cols} x {rows} input samples for each output sample"
-        );
-        Err(Error::unsupported(message)
-            .remedy("pass a finer ‹resolution› or ‹resampling› near, or downsample in two steps"))
+/// Fails if a height depends on more samples than a thread may hold.
+fn check_reach(resampling: &ResamplingMethod, scale: Scale) -> Result<()> {
+    let [cols, rows] = resampling.reach(scale).map(|reach| 2.0 * reach);
+    if cols * rows <= source::MAX_SAMPLES as f64 {
+        return Ok(());
     }
+    let name = resampling.name;
+    let message = format!(
+        "{name} resampling would average {cols} x {rows} input samples for each output sample"
+    );
+    Err(Error::unsupported(message))
+}
 
-    /// The note on samples that cannot be transformed.
-    fn lost(&self, nowhere: u64) -> Option<String> {
-        let verb = if nowhere == 1 { "sample is" } else { "samples are" };
-        (nowhere > 0)
-            .then(|| format!("{nowhere} {verb} set to nodata: their positions cannot be transformed to the CRS of the grid"))
-    }
+/// The note on samples that cannot be transformed.
+pub(crate) fn lost(nowhere: u64) -> Option<String> {
+    let verb = if nowhere == 1 { "sample is" } else { "samples are" };
+    (nowhere > 0).then(|| {
+        format!("{nowhere} {verb} set to nodata: their positions cannot be transformed to the CRS of the grid")
+    })
+}
+
+/// How a grid is read on the lattice of another.
+pub(crate) struct LatticeChange {
+    /// From the CRS of the grid to that of the lattice.
+    pub(crate) operation: Option<CoordinateOperation>,
+    pub(crate) resampling: &'static ResamplingMethod,
+    /// Counts samples of the lattice that have no position in the CRS of the grid.
+    pub(crate) nowhere: Arc<AtomicU64>,
+}
+
+/// A grid on the lattice and in the CRS of `info`, in double precision; with its columns and rows per cell of the lattice.
+///
+/// # Errors
+/// Cells of the lattice that cover too many samples of the grid; a grid whose centre has no position there.
+pub(crate) fn onto(
+    inner: Box<dyn GridSource>,
+    info: &GridInfo,
+    change: LatticeChange,
+) -> Result<(Box<dyn GridSource>, [f64; 2])> {
+    let LatticeChange { operation, resampling, nowhere } = change;
+    let transform = CrsTransform::new(operation);
+    let scale = Scale::new(output_grid::scale(&TargetGrid::of(info), inner.info(), &transform)?);
+    check_reach(resampling, scale)
+        .map_err(|e| e.remedy("pass ‹resampling› near, or downsample that grid first"))?;
+    let info = GridInfo {
+        sample_type: SampleType::F64,
+        scale: 1.0,
+        offset: 0.0,
+        block: source::BLOCK,
+        details: Vec::new(),
+        ..info.clone()
+    };
+    let grid = WarpedGrid::new(info, inner, transform, resampling, scale, true, nowhere);
+    Ok((Box::new(grid), scale.get()))
+}
+
+/// The rectangles around the cells of a lattice and of a grid, in the CRS of the lattice, if they certainly do not
+/// intersect.
+pub(crate) fn apart(
+    grid: &GridInfo,
+    lattice: &GridInfo,
+    operation: Option<&CoordinateOperation>,
+) -> Option<[[f64; 4]; 2]> {
+    let extent = TargetGrid::of(lattice).extent();
+    let outline = WarpedExtent::of(grid, &CrsTransform::new(operation.cloned()));
+    outline.apart_from(extent).map(|other| [extent, other])
 }
 
 /// A grid of heights that were computed.

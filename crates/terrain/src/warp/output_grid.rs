@@ -157,7 +157,7 @@ fn natural(grid: &GridInfo, transform: &CrsTransform) -> Result<[f64; 2]> {
 }
 
 /// The bounding rectangle of the cells of a grid in another CRS.
-struct WarpedExtent {
+pub(super) struct WarpedExtent {
     /// Bounds of the edge positions that can be transformed.
     extent: [f64; 4],
     /// The first error of the others.
@@ -165,7 +165,7 @@ struct WarpedExtent {
 }
 
 impl WarpedExtent {
-    fn of(grid: &GridInfo, transform: &CrsTransform) -> Self {
+    pub(super) fn of(grid: &GridInfo, transform: &CrsTransform) -> Self {
         let mut outline = Self { extent: [f64::MAX, f64::MAX, f64::MIN, f64::MIN], lost: None };
         let steps = grid.width.max(grid.height).min(MAX_PLACES);
         let [right, bottom] = [grid.width, grid.height].map(f64::from);
@@ -196,12 +196,17 @@ impl WarpedExtent {
         })
     }
 
-    /// Fails if the grid does not intersect a rectangle.
-    fn check_near(&self, [x0, y0, x1, y1]: [f64; 4]) -> Result<()> {
+    /// The bounds of the grid, if they certainly do not intersect a rectangle.
+    pub(super) fn apart_from(&self, [x0, y0, x1, y1]: [f64; 4]) -> Option<[f64; 4]> {
         let [left, low, right, high] = self.extent;
-        if self.lost.is_some() || (x0 < right && left < x1 && y0 < high && low < y1) {
-            return Ok(());
-        }
+        let is_near = x0 < right && left < x1 && y0 < high && low < y1;
+        (self.lost.is_none() && !is_near).then_some(self.extent)
+    }
+
+    /// Fails if the grid does not intersect a rectangle.
+    fn check_near(&self, extent: [f64; 4]) -> Result<()> {
+        let Some([left, low, right, high]) = self.apart_from(extent) else { return Ok(()) };
+        let [x0, y0, x1, y1] = extent;
         let message = format!("the output extent {x0},{y0},{x1},{y1} does not intersect the grid");
         Err(Error::usage(message).remedy(format!(
             "pass XMIN,YMIN,XMAX,YMAX in the target CRS, where the grid covers {left},{low},{right},{high}"
@@ -210,8 +215,14 @@ impl WarpedExtent {
 }
 
 impl TargetGrid {
+    /// The lattice of a grid.
+    pub(super) fn of(info: &GridInfo) -> Self {
+        let GridInfo { transform, width, height, .. } = *info;
+        Self { transform, width, height }
+    }
+
     /// The rectangle around all cells.
-    fn extent(&self) -> [f64; 4] {
+    pub(super) fn extent(&self) -> [f64; 4] {
         let [right, bottom] = [self.width, self.height].map(|side| f64::from(side) - 0.5);
         let corners = [[-0.5, -0.5], [right, -0.5], [-0.5, bottom], [right, bottom]];
         let corners = corners.map(|[col, row]| self.transform.apply(col, row));
@@ -227,7 +238,6 @@ fn alike(name: &str, crs: &Crs) -> Result<TargetGrid> {
         &Inputs::from(vec![name.to_owned()]),
         &GridOpenOptions::default(),
     )?;
-    let GridInfo { transform, width, height, .. } = *other.info();
     if other.info().crs.is_named() && !other.info().crs.agrees(crs) {
         let [theirs, ours] = other.info().crs.distinct_names(crs);
         let message = format!("its CRS is {theirs}, that of the output is {ours}");
@@ -235,7 +245,7 @@ fn alike(name: &str, crs: &Crs) -> Result<TargetGrid> {
             .in_file(Path::new(name))
             .remedy("pass its CRS as ‹to_crs›"));
     }
-    Ok(TargetGrid { transform, width, height })
+    Ok(TargetGrid::of(other.info()))
 }
 
 /// Columns and rows of a rectangle.

@@ -13,6 +13,7 @@
 | `grid`, `dtm`, `dsm`, `chm` | grids of point clouds |
 | `points` | point cloud files: merged, thinned, classified, tiled |
 | `contour` | contour lines of a grid |
+| `fill`, `difference` | filled voids, differences of grids with areas and volumes |
 | `sample`, `zonal` | heights at points, statistics within polygons |
 | `tiles` | terrain tiles for globe viewers, at all levels of detail |
 | `simplify` | lines and polygons with fewer vertices |
@@ -54,8 +55,10 @@ if TYPE_CHECKING:
         contour,
         convert,
         curvature,
+        difference,
         dsm,
         dtm,
+        fill,
         grid,
         hillshade,
         info,
@@ -100,7 +103,7 @@ _WHERE = {
     "_errors": "Error ExistsError FileError InputError Interrupted MissingFileError OutputError ResourceError",
     "_lines": "Lines simplify",
     "_mesh": "Mesh",
-    "_operations": "aspect chm cloud_page cloud_tiles color_relief contour convert curvature dsm dtm grid hillshade "
+    "_operations": "aspect chm cloud_page cloud_tiles color_relief contour convert curvature difference dsm dtm fill grid hillshade "
     "info info_cloud info_features info_mesh line_page page picture plan plan_cloud_tin plan_grid plan_points plan_tiles plan_tin points "
     "qa roughness sample simplify_file slope tiles tin tpi tri verify verify_cloud verify_cloud_tiles verify_tiles write_cloud_tin write_tin zonal",
     "_plans": "Plan open_plan",
@@ -147,8 +150,10 @@ __all__ = [
     "contour",
     "convert",
     "curvature",
+    "difference",
     "dsm",
     "dtm",
+    "fill",
     "grid",
     "hillshade",
     "info",

@@ -637,6 +637,22 @@ EXAMPLES = {
         >>> len(lines), lines.levels.tolist(), lines[0].shape[1]
         (2, [5.0, 10.0], 2)
     """,
+    "fill": """
+        >>> import os, tempfile, numpy as np, terrane
+        >>> heights = np.array([[1.0, np.nan, np.nan, 4.0]])
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     report = terrane.fill(heights, os.path.join(folder, "filled.tif"), max_distance=10)
+        >>> report["filled"], report["left"]
+        (2, 0)
+    """,
+    "difference": """
+        >>> import os, tempfile, terrane
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = os.path.join(folder, "difference.tif")
+        ...     report = terrane.difference("synth:rough,size=65,seed=3", "synth:rough,size=65,seed=4", path)
+        >>> report["compared"], report["volume_above"] > 0
+        (4225, True)
+    """,
     "sample": """
         >>> import json, os, tempfile, numpy as np, terrane
         >>> slope = np.arange(12.0).reshape(3, 4)
@@ -783,6 +799,8 @@ hillshade = written("hillshade")
 color_relief = written("color-relief")
 curvature = written("curvature")
 roughness = written("roughness")
+fill = written("fill")
+difference = written("difference")
 tiles = written("tiles")
 tpi = written("tpi")
 tri = written("tri")

@@ -1,0 +1,340 @@
+//! The reference of a difference, on the lattice and with the heights of the grid.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
+
+use super::DifferenceOptions;
+use crate::warp::{self, LatticeChange};
+use terrane_base::error::{Error, Result};
+use terrane_base::geom::{Crs, Rect, VerticalReference};
+use terrane_base::registry;
+use terrane_crs::CoordinateOperation;
+use terrane_engine::memory;
+use terrane_engine::options::GridInput;
+use terrane_engine::transform::{TargetCrs, Transformed, extent_of};
+use terrane_raster::{self as raster, GridInfo, GridSource, Inputs};
+use terrane_window::resample::RESAMPLINGS;
+
+/// Less of a cell than this is rounding.
+const HAIR: f64 = 1e-6;
+/// Least cache of the reference.
+const MIN_CACHE: u64 = 2 << 20;
+/// Columns or rows beyond which lattices are apart.
+const FARTHEST: f64 = 1e12;
+
+/// A file of the reference, looked at but not yet read.
+pub(super) struct ReferenceFile<'a> {
+    options: &'a DifferenceOptions,
+    inputs: Inputs,
+    /// Bytes in memory while its largest block is decoded.
+    block: u64,
+}
+
+/// The reference on the lattice of a grid.
+pub(super) struct ReferenceOnLattice {
+    pub(super) source: Box<dyn GridSource>,
+    /// Its heights times this are in the unit of those of the grid.
+    pub(super) factor: f64,
+    pub(super) is_exact_in_f32: bool,
+    pub(super) transformed: Option<Transformed>,
+    /// Resampling method and scale, if lattices differ.
+    pub(super) resampled: Option<(&'static str, [f64; 2])>,
+    /// Files that the output must not replace.
+    pub(super) members: Vec<PathBuf>,
+    pub(super) notes: Vec<String>,
+}
+
+impl<'a> ReferenceFile<'a> {
+    /// Reads the properties of the reference.
+    ///
+    /// # Errors
+    /// Those of opening it.
+    pub(super) fn look(options: &'a DifferenceOptions) -> Result<Self> {
+        let inputs = Inputs::from(vec![options.reference.clone()]);
+        let opening = GridInput::default().options(&options.resources, 0)?;
+        let source = memory::open_for_estimate(&inputs, &opening)?;
+        Ok(Self { options, inputs, block: source.block_bytes() })
+    }
+
+    /// Bytes of its cache, and the least.
+    pub(super) fn cache(&self) -> [u64; 2] {
+        let least = self.block.max(MIN_CACHE);
+        [(memory::cache_beside(self.options.resources.memory) as u64).max(least), least]
+    }
+
+    fn path(&self) -> &Path {
+        Path::new(&self.options.reference)
+    }
+
+    /// Opens the reference on the lattice of a grid, with a cache of some bytes.
+    ///
+    /// # Errors
+    /// A reference that does not overlap the grid, or whose CRS has no operation to that of the grid; those of opening it.
+    pub(super) fn open(
+        &self,
+        grid: &GridInfo,
+        name: &Path,
+        cache: u64,
+        nowhere: Arc<AtomicU64>,
+    ) -> Result<ReferenceOnLattice> {
+        let cache = usize::try_from(cache).unwrap_or(usize::MAX);
+        let opening = GridInput::default().options(&self.options.resources, cache)?;
+        let source = raster::open_all(self.inputs.names(), &opening)?;
+        let info = source.info().clone();
+        info.check_cells().map_err(|e| e.in_file(self.path()))?;
+        let mut notes = raster::cautions(&info);
+        let operation = self.operation(grid, name, &info, &mut notes)?;
+        let factor = factor(grid, &info, operation.as_ref(), &mut notes);
+        if let Some(extents) = warp::apart(&info, grid, operation.as_ref()) {
+            return Err(self.apart(name, extents));
+        }
+        let transformed = operation.as_ref().filter(|own| !own.is_null()).map(Transformed::of);
+        notes.extend(operation.iter().flat_map(|own| own.notes().iter().cloned()));
+        let files = raster::files(self.inputs.names())?;
+        let files = files.iter().map(|name| PathBuf::from(raster::file_name(name)));
+        let members = source.members().into_iter().chain(files).collect();
+        let is_exact_in_f32 = info.exact_in_f32() && factor == 1.0;
+        let offset = whole_offset(grid, &info);
+        let is_shifted = transformed.is_none();
+        let (source, resampled): (Box<dyn GridSource>, _) = match offset.filter(|_| is_shifted) {
+            Some(offset) => (Box::new(ShiftedGrid::new(source, grid, offset)), None),
+            None => {
+                let is_same = offset.is_some() && same_positions(&grid.crs, &info.crs);
+                let name = if is_same { RESAMPLINGS[0].name } else { &self.options.resampling };
+                let resampling = registry::named(RESAMPLINGS, name)?;
+                let change = LatticeChange { operation, resampling, nowhere };
+                let (source, scale) =
+                    warp::onto(source, grid, change).map_err(|e| e.in_file(self.path()))?;
+                (source, Some((resampling.name, scale)))
+            }
+        };
+        Ok(ReferenceOnLattice {
+            source,
+            factor,
+            is_exact_in_f32,
+            transformed,
+            resampled,
+            members,
+            notes,
+        })
+    }
+
+    /// The operation to the CRS of the grid; `None` if both are the same or one is unknown. Heights are transformed if
+    /// both state what they are above.
+    fn operation(
+        &self,
+        grid: &GridInfo,
+        name: &Path,
+        reference: &GridInfo,
+        notes: &mut Vec<String>,
+    ) -> Result<Option<CoordinateOperation>> {
+        let both = [&grid.crs, &reference.crs];
+        let flat = both.map(Crs::without_heights);
+        let are_known = flat.each_ref().map(|crs| crs.is_named());
+        if are_known != [true; 2] {
+            let which = if are_known[0] { "reference" } else { "grid" };
+            if are_known[0] != are_known[1] {
+                notes.push(format!(
+                    "the CRS of the {which} is unknown; that of the other is assumed"
+                ));
+            }
+            return Ok(None);
+        }
+        let has_heights = both.map(|crs| crs.heights() != VerticalReference::Unknown);
+        if has_heights[0] != has_heights[1] {
+            let which = if has_heights[0] { "reference" } else { "grid" };
+            notes.push(format!(
+                "the vertical CRS of the {which} is unknown; that of the other is assumed"
+            ));
+        }
+        let [own, other] = if has_heights == [true; 2] { both.map(Crs::clone) } else { flat };
+        if own.agrees(&other) {
+            return Ok(None);
+        }
+        // The place of the grid chooses among operations.
+        let DifferenceOptions { shift_grid, geoid, resources, .. } = self.options;
+        let files = TargetCrs {
+            target: String::new(),
+            shift_grid: shift_grid.clone(),
+            geoid: geoid.clone(),
+        };
+        let there = files.operation_to(&other, name, &own, Some(extent_of(grid)), resources);
+        let there = there.map_err(|error| match error.remedy_text() {
+            Some(remedy) if remedy.contains("without heights") => {
+                let remedy =
+                    "pass a geoid model as ‹geoid›, or transform the heights of one grid first";
+                error.remedy(remedy).in_file(self.path())
+            }
+            _ => error.in_file(self.path()),
+        })?;
+        Ok(Some(there.inverse()))
+    }
+
+    fn apart(&self, name: &Path, extents: [[f64; 4]; 2]) -> Error {
+        let [own, other] = extents.map(|extent| extent.map(|at| at.to_string()).join(","));
+        let name = name.display();
+        Error::usage(format!(
+            "the reference does not overlap the grid: {name} covers {own}, the reference {other} in its CRS"
+        ))
+        .in_file(self.path())
+        .remedy("pass a reference of the same area, or correct the CRS of one of them")
+    }
+}
+
+/// True if positions are the same in both CRSs.
+fn same_positions(own: &Crs, other: &Crs) -> bool {
+    own.without_heights().agrees(&other.without_heights())
+}
+
+/// The factor to the unit of heights of the grid, where the operation does not transform heights.
+fn factor(
+    grid: &GridInfo,
+    reference: &GridInfo,
+    operation: Option<&CoordinateOperation>,
+    notes: &mut Vec<String>,
+) -> f64 {
+    let both = [&grid.crs, &reference.crs];
+    let has_heights = both.map(|crs| crs.heights() != VerticalReference::Unknown);
+    let metres = both.map(Crs::vertical_metres);
+    let ([Some(own), Some(other)], false) =
+        (metres, operation.is_some() && has_heights == [true; 2])
+    else {
+        return 1.0;
+    };
+    if own == other {
+        return 1.0;
+    }
+    let [own_unit, unit] = both.map(|crs| crs.heights_unit().unwrap_or("its unit").to_owned());
+    notes.push(format!("heights of the reference are converted from {unit} to {own_unit}"));
+    other / own
+}
+
+/// Columns and rows from samples of a grid to those of the reference, if they are at the same positions.
+fn whole_offset(grid: &GridInfo, reference: &GridInfo) -> Option<[i64; 2]> {
+    let [right, bottom] = [grid.width, grid.height].map(|side| f64::from(side) - 1.0);
+    let offset = |at: [f64; 2]| {
+        let [x, y] = grid.transform.apply(at[0], at[1]);
+        let [col, row] = reference.transform.invert(x, y);
+        [col - at[0], row - at[1]]
+    };
+    let whole = offset([0.0, 0.0]).map(f64::round);
+    let corners = [[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]];
+    let mut offsets = corners.into_iter().flat_map(|at| {
+        let own = offset(at);
+        [own[0] - whole[0], own[1] - whole[1]]
+    });
+    let is_whole = offsets.all(|by| by.abs() <= HAIR) && whole.iter().all(|by| by.abs() < FARTHEST);
+    is_whole.then_some(whole.map(|by| by as i64))
+}
+
+/// A grid whose samples lie at those of a lattice, some columns and rows further on; void beyond it.
+struct ShiftedGrid {
+    info: GridInfo,
+    inner: Box<dyn GridSource>,
+    offset: [i64; 2],
+}
+
+impl ShiftedGrid {
+    fn new(inner: Box<dyn GridSource>, lattice: &GridInfo, offset: [i64; 2]) -> Self {
+        let GridInfo { width, height, transform, .. } = *lattice;
+        let info = GridInfo { width, height, transform, ..inner.info().clone() };
+        Self { info, inner, offset }
+    }
+
+    /// The samples of the grid in a rectangle of the lattice, and their first column and row there.
+    fn within(&self, rect: Rect) -> Option<(Rect, [usize; 2])> {
+        let size = [self.inner.info().width, self.inner.info().height].map(i64::from);
+        let span = |first: u32, count: u32, axis: usize| {
+            let start = i64::from(first) + self.offset[axis];
+            let (low, high) = (start.max(0), (start + i64::from(count)).min(size[axis]));
+            (low < high).then_some((low as u32, (high - low) as u32, (low - start) as usize))
+        };
+        let (col, width, right) = span(rect.col, rect.width, 0)?;
+        let (row, height, down) = span(rect.row, rect.height, 1)?;
+        Some((Rect::new(col, row, width, height), [right, down]))
+    }
+
+    /// Reads a rectangle with `read`, row by row where a part of it is beyond the grid.
+    fn read<H: Copy>(
+        &self,
+        rect: Rect,
+        out: &mut [H],
+        void: H,
+        read: impl Fn(Rect, &mut [H]) -> Result<()>,
+    ) -> Result<()> {
+        let found = self.within(rect);
+        let Some((part, [right, down])) = found else {
+            out.fill(void);
+            return Ok(());
+        };
+        if part.len() == rect.len() {
+            return read(part, out);
+        }
+        out.fill(void);
+        let mut heights = vec![void; part.len()];
+        read(part, &mut heights)?;
+        for (row, heights) in heights.chunks_exact(part.width as usize).enumerate() {
+            out[(row + down) * rect.width as usize + right..][..heights.len()]
+                .copy_from_slice(heights);
+        }
+        Ok(())
+    }
+}
+
+impl GridSource for ShiftedGrid {
+    fn info(&self) -> &GridInfo {
+        &self.info
+    }
+
+    fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
+        self.read(rect, out, f32::NAN, |part, out| self.inner.read_f32(part, out))
+    }
+
+    fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
+        self.read(rect, out, f64::NAN, |part, out| self.inner.read_f64(part, out))
+    }
+
+    fn block_bytes(&self) -> u64 {
+        self.inner.block_bytes()
+    }
+
+    fn members(&self) -> Vec<PathBuf> {
+        self.inner.members()
+    }
+
+    fn release(&self, rect: Rect) {
+        if let Some((part, _)) = self.within(rect) {
+            self.inner.release(part);
+        }
+    }
+
+    fn copied(&self, rect: Rect) {
+        if let Some((part, _)) = self.within(rect) {
+            self.inner.copied(part);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use terrane_base::geom::Affine;
+    use terrane_raster::SampleType;
+
+    #[test]
+    fn lattices_agree_up_to_whole_cells() {
+        let map = Affine { x0: 500_000.0, a: 10.0, b: 0.0, y0: 4e6, d: 0.0, e: -10.0 };
+        let info = |transform| GridInfo {
+            transform,
+            ..GridInfo::plain("test", 900, 700, SampleType::F32)
+        };
+        let offset = |other| whole_offset(&info(map), &info(other));
+        assert_eq!(offset(map.shifted(-3.0, 7.0)), Some([3, -7]));
+        assert_eq!(offset(map.shifted(-3.0, 7.5)), None);
+        assert_eq!(offset(Affine { a: 10.000_001, ..map }), None);
+        assert_eq!(offset(Affine { a: 10.0 + 1e-9, ..map }), Some([0, 0]));
+        assert_eq!(offset(Affine { e: 10.0, ..map }), None);
+        assert_eq!(offset(Affine { x0: 0.0, ..map.shifted(1e-7, 0.0) }), Some([50_000, 0]));
+    }
+}
