@@ -359,7 +359,7 @@ impl Grid {
     /// let dem = terrane::open("synth:rough,size=129,seed=7")?;
     /// let report = dem.difference("synth:rough,size=129,seed=8").level_of_detection(0.5).write(&path)?;
     /// assert_eq!(report.compared, 129 * 129);
-    /// assert!(report.volume_above > Some(0.0) && report.lowest_at.is_some());
+    /// assert!(report.volume_below > Some(0.0) && report.lowest_at.is_some());
     /// # Ok(())
     /// # }
     /// ```

@@ -312,20 +312,21 @@ fn units_of_heights_meet_or_are_named() {
     assert_eq!(told["rmse"], 0.0);
 }
 
-/// A height unit that is no length: statistics without areas and volumes.
+/// Cells beyond a pole have no area: statistics alone.
 #[test]
-fn unknown_units_leave_areas_and_volumes_out() {
+fn areas_and_volumes_that_are_unknown_are_null() {
     let place = Place::new();
-    place.write("a.asc", grid([0.0, 0.0, 10.0], "1 2\n3 4"));
-    let wkt = r#"COMPD_CS["odd",PROJCS["WGS 84 / UTM zone 31N",GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563]],PRIMEM["Greenwich",0],UNIT["degree",0.0174532925199433]],PROJECTION["Transverse_Mercator"],PARAMETER["latitude_of_origin",0],PARAMETER["central_meridian",3],PARAMETER["scale_factor",0.9996],PARAMETER["false_easting",500000],PARAMETER["false_northing",0],UNIT["metre",1]],VERT_CS["odd",VERT_DATUM["odd",2005],UNIT["sazhen",0]]]"#;
-    place.write("a.prj", wkt);
-    let ran = place.run(&["difference", "a.asc", "a.asc", "o.tif", "--json"]);
-    if ran.code == 0 {
-        let told = json(&ran.out);
-        let is_known = told["volume_above"].is_number();
-        assert!(is_known || told["notes"].to_string().contains("no areas and volumes"), "{told}");
-        assert_eq!(told["compared"], 4);
+    place
+        .write("a.asc", grid([0.0, 87.0, 1.0], "1 2\n3 4\n1 2\n3 4\n5 5"))
+        .write("a.prj", "EPSG:4326");
+    let told = report(&place, &["a.asc", "a.asc", "o.tif"]);
+    assert!(told["notes"].to_string().contains("no areas and volumes: latitude 91"), "{told}");
+    for name in ["area_above", "area_below", "volume_above", "volume_below"] {
+        assert!(told.get(name).is_some_and(Value::is_null), "{name}: {told}");
     }
+    assert!(told["compared"] == 10 && told["rmse"] == 0.0, "{told}");
+    let summary = place.ok(&["difference", "a.asc", "a.asc", "p.tif"]).out;
+    assert!(!summary.contains("(fill)"), "{summary}");
 }
 
 #[test]

@@ -193,7 +193,7 @@ mod tests {
     fn heights(seed: u32) -> Vec<f64> {
         let value = |at: u32| match (at * 7919 + seed * 31) % 113 {
             0..9 => f64::NAN,
-            value => f64::from(value * (at % 7 + seed)) / 3.0,
+            value => f64::from(value * (at % 7 + seed) % 64) / 4.0,
         };
         (0..600).map(value).collect()
     }
@@ -247,6 +247,16 @@ mod tests {
             {
                 assert_eq!(divided(cols, rows, is_reversed), whole, "{cols} {rows}");
             }
+            let count = |own: &[f64], other: &[f64]| {
+                own.iter().zip(other).filter(|(a, b)| !a.is_nan() && b.is_nan()).count() as u64
+            };
+            let only = [whole.only_grid, whole.only_reference];
+            assert_eq!(only, [count(&grid, &reference), count(&reference, &grid)]);
+            let highest = differences.iter().copied().fold(f64::MIN, f64::max);
+            let equal: Vec<usize> = (0..600).filter(|at| differences[*at] == highest).collect();
+            assert!(equal.len() > 1, "{highest} is there once and proves nothing");
+            let first = info.transform.apply((equal[0] % 30) as f64, (equal[0] / 30) as f64);
+            assert_eq!(whole.highest_at, Some(first));
             let valid: Vec<f64> = differences.iter().copied().filter(|d| !d.is_nan()).collect();
             let mean = valid.iter().sum::<f64>() / valid.len() as f64;
             let squares = valid.iter().map(|d| (d - mean).powi(2)).sum::<f64>();

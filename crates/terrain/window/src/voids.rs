@@ -7,7 +7,8 @@
 //! in the row of the void in the northern ones, and that of equally near samples it takes any.
 //!
 //! For each sample of the window, two tables hold the distance to the nearest valid sample above and below. A void then
-//! walks the columns outward on both sides, until a column is farther away than the samples found.
+//! walks the columns outward on both sides, from one with a sample within reach to the next, until a column is farther
+//! away than the samples found.
 //!
 //! ```
 //! use terrane_base::geom::Rect;
@@ -40,6 +41,9 @@ pub struct VoidScratch {
     /// Distance to the nearest valid sample above and below each sample, exclusive.
     above: Vec<u16>,
     below: Vec<u16>,
+    /// For a row: the first column from each on that has a sample within reach, and the last before each, plus 1.
+    next: Vec<usize>,
+    before: Vec<usize>,
     /// Filled heights of a rectangle with a margin for smoothing, and those of the next pass.
     filled: Vec<f64>,
     smooth: Vec<f64>,
@@ -81,6 +85,7 @@ impl VoidFiller {
         let wide = Rect::new(col, row, right - col, bottom - row);
         scratch.filled.clear();
         for row in wide.row as usize..wide.end_row() as usize {
+            window.measure_row(row, scratch);
             for col in wide.col as usize..wide.end_col() as usize {
                 let height = heights[row * size[0] + col];
                 let height = match height.is_nan() {
@@ -101,23 +106,28 @@ impl VoidFiller {
         out
     }
 
-    /// The height of a void.
+    /// The height of a void. The two sides have no quadrant in common, and are walked one after the other.
     fn height(&self, window: &VoidWindow<'_>, scratch: &VoidScratch, at: [usize; 2]) -> f64 {
         let limit = u32::from(self.max_distance).pow(2) + 1;
         let mut nearest: Quadrants = [(limit, f64::NAN); 4];
         let [col, row] = at;
-        let right = window.width - 1 - col;
-        for step in 0..=usize::from(self.max_distance) {
-            let squared = (step * step) as u32;
-            if nearest.iter().all(|(found, _)| *found <= squared) || step > right.max(col) {
+        let mut there = scratch.next[col];
+        while there < window.width {
+            let squared = ((there - col) * (there - col)) as u32;
+            if nearest[0].0.max(nearest[1].0) <= squared {
                 break;
             }
-            if step <= right {
-                window.visit(scratch, [col + step, row], squared, &mut nearest, [0, 1], step > 0);
+            window.visit(scratch, [there, row], squared, &mut nearest, [0, 1], there > col);
+            there = scratch.next[there + 1];
+        }
+        let mut there = scratch.before[col + 1];
+        while there > 0 {
+            let squared = ((col + 1 - there) * (col + 1 - there)) as u32;
+            if nearest[2].0.max(nearest[3].0) <= squared {
+                break;
             }
-            if step <= col {
-                window.visit(scratch, [col - step, row], squared, &mut nearest, [3, 2], step > 0);
-            }
+            window.visit(scratch, [there - 1, row], squared, &mut nearest, [3, 2], there <= col);
+            there = scratch.before[there - 1];
         }
         mean(&nearest)
     }
@@ -158,6 +168,26 @@ impl VoidWindow<'_> {
         }
         for at in (0..len.saturating_sub(width)).rev() {
             scratch.below[at] = next(self.heights[at + width], scratch.below[at + width]);
+        }
+    }
+
+    /// Finds the columns of a row with a sample in it, above or below.
+    fn measure_row(&self, row: usize, scratch: &mut VoidScratch) {
+        let (first, width) = (row * self.width, self.width);
+        let VoidScratch { above, below, next, before, .. } = scratch;
+        let is_near = |col: usize| {
+            let at = first + col;
+            !self.heights[at].is_nan() || above[at] != NONE || below[at] != NONE
+        };
+        next.clear();
+        next.resize(width + 1, width);
+        before.clear();
+        before.resize(width + 1, 0);
+        for col in (0..width).rev() {
+            next[col] = if is_near(col) { col } else { next[col + 1] };
+        }
+        for col in 0..width {
+            before[col + 1] = if is_near(col) { col + 1 } else { before[col] };
         }
     }
 
