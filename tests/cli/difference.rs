@@ -370,3 +370,62 @@ fn what_cannot_be_compared_is_refused_by_name() {
     let job = ["difference", "synth:rough,size=2048,seed=4", "large.tif", "p.tif", "-q"];
     place.ok_as_advised(&job, "30M", &["memory"]);
 }
+
+/// A CRS or a unit that one grid does not state is that of the other, in areas and volumes too; Mercator has a note.
+#[test]
+fn what_one_grid_does_not_state_is_as_in_the_other() {
+    let place = Place::new();
+    let lattice = [7.0, 46.0, 0.01];
+    place.write("plain.asc", grid(lattice, "3 3 3\n3 3 3"));
+    place.write("degrees.asc", grid(lattice, "1 1 1\n1 1 1")).write("degrees.prj", "EPSG:4326");
+    let [one, other] = [["plain.asc", "degrees.asc"], ["degrees.asc", "plain.asc"]]
+        .map(|both| report(&place, &[&both[..], &["o.tif"]].concat()));
+    assert!(one["area_above"].as_f64().unwrap() > 5e6, "{one}");
+    assert_eq!(one["area_above"], other["area_below"]);
+    assert_eq!(one["volume_above"], other["volume_below"]);
+    let notes = |told: &Value| told["notes"].to_string();
+    assert!(!notes(&one).contains("metres are assumed") || !notes(&one).contains("x and y"));
+
+    // The same positions, with ellipsoidal heights and without.
+    place.write("solid.asc", grid(lattice, "1.1 5 7\n2 3 4")).write("solid.prj", "EPSG:4979");
+    place.write("flat.asc", grid(lattice, "1.1 5 7\n2 3 4")).write("flat.prj", "EPSG:4326");
+    let same = report(&place, &["solid.asc", "flat.asc", "o.tif"]);
+    assert_eq!((&same["area_above"], &same["area_below"]), (&0.0.into(), &0.0.into()), "{same}");
+
+    place.write("map.asc", grid([0.0, 8e6, 100.0], "1 2")).write("map.prj", "EPSG:3857");
+    assert!(notes(&report(&place, &["map.asc", "map.asc", "o.tif"])).contains("Mercator"));
+}
+
+/// Longitudes from 0 to 360 meet those from -180 to 180, and those of grids in metres on either side of the seam.
+#[test]
+fn longitudes_may_be_counted_from_anywhere() {
+    let place = Place::new();
+    let globe = |west: i32| -> String {
+        let height = |row: i32, col: i32| {
+            let longitude = (west + col * 10 + 180).rem_euclid(360) - 180;
+            format!("{} ", row * 1000 + longitude)
+        };
+        let rows: Vec<String> =
+            (0..18).map(|row| (0..36).map(|col| height(row, col)).collect()).collect();
+        grid([f64::from(west), -90.0, 10.0], &rows.join("\n"))
+    };
+    for (name, west) in [("pacific", 0), ("atlantic", -180)] {
+        place.write(&format!("{name}.asc"), globe(west));
+        place.write(&format!("{name}.prj"), "EPSG:4326");
+    }
+    for both in [["pacific.asc", "atlantic.asc"], ["atlantic.asc", "pacific.asc"]] {
+        let told = report(&place, &[both[0], both[1], "o.tif"]);
+        assert_eq!((&told["compared"], &told["rmse"]), (&648.into(), &0.0.into()), "{told}");
+    }
+    place.write("west.asc", grid([-80.0, 40.0, 10.0], "1 2")).write("west.prj", "EPSG:4326");
+    assert_eq!(report(&place, &["west.asc", "pacific.asc", "o.tif"])["compared"], 2);
+    // UTM 18, all of it west of Greenwich, and UTM 31 on both sides of it.
+    for (name, code) in [("w", 32618), ("e", 32631)] {
+        place.write(&format!("{name}.asc"), grid([100_000.0, 4.6e6, 50_000.0], "1 2 3 4 5 6"));
+        place.write(&format!("{name}.prj"), format!("EPSG:{code}"));
+        let told = report(&place, &[&format!("{name}.asc"), "pacific.asc", "o.tif"]);
+        assert_eq!(told["compared"], 6, "{name}: {told}");
+    }
+    place.write("far.asc", grid([100.0, 40.0, 1.0], "1 2")).write("far.prj", "EPSG:4326");
+    place.fails(&["difference", "west.asc", "far.asc", "p.tif"], 2, &["does not overlap"]);
+}

@@ -211,6 +211,7 @@ pub(crate) const VALUES: &[(&str, &str, &str)] = &[
 /// Options that cannot be tried here, with the reason.
 pub(crate) const UNTRIED: &[(&str, &str)] = &[
     ("zonal.layer", "as that of sample"),
+    ("fill.clip", "is refused, see fill"),
     ("shift_grid", "needs a grid of shifts, see geoids and crs_matrix"),
     ("geoid", "needs a geoid, see geoids"),
     ("points.keep_withheld", "points marked as withheld are written as others are"),

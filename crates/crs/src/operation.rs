@@ -238,6 +238,11 @@ impl CoordinateOperation {
         matches!(self.rise, HeightOperation::Times(1.0))
     }
 
+    /// True if longitudes and latitudes are unchanged but for rounding: both CRSs have one datum and one ellipsoid.
+    pub fn keeps_degrees(&self) -> bool {
+        self.legs.is_empty() && self.from.has_degrees_of(&self.to)
+    }
+
     /// True if x and y are unchanged, to the last bit.
     pub fn is_null(&self) -> bool {
         let [from, to] = &self.systems;

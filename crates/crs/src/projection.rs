@@ -46,6 +46,14 @@ impl Projection {
         self.proj.is_latlong()
     }
 
+    /// True for longitudes and latitudes on the same ellipsoid, from the same meridian.
+    pub(crate) fn has_degrees_of(&self, other: &Self) -> bool {
+        let [own, other] = [self, other].map(|crs| {
+            (crs.is_geographic(), crs.proj.ellipse_parameters(), crs.proj.from_greenwich())
+        });
+        own.0 && own == other
+    }
+
     /// The meridian at which the map is discontinuous, in radians, if any.
     pub(crate) fn cut(&self) -> Option<f64> {
         let is_cut = CUT.contains(&self.proj.projname());

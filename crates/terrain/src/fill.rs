@@ -19,9 +19,9 @@ use crate::stored;
 use bands::FilledBands;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
-use terrane_engine::Resources;
 use terrane_engine::operation::{Operation, RunRequest, Writes};
 use terrane_engine::options::{FileOutput, GridInput, GridOutput};
+use terrane_engine::{Resources, memory};
 use terrane_files::lock;
 use terrane_options::{OptionRange, Options};
 use terrane_raster::{GridInfo, GridSource, Inputs};
@@ -96,7 +96,7 @@ impl FillOptions {
         let cells = if most == 1 { "cell" } else { "cells" };
         (left > 0).then(|| {
             format!(
-                "{left} {verb} left, more than {most} {cells} from any valid sample; pass a larger ‹max_distance›"
+                "{left} {verb} left, more than {most} {cells} from any valid sample that was read; a larger ‹max_distance› reaches farther"
             )
         })
     }
@@ -114,8 +114,14 @@ impl Operation for FillOptions {
 
     fn run(&self, request: RunRequest<'_>) -> Result<FillReport> {
         let RunRequest { inputs, output, progress, cancel, .. } = request;
+        if self.grid.clip.is_some() {
+            return Err(Error::usage("‹clip› makes voids, which would be filled")
+                .remedy("fill the whole grid, then clip it with ‹terrane convert›"));
+        }
         let (copy, filler, filled) = (self.copy(inputs, output), self.filler(), Arc::default());
-        let bytes = filler.bytes(PIECE.into());
+        let opening = self.grid.options(&self.resources, 0)?;
+        let grid = memory::open_for_estimate(inputs, &opening)?.info().bounds();
+        let bytes = filler.bytes([grid.width, grid.height].map(u64::from), PIECE.into());
         let bands = [(self.resources.memory / 8).min(MAX_BANDS), 0];
         let report = run_beside(&copy, bytes, bands, progress, cancel, |inner, bands| {
             let grid = FilledGrid::new(inner, filler, Arc::clone(&filled), bands);

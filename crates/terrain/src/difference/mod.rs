@@ -44,13 +44,14 @@ const WORKER_BYTES: u64 = (PIECE[0] * PIECE[1]) as u64 * 8 * 3 + (64 << 10) + wa
 #[options(setters = own)]
 #[non_exhaustive]
 pub struct DifferenceOptions {
-    /// Grid to subtract: a file, a quoted pattern of a mosaic, or a synthetic terrain
+    /// Grid to subtract: a file, a folder, a list or a quoted pattern of a mosaic, or a synthetic terrain; its first band,
+    /// with its own nodata value
     #[option(value = "REFERENCE", with = FileName, role = ReadsGrid, positional)]
     pub reference: String,
     /// Interpolation of the reference where the lattices differ
     #[option(value = "NAME", with = ResamplingName, default = "bilinear".to_owned())]
     pub resampling: String,
-    /// Smallest absolute difference that counts in areas and volumes; all are written
+    /// Smallest absolute difference that counts in areas and volumes, in the unit of heights of the grid; all are written
     #[option(value = "HEIGHT", range = OptionRange::FROM_ZERO)]
     pub level_of_detection: f64,
     /// Datum shift grid between the two CRSs: an NTv2 file (.gsb)
@@ -143,7 +144,8 @@ impl Operation for DifferenceOptions {
                 let name = Path::new(&name);
                 info.check_cells().map_err(|e| e.in_file(name))?;
                 let reference = file.open(info, name, cache, Arc::clone(&nowhere))?;
-                let (scale, mut notes) = self.scale(info);
+                let own = GridInfo { crs: reference.crs.clone(), ..info.clone() };
+                let (scale, mut notes) = self.scale(&own);
                 notes.extend(reference.notes.iter().cloned());
                 let about = (reference.transformed.clone(), reference.resampled);
                 known = Some((info.transform, scale.clone(), about));
@@ -172,7 +174,15 @@ impl DifferenceOptions {
     fn scale(&self, info: &GridInfo) -> (DifferenceScale, Vec<String>) {
         let (ground, notes) = match GroundScale::of(info) {
             Ok(ground) => {
-                let notes = ground.notes();
+                let mut notes = ground.notes();
+                // Its scale grows beyond all bounds, those of other projections by some thousandths.
+                let is_mercator = info.crs.conversion().is_ok_and(|own| {
+                    own.proj.contains("proj=merc") || own.proj.contains("proj=webmerc")
+                });
+                if is_mercator {
+                    let note = "areas and volumes are those of the Mercator map, larger than on the ground";
+                    notes.push(note.to_owned());
+                }
                 (Some(ground), notes)
             }
             Err(error) => (None, vec![format!("no areas and volumes: {}", error.message())]),

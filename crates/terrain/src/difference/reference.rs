@@ -9,7 +9,7 @@ use crate::warp::{self, LatticeChange};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Rect, VerticalReference};
 use terrane_base::registry;
-use terrane_crs::CoordinateOperation;
+use terrane_crs::{CoordinateOperation, CoordinateOperationOptions};
 use terrane_engine::memory;
 use terrane_engine::options::GridInput;
 use terrane_engine::transform::{TargetCrs, Transformed, extent_of};
@@ -34,6 +34,8 @@ pub(super) struct ReferenceFile<'a> {
 /// The reference on the lattice of a grid.
 pub(super) struct ReferenceOnLattice {
     pub(super) source: Box<dyn GridSource>,
+    /// The CRS of the grid, with what is assumed to be that of the reference.
+    pub(super) crs: Crs,
     /// Its heights times this are in the unit of those of the grid.
     pub(super) factor: f64,
     pub(super) is_exact_in_f32: bool,
@@ -85,9 +87,19 @@ impl<'a> ReferenceFile<'a> {
         info.check_cells().map_err(|e| e.in_file(self.path()))?;
         let mut notes = raster::cautions(&info);
         let operation = self.operation(grid, name, &info, &mut notes)?;
-        let factor = factor(grid, &info, operation.as_ref(), &mut notes);
-        if let Some(extents) = warp::apart(&info, grid, operation.as_ref()) {
-            return Err(self.apart(name, extents));
+        let crs = assumed(&grid.crs, &info.crs);
+        let factor = factor([&grid.crs, &info.crs], operation.as_ref(), &mut notes)
+            .map_err(|e| e.in_file(self.path()))?;
+        let is_geographic = info.crs.horizontal_unit() == "degree";
+        // Longitudes may be counted from elsewhere.
+        let turns: &[f64] = if is_geographic { &[0.0, 360.0, -360.0] } else { &[0.0] };
+        let apart = turns.iter().map(|by| {
+            let mut turned = info.clone();
+            turned.transform.x0 += by;
+            warp::apart(&turned, grid, operation.as_ref())
+        });
+        if let Some(extents) = apart.collect::<Option<Vec<_>>>() {
+            return Err(self.apart(name, extents[0]));
         }
         let transformed = operation.as_ref().filter(|own| !own.is_null()).map(Transformed::of);
         notes.extend(operation.iter().flat_map(|own| own.notes().iter().cloned()));
@@ -96,7 +108,11 @@ impl<'a> ReferenceFile<'a> {
         let members = source.members().into_iter().chain(files).collect();
         let is_exact_in_f32 = info.exact_in_f32() && factor == 1.0;
         let offset = whole_offset(grid, &info);
-        let is_shifted = transformed.is_none();
+        let is_covered = offset.is_some_and(|[cols, _]| {
+            cols >= 0 && cols + i64::from(grid.width) <= i64::from(info.width)
+        });
+        // Else the other columns may be a turn away.
+        let is_shifted = transformed.is_none() && (is_covered || !is_geographic);
         let (source, resampled): (Box<dyn GridSource>, _) = match offset.filter(|_| is_shifted) {
             Some(offset) => (Box::new(ShiftedGrid::new(source, grid, offset)), None),
             None => {
@@ -111,6 +127,7 @@ impl<'a> ReferenceFile<'a> {
         };
         Ok(ReferenceOnLattice {
             source,
+            crs,
             factor,
             is_exact_in_f32,
             transformed,
@@ -149,7 +166,7 @@ impl<'a> ReferenceFile<'a> {
             ));
         }
         let [own, other] = if has_heights == [true; 2] { both.map(Crs::clone) } else { flat };
-        if own.agrees(&other) {
+        if own.agrees(&other) || has_heights != [true; 2] && same_positions(&own, &other) {
             return Ok(None);
         }
         // The place of the grid chooses among operations.
@@ -175,7 +192,7 @@ impl<'a> ReferenceFile<'a> {
         let [own, other] = extents.map(|extent| extent.map(|at| at.to_string()).join(","));
         let name = name.display();
         Error::usage(format!(
-            "the reference does not overlap the grid: {name} covers {own}, the reference {other} in its CRS"
+            "the reference does not overlap the grid: {name} covers {own} in its CRS, the reference {other}"
         ))
         .in_file(self.path())
         .remedy("pass a reference of the same area, or correct the CRS of one of them")
@@ -184,30 +201,79 @@ impl<'a> ReferenceFile<'a> {
 
 /// True if positions are the same in both CRSs.
 fn same_positions(own: &Crs, other: &Crs) -> bool {
-    own.without_heights().agrees(&other.without_heights())
+    let flat = [own, other].map(Crs::without_heights);
+    // A CRS with ellipsoidal heights has another code than the same one without.
+    flat[0].agrees(&flat[1])
+        || CoordinateOperation::between(&flat[0], &flat[1], &CoordinateOperationOptions::default())
+            .is_ok_and(|operation| operation.keeps_degrees())
+}
+
+/// The CRS of the grid, with what is unknown as in that of the reference.
+fn assumed(grid: &Crs, reference: &Crs) -> Crs {
+    let flat = [grid, reference].map(Crs::without_heights);
+    let has_unit = grid.heights_unit().is_some();
+    let known = match flat.each_ref().map(|crs| crs.is_named()) {
+        [false, true] => Crs {
+            vertical_unit: grid.vertical_unit.clone(),
+            vertical_unit_text: grid.vertical_unit_text.clone(),
+            ..flat[1].clone()
+        },
+        _ => grid.clone(),
+    };
+    if has_unit || grid.heights() != VerticalReference::Unknown {
+        return known;
+    }
+    known.with_heights_of(reference)
 }
 
 /// The factor to the unit of heights of the grid, where the operation does not transform heights.
+///
+/// # Errors
+/// Units that are no lengths, unless both are the same.
 fn factor(
-    grid: &GridInfo,
-    reference: &GridInfo,
+    both: [&Crs; 2],
     operation: Option<&CoordinateOperation>,
     notes: &mut Vec<String>,
-) -> f64 {
-    let both = [&grid.crs, &reference.crs];
+) -> Result<f64> {
     let has_heights = both.map(|crs| crs.heights() != VerticalReference::Unknown);
-    let metres = both.map(Crs::vertical_metres);
-    let ([Some(own), Some(other)], false) =
-        (metres, operation.is_some() && has_heights == [true; 2])
-    else {
-        return 1.0;
-    };
-    if own == other {
-        return 1.0;
+    if operation.is_some() && has_heights == [true; 2] {
+        return Ok(1.0);
     }
-    let [own_unit, unit] = both.map(|crs| crs.heights_unit().unwrap_or("its unit").to_owned());
-    notes.push(format!("heights of the reference are converted from {unit} to {own_unit}"));
-    other / own
+    let are_known = both.map(|crs| crs.heights_unit().is_some() || crs.vertical_metres().is_some());
+    let units = both.map(|crs| crs.heights_unit().unwrap_or("its unit").to_owned());
+    match (are_known, both.map(Crs::vertical_metres)) {
+        ([true, true], [Some(own), Some(other)]) if own == other => Ok(1.0),
+        ([true, true], [Some(own), Some(other)]) => {
+            let [own_unit, unit] = units;
+            notes.push(format!("heights of the reference are converted from {unit} to {own_unit}"));
+            Ok(other / own)
+        }
+        ([true, true], _) if units[0] == units[1] => Ok(1.0),
+        ([true, true], _) => {
+            let [own, other] = units;
+            Err(Error::unsupported(format!(
+                "heights in {other} cannot be subtracted from heights in {own}"
+            ))
+            .remedy("convert the heights of one grid first"))
+        }
+        ([false, false], _) => {
+            let [own, other] = both.map(Crs::horizontal_metres);
+            if own != other {
+                let note = "the units of heights are unknown; they are assumed to be the same";
+                notes.push(note.to_owned());
+            }
+            Ok(1.0)
+        }
+        ([is_own, _], _) => {
+            if has_heights[0] == has_heights[1] {
+                let which = if is_own { "reference" } else { "grid" };
+                notes.push(format!(
+                    "the unit of heights of the {which} is unknown; that of the other is assumed"
+                ));
+            }
+            Ok(1.0)
+        }
+    }
 }
 
 /// Columns and rows from samples of a grid to those of the reference, if they are at the same positions.

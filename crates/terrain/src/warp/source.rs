@@ -36,6 +36,8 @@ pub(super) struct WarpedGrid {
     scale: Scale,
     /// Heights are computed, and rounded to the sample type.
     is_made: bool,
+    /// Columns of a turn around the globe, for grids in degrees.
+    turn: Option<f64>,
     /// Columns and rows of a piece.
     side: u32,
     /// Number of samples that cannot be transformed to the CRS of the grid.
@@ -62,7 +64,11 @@ impl WarpedGrid {
     ) -> Self {
         let [across, down] = scale.get();
         let side = (USUAL_SPAN / across.max(down)).clamp(1.0, MOST_SIDE) as u32;
-        Self { info, inner, transform, resampling, scale, is_made, side, nowhere }
+        let own = inner.info();
+        let is_turned = own.crs.horizontal_unit() == "degree"
+            && (own.transform.b, own.transform.d) == (0.0, 0.0);
+        let turn = is_turned.then(|| 360.0 / own.transform.a.abs());
+        Self { info, inner, transform, resampling, scale, is_made, turn, side, nowhere }
     }
 
     pub(super) fn scale(&self) -> Scale {
@@ -117,8 +123,22 @@ impl WarpedGrid {
             self.transform.inverse_line(&mut places[first..]);
         }
         // What cannot be transformed stays not a number.
-        places.iter_mut().for_each(|at| *at = map.invert(at[0], at[1]));
+        for at in places.iter_mut() {
+            let [col, row] = map.invert(at[0], at[1]);
+            *at = [self.turned(col), row];
+        }
         places.iter().filter(|at| at[0].is_nan()).count() as u64
+    }
+
+    /// A column, or that a turn away if only it is in the grid.
+    #[inline]
+    fn turned(&self, col: f64) -> f64 {
+        let end = f64::from(self.inner.info().width) - 0.5;
+        match self.turn {
+            Some(turn) if col < -0.5 && col + turn <= end => col + turn,
+            Some(turn) if col > end && col - turn >= -0.5 => col - turn,
+            _ => col,
+        }
     }
 
     /// Finds the heights of a piece.

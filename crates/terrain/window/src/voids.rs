@@ -59,11 +59,13 @@ impl VoidFiller {
         u32::from(self.max_distance) + u32::from(self.smoothing)
     }
 
-    /// Bytes of a window of this many columns and rows, with the buffers for a rectangle of `side` columns and rows.
-    pub fn bytes(&self, side: u64) -> u64 {
-        let window = side + 2 * u64::from(self.reach());
-        let margin = side + 2 * u64::from(self.smoothing);
-        window * window * 12 + margin * margin * 16 + side * side * 8
+    /// Bytes of the window and the buffers for a rectangle of `side` columns and rows, in a `grid` of some columns and rows.
+    pub fn bytes(&self, grid: [u64; 2], side: u64) -> u64 {
+        let samples = |halo: u32| {
+            let wide = side + 2 * u64::from(halo);
+            grid.map(|side| side.min(wide)).iter().product::<u64>()
+        };
+        samples(self.reach()) * 12 + samples(self.smoothing.into()) * 16 + samples(0) * 8
     }
 
     /// The heights of a rectangle of a window, row by row: voids within reach of a valid sample are filled, others stay
