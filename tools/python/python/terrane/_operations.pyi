@@ -750,7 +750,7 @@ def roughness(
 ) -> dict[str, Any]: ...
 def sample(
     src: Any,
-    points: Any,
+    features: Any,
     path: Path,
     *,
     resampling: Literal["near", "bilinear", "cubic"] = "bilinear",
