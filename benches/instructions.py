@@ -5,12 +5,11 @@
 
 Counts do not depend on how busy a machine is, so they show whether a job needs more instructions where times could
 not. 10 % more than the kept count is an error; after a change that is worth it, or with another compiler, `--keep`
-writes the new counts. 10 % less is reported; accept it with `--keep`. A job that names its threads is there because
-more threads, or less memory, once made it dearer. The count of unchanged code varies by up to
+writes the new counts. 10 % less is reported; accept it with `--keep`. A job that names its threads once regressed with
+more threads or less memory; all others use one thread. The count of unchanged code varies by up to
 8 %, where the compiler divides a crate otherwise.
 
-Needs valgrind, which shows programs a processor with AVX2 and without AVX-512. Other jobs use one thread, and
-the build is that of the tests: other builds have other counts.
+Needs valgrind, which emulates AVX2 but not AVX-512. The build is that of the tests: other builds have other counts.
 """
 
 import argparse
@@ -77,7 +76,7 @@ def main():
     kept = json.loads(KEPT.read_text()) if KEPT.exists() else {}
     if not options.keep and kept.keys() != JOBS.keys():
         sys.exit("instructions.json has other jobs: run with --keep")
-    counts, faults = {}, []
+    counts, regressions = {}, []
     with tempfile.TemporaryDirectory() as folder:
         for line in INPUTS.strip().splitlines():
             subprocess.run([terrane, *arguments(line)], cwd=folder, check=True)
@@ -89,13 +88,13 @@ def main():
             ratio = counts[name] / kept.get(name, counts[name])
             print(f"{name:36} {counts[name] / 1e6:10.1f} M  {ratio:.3f}", flush=True)
             if ratio > 1 + MARGIN:
-                faults.append(f"{name}: {ratio:.3f} times the kept count")
+                regressions.append(f"{name}: {ratio:.3f} times the kept count")
             elif ratio < 1 - MARGIN:
                 print(f"{name}: fewer than the kept count; accept it with --keep")
     if options.keep:
         KEPT.write_text(json.dumps(counts, indent=2) + "\n")
-    elif faults:
-        sys.exit("\n".join(faults))
+    elif regressions:
+        sys.exit("\n".join(regressions))
 
 
 main()

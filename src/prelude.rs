@@ -6,8 +6,8 @@ pub use terrane_engine::ResourcesSetters;
 pub use terrane_engine::local_frame::LocalFrameSetters;
 pub use terrane_engine::options::{
     CloudInputSetters, ConstraintsSetters, FeatureInputSetters, FileOutputSetters,
-    GridInputSetters, GridOutputSetters, PointFilterSetters, ReplacingSetters, ReprojectionSetters,
-    ResumingSetters,
+    GridInputSetters, GridOutputSetters, OperationFilesSetters, PointFilterSetters,
+    ReplacingSetters, ReprojectionSetters, ResumingSetters, SampleOutputSetters,
 };
 pub use terrane_engine::plan::RunSetters;
 #[cfg(feature = "lidar")]
@@ -20,7 +20,7 @@ pub use terrane_simplify::LineSetters;
 pub use terrane_terrain::AnnotationSetters;
 pub use terrane_terrain::colours::ColorReliefSetters;
 pub use terrane_terrain::contour::ContourSetters;
-pub use terrane_terrain::convert::ConvertSetters;
+pub use terrane_terrain::convert::{ConvertSetters, DerivedGridSetters};
 pub use terrane_terrain::difference::DifferenceSetters;
 pub use terrane_terrain::fill::FillSetters;
 pub use terrane_terrain::relief::{

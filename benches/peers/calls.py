@@ -157,7 +157,7 @@ def is_call(argv):
 
 
 def label(command):
-    """What does a command, for a table."""
+    """Name of the program or package in the table."""
     name = command.split()[0]
     return CALLS[name][1] if name in CALLS else name
 

@@ -40,7 +40,7 @@ fn voids_are_weighted_means_of_the_nearest_in_each_quadrant() {
     near(found[columns + 2], 2.75);
     assert!(found[2 * columns + 3].is_nan());
     let note = report["notes"].to_string();
-    assert!(note.contains("2 voids are left, more than 1 cell from any valid sample"), "{note}");
+    assert!(note.contains("voids left: 2, farther than 1 cells from all valid samples"), "{note}");
     assert!(note.contains("--max-distance") && report["left"] == 2, "{note}");
     assert_eq!(report["filled"], 7);
 }
@@ -76,7 +76,6 @@ fn threads_memory_formats_and_parts_leave_no_trace() {
                  POLYGON ((504000 4741000, 510800 4741000, 510800 4739200, 504000 4741000))";
     place.write("areas.wkt", areas).write("areas.prj", "EPSG:32631");
     place.ok(&["convert", dem, "dem.tif", "--clip", "areas.wkt", "-q"]);
-    place.fails(&["fill", "dem.tif", "o.tif", "--clip", "areas.wkt"], 2, &["terrane convert"]);
     let make = |name: &str, more: &[&str]| {
         let fill = ["fill", "dem.tif", name, "--smoothing", "2"];
         let ran = place
@@ -102,6 +101,54 @@ fn threads_memory_formats_and_parts_leave_no_trace() {
     let voids = whole.iter().filter(|z| z.is_nan()).count() as u64;
     assert_eq!((voids, columns), (counts.1, 1100));
     assert!(whole.iter().all(|z| *z != 0.0), "no height is made of nothing");
+}
+
+/// Samples outside the polygons count for the heights of those inside, and are void and uncounted in the output.
+#[test]
+fn clip_polygons_cut_the_filled_grid() {
+    let place = Place::new();
+    let dem = "synth:salt,size=700,voids=0.9,seed=5";
+    let area = "POLYGON ((500100 4749900, 506000 4749000, 504000 4745000, 500100 4749900))";
+    place.write("area.wkt", area).write("area.prj", "EPSG:32631");
+    let options = ["--max-distance", "2", "--smoothing", "1", "--json"];
+    place.ok(&[&["fill", dem, "whole.tif"], &options[..]].concat());
+    place.ok(&["convert", "whole.tif", "expected.tif", "--clip", "area.wkt", "-q"]);
+    let told = place.ok(&[&["fill", dem, "o.tif", "--clip", "area.wkt"], &options[..]].concat());
+    let told = json(&told.out);
+    let small = ["--memory", "44M", "--threads", "2"];
+    let small = [&["fill", dem, "small.tif", "--clip", "area.wkt"], &options[..], &small].concat();
+    assert_eq!(json(&place.ok(&small).out)["filled"], told["filled"]);
+    let [expected, found] = ["expected.tif", "o.tif"].map(|name| values(&place, name).1);
+    assert_eq!(format!("{found:?}"), format!("{expected:?}"));
+    assert!(place.bytes("o.tif") == place.bytes("small.tif"));
+    // Samples outside are neither filled nor left: with other polygons they are, and the sums agree.
+    let count = |name: &str| told[name].as_u64().unwrap();
+    let valid = found.iter().filter(|z| !z.is_nan()).count() as u64;
+    place.ok(&["convert", dem, "before.tif", "--clip", "area.wkt", "-q"]);
+    let before = values(&place, "before.tif").1.iter().filter(|z| !z.is_nan()).count() as u64;
+    assert_eq!(valid, before + count("filled"));
+    place.ok(&["convert", "synth:rough,size=700", "level.tif", "--clip", "area.wkt", "-q"]);
+    let inside = values(&place, "level.tif").1.iter().filter(|z| !z.is_nan()).count() as u64;
+    assert_eq!(inside, valid + count("left"));
+    assert!(count("filled") > 1000 && count("left") > 100 && inside < 700 * 700, "{told}");
+}
+
+/// Filled heights are rounded to the type of the output, and are never its nodata value.
+#[test]
+fn output_types_and_nodata_values_can_be_chosen() {
+    let place = Place::new();
+    place.write("a.asc", grid("1 2 * 4\n-1 1 * *\n1 2 * 2"));
+    let options = ["--type", "int16", "--out-nodata", "3", "--overwrite", "--json"];
+    let told = json(&place.ok(&[&["fill", "a.asc", "o.tif"], &options[..]].concat()).out);
+    assert_eq!((&told["sample_type"], &told["left"]), (&"int16".into(), &0.into()), "{told}");
+    assert!(values(&place, "o.tif").1.iter().all(|z| z.fract() == 0.0 && *z != 3.0));
+    let exact = ["fill", "a.asc", "f.tif", "--type", "float64", "--json"];
+    assert_eq!(json(&place.ok(&exact).out)["left"], 0);
+    assert!(values(&place, "f.tif").1.iter().any(|z| z.fract() != 0.0));
+    // Valid samples are never changed unasked.
+    place.write("b.asc", grid("0.5 * 2.25 1"));
+    place.fails(&["fill", "b.asc", "b.tif", "--type", "int8"], 65, &["b.tif", "--round"]);
+    place.ok(&["fill", "b.asc", "b.tif", "--type", "int8", "--round", "-q"]);
 }
 
 #[test]

@@ -98,6 +98,9 @@ pub(crate) const VALUES: &[(&str, &str, &str)] = &[
     ("fill.max_distance", "3", "{}"),
     ("fill.smoothing", "2", "{}"),
     ("fill.nodata", "3", "{}"),
+    ("difference.type", "\"int16\"", "{\"reference\": \"like.asc\", \"round\": true}"),
+    ("difference.round", "true", "{\"reference\": \"like.asc\", \"type\": \"int16\"}"),
+    ("difference.out_nodata", "-5", "{\"reference\": \"like.asc\"}"),
     ("difference.reference", "\"like.asc\"", "{}"),
     ("difference.resampling", "\"near\"", "{\"reference\": \"like.asc\"}"),
     ("difference.nodata", "3", "{\"reference\": \"near.asc\"}"),
@@ -211,7 +214,6 @@ pub(crate) const VALUES: &[(&str, &str, &str)] = &[
 /// Options that cannot be tried here, with the reason.
 pub(crate) const UNTRIED: &[(&str, &str)] = &[
     ("zonal.layer", "as that of sample"),
-    ("fill.clip", "is refused, see fill"),
     ("shift_grid", "needs a grid of shifts, see geoids and crs_matrix"),
     ("geoid", "needs a geoid, see geoids"),
     ("points.keep_withheld", "points marked as withheld are written as others are"),

@@ -148,8 +148,8 @@ pub(crate) fn place() -> Place {
         |low: u32| format!("ncols 40\nnrows 40\nxllcorner {low}\nyllcorner 4749300\ncellsize 12\n");
     place.write("like.asc", head(500_200) + &grid).write("like.prj", "EPSG:32631");
     let hole = |row: i32, col: i32| match (row, col) {
-        (5..20, 5..20) | (25, _) => -9999,
-        _ => row * col % 97,
+        (5..20, 5..20) | (25, _) => -9999.0,
+        _ => f64::from(row * col % 97) / 2.0,
     };
     let holes: String = (0..40)
         .map(|row| (0..40).map(|col| format!("{} ", hole(row, col))).collect::<String>() + "\n")

@@ -186,9 +186,9 @@ fn the_declared_nodata_value_is_the_one_that_voids_are_stored_as() {
         {
             let out = path(&format!("out.{ending}"));
             let mut job = ConvertJob::new(path("in.asc"), &out);
-            (job.options.file.format, job.options.sample_type) =
+            (job.options.file.format, job.options.samples.sample_type) =
                 (Some(format.to_owned()), Some(kind));
-            (job.options.out_nodata, job.options.file.replacing.overwrite) = (asked, true);
+            (job.options.samples.out_nodata, job.options.file.replacing.overwrite) = (asked, true);
             if format == "COG" {
                 job.options.written.co.push(("COMPRESS".to_owned(), "NONE".to_owned()));
             }

@@ -359,25 +359,25 @@ fn what_does_not_fit_is_refused_with_its_place_and_nothing_is_left() {
         grid.stored[69 * 70 + 33] = bad;
         for asked in ["store", "COG BLOCKSIZE=64", "GTiff"] {
             let job = job(&at("a.tif"), asked).with(|options| {
-                options.sample_type = Some(kind);
+                options.samples.sample_type = Some(kind);
             });
             refused(&grid, &job, ErrorKind::BadInput, &[place, remedy, "a.tif"]);
         }
     }
     let nodata = job(&at("a.tif"), "COG").with(|options| {
-        options.out_nodata = Some(5.0);
+        options.samples.out_nodata = Some(5.0);
     });
     refused(&grid, &nodata, ErrorKind::BadInput, &["column 0, row 0", "nodata"]);
     let impossible = nodata.with(|options| {
-        options.sample_type = Some(SampleType::U8);
+        options.samples.sample_type = Some(SampleType::U8);
     });
     let impossible = impossible.with(|options| {
-        options.out_nodata = Some(-1.0);
+        options.samples.out_nodata = Some(-1.0);
     });
     refused(&grid, &impossible, ErrorKind::Usage, &["-1", "uint8"]);
     grid.stored[69 * 70 + 33] = f64::NAN;
     let asc = job(&at("a.asc"), "AAIGrid").with(|options| {
-        options.out_nodata = Some(5.0);
+        options.samples.out_nodata = Some(5.0);
     });
     refused(&grid, &asc, ErrorKind::BadInput, &["column 0, row 0", "nodata"]);
     refused(&grid, &job(&at("a.png"), "PNG"), ErrorKind::BadInput, &[place, "ALPHA=YES"]);
@@ -400,13 +400,13 @@ fn round_takes_the_nearest_value_and_types_change_exactly() {
     grid.stored.iter_mut().filter(|z| **z != 9999.0).for_each(|z| *z += 0.375);
     for kind in [SampleType::I16, SampleType::U16, SampleType::I32] {
         let options = job(&path, "GTiff").with(|options| {
-            options.round = true;
+            options.samples.round = true;
             options.file.replacing.overwrite = true;
         });
         convert(
             &grid,
             &options.with(|options| {
-                options.sample_type = Some(kind);
+                options.samples.sample_type = Some(kind);
             }),
         )
         .unwrap();
@@ -422,12 +422,12 @@ fn round_takes_the_nearest_value_and_types_change_exactly() {
         options.file.replacing.overwrite = true;
     });
     let narrow = options.clone().with(|options| {
-        options.sample_type = Some(SampleType::F32);
+        options.samples.sample_type = Some(SampleType::F32);
     });
     convert(
         &grid,
         &narrow.with(|options| {
-            options.out_nodata = Some(-1.0);
+            options.samples.out_nodata = Some(-1.0);
         }),
     )
     .unwrap();
@@ -435,8 +435,8 @@ fn round_takes_the_nearest_value_and_types_change_exactly() {
     assert_eq!(open(&path).info().nodata, Some(-1.0));
     let asc = folder.path().join("a.asc");
     let whole = job(&asc, "AAIGrid").with(|options| {
-        options.sample_type = Some(SampleType::I16);
-        options.round = true;
+        options.samples.sample_type = Some(SampleType::I16);
+        options.samples.round = true;
     });
     convert(&grid, &whole).unwrap();
     assert_eq!(open(&asc).info().sample_type, SampleType::I16);
@@ -491,7 +491,7 @@ fn options_that_cannot_act_are_refused() {
         refused(&grid, &job(&path, asked), ErrorKind::Usage, &[word]);
     }
     let typed = job(&folder.path().join("a.flt"), "GridFloat").with(|options| {
-        options.sample_type = Some(SampleType::I16);
+        options.samples.sample_type = Some(SampleType::I16);
     });
     refused(&grid, &typed, ErrorKind::Usage, &["float32"]);
     let mut starved = job(&path, "GTiff COMPRESS=LZW");

@@ -1,4 +1,5 @@
-//! Sums of floats of both signs without rounding, so that they are the same in any order and grouping.
+//! Sums of floats of both signs without rounding, so that they are the same in any order and grouping. Proofs have sums of
+//! their own (`terrane_proof::ExactSum`), as a proof shares no arithmetic with what it checks.
 //!
 //! ```
 //! use terrane_base::exact_total::ExactTotal;

@@ -15,6 +15,7 @@ pub mod geom;
 pub mod limits;
 pub mod parameters;
 pub mod registry;
+pub mod rounding;
 
 pub use cancel::Cancel;
 pub use error::{Error, ErrorKind, Result};

@@ -51,11 +51,11 @@ enum DatumShift {
 /// Tolerance, in metres, of ellipsoidal heights when a shift is inverted.
 const LEVEL: f64 = 1e-5;
 
-/// Positions of [`CoordinateOperation::line`] for each that is checked.
-const RUN: usize = 16;
-/// Greatest distance of a position from where it would lie between the checked ones at equal steps, in steps. What lies
-/// farther is checked itself.
-const STRAY: f64 = 0.25;
+/// Positions of [`CoordinateOperation::transform_line`] for each that is checked.
+const CHECK_INTERVAL: usize = 16;
+/// Maximum distance of a position from its point at equal steps between the checked ones, in steps. Farther positions
+/// are checked individually.
+const MAX_DEVIATION: f64 = 0.25;
 
 impl CoordinateOperation {
     /// The operation between two CRSs.
@@ -138,24 +138,24 @@ impl CoordinateOperation {
         Ok(self.settled(self.to.of_globe(place)?))
     }
 
-    /// Transforms neighbouring positions on a line; those that cannot be transformed become not a number. The same as
-    /// [`position`](Self::position) for each, at half the cost: one in sixteen is checked, and the others must lie near
-    /// where they would at equal steps between the checked ones.
-    pub fn line(&self, line: &mut [[f64; 2]]) {
+    /// Transforms neighbouring positions on a line; those that cannot be transformed become NaN. The same as
+    /// [`position`](Self::position) for each, at half the cost: one in sixteen is checked by its inverse, and the others
+    /// must lie near the points at equal steps between the checked ones.
+    pub fn transform_line(&self, line: &mut [[f64; 2]]) {
         let checked = |at: &[f64; 2]| self.position(*at).unwrap_or([f64::NAN; 2]);
         let Some((first, rest)) = line.split_first_mut() else { return };
         let mut before = checked(first);
         *first = before;
-        for run in rest.chunks_mut(RUN) {
-            let (mut own, count) = ([[0.0; 2]; RUN], run.len());
+        for run in rest.chunks_mut(CHECK_INTERVAL) {
+            let (mut own, count) = ([[0.0; 2]; CHECK_INTERVAL], run.len());
             own[..count].copy_from_slice(run);
             let after = checked(&own[count - 1]);
             self.unchecked(run);
             let step = [0, 1].map(|i| (after[i] - before[i]) / count as f64);
-            let most = STRAY * step[0].hypot(step[1]);
+            let most = MAX_DEVIATION * step[0].hypot(step[1]);
             for ((place, at), own) in (1..).zip(run).zip(&own) {
                 let strays = [0, 1].map(|i| at[i] - (before[i] + step[i] * f64::from(place)));
-                // Not a number is not near.
+                // False for NaN.
                 let is_near = strays[0].abs() <= most && strays[1].abs() <= most;
                 if !is_near {
                     *at = checked(own);

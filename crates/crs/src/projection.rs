@@ -84,7 +84,7 @@ impl Projection {
         })
     }
 
-    /// Unchecked projection of places; not a number where it fails.
+    /// Unchecked projection of places; NaN where it fails.
     pub(crate) fn project_all(&self, places: &mut [[f64; 2]]) {
         let done = transform(&self.globe, &self.proj, &mut Places(places));
         let is_geographic = self.is_geographic();
@@ -95,7 +95,7 @@ impl Projection {
         }
     }
 
-    /// Unchecked inverse projection of positions; not a number where it fails.
+    /// Unchecked inverse projection of positions; NaN where it fails.
     pub(crate) fn unproject_all(&self, places: &mut [[f64; 2]]) {
         if self.is_geographic() {
             for at in places.iter_mut() {
@@ -144,7 +144,7 @@ impl Projection {
     }
 }
 
-/// Places that are transformed together, step by step. One that fails becomes not a number, and is left alone then.
+/// Places that are transformed together, step by step. One that fails becomes NaN and is left alone.
 struct Places<'a>(&'a mut [[f64; 2]]);
 
 impl Transform for Places<'_> {

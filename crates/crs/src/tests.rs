@@ -100,7 +100,7 @@ fn positions_on_a_line_are_those_one_by_one() {
                 .collect();
             for (operation, line) in [(&operation, there), (&operation.inverse(), degrees)] {
                 let mut together = line.clone();
-                operation.line(&mut together);
+                operation.transform_line(&mut together);
                 for (at, own_at) in line.iter().zip(&together) {
                     match operation.position(*at) {
                         Ok(alone) => assert_eq!(alone, *own_at, "{own} {at:?}"),

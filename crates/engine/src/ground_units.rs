@@ -86,21 +86,23 @@ const NODES: [(f64, f64); 5] = [
 
 impl GroundScale {
     /// Metres per unit of height.
-    pub fn rise(&self) -> f64 {
+    pub fn metres_per_height_unit(&self) -> f64 {
         self.rise
     }
 
     /// True if all cells have the same area, which then does not depend on the column and row.
-    pub fn is_even(&self) -> bool {
+    pub fn has_equal_cells(&self) -> bool {
         !matches!(self.across, HorizontalUnit::Degrees(_))
     }
 
     /// The area of the cell around a sample in square metres; for degrees on the ellipsoid, as far as the cell is not
     /// beyond a pole. It is the same along a row where [`is_by_row`](Self::is_by_row).
     pub fn cell_area(&self, col: f64, row: f64) -> f64 {
-        let HorizontalUnit::Degrees(spheroid) = self.across else {
-            let HorizontalUnit::Everywhere(metres) = self.across else { return f64::NAN };
-            return self.map.determinant().abs() * metres * metres;
+        let spheroid = match self.across {
+            HorizontalUnit::Everywhere(metres) => {
+                return self.map.determinant().abs() * metres * metres;
+            }
+            HorizontalUnit::Degrees(spheroid) => spheroid,
         };
         // Square metres per square degree.
         let density = |latitude: f64| {
@@ -234,8 +236,11 @@ mod tests {
             Crs { epsg: Some(2263), vertical_unit: Some("metre".to_owned()), ..Crs::default() };
         let ground = GroundScale::of(&info(map, feet)).unwrap();
         let foot = 1200.0_f64 / 3937.0;
-        assert!((ground.cell_area(3.0, 4.0) - 6.5 * foot * foot).abs() < 1e-12 && ground.is_even());
-        assert_eq!(ground.rise(), 1.0);
+        assert!(
+            (ground.cell_area(3.0, 4.0) - 6.5 * foot * foot).abs() < 1e-12
+                && ground.has_equal_cells()
+        );
+        assert_eq!(ground.metres_per_height_unit(), 1.0);
         let degrees = Crs { geographic: Some(true), ..Crs::default() };
         let rows = |rows: u32, map: Affine| {
             let info = GridInfo { height: rows, ..info(map, degrees.clone()) };

@@ -18,7 +18,8 @@ use terrane_options::{
 };
 
 use crate::options::{
-    CloudInput, FeatureInput, FileOutput, FileSize, GridInput, GridOutput, PointFilter, Replacing,
+    CloudInput, FeatureInput, FileOutput, FileSize, GridInput, GridOutput, OperationFiles,
+    PointFilter, Replacing, Reprojection,
 };
 use crate::outputs::not_among;
 pub use crate::plan::AnyOperation;
@@ -78,7 +79,7 @@ macro_rules! has_nested {
     )+};
 }
 
-has_nested!(CloudInput => PointFilter, FileOutput => Replacing);
+has_nested!(CloudInput => PointFilter, FileOutput => Replacing, Reprojection => OperationFiles);
 
 /// Input kind of an operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

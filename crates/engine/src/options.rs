@@ -4,6 +4,7 @@ mod codecs;
 
 use std::path::PathBuf;
 
+use serde::{Deserialize, Serialize};
 use terrane_options::{OptionRange, OptionRule, Options, changed};
 
 use crate::disk::DiskCheck;
@@ -17,6 +18,7 @@ pub use codecs::{
 use terrane_base::attribute::Return;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{Condition, Flags};
+use terrane_raster::SampleType;
 
 /// Input grid
 #[derive(Clone, Debug, PartialEq, Options)]
@@ -37,7 +39,7 @@ pub struct GridInput {
     #[option(value = "FILE", alias = "polygon", with = FileName, role = Reads)]
     pub clip: Option<String>,
     /// File of water features in the CRS of the grid. Polygons are lakes, flattened to their lowest bank; polygons with
-    /// a line inside are rivers, falling along the line (drawn downstream). Mesh edges follow the banks
+    /// a line inside are rivers, falling along the line (drawn downstream). In meshes, edges follow the banks
     #[option(value = "FILE", with = FileName, role = Reads)]
     pub water: Option<String>,
 }
@@ -218,6 +220,15 @@ pub struct Reprojection {
     /// CRS of the output, such as EPSG:4326 or WKT; processing uses the CRS of the input
     #[option(value = "CRS", with = CrsText)]
     pub to_crs: Option<String>,
+    /// Files of the operation.
+    #[option(flatten)]
+    pub files: OperationFiles,
+}
+
+/// Files of a coordinate operation
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Options)]
+#[options(heading = "Reference system", setters = group)]
+pub struct OperationFiles {
     /// Datum shift grid between the two CRSs: an NTv2 file (.gsb)
     #[option(value = "FILE", with = FileName, role = Reads)]
     pub shift_grid: Option<PathBuf>,
@@ -226,13 +237,28 @@ pub struct Reprojection {
     pub geoid: Option<PathBuf>,
 }
 
+/// Output samples
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(heading = "Output", setters = group)]
+pub struct SampleOutput {
+    /// Output sample type, such as int16 or float32
+    #[option(name = "type", alias = "dtype", value = "NAME", with = SampleTypeName,
+             default_text = "as in the input; for differences float32 or float64")]
+    pub sample_type: Option<SampleType>,
+    /// Nodata value of the output
+    #[option(value = "VALUE", with = FiniteOrNan, default_text = "as in the input; for differences -9999")]
+    pub out_nodata: Option<f64>,
+    /// Round heights that the sample type cannot hold exactly
+    pub round: bool,
+}
+
 const OF_REPROJECTION: &[OptionRule] =
     &[OptionRule::Needs("shift_grid", &["to_crs"]), OptionRule::Needs("geoid", &["to_crs"])];
 
 impl Reprojection {
     /// The reprojection, if any.
     pub fn transform(&self) -> Option<TargetCrs> {
-        let (shift_grid, geoid) = (self.shift_grid.clone(), self.geoid.clone());
-        self.to_crs.clone().map(|target| TargetCrs { target, shift_grid, geoid })
+        let files = self.files.clone();
+        self.to_crs.clone().map(|target| TargetCrs { target, files })
     }
 }

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 pub use crate::grids_in_memory::{SHARE, check_memory, read};
+use crate::options::OperationFiles;
 use crate::{Resources, feature_files, geoid};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3, wkt};
@@ -22,10 +23,9 @@ use terrane_vector::{CoordinateSequence, Feature, FeatureSink, JsonMember, Writt
 pub struct TargetCrs {
     /// The CRS: a code ("EPSG:4326", "EPSG:6339+6360") or WKT.
     pub target: String,
-    /// Datum shift grid (NTv2).
-    pub shift_grid: Option<PathBuf>,
-    /// Geoid model (GTX or GeoTIFF).
-    pub geoid: Option<PathBuf>,
+    /// Files of the operation to it.
+    #[serde(flatten)]
+    pub files: OperationFiles,
 }
 
 /// Report on the transformation.
@@ -59,9 +59,11 @@ impl TargetCrs {
 
     /// The same with absolute paths.
     pub fn absolute(&self) -> Result<Self> {
+        let OperationFiles { shift_grid, geoid } = &self.files;
         let [shift_grid, geoid] =
-            [&self.shift_grid, &self.geoid].map(|path| path.as_deref().map(absolute).transpose());
-        Ok(Self { shift_grid: shift_grid?, geoid: geoid?, ..self.clone() })
+            [shift_grid, geoid].map(|path| path.as_deref().map(absolute).transpose());
+        let files = OperationFiles { shift_grid: shift_grid?, geoid: geoid? };
+        Ok(Self { files, ..self.clone() })
     }
 
     /// Minimum memory limit that holds its files.
@@ -72,14 +74,13 @@ impl TargetCrs {
 
     /// Its files.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
-        self.shift_grid.iter().chain(&self.geoid).map(PathBuf::as_path)
+        self.files.paths()
     }
 
-    /// The operation from `crs`, that of the file `input`, to the target CRS, for data within `extent`: x and y low,
-    /// x and y high.
+    /// As [`OperationFiles::operation`], to this CRS.
     ///
     /// # Errors
-    /// The errors of [`CoordinateOperation::between`]; grids that cannot be read.
+    /// Those of [`OperationFiles::operation`].
     pub fn operation(
         &self,
         input: &Path,
@@ -87,14 +88,22 @@ impl TargetCrs {
         extent: Option<[f64; 4]>,
         resources: &Resources,
     ) -> Result<CoordinateOperation> {
-        self.operation_to(&wkt::of_srs(&self.target), input, crs, extent, resources)
+        self.files.operation(&wkt::of_srs(&self.target), input, crs, extent, resources)
+    }
+}
+
+impl OperationFiles {
+    /// The files that are given.
+    pub fn paths(&self) -> impl Iterator<Item = &Path> {
+        self.shift_grid.iter().chain(&self.geoid).map(PathBuf::as_path)
     }
 
-    /// As [`operation`](Self::operation), to a CRS in place of [`target`](Self::target).
+    /// The operation from `crs`, that of the file `input`, to the CRS `target`, for data within `extent`: x and y low,
+    /// x and y high.
     ///
     /// # Errors
-    /// Those of [`operation`](Self::operation).
-    pub fn operation_to(
+    /// The errors of [`CoordinateOperation::between`]; grids that cannot be read.
+    pub fn operation(
         &self,
         target: &Crs,
         input: &Path,

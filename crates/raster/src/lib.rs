@@ -47,7 +47,7 @@ mod xyz;
 
 pub use array::{ArrayGrid, ArraySample};
 pub use cache::{SharedBlocks, decoded_blocks};
-pub use clip::{Clip, ClipRings, PolygonEdgeIndex};
+pub use clip::{Clip, ClipRings, PolygonEdgeIndex, clipped};
 pub use format::{GridOpenOptions, RasterFormat};
 pub use grid::{GridInfo, GridSource, SampleType};
 pub use in_memory::InMemoryGrid;

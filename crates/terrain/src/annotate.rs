@@ -97,8 +97,8 @@ pub(crate) struct AnnotationRequest<'a> {
     pub(crate) format: &'static VectorFormat,
     /// A row of a table is a point.
     pub(crate) are_points: bool,
-    /// The features, as far as their kind is known.
-    pub(crate) kind: GeometryType,
+    /// The output is a table of the properties alone.
+    pub(crate) omits_geometry: bool,
     /// Bytes of a thread.
     pub(crate) worker: u64,
     /// The option that names the new properties, for errors.
@@ -308,7 +308,7 @@ impl AnnotatedFile {
         }
         let options = VectorWriteOptions {
             overwrite: request.options.file.replacing.overwrite,
-            table: !request.format.holds.kinds.contains(&request.kind),
+            table: request.omits_geometry,
             temp_dir: request.options.resources.temp_dir.clone(),
             ..VectorWriteOptions::default()
         };
@@ -338,8 +338,8 @@ impl AnnotatedFile {
 }
 
 fn exists(name: &str, naming: &str) -> Error {
-    Error::bad_input(format!("the features have a property {name}"))
-        .remedy(format!("pass {naming} to name the new property otherwise"))
+    Error::bad_input(format!("the features have a property {name} already"))
+        .remedy(format!("choose another name with {naming}"))
 }
 
 /// The path of a feature file by its option value.

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 use crate::convert::copy::{DerivedBands, run_of};
-use crate::convert::job::{ConvertJob, ConvertOptions, ConvertReport};
+use crate::convert::job::{ConvertJob, ConvertReport, DerivedGridOptions};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_engine::operation::{Operation, RunRequest, Writes};
-use terrane_engine::options::{FileName, FileOutput, GridInput, GridOutput};
-use terrane_engine::{Cancel, Progress, Resources};
+use terrane_engine::options::{FileName, GridInput};
+use terrane_engine::{Cancel, Progress};
 use terrane_files::{RawFile, lock};
 use terrane_options::{OptionRule, Options};
 use terrane_raster::{GridInfo, GridSource, Inputs, SampleType, write};
@@ -46,18 +46,9 @@ pub struct ColorReliefOptions {
     pub exact: bool,
     /// Write opacity as a fourth band
     pub alpha: bool,
-    /// The output file.
+    /// Input and output.
     #[option(flatten)]
-    pub file: FileOutput,
-    /// How its format is written.
-    #[option(flatten)]
-    pub written: GridOutput,
-    /// How the grid is read.
-    #[option(flatten)]
-    pub grid: GridInput,
-    /// Memory, threads and temporary files.
-    #[option(flatten)]
-    pub resources: Resources,
+    pub common: DerivedGridOptions,
 }
 
 const RULES: &[OptionRule] = &[OptionRule::NotWith("nearest", &["exact"])];
@@ -74,12 +65,10 @@ impl ColorReliefOptions {
 
     /// The job that copies the colours.
     fn copy(&self, inputs: &Inputs, output: &Path) -> Result<ConvertJob> {
-        let Self { file, written, grid, resources, .. } = self.clone();
-        let format = write::of_colours(output, file.format.as_deref())?;
-        let file = FileOutput { format: Some(format.name.to_owned()), ..file };
-        let options =
-            ConvertOptions { file, written, grid, resources, ..ConvertOptions::default() };
-        Ok(ConvertJob { input: inputs.clone(), output: output.to_path_buf(), options })
+        let mut job = self.common.job(inputs, output);
+        let file = &mut job.options.file;
+        file.format = Some(write::of_colours(output, file.format.as_deref())?.name.to_owned());
+        Ok(job)
     }
 }
 

@@ -24,7 +24,10 @@ use terrane_engine::{Cancel, Progress};
 use terrane_window::resample::RESAMPLINGS;
 
 pub use copy::{copy, copy_levels};
-pub use job::{ConvertJob, ConvertOptions, ConvertReport, ConvertSetters, ResamplingName};
+pub use job::{
+    ConvertJob, ConvertOptions, ConvertReport, ConvertSetters, DerivedGridOptions,
+    DerivedGridSetters, ResamplingName,
+};
 
 impl Operation for ConvertOptions {
     const NAME: &'static str = "convert";

@@ -1,8 +1,8 @@
 //! Filled voids of a grid, written like any other grid.
 //!
 //! A filled height depends on the samples within the distance of search (and of smoothing) alone, so pieces, threads and
-//! memory cannot change it. A rectangle without a void is only copied; around the voids of others the samples within that
-//! distance are read.
+//! memory cannot change it. A rectangle without a void is only copied. Otherwise the samples within that distance of its
+//! voids are read as well.
 
 mod bands;
 
@@ -12,19 +12,19 @@ use std::sync::{Arc, Mutex};
 
 use serde::Serialize;
 
-use crate::convert::copy::{DerivedBands, run_beside};
-use crate::convert::job::{ConvertJob, ConvertOptions, ConvertReport};
+use crate::convert::copy::{DerivedBands, ReservedMemory, run_beside};
+use crate::convert::job::{ConvertJob, ConvertReport, DerivedGridOptions};
 use crate::halo::SampleHalo;
 use crate::stored;
 use bands::FilledBands;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
+use terrane_engine::memory;
 use terrane_engine::operation::{Operation, RunRequest, Writes};
-use terrane_engine::options::{FileOutput, GridInput, GridOutput};
-use terrane_engine::{Resources, memory};
+use terrane_engine::options::{GridInput, SampleOutput};
 use terrane_files::lock;
 use terrane_options::{OptionRange, Options};
-use terrane_raster::{GridInfo, GridSource, Inputs};
+use terrane_raster::{self as raster, GridInfo, GridOpenOptions, GridSource, Inputs};
 use terrane_window::voids::{VoidFiller, VoidScratch};
 
 /// Most columns and rows that are filled at once.
@@ -43,21 +43,15 @@ pub struct FillOptions {
     /// Maximum distance of samples, in cells; voids farther from any valid sample are left
     #[option(value = "CELLS", default = 100, range = OptionRange::new(1.0, 10_000.0))]
     pub max_distance: u32,
-    /// Number of 3 x 3 means that smooth the filled samples
+    /// Number of 3 x 3 smoothing passes over the filled samples
     #[option(value = "N", range = OptionRange::new(0.0, 1000.0))]
     pub smoothing: u32,
-    /// The output file.
+    /// How its samples are stored.
     #[option(flatten)]
-    pub file: FileOutput,
-    /// How its format is written.
+    pub samples: SampleOutput,
+    /// Input and output.
     #[option(flatten)]
-    pub written: GridOutput,
-    /// How the grid is read.
-    #[option(flatten)]
-    pub grid: GridInput,
-    /// Memory, threads and temporary files.
-    #[option(flatten)]
-    pub resources: Resources,
+    pub common: DerivedGridOptions,
 }
 
 /// What was filled.
@@ -74,12 +68,12 @@ pub struct FillReport {
 }
 
 impl FillOptions {
-    /// The job that copies the filled grid.
-    fn copy(&self, inputs: &Inputs, output: &Path) -> ConvertJob {
-        let Self { file, written, grid, resources, .. } = self.clone();
-        let options =
-            ConvertOptions { file, written, grid, resources, ..ConvertOptions::default() };
-        ConvertJob { input: inputs.clone(), output: output.to_path_buf(), options }
+    /// The job that writes the filled grid. Its clip polygons come after the filling.
+    fn job(&self, inputs: &Inputs, output: &Path) -> ConvertJob {
+        self.common.job(inputs, output).with(|options| {
+            options.samples = self.samples.clone();
+            options.grid.clip = None;
+        })
     }
 
     fn filler(&self) -> VoidFiller {
@@ -91,14 +85,22 @@ impl FillOptions {
 
     /// The note on voids that are left.
     fn note(&self, left: u64) -> Option<String> {
-        let verb = if left == 1 { "void is" } else { "voids are" };
         let most = self.max_distance;
-        let cells = if most == 1 { "cell" } else { "cells" };
         (left > 0).then(|| {
             format!(
-                "{left} {verb} left, more than {most} {cells} from any valid sample that was read; a larger ‹max_distance› reaches farther"
+                "voids left: {left}, farther than {most} cells from all valid samples that were read; a larger ‹max_distance› may reach them"
             )
         })
+    }
+
+    /// What the output stores: filled heights are rounded to it.
+    fn stored(&self, info: &GridInfo) -> GridInfo {
+        let SampleOutput { sample_type, out_nodata, .. } = self.samples;
+        GridInfo {
+            sample_type: sample_type.unwrap_or(info.sample_type),
+            nodata: out_nodata.or(info.nodata),
+            ..info.clone()
+        }
     }
 }
 
@@ -109,28 +111,34 @@ impl Operation for FillOptions {
     type Report = FillReport;
 
     fn check(&self, output: &Path) -> Result<()> {
-        self.copy(&Inputs::default(), output).options.check(output)
+        self.job(&Inputs::default(), output).options.check(output)
     }
 
     fn run(&self, request: RunRequest<'_>) -> Result<FillReport> {
         let RunRequest { inputs, output, progress, cancel, .. } = request;
-        if self.grid.clip.is_some() {
-            return Err(Error::usage("‹clip› makes voids, which would be filled")
-                .remedy("fill the whole grid, then clip it with ‹terrane convert›"));
-        }
-        let (copy, filler, filled) = (self.copy(inputs, output), self.filler(), Arc::default());
-        let opening = self.grid.options(&self.resources, 0)?;
-        let grid = memory::open_for_estimate(inputs, &opening)?.info().bounds();
+        let (job, filler, counts) = (self.job(inputs, output), self.filler(), Arc::default());
+        let resources = &self.common.resources;
+        let opening = self.common.grid.options(resources, 0)?;
+        let whole = GridOpenOptions { clip: None, ..opening.clone() };
+        let grid = memory::open_for_estimate(inputs, &whole)?.info().bounds();
         let bytes = filler.bytes([grid.width, grid.height].map(u64::from), PIECE.into());
-        let bands = [(self.resources.memory / 8).min(MAX_BANDS), 0];
-        let report = run_beside(&copy, bytes, bands, progress, cancel, |inner, bands| {
-            let grid = FilledGrid::new(inner, filler, Arc::clone(&filled), bands);
+        let clip = opening.clip.as_ref().map_or(0, |clip| clip.memory_use(resources.threads));
+        let bands = (resources.memory / 8).min(MAX_BANDS);
+        let reserved = ReservedMemory { wanted: clip + bands, least: clip };
+        let report = run_beside(&job, bytes, reserved, progress, cancel, |inner, reserved| {
+            let inside = Inside::of(inner.info(), &opening)?;
+            let stored = self.stored(inner.info());
+            let bands = FilledBands::new(inner.info().width, reserved - clip);
+            let (halo, spare) = (SampleHalo(filler.reach()), Mutex::default());
+            let counts = Arc::clone(&counts);
+            let grid = FilledGrid { inner, inside, stored, filler, halo, counts, bands, spare };
             Ok(DerivedBands::of(Box::new(grid), Vec::new()))
         });
         let mut common = report.map_err(or_less)?;
-        let left = common.samples - common.valid_samples;
+        let VoidCounts { filled, left } = &*counts;
+        let [filled, left] = [filled, left].map(|count| count.load(Ordering::Relaxed));
         common.notes.extend(self.note(left));
-        Ok(FillReport { common, filled: filled.load(Ordering::Relaxed), left })
+        Ok(FillReport { common, filled, left })
     }
 }
 
@@ -142,13 +150,66 @@ fn or_less(error: Error) -> Error {
     }
 }
 
+/// Voids of the grid, or of the part within the clip polygons.
+#[derive(Debug, Default)]
+struct VoidCounts {
+    filled: AtomicU64,
+    left: AtomicU64,
+}
+
+/// The samples within the clip polygons. The samples outside count for filled heights, and are void in the output.
+struct Inside(Option<Box<dyn GridSource>>);
+
+impl Inside {
+    /// The samples within the polygons of `opening`.
+    ///
+    /// # Errors
+    /// Polygons with another CRS, or without a sample.
+    fn of(info: &GridInfo, opening: &GridOpenOptions) -> Result<Self> {
+        let Some(clip) = &opening.clip else { return Ok(Self(None)) };
+        // Their memory was reserved.
+        let opening = GridOpenOptions { cache_bytes: usize::MAX, ..opening.clone() };
+        let level: Box<dyn GridSource> = Box::new(LevelGrid(info.clone()));
+        raster::clipped(clip, &opening, |_| Ok(level)).map(|grid| Self(Some(grid)))
+    }
+
+    /// For the samples of a rectangle NaN if outside, else 0; none if all are inside.
+    fn of_rect(&self, rect: Rect) -> Result<Option<Vec<f32>>> {
+        let Some(grid) = &self.0 else { return Ok(None) };
+        let mut inside = vec![0.0; rect.len()];
+        grid.read_f32(rect, &mut inside)?;
+        Ok(Some(inside))
+    }
+}
+
+/// A grid whose heights are all 0.
+struct LevelGrid(GridInfo);
+
+impl GridSource for LevelGrid {
+    fn info(&self) -> &GridInfo {
+        &self.0
+    }
+
+    fn read_f32(&self, _: Rect, out: &mut [f32]) -> Result<()> {
+        out.fill(0.0);
+        Ok(())
+    }
+
+    fn read_f64(&self, _: Rect, out: &mut [f64]) -> Result<()> {
+        out.fill(0.0);
+        Ok(())
+    }
+}
+
 /// A grid with filled voids.
 struct FilledGrid {
     inner: Box<dyn GridSource>,
+    inside: Inside,
+    /// What filled heights are rounded to.
+    stored: GridInfo,
     filler: VoidFiller,
     halo: SampleHalo,
-    /// Number of filled samples.
-    filled: Arc<AtomicU64>,
+    counts: Arc<VoidCounts>,
     bands: FilledBands,
     /// Buffers that no thread is using.
     spare: Mutex<Vec<FillBuffers>>,
@@ -161,31 +222,43 @@ struct FillBuffers {
 }
 
 impl FilledGrid {
-    /// A grid in front of another, which keeps filled bands of at most `bytes` bytes.
-    fn new(
-        inner: Box<dyn GridSource>,
-        filler: VoidFiller,
-        filled: Arc<AtomicU64>,
-        bytes: u64,
-    ) -> Self {
-        let halo = SampleHalo(filler.reach());
-        let bands = FilledBands::new(inner.info().width, bytes);
-        Self { inner, filler, halo, filled, bands, spare: Mutex::default() }
+    /// Fills the voids of a rectangle that was read, within the clip polygons, and makes the samples outside void.
+    fn finish<H: Copy + Into<f64>>(
+        &self,
+        rect: Rect,
+        heights: &mut [H],
+        narrow: impl Fn(f64) -> H,
+    ) -> Result<()> {
+        let inside = self.inside.of_rect(rect)?;
+        let set_outside = |heights: &mut [H], value: f64| {
+            let both = heights.iter_mut().zip(inside.iter().flatten());
+            both.filter(|(_, inside)| inside.is_nan())
+                .for_each(|(height, _)| *height = narrow(value));
+        };
+        // Any height but a void: nothing is filled outside.
+        set_outside(heights, 0.0);
+        let voids =
+            |heights: &[H]| heights.iter().filter(|height| is_void(**height)).count() as u64;
+        let before = voids(heights);
+        if before > 0 {
+            self.fill(rect, heights, &narrow)?;
+        }
+        let left = voids(heights);
+        set_outside(heights, f64::NAN);
+        self.counts.filled.fetch_add(before - left, Ordering::Relaxed);
+        self.counts.left.fetch_add(left, Ordering::Relaxed);
+        Ok(())
     }
 
-    /// Fills the voids of a rectangle that was read.
+    /// Fills the voids of a rectangle.
     fn fill<H: Copy + Into<f64>>(
         &self,
         rect: Rect,
         heights: &mut [H],
         narrow: impl Fn(f64) -> H,
     ) -> Result<()> {
-        if !heights.iter().any(|height| is_void(*height)) {
-            return Ok(());
-        }
         let mut buffers = lock(&self.spare).pop().unwrap_or_default();
-        let mut filled = 0;
-        let mut put = |heights: &mut [H], part: Rect, found: &[f64]| {
+        let put = |heights: &mut [H], part: Rect, found: &[f64]| {
             let both = part.intersect(&rect);
             for row in both.row..both.end_row() {
                 let at = |of: Rect| {
@@ -195,8 +268,7 @@ impl FilledGrid {
                 let found = &found[at(part)..][..both.width as usize];
                 for (height, found) in heights[at(rect)..].iter_mut().zip(found) {
                     if is_void(*height) && !found.is_nan() {
-                        *height = narrow(stored::nearest(self.info(), *found));
-                        filled += 1;
+                        *height = narrow(stored::nearest_storable(&self.stored, *found));
                     }
                 }
             }
@@ -224,7 +296,6 @@ impl FilledGrid {
             }
         }
         self.inner.copied(self.halo.around(rect, self.info().bounds()));
-        self.filled.fetch_add(filled, Ordering::Relaxed);
         lock(&self.spare).push(buffers);
         Ok(())
     }
@@ -270,12 +341,12 @@ impl GridSource for FilledGrid {
 
     fn read_f32(&self, rect: Rect, out: &mut [f32]) -> Result<()> {
         self.inner.read_f32(rect, out)?;
-        self.fill(rect, out, |height| height as f32)
+        self.finish(rect, out, |height| height as f32)
     }
 
     fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
         self.inner.read_f64(rect, out)?;
-        self.fill(rect, out, |height| height)
+        self.finish(rect, out, |height| height)
     }
 
     fn block_bytes(&self) -> u64 {

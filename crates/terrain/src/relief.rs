@@ -4,22 +4,19 @@
 mod derivatives;
 mod gray_scale;
 
-use std::path::Path;
 use std::sync::Arc;
 
 use crate::colours::range;
 use crate::convert::copy::{DerivedBands, run_of};
-use crate::convert::job::{ConvertJob, ConvertOptions, ConvertReport};
+use crate::convert::job::{ConvertJob, ConvertReport, DerivedGridOptions};
 use crate::halo::SampleHalo;
 use gray_scale::TonedGrid;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
-use terrane_engine::Resources;
 use terrane_engine::ground_units::GroundScale;
 use terrane_engine::operation::RunRequest;
-use terrane_engine::options::{FileOutput, GridInput, GridOutput};
 use terrane_options::Options;
-use terrane_raster::{GridInfo, GridSource, Inputs, SampleType};
+use terrane_raster::{GridInfo, GridSource, SampleType};
 use terrane_window::relief::{Derivative, Turn};
 
 pub use derivatives::{
@@ -46,28 +43,9 @@ pub struct DerivativeOptions {
     /// Compute values at the grid border and beside voids as well: the border is extrapolated linearly, voids take the
     /// height of the sample
     pub compute_edges: bool,
-    /// The output file.
+    /// Input and output.
     #[option(flatten)]
-    pub file: FileOutput,
-    /// How its format is written.
-    #[option(flatten)]
-    pub written: GridOutput,
-    /// How the grid is read.
-    #[option(flatten)]
-    pub grid: GridInput,
-    /// Memory, threads and temporary files.
-    #[option(flatten)]
-    pub resources: Resources,
-}
-
-impl DerivativeOptions {
-    /// The job that writes the derivative.
-    fn copy(&self, inputs: &Inputs, output: &Path) -> ConvertJob {
-        let Self { file, written, grid, resources, .. } = self.clone();
-        let options =
-            ConvertOptions { file, written, grid, resources, ..ConvertOptions::default() };
-        ConvertJob { input: inputs.clone(), output: output.to_path_buf(), options }
-    }
+    pub common: DerivedGridOptions,
 }
 
 /// A derivative, with the ratio of the vertical to the horizontal unit.
@@ -78,7 +56,7 @@ struct DerivativeRequest<'a> {
 }
 
 /// Writes a derivative of a grid on its lattice and in its CRS, as 32-bit floats or bytes. Samples with fewer
-/// than eight valid neighbours are void, unless `edges` is set: then heights beyond the grid are extrapolated
+/// than eight valid neighbours are void, unless `compute_edges` is set: then heights beyond the grid are extrapolated
 /// linearly from the two samples inside, and voids get the height of the sample.
 ///
 /// A PNG is a picture unless a creation option sets the encoding of heights: bytes are gray values, other
@@ -90,7 +68,7 @@ struct DerivativeRequest<'a> {
 fn run(options: &DerivativeRequest<'_>, request: RunRequest<'_>) -> Result<ConvertReport> {
     let RunRequest { inputs, output, progress, cancel, .. } = request;
     let DerivativeRequest { derivative, scale, common } = options;
-    let copy = common.copy(inputs, output);
+    let copy = common.common.job(inputs, output);
     let picture = picture(&copy)?;
     let copy = picture.as_ref().unwrap_or(&copy);
     let is_toned = picture.is_some() && !derivative.is_byte();

@@ -133,7 +133,7 @@ impl Operation for SampleOptions {
             run: request,
             format: self.format(request.output)?,
             are_points: !self.with_z,
-            kind: GeometryType::Point,
+            omits_geometry: false,
             worker: WORKER_BYTES,
             naming: "‹attribute›",
         };

@@ -41,7 +41,7 @@ fn slack(kind: SampleType) -> [f64; 2] {
 }
 
 /// The height that a grid of this type, scale and offset stores for a height: the nearest one that is not nodata.
-pub(crate) fn nearest(info: &GridInfo, height: f64) -> f64 {
+pub(crate) fn nearest_storable(info: &GridInfo, height: f64) -> f64 {
     let GridInfo { sample_type: kind, scale, offset, .. } = *info;
     let is_plain = scale == 1.0 && offset == 0.0;
     let exact = if is_plain { height } else { (height - offset) / scale };
@@ -96,11 +96,11 @@ mod tests {
             (info(F32, Some(f64::NAN), 1.0, 0.0), 0.0, 0.0),
             (info(F32, Some(0.0), 1.0, 0.0), 0.0, f64::from(f32::MIN_POSITIVE)),
         ] {
-            assert_eq!(nearest(&info, height), expected, "{height} {info:?}");
+            assert_eq!(nearest_storable(&info, height), expected, "{height} {info:?}");
         }
         let low = info(F32, Some(f64::from(f32::MIN)), 1.0, 0.0);
-        assert!(nearest(&low, -f64::MAX) > f64::from(f32::MIN));
-        let float = nearest(&info(F32, Some(-9999.0), 1.0, 0.0), -9999.0);
+        assert!(nearest_storable(&low, -f64::MAX) > f64::from(f32::MIN));
+        let float = nearest_storable(&info(F32, Some(-9999.0), 1.0, 0.0), -9999.0);
         assert!(float != -9999.0 && (float + 9999.0).abs() < 0.02, "{float}");
     }
 }

@@ -332,8 +332,9 @@ impl Octree<'_> {
         let side = 1_i64 << shift;
         // Doubled: the middles of a cell and of a division of the cube are both at halves.
         let offsets = fine.map(|fine| 2 * (i64::from(fine) & (side - 1)) + 1 - side);
-        let apart = offsets.iter().map(|offset| offset.pow(2) as u64).sum();
-        SampleCandidate { node, cell: x | y << CELLS | z << (2 * CELLS), apart, record }
+        let squared_distance = offsets.iter().map(|offset| offset.pow(2) as u64).sum();
+        let cell = x | y << CELLS | z << (2 * CELLS);
+        SampleCandidate { node, cell, squared_distance, record }
     }
 
     fn put(&self, done: Vec<Done>, writer: &mut CloudWriter) -> Result<()> {
@@ -372,8 +373,8 @@ struct SampleCandidate<'a> {
     /// Number of the node below that has it.
     node: usize,
     cell: u32,
-    /// Squared distance from the centre of the cell.
-    apart: u64,
+    /// From the centre of the cell.
+    squared_distance: u64,
     record: &'a [u8],
 }
 
@@ -383,14 +384,14 @@ fn best(all: &[SampleCandidate<'_>]) -> HashMap<u32, u32, BuildHasherDefault<Cel
     for (number, own) in (0..).zip(all) {
         let known = best.entry(own.cell).or_insert(number);
         let kept = &all[*known as usize];
-        if (own.apart, own.record) < (kept.apart, kept.record) {
+        if (own.squared_distance, own.record) < (kept.squared_distance, kept.record) {
             *known = number;
         }
     }
     best
 }
 
-/// Scatters cells, whose numbers nobody can choose.
+/// A fast hash of cells: a node has at most 2^21, so that collisions are few whatever the points.
 #[derive(Default)]
 struct CellHasher(u64);
 

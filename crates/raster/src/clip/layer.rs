@@ -23,7 +23,7 @@ struct Clipped {
 ///
 /// # Errors
 /// Errors of `open`; polygons that exceed the memory, have another CRS, or contain no sample.
-pub(crate) fn clipped(
+pub fn clipped(
     clip: &Arc<Clip>,
     options: &GridOpenOptions,
     open: impl FnOnce(&GridOpenOptions) -> Result<Box<dyn GridSource>>,

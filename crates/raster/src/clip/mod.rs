@@ -14,7 +14,8 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 pub use areas::PolygonEdgeIndex;
-pub(crate) use layer::{clipped, remaining_cache};
+pub use layer::clipped;
+pub(crate) use layer::remaining_cache;
 pub(crate) use scan::{Labelled, PolygonScan, join};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, plane};

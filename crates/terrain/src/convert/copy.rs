@@ -49,15 +49,24 @@ pub(crate) fn run_of(
     cancel: &Cancel,
     front: impl FnOnce(Box<dyn GridSource>) -> Result<DerivedBands>,
 ) -> Result<ConvertReport> {
-    run_beside(job, thread_bytes, [0; 2], progress, cancel, |inner, _| front(inner))
+    let reserved = ReservedMemory::default();
+    run_beside(job, thread_bytes, reserved, progress, cancel, |inner, _| front(inner))
 }
 
-/// As [`run_of`], beside other data of the whole job: `reserved` bytes of the budget, the first number if that leaves
-/// enough for the grid, or else the second, which is the least. `front` gets the number.
+/// Bytes of the budget for other data of the whole job.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct ReservedMemory {
+    /// The usual number.
+    pub(crate) wanted: u64,
+    /// The number if that leaves too little for the grid.
+    pub(crate) least: u64,
+}
+
+/// As [`run_of`], with other data of the whole job: `front` gets the number of bytes that are reserved for them.
 pub(crate) fn run_beside(
     job: &ConvertJob,
     thread_bytes: u64,
-    reserved: [u64; 2],
+    reserved: ReservedMemory,
     progress: &dyn Progress,
     cancel: &Cancel,
     front: impl FnOnce(Box<dyn GridSource>, u64) -> Result<DerivedBands>,
@@ -68,12 +77,12 @@ pub(crate) fn run_beside(
     let worker = worker_bytes(job, format, thread_bytes);
     let resources = &job.options.resources;
     let options = job.options.grid.options(resources, GridOpenOptions::default().cache_bytes)?;
-    let opened = open(job, &options, worker, reserved[0]).map(|opened| (opened, reserved[0]));
-    let ((source, shares), reserved) = match opened {
-        Err(error) if error.kind() == ErrorKind::Resource && reserved[0] > reserved[1] => {
-            (open(job, &options, worker, reserved[1])?, reserved[1])
+    let ReservedMemory { wanted, least } = reserved;
+    let ((source, shares), reserved) = match open(job, &options, worker, wanted) {
+        Err(error) if error.kind() == ErrorKind::Resource && wanted > least => {
+            (open(job, &options, worker, least)?, least)
         }
-        opened => opened?,
+        opened => (opened?, wanted),
     };
     not_member(source.as_ref(), &job.output)?;
     let cautions = raster::cautions(source.info());
@@ -129,7 +138,7 @@ fn copy_of(
     copy_levels(sink.as_mut(), threads, progress, cancel)?;
     cancel.check()?;
     let (written, mut notes) = (sink.info().clone(), sink.notes());
-    notes.extend(moved_nodata(job.options.out_nodata, info, &written));
+    notes.extend(moved_nodata(job.options.samples.out_nodata, info, &written));
     let output_bytes = sink.finish()?;
     let run = RunStatistics::since(start, &job.options.resources).with_threads(threads);
     Ok(ConvertReport {

@@ -4,19 +4,24 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::colours::ColorReliefOptions;
+use crate::difference::DifferenceOptions;
+use crate::fill::FillOptions;
+use crate::relief::{
+    AspectOptions, CurvatureOptions, DerivativeOptions, HillshadeOptions, RoughnessOptions,
+    SlopeOptions, TpiOptions, TriOptions,
+};
 use crate::warp::output_grid::LatticeOptions;
 use terrane_base::error::Result;
 use terrane_base::registry;
 use terrane_engine::Resources;
-use terrane_engine::options::{
-    FileOutput, FiniteOrNan, GridInput, GridOutput, Reprojection, SampleTypeName,
-};
+use terrane_engine::options::{FileOutput, GridInput, GridOutput, Reprojection, SampleOutput};
 use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::transform::Transformed;
 use terrane_files::{beside_grid, path_of};
 use terrane_options::{ChoiceName, Json, OptionCodec, OptionKind, OptionRule, Options};
 use terrane_raster::write::{self, GridFormat, GridWriteOptions};
-use terrane_raster::{self as raster, GridSource, Inputs, SampleType, WaterReport};
+use terrane_raster::{self as raster, GridSource, Inputs, WaterReport};
 use terrane_window::resample::RESAMPLINGS;
 
 /// Convert a grid, or a part of it, to another format
@@ -34,16 +39,9 @@ pub struct ConvertOptions {
     /// How its format is written.
     #[option(flatten)]
     pub written: GridOutput,
-    /// Output sample type, such as int16 or float32
-    #[option(name = "type", alias = "dtype", value = "NAME", with = SampleTypeName, heading = "Output",
-             default_text = "as in the input")]
-    pub sample_type: Option<SampleType>,
-    /// Nodata value of the output
-    #[option(value = "VALUE", with = FiniteOrNan, heading = "Output", default_text = "as in the input")]
-    pub out_nodata: Option<f64>,
-    /// Round heights that the sample type cannot hold exactly
-    #[option(heading = "Output")]
-    pub round: bool,
+    /// How its samples are stored.
+    #[option(flatten)]
+    pub samples: SampleOutput,
     /// Resampling method; required if output samples lie between input samples
     #[option(value = "NAME", with = ResamplingName, heading = "Output grid")]
     pub resampling: Option<String>,
@@ -69,6 +67,44 @@ const RULES: &[OptionRule] = &[
     OptionRule::Needs("like", &["resampling"]),
     OptionRule::NotWith("like", &["resolution", "extent"]),
 ];
+
+/// What all operations have in common that write a grid computed from another, on its lattice
+#[derive(Clone, Debug, PartialEq, Options)]
+#[options(setters = group)]
+pub struct DerivedGridOptions {
+    /// The output file.
+    #[option(flatten)]
+    pub file: FileOutput,
+    /// How its format is written.
+    #[option(flatten)]
+    pub written: GridOutput,
+    /// How the grid is read.
+    #[option(flatten)]
+    pub grid: GridInput,
+    /// Memory, threads and temporary files.
+    #[option(flatten)]
+    pub resources: Resources,
+}
+
+terrane_engine::has_within!(
+    SlopeOptions AspectOptions HillshadeOptions CurvatureOptions RoughnessOptions TpiOptions TriOptions:
+    DerivativeOptions => [DerivedGridOptions]
+);
+terrane_engine::has_within!(
+    SlopeOptions AspectOptions HillshadeOptions CurvatureOptions RoughnessOptions TpiOptions TriOptions
+    ColorReliefOptions FillOptions DifferenceOptions:
+    DerivedGridOptions => [FileOutput GridOutput GridInput Resources]
+);
+
+impl DerivedGridOptions {
+    /// The job that writes the computed grid.
+    pub(crate) fn job(&self, inputs: &Inputs, output: &Path) -> ConvertJob {
+        let Self { file, written, grid, resources } = self.clone();
+        let options =
+            ConvertOptions { file, written, grid, resources, ..ConvertOptions::default() };
+        ConvertJob { input: inputs.clone(), output: output.to_path_buf(), options }
+    }
+}
 
 impl ConvertOptions {
     /// The format to write.
@@ -103,8 +139,8 @@ impl ConvertJob {
     }
 
     pub(super) fn write_options(&self) -> GridWriteOptions {
-        let ConvertOptions { file, written, sample_type, out_nodata, round, resources, .. } =
-            self.options.clone();
+        let ConvertOptions { file, written, samples, resources, .. } = self.options.clone();
+        let SampleOutput { sample_type, out_nodata, round } = samples;
         GridWriteOptions {
             overwrite: file.replacing.overwrite,
             creation: written.co,

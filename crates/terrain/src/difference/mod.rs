@@ -14,17 +14,16 @@ use std::sync::{Arc, Mutex};
 use serde::Serialize;
 
 use crate::convert::copy::{DerivedBands, run_beside};
-use crate::convert::job::{ConvertJob, ConvertOptions, ConvertReport, ResamplingName};
+use crate::convert::job::{ConvertJob, ConvertReport, DerivedGridOptions, ResamplingName};
 use crate::relief::NODATA;
 use crate::{stored, warp};
 use reference::{ReferenceFile, ReferenceOnLattice};
 use tally::{DifferenceScale, DifferenceTally};
 use terrane_base::error::Result;
 use terrane_base::geom::{Crs, Rect};
-use terrane_engine::Resources;
 use terrane_engine::ground_units::GroundScale;
 use terrane_engine::operation::{Operation, RunRequest, Writes};
-use terrane_engine::options::{FileName, FileOutput, GridInput, GridOutput};
+use terrane_engine::options::{FileName, GridInput, OperationFiles, SampleOutput};
 use terrane_engine::outputs::not_member;
 use terrane_files::lock;
 use terrane_options::{OptionRange, Options};
@@ -44,34 +43,25 @@ const WORKER_BYTES: u64 = (PIECE[0] * PIECE[1]) as u64 * 8 * 3 + (64 << 10) + wa
 #[options(setters = own)]
 #[non_exhaustive]
 pub struct DifferenceOptions {
-    /// Grid to subtract: a file, a folder, a list or a quoted pattern of a mosaic, or a synthetic terrain; its first band,
-    /// with its own nodata value
+    /// Grid to subtract. Its band 1 is read, with its own nodata value: options of reading are for the first grid
     #[option(value = "REFERENCE", with = FileName, role = ReadsGrid, positional)]
     pub reference: String,
     /// Interpolation of the reference where the lattices differ
     #[option(value = "NAME", with = ResamplingName, default = "bilinear".to_owned())]
     pub resampling: String,
-    /// Smallest absolute difference that counts in areas and volumes, in the unit of heights of the grid; all are written
+    /// Minimum level of detection, in the unit of heights of the grid: smaller absolute differences are left out of areas
+    /// and volumes
     #[option(value = "HEIGHT", range = OptionRange::FROM_ZERO)]
     pub level_of_detection: f64,
-    /// Datum shift grid between the two CRSs: an NTv2 file (.gsb)
-    #[option(value = "FILE", with = FileName, role = Reads, heading = "Reference system")]
-    pub shift_grid: Option<PathBuf>,
-    /// Geoid model (GTX or GeoTIFF) to convert between ellipsoidal heights and heights above the geoid
-    #[option(value = "FILE", with = FileName, role = Reads, heading = "Reference system")]
-    pub geoid: Option<PathBuf>,
-    /// The output file.
+    /// Files of the operation to the CRS of the grid.
     #[option(flatten)]
-    pub file: FileOutput,
-    /// How its format is written.
+    pub files: OperationFiles,
+    /// How its samples are stored.
     #[option(flatten)]
-    pub written: GridOutput,
-    /// How the grid is read.
+    pub samples: SampleOutput,
+    /// Input and output.
     #[option(flatten)]
-    pub grid: GridInput,
-    /// Memory, threads and temporary files.
-    #[option(flatten)]
-    pub resources: Resources,
+    pub common: DerivedGridOptions,
 }
 
 /// Statistics of differences, in the unit of heights of the grid.
@@ -85,9 +75,9 @@ pub struct DifferenceReport {
     pub reference: String,
     /// Samples that both grids have.
     pub compared: u64,
-    /// Samples that only one of them has, on the lattice of the grid.
+    /// Samples that only the grid has.
     pub only_grid: u64,
-    /// See `only_grid`.
+    /// Samples that only the reference has, on the lattice of the grid.
     pub only_reference: u64,
     /// Mean of the differences; absent without any, as all statistics.
     pub mean: Option<f64>,
@@ -112,12 +102,9 @@ pub struct DifferenceReport {
 }
 
 impl DifferenceOptions {
-    /// The job that copies the differences.
-    fn copy(&self, inputs: &Inputs, output: &Path) -> ConvertJob {
-        let Self { file, written, grid, resources, .. } = self.clone();
-        let options =
-            ConvertOptions { file, written, grid, resources, ..ConvertOptions::default() };
-        ConvertJob { input: inputs.clone(), output: output.to_path_buf(), options }
+    /// The job that writes the differences.
+    fn job(&self, inputs: &Inputs, output: &Path) -> ConvertJob {
+        self.common.job(inputs, output).with(|options| options.samples = self.samples.clone())
     }
 }
 
@@ -128,18 +115,18 @@ impl Operation for DifferenceOptions {
     type Report = DifferenceReport;
 
     fn check(&self, output: &Path) -> Result<()> {
-        self.copy(&Inputs::default(), output).options.check(output)
+        self.job(&Inputs::default(), output).options.check(output)
     }
 
     fn run(&self, request: RunRequest<'_>) -> Result<DifferenceReport> {
         let RunRequest { inputs, output, progress, cancel, .. } = request;
-        let copy = self.copy(inputs, output);
-        let file = ReferenceFile::look(self)?;
+        let job = self.job(inputs, output);
+        let file = ReferenceFile::inspect(self)?;
         let (tally, nowhere) = (Arc::<Mutex<DifferenceTally>>::default(), Arc::default());
         let mut report = DifferenceReport::default();
         let mut known = None;
         let common =
-            run_beside(&copy, WORKER_BYTES, file.cache(), progress, cancel, |inner, cache| {
+            run_beside(&job, WORKER_BYTES, file.cache(), progress, cancel, |inner, cache| {
                 let (info, name) = (inner.info(), inputs.to_string());
                 let name = Path::new(&name);
                 info.check_cells().map_err(|e| e.in_file(name))?;
@@ -149,13 +136,14 @@ impl Operation for DifferenceOptions {
                 notes.extend(reference.notes.iter().cloned());
                 let about = (reference.transformed.clone(), reference.resampled);
                 known = Some((info.transform, scale.clone(), about));
-                let grid = DifferenceGrid::new(inner, reference, scale, Arc::clone(&tally));
+                let tally = Arc::clone(&tally);
+                let grid = DifferenceGrid::new(inner, reference, scale, &self.samples, tally);
                 not_member(&grid, output)?;
                 Ok(DerivedBands::of(Box::new(grid), notes))
             })?;
         report.common = common;
         report.reference = self.reference.clone();
-        report.common.notes.extend(warp::lost(nowhere.load(Ordering::Relaxed)));
+        report.common.notes.extend(warp::untransformable_note(nowhere.load(Ordering::Relaxed)));
         if let Some((lattice, scale, (transformed, resampled))) = known {
             lock(&tally).report(&lattice, &scale, &mut report);
             report.common.transformed = transformed;
@@ -175,12 +163,8 @@ impl DifferenceOptions {
         let (ground, notes) = match GroundScale::of(info) {
             Ok(ground) => {
                 let mut notes = ground.notes();
-                // Its scale grows beyond all bounds, those of other projections by some thousandths.
-                let is_mercator = info.crs.conversion().is_ok_and(|own| {
-                    own.proj.contains("proj=merc") || own.proj.contains("proj=webmerc")
-                });
-                if is_mercator {
-                    let note = "areas and volumes are those of the Mercator map, larger than on the ground";
+                if info.crs.is_mercator() {
+                    let note = "areas and volumes are those on the Mercator map, not on the ground";
                     notes.push(note.to_owned());
                 }
                 (Some(ground), notes)
@@ -221,13 +205,17 @@ impl DifferenceGrid {
         inner: Box<dyn GridSource>,
         reference: ReferenceOnLattice,
         scale: DifferenceScale,
+        samples: &SampleOutput,
         tally: Arc<Mutex<DifferenceTally>>,
     ) -> Self {
         let own = inner.info();
         let is_narrow = own.exact_in_f32() && reference.is_exact_in_f32;
+        let own_type = if is_narrow { SampleType::F32 } else { SampleType::F64 };
+        // Differences are rounded to floats, and to integers on request alone.
+        let sample_type = samples.sample_type.filter(|kind| kind.is_float()).unwrap_or(own_type);
         let info = GridInfo {
-            sample_type: if is_narrow { SampleType::F32 } else { SampleType::F64 },
-            nodata: Some(NODATA),
+            sample_type,
+            nodata: samples.out_nodata.or(Some(NODATA)),
             crs: crs_of(&own.crs),
             scale: 1.0,
             offset: 0.0,
@@ -249,7 +237,7 @@ impl DifferenceGrid {
                 let rows = differences.chunks_exact_mut(piece.width as usize);
                 for (row, differences) in (piece.row..).zip(rows) {
                     for difference in differences.iter_mut().filter(|own| !own.is_nan()) {
-                        *difference = stored::nearest(&self.info, *difference);
+                        *difference = stored::nearest_storable(&self.info, *difference);
                     }
                     visit([piece.col, row], differences);
                 }

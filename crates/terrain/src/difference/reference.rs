@@ -5,14 +5,15 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
 use super::DifferenceOptions;
+use crate::convert::copy::ReservedMemory;
 use crate::warp::{self, LatticeChange};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Rect, VerticalReference};
 use terrane_base::registry;
 use terrane_crs::{CoordinateOperation, CoordinateOperationOptions};
 use terrane_engine::memory;
-use terrane_engine::options::GridInput;
-use terrane_engine::transform::{TargetCrs, Transformed, extent_of};
+use terrane_engine::options::{GridInput, OperationFiles};
+use terrane_engine::transform::{Transformed, extent_of};
 use terrane_raster::{self as raster, GridInfo, GridSource, Inputs};
 use terrane_window::resample::RESAMPLINGS;
 
@@ -22,6 +23,8 @@ const HAIR: f64 = 1e-6;
 const MIN_CACHE: u64 = 2 << 20;
 /// Columns or rows beyond which lattices are apart.
 const FARTHEST: f64 = 1e12;
+/// The resampling method that keeps heights.
+const NEAREST: &str = "near";
 
 /// A file of the reference, looked at but not yet read.
 pub(super) struct ReferenceFile<'a> {
@@ -52,17 +55,18 @@ impl<'a> ReferenceFile<'a> {
     ///
     /// # Errors
     /// Those of opening it.
-    pub(super) fn look(options: &'a DifferenceOptions) -> Result<Self> {
+    pub(super) fn inspect(options: &'a DifferenceOptions) -> Result<Self> {
         let inputs = Inputs::from(vec![options.reference.clone()]);
-        let opening = GridInput::default().options(&options.resources, 0)?;
+        let opening = GridInput::default().options(&options.common.resources, 0)?;
         let source = memory::open_for_estimate(&inputs, &opening)?;
         Ok(Self { options, inputs, block: source.block_bytes() })
     }
 
-    /// Bytes of its cache, and the least.
-    pub(super) fn cache(&self) -> [u64; 2] {
+    /// Bytes of its cache.
+    pub(super) fn cache(&self) -> ReservedMemory {
         let least = self.block.max(MIN_CACHE);
-        [(memory::cache_beside(self.options.resources.memory) as u64).max(least), least]
+        let usual = memory::cache_beside(self.options.common.resources.memory) as u64;
+        ReservedMemory { wanted: usual.max(least), least }
     }
 
     fn path(&self) -> &Path {
@@ -81,13 +85,14 @@ impl<'a> ReferenceFile<'a> {
         nowhere: Arc<AtomicU64>,
     ) -> Result<ReferenceOnLattice> {
         let cache = usize::try_from(cache).unwrap_or(usize::MAX);
-        let opening = GridInput::default().options(&self.options.resources, cache)?;
+        let opening = GridInput::default().options(&self.options.common.resources, cache)?;
         let source = raster::open_all(self.inputs.names(), &opening)?;
         let info = source.info().clone();
         info.check_cells().map_err(|e| e.in_file(self.path()))?;
         let mut notes = raster::cautions(&info);
-        let operation = self.operation(grid, name, &info, &mut notes)?;
-        let crs = assumed(&grid.crs, &info.crs);
+        let is_same = same_positions(&grid.crs, &info.crs);
+        let operation = self.operation(grid, name, &info, is_same, &mut notes)?;
+        let crs = with_assumed(&grid.crs, &info.crs);
         let factor = factor([&grid.crs, &info.crs], operation.as_ref(), &mut notes)
             .map_err(|e| e.in_file(self.path()))?;
         let is_geographic = info.crs.horizontal_unit() == "degree";
@@ -96,7 +101,7 @@ impl<'a> ReferenceFile<'a> {
         let apart = turns.iter().map(|by| {
             let mut turned = info.clone();
             turned.transform.x0 += by;
-            warp::apart(&turned, grid, operation.as_ref())
+            warp::disjoint_extents(&turned, grid, operation.as_ref())
         });
         if let Some(extents) = apart.collect::<Option<Vec<_>>>() {
             return Err(self.apart(name, extents[0]));
@@ -116,13 +121,14 @@ impl<'a> ReferenceFile<'a> {
         let (source, resampled): (Box<dyn GridSource>, _) = match offset.filter(|_| is_shifted) {
             Some(offset) => (Box::new(ShiftedGrid::new(source, grid, offset)), None),
             None => {
-                let is_same = offset.is_some() && same_positions(&grid.crs, &info.crs);
-                let name = if is_same { RESAMPLINGS[0].name } else { &self.options.resampling };
+                // Samples at the same positions are read as they are.
+                let is_exact = offset.is_some() && is_same;
+                let name = if is_exact { NEAREST } else { &self.options.resampling };
                 let resampling = registry::named(RESAMPLINGS, name)?;
                 let change = LatticeChange { operation, resampling, nowhere };
                 let (source, scale) =
-                    warp::onto(source, grid, change).map_err(|e| e.in_file(self.path()))?;
-                (source, Some((resampling.name, scale)))
+                    warp::on_lattice(source, grid, change).map_err(|e| e.in_file(self.path()))?;
+                (source, Some((resampling.name, scale)).filter(|_| !is_exact))
             }
         };
         Ok(ReferenceOnLattice {
@@ -144,6 +150,7 @@ impl<'a> ReferenceFile<'a> {
         grid: &GridInfo,
         name: &Path,
         reference: &GridInfo,
+        is_same: bool,
         notes: &mut Vec<String>,
     ) -> Result<Option<CoordinateOperation>> {
         let both = [&grid.crs, &reference.crs];
@@ -152,40 +159,49 @@ impl<'a> ReferenceFile<'a> {
         if are_known != [true; 2] {
             let which = if are_known[0] { "reference" } else { "grid" };
             if are_known[0] != are_known[1] {
-                notes.push(format!(
-                    "the CRS of the {which} is unknown; that of the other is assumed"
-                ));
+                notes.push(format!("the {which} has no CRS; that of the other is assumed"));
             }
-            return Ok(None);
+            return self.without_files().map(|()| None);
         }
         let has_heights = both.map(|crs| crs.heights() != VerticalReference::Unknown);
         if has_heights[0] != has_heights[1] {
             let which = if has_heights[0] { "reference" } else { "grid" };
-            notes.push(format!(
-                "the vertical CRS of the {which} is unknown; that of the other is assumed"
-            ));
+            notes.push(format!("the {which} has no vertical CRS; that of the other is assumed"));
         }
         let [own, other] = if has_heights == [true; 2] { both.map(Crs::clone) } else { flat };
-        if own.agrees(&other) || has_heights != [true; 2] && same_positions(&own, &other) {
-            return Ok(None);
+        if own.agrees(&other) || has_heights != [true; 2] && is_same {
+            return self.without_files().map(|()| None);
         }
         // The place of the grid chooses among operations.
-        let DifferenceOptions { shift_grid, geoid, resources, .. } = self.options;
-        let files = TargetCrs {
-            target: String::new(),
-            shift_grid: shift_grid.clone(),
-            geoid: geoid.clone(),
-        };
-        let there = files.operation_to(&other, name, &own, Some(extent_of(grid)), resources);
-        let there = there.map_err(|error| match error.remedy_text() {
-            Some(remedy) if remedy.contains("without heights") => {
-                let remedy =
-                    "pass a geoid model as ‹geoid›, or transform the heights of one grid first";
-                error.remedy(remedy).in_file(self.path())
+        let DifferenceOptions { files, common, .. } = self.options;
+        let extent = Some(extent_of(grid));
+        let there = files.operation(&other, name, &own, extent, &common.resources);
+        let there = there.map_err(|error| {
+            let flat = both.map(Crs::without_heights);
+            let options = CoordinateOperationOptions::default();
+            let error = error.in_file(self.path());
+            match CoordinateOperation::between(&flat[0], &flat[1], &options) {
+                // Positions are no obstacle.
+                Ok(_) if has_heights == [true; 2] && files.geoid.is_none() => error.remedy(
+                    "pass a geoid model as ‹geoid›, or transform the heights of one grid first",
+                ),
+                _ => error,
             }
-            _ => error.in_file(self.path()),
         })?;
         Ok(Some(there.inverse()))
+    }
+
+    /// Fails if there are files for an operation that is not needed.
+    fn without_files(&self) -> Result<()> {
+        let OperationFiles { shift_grid, geoid } = &self.options.files;
+        let given = [("‹shift_grid›", shift_grid), ("‹geoid›", geoid)];
+        match given.iter().find(|(_, file)| file.is_some()) {
+            Some((name, _)) => {
+                let message = format!("{name} has no effect: both grids are in the same CRS");
+                Err(Error::usage(message).remedy(format!("leave out {name}")))
+            }
+            None => Ok(()),
+        }
     }
 
     fn apart(&self, name: &Path, extents: [[f64; 4]; 2]) -> Error {
@@ -209,7 +225,7 @@ fn same_positions(own: &Crs, other: &Crs) -> bool {
 }
 
 /// The CRS of the grid, with what is unknown as in that of the reference.
-fn assumed(grid: &Crs, reference: &Crs) -> Crs {
+fn with_assumed(grid: &Crs, reference: &Crs) -> Crs {
     let flat = [grid, reference].map(Crs::without_heights);
     let has_unit = grid.heights_unit().is_some();
     let known = match flat.each_ref().map(|crs| crs.is_named()) {
@@ -268,7 +284,7 @@ fn factor(
             if has_heights[0] == has_heights[1] {
                 let which = if is_own { "reference" } else { "grid" };
                 notes.push(format!(
-                    "the unit of heights of the {which} is unknown; that of the other is assumed"
+                    "the {which} has no unit of heights; that of the other is assumed"
                 ));
             }
             Ok(1.0)

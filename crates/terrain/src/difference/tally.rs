@@ -9,10 +9,10 @@ use terrane_engine::ground_units::GroundScale;
 const ABOVE: usize = 0;
 const BELOW: usize = 1;
 
-/// What a difference counts as.
+/// Units and threshold of areas and volumes.
 #[derive(Clone, Debug)]
 pub(super) struct DifferenceScale {
-    /// Areas and heights in metres, if the units are known.
+    /// To metres and square metres, if the units are known.
     pub(super) ground: Option<GroundScale>,
     /// Differences below count for no area and volume.
     pub(super) level_of_detection: f64,
@@ -71,7 +71,7 @@ impl DifferenceTally {
                 }
                 self.counts[side] += 1;
                 match &scale.ground {
-                    Some(ground) if ground.is_even() => self.volumes[side].add(*difference),
+                    Some(ground) if ground.has_equal_cells() => self.volumes[side].add(*difference),
                     Some(ground) => {
                         let area =
                             of_row.unwrap_or_else(|| ground.cell_area(col.into(), row.into()));
@@ -147,8 +147,8 @@ impl DifferenceTally {
         (report.lowest_at, report.highest_at) = (lowest.map(place), highest.map(place));
         let Some(ground) = &scale.ground else { return };
         // Any sample does for cells of one area.
-        let (cell, rise) = (ground.cell_area(0.0, 0.0), ground.rise());
-        let [above, below] = [ABOVE, BELOW].map(|side| match ground.is_even() {
+        let (cell, rise) = (ground.cell_area(0.0, 0.0), ground.metres_per_height_unit());
+        let [above, below] = [ABOVE, BELOW].map(|side| match ground.has_equal_cells() {
             true => [self.counts[side] as f64 * cell, self.volumes[side].get().abs() * cell * rise],
             false => [self.areas[side].get(), self.volumes[side].get().abs() * rise],
         });
@@ -269,7 +269,7 @@ mod tests {
             let volume =
                 |at: (usize, &f64)| at.1 * ground.cell_area((at.0 % 30) as f64, (at.0 / 30) as f64);
             let above = differences.iter().enumerate().filter(|(_, d)| **d >= 4.0);
-            let expected: f64 = above.map(volume).sum::<f64>() * ground.rise();
+            let expected: f64 = above.map(volume).sum::<f64>() * ground.metres_per_height_unit();
             assert!((whole.volume_above.unwrap() / expected - 1.0).abs() < 1e-12);
         }
     }

@@ -9,18 +9,12 @@ use terrane_options::{OptionRange, OptionRule, Options};
 use super::{DerivativeOptions, DerivativeRequest, run};
 use crate::convert::job::ConvertReport;
 use terrane_base::error::Result;
-use terrane_engine::Resources;
 use terrane_engine::operation::{Operation, RunRequest, Writes};
-use terrane_engine::options::{FileOutput, FiniteNumber, GridInput, GridOutput};
+use terrane_engine::options::{FiniteNumber, GridInput};
 use terrane_raster::Inputs;
 use terrane_window::relief::{
     self as kernels, CurvatureKind, Gradient, HillshadeMode, RuggednessMeasure,
 };
-
-terrane_engine::has_within!(
-    SlopeOptions AspectOptions HillshadeOptions CurvatureOptions RoughnessOptions TpiOptions TriOptions:
-    DerivativeOptions => [FileOutput GridOutput GridInput Resources]
-);
 
 /// Implements an operation for a struct of options: its name, the vertical unit if any, and its kernel.
 macro_rules! derivative {
@@ -32,7 +26,7 @@ macro_rules! derivative {
             type Report = ConvertReport;
 
             fn check(&self, output: &Path) -> Result<()> {
-                self.common.copy(&Inputs::default(), output).options.check(output)
+                self.common.common.job(&Inputs::default(), output).options.check(output)
             }
 
             fn run(&self, request: RunRequest<'_>) -> Result<ConvertReport> {

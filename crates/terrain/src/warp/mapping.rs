@@ -28,10 +28,10 @@ impl CrsTransform {
         inverse.position(at).ok()
     }
 
-    /// As [`inverse`](Self::inverse) for neighbouring positions; not a number where there is none.
+    /// As [`inverse`](Self::inverse) for neighbouring positions; NaN where there is none.
     pub(super) fn inverse_line(&self, line: &mut [[f64; 2]]) {
         if let Some([_, inverse]) = &self.operations {
-            inverse.line(line);
+            inverse.transform_line(line);
         }
     }
 

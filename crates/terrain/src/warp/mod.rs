@@ -67,7 +67,7 @@ pub(crate) fn run(
     })?;
     let (transformed, scale) = about.unwrap_or((None, Scale::ONE));
     let mut notes = report.notes.clone();
-    notes.extend(lost(nowhere.load(Ordering::Relaxed)));
+    notes.extend(untransformable_note(nowhere.load(Ordering::Relaxed)));
     let resampling = Some(job.resampling.name.to_owned());
     let scale = (job.resampling.radius > 0).then_some(scale.get());
     Ok(ConvertReport { transformed, resampling, scale, notes, ..report })
@@ -126,7 +126,7 @@ fn check_reach(resampling: &ResamplingMethod, scale: Scale) -> Result<()> {
 }
 
 /// The note on samples that cannot be transformed.
-pub(crate) fn lost(nowhere: u64) -> Option<String> {
+pub(crate) fn untransformable_note(nowhere: u64) -> Option<String> {
     let verb = if nowhere == 1 { "sample is" } else { "samples are" };
     (nowhere > 0).then(|| {
         format!("{nowhere} {verb} set to nodata: their positions cannot be transformed to the CRS of the grid")
@@ -146,7 +146,7 @@ pub(crate) struct LatticeChange {
 ///
 /// # Errors
 /// Cells of the lattice that cover too many samples of the grid; a grid whose centre has no position there.
-pub(crate) fn onto(
+pub(crate) fn on_lattice(
     inner: Box<dyn GridSource>,
     info: &GridInfo,
     change: LatticeChange,
@@ -170,7 +170,7 @@ pub(crate) fn onto(
 
 /// The rectangles around the cells of a lattice and of a grid, in the CRS of the lattice, if they certainly do not
 /// intersect.
-pub(crate) fn apart(
+pub(crate) fn disjoint_extents(
     grid: &GridInfo,
     lattice: &GridInfo,
     operation: Option<&CoordinateOperation>,

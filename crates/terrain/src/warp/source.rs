@@ -122,7 +122,7 @@ impl WarpedGrid {
                 .extend(line.map(|col| self.info.transform.apply(f64::from(col), f64::from(row))));
             self.transform.inverse_line(&mut places[first..]);
         }
-        // What cannot be transformed stays not a number.
+        // Positions that cannot be transformed stay NaN.
         for at in places.iter_mut() {
             let [col, row] = map.invert(at[0], at[1]);
             *at = [self.turned(col), row];

@@ -50,13 +50,14 @@ impl Operation for ZonalOptions {
 
     fn run(&self, request: RunRequest<'_>) -> Result<ZonalReport> {
         let units = UnitSize::of(self);
+        let format = self.format(request.output)?;
         let request = AnnotationRequest {
             options: &self.common,
             features: &self.zones,
             run: request,
-            format: self.format(request.output)?,
+            format,
             are_points: false,
-            kind: GeometryType::Polygon,
+            omits_geometry: !format.holds.kinds.contains(&GeometryType::Polygon),
             worker: units.worker,
             naming: "‹prefix›",
         };

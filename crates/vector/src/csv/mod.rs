@@ -10,7 +10,7 @@ use crate::geometry::GeometryType;
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "CSV",
     extensions: &["csv", "tsv", "txt", "xy"],
-    about: "one vertex per line: x, y and optional z, m, id and part; CRS in .prj",
+    about: "one vertex per line: x, y and optional z, m, id and part; CRS in .prj; from zonal one polygon per line, without its geometry",
     holds: VectorCapabilities {
         kinds: &[GeometryType::Point, GeometryType::LineString, GeometryType::MultiLineString],
         mixed: true,

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use crate::crs;
 use crate::decimal;
 use crate::feature::{Feature, JsonMember, LayerHeader, PropertyValue};
-use crate::geometry::{Geometry, GeometryType};
+use crate::geometry::GeometryType;
 use crate::out::VectorOutputFile;
 use crate::sink::{FeatureSink, VectorWriteOptions, WrittenFeatures};
 use crate::table::{FeatureRow, FeatureRows, FeatureTable, id_of, push_text};
@@ -54,7 +54,9 @@ impl FeatureSink for CsvFeatureSink {
         let place = format!("feature {}", self.table.len() + 1);
         if self.is_table {
             self.ids.add(feature);
-            let feature = Feature { geometry: Geometry::null(), ..feature.clone() };
+            let Feature { id, properties, .. } = feature;
+            let (id, properties) = (id.clone(), properties.clone());
+            let feature = Feature { id, properties, ..Feature::default() };
             return self
                 .table
                 .push(&feature, usize::MAX)

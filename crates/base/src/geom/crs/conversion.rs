@@ -122,6 +122,12 @@ impl Crs {
         }
     }
 
+    /// True for Mercator projections, whose scale grows without limit towards the poles.
+    pub fn is_mercator(&self) -> bool {
+        let names = ["+proj=merc ", "+proj=webmerc "];
+        self.conversion().is_ok_and(|own| names.iter().any(|name| own.proj.starts_with(name)))
+    }
+
     /// The horizontal CRS alone, for values other than heights.
     #[must_use]
     pub fn without_heights(&self) -> Self {

@@ -10,6 +10,7 @@ use super::lengths::MetricFrame;
 use crate::point_index::{PointStore, TileSummary, Tiling};
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, REACH};
+use terrane_base::rounding::floored;
 use terrane_delaunay::SiteWindow;
 use terrane_engine::{Cancel, Progress, workers};
 use terrane_ground::{GroundSurface, GroundTiling, LowestPoints, NO_POINT, Request};
@@ -144,7 +145,7 @@ impl<'a> GroundFilter<'a> {
             Some(_) => Self { threads: filter.fitting(memory), ..filter },
             None => {
                 let most = memory / method.bytes_per_cell();
-                let (threads, side) = fastest(most, threads, ground_tiling.halo as i64);
+                let (threads, side) = best_tiling(most, threads, ground_tiling.halo as i64);
                 Self { threads, side, ..filter }
             }
         }
@@ -333,9 +334,9 @@ impl<'a> GroundFilter<'a> {
     }
 }
 
-/// Threads and cells along a tile, for tiles of `most` cells together with their halos, that find most cells at a time: a
-/// thread more has its own halo to compute.
-fn fastest(most: u64, threads: usize, halo: i64) -> (usize, i64) {
+/// Threads and cells along a tile that find the ground of most cells in a time, for at most `most` cells in the tiles of
+/// all threads, halos included. Each thread computes the halo of its own tile.
+fn best_tiling(most: u64, threads: usize, halo: i64) -> (usize, i64) {
     let side = |threads: usize| {
         let wide = (most / threads as u64).isqrt() as i64;
         (wide - 2 * halo).clamp(SIDES[0], SIDES[1])
@@ -348,13 +349,6 @@ fn fastest(most: u64, threads: usize, halo: i64) -> (usize, i64) {
     };
     let best = (1..=threads).max_by(|a, b| speed(*a).total_cmp(&speed(*b))).unwrap_or(1);
     (best, side(best))
-}
-
-/// The largest whole number that is not larger; `floor` is a call for machines without an instruction for it.
-#[inline]
-fn floored(v: f64) -> i64 {
-    let towards_zero = v as i64;
-    towards_zero - i64::from(towards_zero as f64 > v)
 }
 
 /// Reads the points of a tile of some stores.
@@ -449,19 +443,20 @@ mod tests {
         all
     }
 
-    /// No tile is smaller, and no thread more, than pays.
+    /// More threads never find fewer cells.
     #[test]
     fn a_thread_more_is_not_slower() {
         let speed = |(threads, side): (usize, i64), halo: i64| {
             threads as f64 * (side as f64 / (side + 2 * halo) as f64).powi(2)
         };
         for (most, halo) in [(10_000, 300), (800_000, 280), (3_000_000, 280), (1 << 32, 30)] {
-            let speeds: Vec<f64> = (1..9).map(|n| speed(fastest(most, n, halo), halo)).collect();
+            let speeds: Vec<f64> =
+                (1..9).map(|n| speed(best_tiling(most, n, halo), halo)).collect();
             assert!(speeds.is_sorted(), "{most} {halo}: {speeds:?}");
         }
         // A tile of 64 cells would find a hundredth of the cells that it computes.
-        assert_eq!(fastest(800_000, 2, 280), (1, 334));
-        assert_eq!(fastest(1 << 32, 8, 30), (8, 1024));
+        assert_eq!(best_tiling(800_000, 2, 280), (1, 334));
+        assert_eq!(best_tiling(1 << 32, 8, 30), (8, 1024));
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! Interpolation with separable weights.
 
 use super::resampling::Scale;
-use super::window::{Place, SourceWindow, floored};
+use super::window::{Place, SourceWindow};
+use terrane_base::rounding::floored;
 
 /// Weights by distance.
 pub(crate) trait ResamplingKernel {

@@ -49,13 +49,6 @@ impl SourceWindow<'_> {
     }
 }
 
-/// The largest whole number that is not larger; `floor` is a call for machines without an instruction for it.
-#[inline]
-pub(crate) fn floored(at: f64) -> i64 {
-    let towards_zero = at as i64;
-    towards_zero - i64::from(towards_zero as f64 > at)
-}
-
 /// The sample in whose cell a place lies; `None` beyond the cells of a grid.
 #[inline]
 pub(crate) fn nearest(grid: [u32; 2], place: Place) -> Option<[i64; 2]> {
