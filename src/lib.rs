@@ -126,6 +126,7 @@ pub use terrane_terrain::relief::{
 };
 pub use terrane_terrain::sample::{SampleOptions, SampleReport};
 pub use terrane_terrain::tin::{Tin, TinMethod, TinOptions, TinParts, TinReport, TinTarget};
+pub use terrane_terrain::warp::LayerPriority;
 pub use terrane_terrain::zonal::{ZonalOptions, ZonalReport, ZoneStatistic, ZoneStatistics};
 pub use terrane_terrain::{AnnotationOptions, AnnotationReport};
 #[cfg(feature = "tiles")]

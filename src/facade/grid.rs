@@ -483,6 +483,48 @@ impl Grid {
     }
 }
 
+/// Files that may differ in lattice or CRS: each is resampled when they are [converted](Self::convert) to one grid.
+///
+/// ```
+/// # fn main() -> terrane::Result<()> {
+/// use terrane::prelude::*;
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let [fine, coarse, path] = ["fine.tif", "coarse.tif", "merged.tif"].map(|name| folder.path().join(name));
+/// let dem = terrane::open("synth:smooth,size=65,seed=7")?;
+/// dem.convert().to_crs("EPSG:4326").resampling("bilinear").write(&coarse)?;
+/// dem.convert().resolution([5.0, 5.0]).resampling("cubic").write(&fine)?;
+/// # let names = [coarse, fine].map(|path| path.display().to_string()).to_vec();
+/// let files = terrane::open_files(names); // from bottom to top
+/// files.convert().to_crs("EPSG:32631").resampling("bilinear").write(&path)?;
+/// assert_eq!(terrane::open(&path)?.info().transform.a, 5.0);
+/// # Ok(())
+/// # }
+/// ```
+pub struct GridFiles(Inputs);
+
+/// Files that may differ in lattice or CRS. Nothing is read until they are converted.
+pub fn open_files(input: impl Into<Inputs>) -> GridFiles {
+    GridFiles(input.into())
+}
+
+impl GridFiles {
+    /// One grid of all files, the later ones on top where they are valid; see
+    /// [`priority`](crate::prelude::ConvertSetters::priority).
+    pub fn convert(&self) -> Job<'_, ConvertOptions> {
+        Job::new(self.0.clone(), ConvertOptions::default())
+    }
+}
+
+impl Data for GridFiles {
+    fn inputs(&self) -> Inputs {
+        self.0.clone()
+    }
+
+    fn reading(&self) -> Map<String, Json> {
+        Map::new()
+    }
+}
+
 impl Data for Grid {
     fn inputs(&self) -> Inputs {
         self.inputs.clone()

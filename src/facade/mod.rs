@@ -21,7 +21,7 @@ pub use bands::{BandGrid, open_bands};
 pub use cloud::{Cloud, open_cloud, open_cloud_as, open_points};
 pub use data::Data;
 pub use features::{Features, open_features};
-pub use grid::{Grid, open, open_array};
+pub use grid::{Grid, GridFiles, open, open_array, open_files};
 pub use mesh::{Mesh, open_mesh};
 pub use plan::open_plan;
 pub use simplify::{Coordinates, Method, Simplify, simplify};

@@ -33,6 +33,7 @@ mod line;
 mod line_hierarchy;
 mod manners;
 mod many;
+mod merge;
 mod mosaic;
 mod operation_values;
 mod operation_words;

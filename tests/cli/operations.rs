@@ -147,6 +147,9 @@ pub(crate) fn place() -> Place {
     let head =
         |low: u32| format!("ncols 40\nnrows 40\nxllcorner {low}\nyllcorner 4749300\ncellsize 12\n");
     place.write("like.asc", head(500_200) + &grid).write("like.prj", "EPSG:32631");
+    place
+        .write("fine.asc", head(500_300).replace("12", "5") + &grid)
+        .write("fine.prj", "EPSG:32631");
     let hole = |row: i32, col: i32| match (row, col) {
         (5..20, 5..20) | (25, _) => -9999.0,
         _ => f64::from(row * col % 97) / 2.0,
@@ -266,6 +269,7 @@ fn unseen(place: &Place, operation: &AnyOperation) -> Vec<String> {
             ("band" | "nodata" | "bands" | "weights", Reads::Grid) => "bands.tif",
             ("edges" | "against", _) => "mesh.ply",
             ("keep_degrees", _) => "degrees.asc",
+            ("priority", _) => "[fl]i*e.asc",
             ("layer", Reads::Features) => "two.topojson",
             ("crs", _) => "cloud:cloud.xyz",
             ("dedupe" | "drop_overlap" | "max_range", _) => "twice*.las",
@@ -307,7 +311,8 @@ fn without(
     let needed = needed(operation);
     let is_goal = options.values().any(Json::is_null) || needed.contains_key(field.name);
     // Nothing is resampled without a lattice, nor the other way round.
-    let is_lattice = operation.name == "convert" && field.heading == "Output grid";
+    let is_lattice =
+        operation.name == "convert" && field.heading == "Output grid" && field.name != "priority";
     let is_rounded = (operation.name, field.name) == ("grid", "type");
     match is_goal || is_lattice || is_rounded || ["to_crs", "round"].contains(&field.name) {
         true => needed,
@@ -387,6 +392,10 @@ fn by_library(
         }
         Reads::Features => {
             terrane::open_features(path)?.run(operation, output, options, &Silent, cancel)
+        }
+        Reads::Grid if input.starts_with('[') => {
+            let files = terrane::open_files(path.to_str().unwrap());
+            files.run(operation, output, options, &Silent, cancel)
         }
         Reads::Grid if input == "mesh.ply" => {
             terrane::open_mesh(path)?.run(operation, output, options, &Silent, cancel)

@@ -256,7 +256,7 @@ fn what_cannot_be_is_refused_by_name() {
     ] {
         fails(option, 2, &[option[0], "requires --resampling", "near, bilinear, cubic"]);
     }
-    fails(&["--resampling", "near"], 2, &["--resampling requires", "--to-crs"]);
+    fails(&["--resampling", "near"], 2, &["--resampling", "no effect", "--to-crs"]);
     let to = ["--to-crs", "EPSG:4326", "--resampling", "cubic"];
     let with = |more: &[&'static str]| [&to[..], more].concat();
     fails(&with(&["--extent", "0,0,1,1"]), 2, &["does not intersect the grid", "covers 7.4"]);

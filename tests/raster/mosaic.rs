@@ -278,19 +278,20 @@ fn files_that_do_not_fit_are_named_with_what_would_help() {
     assert!(
         cell.contains("a.asc")
             && cell.starts_with(&b)
-            && cell.contains("gdalwarp -r bilinear -tr 10 10 -te"),
+            && cell.contains("merge the files with ‹terrane convert› and ‹resampling›"),
         "{cell}"
     );
     let offset = told("xllcorner 0", "xllcorner 4");
     assert!(
-        offset.contains("samples are 0.400000 x 0.000000 cells off") && offset.contains("gdalwarp"),
+        offset.contains("samples are 0.400000 x 0.000000 cells off")
+            && offset.contains("‹resampling›"),
         "{offset}"
     );
     place.write("b.asc", &base);
     place.write("a.prj", "GEOGCS[\"WGS 84\",AUTHORITY[\"EPSG\",\"4326\"]]");
     place.write("b.prj", "PROJCS[\"UTM\",AUTHORITY[\"EPSG\",\"32631\"]]");
     let crs = refused(&[a.clone(), b.clone()]);
-    assert!(crs.contains("EPSG:32631") && crs.contains("gdalwarp -t_srs EPSG:4326"), "{crs}");
+    assert!(crs.contains("EPSG:32631") && crs.contains("‹resampling›"), "{crs}");
     let missing = refused(&[a.clone(), place.at("none.asc")]);
     assert!(missing.contains("none.asc"), "{missing}");
     place.write("c.npy", b"\x93NUMPY\x01\x00\x46\x00{'descr': '<f4', 'fortran_order': False, 'shape': (1, 1), }          \n\0\0\0\0");

@@ -182,6 +182,21 @@ pub fn open_beside(
     resources: &Resources,
     worker: u64,
 ) -> Result<Opened> {
+    let open = |options: &GridOpenOptions| raster::open_all(input.names(), options);
+    open_with(&open, reserved, options, resources, worker)
+}
+
+/// Opens a grid, with these options except for cache and threads.
+pub type OpenGrid<'a> = &'a dyn Fn(&GridOpenOptions) -> Result<Box<dyn GridSource>>;
+
+/// As [`open_beside`], for a grid that is opened by `open`, perhaps several times.
+pub fn open_with(
+    open: OpenGrid<'_>,
+    reserved: u64,
+    options: &GridOpenOptions,
+    resources: &Resources,
+    worker: u64,
+) -> Result<Opened> {
     let mut threads = resources.threads;
     loop {
         let mut fitting = 1;
@@ -190,7 +205,7 @@ pub fn open_beside(
                 fitting = shares.threads;
                 let cache_bytes = usize::try_from(shares.cache).unwrap_or(usize::MAX);
                 let options = GridOpenOptions { cache_bytes, threads: fitting, ..options.clone() };
-                Ok((raster::open_all(input.names(), &options)?, shares))
+                Ok((open(&options)?, shares))
             });
         match opened {
             // The block may fit: fewer workers leave a larger cache. Halving limits the number of attempts, each of
@@ -199,7 +214,7 @@ pub fn open_beside(
                 threads = fitting / 2;
             }
             Err(error) if error.kind() == ErrorKind::Resource => {
-                return Err(enough(reserved, input, options, resources, worker).unwrap_or(error));
+                return Err(enough(open, reserved, options, resources, worker).unwrap_or(error));
             }
             Ok((source, shares)) if fitting > 1 && is_short(source.as_ref(), shares) => {
                 threads = fitting / 2;
@@ -216,13 +231,13 @@ fn is_short(source: &dyn GridSource, shares: MemoryShares) -> bool {
 
 /// The error that states how much memory suffices; `None` if no amount does.
 fn enough(
+    open: OpenGrid<'_>,
     reserved: u64,
-    input: &Inputs,
     options: &GridOpenOptions,
     resources: &Resources,
     worker: u64,
 ) -> Option<Error> {
-    let block = open_for_estimate(input, options).ok()?.block_bytes();
+    let block = open(&estimating(options)).ok()?.block_bytes();
     let least = least(worker, block).saturating_add(reserved);
     let is_enough = block <= MAX_CACHE && least > resources.memory;
     let error = is_enough.then(|| too_little(resources.memory, least))?;
@@ -235,9 +250,12 @@ fn enough(
 
 /// Opens a grid for its metadata only, whatever the size of its blocks.
 pub fn open_for_estimate(input: &Inputs, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
-    // Readers refuse blocks larger than the cache, but none is decoded here.
-    let options = GridOpenOptions { cache_bytes: usize::MAX >> 8, threads: 1, ..options.clone() };
-    raster::open_all(input.names(), &options)
+    raster::open_all(input.names(), &estimating(options))
+}
+
+/// Options for reading metadata. Readers refuse blocks larger than the cache, but none is decoded.
+fn estimating(options: &GridOpenOptions) -> GridOpenOptions {
+    GridOpenOptions { cache_bytes: usize::MAX >> 8, threads: 1, ..options.clone() }
 }
 
 #[cfg(test)]

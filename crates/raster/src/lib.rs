@@ -51,7 +51,9 @@ pub use clip::{Clip, ClipRings, PolygonEdgeIndex, clipped};
 pub use format::{GridOpenOptions, RasterFormat};
 pub use grid::{GridInfo, GridSource, SampleType};
 pub use in_memory::InMemoryGrid;
-pub use mosaic::{Inputs, files, files_below, is_collection};
+pub use mosaic::{
+    Inputs, MosaicLayer, common_nodata, files, files_below, is_collection, open_layers,
+};
 pub use nodata::{looks_like_nodata, undeclared_nodata};
 pub use notes::{GridNote, NOTE_KINDS, cautions, no_terrain, notes, notes_on_heights, terrain};
 pub use registry::{FORMATS, file_name, has_header, open};

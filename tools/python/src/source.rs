@@ -9,18 +9,19 @@ use terrane_files::name_of;
 
 use crate::cloud::Cloud;
 use crate::error::to_python;
-use crate::grid::Grid;
+use crate::grid::{Grid, inputs};
 use crate::operation::{named, options_of};
 use crate::plan::Plan;
 use crate::report::{dictionary, report_named};
 use crate::work::{BuilderSettings, JobSettings, run};
 
-/// An open grid or point cloud, or the file of a mesh or of features.
+/// An open grid or point cloud, the file of a mesh or of features, or the files of a grid.
 #[derive(FromPyObject)]
 pub(crate) enum PySource<'py> {
     Grid(PyRef<'py, Grid>),
     Cloud(PyRef<'py, Cloud>),
     File(PathBuf),
+    Files(Vec<PathBuf>),
 }
 
 impl PySource<'_> {
@@ -40,6 +41,10 @@ impl PySource<'_> {
             Self::Cloud(cloud) => {
                 let cloud = &cloud.0;
                 run(py, settings, |machine| work(cloud, machine))
+            }
+            Self::Files(names) => {
+                let files = terrane::open_files(to_python(py, inputs(names.clone()))?);
+                run(py, settings, |machine| work(&files, machine))
             }
             Self::File(path) if reads == Reads::Features => {
                 run(py, settings, |machine| work(&terrane::open_features(path)?, machine))

@@ -315,3 +315,26 @@ def test_copies() -> None:
         _, peak = tracemalloc.get_traced_memory()
         tracemalloc.stop()
         assert copies * plain.nbytes <= peak < (copies + 0.1) * plain.nbytes
+
+
+def test_files_that_differ_are_merged(tmp_path: Path) -> None:
+    """Files on two lattices, the later one on top, as a list and as a pattern."""
+    coarse, fine = np.full((20, 30), 100.0, "f4"), np.full((8, 6), 200.0, "f4")
+    fine[2, 3] = -9999
+    tiff(tmp_path / "a.tif", coarse, UPRIGHT, crs="EPSG:32631")
+    place = Affine(1.5, 0.0, 5e5 + 30, 0.0, -1.5, 4e6 - 9)
+    tiff(tmp_path / "b.tif", fine, place, crs="EPSG:32631", nodata=-9999)
+    names = [tmp_path / "a.tif", tmp_path / "b.tif"]
+    with pytest.raises(terrane.InputError, match="cell size is 1.5"):
+        terrane.convert(names, tmp_path / "o.tif")
+    report = terrane.convert(names, tmp_path / "o.tif", resampling="near", nodata=-9999)
+    assert "files on 2 lattices" in str(report["notes"])
+    terrane.convert(str(tmp_path / "[ab].tif"), tmp_path / "p.tif", resampling="near")
+    with rasterio.open(tmp_path / "o.tif") as one, rasterio.open(tmp_path / "p.tif") as other:
+        heights = one.read(1)
+        assert np.array_equal(heights, other.read(1))
+        row, column = one.index(place.c + 0.75, place.f - 0.75)
+        expected = np.where(fine == -9999, 100, fine)
+        assert one.transform.a == 1.5
+        assert np.array_equal(heights[row : row + 8, column : column + 6], expected)
+        assert (heights == 200).sum() == 47

@@ -2,10 +2,12 @@
 
 use crate::grid::GridInfo;
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::Affine;
 use terrane_files::path_of;
 
 use super::layout::{GridShape, LatticeMisfit, SLACK};
+
+/// The remedy for files on different lattices or in different CRSs.
+const RESAMPLE: &str = "merge the files with ‹terrane convert› and ‹resampling›";
 
 /// A file name with its metadata.
 #[derive(Clone, Copy)]
@@ -57,25 +59,16 @@ fn check_crs(first: NamedGrid<'_>, other: NamedGrid<'_>) -> Result<()> {
     if a.agrees(b) {
         return Ok(());
     }
-    let target = a.epsg.map(|code| {
+    let declared = a.epsg.filter(|_| !b.is_named()).map(|code| {
         let vertical = a.vertical_epsg.map(|code| format!("+{code}")).unwrap_or_default();
-        format!("EPSG:{code}{vertical}")
+        format!(
+            "declare the CRS if it is the same: gdal_edit.py -a_srs EPSG:{code}{vertical} {}",
+            other.name
+        )
     });
-    let remedy = match (target, !b.is_named()) {
-        (Some(code), true) => {
-            format!("declare the CRS if it is the same: gdal_edit.py -a_srs {code} {}", other.name)
-        }
-        (Some(code), false) => {
-            format!(
-                "reproject it: gdalwarp -t_srs {code} {} {}",
-                other.name,
-                renamed(other.name, "warped")
-            )
-        }
-        (None, _) => "reproject both to one CRS: gdalwarp -t_srs EPSG:CODE IN OUT".to_owned(),
-    };
     let [ours, theirs] = a.distinct_names(b);
-    Err(differ(other.name, "CRS", &theirs, &ours, first.name).remedy(remedy))
+    Err(differ(other.name, "CRS", &theirs, &ours, first.name)
+        .remedy(declared.unwrap_or_else(|| RESAMPLE.to_owned())))
 }
 
 /// Error of a file off the lattice of the first one.
@@ -108,7 +101,7 @@ pub(super) fn misplaced(
     };
     error.remedy(match misfit {
         LatticeMisfit::Far => "omit one of the files".to_owned(),
-        _ => warp(&first_shape.transform, other, shape),
+        _ => RESAMPLE.to_owned(),
     })
 }
 
@@ -119,34 +112,6 @@ fn pair([x, y]: [f64; 2]) -> String {
 /// Coordinates of the first sample.
 fn first_sample(shape: &GridShape) -> String {
     pair([shape.transform.x0, shape.transform.y0])
-}
-
-/// The gdalwarp command that aligns `shape` with the lattice of `target`.
-fn warp(target: &Affine, name: &str, shape: &GridShape) -> String {
-    let out = renamed(name, "aligned");
-    if target.b != 0.0 || target.d != 0.0 {
-        return format!(
-            "align all files to one north-up lattice: gdalwarp -tap -tr X Y {name} {out}"
-        );
-    }
-    let (right, bottom) = (f64::from(shape.width) - 0.5, f64::from(shape.height) - 0.5);
-    let corners = [(-0.5, -0.5), (right, -0.5), (-0.5, bottom), (right, bottom)];
-    let at = corners.map(|(col, row)| {
-        let [x, y] = shape.transform.apply(col, row);
-        // Corners of cells lie half a cell before the samples.
-        target.invert(x, y).map(|v| v + 0.5)
-    });
-    let low = [0, 1].map(|axis| at.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min).floor());
-    let high =
-        [0, 1].map(|axis| at.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max).ceil());
-    let ends = [low, high].map(|[col, row]| target.apply(col - 0.5, row - 0.5));
-    let [west, south] = [0, 1].map(|axis| ends[0][axis].min(ends[1][axis]));
-    let [east, north] = [0, 1].map(|axis| ends[0][axis].max(ends[1][axis]));
-    format!(
-        "gdalwarp -r bilinear -tr {} {} -te {west} {south} {east} {north} {name} {out}",
-        target.a.abs(),
-        target.e.abs()
-    )
 }
 
 fn differ(name: &str, what: &str, theirs: &str, ours: &str, first: &str) -> Error {
@@ -187,7 +152,7 @@ mod tests {
         assert_eq!(
             refusal(|b| b.crs.epsg = Some(4326)),
             "d/b.tif: CRS is EPSG:4326, that of a.tif is EPSG:32631; \
-             reproject it: gdalwarp -t_srs EPSG:32631 d/b.tif d/b-warped.tif"
+             merge the files with ‹terrane convert› and ‹resampling›"
         );
         assert!(
             refusal(|b| b.crs = Crs::default()).contains("gdal_edit.py -a_srs EPSG:32631 d/b.tif")
@@ -212,19 +177,5 @@ mod tests {
         assert!(named("x").agrees(&named("x")) && !named("x").agrees(&named("y")));
         let high = |code| Crs { epsg: Some(1), vertical_epsg: Some(code), ..Crs::default() };
         assert!(!high(1).agrees(&high(2)));
-    }
-
-    #[test]
-    fn the_warp_reaches_over_the_file_on_the_first_lattice() {
-        let map = |x0, y0, cell| Affine { x0, a: cell, b: 0.0, y0, d: 0.0, e: -cell };
-        let first = GridShape { transform: map(5.0, -5.0, 10.0), width: 10, height: 10 };
-        let other = GridShape { transform: map(108.0, -5.0, 10.0), width: 10, height: 10 };
-        let error = misplaced("a", &first, "b.tif", &other, LatticeMisfit::Offset([0.3, 0.0]));
-        let text = error.to_string();
-        assert!(
-            text.contains("samples are 0.300000 x 0.000000 cells off the lattice of a"),
-            "{text}"
-        );
-        assert!(text.contains("-tr 10 10 -te 100 -100 210 0 b.tif b-aligned.tif"), "{text}");
     }
 }

@@ -1,5 +1,6 @@
 //! Alignment of grids on one lattice: arithmetic on transforms and sizes.
 
+use crate::grid::GridInfo;
 use terrane_base::error::Result;
 use terrane_base::geom::Affine;
 use terrane_base::limits;
@@ -16,6 +17,13 @@ pub(super) struct GridShape {
     pub(super) transform: Affine,
     pub(super) width: u32,
     pub(super) height: u32,
+}
+
+impl GridShape {
+    pub(super) fn of(info: &GridInfo) -> Self {
+        let GridInfo { transform, width, height, .. } = *info;
+        Self { transform, width, height }
+    }
 }
 
 /// All grids on one lattice.
@@ -71,6 +79,11 @@ pub(super) fn lay_out(
         // Below the limits just checked.
         places: places.iter().map(|p| [0, 1].map(|axis| (p[axis] - low[axis]) as u32)).collect(),
     }))
+}
+
+/// True if a grid is on the lattice of `first`.
+pub(super) fn fits(first: &Affine, shape: &GridShape) -> bool {
+    place(first, shape).is_ok()
 }
 
 /// Column and row of the first sample of the grid on the lattice of `first`.

@@ -34,6 +34,7 @@ use find::{MosaicFamily, MosaicSource};
 use index::MosaicRTree;
 pub use members::{Inputs, files, files_below, is_collection};
 pub(super) use plain::open;
+pub use plain::{MosaicLayer, common_nodata, open_layers};
 use recode::HeightRecoding;
 
 /// Maximum number of samples buffered for painting.

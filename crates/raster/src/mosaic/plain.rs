@@ -1,5 +1,7 @@
 //! Mosaics of georeferenced files on the lattice of the first one.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use crate::format::GridOpenOptions;
@@ -13,12 +15,20 @@ use terrane_files::{on_threads, path_of};
 
 use super::consistency::{self, NamedGrid};
 use super::find::{MosaicEntry, MosaicFamily, MosaicNesting, MosaicSource, find};
-use super::layout::{GridShape, MosaicLayout, lay_out};
+use super::layout::{GridShape, MosaicLayout, fits, lay_out};
 use super::recode::{HeightRecoding, is_same, void_range, wider};
 use super::{Mosaic, MosaicPart, members};
 
 /// Maximum number of nodata values in details.
 const MAX_LISTED: usize = 8;
+
+/// Files that share a lattice and a CRS, as one grid.
+pub struct MosaicLayer {
+    /// Its first file.
+    pub name: String,
+    /// Its files, with later files on top where they are valid.
+    pub grid: Box<dyn GridSource>,
+}
 
 /// Metadata of a file in a mosaic.
 struct MosaicMember {
@@ -33,8 +43,8 @@ struct MosaicMember {
 
 impl MosaicMember {
     fn of(MosaicEntry { info, source }: MosaicEntry) -> Self {
-        let GridInfo { transform, width, height, sample_type, nodata, .. } = info;
-        let shape = GridShape { transform, width, height };
+        let shape = GridShape::of(&info);
+        let GridInfo { sample_type, nodata, .. } = info;
         let mask = info.details.into_iter().find(|(name, _)| name == MASK && nodata.is_some());
         Self { source, shape, sample_type, nodata, unit: info.crs.vertical_unit, mask }
     }
@@ -52,6 +62,55 @@ pub(crate) fn open(inputs: &[String], options: &GridOpenOptions) -> Result<Box<d
         [one] => crate::open(one, options),
         _ => Ok(Box::new(mosaic(&names, options)?)),
     }
+}
+
+/// Opens `inputs` as grids that may differ in lattice and CRS, from bottom to top: files that agree are one layer, in the
+/// order of their first files. All have one cache and one pool of open files.
+///
+/// # Errors
+/// Those of [`open_all`](crate::open_all), but for lattices and CRSs that differ.
+pub fn open_layers(inputs: &[String], options: &GridOpenOptions) -> Result<Vec<MosaicLayer>> {
+    let names = members::files(inputs)?;
+    let nest = nest(&names, options)?;
+    let found = on_threads(options.threads.min(names.len().max(1)), || {
+        let found = names.par_iter().map(|name| {
+            let entry = find(name, options.band, options.nodata, &nest)?;
+            let is_placed = entry.info.georeferenced;
+            is_placed.then_some(entry).ok_or_else(|| consistency::nowhere(name))
+        });
+        Ok(found.collect::<Vec<_>>())
+    })?;
+    let mut layers: Vec<Vec<(&String, MosaicEntry)>> = Vec::new();
+    for (name, entry) in names.iter().zip(all(found)?) {
+        let own = NamedGrid { name, info: &entry.info };
+        let place = layers.iter().position(|layer| {
+            let (name, first) = &layer[0];
+            let shapes = [&first.info, &entry.info].map(GridShape::of);
+            consistency::check(NamedGrid { name, info: &first.info }, own).is_ok()
+                && fits(&shapes[0].transform, &shapes[1])
+        });
+        match place {
+            Some(layer) => layers[layer].push((name, entry)),
+            None => layers.push(vec![(name, entry)]),
+        }
+    }
+    let layers = layers.into_iter().map(|layer| {
+        let first = layer[0].1.info.clone();
+        let (names, members): (Vec<_>, Vec<_>) =
+            layer.into_iter().map(|(name, entry)| (name.clone(), MosaicMember::of(entry))).unzip();
+        let mosaic = assembled(&names, first, members, nest.family.clone())?;
+        let [name, ..] = &names[..] else { return Err(nothing()) };
+        mosaic.advise_read(mosaic.info().bounds());
+        Ok(MosaicLayer { name: name.clone(), grid: Box::new(mosaic) })
+    });
+    layers.collect()
+}
+
+/// The state of a new mosaic of these files.
+fn nest(names: &[String], options: &GridOpenOptions) -> Result<MosaicNesting> {
+    let family = MosaicFamily::new(options);
+    family.count_members(names.len() as u64)?;
+    Ok(MosaicNesting { family, around: Vec::new() })
 }
 
 fn nothing() -> Error {
@@ -73,9 +132,7 @@ fn member(
 }
 
 fn mosaic(names: &[String], options: &GridOpenOptions) -> Result<Mosaic> {
-    let family = MosaicFamily::new(options);
-    family.count_members(names.len() as u64)?;
-    let nest = MosaicNesting { family, around: Vec::new() };
+    let nest = nest(names, options)?;
     let first = find(&names[0], options.band, options.nodata, &nest);
     let first = first.and_then(|grid| match grid.info.georeferenced {
         true => Ok(grid),
@@ -90,12 +147,21 @@ fn mosaic(names: &[String], options: &GridOpenOptions) -> Result<Mosaic> {
         Ok(rest.map(|name| member(name, reference, options, &nest)).collect::<Vec<_>>())
     })?);
     let members = all(members)?;
-    let info = info.ok_or_else(nothing)?;
+    assembled(names, info.ok_or_else(nothing)?, members, nest.family)
+}
+
+/// The mosaic of files that agree with the first.
+fn assembled(
+    names: &[String],
+    first: GridInfo,
+    members: Vec<MosaicMember>,
+    family: Arc<MosaicFamily>,
+) -> Result<Mosaic> {
     let unit = unit(names, &members)?;
     let layout = laid_out(names, &members)?;
-    let info = describe(info, &members, &layout, unit);
+    let info = describe(first, &members, &layout, unit);
     let parts = parts(members, &layout, &info);
-    Ok(Mosaic::new(info, parts, nest.family))
+    Ok(Mosaic::new(info, parts, family))
 }
 
 /// The common height unit of the files; files without a unit agree with any.
@@ -130,7 +196,7 @@ fn describe(
         height: layout.height,
         transform: layout.transform,
         sample_type,
-        nodata: nodata(members, sample_type),
+        nodata: common_nodata(members.iter().map(|member| member.nodata), sample_type),
         format: "mosaic",
         details: facts(members, &first),
         block: (first.block.0.min(layout.width), first.block.1.min(layout.height)),
@@ -155,13 +221,16 @@ fn parts(members: Vec<MosaicMember>, layout: &MosaicLayout, info: &GridInfo) -> 
         .collect()
 }
 
-/// The nodata value of the mosaic: the common declared one, or else the first candidate that is not a terrain
-/// height, or the last resort of the type. A height equal to it cannot be written and is reported as an
-/// error.
-fn nodata(members: &[MosaicMember], kind: SampleType) -> Option<f64> {
-    match &declared(members)[..] {
+/// The nodata value for the heights of several grids, from theirs: the common declared one, or else the first candidate
+/// that is not a terrain height, or the last resort of the type. A height equal to it cannot be written and is reported
+/// as an error.
+pub fn common_nodata(
+    all: impl Iterator<Item = Option<f64>> + Clone,
+    kind: SampleType,
+) -> Option<f64> {
+    match &declared(all.clone())[..] {
         [] => None,
-        [only] if members.iter().all(|member| member.nodata.is_some()) => Some(*only),
+        [only] if all.into_iter().all(|nodata| nodata.is_some()) => Some(*only),
         all => {
             let mut all = all.iter().copied();
             let usable = all.find(|v| is_no_height(*v) && stored_nodata(kind, *v).is_some());
@@ -171,14 +240,14 @@ fn nodata(members: &[MosaicMember], kind: SampleType) -> Option<f64> {
 }
 
 /// The distinct declared nodata values, in order.
-fn declared(members: &[MosaicMember]) -> Vec<f64> {
-    let mut all: Vec<f64> = Vec::new();
-    for value in members.iter().filter_map(|member| member.nodata) {
-        if !all.iter().any(|own| is_same(*own, value)) {
-            all.push(value);
+fn declared(all: impl Iterator<Item = Option<f64>>) -> Vec<f64> {
+    let mut distinct: Vec<f64> = Vec::new();
+    for value in all.flatten() {
+        if !distinct.iter().any(|own| is_same(*own, value)) {
+            distinct.push(value);
         }
     }
-    all
+    distinct
 }
 
 fn last_resort(kind: SampleType) -> f64 {
@@ -211,7 +280,7 @@ fn facts(members: &[MosaicMember], first: &GridInfo) -> Vec<(String, String)> {
     ];
     facts.extend(compression);
     facts.extend(members.iter().find_map(|member| member.mask.clone()));
-    let declared = declared(members);
+    let declared = declared(members.iter().map(|member| member.nodata));
     if declared.len() > 1 {
         let values: Vec<_> = declared.iter().take(MAX_LISTED).map(f64::to_string).collect();
         facts.push((NODATA_VALUES.to_owned(), values.join(", ")));

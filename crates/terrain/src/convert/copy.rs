@@ -5,7 +5,7 @@ use std::time::Instant;
 use super::job::{ConvertJob, ConvertReport};
 use super::task::{CopyPieces, CopyStatistics, CopyTask};
 use terrane_base::error::{ErrorKind, Result};
-use terrane_engine::memory::{self, MemoryShares};
+use terrane_engine::memory::{self, MemoryShares, OpenGrid};
 use terrane_engine::outputs::not_member;
 use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::{Cancel, Progress, Resources};
@@ -71,6 +71,20 @@ pub(crate) fn run_beside(
     cancel: &Cancel,
     front: impl FnOnce(Box<dyn GridSource>, u64) -> Result<DerivedBands>,
 ) -> Result<ConvertReport> {
+    let open = |options: &GridOpenOptions| raster::open_all(job.input.names(), options);
+    run_opened(job, &open, thread_bytes, reserved, (progress, cancel), front)
+}
+
+/// As [`run_beside`], for a grid that is opened by `open`.
+pub(crate) fn run_opened(
+    job: &ConvertJob,
+    opener: OpenGrid<'_>,
+    thread_bytes: u64,
+    reserved: ReservedMemory,
+    watch: (&dyn Progress, &Cancel),
+    front: impl FnOnce(Box<dyn GridSource>, u64) -> Result<DerivedBands>,
+) -> Result<ConvertReport> {
+    let (progress, cancel) = watch;
     let format = job.options.format(&job.output)?;
     format.check(&job.options.written.co)?;
     terrane_files::atomic::refuse_existing(&job.output, job.options.file.replacing.overwrite)?;
@@ -78,9 +92,11 @@ pub(crate) fn run_beside(
     let resources = &job.options.resources;
     let options = job.options.grid.options(resources, GridOpenOptions::default().cache_bytes)?;
     let ReservedMemory { wanted, least } = reserved;
-    let ((source, shares), reserved) = match open(job, &options, worker, wanted) {
+    let resources = &job.options.resources;
+    let open = |reserved| open(opener, &options, resources, worker, reserved);
+    let ((source, shares), reserved) = match open(wanted) {
         Err(error) if error.kind() == ErrorKind::Resource && wanted > least => {
-            (open(job, &options, worker, least)?, least)
+            (open(least)?, least)
         }
         opened => (opened?, wanted),
     };
@@ -205,19 +221,19 @@ const HAIR: f64 = 1e-6;
 
 /// Opens the input beside `reserved` bytes; in little memory for one thread.
 fn open(
-    job: &ConvertJob,
+    open: OpenGrid<'_>,
     options: &GridOpenOptions,
+    resources: &Resources,
     worker: u64,
     reserved: u64,
 ) -> Result<memory::Opened> {
-    let resources = &job.options.resources;
-    memory::open_beside(reserved, &job.input, options, resources, worker).or_else(|error| {
+    memory::open_with(open, reserved, options, resources, worker).or_else(|error| {
         let left = resources.memory.saturating_sub(reserved);
         let Some(shares) = least_shares(left, worker) else { return Err(error) };
         let cache_bytes = usize::try_from(shares.cache).unwrap_or(usize::MAX);
         let options = GridOpenOptions { cache_bytes, threads: 1, ..options.clone() };
         // What the first error asks for is enough for blocks that do not fit, too.
-        raster::open_all(job.input.names(), &options).map(|source| (source, shares)).or(Err(error))
+        open(&options).map(|source| (source, shares)).or(Err(error))
     })
 }
 

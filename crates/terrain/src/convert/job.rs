@@ -11,6 +11,7 @@ use crate::relief::{
     AspectOptions, CurvatureOptions, DerivativeOptions, HillshadeOptions, RoughnessOptions,
     SlopeOptions, TpiOptions, TriOptions,
 };
+use crate::warp::LayerPriority;
 use crate::warp::output_grid::LatticeOptions;
 use terrane_base::error::Result;
 use terrane_base::registry;
@@ -28,7 +29,8 @@ use terrane_window::resample::RESAMPLINGS;
 ///
 /// A .tif is a plain GeoTIFF unless the format is COG or store (an uncompressed tiled BigTIFF for fast memory-mapped
 /// reading). A height that the sample type cannot hold is an error that gives its position; ‹round› writes the nearest
-/// value instead. A change of CRS, resolution or alignment requires ‹resampling›.
+/// value instead. A change of CRS, resolution or alignment requires ‹resampling›, and so do several files that differ in
+/// these: each is resampled to the lattice of the output, and voids of those on top are filled from those below.
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(setters = own, rules = RULES)]
 #[non_exhaustive]
@@ -45,6 +47,9 @@ pub struct ConvertOptions {
     /// Resampling method; required if output samples lie between input samples
     #[option(value = "NAME", with = ResamplingName, heading = "Output grid")]
     pub resampling: Option<String>,
+    /// Files on top, of several that differ in lattice or CRS
+    #[option(value = "RULE", heading = "Output grid")]
+    pub priority: LayerPriority,
     /// The lattice of the output.
     #[option(flatten)]
     pub lattice: LatticeOptions,
@@ -60,7 +65,7 @@ pub struct ConvertOptions {
 }
 
 const RULES: &[OptionRule] = &[
-    OptionRule::Needs("resampling", &["to_crs", "resolution", "extent", "like"]),
+    OptionRule::Needs("priority", &["resampling"]),
     OptionRule::Needs("to_crs", &["resampling"]),
     OptionRule::Needs("resolution", &["resampling"]),
     OptionRule::Needs("extent", &["resampling"]),

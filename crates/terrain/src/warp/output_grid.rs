@@ -1,7 +1,7 @@
 //! The lattice of the output.
 //!
-//! By default the output covers the bounding rectangle of the grid, and its cells are squares as large as the
-//! cell at the centre of the grid. Only the outline is transformed for that: operations are continuous, so the
+//! By default the output covers the bounding rectangle of the grid or of all grids, and its cells are squares as large as
+//! the cell at the centre of the grid with the smallest; of several grids, one that is not reprojected stays on its lattice. Only the outline is transformed for that: operations are continuous, so the
 //! inside stays inside. With a resolution, but no rectangle, edges of cells lie at whole multiples of it, so
 //! that parts of one grid, written one by one, are on one lattice.
 
@@ -45,22 +45,22 @@ const HAIR: f64 = 1e-6;
 /// Most positions transformed along each edge of the grid.
 const MAX_PLACES: u32 = 1 << 14;
 
-/// The lattice in the target CRS of `transform`.
+/// The lattice in the target CRS `crs` for grids with their transformations to it.
 pub(super) fn of(
     options: &LatticeOptions,
-    grid: &GridInfo,
+    grids: &[(&GridInfo, &CrsTransform)],
     crs: &Crs,
-    transform: &CrsTransform,
 ) -> Result<TargetGrid> {
-    let outline = WarpedExtent::of(grid, transform);
+    let mut outline = WarpedExtent::none();
+    grids.iter().for_each(|(grid, transform)| outline.add_outline(grid, transform));
     if let Some(like) = &options.like {
         let lattice = alike(like, crs)?;
         outline.check_near(lattice.extent()).map_err(|e| e.in_file(Path::new(like)))?;
         return Ok(lattice);
     }
-    let cell = match options.resolution {
-        Some(cell) => cell,
-        None => natural(grid, transform)?,
+    let (cell, finest) = match options.resolution {
+        Some(cell) => (cell, None),
+        None => finest(grids)?,
     };
     match (options.extent, options.resolution) {
         (Some(extent), None) => {
@@ -73,15 +73,49 @@ pub(super) fn of(
             outline.check_near(extent)?;
             covering(extent, cell)
         }
-        (None, None) => covering(outline.complete()?, cell),
-        (None, Some(cell)) => {
-            let [x0, y0, x1, y1] = outline.complete()?;
-            // A hair inward: an extent on the lattice, rounded, would get a row of cells without samples.
-            let [x0, y0] = [x0 / cell[0], y0 / cell[1]].map(|at| (at + HAIR).floor());
-            let [x1, y1] = [x1 / cell[0], y1 / cell[1]].map(|at| (at - HAIR).ceil());
-            covering([x0 * cell[0], y0 * cell[1], x1 * cell[0], y1 * cell[1]], cell)
+        (None, None) => match finest {
+            // Its samples stay where they are.
+            Some(origin) => aligned(outline.complete()?, cell, origin),
+            None => covering(outline.complete()?, cell),
+        },
+        (None, Some(cell)) => aligned(outline.complete()?, cell, [0.0; 2]),
+    }
+}
+
+/// The smallest of the natural cells; with the corner of a cell if the lattice is to continue that of its grid, one of
+/// several.
+fn finest(grids: &[(&GridInfo, &CrsTransform)]) -> Result<([f64; 2], Option<[f64; 2]>)> {
+    let mut finest = ([f64::MAX; 2], None);
+    for (grid, transform) in grids {
+        let cell = natural(grid, transform)?;
+        if cell[0] * cell[1] < finest.0[0] * finest.0[1] {
+            let map = grid.transform;
+            let is_kept = grids.len() > 1 && transform.is_none() && (map.b, map.d) == (0.0, 0.0);
+            finest = (cell, is_kept.then(|| map.apply(-0.5, -0.5)));
         }
     }
+    Ok(finest)
+}
+
+/// Cells of this size that cover a rectangle, with edges at multiples of it from `origin` on.
+fn aligned([x0, y0, x1, y1]: [f64; 4], cell: [f64; 2], origin: [f64; 2]) -> Result<TargetGrid> {
+    let multiple = |at: f64, axis: usize| (at - origin[axis]) / cell[axis];
+    // A hair inward: an extent on the lattice, rounded, would get a row of cells without samples.
+    let low = [multiple(x0, 0), multiple(y0, 1)].map(|at| (at + HAIR).floor());
+    let high = [multiple(x1, 0), multiple(y1, 1)].map(|at| (at - HAIR).ceil());
+    let [[x0, y0], [x1, y1]] =
+        [low, high].map(|at| [0, 1].map(|axis| at[axis] * cell[axis] + origin[axis]));
+    covering([x0, y0, x1, y1], cell)
+}
+
+/// Share of the extent of a grid that is added to it on each side.
+const MARGIN: f64 = 1.0 / 32.0;
+
+/// A rectangle in the target CRS that contains all cells of a grid; `None` if some cannot be transformed.
+pub(super) fn surely_around(grid: &GridInfo, transform: &CrsTransform) -> Option<[f64; 4]> {
+    let [x0, y0, x1, y1] = WarpedExtent::of(grid, transform).complete().ok()?;
+    let margin = [x1 - x0, y1 - y0].map(|span| span * MARGIN);
+    Some([x0 - margin[0], y0 - margin[1], x1 + margin[0], y1 + margin[1]])
 }
 
 /// Columns and rows of the grid for each of the lattice, at the centre of the lattice or, if that is far from
@@ -140,7 +174,7 @@ fn slopes(
 }
 
 /// The cell size at the centre of the grid.
-fn natural(grid: &GridInfo, transform: &CrsTransform) -> Result<[f64; 2]> {
+pub(super) fn natural(grid: &GridInfo, transform: &CrsTransform) -> Result<[f64; 2]> {
     let map = grid.transform;
     if transform.is_none() && map.b == 0.0 && map.d == 0.0 {
         return Ok([map.a.abs(), map.e.abs()]);
@@ -166,17 +200,26 @@ pub(super) struct WarpedExtent {
 
 impl WarpedExtent {
     pub(super) fn of(grid: &GridInfo, transform: &CrsTransform) -> Self {
-        let mut outline = Self { extent: [f64::MAX, f64::MAX, f64::MIN, f64::MIN], lost: None };
+        let mut outline = Self::none();
+        outline.add_outline(grid, transform);
+        outline
+    }
+
+    fn none() -> Self {
+        Self { extent: [f64::MAX, f64::MAX, f64::MIN, f64::MIN], lost: None }
+    }
+
+    /// Adds the outline of a grid.
+    fn add_outline(&mut self, grid: &GridInfo, transform: &CrsTransform) {
         let steps = grid.width.max(grid.height).min(MAX_PLACES);
         let [right, bottom] = [grid.width, grid.height].map(f64::from);
         for step in 0..=steps {
             let share = f64::from(step) / f64::from(steps);
             let [col, row] = [share * right, share * bottom];
             for [col, row] in [[col, 0.0], [col, bottom], [0.0, row], [right, row]] {
-                outline.add(transform.forward(grid.transform.apply(col - 0.5, row - 0.5)));
+                self.add(transform.forward(grid.transform.apply(col - 0.5, row - 0.5)));
             }
         }
-        outline
     }
 
     fn add(&mut self, place: Result<[f64; 2]>) {

@@ -186,7 +186,13 @@ fn halves(rect: Rect) -> [Rect; 2] {
 }
 
 /// Copies the heights of a piece into those of a rectangle.
-fn put<H>(out: &mut [H], rect: Rect, piece: Rect, heights: &[f64], of: impl Fn(f64) -> H) {
+pub(super) fn put<H>(
+    out: &mut [H],
+    rect: Rect,
+    piece: Rect,
+    heights: &[f64],
+    of: impl Fn(f64) -> H,
+) {
     for (down, heights) in heights.chunks(piece.width as usize).enumerate() {
         let row = (piece.row - rect.row) as usize + down;
         let first = row * rect.width as usize + (piece.col - rect.col) as usize;

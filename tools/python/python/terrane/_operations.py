@@ -24,7 +24,7 @@ from terrane._numbers import number
 from terrane._plans import Plan
 from terrane._report import Report
 from terrane._settings import Path, settings
-from terrane._source import crs_text, opened
+from terrane._source import crs_text, names_of, opened
 
 # Options with features, which may be in memory.
 BESIDE = ("clip", "water", "keep_points", "breaklines")
@@ -92,6 +92,9 @@ def ready(
         with mesh_file(src) as path, _beside.files(lambda: None, **features) as files:
             options |= files
             yield path, progress
+    elif reads == "grid" and (names := disagreeing(name, src, reading | features, options)):
+        options |= reading
+        yield names, progress
     elif reads == "grid":
         with opened(src, **reading, **features) as (grid, files):
             options |= {key: files[key] for key in features}
@@ -101,6 +104,18 @@ def ready(
         with _beside.files(lambda: cloud.info["crs"], **features) as files:
             options |= files
             yield cloud, progress
+
+
+def disagreeing(
+    name: str, src: Any, reading: dict[str, Any], options: dict[str, Any]
+) -> list[str] | None:
+    """The files of a grid that may differ in lattice or CRS: they cannot be opened as one grid."""
+    names = names_of(src)
+    is_resampled = name == "convert" and options.get("resampling") is not None
+    if names is None or not is_resampled or not reading.keys() <= {"band", "nodata"}:
+        return None
+    is_one = len(names) == 1 and os.path.isfile(names[0])
+    return None if is_one and not names[0].endswith((".txt", ".csv")) else names
 
 
 def is_mesh(name: str, src: Any) -> bool:

@@ -1,0 +1,272 @@
+//! Files that differ in lattice or CRS as one grid (`convert --resampling`): against each file resampled alone and laid on
+//! top of the others, the same bytes however they are made, and what is refused.
+
+use crate::cli_support::{Place, json};
+use crate::relief::values;
+
+/// Three grids: fine ones on two lattices, and a coarse one in another CRS around both, of heights that tell them apart.
+fn place() -> Place {
+    let place = Place::new();
+    let grid = |[x, y, cell]: [f64; 3], [columns, rows]: [usize; 2], base: usize| {
+        let height = |k: usize| match k % 23 {
+            4 => "-9999".to_owned(),
+            _ => format!("{}.5", base + k * 7 % 90),
+        };
+        let heights = (0..columns * rows).map(height).collect::<Vec<_>>().join(" ");
+        format!(
+            "ncols {columns}\nnrows {rows}\nxllcorner {x}\nyllcorner {y}\ncellsize {cell}\nNODATA_value -9999\n{heights}\n"
+        )
+    };
+    place
+        .write("base.asc", grid([2.98, 42.87, 0.001], [60, 60], 1000))
+        .write("base.prj", "EPSG:4326")
+        .write("a.asc", grid([500_000.0, 4_749_000.0, 30.0], [40, 50], 2000))
+        .write("a.prj", "EPSG:32631")
+        .write("b.asc", grid([500_901.0, 4_749_640.0, 10.0], [90, 80], 3000))
+        .write("b.prj", "EPSG:32631")
+        // On the lattice of the first fine grid.
+        .write("c.asc", grid([501_200.0, 4_749_000.0, 30.0], [10, 30], 4000))
+        .write("c.prj", "EPSG:32631");
+    place
+}
+
+/// The heights of files from bottom to top, each resampled alone to the lattice of a grid.
+fn overlaid(place: &Place, files: &[&str], like: &str, more: &[&str]) -> Vec<f64> {
+    let mut all: Option<Vec<f64>> = None;
+    for (at, file) in files.iter().enumerate() {
+        let name = format!("alone{at}.tif");
+        let convert = ["convert", file, &name, "--like", like, "--overwrite", "--type", "float32"];
+        place.ok(&[&convert[..], &["-q"], more].concat());
+        let alone = values(place, &name).1;
+        all = Some(match all {
+            None => alone,
+            Some(below) => {
+                let both = below.into_iter().zip(alone);
+                both.map(|(below, own)| if own.is_nan() { below } else { own }).collect()
+            }
+        });
+    }
+    all.unwrap()
+}
+
+fn same(found: &[f64], expected: &[f64], what: &str) {
+    assert_eq!(found.len(), expected.len(), "{what}");
+    for (at, (found, expected)) in found.iter().zip(expected).enumerate() {
+        let is_same = found == expected || found.is_nan() && expected.is_nan();
+        assert!(is_same, "{what}: sample {at} is {found}, not {expected}");
+    }
+}
+
+#[test]
+fn files_are_resampled_alone_and_laid_on_top_of_each_other() {
+    let place = place();
+    let utm = ["--to-crs", "EPSG:32631"];
+    for (files, more, method) in [
+        (&["base.asc", "a.asc", "b.asc"][..], &utm[..], "bilinear"),
+        (&["b.asc", "base.asc", "a.asc"], &utm, "near"),
+        (&["a.asc", "b.asc"], &["--resolution", "7"], "cubic"),
+        (&["base.asc", "b.asc"], &["--to-crs", "EPSG:4326"], "cubic"),
+        (&["a.asc", "base.asc"], &[], "bilinear"),
+    ] {
+        let method = ["--resampling", method];
+        let more = [&method[..], more].concat();
+        let run = |more: &[&str], name: &str| {
+            let convert =
+                [&["convert"][..], files, &[name, "--overwrite", "--json"], more].concat();
+            json(&place.ok(&convert).out)
+        };
+        let told = run(&more, "o.tif");
+        let to_crs =
+            ["--to-crs", if files == ["base.asc", "b.asc"] { "EPSG:4326" } else { utm[1] }];
+        let expected = overlaid(&place, files, "o.tif", &[&method[..], &to_crs].concat());
+        same(&values(&place, "o.tif").1, &expected, &format!("{files:?} {more:?}"));
+        let note = format!("files on {} lattices, from bottom to top those of", files.len());
+        assert!(told["notes"].to_string().contains(&note), "{told}");
+        run(&[&more[..], &["--threads", "1", "--memory", "48M"]].concat(), "p.tif");
+        assert!(place.bytes("o.tif") == place.bytes("p.tif"), "{files:?}");
+        run(&[&more[..], &["-f", "COG"]].concat(), "cog.tif");
+        same(&values(&place, "cog.tif").1, &expected, "COG");
+    }
+}
+
+/// Files that agree are one layer, where the first of them is, and have no seam.
+#[test]
+fn files_that_agree_are_one_layer() {
+    let place = place();
+    let method = ["--resampling", "bilinear", "--resolution", "7"];
+    let merge = |names: &[&str], name: &str, more: &[&str]| {
+        let convert = [&["convert"][..], names, &[name, "--overwrite", "-q"], more].concat();
+        place.ok(&convert);
+        values(&place, name).1
+    };
+    let found = merge(&["a.asc", "b.asc", "c.asc"], "o.tif", &method);
+    let other = merge(&["c.asc", "b.asc", "a.asc"], "p.tif", &method);
+    same(&other, &found, "a and c do not overlap");
+    merge(&["a.asc", "c.asc"], "ac.tif", &[]);
+    let expected = overlaid(&place, &["ac.tif", "b.asc"], "o.tif", &method[..2]);
+    same(&found, &expected, "a and c below b");
+}
+
+#[test]
+fn smaller_cells_can_be_on_top() {
+    let place = place();
+    let by = ["--resampling", "near", "--to-crs", "EPSG:32631", "--priority"];
+    let run = |names: &[&str], name: &str, rule: &str| {
+        let convert = [&["convert"][..], names, &[name, "-q"], &by, &[rule]].concat();
+        place.ok(&convert);
+    };
+    run(&["base.asc", "a.asc", "b.asc"], "ordered.tif", "order");
+    run(&["b.asc", "a.asc", "base.asc"], "sized.tif", "resolution");
+    same(&values(&place, "sized.tif").1, &values(&place, "ordered.tif").1, "by size");
+    run(&["b.asc", "a.asc", "base.asc"], "turned.tif", "order");
+    let files = ["b.asc", "a.asc", "base.asc"];
+    let expected = overlaid(&place, &files, "turned.tif", &by[..4]);
+    same(&values(&place, "turned.tif").1, &expected, "by order");
+}
+
+/// Without another CRS or resolution, samples of the grid with the smallest cells stay where they are.
+#[test]
+fn the_finest_grid_stays_on_its_lattice() {
+    let place = place();
+    place.ok(&[
+        "convert",
+        "base.asc",
+        "a.asc",
+        "b.asc",
+        "o.tif",
+        "--resampling",
+        "cubic",
+        "--to-crs",
+        "EPSG:32631",
+        "-q",
+    ]);
+    place.ok(&["convert", "o.tif", "part.tif", "--bounds", "500901,4749640,501801,4750440", "-q"]);
+    let [(columns, found), (_, own)] = ["part.tif", "b.asc"].map(|name| values(&place, name));
+    assert_eq!(columns, 90);
+    for (found, own) in found.iter().zip(&own).filter(|(_, own)| !own.is_nan()) {
+        assert!((found - own).abs() < 1e-3, "{found} {own}");
+    }
+}
+
+/// Rows that run to the north, other sample types and nodata values, scaled heights.
+#[test]
+fn types_scales_and_directions_may_differ() {
+    let place = place();
+    place.ok(&[
+        "convert",
+        "b.asc",
+        "b.tif",
+        "--type",
+        "int16",
+        "--round",
+        "--out-nodata",
+        "-32768",
+        "-q",
+    ]);
+    place.ok(&["convert", "a.asc", "b.tif", "o.tif", "--resampling", "near", "--json"]);
+    let expected = overlaid(&place, &["a.asc", "b.tif"], "o.tif", &["--resampling", "near"]);
+    same(&values(&place, "o.tif").1, &expected, "types");
+    let head = "<VRTDataset rasterXSize=\"90\" rasterYSize=\"80\"><SRS>EPSG:32631</SRS>";
+    let vrt = |transform: &str, more: &str| {
+        format!(
+            "{head}<GeoTransform>{transform}</GeoTransform><VRTRasterBand dataType=\"Int16\" band=\"1\"><NoDataValue>-32768</NoDataValue>{more}<SimpleSource><SourceFilename relativeToVRT=\"1\">b.tif</SourceFilename><SourceBand>1</SourceBand><SrcRect xOff=\"0\" yOff=\"0\" xSize=\"90\" ySize=\"80\"/><DstRect xOff=\"0\" yOff=\"0\" xSize=\"90\" ySize=\"80\"/></SimpleSource></VRTRasterBand></VRTDataset>"
+        )
+    };
+    place.write("up.vrt", vrt("500901, 10, 0, 4749640, 0, 10", ""));
+    place.write(
+        "scaled.vrt",
+        vrt("500901, 10, 0, 4750440, 0, -10", "<Scale>0.5</Scale><Offset>7</Offset>"),
+    );
+    for name in ["up.vrt", "scaled.vrt"] {
+        place.ok(&["convert", "a.asc", name, "v.tif", "--resampling", "near", "--overwrite", "-q"]);
+        let expected = overlaid(&place, &["a.asc", name], "v.tif", &["--resampling", "near"]);
+        same(&values(&place, "v.tif").1, &expected, name);
+    }
+}
+
+/// Longitudes from 0 to 360 beside those from -180 to 180.
+#[test]
+fn longitudes_may_be_counted_from_elsewhere() {
+    let place = Place::new();
+    let world = |west: f64, cell: f64, base: usize| {
+        let (columns, rows) = ((360.0 / cell) as usize, (180.0 / cell) as usize);
+        let heights =
+            (0..columns * rows).map(|k| (base + k % 97).to_string()).collect::<Vec<_>>().join(" ");
+        format!(
+            "ncols {columns}\nnrows {rows}\nxllcorner {west}\nyllcorner -90\ncellsize {cell}\n{heights}\n"
+        )
+    };
+    place.write("world.asc", world(-180.0, 4.0, 1000)).write("world.prj", "EPSG:4326");
+    place.write("turned.asc", world(0.0, 3.0, 2000)).write("turned.prj", "EPSG:4326");
+    place.ok(&[
+        "convert",
+        "world.asc",
+        "turned.asc",
+        "o.tif",
+        "--resampling",
+        "near",
+        "--extent",
+        "-180,-90,180,90",
+        "-q",
+    ]);
+    assert!(values(&place, "o.tif").1.iter().all(|z| *z >= 2000.0), "all of the globe is covered");
+}
+
+#[test]
+fn what_has_no_meaning_is_refused_by_name() {
+    let place = place();
+    place.fails(
+        &["convert", "a.asc", "b.asc", "o.tif"],
+        65,
+        &["b.asc", "cell size is 10", "terrane convert", "--resampling"],
+    );
+    place.fails(
+        &["tin", "base.asc", "a.asc", "o.ply", "--max-error", "1"],
+        65,
+        &["a.asc", "EPSG:4326", "--resampling"],
+    );
+    place.fails(
+        &["convert", "a.asc", "o.tif", "--resampling", "near"],
+        2,
+        &["no effect", "--resolution"],
+    );
+    place.fails(
+        &["convert", "a.asc", "o.tif", "--priority", "resolution"],
+        2,
+        &["--priority requires --resampling"],
+    );
+    let merge = |more: &[&str], code: i32, words: &[&str]| {
+        place.fails(
+            &[&["convert", "a.asc", "b.asc", "o.tif", "--resampling", "near"], more].concat(),
+            code,
+            words,
+        );
+    };
+    place.write(
+        "area.wkt",
+        "POLYGON ((500000 4749000, 501000 4749000, 501000 4750000, 500000 4749000))",
+    );
+    merge(&["--bounds", "500000,4749000,500500,4749500"], 2, &["--bounds", "--extent"]);
+    merge(&["--clip", "area.wkt"], 2, &["--clip", "merge the files first"]);
+    merge(&["--water", "area.wkt"], 2, &["--water", "merge the files first"]);
+    merge(&["--extent", "0,0,9,9"], 2, &["does not intersect the grid", "covers 500000"]);
+    // Heights in two units, above two surfaces, and a file without a CRS.
+    place
+        .write("feet.asc", std::fs::read_to_string(place.path("b.asc")).unwrap())
+        .write("feet.prj", "EPSG:32631+6360");
+    place
+        .write("metres.asc", std::fs::read_to_string(place.path("a.asc")).unwrap())
+        .write("metres.prj", "EPSG:32631+5703");
+    let near = ["o.tif", "--resampling", "near"];
+    let both = [&["convert", "metres.asc", "feet.asc"], &near[..]].concat();
+    place.ok(&[&both[..], &["-q"]].concat());
+    let (_, found) = values(&place, "o.tif");
+    assert!(found.iter().any(|z| (914.0..945.0).contains(z)), "feet become metres");
+    place
+        .write("egm.prj", "EPSG:32631+5773")
+        .write("egm.asc", std::fs::read_to_string(place.path("b.asc")).unwrap());
+    let other = [&["convert", "metres.asc", "egm.asc"], &near[..], &["--overwrite"]].concat();
+    place.fails(&other, 65, &["egm.asc"]);
+    std::fs::remove_file(place.path("b.prj")).unwrap();
+    merge(&["--overwrite"], 65, &["b.asc", "CRS"]);
+}
