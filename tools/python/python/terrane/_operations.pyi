@@ -249,6 +249,7 @@ def convert(
     out_nodata: float | None = None,
     round: bool = False,
     resampling: Literal["near", "bilinear", "cubic"] | None = None,
+    priority: Literal["order", "resolution"] = "order",
     resolution: float | Sequence[float] | None = None,
     extent: float | Sequence[float] | None = None,
     like: Path | None = None,
