@@ -124,6 +124,75 @@ fn smaller_cells_can_be_on_top() {
     same(&values(&place, "turned.tif").1, &expected, "by order");
 }
 
+/// Constant heights fade into each other by the distance to the border and to voids, in any parts.
+#[test]
+fn feathered_files_fade_into_those_below() {
+    let place = Place::new();
+    let grid = |[x, y, cell]: [f64; 3],
+                [columns, rows]: [usize; 2],
+                height: &dyn Fn(usize) -> i32| {
+        let heights =
+            (0..columns * rows).map(|k| height(k).to_string()).collect::<Vec<_>>().join(" ");
+        format!(
+            "ncols {columns}\nnrows {rows}\nxllcorner {x}\nyllcorner {y}\ncellsize {cell}\nNODATA_value -9999\n{heights}\n"
+        )
+    };
+    // A void at column 100, row 80, and below that grid one that ends at column 240.
+    let hole = |k: usize| if k == 80 * 200 + 100 { -9999 } else { 300 };
+    place
+        .write("low.asc", grid([0.0, 0.0, 2.0], [120, 140], &|_| 100))
+        .write("low.prj", "EPSG:32631")
+        .write("top.asc", grid([100.0, 20.0, 1.0], [200, 200], &hole))
+        .write("top.prj", "EPSG:32631");
+    let merge = |name: &str, more: &[&str]| {
+        let convert =
+            ["convert", "low.asc", "top.asc", name, "--resampling", "near", "--feather", "9"];
+        place.ok(&[&convert[..], &["--overwrite", "-q"], more].concat());
+        values(&place, name)
+    };
+    let (columns, found) = merge("o.tif", &[]);
+    assert_eq!((columns, found.len() / columns), (300, 280));
+    let at = |col: usize, row: usize| found[row * columns + col];
+    // Top has columns 100 to 299 and rows 60 to 259.
+    for (col, row, expected) in [
+        (99, 150, 100.0),
+        (100, 150, 120.0),
+        (101, 150, 140.0),
+        (108, 150, 280.0),
+        (109, 150, 300.0),
+        (110, 150, 300.0),
+        (150, 60, 120.0),
+        (150, 62, 160.0),
+        (150, 259, 120.0),
+        (200, 140, 100.0),
+        (200, 141, 120.0),
+        (203, 144, 200.0),
+        (200, 150, 300.0),
+        (298, 150, 300.0),
+        (299, 150, 300.0),
+        (299, 259, 300.0),
+    ] {
+        assert!(
+            (at(col, row) - expected).abs() < 1e-4,
+            "{col}, {row}: {} {expected}",
+            at(col, row)
+        );
+    }
+    // Near the end of what is below, at column 240, and of top, at row 60, both have little weight.
+    let (own, below) = (0.1, 0.9 * 0.1);
+    let expected = (own * 300.0 + below * 100.0) / (own + below);
+    assert!((at(239, 60) - expected).abs() < 1e-4, "{} {expected}", at(239, 60));
+    merge("p.tif", &["--threads", "1", "--memory", "48M"]);
+    assert!(place.bytes("o.tif") == place.bytes("p.tif"));
+    let (_, tiled) = merge("cog.tif", &["-f", "COG"]);
+    same(&tiled, &found, "COG");
+    place.fails(
+        &["convert", "top.asc", "x.tif", "--feather", "3"],
+        2,
+        &["--feather requires --resampling"],
+    );
+}
+
 /// Without another CRS or resolution, samples of the grid with the smallest cells stay where they are.
 #[test]
 fn the_finest_grid_stays_on_its_lattice() {
@@ -230,6 +299,12 @@ fn what_has_no_meaning_is_refused_by_name() {
         2,
         &["no effect", "--resolution"],
     );
+    let one = ["convert", "a.asc", "o.tif", "--resampling", "near", "--resolution", "7"];
+    let alone = |more: &[&str]| {
+        place.fails(&[&one[..], more].concat(), 2, &[more[0], "no effect on a single file"]);
+    };
+    alone(&["--priority", "resolution"]);
+    alone(&["--feather", "2"]);
     place.fails(
         &["convert", "a.asc", "o.tif", "--priority", "resolution"],
         2,

@@ -33,6 +33,7 @@ pub(crate) const VALUES: &[(&str, &str, &str)] = &[
     ("kind", "\"profile\"", "{}"),
     ("levels", "[10, -2.5, 20]", "{\"interval\": null}"),
     ("like", "\"like.asc\"", "{\"resampling\": \"cubic\"}"),
+    ("feather", "3", "{\"resampling\": \"near\"}"),
     ("priority", "\"resolution\"", "{\"resampling\": \"near\"}"),
     ("memory", "\"256M\"", "{}"),
     ("multidirectional", "true", "{}"),

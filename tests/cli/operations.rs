@@ -269,7 +269,7 @@ fn unseen(place: &Place, operation: &AnyOperation) -> Vec<String> {
             ("band" | "nodata" | "bands" | "weights", Reads::Grid) => "bands.tif",
             ("edges" | "against", _) => "mesh.ply",
             ("keep_degrees", _) => "degrees.asc",
-            ("priority", _) => "[fl]i*e.asc",
+            ("priority" | "feather", _) => "[fl]i*e.asc",
             ("layer", Reads::Features) => "two.topojson",
             ("crs", _) => "cloud:cloud.xyz",
             ("dedupe" | "drop_overlap" | "max_range", _) => "twice*.las",
@@ -311,8 +311,9 @@ fn without(
     let needed = needed(operation);
     let is_goal = options.values().any(Json::is_null) || needed.contains_key(field.name);
     // Nothing is resampled without a lattice, nor the other way round.
-    let is_lattice =
-        operation.name == "convert" && field.heading == "Output grid" && field.name != "priority";
+    let is_lattice = operation.name == "convert"
+        && field.heading == "Output grid"
+        && !["priority", "feather"].contains(&field.name);
     let is_rounded = (operation.name, field.name) == ("grid", "type");
     match is_goal || is_lattice || is_rounded || ["to_crs", "round"].contains(&field.name) {
         true => needed,

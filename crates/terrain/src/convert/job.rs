@@ -20,7 +20,9 @@ use terrane_engine::options::{FileOutput, GridInput, GridOutput, Reprojection, S
 use terrane_engine::run_statistics::RunStatistics;
 use terrane_engine::transform::Transformed;
 use terrane_files::{beside_grid, path_of};
-use terrane_options::{ChoiceName, Json, OptionCodec, OptionKind, OptionRule, Options};
+use terrane_options::{
+    ChoiceName, Json, OptionCodec, OptionKind, OptionRange, OptionRule, Options,
+};
 use terrane_raster::write::{self, GridFormat, GridWriteOptions};
 use terrane_raster::{self as raster, GridSource, Inputs, WaterReport};
 use terrane_window::resample::RESAMPLINGS;
@@ -50,6 +52,9 @@ pub struct ConvertOptions {
     /// Files on top, of several that differ in lattice or CRS
     #[option(value = "RULE", heading = "Output grid")]
     pub priority: LayerPriority,
+    /// Width of the border and of the surroundings of voids where such files fade into those below, in cells of the output
+    #[option(value = "CELLS", heading = "Output grid", range = OptionRange::new(0.0, 256.0))]
+    pub feather: u32,
     /// The lattice of the output.
     #[option(flatten)]
     pub lattice: LatticeOptions,
@@ -66,6 +71,7 @@ pub struct ConvertOptions {
 
 const RULES: &[OptionRule] = &[
     OptionRule::Needs("priority", &["resampling"]),
+    OptionRule::Needs("feather", &["resampling"]),
     OptionRule::Needs("to_crs", &["resampling"]),
     OptionRule::Needs("resolution", &["resampling"]),
     OptionRule::Needs("extent", &["resampling"]),

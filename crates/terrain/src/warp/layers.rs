@@ -1,12 +1,15 @@
-//! Grids that differ in lattice or CRS, one on top of the other on one lattice.
+//! Grids that differ in lattice or CRS, one on top of the other on one lattice. A feathered grid fades into those below
+//! near its voids and its border, see [`Feather`]: weights go from 1 to 0 there, and a height is the mean of the heights
+//! by weight, from top to bottom, each of what those above have left.
 
 use std::path::PathBuf;
 
+use super::feather::Feather;
 use super::source::{self, WarpedGrid, put};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_options::Choice;
-use terrane_raster::{GridInfo, GridSource};
+use terrane_raster::{GridInfo, GridSource, SampleType};
 
 /// Which of several files that differ in lattice or CRS is on top.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
@@ -26,6 +29,45 @@ pub(super) struct WarpedLayers {
     info: GridInfo,
     /// From top to bottom.
     layers: Vec<WarpedLayer>,
+    /// How a grid fades into those below.
+    feather: Feather,
+}
+
+/// The height of a sample, as far as it is known from the grids on top.
+#[derive(Clone, Copy)]
+struct Blend {
+    /// The height if a single grid has one, and otherwise the sum of weighted heights.
+    height: f64,
+    /// Sum of the weights.
+    weight: f64,
+    /// What is left for the grids below.
+    rest: f64,
+    /// Number of grids with a height.
+    count: u32,
+}
+
+impl Blend {
+    const NONE: Self = Self { height: f64::NAN, weight: 0.0, rest: 1.0, count: 0 };
+
+    /// With the height and weight of the next grid below.
+    fn add(&mut self, height: f64, weight: f64) {
+        if height.is_nan() || self.rest == 0.0 {
+            return;
+        }
+        let share = self.rest * weight;
+        self.height = match self.count {
+            0 => height,
+            1 => self.height * self.weight + height * share,
+            _ => self.height + height * share,
+        };
+        self.weight += share;
+        self.rest *= 1.0 - weight;
+        self.count += 1;
+    }
+
+    fn height(self) -> f64 {
+        if self.count > 1 { self.height / self.weight } else { self.height }
+    }
 }
 
 /// A grid on the lattice of the output.
@@ -37,35 +79,52 @@ pub(super) struct WarpedLayer {
 
 impl WarpedLayers {
     /// Grids from bottom to top, all on the lattice of `info`.
-    pub(super) fn new(info: GridInfo, mut layers: Vec<WarpedLayer>) -> Self {
+    pub(super) fn new(info: GridInfo, mut layers: Vec<WarpedLayer>, feather: Feather) -> Self {
         layers.reverse();
-        Self { info, layers }
+        Self { info, layers, feather }
     }
 
     /// Hands on each piece of a rectangle with its heights.
     fn each(&self, rect: Rect, visit: &mut dyn FnMut(Rect, &[f64])) -> Result<()> {
-        let (mut heights, mut lower) = (Vec::new(), Vec::new());
+        let (mut blends, mut weights) = (Vec::new(), Vec::new());
+        let (mut own, mut heights) = (Vec::new(), Vec::new());
         for row in (rect.row..rect.end_row()).step_by(SIDE as usize) {
             for col in (rect.col..rect.end_col()).step_by(SIDE as usize) {
                 let piece = Rect::new(col, row, SIDE, SIDE).intersect(&rect);
-                heights.clear();
-                heights.resize(piece.len(), f64::NAN);
+                let around = self.feather.around(piece, self.info.bounds());
+                blends.clear();
+                blends.resize(piece.len(), Blend::NONE);
                 let near = self.layers.iter().filter(|layer| layer.is_near(&self.info, piece));
                 for layer in near {
-                    lower.clear();
-                    lower.resize(piece.len(), f64::NAN);
-                    layer.grid.read_f64(piece, &mut lower)?;
-                    let voids =
-                        heights.iter_mut().zip(&lower).filter(|(height, _)| height.is_nan());
-                    voids.for_each(|(height, lower)| *height = *lower);
-                    if !heights.iter().any(|height| height.is_nan()) {
+                    own.clear();
+                    own.resize(around.len(), f64::NAN);
+                    layer.grid.read_f64(around, &mut own)?;
+                    self.feather.weights(piece, around, &own, &mut weights);
+                    let rows = own.chunks_exact(around.width as usize);
+                    let rows = rows.skip((piece.row - around.row) as usize);
+                    let first = (piece.col - around.col) as usize;
+                    let inside = rows.flat_map(|row| &row[first..][..piece.width as usize]);
+                    for ((blend, height), weight) in blends.iter_mut().zip(inside).zip(&weights) {
+                        blend.add(*height, *weight);
+                    }
+                    if blends.iter().all(|blend: &Blend| blend.rest == 0.0) {
                         break;
                     }
                 }
+                heights.clear();
+                heights.extend(blends.iter().map(|blend| self.stored(*blend)));
                 visit(piece, &heights);
             }
         }
         Ok(())
+    }
+
+    /// A height, rounded to the type of the output if it was computed here.
+    fn stored(&self, blend: Blend) -> f64 {
+        match self.info.sample_type {
+            SampleType::F32 if blend.count > 1 => f64::from(blend.height() as f32),
+            _ => blend.height(),
+        }
     }
 }
 
@@ -108,5 +167,9 @@ impl GridSource for WarpedLayers {
     }
 }
 
-/// Bytes that a thread holds beside those of [`source::WORKER_BYTES`]: two pieces.
-pub(super) const WORKER_BYTES: u64 = source::WORKER_BYTES + 2 * 8 * (SIDE * SIDE) as u64;
+/// Bytes that a thread holds: those of [`source::WORKER_BYTES`], and the heights, weights and distances of a piece with
+/// what is around it.
+pub(super) fn worker_bytes(feather: Feather) -> u64 {
+    let side = u64::from(SIDE + 2 * feather.0);
+    source::WORKER_BYTES + side * side * 12 + u64::from(SIDE).pow(2) * 48
+}

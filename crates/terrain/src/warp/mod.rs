@@ -9,6 +9,7 @@
 //! **Memory.** A thread holds the positions of a piece of the output and the samples they need, both bounded: a
 //! piece that needs more is halved.
 
+mod feather;
 mod layers;
 mod mapping;
 pub(crate) mod output_grid;
@@ -33,6 +34,7 @@ use terrane_raster::{
 };
 use terrane_window::resample::{ResamplingMethod, Scale};
 
+use feather::Feather;
 pub use layers::LayerPriority;
 use layers::{WarpedLayer, WarpedLayers};
 use mapping::CrsTransform;
@@ -93,7 +95,8 @@ pub(crate) fn run(
         Ok(grid)
     };
     let (reserved, watch) = (ReservedMemory::default(), (progress, cancel));
-    let report = run_opened(copy, &open, layers::WORKER_BYTES, reserved, watch, |warped, _| {
+    let bytes = layers::worker_bytes(Feather(copy.options.feather));
+    let report = run_opened(copy, &open, bytes, reserved, watch, |warped, _| {
         Ok(DerivedBands::of(warped, Vec::new()))
     })?;
     let WarpFacts { transformed, scale, mut notes } = facts.into_inner();
@@ -131,9 +134,15 @@ impl WarpJob<'_> {
         self.warp_layers(layers)
     }
 
-    /// Fails if the output would have the lattice of the grid.
+    /// Fails if an option would change nothing of a single file.
     fn check_change(&self) -> Result<()> {
-        let ConvertOptions { lattice, reprojection, .. } = &self.copy.options;
+        let ConvertOptions { lattice, reprojection, priority, feather, .. } = &self.copy.options;
+        let of_several =
+            [("‹priority›", *priority != LayerPriority::default()), ("‹feather›", *feather > 0)];
+        if let Some((name, _)) = of_several.iter().find(|(_, is_given)| *is_given) {
+            return Err(Error::usage(format!("{name} has no effect on a single file"))
+                .remedy(format!("leave {name} out, or pass several files")));
+        }
         if *lattice != LatticeOptions::default() || reprojection.to_crs.is_some() {
             return Ok(());
         }
@@ -179,7 +188,8 @@ impl WarpJob<'_> {
             let parts = |info: &GridInfo| (info.sample_type, info.nodata, info.scale, info.offset);
             parts(info) == parts(first)
         });
-        let is_made = !is_alike || inputs.iter().any(|input| self.is_made(input));
+        let feather = Feather(self.copy.options.feather);
+        let is_made = !is_alike || feather.0 > 0 || inputs.iter().any(|input| self.is_made(input));
         let mut info = on(&lattice, first, inputs[0].crs());
         if is_made {
             let is_narrow = infos().all(GridInfo::exact_in_f32);
@@ -195,7 +205,7 @@ impl WarpJob<'_> {
             Ok(WarpedLayer { grid, extent })
         });
         let layers = layers.collect::<Result<Vec<_>>>()?;
-        Ok((Box::new(WarpedLayers::new(info, layers)), facts))
+        Ok((Box::new(WarpedLayers::new(info, layers, feather)), facts))
     }
 
     /// The operation to the target CRS, if there is one.
