@@ -4,19 +4,17 @@
 //! memory cannot change it. A rectangle without a void is only copied. Otherwise the samples within that distance of its
 //! voids are read as well.
 
-mod bands;
-
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use serde::Serialize;
 
+use crate::bands::{ComputedBands, PIECE};
 use crate::convert::copy::{DerivedBands, ReservedMemory, run_beside};
 use crate::convert::job::{ConvertJob, ConvertReport, DerivedGridOptions};
 use crate::halo::SampleHalo;
 use crate::stored;
-use bands::FilledBands;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_engine::memory;
@@ -26,11 +24,6 @@ use terrane_files::lock;
 use terrane_options::{OptionRange, Options};
 use terrane_raster::{self as raster, GridInfo, GridOpenOptions, GridSource, Inputs};
 use terrane_window::voids::{VoidFiller, VoidScratch};
-
-/// Most columns and rows that are filled at once.
-const PIECE: u32 = 512;
-/// Most bytes of filled rows that wait for their strips.
-const MAX_BANDS: u64 = 64 << 20;
 
 /// Fill voids of a grid from the samples around them
 ///
@@ -123,12 +116,12 @@ impl Operation for FillOptions {
         let grid = memory::open_for_estimate(inputs, &whole)?.info().bounds();
         let bytes = filler.bytes([grid.width, grid.height].map(u64::from), PIECE.into());
         let clip = opening.clip.as_ref().map_or(0, |clip| clip.memory_use(resources.threads));
-        let bands = (resources.memory / 8).min(MAX_BANDS);
+        let bands = ComputedBands::bytes(resources.memory);
         let reserved = ReservedMemory { wanted: clip + bands, least: clip };
         let report = run_beside(&job, bytes, reserved, progress, cancel, |inner, reserved| {
             let inside = Inside::of(inner.info(), &opening)?;
             let stored = self.stored(inner.info());
-            let bands = FilledBands::new(inner.info().width, reserved - clip);
+            let bands = ComputedBands::new(inner.info().width, reserved - clip);
             let (halo, spare) = (SampleHalo(filler.reach()), Mutex::default());
             let counts = Arc::clone(&counts);
             let grid = FilledGrid { inner, inside, stored, filler, halo, counts, bands, spare };
@@ -210,7 +203,7 @@ struct FilledGrid {
     filler: VoidFiller,
     halo: SampleHalo,
     counts: Arc<VoidCounts>,
-    bands: FilledBands,
+    bands: ComputedBands,
     /// Buffers that no thread is using.
     spare: Mutex<Vec<FillBuffers>>,
 }

@@ -4,6 +4,7 @@
 pub use annotate::{AnnotationOptions, AnnotationReport, AnnotationSetters};
 
 mod annotate;
+mod bands;
 pub mod colours;
 pub mod contour;
 pub mod convert;

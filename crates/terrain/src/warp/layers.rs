@@ -6,8 +6,9 @@ use std::path::PathBuf;
 
 use super::feather::Feather;
 use super::source::{self, WarpedGrid, put};
+use crate::bands::{ComputedBands, PIECE};
 use terrane_base::error::Result;
-use terrane_base::geom::Rect;
+use terrane_base::geom::{Affine, Rect};
 use terrane_options::Choice;
 use terrane_raster::{GridInfo, GridSource, SampleType};
 
@@ -29,8 +30,11 @@ pub(super) struct WarpedLayers {
     info: GridInfo,
     /// From top to bottom.
     layers: Vec<WarpedLayer>,
+    /// Longitudes may be a turn away.
+    has_turns: bool,
     /// How a grid fades into those below.
     feather: Feather,
+    bands: ComputedBands,
 }
 
 /// The height of a sample, as far as it is known from the grids on top.
@@ -79,22 +83,49 @@ pub(super) struct WarpedLayer {
 
 impl WarpedLayers {
     /// Grids from bottom to top, all on the lattice of `info`.
-    pub(super) fn new(info: GridInfo, mut layers: Vec<WarpedLayer>, feather: Feather) -> Self {
+    pub(super) fn new(
+        info: GridInfo,
+        mut layers: Vec<WarpedLayer>,
+        feather: Feather,
+        memory: u64,
+    ) -> Self {
         layers.reverse();
-        Self { info, layers, feather }
+        let has_turns = info.crs.horizontal_unit() == "degree";
+        let bands = ComputedBands::new(info.width, bands_bytes(feather, memory));
+        Self { info, layers, has_turns, feather, bands }
+    }
+
+    /// Hands on pieces that cover a rectangle, with their heights.
+    fn each(&self, rect: Rect, visit: &mut dyn FnMut(Rect, &[f64])) -> Result<()> {
+        if self.feather.0 == 0 || !self.bands.are_for(rect) {
+            return self.blend(rect, visit);
+        }
+        let columns: Vec<u32> = (rect.col / PIECE..=(rect.end_col() - 1) / PIECE).collect();
+        let mut compute = |piece: Rect| {
+            let mut heights = vec![f64::NAN; piece.len()];
+            self.blend(piece, &mut |part, own| put(&mut heights, piece, part, own, |z| z))?;
+            Ok(heights)
+        };
+        self.bands.each(rect, self.info.bounds(), &columns, &mut compute, visit)
     }
 
     /// Hands on each piece of a rectangle with its heights.
-    fn each(&self, rect: Rect, visit: &mut dyn FnMut(Rect, &[f64])) -> Result<()> {
+    fn blend(&self, rect: Rect, visit: &mut dyn FnMut(Rect, &[f64])) -> Result<()> {
+        // Low rectangles are cut less often.
+        let is_wide = self.feather.0 == 0;
+        let wide = if is_wide { (SIDE * SIDE / rect.height.max(1)).max(SIDE) } else { SIDE };
         let (mut blends, mut weights) = (Vec::new(), Vec::new());
         let (mut own, mut heights) = (Vec::new(), Vec::new());
         for row in (rect.row..rect.end_row()).step_by(SIDE as usize) {
-            for col in (rect.col..rect.end_col()).step_by(SIDE as usize) {
-                let piece = Rect::new(col, row, SIDE, SIDE).intersect(&rect);
+            for col in (rect.col..rect.end_col()).step_by(wide as usize) {
+                let piece = Rect::new(col, row, wide, SIDE).intersect(&rect);
                 let around = self.feather.around(piece, self.info.bounds());
                 blends.clear();
                 blends.resize(piece.len(), Blend::NONE);
-                let near = self.layers.iter().filter(|layer| layer.is_near(&self.info, piece));
+                let near = self
+                    .layers
+                    .iter()
+                    .filter(|layer| layer.is_near(piece, &self.info.transform, self.has_turns));
                 for layer in near {
                     own.clear();
                     own.resize(around.len(), f64::NAN);
@@ -130,15 +161,13 @@ impl WarpedLayers {
 
 impl WarpedLayer {
     /// False if a piece of the lattice certainly has no sample of the layer.
-    fn is_near(&self, lattice: &GridInfo, piece: Rect) -> bool {
+    fn is_near(&self, piece: Rect, lattice: &Affine, has_turns: bool) -> bool {
         let Some([x0, y0, x1, y1]) = self.extent else { return true };
         let [right, bottom] = [piece.end_col(), piece.end_row()].map(|end| f64::from(end) - 0.5);
         let [left, top] = [piece.col, piece.row].map(|first| f64::from(first) - 0.5);
         let corners = [[left, top], [right, top], [left, bottom], [right, bottom]];
-        let corners = corners.map(|[col, row]| lattice.transform.apply(col, row));
+        let corners = corners.map(|[col, row]| lattice.apply(col, row));
         let is_beyond = |is_beyond: &dyn Fn([f64; 2]) -> bool| corners.into_iter().all(is_beyond);
-        // Longitudes may be a turn away.
-        let has_turns = lattice.crs.horizontal_unit() == "degree";
         let is_beside = is_beyond(&|[x, _]| x < x0) || is_beyond(&|[x, _]| x > x1);
         let is_off = is_beyond(&|[_, y]| y < y0) || is_beyond(&|[_, y]| y > y1);
         !(is_off || is_beside && !has_turns)
@@ -165,6 +194,11 @@ impl GridSource for WarpedLayers {
     fn members(&self) -> Vec<PathBuf> {
         self.layers.iter().flat_map(|layer| layer.grid.members()).collect()
     }
+}
+
+/// Bytes of all threads for bands, within a memory limit: without a feather nothing around a strip is needed.
+pub(super) fn bands_bytes(feather: Feather, memory: u64) -> u64 {
+    if feather.0 > 0 { ComputedBands::bytes(memory) } else { 0 }
 }
 
 /// Bytes that a thread holds: those of [`source::WORKER_BYTES`], and the heights, weights and distances of a piece with

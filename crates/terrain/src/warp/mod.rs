@@ -94,8 +94,10 @@ pub(crate) fn run(
         facts.replace(own);
         Ok(grid)
     };
-    let (reserved, watch) = (ReservedMemory::default(), (progress, cancel));
-    let bytes = layers::worker_bytes(Feather(copy.options.feather));
+    let feather = Feather(copy.options.feather);
+    let bytes = layers::worker_bytes(feather);
+    let bands = layers::bands_bytes(feather, copy.options.resources.memory);
+    let (reserved, watch) = (ReservedMemory { wanted: bands, least: bands }, (progress, cancel));
     let report = run_opened(copy, &open, bytes, reserved, watch, |warped, _| {
         Ok(DerivedBands::of(warped, Vec::new()))
     })?;
@@ -189,6 +191,7 @@ impl WarpJob<'_> {
             parts(info) == parts(first)
         });
         let feather = Feather(self.copy.options.feather);
+        let memory = self.copy.options.resources.memory;
         let is_made = !is_alike || feather.0 > 0 || inputs.iter().any(|input| self.is_made(input));
         let mut info = on(&lattice, first, inputs[0].crs());
         if is_made {
@@ -205,7 +208,7 @@ impl WarpJob<'_> {
             Ok(WarpedLayer { grid, extent })
         });
         let layers = layers.collect::<Result<Vec<_>>>()?;
-        Ok((Box::new(WarpedLayers::new(info, layers, feather)), facts))
+        Ok((Box::new(WarpedLayers::new(info, layers, feather, memory)), facts))
     }
 
     /// The operation to the target CRS, if there is one.

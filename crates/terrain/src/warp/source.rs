@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::mapping::CrsTransform;
 use terrane_base::error::Result;
-use terrane_base::geom::Rect;
+use terrane_base::geom::{Affine, Rect};
 use terrane_raster::{GridInfo, GridSource, SampleType};
 use terrane_window::resample::{Place, ResamplingMethod, Scale, SourceWindow};
 
@@ -36,6 +36,8 @@ pub(super) struct WarpedGrid {
     scale: Scale,
     /// Heights are computed, and rounded to the sample type.
     is_made: bool,
+    /// Columns and rows are parallel to those of the grid.
+    is_parallel: bool,
     /// Columns of a turn around the globe, for grids in degrees.
     turn: Option<f64>,
     /// Columns and rows of a piece.
@@ -48,6 +50,8 @@ pub(super) struct WarpedGrid {
 #[derive(Default)]
 struct WarpBuffers {
     places: Vec<Place>,
+    /// Columns and rows in the grid, if these are parallel.
+    axes: [Vec<f64>; 2],
     samples: Vec<f64>,
     heights: Vec<f64>,
 }
@@ -68,7 +72,21 @@ impl WarpedGrid {
         let is_turned = own.crs.horizontal_unit() == "degree"
             && (own.transform.b, own.transform.d) == (0.0, 0.0);
         let turn = is_turned.then(|| 360.0 / own.transform.a.abs());
-        Self { info, inner, transform, resampling, scale, is_made, turn, side, nowhere }
+        let is_upright = |map: &Affine| (map.b, map.d) == (0.0, 0.0);
+        let is_parallel =
+            transform.is_none() && [&info.transform, &own.transform].into_iter().all(is_upright);
+        Self {
+            info,
+            inner,
+            transform,
+            resampling,
+            scale,
+            is_made,
+            is_parallel,
+            turn,
+            side,
+            nowhere,
+        }
     }
 
     pub(super) fn scale(&self) -> Scale {
@@ -78,9 +96,12 @@ impl WarpedGrid {
     /// Hands on each piece of a rectangle with its heights.
     fn each(&self, rect: Rect, visit: &mut dyn FnMut(Rect, &[f64])) -> Result<()> {
         let mut buffers = WarpBuffers::default();
+        // Low rectangles are cut less often.
+        let wide = if self.is_parallel { self.side * self.side / rect.height.max(1) } else { 0 };
+        let wide = wide.max(self.side);
         for row in (rect.row..rect.end_row()).step_by(self.side as usize) {
-            for col in (rect.col..rect.end_col()).step_by(self.side as usize) {
-                let piece = Rect::new(col, row, self.side, self.side).intersect(&rect);
+            for col in (rect.col..rect.end_col()).step_by(wide as usize) {
+                let piece = Rect::new(col, row, wide, self.side).intersect(&rect);
                 self.piece(piece, &mut buffers, visit)?;
             }
         }
@@ -96,16 +117,22 @@ impl WarpedGrid {
     ) -> Result<()> {
         let mut left = vec![piece];
         while let Some(piece) = left.pop() {
-            let nowhere = self.place(piece, &mut buffers.places);
             let grid = [self.inner.info().width, self.inner.info().height];
-            let needed = self.resampling.needed(grid, &buffers.places, self.scale);
+            let (nowhere, needed) = if self.is_parallel {
+                self.place_axes(piece, &mut buffers.axes);
+                let axes = buffers.axes.each_ref().map(|axis| &axis[..]);
+                (0, self.resampling.needed_on_axes(grid, axes, self.scale))
+            } else {
+                let nowhere = self.place(piece, &mut buffers.places);
+                (nowhere, self.resampling.needed(grid, &buffers.places, self.scale))
+            };
             if needed.len() > MAX_SAMPLES && piece.len() > 1 {
                 left.extend(halves(piece));
                 continue;
             }
             // Not before this point: pieces that are halved are placed again.
             self.nowhere.fetch_add(nowhere, Ordering::Relaxed);
-            self.fill(needed, grid, buffers)?;
+            self.fill(piece.len(), needed, grid, buffers)?;
             visit(piece, &buffers.heights);
         }
         Ok(())
@@ -130,6 +157,20 @@ impl WarpedGrid {
         places.iter().filter(|at| at[0].is_nan()).count() as u64
     }
 
+    /// Columns and rows of a piece in the grid, as [`place`](Self::place) computes them.
+    fn place_axes(&self, piece: Rect, [columns, rows]: &mut [Vec<f64>; 2]) {
+        let (own, map) = (&self.info.transform, &self.inner.info().transform);
+        let place = |col: u32, row: u32| {
+            let [x, y] = own.apply(f64::from(col), f64::from(row));
+            map.invert(x, y)
+        };
+        columns.clear();
+        columns
+            .extend((piece.col..piece.end_col()).map(|col| self.turned(place(col, piece.row)[0])));
+        rows.clear();
+        rows.extend((piece.row..piece.end_row()).map(|row| place(piece.col, row)[1]));
+    }
+
     /// A column, or that a turn away if only it is in the grid.
     #[inline]
     fn turned(&self, col: f64) -> f64 {
@@ -142,10 +183,16 @@ impl WarpedGrid {
     }
 
     /// Finds the heights of a piece.
-    fn fill(&self, needed: Rect, grid: [u32; 2], buffers: &mut WarpBuffers) -> Result<()> {
-        let WarpBuffers { places, samples, heights } = buffers;
+    fn fill(
+        &self,
+        count: usize,
+        needed: Rect,
+        grid: [u32; 2],
+        buffers: &mut WarpBuffers,
+    ) -> Result<()> {
+        let WarpBuffers { places, axes, samples, heights } = buffers;
         heights.clear();
-        heights.resize(places.len(), f64::NAN);
+        heights.resize(count, f64::NAN);
         if needed.is_empty() {
             return Ok(());
         }
@@ -154,20 +201,26 @@ impl WarpedGrid {
         self.inner.read_f64(needed, samples)?;
         self.inner.copied(needed);
         let window = SourceWindow { grid, rect: needed, heights: samples };
-        self.resampling.heights(&window, places, self.scale, heights);
+        if self.is_parallel {
+            let axes = axes.each_ref().map(|axis| &axis[..]);
+            self.resampling.heights_on_axes(&window, axes, self.scale, heights);
+        } else {
+            self.resampling.heights(&window, places, self.scale, heights);
+        }
         if self.is_made { self.settle(places, heights) } else { Ok(()) }
     }
 
     /// Heights in the vertical CRS of the output, rounded to its type.
     fn settle(&self, places: &[Place], heights: &mut [f64]) -> Result<()> {
-        let (map, moves) = (&self.inner.info().transform, !self.transform.keeps_heights());
-        for (place, height) in places.iter().zip(heights) {
-            if moves && !height.is_nan() {
+        if !self.transform.keeps_heights() {
+            let map = &self.inner.info().transform;
+            let valid = places.iter().zip(&mut *heights).filter(|(_, height)| !height.is_nan());
+            for (place, height) in valid {
                 *height = self.transform.height(map.apply(place[0], place[1]), *height)?;
             }
-            if self.info.sample_type == SampleType::F32 {
-                *height = f64::from(*height as f32);
-            }
+        }
+        if self.info.sample_type == SampleType::F32 {
+            heights.iter_mut().for_each(|height| *height = f64::from(*height as f32));
         }
         Ok(())
     }
@@ -185,7 +238,7 @@ fn halves(rect: Rect) -> [Rect; 2] {
     }
 }
 
-/// Copies the heights of a piece into those of a rectangle.
+/// Copies the heights of a piece into those of a rectangle, where they overlap.
 pub(super) fn put<H>(
     out: &mut [H],
     rect: Rect,
@@ -193,10 +246,12 @@ pub(super) fn put<H>(
     heights: &[f64],
     of: impl Fn(f64) -> H,
 ) {
-    for (down, heights) in heights.chunks(piece.width as usize).enumerate() {
-        let row = (piece.row - rect.row) as usize + down;
-        let first = row * rect.width as usize + (piece.col - rect.col) as usize;
-        for (out, height) in out[first..].iter_mut().zip(heights) {
+    let both = piece.intersect(&rect);
+    for row in both.row..both.end_row() {
+        let first =
+            |of: Rect| (row - of.row) as usize * of.width as usize + (both.col - of.col) as usize;
+        let heights = &heights[first(piece)..][..both.width as usize];
+        for (out, height) in out[first(rect)..].iter_mut().zip(heights) {
             *out = of(*height);
         }
     }

@@ -1,6 +1,7 @@
 //! Cubic convolution (Keys 1981, a = -1/2): smooth, through all samples, exact for quadratic surfaces.
 
 use super::kernel::{self, ResamplingKernel};
+use super::on_axes;
 use super::resampling::ResamplingMethod;
 
 /// The registry entry.
@@ -9,6 +10,7 @@ pub(crate) const RESAMPLING: ResamplingMethod = ResamplingMethod {
     about: "cubic convolution of 4 x 4 samples, bilinear beside voids",
     radius: 2,
     run: kernel::heights::<CubicKernel, 4>,
+    run_on_axes: on_axes::heights::<CubicKernel, 4>,
 };
 
 struct CubicKernel;

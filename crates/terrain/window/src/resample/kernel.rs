@@ -31,9 +31,22 @@ pub(crate) fn heights<K: ResamplingKernel, const TAPS: usize>(
     for (place, out) in places.iter().zip(out) {
         *out = match window.nearest(*place) {
             void if void.is_nan() => void,
-            _ if scale == Scale::ONE => close::<K, TAPS>(window, *place),
-            _ => far::<K>(window, *place, scale, TAPS / 2, &mut wide),
+            _ => height::<K, TAPS>(window, *place, scale, &mut wide),
         };
+    }
+}
+
+/// The height at a position in the cell of a valid sample.
+#[inline(always)]
+pub(super) fn height<K: ResamplingKernel, const TAPS: usize>(
+    window: &SourceWindow<'_>,
+    place: Place,
+    scale: Scale,
+    wide: &mut [Vec<f64>; 2],
+) -> f64 {
+    match scale == Scale::ONE {
+        true => close::<K, TAPS>(window, place),
+        false => far::<K>(window, place, scale, TAPS / 2, wide),
     }
 }
 
@@ -46,21 +59,22 @@ struct ResamplingTaps<'a> {
 /// Interpolates at about the resolution of the grid.
 #[inline(always)]
 fn close<K: ResamplingKernel, const TAPS: usize>(window: &SourceWindow<'_>, place: Place) -> f64 {
-    let first = place.map(|at| floored(at) - (TAPS as i64 / 2 - 1));
-    let weights: [[f64; TAPS]; 2] = [0, 1].map(|axis| {
-        let from = place[axis] - first[axis] as f64;
-        std::array::from_fn(|tap| K::weight((tap as f64 - from).abs()))
-    });
-    let height = weighted(
-        window,
-        &ResamplingTaps { first, weights: weights.each_ref().map(|axis| &axis[..]) },
-    );
+    let [(col, across), (row, down)] = place.map(close_taps::<K, TAPS>);
+    let height = weighted(window, &ResamplingTaps { first: [col, row], weights: [&across, &down] });
     // Some of them may have no weight.
     if height.is_nan() {
         far::<K>(window, place, Scale::ONE, TAPS / 2, &mut Default::default())
     } else {
         height
     }
+}
+
+/// The first sample that counts at a position along an axis, and the weights.
+#[inline(always)]
+pub(super) fn close_taps<K: ResamplingKernel, const TAPS: usize>(at: f64) -> (i64, [f64; TAPS]) {
+    let first = floored(at) - (TAPS as i64 / 2 - 1);
+    let from = at - first as f64;
+    (first, std::array::from_fn(|tap| K::weight((tap as f64 - from).abs())))
 }
 
 /// Downsamples: weights all samples that an output cell covers.
@@ -84,22 +98,28 @@ fn weigh<'a, K: ResamplingKernel>(
     radius: usize,
     buffers: &'a mut [Vec<f64>; 2],
 ) -> ResamplingTaps<'a> {
-    let mut first = [0; 2];
-    let mut axis = 0;
-    let weights = buffers.each_mut().map(|weights| {
-        let (at, scale) = (place[axis], scale.get()[axis]);
-        let reach = -floored(-(radius as f64 * scale));
-        let from = floored(at) - reach + 1;
-        weights.clear();
-        let distances = (from..from + 2 * reach).map(|tap| (tap as f64 - at).abs() / scale);
-        weights.extend(distances.map(K::weight));
-        let zeros = weights.iter().take_while(|weight| **weight == 0.0).count();
-        let end = weights.iter().rposition(|weight| *weight != 0.0).map_or(zeros, |last| last + 1);
-        first[axis] = from + zeros as i64;
-        axis += 1;
-        &weights[zeros..end]
-    });
-    ResamplingTaps { first, weights }
+    let ([by_column, by_row], [across, down]) = (scale.get(), buffers);
+    let (col, across) = far_taps::<K>(place[0], by_column, radius, across);
+    let (row, down) = far_taps::<K>(place[1], by_row, radius, down);
+    ResamplingTaps { first: [col, row], weights: [across, down] }
+}
+
+/// The first sample with a weight at a position along an axis, and the weights up to the last.
+#[inline(always)]
+pub(super) fn far_taps<K: ResamplingKernel>(
+    at: f64,
+    scale: f64,
+    radius: usize,
+    weights: &mut Vec<f64>,
+) -> (i64, &[f64]) {
+    let reach = -floored(-(radius as f64 * scale));
+    let from = floored(at) - reach + 1;
+    weights.clear();
+    let distances = (from..from + 2 * reach).map(|tap| (tap as f64 - at).abs() / scale);
+    weights.extend(distances.map(K::weight));
+    let zeros = weights.iter().take_while(|weight| **weight == 0.0).count();
+    let end = weights.iter().rposition(|weight| *weight != 0.0).map_or(zeros, |last| last + 1);
+    (from + zeros as i64, &weights[zeros..end])
 }
 
 /// By all samples; NaN if one is void or beyond the window.

@@ -21,6 +21,7 @@ mod bilinear;
 mod cubic;
 mod kernel;
 mod nearest;
+mod on_axes;
 mod resampling;
 #[cfg(test)]
 mod tests;

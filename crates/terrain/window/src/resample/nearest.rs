@@ -1,5 +1,6 @@
 //! The nearest sample: heights are not changed.
 
+use super::on_axes;
 use super::resampling::{ResamplingMethod, Scale};
 use super::window::{Place, SourceWindow};
 
@@ -9,6 +10,7 @@ pub(crate) const RESAMPLING: ResamplingMethod = ResamplingMethod {
     about: "nearest sample, heights unchanged",
     radius: 0,
     run: heights,
+    run_on_axes: on_axes::nearest,
 };
 
 fn heights(window: &SourceWindow<'_>, places: &[Place], _scale: Scale, out: &mut [f64]) {

@@ -3,7 +3,7 @@
 use terrane_base::geom::Rect;
 use terrane_base::registry::RegistryEntry;
 
-use super::window::{Place, SourceWindow, nearest};
+use super::window::{Place, SourceWindow, nearest, nearest_index};
 
 /// A resampling method: an entry of [`RESAMPLINGS`](super::RESAMPLINGS).
 #[derive(Debug)]
@@ -16,6 +16,7 @@ pub struct ResamplingMethod {
     /// nearest sample only, which makes no new heights.
     pub radius: u32,
     pub(super) run: fn(&SourceWindow<'_>, &[Place], Scale, &mut [f64]),
+    pub(super) run_on_axes: fn(&SourceWindow<'_>, [&[f64]; 2], Scale, &mut [f64]),
 }
 
 /// Columns and rows of the grid for each of the output; at least 1.
@@ -56,7 +57,24 @@ impl ResamplingMethod {
                 high[axis] = high[axis].max(place[axis]);
             }
         }
-        if low[0] > high[0] {
+        self.around(grid, [low, high], scale)
+    }
+
+    /// As [`needed`](Self::needed), for all positions on some columns and rows.
+    pub fn needed_on_axes(&self, grid: [u32; 2], axes: [&[f64]; 2], scale: Scale) -> Rect {
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for axis in [0, 1] {
+            let inside = axes[axis].iter().filter(|at| nearest_index(**at, grid[axis]).is_some());
+            for at in inside {
+                (low[axis], high[axis]) = (low[axis].min(*at), high[axis].max(*at));
+            }
+        }
+        self.around(grid, [low, high], scale)
+    }
+
+    /// Samples that count between two positions.
+    fn around(&self, grid: [u32; 2], [low, high]: [Place; 2], scale: Scale) -> Rect {
+        if low[0] > high[0] || low[1] > high[1] {
             return Rect::new(0, 0, 0, 0);
         }
         let reach = self.reach(scale);
@@ -80,6 +98,18 @@ impl ResamplingMethod {
         out: &mut [f64],
     ) {
         (self.run)(window, places, scale, out);
+    }
+
+    /// As [`heights`](Self::heights) for all positions on some columns and rows, row by row: the same numbers, in less
+    /// time.
+    pub fn heights_on_axes(
+        &self,
+        window: &SourceWindow<'_>,
+        axes: [&[f64]; 2],
+        scale: Scale,
+        out: &mut [f64],
+    ) {
+        (self.run_on_axes)(window, axes, scale, out);
     }
 }
 

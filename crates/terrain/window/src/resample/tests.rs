@@ -102,6 +102,45 @@ proptest! {
     }
 }
 
+proptest! {
+    #[test]
+    fn heights_on_columns_and_rows_are_those_one_by_one(
+        width in 1..20_u32, height in 1..20_u32, seed: u64, voids in prop_oneof![Just(0), 0..40_u64],
+        columns in prop::collection::vec(-3.0..24.0_f64, 1..9), rows in prop::collection::vec(-3.0..24.0_f64, 1..9),
+        sx in 0.4..5.0_f64, sy in 0.4..5.0_f64, steps: bool,
+    ) {
+        let random = |i: u64| (seed ^ i).wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(17).wrapping_mul(0xD134_2543_DE82_EF95) >> 33;
+        let heights: Vec<f64> = (0..u64::from(width * height))
+            .map(|i| if random(i) % 100 < voids { f64::NAN } else { (random(i + 999) % 1000) as f64 / 7.0 })
+            .collect();
+        let grid = [width, height];
+        let [columns, rows] = [columns, rows].map(|axis| {
+            axis.into_iter().map(|at| if steps { (at * 4.0).round() / 4.0 } else { at }).collect::<Vec<f64>>()
+        });
+        let places: Vec<Place> = rows.iter().flat_map(|y| columns.iter().map(|x| [*x, *y])).collect();
+        let scale = Scale::new([sx, sy]);
+        for resampling in RESAMPLINGS {
+            let rect = resampling.needed_on_axes(grid, [&columns, &rows], scale);
+            prop_assert_eq!(rect, resampling.needed(grid, &places, scale));
+            let part: Vec<f64> = (rect.row..rect.end_row())
+                .flat_map(|row| (rect.col..rect.end_col()).map(move |col| (col, row)))
+                .map(|(col, row)| heights[(row * width + col) as usize])
+                .collect();
+            if part.is_empty() {
+                continue;
+            }
+            let part = SourceWindow { grid, rect, heights: &part };
+            let (mut expected, mut found) = (vec![0.0; places.len()], vec![0.0; places.len()]);
+            resampling.heights(&part, &places, scale, &mut expected);
+            resampling.heights_on_axes(&part, [&columns, &rows], scale, &mut found);
+            for (found, expected) in found.iter().zip(&expected) {
+                let is_same = found.to_bits() == expected.to_bits() || found.is_nan() && expected.is_nan();
+                prop_assert!(is_same, "{}: {found}, not {expected}", resampling.name);
+            }
+        }
+    }
+}
+
 #[test]
 fn cubic_is_exact_for_quadratic_surfaces() {
     let of = |x: f64, y: f64| 3.0 + x - 2.0 * y + 0.5 * x * x - 0.25 * x * y + y * y;

@@ -57,7 +57,7 @@ pub(crate) fn nearest(grid: [u32; 2], place: Place) -> Option<[i64; 2]> {
 
 /// The same along one axis.
 #[inline]
-fn nearest_index(at: f64, side: u32) -> Option<i64> {
+pub(crate) fn nearest_index(at: f64, side: u32) -> Option<i64> {
     let (cell, side) = (at + 0.5 + HAIR, f64::from(side));
     // Not below 0, so that this rounds down.
     (cell >= 0.0 && cell <= side + 2.0 * HAIR).then(|| cell.min(side - 0.5) as i64)
