@@ -65,7 +65,7 @@ fn files_are_resampled_alone_and_laid_on_top_of_each_other() {
         (&["base.asc", "a.asc", "b.asc"][..], &utm[..], "bilinear"),
         (&["b.asc", "base.asc", "a.asc"], &utm, "near"),
         (&["a.asc", "b.asc"], &["--resolution", "7"], "cubic"),
-        (&["base.asc", "b.asc"], &["--to-crs", "EPSG:4326"], "cubic"),
+        (&["base.asc", "b.asc"], &["--to-crs", "EPSG:4326"], "near"),
         (&["a.asc", "base.asc"], &[], "bilinear"),
     ] {
         let method = ["--resampling", method];
@@ -80,7 +80,7 @@ fn files_are_resampled_alone_and_laid_on_top_of_each_other() {
             ["--to-crs", if files == ["base.asc", "b.asc"] { "EPSG:4326" } else { utm[1] }];
         let expected = overlaid(&place, files, "o.tif", &[&method[..], &to_crs].concat());
         same(&values(&place, "o.tif").1, &expected, &format!("{files:?} {more:?}"));
-        let note = format!("files on {} lattices, from bottom to top those of", files.len());
+        let note = format!("{} grids of the files are resampled, from bottom to top", files.len());
         assert!(told["notes"].to_string().contains(&note), "{told}");
         run(&[&more[..], &["--threads", "1", "--memory", "48M"]].concat(), "p.tif");
         assert!(place.bytes("o.tif") == place.bytes("p.tif"), "{files:?}");
@@ -344,4 +344,191 @@ fn what_has_no_meaning_is_refused_by_name() {
     place.fails(&other, 65, &["egm.asc"]);
     std::fs::remove_file(place.path("b.prj")).unwrap();
     merge(&["--overwrite"], 65, &["b.asc", "CRS"]);
+}
+
+/// A grid of the whole globe, whose outline is nowhere near most of it in a projection.
+#[test]
+fn the_globe_lies_below_a_small_grid() {
+    let place = Place::new();
+    let heights = (0..36 * 72).map(|k| (k % 89).to_string()).collect::<Vec<_>>().join(" ");
+    let globe = "ncols 72\nnrows 36\nxllcorner -180\nyllcorner -90\ncellsize 5\n";
+    place.write("globe.asc", format!("{globe}{heights}\n")).write("globe.prj", "EPSG:4326");
+    let small = "ncols 2\nnrows 2\nxllcorner 4000000\nyllcorner 3000000\ncellsize 20000\n9 9 9 9\n";
+    for (crs, extent) in [
+        ("EPSG:3035", "1000000,1000000,7000000,6000000"),
+        ("EPSG:32631", "170000,0,3000000,5000000"),
+    ] {
+        place.write("small.asc", small).write("small.prj", crs);
+        let lattice = ["--extent", extent, "--resolution", "8000", "--to-crs", crs];
+        let more = [&["--resampling", "near", "--json"], &lattice[..]].concat();
+        let told =
+            place.ok(&[&["convert", "globe.asc", "alone.tif", "--overwrite"], &more[..]].concat());
+        let valid = json(&told.out)["valid_samples"].clone();
+        assert!(valid.as_u64() > Some(200_000), "{crs} {valid}");
+        let files = ["convert", "globe.asc", "small.asc", "o.tif", "--overwrite"];
+        let told = json(&place.ok(&[&files[..], &more].concat()).out);
+        assert_eq!(told["valid_samples"], valid, "{crs}");
+    }
+}
+
+/// What any file states of heights holds for all, whichever comes first.
+#[test]
+fn heights_are_compared_with_all_files_before() {
+    let place = Place::new();
+    let grid = |cell: f64| {
+        let heights = "7 ".repeat(36);
+        format!(
+            "ncols 6\nnrows 6\nxllcorner 500000\nyllcorner 4749000\ncellsize {cell}\n{heights}\n"
+        )
+    };
+    let crs = [
+        ("n", "", 2.0),
+        ("v", "+5703", 3.0),
+        ("w", "+5773", 5.0),
+        ("feet", "+6360", 7.0),
+        ("same", "+5773", 3.0),
+    ];
+    for (name, vertical, cell) in crs {
+        place.write(&format!("{name}.asc"), grid(cell));
+        place.write(&format!("{name}.prj"), format!("EPSG:32631{vertical}"));
+    }
+    let near = ["o.tif", "--resampling", "near", "--overwrite"];
+    for files in
+        [["n.asc", "v.asc", "w.asc"], ["v.asc", "n.asc", "w.asc"], ["v.asc", "w.asc", "n.asc"]]
+    {
+        let words = [&["convert"], &files[..], &near].concat();
+        place.fails(&words, 65, &["w.asc", "no vertical transformation"]);
+    }
+    place.fails(&["convert", "v.asc", "same.asc", "x.tif"], 65, &["same.asc", "5773", "--geoid"]);
+    place.write("m.asc", grid(3.0)).write("m.prj", "EPSG:32631");
+    place.fails(
+        &["convert", "m.asc", "v.asc", "same.asc", "x.tif"],
+        65,
+        &["same.asc", "vertical CRS is EPSG:5773", "v.asc"],
+    );
+    place.ok(&[&["convert", "n.asc", "v.asc"], &near[..], &["-q"]].concat());
+    let told = place.ok(&["info", "o.tif"]).out;
+    assert!(told.contains("5703"), "{told}");
+    place.ok(&[&["convert", "n.asc", "feet.asc"], &near[..], &["-q"]].concat());
+    let told = place.ok(&["info", "o.tif"]).out;
+    assert!(told.contains("foot"), "{told}");
+}
+
+#[test]
+fn files_without_a_crs_are_named_whichever_comes_first() {
+    let place = place();
+    std::fs::remove_file(place.path("b.prj")).unwrap();
+    for files in [["a.asc", "b.asc"], ["b.asc", "a.asc"]] {
+        let words = [&["convert"], &files[..], &["o.tif", "--resampling", "near"]].concat();
+        place.fails(
+            &words,
+            65,
+            &["b.asc: CRS is missing, which a.asc has", "gdal_edit.py -a_srs EPSG:CODE b.asc"],
+        );
+    }
+    place.fails(
+        &["slope", "b.asc", "a.asc", "o.tif"],
+        65,
+        &["gdal_edit.py -a_srs EPSG:32631 b.asc"],
+    );
+}
+
+/// The nearest sample keeps the type, and values that cannot be heights are void as in mosaics.
+#[test]
+fn types_stay_and_undeclared_voids_are_voids() {
+    let place = Place::new();
+    let grid = |cell: f64, nodata: &str, heights: &str| {
+        let heights = heights.repeat(6);
+        format!(
+            "ncols 6\nnrows 6\nxllcorner 500000\nyllcorner 4749000\ncellsize {cell}\n{nodata}{heights}\n"
+        )
+    };
+    place
+        .write("bare.asc", grid(4.0, "", "1 2 -9999 4 5 300 "))
+        .write("bare.prj", "EPSG:32631")
+        .write("told.asc", grid(2.0, "NODATA_value -9999\n", "7 8 9 -9999 6 5 "))
+        .write("told.prj", "EPSG:32631");
+    let report = json(
+        &place
+            .ok(&["convert", "bare.asc", "told.asc", "o.tif", "--resampling", "near", "--json"])
+            .out,
+    );
+    assert_eq!(
+        (&report["sample_type"], &report["lowest"]),
+        (&"int16".into(), &1.0.into()),
+        "{report}"
+    );
+    let (_, found) = values(&place, "o.tif");
+    assert_eq!(
+        found.iter().filter(|z| z.is_nan()).count(),
+        12,
+        "below the voids of the upper is a height"
+    );
+    // Files that agree are copied.
+    let twice = ["convert", "told.asc", "told.asc", "p.tif", "--resampling", "cubic", "--json"];
+    let report = json(&place.ok(&twice).out);
+    assert_eq!(report["sample_type"], "int16");
+    assert!(report["notes"].to_string().contains("nothing is resampled"), "{report}");
+}
+
+/// Neighbouring zones on both sides of 180 degrees stay neighbours, and the note on that is told once.
+#[test]
+fn zones_beside_the_antimeridian_are_neighbours() {
+    let place = Place::new();
+    let grid = |x: f64| {
+        let heights = "7 ".repeat(400);
+        format!("ncols 20\nnrows 20\nxllcorner {x}\nyllcorner 1000\ncellsize 10000\n{heights}\n")
+    };
+    place
+        .write("u60.asc", grid(700_000.0))
+        .write("u60.prj", "EPSG:32660")
+        .write("u01.asc", grid(100_000.0))
+        .write("u01.prj", "EPSG:32601");
+    for files in [["u60.asc", "u01.asc"], ["u01.asc", "u60.asc"]] {
+        let words = [
+            &["convert"],
+            &files[..],
+            &[
+                "o.tif",
+                "--overwrite",
+                "--json",
+                "--resampling",
+                "near",
+                "--to-crs",
+                "EPSG:4326",
+                "--out-nodata",
+                "-1",
+            ],
+        ]
+        .concat();
+        let told = json(&place.ok(&words).out);
+        let valid = told["valid_samples"].as_u64().unwrap();
+        assert!(told["width"].as_u64() < Some(60) && valid > 400, "{told}");
+    }
+}
+
+/// Each cell of the output is made of the few files that lie there, however many there are.
+#[test]
+fn many_files_are_many_lattices() {
+    let place = Place::new();
+    let names: Vec<String> = (0..150).map(|k| format!("f{k:03}.asc")).collect();
+    for (k, name) in names.iter().enumerate() {
+        let (x, cell) = (k as f64 * 0.01, 0.001 + k as f64 * 1e-8);
+        let heights = format!("{k} ").repeat(100);
+        place.write(
+            name,
+            format!(
+                "ncols 10\nnrows 10\nxllcorner {x}\nyllcorner 45\ncellsize {cell}\n{heights}\n"
+            ),
+        );
+        place.write(&name.replace("asc", "prj"), "EPSG:4326");
+    }
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let more =
+        ["o.tif", "--resampling", "near", "--resolution", "0.001", "--out-nodata", "-1", "-q"];
+    place.ok(&[&["convert"], &names[..], &more].concat());
+    let (columns, found) = values(&place, "o.tif");
+    for (at, z) in found[4 * columns..][..1500].iter().enumerate() {
+        assert_eq!(*z, (at / 10) as f64, "{at}");
+    }
 }

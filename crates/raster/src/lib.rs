@@ -52,7 +52,7 @@ pub use format::{GridOpenOptions, RasterFormat};
 pub use grid::{GridInfo, GridSource, SampleType};
 pub use in_memory::InMemoryGrid;
 pub use mosaic::{
-    Inputs, MosaicLayer, common_nodata, files, files_below, is_collection, open_layers,
+    Inputs, MosaicLayer, common_nodata, files, files_below, is_collection, open_layers, wider_type,
 };
 pub use nodata::{looks_like_nodata, undeclared_nodata};
 pub use notes::{GridNote, NOTE_KINDS, cautions, no_terrain, notes, notes_on_heights, terrain};

@@ -328,7 +328,7 @@ def test_files_that_differ_are_merged(tmp_path: Path) -> None:
     with pytest.raises(terrane.InputError, match="cell size is 1.5"):
         terrane.convert(names, tmp_path / "o.tif")
     report = terrane.convert(names, tmp_path / "o.tif", resampling="near", nodata=-9999)
-    assert "files on 2 lattices" in str(report["notes"])
+    assert "2 grids of the files" in str(report["notes"])
     terrane.convert(str(tmp_path / "[ab].tif"), tmp_path / "p.tif", resampling="near")
     with rasterio.open(tmp_path / "o.tif") as one, rasterio.open(tmp_path / "p.tif") as other:
         heights = one.read(1)

@@ -2,12 +2,17 @@
 
 use crate::grid::GridInfo;
 use terrane_base::error::{Error, Result};
+use terrane_base::geom::Crs;
 use terrane_files::path_of;
 
 use super::layout::{GridShape, LatticeMisfit, SLACK};
 
 /// The remedy for files on different lattices or in different CRSs.
 const RESAMPLE: &str = "merge the files with ‹terrane convert› and ‹resampling›";
+
+/// The remedy for heights in different vertical CRSs.
+const HEIGHTS: &str =
+    "convert the heights of one file first, with ‹terrane convert›, ‹to_crs› and ‹geoid›";
 
 /// A file name with its metadata.
 #[derive(Clone, Copy)]
@@ -25,11 +30,7 @@ pub(super) fn check(first: NamedGrid<'_>, other: NamedGrid<'_>) -> Result<()> {
     let scales = [first, other].map(|file| (file.info.scale, file.info.offset));
     if scales[0] != scales[1] {
         let [a, b] = scales.map(|(scale, offset)| format!("x {scale} + {offset}"));
-        let commands = [first.name, other.name].map(|name| {
-            format!("gdal_translate -unscale -ot Float32 {name} {}", renamed(name, "unscaled"))
-        });
-        return Err(differ(other.name, "scale and offset", &b, &a, first.name)
-            .remedy(format!("unscale both: {}", commands.join("; "))));
+        return Err(differ(other.name, "scale and offset", &b, &a, first.name).remedy(RESAMPLE));
     }
     Ok(())
 }
@@ -59,16 +60,27 @@ fn check_crs(first: NamedGrid<'_>, other: NamedGrid<'_>) -> Result<()> {
     if a.agrees(b) {
         return Ok(());
     }
-    let declared = a.epsg.filter(|_| !b.is_named()).map(|code| {
-        let vertical = a.vertical_epsg.map(|code| format!("+{code}")).unwrap_or_default();
-        format!(
-            "declare the CRS if it is the same: gdal_edit.py -a_srs EPSG:{code}{vertical} {}",
-            other.name
-        )
-    });
+    let code = |crs: &Crs| {
+        let vertical = crs.vertical_epsg.map(|code| format!("+{code}")).unwrap_or_default();
+        crs.epsg.map_or_else(|| "EPSG:CODE".to_owned(), |code| format!("EPSG:{code}{vertical}"))
+    };
+    let declared = |code: String, name: &str| {
+        format!("declare the CRS if it is the same: gdal_edit.py -a_srs {code} {name}")
+    };
+    let remedy = match [a, b].map(Crs::is_named) {
+        [true, false] => declared(code(a), other.name),
+        [false, true] => declared(code(b), first.name),
+        _ if a.without_heights().agrees(&b.without_heights()) => HEIGHTS.to_owned(),
+        _ => RESAMPLE.to_owned(),
+    };
     let [ours, theirs] = a.distinct_names(b);
-    Err(differ(other.name, "CRS", &theirs, &ours, first.name)
-        .remedy(declared.unwrap_or_else(|| RESAMPLE.to_owned())))
+    Err(differ(other.name, "CRS", &theirs, &ours, first.name).remedy(remedy))
+}
+
+/// Error of a file with another vertical CRS, by code.
+pub(super) fn vertical_differs(first: (&str, u32), other: (&str, u32)) -> Error {
+    let [a, b] = [first.1, other.1].map(|code| format!("EPSG:{code}"));
+    differ(other.0, "vertical CRS", &b, &a, first.0).remedy(HEIGHTS)
 }
 
 /// Error of a file off the lattice of the first one.
@@ -158,7 +170,8 @@ mod tests {
             refusal(|b| b.crs = Crs::default()).contains("gdal_edit.py -a_srs EPSG:32631 d/b.tif")
         );
         assert!(
-            refusal(|b| b.scale = 0.1).contains("is x 0.1 + 0, that of a.tif is x 1 + 0; unscale")
+            refusal(|b| b.scale = 0.1)
+                .contains("is x 0.1 + 0, that of a.tif is x 1 + 0; merge the files")
         );
         assert!(refusal(|b| b.georeferenced = false).contains("-a_ullr"));
         let units = check_units(("a.tif", "metre"), ("b.tif", "foot")).unwrap_err().to_string();

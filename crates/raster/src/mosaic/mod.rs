@@ -36,6 +36,7 @@ pub use members::{Inputs, files, files_below, is_collection};
 pub(super) use plain::open;
 pub use plain::{MosaicLayer, common_nodata, open_layers};
 use recode::HeightRecoding;
+pub use recode::wider as wider_type;
 
 /// Maximum number of samples buffered for painting.
 const SCRATCH_SAMPLES: u32 = 1 << 19;

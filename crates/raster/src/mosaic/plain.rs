@@ -37,6 +37,8 @@ struct MosaicMember {
     sample_type: SampleType,
     nodata: Option<f64>,
     unit: Option<String>,
+    /// Code of its vertical CRS.
+    vertical: Option<u32>,
     /// Its mask, if it has one besides a nodata value.
     mask: Option<(String, String)>,
 }
@@ -46,7 +48,8 @@ impl MosaicMember {
         let shape = GridShape::of(&info);
         let GridInfo { sample_type, nodata, .. } = info;
         let mask = info.details.into_iter().find(|(name, _)| name == MASK && nodata.is_some());
-        Self { source, shape, sample_type, nodata, unit: info.crs.vertical_unit, mask }
+        let (unit, vertical) = (info.crs.vertical_unit, info.crs.vertical_epsg);
+        Self { source, shape, sample_type, nodata, unit, vertical, mask }
     }
 }
 
@@ -75,8 +78,10 @@ pub fn open_layers(inputs: &[String], options: &GridOpenOptions) -> Result<Vec<M
     let found = on_threads(options.threads.min(names.len().max(1)), || {
         let found = names.par_iter().map(|name| {
             let entry = find(name, options.band, options.nodata, &nest)?;
-            let is_placed = entry.info.georeferenced;
-            is_placed.then_some(entry).ok_or_else(|| consistency::nowhere(name))
+            match entry.info.georeferenced {
+                true => Ok(entry),
+                false => Err(consistency::nowhere(name)),
+            }
         });
         Ok(found.collect::<Vec<_>>())
     })?;
@@ -94,14 +99,16 @@ pub fn open_layers(inputs: &[String], options: &GridOpenOptions) -> Result<Vec<M
             None => layers.push(vec![(name, entry)]),
         }
     }
+    // In a file that declares none, samples with the value of others are void, too.
+    let declared = layers.iter().flatten().map(|(_, entry)| entry.info.nodata);
+    let usual = common_nodata(declared, SampleType::F64).filter(|nodata| is_no_height(*nodata));
     let layers = layers.into_iter().map(|layer| {
         let first = layer[0].1.info.clone();
         let (names, members): (Vec<_>, Vec<_>) =
             layer.into_iter().map(|(name, entry)| (name.clone(), MosaicMember::of(entry))).unzip();
-        let mosaic = assembled(&names, first, members, nest.family.clone())?;
-        let [name, ..] = &names[..] else { return Err(nothing()) };
+        let mosaic = assembled(&names, first, members, usual, nest.family.clone())?;
         mosaic.advise_read(mosaic.info().bounds());
-        Ok(MosaicLayer { name: name.clone(), grid: Box::new(mosaic) })
+        Ok(MosaicLayer { name: names[0].clone(), grid: Box::new(mosaic) })
     });
     layers.collect()
 }
@@ -147,21 +154,35 @@ fn mosaic(names: &[String], options: &GridOpenOptions) -> Result<Mosaic> {
         Ok(rest.map(|name| member(name, reference, options, &nest)).collect::<Vec<_>>())
     })?);
     let members = all(members)?;
-    assembled(names, info.ok_or_else(nothing)?, members, nest.family)
+    assembled(names, info.ok_or_else(nothing)?, members, None, nest.family)
 }
 
-/// The mosaic of files that agree with the first.
+/// The mosaic of files that agree with the first. `nodata` is that of other files, for files that declare none.
 fn assembled(
     names: &[String],
     first: GridInfo,
     members: Vec<MosaicMember>,
+    nodata: Option<f64>,
     family: Arc<MosaicFamily>,
 ) -> Result<Mosaic> {
+    check_vertical(names, &members)?;
     let unit = unit(names, &members)?;
     let layout = laid_out(names, &members)?;
-    let info = describe(first, &members, &layout, unit);
+    let mut info = describe(first, &members, &layout, unit);
+    let is_stored = |value: &f64| stored_nodata(info.sample_type, *value).is_some();
+    info.nodata = info.nodata.or(nodata.filter(is_stored));
     let parts = parts(members, &layout, &info);
     Ok(Mosaic::new(info, parts, family))
+}
+
+/// Fails if two files state different vertical CRSs.
+fn check_vertical(names: &[String], members: &[MosaicMember]) -> Result<()> {
+    let stated = names.iter().zip(members).filter_map(|(name, own)| Some((name, own.vertical?)));
+    let mut stated = stated.peekable();
+    let Some(&(first, code)) = stated.peek() else { return Ok(()) };
+    stated.find(|(_, other)| *other != code).map_or(Ok(()), |(name, other)| {
+        Err(consistency::vertical_differs((first, code), (name, other)))
+    })
 }
 
 /// The common height unit of the files; files without a unit agree with any.

@@ -75,7 +75,7 @@ pub(super) fn void_range(kind: SampleType, nodata: f64) -> Option<(f64, f64)> {
 }
 
 /// The narrowest type that contains all values of both.
-pub(super) fn wider(a: SampleType, b: SampleType) -> SampleType {
+pub fn wider(a: SampleType, b: SampleType) -> SampleType {
     use SampleType::{F16, F32, F64, I8, I16, I32, U8, U16, U32};
     const ALL: [SampleType; 9] = [U8, I8, U16, I16, F16, U32, I32, F32, F64];
     if a == b {

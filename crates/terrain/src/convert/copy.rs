@@ -92,7 +92,6 @@ pub(crate) fn run_opened(
     let resources = &job.options.resources;
     let options = job.options.grid.options(resources, GridOpenOptions::default().cache_bytes)?;
     let ReservedMemory { wanted, least } = reserved;
-    let resources = &job.options.resources;
     let open = |reserved| open(opener, &options, resources, worker, reserved);
     let ((source, shares), reserved) = match open(wanted) {
         Err(error) if error.kind() == ErrorKind::Resource && wanted > least => {

@@ -5,20 +5,21 @@
 use std::path::PathBuf;
 
 use super::feather::Feather;
+use super::near::NearLayers;
 use super::source::{self, WarpedGrid, put};
 use crate::bands::{ComputedBands, PIECE};
 use terrane_base::error::Result;
-use terrane_base::geom::{Affine, Rect};
+use terrane_base::geom::Rect;
 use terrane_options::Choice;
 use terrane_raster::{GridInfo, GridSource, SampleType};
 
 /// Which of several files that differ in lattice or CRS is on top.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
 pub enum LayerPriority {
-    /// Later files
+    /// Later files; those on the lattice of an earlier one are with it
     #[default]
     Order,
-    /// Files with smaller cells; later ones among equals
+    /// Files with smaller cells in the CRS of the output; later ones among equals
     Resolution,
 }
 
@@ -29,12 +30,21 @@ const SIDE: u32 = 128;
 pub(super) struct WarpedLayers {
     info: GridInfo,
     /// From top to bottom.
-    layers: Vec<WarpedLayer>,
-    /// Longitudes may be a turn away.
-    has_turns: bool,
+    layers: Vec<WarpedGrid>,
+    near: NearLayers,
     /// How a grid fades into those below.
     feather: Feather,
     bands: ComputedBands,
+}
+
+/// Buffers of a thread.
+#[derive(Default)]
+struct BlendBuffers {
+    blends: Vec<Blend>,
+    /// Heights of a grid in a piece and around it, and its weights.
+    own: Vec<f64>,
+    weights: Vec<f64>,
+    heights: Vec<f64>,
 }
 
 /// The height of a sample, as far as it is known from the grids on top.
@@ -74,25 +84,18 @@ impl Blend {
     }
 }
 
-/// A grid on the lattice of the output.
-pub(super) struct WarpedLayer {
-    pub(super) grid: WarpedGrid,
-    /// A rectangle in the CRS of the output that contains all its cells; `None` if unknown.
-    pub(super) extent: Option<[f64; 4]>,
-}
-
 impl WarpedLayers {
     /// Grids from bottom to top, all on the lattice of `info`.
     pub(super) fn new(
         info: GridInfo,
-        mut layers: Vec<WarpedLayer>,
+        mut layers: Vec<WarpedGrid>,
         feather: Feather,
         memory: u64,
     ) -> Self {
         layers.reverse();
-        let has_turns = info.crs.horizontal_unit() == "degree";
         let bands = ComputedBands::new(info.width, bands_bytes(feather, memory));
-        Self { info, layers, has_turns, feather, bands }
+        let near = NearLayers::new(info.width);
+        Self { info, layers, near, feather, bands }
     }
 
     /// Hands on pieces that cover a rectangle, with their heights.
@@ -111,42 +114,47 @@ impl WarpedLayers {
 
     /// Hands on each piece of a rectangle with its heights.
     fn blend(&self, rect: Rect, visit: &mut dyn FnMut(Rect, &[f64])) -> Result<()> {
-        // Low rectangles are cut less often.
-        let is_wide = self.feather.0 == 0;
-        let wide = if is_wide { (SIDE * SIDE / rect.height.max(1)).max(SIDE) } else { SIDE };
-        let (mut blends, mut weights) = (Vec::new(), Vec::new());
-        let (mut own, mut heights) = (Vec::new(), Vec::new());
-        for row in (rect.row..rect.end_row()).step_by(SIDE as usize) {
-            for col in (rect.col..rect.end_col()).step_by(wide as usize) {
-                let piece = Rect::new(col, row, wide, SIDE).intersect(&rect);
-                let around = self.feather.around(piece, self.info.bounds());
-                blends.clear();
-                blends.resize(piece.len(), Blend::NONE);
-                let near = self
-                    .layers
-                    .iter()
-                    .filter(|layer| layer.is_near(piece, &self.info.transform, self.has_turns));
-                for layer in near {
-                    own.clear();
-                    own.resize(around.len(), f64::NAN);
-                    layer.grid.read_f64(around, &mut own)?;
-                    self.feather.weights(piece, around, &own, &mut weights);
-                    let rows = own.chunks_exact(around.width as usize);
-                    let rows = rows.skip((piece.row - around.row) as usize);
-                    let first = (piece.col - around.col) as usize;
-                    let inside = rows.flat_map(|row| &row[first..][..piece.width as usize]);
-                    for ((blend, height), weight) in blends.iter_mut().zip(inside).zip(&weights) {
-                        blend.add(*height, *weight);
-                    }
-                    if blends.iter().all(|blend: &Blend| blend.rest == 0.0) {
-                        break;
-                    }
+        let mut buffers = BlendBuffers::default();
+        for cell in NearLayers::cells(rect) {
+            let near = self.near.of(cell, self.info.bounds(), &self.layers);
+            let part = cell.intersect(&rect);
+            // Low rectangles are cut less often.
+            let wide = if self.feather.0 == 0 { SIDE * SIDE / part.height } else { SIDE };
+            for row in (part.row..part.end_row()).step_by(SIDE as usize) {
+                for col in (part.col..part.end_col()).step_by(wide as usize) {
+                    let piece = Rect::new(col, row, wide, SIDE).intersect(&part);
+                    self.blend_piece(piece, &near, &mut buffers)?;
+                    visit(piece, &buffers.heights);
                 }
-                heights.clear();
-                heights.extend(blends.iter().map(|blend| self.stored(*blend)));
-                visit(piece, &heights);
             }
         }
+        Ok(())
+    }
+
+    /// Blends the grids `near` a piece.
+    fn blend_piece(&self, piece: Rect, near: &[u32], buffers: &mut BlendBuffers) -> Result<()> {
+        let BlendBuffers { blends, own, weights, heights } = buffers;
+        let around = self.feather.around(piece, self.info.bounds());
+        blends.clear();
+        blends.resize(piece.len(), Blend::NONE);
+        for layer in near {
+            own.clear();
+            own.resize(around.len(), f64::NAN);
+            self.layers[*layer as usize].read_f64(around, own)?;
+            self.feather.weights(piece, around, own, weights);
+            let rows = own.chunks_exact(around.width as usize);
+            let rows = rows.skip((piece.row - around.row) as usize);
+            let first = (piece.col - around.col) as usize;
+            let inside = rows.flat_map(|row| &row[first..][..piece.width as usize]);
+            for ((blend, height), weight) in blends.iter_mut().zip(inside).zip(&*weights) {
+                blend.add(*height, *weight);
+            }
+            if blends.iter().all(|blend| blend.rest == 0.0) {
+                break;
+            }
+        }
+        heights.clear();
+        heights.extend(blends.iter().map(|blend| self.stored(*blend)));
         Ok(())
     }
 
@@ -156,21 +164,6 @@ impl WarpedLayers {
             SampleType::F32 if blend.count > 1 => f64::from(blend.height() as f32),
             _ => blend.height(),
         }
-    }
-}
-
-impl WarpedLayer {
-    /// False if a piece of the lattice certainly has no sample of the layer.
-    fn is_near(&self, piece: Rect, lattice: &Affine, has_turns: bool) -> bool {
-        let Some([x0, y0, x1, y1]) = self.extent else { return true };
-        let [right, bottom] = [piece.end_col(), piece.end_row()].map(|end| f64::from(end) - 0.5);
-        let [left, top] = [piece.col, piece.row].map(|first| f64::from(first) - 0.5);
-        let corners = [[left, top], [right, top], [left, bottom], [right, bottom]];
-        let corners = corners.map(|[col, row]| lattice.apply(col, row));
-        let is_beyond = |is_beyond: &dyn Fn([f64; 2]) -> bool| corners.into_iter().all(is_beyond);
-        let is_beside = is_beyond(&|[x, _]| x < x0) || is_beyond(&|[x, _]| x > x1);
-        let is_off = is_beyond(&|[_, y]| y < y0) || is_beyond(&|[_, y]| y > y1);
-        !(is_off || is_beside && !has_turns)
     }
 }
 
@@ -188,11 +181,11 @@ impl GridSource for WarpedLayers {
     }
 
     fn block_bytes(&self) -> u64 {
-        self.layers.iter().map(|layer| layer.grid.block_bytes()).max().unwrap_or(0)
+        self.layers.iter().map(GridSource::block_bytes).max().unwrap_or(0)
     }
 
     fn members(&self) -> Vec<PathBuf> {
-        self.layers.iter().flat_map(|layer| layer.grid.members()).collect()
+        self.layers.iter().flat_map(GridSource::members).collect()
     }
 }
 

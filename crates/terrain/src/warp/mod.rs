@@ -12,6 +12,7 @@
 mod feather;
 mod layers;
 mod mapping;
+mod near;
 pub(crate) mod output_grid;
 mod source;
 
@@ -36,10 +37,10 @@ use terrane_window::resample::{ResamplingMethod, Scale};
 
 use feather::Feather;
 pub use layers::LayerPriority;
-use layers::{WarpedLayer, WarpedLayers};
+use layers::WarpedLayers;
 use mapping::CrsTransform;
 pub use output_grid::{LatticeOptions, LatticeSetters};
-use output_grid::{TargetGrid, WarpedExtent};
+use output_grid::{LatticeSource, TargetGrid, WarpedExtent};
 use source::WarpedGrid;
 
 /// Bytes that a thread holds to read a grid on another lattice.
@@ -101,9 +102,10 @@ pub(crate) fn run(
     let report = run_opened(copy, &open, bytes, reserved, watch, |warped, _| {
         Ok(DerivedBands::of(warped, Vec::new()))
     })?;
-    let WarpFacts { transformed, scale, mut notes } = facts.into_inner();
+    let WarpFacts { transformed, scale, notes: of_inputs } = facts.into_inner();
     let more = untransformable_note(job.nowhere.load(Ordering::Relaxed));
-    for note in report.notes.iter().cloned().chain(more) {
+    let mut notes = Vec::new();
+    for note in of_inputs.into_iter().chain(report.notes.iter().cloned()).chain(more) {
         if !notes.contains(&note) {
             notes.push(note);
         }
@@ -122,7 +124,11 @@ impl WarpJob<'_> {
             self.check_change()?;
         }
         let layers = match raster::open_all(names, options) {
-            Ok(grid) => return self.warp_one(grid),
+            Ok(grid) if is_single || self.has_lattice() => return self.warp_one(grid),
+            Ok(grid) => {
+                let notes = vec!["the files agree: nothing is resampled".to_owned()];
+                return Ok((grid, WarpFacts { notes, ..WarpFacts::default() }));
+            }
             // Perhaps files that disagree.
             Err(error)
                 if error.kind() == ErrorKind::BadInput && raster::files(names)?.len() > 1 =>
@@ -136,16 +142,22 @@ impl WarpJob<'_> {
         self.warp_layers(layers)
     }
 
+    /// True if a lattice or CRS of the output is asked for.
+    fn has_lattice(&self) -> bool {
+        let ConvertOptions { lattice, reprojection, .. } = &self.copy.options;
+        *lattice != LatticeOptions::default() || reprojection.to_crs.is_some()
+    }
+
     /// Fails if an option would change nothing of a single file.
     fn check_change(&self) -> Result<()> {
-        let ConvertOptions { lattice, reprojection, priority, feather, .. } = &self.copy.options;
+        let ConvertOptions { priority, feather, .. } = &self.copy.options;
         let of_several =
             [("‹priority›", *priority != LayerPriority::default()), ("‹feather›", *feather > 0)];
         if let Some((name, _)) = of_several.iter().find(|(_, is_given)| *is_given) {
             return Err(Error::usage(format!("{name} has no effect on a single file"))
                 .remedy(format!("leave {name} out, or pass several files")));
         }
-        if *lattice != LatticeOptions::default() || reprojection.to_crs.is_some() {
+        if self.has_lattice() {
             return Ok(());
         }
         Err(Error::usage("‹resampling› has no effect: the output has the lattice of the input")
@@ -162,19 +174,19 @@ impl WarpJob<'_> {
         let is_made = self.is_made(&input);
         let info = on(&lattice, input.grid.info(), input.crs());
         let info = if is_made { made(info) } else { info };
-        let warped = self.warped(input, &info, is_made, self.nowhere.clone())?;
+        let warped =
+            self.warped(input, &info, is_made, self.nowhere.clone(), output_grid::scale)?;
         let scale = Some(warped.scale().get());
         Ok((Box::new(warped), WarpFacts { scale, ..facts }))
     }
 
     /// Layers from bottom to top.
     fn warp_layers(&self, layers: Vec<MosaicLayer>) -> Result<(Box<dyn GridSource>, WarpFacts)> {
-        let mut inputs = self.in_one_crs(layers)?;
+        let (mut inputs, crs) = self.in_one_crs(layers)?;
         if self.copy.options.priority == LayerPriority::Resolution {
             // Coarse cells first; the order of equals stays.
-            let sizes = inputs.iter().map(|input| input.cell_area());
-            let mut sized: Vec<_> =
-                sizes.collect::<Result<Vec<_>>>()?.into_iter().zip(inputs).collect();
+            let sizes = inputs.iter().map(|input| input.cell_area()).collect::<Result<Vec<_>>>()?;
+            let mut sized: Vec<_> = sizes.into_iter().zip(inputs).collect();
             sized.sort_by(|a, b| b.0.total_cmp(&a.0));
             inputs = sized.into_iter().map(|(_, input)| input).collect();
         }
@@ -186,28 +198,33 @@ impl WarpJob<'_> {
         let lattice = self.lattice(&inputs)?;
         let infos = || inputs.iter().map(|input| input.grid.info());
         let first = inputs[0].grid.info();
-        let is_alike = infos().all(|info| {
-            let parts = |info: &GridInfo| (info.sample_type, info.nodata, info.scale, info.offset);
-            parts(info) == parts(first)
-        });
         let feather = Feather(self.copy.options.feather);
-        let memory = self.copy.options.resources.memory;
-        let is_made = !is_alike || feather.0 > 0 || inputs.iter().any(|input| self.is_made(input));
-        let mut info = on(&lattice, first, inputs[0].crs());
-        if is_made {
+        let (is_made, sample_type) = {
+            let scales = infos().map(|info| (info.scale, info.offset));
+            let is_made = feather.0 > 0
+                || scales.into_iter().any(|scale| scale != (first.scale, first.offset))
+                || inputs.iter().any(|input| self.is_made(input));
             let is_narrow = infos().all(GridInfo::exact_in_f32);
-            let sample_type = if is_narrow { SampleType::F32 } else { SampleType::F64 };
-            let nodata = raster::common_nodata(infos().map(|info| info.nodata), sample_type);
-            info = GridInfo { sample_type, nodata, scale: 1.0, offset: 0.0, ..info };
+            let types = infos().map(|info| info.sample_type);
+            match is_made {
+                true => (true, if is_narrow { SampleType::F32 } else { SampleType::F64 }),
+                false => (false, types.fold(first.sample_type, raster::wider_type)),
+            }
+        };
+        let nodata = raster::common_nodata(infos().map(|info| info.nodata), sample_type);
+        let mut info = GridInfo { sample_type, nodata, ..on(&lattice, first, &crs) };
+        if is_made {
+            (info.scale, info.offset) = (1.0, 0.0);
         }
         let layers = inputs.into_iter().map(|input| {
-            let transform = CrsTransform::new(input.operation.clone());
-            let extent = output_grid::surely_around(input.grid.info(), &transform);
             // A position that is nowhere in one grid may be in another.
-            let grid = self.warped(input, &info, is_made, Arc::default())?;
-            Ok(WarpedLayer { grid, extent })
+            let (name, nowhere) = (input.name.clone(), Arc::default());
+            let scale = output_grid::scale_inside;
+            self.warped(input, &info, is_made, nowhere, scale)
+                .map_err(|e| e.in_file(Path::new(&name)))
         });
         let layers = layers.collect::<Result<Vec<_>>>()?;
+        let memory = self.copy.options.resources.memory;
         Ok((Box::new(WarpedLayers::new(info, layers, feather, memory)), facts))
     }
 
@@ -219,46 +236,66 @@ impl WarpJob<'_> {
         transform.operation(Path::new(name), &info.crs, extent, resources).map(Some)
     }
 
-    /// Layers with their operations to the target CRS, or else to that of the first.
+    /// Layers with their operations to the target CRS, or else to that of the first; with that CRS and what is stated of
+    /// heights.
     ///
     /// # Errors
     /// CRSs without an operation; heights that differ in unit or vertical CRS.
-    fn in_one_crs(&self, layers: Vec<MosaicLayer>) -> Result<Vec<WarpInput>> {
+    fn in_one_crs(&self, layers: Vec<MosaicLayer>) -> Result<(Vec<WarpInput>, Crs)> {
         let resources = &self.copy.options.resources;
         let mut inputs: Vec<WarpInput> = Vec::with_capacity(layers.len());
+        // The CRS of the output, and the file that states its heights.
+        let mut common: Option<(Crs, String)> = None;
         for MosaicLayer { name, grid } in layers {
-            let info = grid.info();
-            info.check_cells().map_err(|e| e.in_file(Path::new(&name)))?;
-            let operation = match inputs.first() {
-                None => self.operation(&name, info)?,
-                Some(_) if self.copy.options.reprojection.to_crs.is_some() => {
-                    self.operation(&name, info)?
-                }
-                Some(first) if first.crs().agrees(&info.crs) => None,
-                Some(first) => {
+            let (info, path) = (grid.info(), Path::new(&name));
+            let operation = || match &common {
+                Some((target, _)) if self.copy.options.reprojection.to_crs.is_none() => {
+                    if target.agrees(&info.crs) {
+                        return Ok(None);
+                    }
+                    let is_named = [target.is_named(), info.crs.is_named()];
+                    if is_named != [true; 2] {
+                        return Err(without_crs(is_named[0], &inputs[0].name, &name));
+                    }
                     let has_heights = info.crs.heights() != VerticalReference::Unknown;
-                    let target = first.crs();
                     let target =
                         if has_heights { target.clone() } else { target.without_heights() };
-                    let (path, extent) = (Path::new(&name), Some(extent_of(info)));
-                    let files = OperationFiles::default();
-                    let operation = files.operation(&target, path, &info.crs, extent, resources);
-                    Some(operation.map_err(|e| e.in_file(path))?)
+                    let (extent, files) = (Some(extent_of(info)), OperationFiles::default());
+                    files.operation(&target, path, &info.crs, extent, resources).map(Some)
                 }
+                _ => self.operation(&name, info),
             };
-            let input = WarpInput { name, grid, operation };
-            if let Some(first) = inputs.first() {
-                first.check_heights(&input)?;
-            }
+            let operation = info.check_cells().and_then(|()| operation());
+            let operation = operation.map_err(|error| match error.path() {
+                None => error.in_file(path),
+                Some(_) => error,
+            })?;
+            let input = WarpInput { name: name.clone(), grid, operation };
+            common = Some(match common {
+                None => (input.crs().clone(), name),
+                Some((crs, first)) => {
+                    check_heights(&crs, &first, &input)?;
+                    match completed(&crs, input.crs()) {
+                        Some(crs) => (crs, name),
+                        None => (crs, first),
+                    }
+                }
+            });
             inputs.push(input);
         }
-        Ok(inputs)
+        let (crs, _) = common.unwrap_or_default();
+        Ok((inputs, crs))
     }
 
     fn lattice(&self, inputs: &[WarpInput]) -> Result<TargetGrid> {
         let transforms = inputs.iter().map(|input| CrsTransform::new(input.operation.clone()));
         let transforms: Vec<CrsTransform> = transforms.collect();
-        let grids = inputs.iter().map(|input| input.grid.info()).zip(&transforms);
+        let is_one = inputs.len() == 1;
+        let grids = inputs.iter().zip(&transforms).map(|(input, transform)| LatticeSource {
+            name: (!is_one).then(|| Path::new(&input.name)),
+            info: input.grid.info(),
+            transform,
+        });
         output_grid::of(&self.copy.options.lattice, &grids.collect::<Vec<_>>(), inputs[0].crs())
     }
 
@@ -274,9 +311,10 @@ impl WarpJob<'_> {
         info: &GridInfo,
         is_made: bool,
         nowhere: Arc<AtomicU64>,
+        scale: impl Fn(&TargetGrid, &GridInfo, &CrsTransform) -> Result<[f64; 2]>,
     ) -> Result<WarpedGrid> {
         let transform = CrsTransform::new(input.operation);
-        let scale = output_grid::scale(&TargetGrid::of(info), input.grid.info(), &transform)?;
+        let scale = scale(&TargetGrid::of(info), input.grid.info(), &transform)?;
         let (info, scale) = (info.clone(), Scale::new(scale));
         check_reach(self.resampling, scale).map_err(|e| {
             e.remedy("pass a finer ‹resolution› or ‹resampling› near, or downsample in two steps")
@@ -305,33 +343,49 @@ impl WarpInput {
             .map_err(|e| e.in_file(Path::new(&self.name)))?;
         Ok(width * height)
     }
+}
 
-    /// Fails if heights of another grid mean something else.
-    fn check_heights(&self, other: &Self) -> Result<()> {
-        let [own, theirs] = [self, other].map(Self::crs);
-        let units = [own, theirs].map(Crs::heights_unit);
-        let is_alike = match (units, [own, theirs].map(Crs::vertical_metres)) {
-            ([Some(_), Some(_)], [Some(own), Some(theirs)]) => own == theirs,
-            ([Some(own), Some(theirs)], _) => own == theirs,
-            _ => true,
-        };
-        if is_alike && own.agrees(theirs) {
-            return Ok(());
+/// Fails if the heights of a grid mean something else than those of the output, as a file states them.
+fn check_heights(crs: &Crs, first: &str, input: &WarpInput) -> Result<()> {
+    let both = [crs, input.crs()];
+    let units = both.map(Crs::heights_unit);
+    let is_alike = match (units, both.map(Crs::vertical_metres)) {
+        ([Some(_), Some(_)], [Some(own), Some(theirs)]) => own == theirs,
+        ([Some(own), Some(theirs)], _) => own == theirs,
+        _ => true,
+    };
+    let error = |what: String| Err(Error::bad_input(what).in_file(Path::new(&input.name)));
+    match units {
+        [Some(own), Some(theirs)] if !is_alike => {
+            let what = format!("heights are in {theirs}, those of {first} in {own}");
+            error(what).map_err(|error| {
+                error.remedy("convert the heights of one file first: gdal_calc.py -A IN --calc=A*0.3048 --outfile=OUT")
+            })
         }
-        let first = &self.name;
-        let message = match units {
-            [Some(own), Some(theirs)] if !is_alike => {
-                format!("heights are in {theirs}, those of {first} in {own}")
-            }
-            _ => {
-                let [own, theirs] = own.distinct_names(theirs);
-                format!("the heights belong to {theirs}, those of {first} to {own}")
-            }
-        };
-        Err(Error::bad_input(message)
-            .in_file(Path::new(&other.name))
-            .remedy("name the vertical CRS of the output in ‹to_crs›, or convert one file first"))
+        _ if !crs.agrees(input.crs()) => {
+            let [own, theirs] = crs.distinct_names(input.crs());
+            error(format!("the heights belong to {theirs}, those of {first} to {own}")).map_err(|error| {
+                error.remedy("convert the heights of one file first, with ‹terrane convert›, ‹to_crs› and ‹geoid›")
+            })
+        }
+        _ => Ok(()),
     }
+}
+
+/// A CRS with the heights of another that agrees with it, if these are stated and its own are not.
+fn completed(crs: &Crs, other: &Crs) -> Option<Crs> {
+    let is_unknown = |crs: &Crs| crs.heights() == VerticalReference::Unknown;
+    let has_more =
+        !is_unknown(other) || crs.heights_unit().is_none() && other.heights_unit().is_some();
+    (is_unknown(crs) && has_more).then(|| crs.with_heights_of(other))
+}
+
+/// The error of a file without a CRS: the other, if `has_first`.
+fn without_crs(has_first: bool, first: &str, other: &str) -> Error {
+    let [name, known] = if has_first { [other, first] } else { [first, other] };
+    Error::bad_input(format!("CRS is missing, which {known} has"))
+        .in_file(Path::new(name))
+        .remedy(format!("declare it: gdal_edit.py -a_srs EPSG:CODE {name}"))
 }
 
 /// The lattice of the output with the properties of a grid.
@@ -370,7 +424,9 @@ fn stack_note(inputs: &[WarpInput]) -> String {
     let more = inputs.len().saturating_sub(MAX_NAMED);
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };
     let count = inputs.len();
-    format!("files on {count} lattices, from bottom to top those of {names}{more}")
+    format!(
+        "{count} grids of the files are resampled, from bottom to top, by their first files: {names}{more}"
+    )
 }
 
 /// Fails if a height depends on more samples than a thread may hold.
@@ -437,7 +493,7 @@ pub(crate) fn disjoint_extents(
     operation: Option<&CoordinateOperation>,
 ) -> Option<[[f64; 4]; 2]> {
     let extent = TargetGrid::of(lattice).extent();
-    let outline = WarpedExtent::of(grid, &CrsTransform::new(operation.cloned()));
+    let outline = WarpedExtent::around(grid, &CrsTransform::new(operation.cloned()));
     outline.apart_from(extent).map(|other| [extent, other])
 }
 

@@ -1,8 +1,9 @@
 //! The lattice of the output.
 //!
 //! By default the output covers the bounding rectangle of the grid or of all grids, and its cells are squares as large as
-//! the cell at the centre of the grid with the smallest; of several grids, one that is not reprojected stays on its lattice. Only the outline is transformed for that: operations are continuous, so the
-//! inside stays inside. With a resolution, but no rectangle, edges of cells lie at whole multiples of it, so
+//! the cell at the centre of the grid with the smallest; of several grids, one that is not reprojected stays on its
+//! lattice. For that the outline is transformed, and some positions inside: the poles and the edges of a map may lie on the
+//! outline of a grid of the globe, and everything else outside of it. With a resolution, but no rectangle, edges of cells lie at whole multiples of it, so
 //! that parts of one grid, written one by one, are on one lattice.
 
 use std::path::Path;
@@ -42,17 +43,45 @@ pub(super) struct TargetGrid {
 /// Less of a cell than this is rounding.
 const HAIR: f64 = 1e-6;
 
-/// Most positions transformed along each edge of the grid.
+/// Most positions transformed along each edge of the grids, and least along one.
 const MAX_PLACES: u32 = 1 << 14;
+const MIN_PLACES: u32 = 1 << 8;
 
-/// The lattice in the target CRS `crs` for grids with their transformations to it.
+/// Columns and rows of positions transformed inside a grid.
+const INNER_PLACES: u32 = 16;
+
+/// A grid with its transformation to the target CRS.
+pub(super) struct LatticeSource<'a> {
+    /// Its file, one of several.
+    pub(super) name: Option<&'a Path>,
+    pub(super) info: &'a GridInfo,
+    pub(super) transform: &'a CrsTransform,
+}
+
+impl LatticeSource<'_> {
+    /// An error with the name of the file.
+    fn named(&self, error: Error) -> Error {
+        match self.name {
+            Some(name) if error.path().is_none() => error.in_file(name),
+            _ => error,
+        }
+    }
+}
+
+/// The lattice in the target CRS `crs` for grids.
 pub(super) fn of(
     options: &LatticeOptions,
-    grids: &[(&GridInfo, &CrsTransform)],
+    grids: &[LatticeSource<'_>],
     crs: &Crs,
 ) -> Result<TargetGrid> {
+    let places = (MAX_PLACES / grids.len().max(1) as u32).max(MIN_PLACES);
+    let is_geographic = crs.horizontal_unit() == "degree";
     let mut outline = WarpedExtent::none();
-    grids.iter().for_each(|(grid, transform)| outline.add_outline(grid, transform));
+    for grid in grids {
+        let mut own = WarpedExtent::of(grid.info, grid.transform, places);
+        own.lost = own.lost.map(|error| grid.named(error));
+        outline.join(own, is_geographic);
+    }
     if let Some(like) = &options.like {
         let lattice = alike(like, crs)?;
         outline.check_near(lattice.extent()).map_err(|e| e.in_file(Path::new(like)))?;
@@ -84,13 +113,14 @@ pub(super) fn of(
 
 /// The smallest of the natural cells; with the corner of a cell if the lattice is to continue that of its grid, one of
 /// several.
-fn finest(grids: &[(&GridInfo, &CrsTransform)]) -> Result<([f64; 2], Option<[f64; 2]>)> {
+fn finest(grids: &[LatticeSource<'_>]) -> Result<([f64; 2], Option<[f64; 2]>)> {
     let mut finest = ([f64::MAX; 2], None);
-    for (grid, transform) in grids {
-        let cell = natural(grid, transform)?;
+    for grid in grids {
+        let cell = natural(grid.info, grid.transform).map_err(|error| grid.named(error))?;
         if cell[0] * cell[1] < finest.0[0] * finest.0[1] {
-            let map = grid.transform;
-            let is_kept = grids.len() > 1 && transform.is_none() && (map.b, map.d) == (0.0, 0.0);
+            let map = grid.info.transform;
+            let is_upright = (map.b, map.d) == (0.0, 0.0);
+            let is_kept = grids.len() > 1 && grid.transform.is_none() && is_upright;
             finest = (cell, is_kept.then(|| map.apply(-0.5, -0.5)));
         }
     }
@@ -108,18 +138,8 @@ fn aligned([x0, y0, x1, y1]: [f64; 4], cell: [f64; 2], origin: [f64; 2]) -> Resu
     covering([x0, y0, x1, y1], cell)
 }
 
-/// Share of the extent of a grid that is added to it on each side.
-const MARGIN: f64 = 1.0 / 32.0;
-
-/// A rectangle in the target CRS that contains all cells of a grid; `None` if some cannot be transformed.
-pub(super) fn surely_around(grid: &GridInfo, transform: &CrsTransform) -> Option<[f64; 4]> {
-    let [x0, y0, x1, y1] = WarpedExtent::of(grid, transform).complete().ok()?;
-    let margin = [x1 - x0, y1 - y0].map(|span| span * MARGIN);
-    Some([x0 - margin[0], y0 - margin[1], x1 + margin[0], y1 + margin[1]])
-}
-
-/// Columns and rows of the grid for each of the lattice, at the centre of the lattice or, if that is far from
-/// the grid, at the centre of the grid.
+/// Columns and rows of the grid for each of the lattice, at the centre of the lattice or, if that has no position in the
+/// CRS of the grid, at the centre of the grid.
 pub(super) fn scale(
     lattice: &TargetGrid,
     grid: &GridInfo,
@@ -135,8 +155,16 @@ pub(super) fn scale(
     if let Some([a, b]) = backward {
         return Ok([a[0].hypot(b[0]), a[1].hypot(b[1])]);
     }
-    // The centre of the target may have no position in the CRS of the grid: then the inverse of the forward
-    // derivatives.
+    scale_inside(lattice, grid, transform)
+}
+
+/// As [`scale`], at the centre of the grid.
+pub(super) fn scale_inside(
+    lattice: &TargetGrid,
+    grid: &GridInfo,
+    transform: &CrsTransform,
+) -> Result<[f64; 2]> {
+    // The inverse of the forward derivatives.
     let forward = slopes(
         |[col, row]| {
             let [x, y] = transform.forward(grid.transform.apply(col, row)).ok()?;
@@ -192,16 +220,25 @@ pub(super) fn natural(grid: &GridInfo, transform: &CrsTransform) -> Result<[f64;
 
 /// The bounding rectangle of the cells of a grid in another CRS.
 pub(super) struct WarpedExtent {
-    /// Bounds of the edge positions that can be transformed.
+    /// Bounds of the positions that can be transformed.
     extent: [f64; 4],
-    /// The first error of the others.
+    /// The first error of those on edges that cannot.
     lost: Option<Error>,
 }
 
 impl WarpedExtent {
-    pub(super) fn of(grid: &GridInfo, transform: &CrsTransform) -> Self {
+    /// Of a grid.
+    pub(super) fn around(grid: &GridInfo, transform: &CrsTransform) -> Self {
+        Self::of(grid, transform, MAX_PLACES)
+    }
+
+    /// Of a grid, by at most `places` positions along each edge.
+    fn of(grid: &GridInfo, transform: &CrsTransform, places: u32) -> Self {
         let mut outline = Self::none();
-        outline.add_outline(grid, transform);
+        outline.add_edges(grid, transform, places);
+        if !transform.is_none() {
+            outline.add_inside(grid, transform);
+        }
         outline
     }
 
@@ -209,9 +246,29 @@ impl WarpedExtent {
         Self { extent: [f64::MAX, f64::MAX, f64::MIN, f64::MIN], lost: None }
     }
 
-    /// Adds the outline of a grid.
-    fn add_outline(&mut self, grid: &GridInfo, transform: &CrsTransform) {
-        let steps = grid.width.max(grid.height).min(MAX_PLACES);
+    fn add_inside(&mut self, grid: &GridInfo, transform: &CrsTransform) {
+        let places = (1..INNER_PLACES).flat_map(|row| (1..INNER_PLACES).map(move |col| [col, row]));
+        for place in places {
+            let share = place.map(|at| f64::from(at) / f64::from(INNER_PLACES));
+            let [col, row] = [share[0] * f64::from(grid.width), share[1] * f64::from(grid.height)];
+            if let Ok(at) = transform.forward(grid.transform.apply(col - 0.5, row - 0.5)) {
+                self.add(Ok(at));
+            }
+        }
+    }
+
+    /// Adds another; longitudes by as many turns as bring it next to this.
+    fn join(&mut self, other: Self, is_geographic: bool) {
+        let ([x0, y0, x1, y1], [left, low, right, high]) = (self.extent, other.extent);
+        let turns = ((x0 + x1) - (left + right)) / 720.0;
+        let is_first = x0 > x1;
+        let by = if is_geographic && !is_first { turns.round() * 360.0 } else { 0.0 };
+        self.extent = [x0.min(left + by), y0.min(low), x1.max(right + by), y1.max(high)];
+        self.lost = self.lost.take().or(other.lost);
+    }
+
+    fn add_edges(&mut self, grid: &GridInfo, transform: &CrsTransform, places: u32) {
+        let steps = grid.width.max(grid.height).min(places);
         let [right, bottom] = [grid.width, grid.height].map(f64::from);
         for step in 0..=steps {
             let share = f64::from(step) / f64::from(steps);

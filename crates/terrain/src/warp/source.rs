@@ -93,6 +93,38 @@ impl WarpedGrid {
         self.scale
     }
 
+    /// False if a rectangle of the lattice has no sample of the grid, by some of its positions: those between them are no
+    /// farther away than the next.
+    pub(super) fn is_near(&self, rect: Rect) -> bool {
+        const STEPS: usize = 8;
+        let map = &self.inner.info().transform;
+        let [width, height] = [rect.width, rect.height].map(f64::from);
+        let lines: [[Place; STEPS + 1]; STEPS + 1] = std::array::from_fn(|down| {
+            let mut line = std::array::from_fn(|across| {
+                let share = [across, down].map(|step| step as f64 / STEPS as f64);
+                let [col, row] = [rect.col, rect.row].map(|first| f64::from(first) - 0.5);
+                self.info.transform.apply(col + share[0] * width, row + share[1] * height)
+            });
+            self.transform.inverse_line(&mut line);
+            line.map(|[x, y]| map.invert(x, y))
+        });
+        if lines.iter().flatten().flatten().any(|at| !at.is_finite()) {
+            return true;
+        }
+        let sides = [self.inner.info().width, self.inner.info().height].map(f64::from);
+        [0, 1].into_iter().all(|axis| {
+            let all = || lines.iter().flatten().map(|place| place[axis]);
+            let [low, high] = [all().fold(f64::MAX, f64::min), all().fold(f64::MIN, f64::max)];
+            let along = lines.iter().flat_map(|line| line.windows(2).map(|two| [two[0], two[1]]));
+            let across = lines.windows(2).flat_map(|two| two[0].into_iter().zip(two[1]));
+            let steps = along.chain(across.map(|(one, other)| [one, other]));
+            let step = steps.map(|[a, b]| (a[axis] - b[axis]).abs()).fold(1.0, f64::max);
+            let turns = self.turn.filter(|_| axis == 0).map_or([0.0; 3], |turn| [0.0, turn, -turn]);
+            let is_on = |by: f64| low - step + by < sides[axis] && high + step + by > -1.0;
+            turns.into_iter().any(is_on)
+        })
+    }
+
     /// Hands on each piece of a rectangle with its heights.
     fn each(&self, rect: Rect, visit: &mut dyn FnMut(Rect, &[f64])) -> Result<()> {
         let mut buffers = WarpBuffers::default();
