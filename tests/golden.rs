@@ -152,8 +152,9 @@ fn jobs() -> Vec<String> {
         add(format!("tin synth:{name} o.ply --max-error 3 --tile 64 --fit-heights"));
         let any = "--triangulation data-dependent";
         add(format!("tin synth:{name} o.ply --max-error 3 --tile 64 {any}"));
-        add(format!("contour synth:{name} -o o.geojsonl --interval 25 --tile 64"));
-        add(format!("contour synth:{name} -o o.geojsonl --interval 25 --tile 64 --tolerance 4"));
+        for options in ["", " --tolerance 4", " --polygons", " --polygons --tolerance 4"] {
+            add(format!("contour synth:{name} -o o.geojsonl --interval 25 --tile 64{options}"));
+        }
     }
     for format in mesh::FORMATS {
         let mesh = format.extensions[0];
@@ -337,6 +338,7 @@ fn jobs() -> Vec<String> {
     for goal in ["--keep-count 300", "--target-size 20K", "--keep-ratio 0.1 --topology"] {
         add(format!("line ../in/coverage.geojson o.geojson {goal}"));
     }
+    add("contour ../in/voids.asc -o o.shp --interval 20 --polygons --to-crs EPSG:3857".to_owned());
     for format in vector::FORMATS.iter().filter(|format| format.create.is_some()) {
         let (name, ending) = (format.name, format.extensions[0]);
         add(format!("synth koch,vertices=200,features=3,size=10 o.{ending}"));

@@ -21,8 +21,11 @@ impl Summarize for ContourReport {
             ("levels", heights),
             ("lines", lines),
             ("vertices", vertices(self)),
-            ("output", format!("{}, {}", self.format, text::bytes(self.output_bytes))),
         ];
+        if let Some(polygons) = self.polygons {
+            rows.push(("polygons", text::count(polygons)));
+        }
+        rows.push(("output", format!("{}, {}", self.format, text::bytes(self.output_bytes))));
         if self.left_out > 0 {
             let count = text::count(self.left_out);
             rows.push((
@@ -44,12 +47,13 @@ impl Summarize for ContourReport {
 fn vertices(r: &ContourReport) -> String {
     let written = text::count(r.vertices);
     match r.tolerance {
-        Some(tolerance) => {
+        // Those of polygons are written twice, and there are more on the border.
+        Some(tolerance) if r.polygons.is_none() => {
             let unit = if tolerance.metres { " m" } else { "" };
             let (before, within) =
                 (text::count(r.original_vertices), text::number(tolerance.value));
             format!("{written} of {before}, within {within}{unit}")
         }
-        None => written,
+        _ => written,
     }
 }

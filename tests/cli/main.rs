@@ -17,6 +17,7 @@ mod cloud;
 mod cloud_order;
 mod color_relief;
 mod contour;
+mod contour_polygons;
 mod crs_matrix;
 mod demo_methods;
 mod difference;

@@ -42,6 +42,7 @@ pub(crate) const VALUES: &[(&str, &str, &str)] = &[
     ("out_nodata", "-1", "{\"format\": \"GTiff\"}"),
     ("overwrite", "true", "{}"),
     ("percent", "true", "{}"),
+    ("polygons", "true", "{}"),
     ("resampling", "\"bilinear\"", "{\"resolution\": 25}"),
     ("resolution", "[20, 30]", "{\"resampling\": \"near\"}"),
     ("round", "true", "{\"type\": \"int16\"}"),

@@ -17,7 +17,13 @@ const SIMPLIFYING_BYTES: u64 = 140;
 const CROSSINGS: [u64; 2] = [1 << 17, 1 << 24];
 
 /// Bytes of a waiting piece: itself, its open ends, and its sort key.
-pub(super) const PIECE_BYTES: u64 = 160;
+const PIECE_BYTES: u64 = 160;
+
+/// Additional bytes of polygons for each crossing in the tile at hand, and each straight part of its border.
+const BAND_CROSSING_BYTES: u64 = 80;
+
+/// Bytes of a waiting piece of polygons, or of a straight part of the border.
+const BAND_PIECE_BYTES: u64 = 512;
 
 /// Bytes of a vertex of the line that is being written: here, as a position, and as text.
 const WRITING_BYTES: u64 = 128;
@@ -35,6 +41,7 @@ pub(super) struct ContourMemory {
     /// Most vertices that wait in memory.
     pub(super) vertices: u64,
     memory: u64,
+    piece_bytes: u64,
 }
 
 impl ContourMemory {
@@ -44,20 +51,23 @@ impl ContourMemory {
         let samples = side * side * 8;
         let crossing_bytes =
             CROSSING_BYTES + job.options.tolerance.map_or(0, |_| SIMPLIFYING_BYTES);
+        let polygons = job.options.polygons;
+        let crossing_bytes = crossing_bytes + if polygons { BAND_CROSSING_BYTES } else { 0 };
+        let piece_bytes = if polygons { BAND_PIECE_BYTES } else { PIECE_BYTES };
         let [min, max] = CROSSINGS;
         let (memory, threads) =
             (job.options.resources.memory, job.options.resources.threads.max(1));
         let share = (memory / 4 / threads as u64).saturating_sub(samples);
         let crossings = (share / crossing_bytes).clamp(min, max);
         let worker = samples + crossings * crossing_bytes;
-        Self { worker, crossings, memory, ..Self::default() }
+        Self { worker, crossings, memory, piece_bytes, ..Self::default() }
     }
 
     /// The same with the shares that an open grid leaves.
     pub(super) fn with(self, shares: MemoryShares) -> Self {
         Self {
             threads: shares.threads,
-            pieces: shares.mesh / 4 * 3 / PIECE_BYTES,
+            pieces: shares.mesh / 4 * 3 / self.piece_bytes,
             vertices: shares.mesh / 4 / VERTEX_BYTES,
             ..self
         }
@@ -66,5 +76,10 @@ impl ContourMemory {
     /// Most vertices of a line; lines are written after all tiles.
     pub(super) fn line_vertices(&self) -> u64 {
         self.memory / 2 / WRITING_BYTES
+    }
+
+    /// The memory in which a line, or polygon, with so many vertices can be written.
+    pub(super) fn for_line(vertices: u64) -> u64 {
+        vertices.saturating_mul(2 * WRITING_BYTES)
     }
 }

@@ -51,7 +51,10 @@ pub struct ContourOptions {
     /// Tile side in cells, 16 to 8192; simplification keeps the vertices on tile borders
     #[option(value = "CELLS", default = 1024, range = OptionRange::new(TILE_CELLS[0], TILE_CELLS[1]), heading = "Simplification")]
     pub tile: u32,
-    /// Name of the height property
+    /// Write polygons of the bands between levels, with properties "elev_min" and "elev_max", instead of lines
+    #[option(short = 'p', heading = "Output")]
+    pub polygons: bool,
+    /// Name of the height property; polygons have NAME_min and NAME_max
     #[option(short = 'a', value = "NAME", default = "elev".to_owned(), heading = "Output")]
     pub attribute: String,
     /// Write the height as z of each vertex
@@ -74,6 +77,7 @@ pub struct ContourOptions {
 const RULES: &[OptionRule] = &[
     OptionRule::OneOf(&["interval", "levels"], "contour levels"),
     OptionRule::NotWith("levels", &["base", "index"]),
+    OptionRule::NotWith("polygons", &["index", "with_z"]),
 ];
 
 impl ContourOptions {
@@ -94,8 +98,12 @@ impl ContourOptions {
             .remedy("choose another name"));
         }
         let format = vector::by_path(output, self.file.format.as_deref())?;
-        if !format.holds.kinds.contains(&vector::GeometryType::LineString) {
-            return Err(Error::usage(format!("{} does not support lines", format.name))
+        let (kind, name) = match self.polygons {
+            true => (vector::GeometryType::Polygon, "polygons"),
+            false => (vector::GeometryType::LineString, "lines"),
+        };
+        if !format.holds.kinds.contains(&kind) {
+            return Err(Error::usage(format!("{} does not support {name}", format.name))
                 .in_file(output)
                 .remedy("write GeoJSON, FlatGeobuf or Shapefile"));
         }
@@ -168,6 +176,9 @@ pub struct ContourReport {
     /// Lines written, rings among them.
     pub lines: u64,
     pub rings: u64,
+    /// Polygons written, if asked for; lines are then those between them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub polygons: Option<u64>,
     /// Lines left out because they enclose no cell: rings around samples that are exactly on a level, with all
     /// neighbours below.
     pub left_out: u64,

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use bytemuck::Zeroable;
 
+use super::bands::BandParts;
 use super::budget::{ContourMemory, VERTEX_BYTES};
 use super::tiles::{ContourTiles, lowest};
 use super::trace::TracedTile;
@@ -69,6 +70,8 @@ pub(super) struct ContourPieces {
     ends: HashMap<(CrossedEdge, i32), OpenEnd>,
     pub(super) original_vertices: u64,
     pub(super) left_out: u64,
+    /// What polygons need besides.
+    pub(super) bands: Option<BandParts>,
 }
 
 impl ContourPieces {
@@ -82,6 +85,7 @@ impl ContourPieces {
             ends: HashMap::new(),
             original_vertices: 0,
             left_out: 0,
+            bands: None,
         }
     }
 
@@ -93,10 +97,14 @@ impl ContourPieces {
         tiles: ContourTiles,
         cancel: &Cancel,
     ) -> Result<()> {
-        let TracedTile { lines, original_vertices, left_out } = traced;
+        let TracedTile { lines, original_vertices, left_out, bands } = traced;
         self.original_vertices += original_vertices;
         self.left_out += left_out;
-        if (self.pieces.len() + lines.lines.len()) as u64 > self.max_pieces {
+        if let (Some(parts), Some(tile)) = (&mut self.bands, bands) {
+            parts.add(tile, lines, self.pieces.len() as u32);
+        }
+        let border_parts = self.bands.as_ref().map_or(0, BandParts::border_parts);
+        if (self.pieces.len() + lines.lines.len() + border_parts) as u64 > self.max_pieces {
             return Err(too_many(self.max_pieces));
         }
         let first_address = self.vertices.len(0);
@@ -191,6 +199,11 @@ impl ContourPieces {
         std::iter::successors(Some(start), move |id| {
             Some(self.pieces[*id as usize].next).filter(|&next| next != NONE && next != start)
         })
+    }
+
+    /// The pieces of a line.
+    pub(super) fn ids(&self, line: &JoinedContour) -> impl Iterator<Item = u32> {
+        self.from(line.first)
     }
 
     /// Upper bound of the number of vertices of `line`.

@@ -12,11 +12,15 @@
 //! the segment in its place. The start of a ring stays, too, so lines have the same order and ids as without a
 //! tolerance. The result depends on the tile size: each line keeps its vertices on rims.
 //!
+//! **Polygons** between the levels are made of these lines and of the border of the area with heights; see
+//! module `bands`.
+//!
 //! **Memory.** The budget is divided between the tile of each thread, decoded blocks, and stored pieces. These
 //! grow with the lines and not with the grid: about 160 bytes for each piece between two rims (or line within a
 //! tile), and 16 bytes a vertex, which are spilled. After the tiles their memory is used for the line being
 //! written, 128 bytes a vertex. It is an error if crossings, pieces or a line do not fit.
 
+mod bands;
 mod budget;
 mod job;
 mod join;
@@ -29,6 +33,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
+use bands::{BandParts, BandWriter};
 use budget::ContourMemory;
 use join::ContourPieces;
 use simplify::{MetricTolerance, measured};
@@ -112,6 +117,22 @@ pub fn trace(
     work.write(pieces, sink, start, progress, cancel)
 }
 
+/// Fails for simplified polygons of a rotated grid of several tiles: its rims are not straight in coordinates.
+fn refuse_rotated(job: &ContourJob, info: &GridInfo) -> Result<()> {
+    let ContourOptions { polygons, tolerance, tile, .. } = &job.options;
+    let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
+    let [origin, east, south] = corners.map(|[col, row]| info.transform.apply(col, row));
+    let is_straight = east[1] == origin[1] && south[0] == origin[0];
+    let is_one_tile = ContourTiles::new(info, *tile).count() == 1;
+    if !polygons || tolerance.is_none() || is_straight || is_one_tile {
+        return Ok(());
+    }
+    Err(Error::usage(
+        "‹polygons› with ‹tolerance› is not supported for rotated grids of several tiles",
+    )
+    .remedy("leave ‹tolerance› out, raise ‹tile›, or resample the grid"))
+}
+
 /// A job on a grid.
 struct OpenedContourJob<'a> {
     job: &'a ContourJob,
@@ -126,6 +147,7 @@ struct OpenedContourJob<'a> {
 impl<'a> OpenedContourJob<'a> {
     fn new(job: &'a ContourJob, info: &GridInfo, budget: ContourMemory) -> Result<Self> {
         info.check_cells().map_err(|e| e.in_file(Path::new(&job.input.to_string())))?;
+        refuse_rotated(job, info)?;
         Ok(Self {
             job,
             format: job.check()?,
@@ -160,10 +182,13 @@ impl<'a> OpenedContourJob<'a> {
     ) -> Result<ContourPieces> {
         let tiles = ContourTiles::new(&self.info, self.job.options.tile);
         progress.begin("trace", self.samples());
-        let pieces = Mutex::new(ContourPieces::new(&self.budget, self.job.spill_folder()));
+        let polygons = self.job.options.polygons;
+        let mut pieces = ContourPieces::new(&self.budget, self.job.spill_folder());
+        pieces.bands = polygons.then(BandParts::default);
+        let pieces = Mutex::new(pieces);
         let Self { levels, budget, tolerance, .. } = self;
         let (budget, tolerance) = (*budget, *tolerance);
-        let task = ContourTask { source, levels, tiles, budget, tolerance, cancel };
+        let task = ContourTask { source, levels, tiles, budget, tolerance, polygons, cancel };
         workers::run(
             budget.threads,
             tiles.count(),
@@ -189,11 +214,17 @@ impl<'a> OpenedContourJob<'a> {
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<ContourReport> {
-        let Self { job, format, levels, info, .. } = self;
-        let max_vertices = self.budget.line_vertices();
-        let writer = write::ContourWriter { job, format, levels, info, max_vertices };
-        let mut made = writer.write(pieces, sink, progress, cancel)?;
+        let Self { job, format, levels, info, budget, .. } = self;
         let operation = self.operation.as_deref();
+        let mut made = if job.options.polygons {
+            let all_samples = operation.is_some();
+            let writer = BandWriter { job, format, levels, info, budget, all_samples };
+            writer.write(pieces, sink, progress, cancel)?
+        } else {
+            let max_vertices = budget.line_vertices();
+            let writer = write::ContourWriter { job, format, levels, info, max_vertices };
+            writer.write(pieces, sink, progress, cancel)?
+        };
         made.notes.extend(raster::cautions(info));
         let drawn = made.lowest.zip(made.highest).map(|(lowest, highest)| [lowest, highest]);
         made.notes.extend(drawn.and_then(|range| raster::no_terrain(info, range)));

@@ -1,5 +1,6 @@
 //! Simplifying the lines of a tile, so that they cross neither each other nor those of other tiles.
 
+use super::bands::TileBands;
 use super::tiles::{ContourTiles, TileEdge, lowest};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Rect};
@@ -65,12 +66,13 @@ impl Simplifier {
         Self { transform, cone, lines: WindowContours::default() }
     }
 
-    /// Simplifies the lines of the tile with the samples `rect`.
+    /// Simplifies the lines of the tile with the samples `rect`. Those of `bands` do not touch the border, either.
     pub(super) fn simplify(
         &mut self,
         lines: &WindowContours,
         rect: Rect,
         tiles: ContourTiles,
+        bands: Option<&TileBands>,
         cancel: &Cancel,
     ) -> Result<&WindowContours> {
         let mut input = TileChains {
@@ -90,12 +92,20 @@ impl Simplifier {
                 self.add(&mut input, &vertices[ends[0]..=ends[1]], index > 0, tiles);
             }
         }
+        let lines_end = input.goes_on.len();
+        for border in bands.into_iter().flat_map(|bands| bands.segments(tiles)) {
+            self.add(&mut input, &border, false, tiles);
+        }
         let TileChains { points, starts, closed, kept, .. } = &input;
         let chains = Chains { points, starts, closed };
         let mut refine = refining(points, |points, kept| self.cone.line(points, kept));
         let options = UntangleOptions { cancel: Some(cancel), ..UntangleOptions::default() };
         let outcome = untangle(&chains, kept, &[], &options, &mut refine)?;
         drop(refine);
+        if let (Some(_), Some([at, _])) = (bands, outcome.crossings.first()) {
+            return Err(too_close(points[*at as usize]));
+        }
+        input.goes_on.truncate(lines_end);
         self.collect(lines, &input, &outcome.kept);
         Ok(&self.lines)
     }
@@ -256,6 +266,12 @@ impl TileChains {
         self.goes_on.push(goes_on);
         self.kept.close();
     }
+}
+
+/// The error of lines that touch before they are simplified.
+fn too_close([x, y]: Xy) -> Error {
+    Error::bad_input(format!("contour lines touch near x {x}, y {y}"))
+        .remedy("leave ‹tolerance› out, or raise ‹interval›")
 }
 
 /// Where a vertex is, in the units of the CRS.

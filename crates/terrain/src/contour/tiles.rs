@@ -56,6 +56,16 @@ impl ContourTiles {
         self.done(tile).len() as u64
     }
 
+    /// True for a row on which tiles meet.
+    pub(super) fn is_rim_row(&self, row: u32) -> bool {
+        row > 0 && row + 1 < self.height && row.is_multiple_of(self.cells)
+    }
+
+    /// True for a column on which tiles meet.
+    pub(super) fn is_rim_col(&self, col: u32) -> bool {
+        col > 0 && col + 1 < self.width && col.is_multiple_of(self.cells)
+    }
+
     /// The rim of a tile, with another tile beyond it, that a vertex is on.
     pub(super) fn rim(&self, rect: Rect, vertex: &ContourVertex) -> Option<TileEdge> {
         let (col, row) = vertex.edge.first(self.width);

@@ -1,5 +1,6 @@
 //! The lines of one tile: read, traced and simplified.
 
+use super::bands::TileBands;
 use super::budget::ContourMemory;
 use super::simplify::{MetricTolerance, Simplifier};
 use super::tiles::ContourTiles;
@@ -19,6 +20,7 @@ pub(super) struct ContourTask<'a> {
     pub(super) tiles: ContourTiles,
     pub(super) budget: ContourMemory,
     pub(super) tolerance: Option<MetricTolerance>,
+    pub(super) polygons: bool,
     pub(super) cancel: &'a Cancel,
 }
 
@@ -29,6 +31,7 @@ pub(super) struct TracedTile<'a> {
     pub(super) original_vertices: u64,
     /// Number of rings left out because they enclose no cell.
     pub(super) left_out: u64,
+    pub(super) bands: Option<&'a TileBands>,
 }
 
 /// One thread and its buffers.
@@ -39,6 +42,7 @@ pub(super) struct ContourWorker<'a, 'b> {
     scratch: ContourScratch,
     lines: WindowContours,
     simplifier: Option<Simplifier>,
+    bands: Option<TileBands>,
 }
 
 impl<'a, 'b> ContourWorker<'a, 'b> {
@@ -51,6 +55,7 @@ impl<'a, 'b> ContourWorker<'a, 'b> {
             scratch: ContourScratch::default(),
             lines: WindowContours::default(),
             simplifier: task.tolerance.map(|tolerance| Simplifier::new(tolerance, transform)),
+            bands: task.polygons.then(TileBands::default),
         }
     }
 
@@ -70,11 +75,22 @@ impl<'a, 'b> ContourWorker<'a, 'b> {
         source.release(tiles.done(tile));
         let original_vertices = self.lines.vertices.len() as u64;
         let left_out = leave_out(&mut self.lines);
+        if let Some(bands) = &mut self.bands {
+            let narrow = source.info().exact_in_f32();
+            let (task, lines) = (self.task, &self.lines);
+            match narrow {
+                true => bands.fill((rect, &self.narrow), task, lines)?,
+                false => bands.fill((rect, &self.wide), task, lines)?,
+            }
+        }
+        let bands = self.bands.as_ref();
         let lines = match &mut self.simplifier {
-            Some(simplifier) => simplifier.simplify(&self.lines, rect, tiles, self.task.cancel)?,
+            Some(simplifier) => {
+                simplifier.simplify(&self.lines, rect, tiles, bands, self.task.cancel)?
+            }
             None => &self.lines,
         };
-        Ok(TracedTile { lines, original_vertices, left_out })
+        Ok(TracedTile { lines, original_vertices, left_out, bands })
     }
 
     fn lines_of<H: Copy + Into<f64>>(

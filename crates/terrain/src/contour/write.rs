@@ -1,5 +1,6 @@
 //! Lines put together from their pieces, and written.
 
+use super::bands;
 use super::job::{ContourJob, ContourReport, INDEX};
 use super::join::{ContourPieces, JoinedContour};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -13,7 +14,7 @@ use terrane_vector::{
 use terrane_window::contour::{ContourLevels, ContourVertex};
 
 /// The property that numbers lines in formats without ids.
-const ID: &str = "id";
+pub(super) const ID: &str = "id";
 
 /// Lines written between two checks for cancellation.
 const BATCH: usize = 256;
@@ -21,9 +22,12 @@ const BATCH: usize = 256;
 /// The layer written to the file before its first line.
 pub(super) fn layer(job: &ContourJob, format: &VectorFormat, info: &GridInfo) -> LayerHeader {
     let id = (!format.holds.ids).then(|| field(ID, FieldKind::Int));
-    let height = field(&job.options.attribute, FieldKind::Real);
+    let heights = match job.options.polygons {
+        true => Vec::from(bands::fields(&job.options.attribute)),
+        false => vec![field(&job.options.attribute, FieldKind::Real)],
+    };
     let index = job.options.index.map(|_| field(INDEX, FieldKind::Bool));
-    let schema = Some(id.into_iter().chain([height]).chain(index).collect());
+    let schema = Some(id.into_iter().chain(heights).chain(index).collect());
     LayerHeader {
         name: Some("contour".to_owned()),
         crs: info.crs.clone(),
@@ -32,7 +36,7 @@ pub(super) fn layer(job: &ContourJob, format: &VectorFormat, info: &GridInfo) ->
     }
 }
 
-fn field(name: &str, kind: FieldKind) -> FieldDefinition {
+pub(super) fn field(name: &str, kind: FieldKind) -> FieldDefinition {
     FieldDefinition { name: name.into(), kind, width: None, decimals: None }
 }
 
@@ -139,7 +143,7 @@ impl ContourWriter<'_> {
 
 impl ContourReport {
     /// Counts a line that is about to be written; they come by level.
-    fn count(&mut self, line: &JoinedContour, vertices: usize, levels: &ContourLevels) {
+    pub(super) fn count(&mut self, line: &JoinedContour, vertices: usize, levels: &ContourLevels) {
         let height = levels.height(line.level);
         self.levels += u64::from(self.highest != Some(height));
         self.lowest.get_or_insert(height);

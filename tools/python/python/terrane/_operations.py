@@ -282,7 +282,7 @@ def planned_documentation(name: str) -> str:
 
 
 # Options of files, not of lines in memory.
-OF_FILES = ("index", "with_z", "3d", "format", "overwrite")
+OF_FILES = ("index", "polygons", "with_z", "3d", "format", "overwrite")
 
 
 def contour(

@@ -75,6 +75,25 @@ impl ContourLevels {
         }
     }
 
+    /// The rank of a height: the number of the highest level that it is above. `None` for NaN, and for a height
+    /// that [`trace`](super::trace) refuses.
+    pub fn rank_of(&self, height: f64) -> Option<i32> {
+        let mut rank = [VOID];
+        let is_ranked = self.fill(&[height], &mut rank);
+        Some(rank[0]).filter(|&rank| is_ranked && rank != VOID)
+    }
+
+    /// The lower and the upper end of the band of the heights with a rank; `None` below the first and above the
+    /// last level of a list.
+    pub fn band(&self, rank: i32) -> [Option<f64>; 2] {
+        [rank, rank + 1].map(|level| match &self.0 {
+            LevelRule::Every { .. } => Some(self.height(level)),
+            LevelRule::List(levels) => {
+                usize::try_from(level - 1).ok().and_then(|at| levels.get(at)).copied()
+            }
+        })
+    }
+
     /// The rank of each height: the number of the highest level that it is above (equal to, or
     /// higher); [`VOID`] for NaN. `Err` with the place of a height that has none.
     pub(super) fn rank<H: Copy + Into<f64>>(
