@@ -252,6 +252,7 @@ def convert(
     round: bool = False,
     resampling: Literal["near", "bilinear", "cubic"] | None = None,
     priority: Literal["order", "resolution"] = "order",
+    feather: int = 0,
     resolution: float | Sequence[float] | None = None,
     extent: float | Sequence[float] | None = None,
     like: Path | None = None,
