@@ -19,12 +19,9 @@ impl Summarize for ContourReport {
             ("grid", format!("{} x {} samples", self.width, self.height)),
             ("crs", self.crs.clone()),
             ("levels", heights),
-            ("lines", lines),
+            self.polygons.map_or(("lines", lines), |count| ("polygons", text::count(count))),
             ("vertices", vertices(self)),
         ];
-        if let Some(polygons) = self.polygons {
-            rows.push(("polygons", text::count(polygons)));
-        }
         rows.push(("output", format!("{}, {}", self.format, text::bytes(self.output_bytes))));
         if self.left_out > 0 {
             let count = text::count(self.left_out);

@@ -79,7 +79,12 @@ fn shapefiles_and_other_systems() {
     place.ok(&["contour", TERRAIN, "-o", "a.shp", "-i", "50", "-p", "-q"]);
     let ran = place.ok(&["info", "a.shp"]);
     assert!(ran.out.contains("Polygon") && ran.out.contains("elev_min"), "{}", ran.out);
-    place.ok(&["contour", TERRAIN, "-o", "b.fgb", "-i", "50", "-p", "-q", "--to-crs", "EPSG:4326"]);
+    let to_crs =
+        ["contour", TERRAIN, "-o", "b.fgb", "-i", "50", "-p", "-q", "--to-crs", "EPSG:4326"];
+    place.ok(&to_crs);
+    // Chords of simplified lines would not be those of the borders there.
+    let few = [&to_crs[..], &["--tolerance", "5", "--overwrite"]].concat();
+    place.fails(&few, 2, &["--polygons with --tolerance", "terrane convert"]);
 }
 
 #[test]
@@ -95,6 +100,16 @@ fn what_polygons_cannot_have_is_refused() {
     fails(&["a.gpx", "-i", "1"], 2, &["GPX does not support polygons"]);
     fails(&["a.geojson", "--levels", "5,5.000000000000001"], 65, &["has no width", "--levels"]);
     fails(&["a.geojson"], 2, &["--interval"]);
+    // Crossings that are apart in the grid, but not in its coordinates.
+    let tiny = |cell: &str| {
+        let head = format!("ncols 4\nnrows 3\nxllcorner 170\nyllcorner 45\ncellsize {cell}\n");
+        place
+            .write("tiny.asc", head + "1 2 3 4\n4 3 3 1\n1 3 2 2\n")
+            .write("tiny.prj", "EPSG:4326");
+        ["contour", "tiny.asc", "-o", "t.geojson", "-i", "1", "-p", "--overwrite", "-q"]
+    };
+    place.fails(&tiny("1e-9"), 65, &["too small for polygons", "--polygons"]);
+    place.ok(&tiny("1e-7"));
     place.fails(
         &["contour", TERRAIN, "-o", "a.geojson", "-i", "1", "-p", "--memory", "8M"],
         75,

@@ -19,11 +19,14 @@ const CROSSINGS: [u64; 2] = [1 << 17, 1 << 24];
 /// Bytes of a waiting piece: itself, its open ends, and its sort key.
 const PIECE_BYTES: u64 = 160;
 
-/// Additional bytes of polygons for each crossing in the tile at hand, and each straight part of its border.
+/// Additional bytes of polygons for each crossing in the tile at hand, and each straight side of its border.
 const BAND_CROSSING_BYTES: u64 = 80;
 
-/// Bytes of a waiting piece of polygons, or of a straight part of the border.
+/// Bytes of a waiting piece of polygons.
 const BAND_PIECE_BYTES: u64 = 512;
+
+/// Bytes of a straight side of the border, and of the rings that are made of it.
+pub(super) const SIDE_BYTES: u64 = 128;
 
 /// Bytes of a vertex of the line that is being written: here, as a position, and as text.
 const WRITING_BYTES: u64 = 128;
@@ -36,12 +39,12 @@ pub(super) struct ContourMemory {
     pub(super) worker: u64,
     /// Most crossings of a tile.
     pub(super) crossings: u64,
-    /// Most pieces of lines.
-    pub(super) pieces: u64,
+    /// Bytes for pieces of lines and sides of the border, and of a piece.
+    pub(super) waiting: u64,
+    pub(super) piece_bytes: u64,
     /// Most vertices that wait in memory.
     pub(super) vertices: u64,
     memory: u64,
-    piece_bytes: u64,
 }
 
 impl ContourMemory {
@@ -67,7 +70,7 @@ impl ContourMemory {
     pub(super) fn with(self, shares: MemoryShares) -> Self {
         Self {
             threads: shares.threads,
-            pieces: shares.mesh / 4 * 3 / self.piece_bytes,
+            waiting: shares.mesh / 4 * 3,
             vertices: shares.mesh / 4 / VERTEX_BYTES,
             ..self
         }

@@ -6,7 +6,7 @@ use std::path::Path;
 use bytemuck::Zeroable;
 
 use super::bands::BandParts;
-use super::budget::{ContourMemory, VERTEX_BYTES};
+use super::budget::{ContourMemory, SIDE_BYTES, VERTEX_BYTES};
 use super::tiles::{ContourTiles, lowest};
 use super::trace::TracedTile;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -63,7 +63,9 @@ pub(super) struct JoinedContour {
 /// All pieces so far.
 pub(super) struct ContourPieces {
     pieces: Vec<ContourPiece>,
-    max_pieces: u64,
+    /// Bytes for all of them and the sides of the border, and of one.
+    waiting: u64,
+    piece_bytes: u64,
     /// The vertices of all of them: one bucket.
     vertices: Buckets<ContourVertex>,
     /// Open ends by their crossing. Looked up only, so its order leaves no trace.
@@ -80,13 +82,33 @@ impl ContourPieces {
         let waiting = budget.vertices * VERTEX_BYTES / 3 * 2;
         Self {
             pieces: Vec::new(),
-            max_pieces: budget.pieces.min(u64::from(NONE)),
+            waiting: budget.waiting,
+            piece_bytes: budget.piece_bytes,
             vertices: Buckets::new(folder, 1, waiting),
             ends: HashMap::new(),
             original_vertices: 0,
             left_out: 0,
             bands: None,
         }
+    }
+
+    /// The error of more than fits into memory.
+    fn too_many(&self) -> Error {
+        let pieces = self.waiting / self.piece_bytes;
+        let (what, remedy) = match self.bands {
+            None => (
+                format!("more than {pieces} contour segments"),
+                "raise ‹memory›, ‹tile› or ‹interval›",
+            ),
+            Some(_) => (
+                format!(
+                    "more than {pieces} contour segments, or {} sides of voids",
+                    self.waiting / SIDE_BYTES
+                ),
+                "raise ‹memory›, choose fewer levels, or fill voids first (‹terrane fill›)",
+            ),
+        };
+        Error::new(ErrorKind::Resource, what).remedy(remedy)
     }
 
     /// Takes over the lines of a tile with the samples `rect`.
@@ -103,9 +125,11 @@ impl ContourPieces {
         if let (Some(parts), Some(tile)) = (&mut self.bands, bands) {
             parts.add(tile, lines, self.pieces.len() as u32);
         }
-        let border_parts = self.bands.as_ref().map_or(0, BandParts::border_parts);
-        if (self.pieces.len() + lines.lines.len() + border_parts) as u64 > self.max_pieces {
-            return Err(too_many(self.max_pieces));
+        let pieces = (self.pieces.len() + lines.lines.len()) as u64;
+        let sides = self.bands.as_ref().map_or(0, BandParts::border_parts) as u64;
+        let bytes = pieces * self.piece_bytes + sides * SIDE_BYTES;
+        if bytes > self.waiting || pieces >= u64::from(NONE) {
+            return Err(self.too_many());
         }
         let first_address = self.vertices.len(0);
         for vertices in lines.vertices.chunks(PUSHED) {
@@ -244,9 +268,4 @@ impl ContourPieces {
     pub(super) fn spilled(&self) -> u64 {
         self.vertices.spilled()
     }
-}
-
-fn too_many(max_pieces: u64) -> Error {
-    Error::new(ErrorKind::Resource, format!("more than {max_pieces} contour segments"))
-        .remedy("raise ‹memory›, ‹tile› or ‹interval›")
 }

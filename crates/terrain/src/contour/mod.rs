@@ -17,7 +17,7 @@
 //!
 //! **Memory.** The budget is divided between the tile of each thread, decoded blocks, and stored pieces. These
 //! grow with the lines and not with the grid: about 160 bytes for each piece between two rims (or line within a
-//! tile), and 16 bytes a vertex, which are spilled. After the tiles their memory is used for the line being
+//! tile), 512 and 128 bytes for each side of a void if polygons are made, and 16 bytes a vertex, which are spilled. After the tiles their memory is used for the line being
 //! written, 128 bytes a vertex. It is an error if crossings, pieces or a line do not fit.
 
 mod bands;
@@ -91,7 +91,7 @@ pub fn run(job: &ContourJob, progress: &dyn Progress, cancel: &Cancel) -> Result
     let work = OpenedContourJob::new(job, source.info(), budget.with(shares))?;
     let sink = work.sink()?;
     let pieces = work.trace(source.as_ref(), progress, cancel)?;
-    // Decoded blocks and polygons make room for lines.
+    // Decoded blocks and clip polygons make room for lines.
     drop((source, options));
     work.write(pieces, sink, start, progress, cancel)
 }
@@ -133,6 +133,39 @@ fn refuse_rotated(job: &ContourJob, info: &GridInfo) -> Result<()> {
     .remedy("leave ‹tolerance› out, raise ‹tile›, or resample the grid"))
 }
 
+/// Fails for polygons that would cross themselves: of a grid whose crossings are not apart in coordinates, or of simplified
+/// lines in another CRS, where they are other lines between their vertices.
+fn refuse_crossing(job: &ContourJob, info: &GridInfo) -> Result<()> {
+    let ContourOptions { polygons, tolerance, reprojection, .. } = &job.options;
+    if !polygons {
+        return Ok(());
+    }
+    if tolerance.is_some() && reprojection.to_crs.is_some() {
+        return Err(Error::usage("‹polygons› with ‹tolerance› cannot have another CRS")
+            .remedy("reproject the grid first (‹terrane convert›), or leave ‹tolerance› out"));
+    }
+    let [right, bottom] = [info.width, info.height].map(|side| f64::from(side) - 1.0);
+    let corners = [[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]];
+    let largest = |axis: usize| {
+        let places = corners.iter().map(|[col, row]| info.transform.apply(*col, *row)[axis].abs());
+        places.fold(0.0, f64::max)
+    };
+    let map = &info.transform;
+    let cells = [map.a.hypot(map.b), map.d.hypot(map.e)];
+    // Crossings may be so many parts of a cell apart; some more for rounding.
+    const PARTS: f64 = 65_536.0 * 8.0;
+    let is_fine = [0, 1].into_iter().all(|axis| cells[axis] > largest(axis) * f64::EPSILON * PARTS);
+    is_fine.then_some(()).ok_or_else(|| {
+        let [width, height] = cells;
+        Error::unsupported(format!(
+            "cells of {width} x {height} are too small for polygons at coordinates up to {} x {}",
+            largest(0),
+            largest(1)
+        ))
+        .remedy("move the grid nearer to 0, 0, or make lines without ‹polygons›")
+    })
+}
+
 /// A job on a grid.
 struct OpenedContourJob<'a> {
     job: &'a ContourJob,
@@ -148,6 +181,7 @@ impl<'a> OpenedContourJob<'a> {
     fn new(job: &'a ContourJob, info: &GridInfo, budget: ContourMemory) -> Result<Self> {
         info.check_cells().map_err(|e| e.in_file(Path::new(&job.input.to_string())))?;
         refuse_rotated(job, info)?;
+        refuse_crossing(job, info)?;
         Ok(Self {
             job,
             format: job.check()?,

@@ -59,11 +59,12 @@ impl TileBands {
         let tile = BorderTile { rect, tiles, heights, levels };
         self.border.fill(&tile);
         // Simplification takes twice as much for a side as for a crossing.
-        let (runs, most) = (self.border.runs.len() as u64, budget.crossings / 2);
-        if runs > most {
+        let share = if task.tolerance.is_some() { 2 } else { 1 };
+        let (sides, most) = (self.border.runs.len() as u64, budget.crossings / share);
+        if sides > most {
             return Err(Error::new(
                 ErrorKind::Resource,
-                format!("the voids in a tile have {runs} straight sides, but only {most} fit into memory"),
+                format!("the voids in a tile have more than {most} straight sides"),
             )
             .remedy("raise ‹memory›, reduce ‹tile›, or fill the voids first"));
         }

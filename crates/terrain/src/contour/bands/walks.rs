@@ -158,7 +158,8 @@ impl BandWalks {
         let number = self.walks.len() as u32;
         let band = match start {
             WalkPart::Line(line, forward) => self.band_of(line, forward),
-            WalkPart::Loop(number) | WalkPart::Border(number, _) => self.band_of_loop(number),
+            WalkPart::Loop(number) => self.band_of_loop(number),
+            WalkPart::Border(..) => return Err(inconsistent("a ring that begins on a border")),
         };
         let mut low: Option<(ContourVertex, u32, bool)> = None;
         let mut lower = |vertex: ContourVertex, piece: u32, is_hole: bool| {

@@ -172,10 +172,14 @@ impl BandRings<'_> {
             return Ok(());
         }
         let ends = self.writer.levels.band(self.bands.walks[walks[0].outer as usize].band);
-        let [low, high] = ends.map(|end| end.map_or("the end".to_owned(), |end| end.to_string()));
-        let message = format!(
-            "a polygon from {low} to {high} has {vertices} vertices, but only {most} fit into memory"
-        );
+        let band = match ends {
+            [Some(low), Some(high)] => format!("from {low} to {high}"),
+            [Some(low), None] => format!("above {low}"),
+            [None, Some(high)] => format!("below {high}"),
+            [None, None] => "of all heights".to_owned(),
+        };
+        let message =
+            format!("a polygon {band} has {vertices} vertices, but only {most} fit into memory");
         Err(memory::short(message, ContourMemory::for_line(vertices)).or("a larger ‹tolerance›"))
     }
 
