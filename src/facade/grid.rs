@@ -368,7 +368,7 @@ impl Grid {
     }
 
     /// A copy of the grid, or of a part, in another format; exact unless
-    /// [rounding](crate::prelude::ConvertSetters::round) is allowed. With
+    /// [rounding](crate::prelude::SampleOutputSetters::round) is allowed. With
     /// [`resampling`](crate::prelude::ConvertSetters::resampling) it may have another lattice and another CRS.
     ///
     /// ```
