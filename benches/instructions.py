@@ -25,6 +25,8 @@ MARGIN = 0.1
 INPUTS = """
     synth rough,size=769,seed=7 grid.tif
     convert grid.tif cog.tif -f COG --co PREDICTOR=3
+    convert grid.tif coarse.tif --resolution 25 --resampling bilinear
+    convert grid.tif part.tif --bounds 501000,4744000,505000,4748000
     synth cloud,size=80,density=8,seed=3 cloud.laz
     synth cloud,size=700,density=1,seed=3 wide.laz
     synth koch,vertices=60000 lines.geojson
@@ -40,10 +42,13 @@ JOBS = {
     "verify": "verify checked.ply grid.tif",
     "slope": "slope grid.tif slope.tif",
     "contour": "contour grid.tif contours.geojson --interval 50",
+    "contour, polygons": "contour grid.tif bands.geojson --interval 50 --polygons",
     "read points": "grid cloud.laz means.tif --cell 1 --stat mean",
     "write points": "points cloud.laz copy.laz --where class=2",
     "ground": "grid cloud.laz ground.tif --cell 1 --dtm --ground ptd",
     "ground, two threads, little memory": "grid wide.laz wide.tif --cell 1 --dtm --ground pmf --threads 2 --memory 200M",
+    "resample": "convert coarse.tif fine.tif --resolution 10 --resampling cubic",
+    "merge, feathered": "convert coarse.tif part.tif merged.tif --resampling bilinear --feather 8",
     "reproject": "convert grid.tif globe.tif --to-crs EPSG:4326 --resampling bilinear",
     "write points, octree": "points cloud.laz copy.copc.laz",
     "zonal": "zonal grid.tif zones.wkt zones.geojson --stat mean,p90",
